@@ -1,0 +1,2 @@
+//! The command `lodsmith`.
+fn main() {}

@@ -1,0 +1,96 @@
+//! Ids: numbers that know what they count.
+//!
+//! Each id is a transparent `u32`, so a slice of ids is a slice of numbers for free (`bytemuck::cast_slice`), and a
+//! vertex can never stand where a face belongs.
+
+use bytemuck::{Pod, Zeroable};
+
+macro_rules! define_id {
+    ($(#[$doc:meta])* $name:ident) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Pod, Zeroable)]
+        #[repr(transparent)]
+        pub struct $name(pub u32);
+
+        impl $name {
+            /// The id of the element at `index` of its buffer.
+            ///
+            /// # Panics
+            /// If `index` does not fit 32 bits; buffers of that length are refused where meshes are made.
+            #[inline]
+            pub fn new(index: usize) -> Self {
+                Self(u32::try_from(index).expect("a mesh has fewer than 2^32 elements of a kind"))
+            }
+            /// Where the element stands in its buffer.
+            #[inline]
+            pub const fn index(self) -> usize {
+                self.0 as usize
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                self.0.fmt(f)
+            }
+        }
+    };
+}
+
+define_id!(
+    /// Where faces meet, whatever their attributes: one position.
+    VertexId
+);
+define_id!(
+    /// One set of attributes at a vertex; on a seam a vertex has several.
+    WedgeId
+);
+define_id!(
+    /// A triangle.
+    FaceId
+);
+define_id!(
+    /// One side of an edge, named by the face corner that it leaves.
+    HalfEdgeId
+);
+
+impl HalfEdgeId {
+    /// The half-edge that leaves corner `corner` (0, 1 or 2) of `face`.
+    #[inline]
+    pub const fn of(face: FaceId, corner: u32) -> Self {
+        Self(face.0 * 3 + corner)
+    }
+    /// The face that this is a side of.
+    #[inline]
+    pub const fn face(self) -> FaceId {
+        FaceId(self.0 / 3)
+    }
+    /// Which corner of its face it leaves: 0, 1 or 2.
+    #[inline]
+    pub const fn corner(self) -> usize {
+        (self.0 % 3) as usize
+    }
+    /// Next half-edge around the same face: three consecutive ids make a triangle.
+    #[inline]
+    pub const fn next(self) -> Self {
+        Self(if self.0 % 3 == 2 { self.0 - 2 } else { self.0 + 1 })
+    }
+    /// The half-edge before this one around the same face.
+    #[inline]
+    pub const fn prev(self) -> Self {
+        Self(if self.0 % 3 == 0 { self.0 + 2 } else { self.0 - 1 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_edges_go_round_their_face() {
+        let h = HalfEdgeId::of(FaceId(7), 2);
+        assert_eq!((h.face(), h.corner()), (FaceId(7), 2));
+        assert_eq!(h.next(), HalfEdgeId::of(FaceId(7), 0));
+        assert_eq!(h.next().next().next(), h);
+        assert_eq!(h.next().prev(), h);
+    }
+}

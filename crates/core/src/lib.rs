@@ -1,0 +1,10 @@
+//! What a triangle mesh is, and how far two of them differ.
+//!
+//! Nouns only: data, queries and measures. No files, no clocks, no printing, no simplification.
+
+pub mod ids;
+pub mod measure;
+pub mod mesh;
+
+pub use ids::{FaceId, HalfEdgeId, VertexId, WedgeId};
+pub use mesh::{Bounds, MeshError, Positions, PositionsView, Surface, TriMesh};

@@ -1,0 +1,384 @@
+//! The triangle mesh: flat buffers, checked when made, plain values ever after.
+
+use std::borrow::Cow;
+
+use crate::ids::{VertexId, WedgeId};
+
+/// Why buffers do not make a mesh.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshError {
+    /// A triangle names a wedge or vertex that is not there.
+    #[error("face {face} uses vertex {index}, but the mesh has {count}")]
+    IndexOutOfRange {
+        /// Index of the triangle.
+        face: usize,
+        /// The index that it uses.
+        index: u32,
+        /// How many there are.
+        count: usize,
+    },
+    /// A wedge names a vertex that is not there.
+    #[error("wedge {wedge} belongs to vertex {index}, but the mesh has {count}")]
+    WedgeOutOfRange {
+        /// Index of the wedge.
+        wedge: usize,
+        /// The vertex that it names.
+        index: u32,
+        /// How many vertices there are.
+        count: usize,
+    },
+    /// A buffer of attributes has not one entry for each wedge.
+    #[error("{name} has {got} entries for {wanted} wedges")]
+    WrongLength {
+        /// Name of the buffer.
+        name: &'static str,
+        /// Its length.
+        got: usize,
+        /// The number of wedges.
+        wanted: usize,
+    },
+    /// More elements than 32-bit ids can name.
+    #[error("{count} {what} are more than 32-bit ids can name")]
+    TooLarge {
+        /// Which elements.
+        what: &'static str,
+        /// How many.
+        count: usize,
+    },
+}
+
+/// Positions in the units of the user: as precise as their source.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Positions {
+    /// Single precision, as most files hold them.
+    F32(Vec<[f32; 3]>),
+    /// Double precision, where the source had it.
+    F64(Vec<[f64; 3]>),
+}
+
+impl Positions {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.view().len()
+    }
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// The same, borrowed.
+    pub fn view(&self) -> PositionsView<'_> {
+        match self {
+            Self::F32(p) => PositionsView::F32(p),
+            Self::F64(p) => PositionsView::F64(p),
+        }
+    }
+}
+
+/// Borrowed positions, one for each vertex.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PositionsView<'a> {
+    /// Single precision.
+    F32(&'a [[f32; 3]]),
+    /// Double precision.
+    F64(&'a [[f64; 3]]),
+}
+
+impl PositionsView<'_> {
+    /// How many there are.
+    #[inline]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F32(p) => p.len(),
+            Self::F64(p) => p.len(),
+        }
+    }
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// The position of a vertex, widened to double precision.
+    ///
+    /// # Panics
+    /// If there is no such vertex.
+    #[inline]
+    pub fn get(&self, vertex: VertexId) -> [f64; 3] {
+        match self {
+            Self::F32(p) => p[vertex.index()].map(f64::from),
+            Self::F64(p) => p[vertex.index()],
+        }
+    }
+    /// All positions in double precision, in order.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = [f64; 3]> + '_ {
+        (0..self.len()).map(|i| self.get(VertexId(i as u32)))
+    }
+    /// Least and greatest coordinates over the finite positions; `None` if there are none.
+    pub fn bounds(&self) -> Option<Bounds> {
+        let mut bounds: Option<Bounds> = None;
+        for p in self.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
+            match &mut bounds {
+                None => bounds = Some(Bounds { min: p, max: p }),
+                Some(b) => {
+                    for k in 0..3 {
+                        b.min[k] = b.min[k].min(p[k]);
+                        b.max[k] = b.max[k].max(p[k]);
+                    }
+                }
+            }
+        }
+        bounds
+    }
+}
+
+/// An axis-aligned box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Least coordinates.
+    pub min: [f64; 3],
+    /// Greatest coordinates.
+    pub max: [f64; 3],
+}
+
+impl Bounds {
+    /// Length of the diagonal, in the units of the positions.
+    pub fn diagonal(&self) -> f64 {
+        let d = [0, 1, 2].map(|k| self.max[k] - self.min[k]);
+        // Scaled first: the square of 1e200 is not a number that a double holds.
+        let largest = d.iter().fold(0f64, |a, &b| a.max(b));
+        if largest > 0.0 {
+            largest * d.iter().map(|x| (x / largest) * (x / largest)).sum::<f64>().sqrt()
+        } else {
+            0.0
+        }
+    }
+}
+
+/// A borrowed surface: positions and triangles, nothing else. What measures and engines work on.
+#[derive(Clone, Debug)]
+pub struct Surface<'a> {
+    positions: PositionsView<'a>,
+    triangles: Cow<'a, [[VertexId; 3]]>,
+}
+
+impl<'a> Surface<'a> {
+    /// A surface over borrowed buffers; vertices of a triangle counter-clockwise seen from outside.
+    ///
+    /// # Errors
+    /// [`MeshError::IndexOutOfRange`] if a triangle names a vertex beyond the positions, [`MeshError::TooLarge`].
+    pub fn new(positions: PositionsView<'a>, triangles: &'a [[VertexId; 3]]) -> Result<Self, MeshError> {
+        check_size("vertices", positions.len())?;
+        check_triangles(bytemuck::cast_slice(triangles), positions.len())?;
+        Ok(Self { positions, triangles: Cow::Borrowed(triangles) })
+    }
+    /// The positions, one for each vertex.
+    #[inline]
+    pub fn positions(&self) -> PositionsView<'a> {
+        self.positions
+    }
+    /// Three vertices for each face.
+    #[inline]
+    pub fn triangles(&self) -> &[[VertexId; 3]] {
+        &self.triangles
+    }
+}
+
+/// A triangle mesh with wedges.
+///
+/// A *vertex* is a place; a *wedge* is one set of attributes at a vertex. Triangles name wedges, counter-clockwise seen
+/// from outside. A mesh without seams has one wedge for each vertex, with the same number, and stores no map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TriMesh {
+    triangles: Vec<[WedgeId; 3]>,
+    vertex_of: Option<Vec<VertexId>>,
+    positions: Positions,
+    normals: Option<Vec<[f32; 3]>>,
+    uvs: Option<Vec<[f32; 2]>>,
+    colors: Option<Vec<[f32; 4]>>,
+}
+
+impl TriMesh {
+    /// A mesh without attributes: wedge i is vertex i.
+    ///
+    /// # Errors
+    /// [`MeshError::IndexOutOfRange`], [`MeshError::TooLarge`].
+    pub fn new(positions: Positions, triangles: Vec<[VertexId; 3]>) -> Result<Self, MeshError> {
+        check_size("vertices", positions.len())?;
+        check_size("corners", triangles.len().saturating_mul(3))?;
+        check_triangles(bytemuck::cast_slice(&triangles), positions.len())?;
+        let triangles = bytemuck::allocation::cast_vec(triangles);
+        Ok(Self { triangles, vertex_of: None, positions, normals: None, uvs: None, colors: None })
+    }
+
+    /// A mesh whose wedges are spread over the vertices: `vertex_of[w]` is the vertex of wedge w.
+    ///
+    /// # Errors
+    /// [`MeshError::IndexOutOfRange`], [`MeshError::WedgeOutOfRange`], [`MeshError::TooLarge`].
+    pub fn with_wedges(
+        positions: Positions,
+        vertex_of: Vec<VertexId>,
+        triangles: Vec<[WedgeId; 3]>,
+    ) -> Result<Self, MeshError> {
+        check_size("vertices", positions.len())?;
+        check_size("wedges", vertex_of.len())?;
+        check_size("corners", triangles.len().saturating_mul(3))?;
+        check_triangles(bytemuck::cast_slice(&triangles), vertex_of.len())?;
+        let count = positions.len();
+        if let Some(wedge) = vertex_of.iter().position(|v| v.index() >= count) {
+            return Err(MeshError::WedgeOutOfRange { wedge, index: vertex_of[wedge].0, count });
+        }
+        Ok(Self { triangles, vertex_of: Some(vertex_of), positions, normals: None, uvs: None, colors: None })
+    }
+
+    /// Puts normals on the wedges, unit length.
+    ///
+    /// # Errors
+    /// [`MeshError::WrongLength`] if there is not one for each wedge.
+    pub fn set_normals(&mut self, normals: Option<Vec<[f32; 3]>>) -> Result<(), MeshError> {
+        self.normals = self.checked("normals", normals)?;
+        Ok(())
+    }
+    /// Puts texture coordinates on the wedges; (0, 0) is the lower left corner of the image.
+    ///
+    /// # Errors
+    /// [`MeshError::WrongLength`] if there is not one for each wedge.
+    pub fn set_uvs(&mut self, uvs: Option<Vec<[f32; 2]>>) -> Result<(), MeshError> {
+        self.uvs = self.checked("texture coordinates", uvs)?;
+        Ok(())
+    }
+    /// Puts colours on the wedges: red, green, blue, alpha from 0 to 1, as the file had them.
+    ///
+    /// # Errors
+    /// [`MeshError::WrongLength`] if there is not one for each wedge.
+    pub fn set_colors(&mut self, colors: Option<Vec<[f32; 4]>>) -> Result<(), MeshError> {
+        self.colors = self.checked("colours", colors)?;
+        Ok(())
+    }
+
+    /// Three wedges for each face.
+    #[inline]
+    pub fn triangles(&self) -> &[[WedgeId; 3]] {
+        &self.triangles
+    }
+    /// The vertex of each wedge; `None` where wedge i is vertex i.
+    #[inline]
+    pub fn vertex_map(&self) -> Option<&[VertexId]> {
+        self.vertex_of.as_deref()
+    }
+    /// The vertex of a wedge.
+    ///
+    /// # Panics
+    /// If there is no such wedge.
+    #[inline]
+    pub fn vertex_of(&self, wedge: WedgeId) -> VertexId {
+        match &self.vertex_of {
+            None => VertexId(wedge.0),
+            Some(map) => map[wedge.index()],
+        }
+    }
+    /// The positions, one for each vertex.
+    #[inline]
+    pub fn positions(&self) -> &Positions {
+        &self.positions
+    }
+    /// Normals, one for each wedge.
+    pub fn normals(&self) -> Option<&[[f32; 3]]> {
+        self.normals.as_deref()
+    }
+    /// Texture coordinates, one for each wedge.
+    pub fn uvs(&self) -> Option<&[[f32; 2]]> {
+        self.uvs.as_deref()
+    }
+    /// Colours, one for each wedge.
+    pub fn colors(&self) -> Option<&[[f32; 4]]> {
+        self.colors.as_deref()
+    }
+    /// Number of triangles.
+    pub fn face_count(&self) -> usize {
+        self.triangles.len()
+    }
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.positions.len()
+    }
+    /// Number of wedges.
+    pub fn wedge_count(&self) -> usize {
+        self.vertex_of.as_ref().map_or(self.positions.len(), Vec::len)
+    }
+    /// Whether any attribute stands on the wedges.
+    pub fn has_attributes(&self) -> bool {
+        self.normals.is_some() || self.uvs.is_some() || self.colors.is_some()
+    }
+
+    /// Positions and triangles alone, borrowed where wedges and vertices have the same numbers.
+    pub fn surface(&self) -> Surface<'_> {
+        let triangles = match &self.vertex_of {
+            None => Cow::Borrowed(bytemuck::cast_slice(&self.triangles)),
+            Some(map) => Cow::Owned(self.triangles.iter().map(|t| t.map(|w| map[w.index()])).collect()),
+        };
+        Surface { positions: self.positions.view(), triangles }
+    }
+
+    /// Moves every position by a function of the position; the precision stays.
+    pub fn map_positions(&mut self, map: impl Fn([f64; 3]) -> [f64; 3]) {
+        match &mut self.positions {
+            Positions::F32(p) => p.iter_mut().for_each(|p| *p = map(p.map(f64::from)).map(|x| x as f32)),
+            Positions::F64(p) => p.iter_mut().for_each(|p| *p = map(*p)),
+        }
+    }
+
+    fn checked<T>(&self, name: &'static str, buffer: Option<Vec<T>>) -> Result<Option<Vec<T>>, MeshError> {
+        let wanted = self.wedge_count();
+        match buffer {
+            Some(b) if b.len() != wanted => Err(MeshError::WrongLength { name, got: b.len(), wanted }),
+            b => Ok(b),
+        }
+    }
+}
+
+fn check_size(what: &'static str, count: usize) -> Result<(), MeshError> {
+    // The last number is kept free: it marks "none" in many a table.
+    if count >= u32::MAX as usize { Err(MeshError::TooLarge { what, count }) } else { Ok(()) }
+}
+
+fn check_triangles(triangles: &[[u32; 3]], count: usize) -> Result<(), MeshError> {
+    let bad = |t: &[u32; 3]| t.iter().any(|&i| i as usize >= count);
+    match triangles.iter().position(bad) {
+        None => Ok(()),
+        Some(face) => {
+            let index = triangles[face].into_iter().max().unwrap_or(0);
+            Err(MeshError::IndexOutOfRange { face, index, count })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn positions() -> Positions {
+        Positions::F32(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    }
+
+    #[test]
+    fn a_bad_index_is_named() {
+        let got = TriMesh::new(
+            positions(),
+            vec![[VertexId(0), VertexId(1), VertexId(2)], [VertexId(0), VertexId(3), VertexId(1)]],
+        );
+        assert_eq!(got.unwrap_err(), MeshError::IndexOutOfRange { face: 1, index: 3, count: 3 });
+    }
+
+    #[test]
+    fn attributes_need_one_entry_a_wedge() {
+        let mut mesh = TriMesh::new(positions(), vec![[VertexId(0), VertexId(1), VertexId(2)]]).unwrap();
+        assert!(mesh.set_uvs(Some(vec![[0.0; 2]; 2])).is_err());
+        assert!(mesh.set_uvs(Some(vec![[0.0; 2]; 3])).is_ok());
+        assert!(mesh.has_attributes());
+    }
+
+    #[test]
+    fn a_diagonal_does_not_overflow() {
+        let bounds = Bounds { min: [0.0; 3], max: [3e200, 4e200, 0.0] };
+        assert!((bounds.diagonal() / 5e200 - 1.0).abs() < 1e-15);
+    }
+}

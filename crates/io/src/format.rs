@@ -1,0 +1,41 @@
+//! The formats that are read and written.
+
+/// A mesh file format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Format {
+    /// Wavefront OBJ.
+    Obj,
+    /// Object File Format, with its coloured and normal-carrying kinds.
+    Off,
+    /// Stanford polygon file.
+    Ply,
+    /// Stereolithography.
+    Stl,
+    /// glTF 2.0 as JSON, buffers beside it or inside.
+    Gltf,
+    /// glTF 2.0 in one binary file.
+    Glb,
+}
+
+impl Format {
+    /// All of them.
+    pub const ALL: [Self; 6] = [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Gltf, Self::Glb];
+
+    /// Its name, which is also the usual ending of its files: `obj`, `off`, `ply`, `stl`, `gltf`, `glb`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Obj => "obj",
+            Self::Off => "off",
+            Self::Ply => "ply",
+            Self::Stl => "stl",
+            Self::Gltf => "gltf",
+            Self::Glb => "glb",
+        }
+    }
+
+    /// The format with this name or ending, in any case.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|f| f.name().eq_ignore_ascii_case(name))
+    }
+}

@@ -1,0 +1,22 @@
+//! Bytes to meshes and back, with limits.
+//!
+//! A format is one module with `read(bytes, options) -> Loaded` and `write(mesh, options, out) -> warnings`. Content
+//! decides which one reads ([`sniff`]), the file's ending decides which one writes.
+
+pub mod error;
+pub mod format;
+pub mod gltf;
+pub mod limits;
+pub mod obj;
+pub mod off;
+pub mod ply;
+pub mod read;
+pub mod sniff;
+pub mod stl;
+pub mod write;
+
+pub use error::{ReadError, Warning, WriteError};
+pub use format::Format;
+pub use limits::Limits;
+pub use read::{Contents, Loaded, ReadOptions, read_bytes, read_path};
+pub use write::{WriteOptions, write_path, write_to};

@@ -1,0 +1,76 @@
+//! Makes triangle meshes lighter: the closest mesh for the count, at the speed of the fastest tool.
+
+pub mod control;
+pub mod options;
+pub mod report;
+
+pub use control::{Control, NoControl, Stage, Verdict};
+pub use lodsmith_core as core;
+use lodsmith_core::{MeshError, Surface, TriMesh};
+pub use options::{
+    BorderPolicy, Fit, Guards, Length, Measure, Method, Placement, SimplifyOptions, Stop, TopologyPolicy,
+};
+pub use report::{Cleanup, ErrorReport, Refusal, Report, StoppedBy};
+
+/// Why a mesh could not be simplified.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimplifyError {
+    /// The mesh has no face, or none that is left after cleaning.
+    #[error("the mesh has no face with an area ({faces} faces read)")]
+    NoFaces {
+        /// Faces of the input.
+        faces: usize,
+    },
+    /// An option is out of range.
+    #[error("{option} must be {wanted}, not {got}")]
+    BadOption {
+        /// The option.
+        option: &'static str,
+        /// What it may be.
+        wanted: &'static str,
+        /// What it was.
+        got: f64,
+    },
+    /// The caller ended the run.
+    #[error("cancelled")]
+    Cancelled,
+    /// The buffers are no mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+}
+
+/// A lighter mesh, and what was done.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simplified {
+    /// The result.
+    pub mesh: TriMesh,
+    /// What was done, and why it ended.
+    pub report: Report,
+}
+
+/// Makes a mesh lighter.
+///
+/// # Errors
+/// [`SimplifyError::NoFaces`], [`SimplifyError::BadOption`], [`SimplifyError::Cancelled`].
+pub fn simplify(
+    mesh: &TriMesh,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<Simplified, SimplifyError> {
+    let _ = (mesh, options, control);
+    Err(SimplifyError::Cancelled)
+}
+
+/// The same from borrowed buffers, without attributes.
+///
+/// # Errors
+/// As [`simplify`].
+pub fn simplify_surface(
+    surface: &Surface<'_>,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<Simplified, SimplifyError> {
+    let _ = (surface, options, control);
+    Err(SimplifyError::Cancelled)
+}

@@ -1,0 +1,171 @@
+//! What a run is asked for. Nothing else holds defaults: command, viewer and bindings convert into these.
+
+/// How a mesh is simplified.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Method {
+    /// Edge collapse by the tensors of the present star, and a final fit: the default. After [Lindstrom-Turk 1998]'s
+    /// finding that costs without memory are the better ones.
+    #[default]
+    Memoryless,
+    /// Edge collapse by accumulated plane quadrics, weighted by area. [Garland-Heckbert 1997]
+    Quadric,
+}
+
+/// Whether the last least-squares step towards the original is taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fit {
+    /// Where it helps: with [`Method::Memoryless`] and optimal placement.
+    #[default]
+    Auto,
+    /// Always, unless placement forbids that vertices move.
+    On,
+    /// Never.
+    Off,
+}
+
+/// Where the merged vertex of a collapse goes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Placement {
+    /// To the point of least cost.
+    #[default]
+    Optimal,
+    /// To the better of the two ends: the result's vertices are a subset of the input's, attributes included.
+    Endpoint,
+    /// To the middle of the edge.
+    Midpoint,
+}
+
+/// What happens to open borders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BorderPolicy {
+    /// They are held in place by weighted lines.
+    #[default]
+    Keep,
+    /// Their vertices move along them only: a border edge collapses onto a point of its own line.
+    Slide,
+    /// Their vertices are not touched.
+    Lock,
+    /// No care is taken.
+    Free,
+}
+
+/// What may happen to the topology.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TopologyPolicy {
+    /// Counts of non-manifold edges, border edges, flipped and duplicate faces do not rise; genus may fall; a whole part
+    /// goes only when the target cannot be met otherwise, cheapest first, and each is counted.
+    #[default]
+    Relaxed,
+    /// Manifold stays manifold; holes, handles and parts stay.
+    Preserve,
+    /// It may change.
+    Free,
+}
+
+/// A length in the units of the mesh, or as a share of the diagonal of its bounding box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Length {
+    /// In the units of the mesh.
+    Units(f64),
+    /// A share of the diagonal: 0.001 is a tenth of a percent.
+    OfDiagonal(f64),
+}
+
+impl Length {
+    /// The length in the units of a mesh with this diagonal.
+    pub fn in_units(self, diagonal: f64) -> f64 {
+        match self {
+            Self::Units(x) => x,
+            Self::OfDiagonal(x) => x * diagonal,
+        }
+    }
+}
+
+/// When to stop. Several may stand together: the first one met stops. With none, nothing is done.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stop {
+    /// At this number of triangles, or fewer.
+    pub faces: Option<usize>,
+    /// At this number of vertices, or fewer.
+    pub vertices: Option<usize>,
+    /// At this part of the triangles, above 0 and up to 1.
+    pub ratio: Option<f64>,
+    /// Before the measured two-way deviation from the input passes this.
+    pub error: Option<Length>,
+}
+
+impl Stop {
+    /// Stops at this number of triangles.
+    pub fn faces(n: usize) -> Self {
+        Self { faces: Some(n), ..Self::default() }
+    }
+    /// Stops at this number of vertices.
+    pub fn vertices(n: usize) -> Self {
+        Self { vertices: Some(n), ..Self::default() }
+    }
+    /// Stops at this part of the triangles.
+    pub fn ratio(r: f64) -> Self {
+        Self { ratio: Some(r), ..Self::default() }
+    }
+    /// Stops before the measured deviation passes this.
+    pub fn error(limit: Length) -> Self {
+        Self { error: Some(limit), ..Self::default() }
+    }
+}
+
+/// Guards of the result, each off by default. A collapse that would break one is refused and counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Guards {
+    /// Largest turn of a face by one collapse, in degrees.
+    pub max_normal_deg: Option<f64>,
+    /// Least shape of a new face: 1 is equilateral, 0 flat. A face that was worse may stay as bad as it was.
+    pub min_quality: Option<f64>,
+    /// Largest number of edges at a merged vertex.
+    pub max_valence: Option<usize>,
+    /// Greatest length of a new edge.
+    pub max_edge: Option<Length>,
+}
+
+/// What is promised of the deviation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Measure {
+    /// Measured where the stop has an error, else the engine's own estimate alone.
+    #[default]
+    Auto,
+    /// Measured both ways at the end, whatever the stop.
+    Always,
+}
+
+/// All that a run can be told.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct SimplifyOptions {
+    /// When to stop.
+    pub stop: Stop,
+    /// How.
+    pub method: Method,
+    /// The last step.
+    pub fit: Fit,
+    /// Where merged vertices go.
+    pub placement: Placement,
+    /// Open borders.
+    pub border: BorderPolicy,
+    /// Topology.
+    pub topology: TopologyPolicy,
+    /// Guards of the result.
+    pub guards: Guards,
+    /// Whether the result is measured.
+    pub measure: Measure,
+    /// Vertices closer than this are joined first. Equal positions always are.
+    pub weld: Option<Length>,
+    /// Seed of whatever is drawn by chance: equal seeds give equal bytes.
+    pub seed: u64,
+}
+
+impl SimplifyOptions {
+    /// Everything by default but for the stop.
+    pub fn new(stop: Stop) -> Self {
+        Self { stop, ..Self::default() }
+    }
+}

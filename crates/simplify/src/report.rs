@@ -1,0 +1,150 @@
+//! What a run says of itself.
+
+use lodsmith_core::measure::Comparison;
+
+/// Why a collapse was not done. Each is counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// The ends share a neighbour beyond their common faces: the surface would be pinched. [Dey 1999]
+    LinkCondition,
+    /// A face would turn over, or further than a guard allows.
+    NormalFlip,
+    /// A face would become a sliver.
+    Quality,
+    /// A vertex would get too many edges.
+    Valence,
+    /// An edge would get too long.
+    EdgeLength,
+    /// The border policy forbids it.
+    Border,
+    /// The vertex lies on a non-manifold edge or point and may not move off it.
+    NonManifold,
+    /// The last faces of a part: the topology policy keeps parts.
+    Component,
+    /// It costs more than the stop allows.
+    Cost,
+}
+
+impl Refusal {
+    /// All of them, in the order of reports.
+    pub const ALL: [Self; 9] = [
+        Self::LinkCondition,
+        Self::NormalFlip,
+        Self::Quality,
+        Self::Valence,
+        Self::EdgeLength,
+        Self::Border,
+        Self::NonManifold,
+        Self::Component,
+        Self::Cost,
+    ];
+    /// The word for it in reports, such as `link_condition`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::LinkCondition => "link_condition",
+            Self::NormalFlip => "normal_flip",
+            Self::Quality => "quality",
+            Self::Valence => "valence",
+            Self::EdgeLength => "edge_length",
+            Self::Border => "border",
+            Self::NonManifold => "non_manifold",
+            Self::Component => "component",
+            Self::Cost => "cost",
+        }
+    }
+}
+
+/// What ended a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum StoppedBy {
+    /// The number of triangles.
+    Faces,
+    /// The number of vertices.
+    Vertices,
+    /// The part of the triangles.
+    Ratio,
+    /// The error: one step further would pass it.
+    Error,
+    /// No collapse is left that topology and guards allow.
+    Refusals,
+    /// The caller asked for the best mesh so far.
+    Caller,
+    /// No stop was given, or the input met it already.
+    Nothing,
+}
+
+impl StoppedBy {
+    /// The word for it in reports, such as `faces`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Faces => "faces",
+            Self::Vertices => "vertices",
+            Self::Ratio => "ratio",
+            Self::Error => "error",
+            Self::Refusals => "refusals",
+            Self::Caller => "time_limit",
+            Self::Nothing => "nothing_to_do",
+        }
+    }
+}
+
+/// What was mended before the run. Counts of elements.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cleanup {
+    /// Vertices joined with another at the same place, or within the weld distance.
+    pub welded_vertices: usize,
+    /// Faces that named one place twice.
+    pub degenerate_faces: usize,
+    /// Faces that were there already, with the same winding.
+    pub duplicate_faces: usize,
+    /// Faces with a corner that is not a number.
+    pub non_finite_faces: usize,
+    /// Vertices without faces, left out.
+    pub unused_vertices: usize,
+}
+
+/// How far the result lies from the input, in the units of the mesh.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ErrorReport {
+    /// The engine's own figure for the RMS distance.
+    pub estimate: f64,
+    /// Measured both ways, where asked.
+    pub measured: Option<Comparison>,
+    /// Diagonal of the input's bounding box.
+    pub diagonal: f64,
+}
+
+/// What a run did and why it ended.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Report {
+    /// Triangles of the input.
+    pub input_faces: usize,
+    /// Vertices of the input.
+    pub input_vertices: usize,
+    /// Triangles of the result.
+    pub faces: usize,
+    /// Vertices of the result.
+    pub vertices: usize,
+    /// Whether a stop was met: no more triangles or vertices than asked, or the error used up.
+    pub reached: bool,
+    /// What ended the run.
+    pub stopped_by: StoppedBy,
+    /// Deviation.
+    pub error: ErrorReport,
+    /// Collapses refused, by reason; only those that happened, in the order of [`Refusal::ALL`].
+    pub refusals: Vec<(Refusal, u64)>,
+    /// Collapses done.
+    pub collapses: u64,
+    /// Whole parts that went because the target could not be met otherwise.
+    pub parts_removed: usize,
+    /// What was mended first.
+    pub cleanup: Cleanup,
+    /// Attributes that the result does not carry, though the input did: `normals`, `uvs`, `colors`.
+    pub dropped: Vec<&'static str>,
+    /// Whether the fit ran.
+    pub fitted: bool,
+}
