@@ -6,6 +6,7 @@ pub mod geometry;
 pub mod ids;
 pub mod measure;
 pub mod mesh;
+pub mod polygon;
 pub mod sampling;
 pub mod spatial;
 
