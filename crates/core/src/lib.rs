@@ -6,6 +6,9 @@ pub mod ids;
 pub mod measure;
 pub mod mesh;
 pub mod polygon;
+pub mod shapes;
+pub mod topology;
 
 pub use ids::{FaceId, HalfEdgeId, VertexId, WedgeId};
 pub use mesh::{Bounds, MeshError, Positions, PositionsView, Surface, TriMesh};
+pub use topology::Topology;

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use crate::ids::{VertexId, WedgeId};
 
 pub mod compact;
+pub mod defects;
 pub mod weld;
 
 /// Why buffers do not make a mesh.
