@@ -2,6 +2,8 @@
 //!
 //! Nouns only: data, queries and measures. No files, no clocks, no printing, no simplification.
 
+#[cfg(feature = "proptest")]
+pub mod arbitrary;
 pub mod ids;
 pub mod measure;
 pub mod mesh;
