@@ -1,0 +1,165 @@
+//! What the edges of a vertex would cost, and where the merged vertex would go.
+
+use glam::Vec3;
+use lodsmith_core::VertexId;
+use wide::f32x4;
+
+use super::Engine;
+use super::commit::{Candidate, PEAK, TIE};
+use crate::metric::{Form, Metric};
+use crate::options::Placement;
+
+/// Pull of the best position towards the middle of the edge, a share of the trace. (§11.3)
+const CENTRE: f32 = 1e-5;
+/// Largest squared distance over the mean one, as assumed until it is computed. (§11.4)
+const PEAK_GUESS: f32 = 4.0;
+/// Share of trace³ under which the system is not solved. (§2.3)
+const MIN_DET: f32 = 1e-9;
+
+impl<M: Metric> Engine<M> {
+    /// Evaluates the edges from `u` to `owned` and hands each candidate over. Says how many have two ends that may not
+    /// move.
+    #[inline(always)]
+    pub(crate) fn evaluate_owned(
+        &self,
+        u: VertexId,
+        owned: &[VertexId],
+        mut take: impl FnMut(Candidate),
+    ) -> u64 {
+        let mut stuck = 0;
+        let plain = M::MEMORYLESS
+            && self.rules.placement == Placement::Optimal
+            && self.store.v[u.index()].kind.is_free();
+        for four in owned.chunks(4) {
+            if plain && four.len() > 1 && four.iter().all(|w| self.store.v[w.index()].kind.is_free()) {
+                let (cost, step, solved) = self.evaluate_four(u, four);
+                for (i, &w) in four.iter().enumerate() {
+                    if solved & (1 << i) != 0 {
+                        take(Candidate { cost: cost[i], removed: w, step: step[i] });
+                    } else if let Some(candidate) = self.evaluate_edge(u, w) {
+                        take(candidate);
+                    }
+                }
+                continue;
+            }
+            for &w in four {
+                match self.evaluate_edge(u, w) {
+                    Some(candidate) => take(candidate),
+                    None => stuck += 1,
+                }
+            }
+        }
+        stuck
+    }
+
+    /// Up to four edges of free ends side by side, for vector instructions: costs, steps, and a bit for each edge whose
+    /// system could be solved. The same as [`Self::evaluate_edge`] does one by one.
+    #[inline(never)]
+    fn evaluate_four(&self, u: VertexId, ends: &[VertexId]) -> ([f32; 4], [Vec3; 4], u32) {
+        let x = &self.store.v[u.index()];
+        let lane = |i: usize| &self.store.v[ends[i.min(ends.len() - 1)].index()];
+        let z = [lane(0), lane(1), lane(2), lane(3)];
+        let s = M::tensor_of(&x.q).0.map(f32x4::splat);
+        let t = z.map(|z| M::tensor_of(&z.q).0);
+        let t = [0, 1, 2, 3, 4, 5].map(|k| f32x4::new([t[0][k], t[1][k], t[2][k], t[3][k]]));
+        let axis = |k: usize| f32x4::new(z.map(|z| z.p[k])) - f32x4::splat(x.p[k]);
+        let d = [axis(0), axis(1), axis(2)];
+        let h = times(&t, &d);
+        let c = dot(&d, &h);
+        let a: [f32x4; 6] = std::array::from_fn(|k| s[k] + t[k]);
+        let trace = a[0] + a[1] + a[2];
+        let r = trace * CENTRE;
+        let (m0, m1, m2) = (a[0] + r, a[1] + r, a[2] + r);
+        let adjugate = [
+            m1 * m2 - a[5] * a[5],
+            m0 * m2 - a[4] * a[4],
+            m0 * m1 - a[3] * a[3],
+            a[5] * a[4] - a[3] * m2,
+            a[3] * a[5] - m1 * a[4],
+            a[3] * a[4] - m0 * a[5],
+        ];
+        let det = m0 * adjugate[0] + a[3] * adjugate[3] + a[4] * adjugate[4];
+        let half = r * 0.5;
+        let wish = [h[0] + d[0] * half, h[1] + d[1] * half, h[2] + d[2] * half];
+        let y = times(&adjugate, &wish).map(|w| w / det);
+        let from_mid: [f32x4; 3] = std::array::from_fn(|k| y[k] - d[k] * 0.5);
+        let solved = det.simd_gt(trace * trace * trace * MIN_DET)
+            & dot(&from_mid, &from_mid).simd_lt(dot(&d, &d) * 4.0);
+        let peak =
+            f32x4::ONE + f32x4::splat(PEAK_GUESS * PEAK * self.area) / trace.fast_max(f32x4::splat(1e-37));
+        let off: [f32x4; 3] = std::array::from_fn(|k| y[k] - d[k]);
+        let q = c - dot(&h, &y) * 2.0 + dot(&times(&a, &y), &y);
+        let tie = trace * (0.5 * TIE) * (dot(&y, &y) + dot(&off, &off));
+        let cost = q.fast_max(f32x4::ZERO) * peak + tie;
+        let y = y.map(|k| k.to_array());
+        let step = std::array::from_fn(|i| Vec3::new(y[0][i], y[1][i], y[2][i]));
+        (cost.to_array(), step, solved.to_bitmask())
+    }
+
+    /// Cost of the collapse of u and v, and the best place of the merged vertex relative to u; `None` if neither end
+    /// may move.
+    #[inline(never)]
+    fn evaluate_edge(&self, u: VertexId, v: VertexId) -> Option<Candidate> {
+        let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
+        let d = z.p - x.p;
+        let form = M::form(&x.q, &z.q, d);
+        let Form { a, h, c } = form;
+        let trace = a.trace();
+        let peak = if M::MEMORYLESS { 1.0 + PEAK_GUESS * PEAK * self.area / trace.max(1e-37) } else { 1.0 };
+        let cost = |y: Vec3| {
+            let off = y - d;
+            let q = c - 2.0 * h.dot(y) + a.times(y).dot(y);
+            q.max(0.0) * peak + 0.5 * TIE * trace * (y.length_squared() + off.length_squared())
+        };
+        let at = |y: Vec3| Some(Candidate { cost: cost(y), removed: v, step: y });
+        let ends = || if cost(Vec3::ZERO) <= cost(d) { at(Vec3::ZERO) } else { at(d) };
+        if !(x.kind.is_free() && z.kind.is_free()) {
+            return match (x.kind, z.kind) {
+                (k, l) if k.is_fixed() && l.is_fixed() => None,
+                (k, _) if k.is_fixed() => at(Vec3::ZERO),
+                (_, l) if l.is_fixed() => at(d),
+                (k, l) if k.is_rail() && l.is_rail() => match self.rules.placement {
+                    Placement::Endpoint => ends(),
+                    Placement::Midpoint => at(d * 0.5),
+                    Placement::Optimal => {
+                        let t = (d.dot(h) / d.dot(a.times(d)).max(1e-37)).clamp(0.0, 1.0);
+                        at(if t == 1.0 { d } else { d * t })
+                    }
+                },
+                (k, _) if k.is_rail() => at(Vec3::ZERO),
+                _ => at(d),
+            };
+        }
+        match self.rules.placement {
+            Placement::Optimal => {}
+            Placement::Endpoint => return ends(),
+            Placement::Midpoint => return at(d * 0.5),
+        }
+        let mid = d * 0.5;
+        let r = CENTRE * trace;
+        let (adjugate, det) = a.damped(r).adjugate();
+        if det > MIN_DET * trace * trace * trace {
+            let y = adjugate.times(h + mid * r) * (1.0 / det);
+            if (y - mid).length_squared() < 4.0 * d.length_squared() {
+                return at(y);
+            }
+        }
+        let ends = ends()?;
+        if cost(mid) <= ends.cost { at(mid) } else { Some(ends) }
+    }
+}
+
+#[inline(always)]
+fn dot(a: &[f32x4; 3], b: &[f32x4; 3]) -> f32x4 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// A symmetric matrix (xx, yy, zz, xy, xz, yz) times a vector, four side by side.
+#[inline(always)]
+fn times(a: &[f32x4; 6], d: &[f32x4; 3]) -> [f32x4; 3] {
+    [
+        a[0] * d[0] + a[3] * d[1] + a[4] * d[2],
+        a[3] * d[0] + a[1] * d[1] + a[5] * d[2],
+        a[4] * d[0] + a[5] * d[1] + a[2] * d[2],
+    ]
+}
