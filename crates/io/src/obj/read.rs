@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use lodsmith_core::mesh::MeshError;
 use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{Positions, TriMesh, VertexId};
+use rayon::prelude::*;
 
 use super::wedges::{NONE, number_wedges};
 use crate::attributes::{NO_ALPHA, NO_COLOR, unit_colors, unit_normals};
@@ -30,20 +31,46 @@ use crate::read::{Contents, Loaded, ReadOptions};
 /// index that is 0 or beyond what the file holds. [`ReadError::Mesh`] if there is more than 32-bit ids can name.
 pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    match read_section(bytes) {
-        Ok(section) if section.is_sound() => section.finish(),
-        Ok(section) => {
-            let counts = section.counts();
-            Err(Section::read(bytes, counts)
-                .err()
-                .unwrap_or_else(|| ReadError::file("a face names what is not there")))
-        }
-        Err(e) => Err(e),
+    let section = match read_sections(bytes) {
+        Some(section) => section,
+        None => Section::read(bytes, UNKNOWN, true)?,
+    };
+    if !section.is_sound() {
+        let named = Section::read(bytes, section.counts(), true).err();
+        return Err(named.unwrap_or_else(|| ReadError::file("a face names what is not there")));
     }
+    section.finish()
 }
 
-fn read_section(bytes: &[u8]) -> Result<Section<'_>, ReadError> {
-    Section::read(bytes, UNKNOWN)
+/// Reads the sections of a file at the same time; `None` where one of them cannot do without those before it, be it for
+/// the sake of an index that counts backwards or of an error's line.
+fn read_sections(bytes: &[u8]) -> Option<Section<'_>> {
+    let pieces = sections(bytes, rayon::current_num_threads());
+    let read: Option<Vec<Section<'_>>> =
+        pieces.par_iter().enumerate().map(|(i, piece)| Section::read(piece, UNKNOWN, i == 0).ok()).collect();
+    read?.into_iter().reduce(|mut all, section| {
+        all.append(section);
+        all
+    })
+}
+
+/// Cuts a file at line ends into at most so many sections.
+fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
+    // Guessed: reading this much takes a few milliseconds, far more than to hand it to a thread.
+    const SMALL: usize = 4 << 20;
+    let count = count.clamp(1, bytes.len() / SMALL + 1);
+    let (mut rest, mut pieces) = (bytes, Vec::with_capacity(count));
+    for left in (2..=count).rev() {
+        let aim = rest.len() / left;
+        // A line with a backslash at its end goes on.
+        let is_end = |&n: &usize| !matches!(rest[..n], [.., b'\\'] | [.., b'\\', b'\r']);
+        let Some(end) = memchr::memchr_iter(b'\n', &rest[aim..]).map(|n| aim + n).find(is_end) else { break };
+        let (piece, after) = rest.split_at(end + 1);
+        pieces.push(piece);
+        rest = after;
+    }
+    pieces.push(rest);
+    pieces
 }
 
 /// How many positions, texture coordinates and normals there are, as long as nobody knows.
@@ -69,6 +96,9 @@ struct Section<'a> {
     polygon_corners: Vec<[u32; 3]>,
     /// The greatest index of each kind, plus one.
     ends: [usize; 3],
+    /// Whether the file begins here, so that all counts are those of the file.
+    is_first: bool,
+    line_count: usize,
     notes: Notes<'a>,
 }
 
@@ -96,8 +126,8 @@ struct Notes<'a> {
 
 impl<'a> Section<'a> {
     /// Reads a piece; an index of `counts` or more is an error.
-    fn read(bytes: &'a [u8], counts: [usize; 3]) -> Result<Self, ReadError> {
-        let mut section = Self::default();
+    fn read(bytes: &'a [u8], counts: [usize; 3], is_first: bool) -> Result<Self, ReadError> {
+        let mut section = Self { is_first, ..Self::default() };
         let mut lines = Lines::new(bytes);
         let mut corners: Vec<[u32; 3]> = Vec::new();
         while !lines.is_over() {
@@ -132,7 +162,35 @@ impl<'a> Section<'a> {
                 }
             }
         }
+        section.line_count = lines.line() - 1;
         Ok(section)
+    }
+
+    /// Puts the section that follows behind this one.
+    fn append(&mut self, mut next: Self) {
+        if !self.colors.is_empty() || !next.colors.is_empty() {
+            self.colors.resize(self.positions.len(), NO_COLOR);
+            self.colors.append(&mut next.colors);
+        }
+        self.positions.append(&mut next.positions);
+        self.needs_f64 |= next.needs_f64;
+        self.uvs.append(&mut next.uvs);
+        self.normals.append(&mut next.normals);
+        let (before, more) = (self.triangles[0].len(), next.triangles[0].len());
+        for (all, these) in self.triangles.iter_mut().zip(&mut next.triangles) {
+            if !all.is_empty() || !these.is_empty() {
+                all.resize(before, [NONE; 3]);
+                all.append(these);
+                all.resize(before + more, [NONE; 3]);
+            }
+        }
+        self.polygons.extend(next.polygons.iter().map(|p| Polygon { after: p.after + before, size: p.size }));
+        self.polygon_corners.append(&mut next.polygon_corners);
+        for (end, next) in self.ends.iter_mut().zip(next.ends) {
+            *end = next.max(*end);
+        }
+        self.notes.append(next.notes, self.line_count);
+        self.line_count += next.line_count;
     }
 
     #[inline]
@@ -236,6 +294,9 @@ impl<'a> Section<'a> {
         let number = lines.whole()?;
         let index = if number > 0 { number - 1 } else { have[kind] as i64 + number };
         // Seen as unsigned, what is below zero is beyond everything.
+        if number <= 0 && !self.is_first {
+            return Err(lines.error("an index that counts backwards needs the whole file"));
+        }
         if number == 0 || index as u64 >= counts[kind] as u64 {
             return Err(bad_index(lines, number, kind, have, counts));
         }
@@ -397,7 +458,23 @@ impl<'a> Section<'a> {
     }
 }
 
-impl Notes<'_> {
+impl<'a> Notes<'a> {
+    /// Adds the notes of a section with so many lines before it.
+    fn append(&mut self, next: Notes<'a>, lines: usize) {
+        self.objects += next.objects;
+        self.materials.extend(next.materials);
+        self.has_materials |= next.has_materials;
+        self.colored += next.colored;
+        self.small_faces += next.small_faces;
+        self.lines_and_points += next.lines_and_points;
+        self.free_forms += next.free_forms;
+        self.strange = match (self.strange, next.strange) {
+            (Some((count, line, word)), Some((more, ..))) => Some((count + more, line, word)),
+            (None, Some((count, line, word))) => Some((count, line + lines, word)),
+            (first, None) => first,
+        };
+    }
+
     fn warnings(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();
         if self.has_materials {

@@ -161,7 +161,7 @@ fn vertices(
             vertices.needs_f64 = vertices.needs_f64 || number.needs_f64();
             *coordinate = number.value;
         }
-        let mut next = |lines: &mut Lines<'_>| {
+        let next = |lines: &mut Lines<'_>| {
             if go_to_word(lines) { lines.decimal().map(|d| d.value) } else { Err(missing(lines)) }
         };
         if kind.has_weights {
