@@ -349,10 +349,8 @@ impl<'a> Section<'a> {
         });
         let old = std::mem::take(&mut self.triangles);
         let total = old[0].len() + self.polygon_corners.len() - 2 * self.polygons.len();
-        for kind in 0..3 {
-            if is_used[kind] {
-                self.triangles[kind].reserve_exact(total);
-            }
+        for kind in (0..3).filter(|&kind| is_used[kind]) {
+            self.triangles[kind].reserve_exact(total);
         }
         let mut triangulator = Triangulator::default();
         let (mut points, mut cut) = (Vec::new(), Vec::new());
