@@ -434,11 +434,11 @@ impl<'a> Section<'a> {
         let is_own =
             |kind: usize| self.storage[kind] == Storage::Own && self.triangles[kind] != self.triangles[0];
         if is_own(1) || is_own(2) {
-            (1..3)
-                .filter(|&kind| self.storage[kind] == Storage::Same)
-                .collect::<Vec<_>>()
-                .into_iter()
-                .for_each(|kind| self.store(kind));
+            for kind in 1..3 {
+                if self.storage[kind] == Storage::Same {
+                    self.store(kind);
+                }
+            }
         }
         let [mut triangles, uv_of, normal_of] = std::mem::take(&mut self.triangles);
         // Wedges are counted by 32-bit numbers before the mesh can refuse them.

@@ -29,57 +29,61 @@ pub(super) fn number_wedges(
     // Guessed: a list of this length is still faster than the table.
     const LONG: usize = 24;
     let mut first = vec![NONE; vertex_count];
-    let mut next: Vec<u32> = Vec::with_capacity(vertex_count);
-    let mut vertex_of: Vec<u32> = Vec::with_capacity(vertex_count);
-    let mut attributes: Vec<[u32; 2]> = Vec::with_capacity(vertex_count);
+    let mut wedges: Vec<Wedge> = Vec::with_capacity(vertex_count);
     let mut beyond: HashMap<[u32; 3], u32> = HashMap::new();
     let mut is_split = false;
+    let add = |wedges: &mut Vec<Wedge>, vertex: u32, attributes: [u32; 2]| {
+        wedges.push(Wedge { vertex, attributes, next: NONE });
+        wedges.len() as u32 - 1
+    };
     for (face, triangle) in triangles.iter_mut().enumerate() {
-        let pick = |buffer: &[[u32; 3]], k: usize| buffer.get(face).map_or(NONE, |t| t[k]);
+        let pick = |buffer: &[[u32; 3]]| buffer.get(face).copied().unwrap_or([NONE; 3]);
+        let (uv, normal) = (pick(uvs), pick(normals));
         for (k, corner) in triangle.iter_mut().enumerate() {
-            let vertex = *corner;
-            let wanted = [pick(uvs, k), pick(normals, k)];
-            let add = |next: &mut Vec<u32>, vertex_of: &mut Vec<u32>, attributes: &mut Vec<[u32; 2]>| {
-                let wedge = vertex_of.len() as u32;
-                next.push(NONE);
-                vertex_of.push(vertex);
-                attributes.push(wanted);
-                wedge
-            };
-            let mut wedge = first[vertex as usize];
-            if wedge == NONE {
-                wedge = add(&mut next, &mut vertex_of, &mut attributes);
-                first[vertex as usize] = wedge;
+            let (vertex, wanted) = (*corner, [uv[k], normal[k]]);
+            let mut at = first[vertex as usize];
+            if at == NONE {
+                at = add(&mut wedges, vertex, wanted);
+                first[vertex as usize] = at;
             }
             let mut steps = 0;
-            while attributes[wedge as usize] != wanted {
+            while wedges[at as usize].attributes != wanted {
                 is_split = true;
-                let after = next[wedge as usize];
-                if after != NONE {
-                    wedge = after;
+                let next = wedges[at as usize].next;
+                if next != NONE {
+                    at = next;
                     steps += 1;
                 } else if steps < LONG {
-                    let new = add(&mut next, &mut vertex_of, &mut attributes);
-                    next[wedge as usize] = new;
-                    wedge = new;
+                    let new = add(&mut wedges, vertex, wanted);
+                    wedges[at as usize].next = new;
+                    at = new;
                 } else {
-                    wedge = *beyond
+                    at = *beyond
                         .entry([vertex, wanted[0], wanted[1]])
-                        .or_insert_with(|| add(&mut next, &mut vertex_of, &mut attributes));
+                        .or_insert_with(|| add(&mut wedges, vertex, wanted));
                 }
             }
-            *corner = wedge;
+            *corner = at;
         }
     }
     if is_split {
-        return Wedges { vertex_of: Some(vertex_of), attributes };
+        let vertex_of = Some(wedges.iter().map(|w| w.vertex).collect());
+        return Wedges { vertex_of, attributes: wedges.iter().map(|w| w.attributes).collect() };
     }
     let attributes =
-        first.iter().map(|&w| attributes.get(w as usize).copied().unwrap_or([NONE; 2])).collect();
-    for wedge in triangles.iter_mut().flatten() {
-        *wedge = vertex_of[*wedge as usize];
+        first.iter().map(|&w| wedges.get(w as usize).map_or([NONE; 2], |w| w.attributes)).collect();
+    for corner in triangles.iter_mut().flatten() {
+        *corner = wedges[*corner as usize].vertex;
     }
     Wedges { vertex_of: None, attributes }
+}
+
+/// A wedge while they are found.
+struct Wedge {
+    vertex: u32,
+    attributes: [u32; 2],
+    /// The next wedge of the same vertex.
+    next: u32,
 }
 
 #[cfg(test)]
