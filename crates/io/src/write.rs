@@ -40,7 +40,7 @@ pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result
             return write_format(mesh, format, options, out);
         }
         // The header holds no time, so that the same mesh gives the same bytes.
-        let mut gz = GzEncoder::new(out, Compression::default());
+        let mut gz = GzEncoder::new(out, COMPRESSION);
         let warnings = write_format(mesh, format, options, &mut BufWriter::with_capacity(BUFFER, &mut gz))?;
         gz.finish()?;
         Ok(warnings)
@@ -71,6 +71,10 @@ pub fn write_to(
 
 /// Bytes that go to the system at once. Guessed.
 const BUFFER: usize = 1 << 17;
+
+/// How hard to compress. Measured on an OBJ of 2 million triangles (73 MB): 0.8 s to 16 MB; the usual 6 takes 6.2 s to
+/// get to 15 MB.
+const COMPRESSION: Compression = Compression::new(3);
 
 fn write_format(
     mesh: &TriMesh,

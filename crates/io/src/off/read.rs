@@ -7,6 +7,7 @@ use crate::attributes::{NO_ALPHA, unit_colors, unit_normals};
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::lines::{Lines, shown};
+use crate::numbers::short_whole;
 use crate::read::{Contents, Loaded, ReadOptions};
 use crate::sniff::off_prefix;
 
@@ -231,10 +232,15 @@ fn faces(
         }
         corners.clear();
         for _ in 0..size {
-            if !go_to_word(lines) {
-                return Err(missing(lines));
-            }
-            let index = lines.whole()?;
+            lines.skip_blanks();
+            let index = match short_whole(lines.ahead()) {
+                Some((number, length)) => {
+                    lines.pass(length);
+                    i64::from(number)
+                }
+                None if go_to_word(lines) => lines.whole()?,
+                None => return Err(missing(lines)),
+            };
             if !lines.word_ends() {
                 return Err(lines.not_a("whole number"));
             }
