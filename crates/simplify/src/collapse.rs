@@ -20,6 +20,7 @@
 
 mod bound;
 mod commit;
+mod evaluate;
 pub(crate) mod kind;
 mod late;
 mod link_condition;
@@ -33,12 +34,11 @@ use lodsmith_core::VertexId;
 
 use crate::control::{Control, Verdict};
 use crate::guard::Rules;
-use crate::metric::{Form, Metric};
-use crate::options::Placement;
+use crate::metric::Metric;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 use bound::Histogram;
-use commit::{BORDER, Candidate, Outcome, PEAK, TIE, Wing};
+use commit::{BORDER, Candidate, Outcome, Wing};
 use kind::{Kind, distinct, faces_at};
 use late::Late;
 use store::{Ring, Store};
@@ -46,12 +46,6 @@ pub(crate) use wedges::Wedges;
 
 /// Share of the bounds that one sweep takes. (engine design §11.2: .4 and .7 give equal errors, .7 fewer sweeps.)
 const QUANTILE: f64 = 0.7;
-/// Pull of the best position towards the middle of the edge, a share of the trace. (§11.3)
-const CENTRE: f32 = 1e-5;
-/// Largest squared distance over the mean one, as assumed until it is computed. (§11.4)
-const PEAK_GUESS: f32 = 4.0;
-/// Share of trace³ under which the system is not solved. (§2.3)
-const MIN_DET: f32 = 1e-9;
 /// No run needs nearly as many sweeps; a guard against our own mistakes.
 const MOST_SWEEPS: usize = 4000;
 /// Vertices looked at for the first threshold. (A few thousand hold a quantile within a percent or two.)
@@ -197,58 +191,6 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Cost of the collapse of u and v, and the best place of the merged vertex relative to u; `None` if neither end
-    /// may move.
-    #[inline(never)]
-    fn evaluate(&self, u: VertexId, v: VertexId) -> Option<Candidate> {
-        let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
-        let d = z.p - x.p;
-        let form = M::form(&x.q, &z.q, d);
-        let Form { a, h, c } = form;
-        let trace = a.trace();
-        let peak = if M::MEMORYLESS { 1.0 + PEAK_GUESS * PEAK * self.area / trace.max(1e-37) } else { 1.0 };
-        let cost = |y: Vec3| {
-            let off = y - d;
-            let q = c - 2.0 * h.dot(y) + a.times(y).dot(y);
-            q.max(0.0) * peak + 0.5 * TIE * trace * (y.length_squared() + off.length_squared())
-        };
-        let at = |y: Vec3| Some(Candidate { cost: cost(y), removed: v, step: y });
-        let ends = || if cost(Vec3::ZERO) <= cost(d) { at(Vec3::ZERO) } else { at(d) };
-        if !(x.kind.is_free() && z.kind.is_free()) {
-            return match (x.kind, z.kind) {
-                (k, l) if k.is_fixed() && l.is_fixed() => None,
-                (k, _) if k.is_fixed() => at(Vec3::ZERO),
-                (_, l) if l.is_fixed() => at(d),
-                (k, l) if k.is_rail() && l.is_rail() => match self.rules.placement {
-                    Placement::Endpoint => ends(),
-                    Placement::Midpoint => at(d * 0.5),
-                    Placement::Optimal => {
-                        let t = (d.dot(h) / d.dot(a.times(d)).max(1e-37)).clamp(0.0, 1.0);
-                        at(if t == 1.0 { d } else { d * t })
-                    }
-                },
-                (k, _) if k.is_rail() => at(Vec3::ZERO),
-                _ => at(d),
-            };
-        }
-        match self.rules.placement {
-            Placement::Optimal => {}
-            Placement::Endpoint => return ends(),
-            Placement::Midpoint => return at(d * 0.5),
-        }
-        let mid = d * 0.5;
-        let r = CENTRE * trace;
-        let (adjugate, det) = a.damped(r).adjugate();
-        if det > MIN_DET * trace * trace * trace {
-            let y = adjugate.times(h + mid * r) * (1.0 / det);
-            if (y - mid).length_squared() < 4.0 * d.length_squared() {
-                return at(y);
-            }
-        }
-        let ends = ends()?;
-        if cost(mid) <= ends.cost { at(mid) } else { Some(ends) }
-    }
-
     fn refuse(&mut self, why: Refusal) {
         self.refusals[why as usize] += 1;
     }
@@ -256,13 +198,15 @@ impl<M: Metric> Engine<M> {
     /// The bounds of some vertices spread over the mesh, for the first threshold. Of a small mesh, all.
     fn first_bounds(&mut self) -> Vec<f32> {
         let step = self.store.v.len().div_ceil(FIRST_LOOK).max(1);
-        let mut ring = Ring::new();
+        let (mut ring, mut owned) = (Ring::new(), Vec::new());
         let mut bounds = Vec::with_capacity(FIRST_LOOK);
         for u in (0..self.store.v.len()).step_by(step).map(|i| VertexId(i as u32)) {
             self.store.ring(u, &mut ring);
-            let owned = ring.iter().flat_map(|r| [r.a, r.b]).filter(|&w| w > u);
-            let costs = owned.filter_map(|w| self.evaluate(u, w)).map(|c| c.cost);
-            bounds.push(costs.fold(f32::INFINITY, f32::min));
+            owned.clear();
+            owned.extend(distinct(&ring).filter(|&w| w > u));
+            let mut least = f32::INFINITY;
+            self.evaluate_owned(u, &owned, |c| least = least.min(c.cost));
+            bounds.push(least);
         }
         bounds
     }
@@ -281,32 +225,32 @@ impl<M: Metric> Engine<M> {
 
     /// Evaluates the edges that u owns, collapses the cheapest that costs at most tau and can, renews `bound[u]`.
     fn visit(&mut self, u: VertexId, tau: f32, probe: bool, scratch: &mut Scratch) {
-        let Scratch { ru, rv, found } = scratch;
+        let Scratch { ru, rv, owned, found } = scratch;
         self.store.ring(u, ru);
         found.clear();
         let mut least = f32::INFINITY;
-        let regular = self.store.v[u.index()].kind.is_regular();
-        let stamp = if regular { 0 } else { self.store.next_stamp() };
-        for r in ru.iter() {
+        owned.clear();
+        if self.store.v[u.index()].kind.is_regular() {
             // Inside closed fans every neighbour comes first in one of the triangles: no need to look at the second.
-            for w in [r.a, r.b].into_iter().take(if regular { 1 } else { 2 }) {
-                if w <= u {
-                    continue;
-                }
-                if !regular {
-                    let mark = &mut self.store.v[w.index()].mark;
-                    if *mark == stamp {
-                        continue;
-                    }
+            owned.extend(ru.iter().map(|r| r.a).filter(|&w| w > u));
+        } else {
+            let stamp = self.store.next_stamp();
+            for w in ru.iter().flat_map(|r| [r.a, r.b]).filter(|&w| w > u) {
+                let mark = &mut self.store.v[w.index()].mark;
+                if *mark != stamp {
                     *mark = stamp;
-                }
-                match self.evaluate(u, w) {
-                    None => self.refuse(Refusal::NonManifold),
-                    Some(c) if c.cost <= tau => found.push(c),
-                    Some(c) => least = least.min(c.cost),
+                    owned.push(w);
                 }
             }
         }
+        let stuck = self.evaluate_owned(u, owned, |c| {
+            if c.cost <= tau {
+                found.push(c);
+            } else {
+                least = least.min(c.cost);
+            }
+        });
+        self.refusals[Refusal::NonManifold as usize] += stuck;
         while let Some(i) = (0..found.len()).min_by(|&i, &j| found[i].cost.total_cmp(&found[j].cost)) {
             let candidate = found.swap_remove(i);
             let inherited = self.store.bound[candidate.removed.index()];
@@ -434,5 +378,6 @@ impl<M: Metric> Engine<M> {
 struct Scratch {
     ru: Ring,
     rv: Ring,
+    owned: Vec<VertexId>,
     found: Vec<Candidate>,
 }

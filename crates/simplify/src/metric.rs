@@ -27,6 +27,8 @@ pub(crate) trait Metric {
     const MEMORYLESS: bool;
 
     /// The tensor within.
+    fn tensor_of(memory: &Self::Memory) -> &Tensor;
+    /// The tensor within, to be changed.
     fn tensor(memory: &mut Self::Memory) -> &mut Tensor;
     /// The form of an edge: `d` leads from the kept to the removed end.
     fn form(kept: &Self::Memory, removed: &Self::Memory, d: Vec3) -> Form;

@@ -196,16 +196,14 @@ impl<M: Metric> Engine<M> {
             // The vertices around swap old planes for new ones; u starts afresh.
             let mut q = M::Memory::default();
             for w in &self.wings {
-                let (old, new) = (Tensor::outer(w.normal, 1.0 / w.length.max(1e-30)), Tensor::plane(w.after));
+                let mut change = Tensor::outer(w.normal, -1.0 / w.length.max(1e-30));
                 if !w.both {
+                    let new = Tensor::plane(w.after);
                     M::tensor(&mut q).add(&new);
+                    change.add(&new);
                 }
                 for o in [w.a, w.b].into_iter().filter(|&o| o != v) {
-                    let s = M::tensor(&mut self.store.v[o.index()].q);
-                    s.sub(&old);
-                    if !w.both {
-                        s.add(&new);
-                    }
+                    M::tensor(&mut self.store.v[o.index()].q).add(&change);
                 }
             }
             for &(w, at_u) in self.rim.iter().filter(|r| r.0 != v) {

@@ -1,6 +1,7 @@
 //! What a vertex is by its edges: inside, on a border, on a non-manifold curve; and what that allows.
 
 use lodsmith_core::VertexId;
+use wide::u32x8;
 
 use super::store::Spoke;
 use crate::options::BorderPolicy;
@@ -126,16 +127,9 @@ fn is_closed_fan(ring: &[Spoke]) -> bool {
     for (i, r) in ring.iter().enumerate() {
         (a[i], b[i]) = (r.a.0, r.b.0);
     }
-    let mut good = n > 0;
-    for &w in &a[..n] {
-        let (mut first, mut second) = (0u32, 0u32);
-        for k in 0..LANES {
-            first += u32::from(a[k] == w);
-            second += u32::from(b[k] == w);
-        }
-        good &= first == 1 && second == 1;
-    }
-    good
+    let (first, second) = (u32x8::from(a), u32x8::from(b));
+    let once = |w: u32x8, lanes: u32x8| lanes.simd_eq(w).to_bitmask().count_ones() == 1;
+    n > 0 && a[..n].iter().all(|&w| once(u32x8::splat(w), first) && once(u32x8::splat(w), second))
 }
 
 /// The neighbours in a ring, each once.

@@ -17,6 +17,10 @@ impl Metric for Memoryless {
     const MEMORYLESS: bool = true;
 
     #[inline(always)]
+    fn tensor_of(memory: &Tensor) -> &Tensor {
+        memory
+    }
+    #[inline(always)]
     fn tensor(memory: &mut Tensor) -> &mut Tensor {
         memory
     }

@@ -23,6 +23,10 @@ impl Metric for Quadric {
     const MEMORYLESS: bool = false;
 
     #[inline(always)]
+    fn tensor_of(memory: &Memory) -> &Tensor {
+        &memory.a
+    }
+    #[inline(always)]
     fn tensor(memory: &mut Memory) -> &mut Tensor {
         &mut memory.a
     }
