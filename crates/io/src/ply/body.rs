@@ -125,8 +125,11 @@ enum Target {
     Nothing,
 }
 
+/// Names of a group of properties, and where the k-th of them goes.
+type Group = (&'static [&'static str], fn(usize) -> Target);
+
 /// Names by which properties of vertices are known: whole groups only, the first group of a kind counts.
-const GROUPS: [(&[&str], fn(usize) -> Target); 8] = [
+const GROUPS: [Group; 8] = [
     (&["x", "y", "z"], Target::Position),
     (&["nx", "ny", "nz"], Target::Normal),
     (&["red", "green", "blue"], Target::Color),
