@@ -20,6 +20,7 @@ use crate::write::WriteOptions;
 
 use body::{Body, Corners, Faces};
 use header::Header;
+pub(crate) use header::shorten;
 
 /// Reads the bytes of a PLY file.
 ///

@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use super::container::{Document, entry, list, unsupported, whole};
 use crate::error::ReadError;
+use crate::ply::shorten;
 use crate::read::ReadOptions;
 
 /// The buffers of a file, opened when they are asked for.
@@ -115,21 +116,20 @@ impl<'a> Buffers<'a> {
     }
 
     fn file(&self, uri: &str, name: &str) -> Result<Vec<u8>, ReadError> {
-        let path = relative_path(uri).map_err(|problem| {
-            let uri: String = uri.chars().take(80).collect();
-            ReadError::element(name, format!("the uri `{uri}` {problem}"))
-        })?;
+        let path = relative_path(uri)
+            .map_err(|problem| ReadError::element(name, format!("the uri `{}` {problem}", shorten(uri))))?;
+        let shown = shorten(&path.to_string_lossy());
         let Some(folder) = self.folder else {
             return Err(ReadError::element(
                 name,
-                format!("lies in the file {}, and no folder is known to look for it", path.display()),
+                format!("lies in the file {shown}, and no folder is known to look for it"),
             ));
         };
         let full = folder.join(&path);
         let about = std::fs::metadata(&full)
-            .map_err(|e| ReadError::element(name, format!("cannot read the file {}: {e}", path.display())))?;
+            .map_err(|e| ReadError::element(name, format!("cannot read the file {shown}: {e}")))?;
         if !about.is_file() {
-            return Err(ReadError::element(name, format!("{} is not a plain file", path.display())));
+            return Err(ReadError::element(name, format!("{shown} is not a plain file")));
         }
         if about.len() > self.limit {
             return Err(ReadError::Limit {
@@ -139,7 +139,7 @@ impl<'a> Buffers<'a> {
             });
         }
         std::fs::read(&full)
-            .map_err(|e| ReadError::element(name, format!("cannot read the file {}: {e}", path.display())))
+            .map_err(|e| ReadError::element(name, format!("cannot read the file {shown}: {e}")))
     }
 }
 

@@ -5,6 +5,7 @@ use serde_json::Value;
 use super::container::{HARMLESS, list};
 use super::scene::Placement;
 use crate::error::Warning;
+use crate::ply::shorten;
 use crate::read::Contents;
 
 /// Names of attributes as reports give them.
@@ -39,13 +40,13 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
                 if name == "POSITION" {
                     continue;
                 }
-                let shown =
-                    NAMES.iter().find(|(gltf, _)| gltf == name).map_or(name.as_str(), |(_, ours)| ours);
+                let ours = NAMES.iter().find(|(gltf, _)| gltf == name);
+                let shown = ours.map_or_else(|| shorten(name), |(_, ours)| (*ours).to_owned());
                 // A file may hold names without end; a report needs no more than these.
-                if contents.attributes.len() < 64 && !contents.attributes.iter().any(|a| a == shown) {
-                    contents.attributes.push(shown.to_owned());
+                if contents.attributes.len() < 64 && !contents.attributes.contains(&shown) {
+                    contents.attributes.push(shown);
                     if !["NORMAL", "TEXCOORD_0", "COLOR_0"].contains(&name.as_str()) {
-                        other_attributes.push(name.clone());
+                        other_attributes.push(shorten(name));
                     }
                 }
             }
@@ -71,13 +72,14 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
     if !other_attributes.is_empty() {
         dropped(true, &format!("attributes {}", other_attributes.join(", ")));
     }
-    let unknown: Vec<&str> = list(json, "extensionsUsed")
+    let unknown: Vec<String> = list(json, "extensionsUsed")
         .iter()
         .filter_map(Value::as_str)
         .filter(|e| {
             !e.starts_with("KHR_materials_") && !HARMLESS.contains(e) && *e != "KHR_mesh_quantization"
         })
         .take(16)
+        .map(shorten)
         .collect();
     if !unknown.is_empty() {
         dropped(true, &format!("extensions {}", unknown.join(", ")));

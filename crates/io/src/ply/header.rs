@@ -199,13 +199,12 @@ fn scalar_named(number: usize, name: &str) -> Result<Scalar, ReadError> {
         .ok_or_else(|| ReadError::line(number, format!("`{}` is no PLY type of numbers", shorten(name))))
 }
 
-/// A word of the file for a message: at most 60 characters.
-pub(super) fn shorten(word: &str) -> String {
-    if word.chars().count() <= 60 {
-        word.to_owned()
-    } else {
-        word.chars().take(57).chain("...".chars()).collect()
-    }
+/// Words of the file for a message: at most 60 characters, and none that would do things to a terminal.
+pub(crate) fn shorten(word: &str) -> String {
+    let clean = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
+    let long = word.chars().nth(60).is_some();
+    let kept = word.chars().take(if long { 57 } else { 60 }).map(clean);
+    kept.chain(if long { "..." } else { "" }.chars()).collect()
 }
 
 /// Lines of a header: their number from 1, and their text. The first line decides what ends a line.
@@ -273,6 +272,7 @@ mod tests {
         assert_eq!(said("ply\nproperty float x\n"), "line 2: property x belongs to no element");
         assert_eq!(said("ply\nformat ascii 1.0\n"), "the header has no end: a line `end_header` is missing");
         assert_eq!(said("ply\nend_header\n"), "line 2: the header names no format (ascii, binary_...)");
+        assert_eq!(said("ply\n\u{1b}[2J\n"), "line 2: `\u{fffd}[2J` is no line of a PLY header");
         assert_eq!(said("ply\nhello\n"), "line 2: `hello` is no line of a PLY header");
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Soup;
 use crate::error::{ReadError, Warning};
+use crate::ply::shorten;
 
 /// Reads all solids of a text. Keywords may be in any case, normals may be missing.
 pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
@@ -110,7 +111,7 @@ fn number(word: &[u8]) -> Option<f32> {
 
 /// A word of the file for a message.
 fn show(word: &[u8]) -> String {
-    String::from_utf8_lossy(&word[..word.len().min(60)]).into_owned()
+    shorten(&String::from_utf8_lossy(&word[..word.len().min(300)]))
 }
 
 /// Words between blanks, and where they stand.
