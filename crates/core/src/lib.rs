@@ -5,6 +5,7 @@
 pub mod ids;
 pub mod measure;
 pub mod mesh;
+pub mod polygon;
 
 pub use ids::{FaceId, HalfEdgeId, VertexId, WedgeId};
 pub use mesh::{Bounds, MeshError, Positions, PositionsView, Surface, TriMesh};

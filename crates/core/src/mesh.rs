@@ -4,6 +4,9 @@ use std::borrow::Cow;
 
 use crate::ids::{VertexId, WedgeId};
 
+pub mod compact;
+pub mod weld;
+
 /// Why buffers do not make a mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]

@@ -7,6 +7,7 @@ pub mod error;
 pub mod format;
 pub mod gltf;
 pub mod limits;
+mod numbers;
 pub mod obj;
 pub mod off;
 pub mod ply;

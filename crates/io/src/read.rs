@@ -1,5 +1,8 @@
 //! From a path or bytes to a mesh.
 
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use lodsmith_core::TriMesh;
@@ -7,6 +10,7 @@ use lodsmith_core::TriMesh;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::limits::Limits;
+use crate::sniff::{hint_of, is_binary_stl, looks_like_text, sniff};
 
 /// How to read.
 #[derive(Clone, Debug, Default)]
@@ -57,18 +61,169 @@ pub struct Loaded {
 
 /// Reads a file; `.gz` opens by itself, content decides the format.
 ///
+/// The file is read once and held in memory beside the mesh. A path may also name a pipe or a device; a folder is
+/// refused. Where the content contradicts the ending, the content is believed and a warning says so.
+///
 /// # Errors
-/// [`ReadError::File`] with the path and the reason.
+/// [`ReadError::File`] with the path and the reason. A mesh without faces is [`ReadError::NoFaces`].
 pub fn read_path(path: &Path, options: &ReadOptions) -> Result<Loaded, ReadError> {
-    let _ = options;
-    Err(ReadError::file("not yet").at(path))
+    let read = || {
+        let bytes = bytes_of(path, options.limits)?;
+        let folder = options.folder.clone().or_else(|| Some(folder_of(path)));
+        read_hinted(&bytes, hint_of(path), &ReadOptions { folder, ..options.clone() })
+    };
+    read().map_err(|e| e.at(path))
 }
 
-/// Reads bytes.
+/// Reads bytes; gzip opens by itself, content decides the format.
 ///
 /// # Errors
 /// As [`read_path`], without a path.
 pub fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
-    let _ = (bytes, options);
-    Err(ReadError::file("not yet"))
+    check_size("the input", bytes.len() as u64, options.limits)?;
+    read_hinted(bytes, None, options)
+}
+
+fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Result<Loaded, ReadError> {
+    let bytes = if bytes.starts_with(&GZIP_MAGIC) {
+        Cow::Owned(gunzip(bytes, options.limits)?)
+    } else {
+        Cow::Borrowed(bytes)
+    };
+    if bytes.is_empty() {
+        return Err(ReadError::Unknown("the file is empty".to_owned()));
+    }
+    let text = utf8_of(&bytes);
+    let format = match options.format {
+        Some(format) => format,
+        None => sniff(&bytes, hint).or_else(|| sniff(&text, hint)).ok_or_else(|| unknown(&text))?,
+    };
+    let mut loaded = match format {
+        Format::Obj => crate::obj::read(&text, options),
+        Format::Off => crate::off::read(&text, options),
+        Format::Ply => crate::ply::read(&bytes, options),
+        Format::Stl => crate::stl::read(if is_binary_stl(&bytes) { &bytes } else { &text }, options),
+        Format::Gltf => crate::gltf::read(&text, options),
+        Format::Glb => crate::gltf::read(&bytes, options),
+    }?;
+    if loaded.mesh.face_count() == 0 {
+        return Err(ReadError::NoFaces { vertices: loaded.mesh.vertex_count() });
+    }
+    if let (None, Some(hint)) = (options.format, hint)
+        && hint != format
+    {
+        let [hint, format] = [hint, format].map(|f| f.name().to_uppercase());
+        let text = format!("the ending says {hint}, the content is {format}: read as {format}");
+        loaded.warnings.insert(0, Warning::note(text));
+    }
+    Ok(loaded)
+}
+
+/// First bytes of a gzip file: its magic, and the only method that there is.
+const GZIP_MAGIC: [u8; 3] = [0x1f, 0x8b, 8];
+
+fn bytes_of(path: &Path, limits: Limits) -> Result<Vec<u8>, ReadError> {
+    let mut file = File::open(path).map_err(|e| match e.kind() {
+        io::ErrorKind::NotFound => io::Error::new(e.kind(), "there is no such file"),
+        _ => e,
+    })?;
+    let about = file.metadata()?;
+    if about.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder, not a file").into());
+    }
+    check_size("the file", about.len(), limits)?;
+    let mut bytes = Vec::new();
+    // The size is the system's word, not the file's; still, a sparse file may be larger than the memory.
+    let no_memory = |_| io::Error::new(io::ErrorKind::OutOfMemory, "the file is larger than the free memory");
+    bytes.try_reserve_exact(usize::try_from(about.len()).unwrap_or(usize::MAX)).map_err(no_memory)?;
+    // A pipe has no size that could be checked before.
+    (&mut file).take(limits.bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    check_size("the file", bytes.len() as u64, limits)?;
+    Ok(bytes)
+}
+
+fn check_size(what: &'static str, size: u64, limits: Limits) -> Result<(), ReadError> {
+    if size > limits.bytes { Err(ReadError::Limit { what, size, limit: limits.bytes }) } else { Ok(()) }
+}
+
+fn gunzip(bytes: &[u8], limits: Limits) -> Result<Vec<u8>, ReadError> {
+    let mut unpacked = Vec::new();
+    let result = flate2::read::MultiGzDecoder::new(bytes)
+        .take(limits.bytes.saturating_add(1))
+        .read_to_end(&mut unpacked);
+    check_size("the unpacked file", unpacked.len() as u64, limits)?;
+    match result {
+        Ok(_) => Ok(unpacked),
+        Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => Err(ReadError::file(format!(
+            "the gzip data end too early, after {} unpacked bytes",
+            unpacked.len()
+        ))),
+        Err(e) => Err(ReadError::file(format!(
+            "the gzip data are damaged after {} unpacked bytes: {e}",
+            unpacked.len()
+        ))),
+    }
+}
+
+/// Text as the readers of text want it: UTF-8 without a mark at its front, lines that end in `\n`.
+fn utf8_of(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let utf16 = |unit: fn([u8; 2]) -> u16| {
+        let units = bytes[2..].chunks_exact(2).map(|b| unit([b[0], b[1]]));
+        let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+        Cow::Owned(text.collect::<String>().into_bytes())
+    };
+    let text = match bytes {
+        [0xff, 0xfe, ..] => utf16(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => utf16(u16::from_be_bytes),
+        [0xef, 0xbb, 0xbf, ..] => Cow::Borrowed(&bytes[3..]),
+        _ => Cow::Borrowed(bytes),
+    };
+    // Old Macintosh files end their lines in `\r` alone.
+    if memchr::memchr(b'\n', &text).is_none() && memchr::memchr(b'\r', &text).is_some() {
+        return text.iter().map(|&b| if b == b'\r' { b'\n' } else { b }).collect();
+    }
+    text
+}
+
+fn unknown(text: &[u8]) -> ReadError {
+    let what = if text.iter().all(u8::is_ascii_whitespace) {
+        "it holds nothing but blanks"
+    } else if looks_like_text(text) {
+        "it is text, but no line of it is of a mesh"
+    } else {
+        "its first bytes are of none of them"
+    };
+    ReadError::Unknown(what.to_owned())
+}
+
+/// The folder that a file lies in; `.` for a bare name.
+fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn utf16_and_old_line_ends_become_plain_text() {
+        let text = "v 1 2 3\nf 1 1 1\n";
+        let little: Vec<u8> =
+            [0xff, 0xfe].into_iter().chain(text.encode_utf16().flat_map(u16::to_le_bytes)).collect();
+        let big: Vec<u8> =
+            [0xfe, 0xff].into_iter().chain(text.encode_utf16().flat_map(u16::to_be_bytes)).collect();
+        assert_eq!(&*utf8_of(&little), text.as_bytes());
+        assert_eq!(&*utf8_of(&big), text.as_bytes());
+        assert_eq!(&*utf8_of(format!("\u{feff}{text}").as_bytes()), text.as_bytes());
+        assert_eq!(&*utf8_of(text.replace('\n', "\r").as_bytes()), text.as_bytes());
+    }
+
+    #[test]
+    fn a_bare_name_lies_in_this_folder() {
+        assert_eq!(folder_of(Path::new("a.gltf")), Path::new("."));
+        assert_eq!(folder_of(Path::new("x/a.gltf")), Path::new("x"));
+    }
 }

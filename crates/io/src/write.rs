@@ -1,12 +1,16 @@
 //! From a mesh to a path or a stream.
 
-use std::io::Write;
-use std::path::Path;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
 
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use lodsmith_core::TriMesh;
 
 use crate::error::{Warning, WriteError};
 use crate::format::Format;
+use crate::sniff::hint_of;
 
 /// How to write.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -20,16 +24,33 @@ pub struct WriteOptions {
 
 /// Writes a mesh to a file: to a temporary one beside it, which is then renamed. An existing file survives a failure.
 ///
-/// A path that ends in `.gz` is compressed. Returns what the format could not carry.
+/// A path that ends in `.gz` is compressed. A link is followed; a device or a pipe is written to as it is. A new file
+/// has the permissions of any new file, an overwritten one keeps its own. Data are handed to the system, which may put
+/// them on the disk later. Returns what the format could not carry.
 ///
 /// # Errors
-/// [`WriteError`].
+/// [`WriteError`], which names the path; nothing is left behind.
 pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result<Vec<Warning>, WriteError> {
-    let _ = (mesh, options);
-    Err(WriteError::UnknownFormat { path: path.to_owned() })
+    let format = options
+        .format
+        .or_else(|| hint_of(path))
+        .ok_or_else(|| WriteError::UnknownFormat { path: path.to_owned() })?;
+    write_file(path, |out| {
+        if !is_gz(path) {
+            return write_format(mesh, format, options, out);
+        }
+        // The header holds no time, so that the same mesh gives the same bytes.
+        let mut gz = GzEncoder::new(out, Compression::default());
+        let warnings = write_format(mesh, format, options, &mut BufWriter::with_capacity(BUFFER, &mut gz))?;
+        gz.finish()?;
+        Ok(warnings)
+    })
+    .map_err(|e| named(e, path))
 }
 
 /// Writes a mesh to a stream in a format. Returns what the format could not carry.
+///
+/// The stream gets large pieces and is flushed at the end.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -39,6 +60,94 @@ pub fn write_to(
     options: &WriteOptions,
     out: &mut dyn Write,
 ) -> Result<Vec<Warning>, WriteError> {
-    let _ = (mesh, format, options, out);
-    Ok(Vec::new())
+    let mut out = BufWriter::with_capacity(BUFFER, out);
+    let result = write_format(mesh, format, options, &mut out);
+    if result.is_err() {
+        // What is still held back belongs to a file that failed.
+        let _ = out.into_parts();
+    }
+    result.map_err(|e| named(e, Path::new("output stream")))
+}
+
+/// Bytes that go to the system at once. Guessed.
+const BUFFER: usize = 1 << 17;
+
+fn write_format(
+    mesh: &TriMesh,
+    format: Format,
+    options: &WriteOptions,
+    out: &mut dyn Write,
+) -> io::Result<Vec<Warning>> {
+    let warnings = match format {
+        Format::Obj => crate::obj::write(mesh, options, out),
+        Format::Off => crate::off::write(mesh, options, out),
+        Format::Ply => crate::ply::write(mesh, options, out),
+        Format::Stl => crate::stl::write(mesh, options, out),
+        Format::Gltf | Format::Glb => {
+            // The module tells the two apart by this.
+            crate::gltf::write(mesh, &WriteOptions { format: Some(format), ..options.clone() }, out)
+        }
+    }?;
+    out.flush()?;
+    Ok(warnings)
+}
+
+/// Makes the file at `path` hold what `write` writes, or leaves things as they were.
+fn write_file<T>(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<T>) -> io::Result<T> {
+    // A link stays a link: what it points to is replaced.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let existing = match fs::metadata(&target) {
+        Ok(about) => Some(about),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => None,
+        Err(e) => return Err(e),
+    };
+    if let Some(about) = &existing {
+        if about.is_dir() {
+            return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
+        }
+        if about.permissions().readonly() {
+            return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file is read-only"));
+        }
+        if !about.is_file() {
+            let mut out = BufWriter::with_capacity(BUFFER, File::options().write(true).open(&target)?);
+            let value = write(&mut out)?;
+            out.flush()?;
+            return Ok(value);
+        }
+    }
+    let folder = match target.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+        _ => PathBuf::from("."),
+    };
+    if !folder.is_dir() {
+        let text = format!("there is no folder {}", folder.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, text));
+    }
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".lodsmith-").suffix(".part");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // What a new file has before the user's mask is taken off.
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    let temporary = builder.tempfile_in(&folder)?;
+    let mut out = BufWriter::with_capacity(BUFFER, temporary.as_file());
+    let value = write(&mut out)?;
+    out.flush()?;
+    drop(out);
+    if let Some(about) = existing {
+        temporary.as_file().set_permissions(about.permissions())?;
+    }
+    temporary.persist(&target).map_err(|e| e.error)?;
+    Ok(value)
+}
+
+fn is_gz(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"))
+}
+
+/// A format that cannot hold the mesh says so with a [`WriteError`] inside the error of the stream.
+fn named(error: io::Error, path: &Path) -> WriteError {
+    error.downcast::<WriteError>().unwrap_or_else(|source| WriteError::Io { path: path.to_owned(), source })
 }

@@ -1,0 +1,361 @@
+//! Numbers in text: read at the speed of the file, written as the shortest that reads back the same.
+
+use std::io::{self, Write};
+
+/// A decimal number as a file has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Decimal {
+    /// Its value, correctly rounded.
+    pub(crate) value: f64,
+    /// Significant digits, leading zeros not counted.
+    digits: u32,
+    /// Power of ten of its last digit.
+    exponent: i32,
+}
+
+impl Decimal {
+    /// Whether single precision would lose something that the file says.
+    ///
+    /// That is so if the nearest `f32`, printed with as many digits as the number has, is another number. It needs at
+    /// least 8 digits (zeros that fill up a whole number are none), and a relative difference above 1e-9; so an `f32` that was printed with 9 digits, or with 6
+    /// decimals, is no loss. A number too large or too small for an `f32` always is.
+    #[inline]
+    pub(crate) fn needs_f64(&self) -> bool {
+        if self.digits < SURE_DIGITS && self.exponent.unsigned_abs() <= 30 {
+            return false;
+        }
+        self.differs_from_f32()
+    }
+
+    fn differs_from_f32(&self) -> bool {
+        if !self.value.is_finite() || self.value == 0.0 {
+            return false;
+        }
+        let single = self.value as f32;
+        if !single.is_normal() {
+            return true;
+        }
+        let off = (self.value - f64::from(single)).abs();
+        // Zeros at the end of a whole number only fill its places: the f32 34601252 is printed as 34601250.
+        let (mut digits, mut exponent, mut rest) = (self.digits, self.exponent, self.value);
+        if rest.fract() == 0.0 {
+            if exponent < 0 {
+                digits = digits.saturating_sub(exponent.unsigned_abs());
+                exponent = 0;
+            }
+            while digits >= SURE_DIGITS && rest % 10.0 == 0.0 {
+                (digits, exponent, rest) = (digits - 1, exponent + 1, rest / 10.0);
+            }
+        }
+        // Half a unit of the last digit, and a little for the rounding of this very sum.
+        let printed_alike = off <= 0.500_001 * 10f64.powi(exponent);
+        digits >= SURE_DIGITS && off > 1e-9 * self.value.abs() && !printed_alike
+    }
+}
+
+/// Numbers of fewer digits than this are an `f32` as well as an `f64`: it tells any two of them apart (but for a few
+/// of seven digits, where the difference is in the noise of the last one).
+const SURE_DIGITS: u32 = 8;
+
+/// Reads the number at the front of `bytes` and returns it with its length; `None` where there is none.
+///
+/// Decimal notation with optional sign, point and exponent, `nan`, `inf` and `infinity` in any case. It ends where
+/// the notation ends; whether anything may follow is for the caller to say.
+#[inline]
+pub(crate) fn decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
+    let mut at = 0;
+    let negative = match bytes.first() {
+        Some(b'-') => {
+            at = 1;
+            true
+        }
+        Some(b'+') => {
+            at = 1;
+            false
+        }
+        _ => false,
+    };
+    let start = at;
+    let mut mantissa = 0u64;
+    while let Some(digit) = digit_at(bytes, at) {
+        mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
+        at += 1;
+    }
+    let mut all = at - start;
+    let mut exponent = 0i32;
+    if bytes.get(at) == Some(&b'.') {
+        at += 1;
+        let point = at;
+        while let Some(digit) = digit_at(bytes, at) {
+            mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
+            at += 1;
+        }
+        all += at - point;
+        exponent = -i32::try_from(at - point).ok()?;
+    }
+    if all == 0 {
+        return special(bytes);
+    }
+    if let Some(b'e' | b'E') = bytes.get(at) {
+        let (power, length) = power_of_ten(&bytes[at + 1..]);
+        if length > 0 {
+            at += 1 + length;
+            exponent = exponent.saturating_add(power);
+        }
+    }
+    // Nineteen digits fit 64 bits; a mantissa and a power of ten that are both exact doubles give one rounding only.
+    let few = all <= 19;
+    if few && mantissa < 1 << 53 && exponent.unsigned_abs() <= 22 {
+        let power = EXACT_POWERS[exponent.unsigned_abs() as usize];
+        let value = if exponent < 0 { mantissa as f64 / power } else { mantissa as f64 * power };
+        let value = if negative { -value } else { value };
+        return Some((Decimal { value, digits: digit_count(mantissa), exponent }, at));
+    }
+    let text = &bytes[usize::from(bytes[0] == b'+')..at];
+    let value = fast_float2::parse::<f64, _>(text).ok()?;
+    let digits = if few { digit_count(mantissa) } else { u32::try_from(all).unwrap_or(u32::MAX) };
+    Some((Decimal { value, digits, exponent }, at))
+}
+
+#[inline]
+fn digit_at(bytes: &[u8], at: usize) -> Option<u64> {
+    let digit = bytes.get(at)?.wrapping_sub(b'0');
+    (digit < 10).then_some(u64::from(digit))
+}
+
+#[inline]
+fn digit_count(mantissa: u64) -> u32 {
+    mantissa.checked_ilog10().map_or(0, |n| n + 1)
+}
+
+/// The exponent behind an `e`, and its length; nothing where there are no digits.
+fn power_of_ten(bytes: &[u8]) -> (i32, usize) {
+    let negative = bytes.first() == Some(&b'-');
+    let start = usize::from(matches!(bytes.first(), Some(b'-' | b'+')));
+    let (mut power, mut at) = (0i32, start);
+    while let Some(digit) = digit_at(bytes, at) {
+        power = power.saturating_mul(10).saturating_add(digit as i32);
+        at += 1;
+    }
+    if at == start { (0, 0) } else { (if negative { -power } else { power }, at) }
+}
+
+#[cold]
+fn special(bytes: &[u8]) -> Option<(Decimal, usize)> {
+    let start = usize::from(matches!(bytes.first(), Some(b'-' | b'+')));
+    let word = &bytes[start..];
+    let begins = |name: &str| word.get(..name.len()).is_some_and(|w| w.eq_ignore_ascii_case(name.as_bytes()));
+    let (value, length) = [("infinity", f64::INFINITY), ("inf", f64::INFINITY), ("nan", f64::NAN)]
+        .into_iter()
+        .find(|(name, _)| begins(name))
+        .map(|(name, value)| (value, name.len()))?;
+    let value = if bytes[0] == b'-' { -value } else { value };
+    Some((Decimal { value, digits: 0, exponent: 0 }, start + length))
+}
+
+/// Powers of ten that a double holds exactly.
+const EXACT_POWERS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
+    1e19, 1e20, 1e21, 1e22,
+];
+
+/// Reads the whole number at the front of `bytes` and returns it with its length; `None` where there is none.
+/// Numbers that no index can be come back as the largest or smallest there is.
+#[inline]
+pub(crate) fn whole(bytes: &[u8]) -> Option<(i64, usize)> {
+    let negative = bytes.first() == Some(&b'-');
+    let start = usize::from(negative || bytes.first() == Some(&b'+'));
+    let (mut value, mut at) = (0u64, start);
+    while let Some(digit) = digit_at(bytes, at) {
+        value = value.wrapping_mul(10).wrapping_add(digit);
+        at += 1;
+    }
+    if at == start {
+        return None;
+    }
+    let value = if at - start > 18 { saturated(&bytes[start..at]) } else { value as i64 };
+    Some((if negative { -value } else { value }, at))
+}
+
+#[cold]
+fn saturated(digits: &[u8]) -> i64 {
+    digits.iter().fold(0i64, |v, d| v.saturating_mul(10).saturating_add(i64::from(d - b'0')))
+}
+
+/// Text on its way to a stream: numbers and words are put into a buffer, which is handed on when it is full.
+pub(crate) struct TextOut<'a> {
+    buffer: Vec<u8>,
+    out: &'a mut dyn Write,
+    whole: itoa::Buffer,
+    decimal: zmij::Buffer,
+}
+
+impl<'a> TextOut<'a> {
+    pub(crate) fn new(out: &'a mut dyn Write) -> Self {
+        let buffer = Vec::with_capacity(BUFFER + BUFFER / 4);
+        Self { buffer, out, whole: itoa::Buffer::new(), decimal: zmij::Buffer::new() }
+    }
+    pub(crate) fn text(&mut self, text: &str) {
+        self.buffer.extend_from_slice(text.as_bytes());
+    }
+    pub(crate) fn byte(&mut self, byte: u8) {
+        self.buffer.push(byte);
+    }
+    pub(crate) fn whole(&mut self, number: impl itoa::Integer) {
+        self.buffer.extend_from_slice(self.whole.format(number).as_bytes());
+    }
+    /// The shortest decimal that reads back as the same number.
+    pub(crate) fn decimal(&mut self, number: impl zmij::Float) {
+        let text = self.decimal.format(number);
+        self.buffer.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+    }
+    /// A blank before each number.
+    pub(crate) fn decimals(&mut self, numbers: impl IntoIterator<Item = impl zmij::Float>) {
+        for number in numbers {
+            self.byte(b' ');
+            self.decimal(number);
+        }
+    }
+    /// Ends a line.
+    pub(crate) fn end_line(&mut self) -> io::Result<()> {
+        self.buffer.push(b'\n');
+        if self.buffer.len() >= BUFFER { self.finish() } else { Ok(()) }
+    }
+    /// Hands on what is left.
+    pub(crate) fn finish(&mut self) -> io::Result<()> {
+        self.out.write_all(&self.buffer)?;
+        self.buffer.clear();
+        Ok(())
+    }
+}
+
+/// Bytes that are handed on at once. Guessed.
+const BUFFER: usize = 1 << 16;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn value(text: &str) -> Option<(f64, usize)> {
+        decimal(text.as_bytes()).map(|(d, n)| (d.value, n))
+    }
+
+    #[test]
+    fn every_spelling_is_read() {
+        for (text, wanted) in [
+            ("0", 0.0),
+            ("2.", 2.0),
+            (".5", 0.5),
+            ("+3.0", 3.0),
+            ("-2.e1", -20.0),
+            ("3.1E2", 310.0),
+            ("1e+2", 100.0),
+            ("2.e-1", 0.2),
+            ("2.e01", 20.0),
+            ("0.1", 0.1),
+            ("-5.257311121191337e-16", -5.257311121191337e-16),
+            ("+850650808352040.12345678901234567890", 850650808352040.1),
+            ("123456789012345678901234567890", 123456789012345678901234567890.0),
+            ("1e400", f64::INFINITY),
+            ("1e-400", 0.0),
+            ("1e99999999999999", f64::INFINITY),
+            ("-inf", f64::NEG_INFINITY),
+            ("Infinity", f64::INFINITY),
+        ] {
+            assert_eq!(value(text), Some((wanted, text.len())), "{text}");
+        }
+        assert!(value("NaN").is_some_and(|(v, n)| v.is_nan() && n == 3));
+        assert!(value("-nan").is_some_and(|(v, n)| v.is_nan() && n == 4));
+    }
+
+    #[test]
+    fn what_is_no_number_is_none_and_what_follows_is_left() {
+        for text in ["", "-", "+", ".", "abc", "e5", "-e5"] {
+            assert_eq!(value(text), None, "{text}");
+        }
+        assert_eq!(value("3.1+e2"), Some((3.1, 3)));
+        assert_eq!(value("3e"), Some((3.0, 1)));
+        assert_eq!(value("3e+ 1"), Some((3.0, 1)));
+        assert_eq!(value("1 2"), Some((1.0, 1)));
+    }
+
+    #[test]
+    fn rounding_is_that_of_the_standard_library() {
+        let mut state = 0x2545_f491_4f6c_dd1d_u64;
+        for _ in 0..20_000 {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            let number = f64::from_bits(state);
+            if !number.is_finite() {
+                continue;
+            }
+            for text in
+                [format!("{number}"), format!("{number:e}"), format!("{:.6}", (state >> 40) as f64 / 1e3)]
+            {
+                assert_eq!(value(&text), Some((text.parse().unwrap(), text.len())), "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn only_digits_that_an_f32_cannot_hold_need_f64() {
+        let needs = |text: &str| decimal(text.as_bytes()).unwrap().0.needs_f64();
+        for text in
+            ["0.1", "1.234567", "100000", "1e20", "0", "-0.0", "nan", "inf", "0.5000000000", "16777216"]
+        {
+            assert!(!needs(text), "{text}");
+        }
+        for text in [
+            "0.5257311121191336",
+            "500000.123",
+            "16777217",
+            "1e300",
+            "1e-300",
+            "1e-42",
+            "123456789.5",
+            "123456789.0",
+        ] {
+            assert!(needs(text), "{text}");
+        }
+        // Whatever was an f32, however it was printed.
+        for bits in (0x3000_0000u32..0x5000_0000).step_by(104_729) {
+            let number = f32::from_bits(bits);
+            for text in [
+                format!("{number}"),
+                format!("{number:.8e}"),
+                format!("{number:.6}"),
+                format!("{:.17}", f64::from(number)),
+                format!("{:e}", f64::from(number)),
+            ] {
+                assert!(!needs(&text), "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn whole_numbers_saturate() {
+        assert_eq!(whole(b"-12/3"), Some((-12, 3)));
+        assert_eq!(whole(b"+7 "), Some((7, 2)));
+        assert_eq!(whole(b"353535235358"), Some((353_535_235_358, 12)));
+        assert_eq!(whole(b"99999999999999999999999"), Some((i64::MAX, 23)));
+        assert_eq!(whole(b"-99999999999999999999999"), Some((-i64::MAX, 24)));
+        assert_eq!(whole(b"-"), None);
+        assert_eq!(whole(b"x"), None);
+    }
+
+    #[test]
+    fn written_numbers_read_back_the_same() {
+        let mut bytes = Vec::new();
+        let mut out = TextOut::new(&mut bytes);
+        out.decimals([0.1f32, 1.0, -2.5e-7, 1e20]);
+        out.decimals([0.1f64, 123456.789012345]);
+        out.end_line().unwrap();
+        out.finish().unwrap();
+        let text = String::from_utf8(bytes).unwrap();
+        assert!(text.starts_with(" 0.1 1 -2.5e-7 "), "{text}");
+        let singles: Vec<f32> = text.split_whitespace().take(4).map(|w| w.parse().unwrap()).collect();
+        assert_eq!(singles, [0.1, 1.0, -2.5e-7, 1e20]);
+        assert!(text.trim_end().ends_with("0.1 123456.789012345"), "{text}");
+    }
+}
