@@ -9,7 +9,6 @@ use serde_json::Value;
 
 use crate::args::Run;
 use crate::exit::Status;
-use crate::progress::Progress;
 
 /// Where a command's words go, and which of them.
 pub(crate) struct Output {
@@ -34,9 +33,16 @@ impl Output {
         }
     }
 
-    /// Whether results are JSON.
-    pub(crate) fn is_json(&self) -> bool {
-        self.json
+    /// For pages and scripts: nothing but results.
+    pub(crate) fn plain() -> Self {
+        Self {
+            json: false,
+            quiet: true,
+            verbose: false,
+            stdout_taken: false,
+            closed: Cell::new(false),
+            fault: RefCell::new(None),
+        }
     }
 
     /// A result for people: nothing with `--json` or `--quiet`.
@@ -77,11 +83,6 @@ impl Output {
     pub(crate) fn failure(&self, path: &str, reason: &str) {
         self.object(&serde_json::json!({ "path": path, "error": one_line(reason) }));
         error(&format!("{path}: {reason}"));
-    }
-
-    /// Prints with the progress bar out of the way.
-    pub(crate) fn beside(&self, progress: &Progress, print: impl FnOnce(&Self)) {
-        progress.aside(|| print(self));
     }
 
     /// Sends what is left, and says how printing went. A reader that closed the pipe had what it wanted.

@@ -1,0 +1,34 @@
+//! `lodsmith man`: manual pages for package makers.
+
+use clap::CommandFactory as _;
+use clap_mangen::Man;
+
+use crate::args::Cli;
+use crate::exit::{Status, usage};
+use crate::output::Output;
+
+/// Prints the page of a command, or the one that lists them all.
+pub(super) fn run(command: Option<&str>) -> anyhow::Result<Status> {
+    let mut whole = Cli::command();
+    whole.build();
+    let page_of = match command {
+        None => whole,
+        Some(name) => match whole.find_subcommand(name) {
+            None => return Err(usage(format!("there is no command {name}"))),
+            Some(found) => {
+                let title = format!("lodsmith-{name}");
+                found.clone().name(title.clone()).display_name(title)
+            }
+        },
+    };
+    let mut page = Vec::new();
+    Man::new(page_of).render(&mut page)?;
+    print_page(&page)
+}
+
+/// Prints a finished page.
+pub(super) fn print_page(page: &[u8]) -> anyhow::Result<Status> {
+    let out = Output::plain();
+    out.result(&String::from_utf8_lossy(page));
+    out.finish(Status::Done)
+}
