@@ -2,10 +2,13 @@
 //!
 //! Nouns only: data, queries and measures. No files, no clocks, no printing, no simplification.
 
+pub mod geometry;
 pub mod ids;
 pub mod measure;
 pub mod mesh;
 pub mod polygon;
+pub mod sampling;
+pub mod spatial;
 
 pub use ids::{FaceId, HalfEdgeId, VertexId, WedgeId};
 pub use mesh::{Bounds, MeshError, Positions, PositionsView, Surface, TriMesh};
