@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use crate::ids::{VertexId, WedgeId};
 
 pub mod compact;
+pub mod defects;
 pub mod weld;
 
 /// Why buffers do not make a mesh.
@@ -122,10 +123,8 @@ impl PositionsView<'_> {
             match &mut bounds {
                 None => bounds = Some(Bounds { min: p, max: p }),
                 Some(b) => {
-                    for k in 0..3 {
-                        b.min[k] = b.min[k].min(p[k]);
-                        b.max[k] = b.max[k].max(p[k]);
-                    }
+                    b.min = [0, 1, 2].map(|k| b.min[k].min(p[k]));
+                    b.max = [0, 1, 2].map(|k| b.max[k].max(p[k]));
                 }
             }
         }

@@ -390,7 +390,7 @@ mod tests {
     #[test]
     fn wedges_stay_unless_all_attributes_are_equal() {
         // Two triangles, three own vertices each, meet along an edge: one end has equal texture coordinates.
-        let p = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0f32]];
+        let p = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0f32]];
         let p = vec![p[0], p[1], p[2], p[1], p[0], [0.0, -1.0, 0.0]];
         let t = vec![[VertexId(0), VertexId(1), VertexId(2)], [VertexId(4), VertexId(5), VertexId(3)]];
         let mut mesh = TriMesh::new(Positions::F32(p), t).unwrap();
