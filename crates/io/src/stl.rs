@@ -1,27 +1,194 @@
-//! stl.
+//! Stereolithography files: a soup of facets, as text or as bytes.
+//!
+//! Facets name no vertices, so corners of equal position are made one vertex. That is exact: nothing moves.
+
+mod text;
+pub(crate) mod weld;
+mod write;
 
 use std::io::{self, Write};
 
-use lodsmith_core::TriMesh;
+use lodsmith_core::{MeshError, Positions, TriMesh};
 
 use crate::error::{ReadError, Warning};
-use crate::read::{Loaded, ReadOptions};
+use crate::format::Format;
+use crate::read::{Contents, Loaded, ReadOptions};
 use crate::write::WriteOptions;
 
-/// Reads the bytes of a file.
+use weld::Distinct;
+
+/// Bytes before the first facet of a binary file, and of each facet.
+const HEADER: usize = 84;
+const FACET: usize = 50;
+
+/// Reads the bytes of an STL file.
+///
+/// The size decides whether they are binary, not the first word. Corners of equal position become one vertex (0 and -0
+/// are equal), which a note tells; normals of facets are ignored, since positions give them. Several solids become one
+/// mesh. Cost: O(facets).
 ///
 /// # Errors
-/// [`ReadError`].
+/// [`ReadError::Malformed`] if the file is cut off or, as text, in a line that is none; [`ReadError::NoFaces`].
+///
+/// Source: the format has no standard; 3D Systems' "StereoLithography Interface Specification" (1988) and practice.
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
-    let _ = (bytes, options);
-    Err(ReadError::file("not yet"))
+    // The size of the file is held against the limits where it is opened; nothing here grows beyond it.
+    let _ = options;
+    let mut soup = if is_text(bytes) { text::read(bytes)? } else { read_binary(bytes)? };
+    if soup.triangles.is_empty() {
+        return Err(ReadError::NoFaces { vertices: 0 });
+    }
+    let corners = soup.triangles.len() * 3;
+    let positions: Vec<[f32; 3]> =
+        soup.corners.into_keys().into_iter().map(|key| key.map(f32::from_bits)).collect();
+    if positions.len() < corners {
+        soup.warnings.push(Warning::note(format!(
+            "STL names no vertices: {corners} corners of facets were joined to {} vertices of equal position",
+            positions.len()
+        )));
+    }
+    let contents =
+        Contents { meshes: soup.solids.max(1), polygons: soup.triangles.len(), ..Contents::default() };
+    let mesh = TriMesh::new(Positions::F32(positions), bytemuck::allocation::cast_vec(soup.triangles))?;
+    Ok(Loaded { mesh, format: Format::Stl, contents, warnings: soup.warnings })
 }
 
-/// Writes a mesh; returns what the format could not carry.
+/// Writes a mesh as STL: binary, or text if the options ask for it.
+///
+/// Normals are those of the positions, zero for facets without area. Returns a warning for each thing that STL cannot
+/// carry: attributes, and double precision where rounding changes a position.
 ///
 /// # Errors
 /// What the stream answers.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
-    let _ = (mesh, options, out);
-    Ok(Vec::new())
+    write::write(mesh, options.ascii, out)
+}
+
+/// What both kinds of file give.
+struct Soup {
+    corners: Distinct,
+    triangles: Vec<[u32; 3]>,
+    solids: usize,
+    warnings: Vec<Warning>,
+}
+
+impl Soup {
+    /// Room for facets whose bytes have been seen to be there.
+    fn with_room_for(facets: usize) -> Self {
+        // A closed surface has half as many vertices as faces.
+        let corners = Distinct::with_room_for(facets / 2 + 2);
+        Self { corners, triangles: Vec::with_capacity(facets), solids: 0, warnings: Vec::new() }
+    }
+
+    /// The number of a corner.
+    #[inline]
+    fn corner(&mut self, position: [f32; 3]) -> u32 {
+        // Adding zero makes zero of minus zero.
+        self.corners.id_of(position.map(|x| (x + 0.0).to_bits()))
+    }
+}
+
+/// Number of facets that a binary file claims.
+fn claimed(bytes: &[u8]) -> Option<u32> {
+    bytes.get(80..HEADER).and_then(|b| b.first_chunk()).map(|b| u32::from_le_bytes(*b))
+}
+
+/// Whether a file is text. Many binary files begin with `solid` too; a size that fits the count decides first.
+fn is_text(bytes: &[u8]) -> bool {
+    if claimed(bytes).is_some_and(|n| HEADER as u64 + FACET as u64 * u64::from(n) == bytes.len() as u64) {
+        return false;
+    }
+    // Text holds no zero byte; a binary count and the first floats nearly always do.
+    let head = &bytes[..bytes.len().min(1024)];
+    let word = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+    let begins = word.get(..5).is_some_and(|w| w.eq_ignore_ascii_case(b"solid"));
+    let has_facet = || head.windows(5).any(|w| w.eq_ignore_ascii_case(b"facet"));
+    !head.contains(&0) && (begins || has_facet())
+}
+
+fn read_binary(bytes: &[u8]) -> Result<Soup, ReadError> {
+    let present = bytes.len();
+    let Some(count) = claimed(bytes) else {
+        return Err(ReadError::file(format!(
+            "{present} bytes are no STL file: a binary one has at least {HEADER}, a text begins with `solid`"
+        )));
+    };
+    let expected = HEADER as u64 + FACET as u64 * u64::from(count);
+    if expected > present as u64 {
+        return Err(ReadError::file(format!(
+            "the header claims {count} facets, which take {expected} bytes, but the file has {present}: it is cut off, \
+             or the header is wrong"
+        )));
+    }
+    let count = count as usize;
+    if count * 3 >= u32::MAX as usize {
+        return Err(MeshError::TooLarge { what: "corners", count: count * 3 }.into());
+    }
+    let mut soup = Soup::with_room_for(count);
+    soup.solids = 1;
+    let mut attributes = 0u8;
+    let records = &bytes[HEADER..expected as usize];
+    for record in records.as_chunks::<FACET>().0 {
+        let float =
+            |at: usize| f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
+        let triangle = [12, 24, 36].map(|at| soup.corner([float(at), float(at + 4), float(at + 8)]));
+        soup.triangles.push(triangle);
+        attributes |= record[48] | record[49];
+    }
+    if attributes != 0 {
+        soup.warnings.push(Warning::lost("colours (attribute bytes) of facets are not carried: dropped"));
+    }
+    if present as u64 > expected {
+        let more = present as u64 - expected;
+        soup.warnings.push(Warning::note(format!("{more} bytes after the last facet are ignored")));
+    }
+    Ok(soup)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn binary(header: &str, facets: &[[[f32; 3]; 3]]) -> Vec<u8> {
+        let mut bytes = header.as_bytes().to_vec();
+        bytes.resize(80, b' ');
+        bytes.extend((facets.len() as u32).to_le_bytes());
+        for f in facets {
+            bytes.extend([0; 12]);
+            f.as_flattened().iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+            bytes.extend([0, 0]);
+        }
+        bytes
+    }
+
+    const TWO: [[[f32; 3]; 3]; 2] =
+        [[[0., 0., 0.], [1., 0., 0.], [1., 1., 0.]], [[-0., 0., 0.], [1., 1., -0.], [0., 1., 0.]]];
+
+    #[test]
+    fn corners_of_equal_position_become_one_vertex() {
+        let got = read(&binary("solid, yet binary", &TWO), &ReadOptions::default()).unwrap();
+        assert_eq!((got.mesh.face_count(), got.mesh.vertex_count()), (2, 4));
+        assert_eq!(got.warnings.len(), 1);
+        assert!(!got.warnings[0].data_lost);
+    }
+
+    #[test]
+    fn colours_are_lost_once() {
+        let mut bytes = binary("", &TWO);
+        let end = bytes.len();
+        bytes[end - 1] = 0x80;
+        bytes[end - 51] = 0x80;
+        let got = read(&bytes, &ReadOptions::default()).unwrap();
+        assert_eq!(got.warnings.iter().filter(|w| w.data_lost).count(), 1);
+    }
+
+    #[test]
+    fn a_file_cut_off_says_how_much_is_missing() {
+        let bytes = binary("solid", &TWO);
+        let e = read(&bytes[..150], &ReadOptions::default()).unwrap_err().to_string();
+        assert_eq!(
+            e,
+            "the header claims 2 facets, which take 184 bytes, but the file has 150: it is cut off, or the header is wrong"
+        );
+    }
 }

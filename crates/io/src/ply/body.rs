@@ -1,0 +1,758 @@
+//! The body: records of the elements that the header declared.
+
+use lodsmith_core::Positions;
+
+use super::header::{Element, Encoding, Header, Kind, Scalar, shorten};
+use crate::error::{ReadError, Warning};
+
+/// What the body holds, as the file has it.
+pub(super) struct Body {
+    pub(super) vertices: Vertices,
+    pub(super) faces: Faces,
+    pub(super) warnings: Vec<Warning>,
+}
+
+/// Buffers with one entry for each vertex.
+pub(super) struct Vertices {
+    pub(super) positions: Positions,
+    pub(super) normals: Option<Vec<[f32; 3]>>,
+    pub(super) colors: Option<Vec<[f32; 4]>>,
+    pub(super) uvs: Option<Vec<[f32; 2]>>,
+    /// Names of the properties that are not read.
+    pub(super) unknown: Vec<String>,
+}
+
+/// Faces by vertex indices that have been checked.
+pub(super) enum Faces {
+    Triangles(Vec<[u32; 3]>),
+    Polygons(Corners),
+}
+
+/// Polygons: the corners of all, one after the other, and where each ends.
+#[derive(Default)]
+pub(super) struct Corners {
+    pub(super) indices: Vec<u32>,
+    pub(super) ends: Vec<usize>,
+    /// Texture coordinates, one for each corner.
+    pub(super) uvs: Option<Vec<[f32; 2]>>,
+}
+
+impl Body {
+    pub(super) fn read(header: &Header, bytes: &[u8]) -> Result<Self, ReadError> {
+        match header.encoding {
+            Encoding::Ascii => Self::read_from(header, Text { bytes, at: header.body }),
+            Encoding::Little => Self::read_from(header, Binary::<false> { bytes, at: header.body }),
+            Encoding::Big => Self::read_from(header, Binary::<true> { bytes, at: header.body }),
+        }
+    }
+
+    fn read_from<S: Source>(header: &Header, mut source: S) -> Result<Self, ReadError> {
+        let vertex_count = header
+            .element("vertex")
+            .ok_or_else(|| ReadError::file("the header declares no element vertex"))?
+            .count;
+        let mut warnings = Vec::new();
+        let mut vertices = None;
+        let mut faces: Option<Faces> = None;
+        for element in &header.elements {
+            match element.name.as_str() {
+                "vertex" => vertices = Some(read_vertices(element, &mut source, &mut warnings)?),
+                "face" => {
+                    let more = read_faces(element, vertex_count, &mut source, &mut warnings)?;
+                    faces = Some(join(faces, more));
+                }
+                "tristrips" => {
+                    let more = Faces::Triangles(read_strips(element, vertex_count, &mut source)?);
+                    faces = Some(join(faces, more));
+                }
+                _ => {
+                    skip(element, &mut source)?;
+                    if element.count > 0 {
+                        warnings.push(Warning::lost(format!(
+                            "element {} is not carried: {} records dropped",
+                            element.name, element.count
+                        )));
+                    }
+                }
+            }
+        }
+        let vertices = vertices.ok_or_else(|| ReadError::file("the header declares no element vertex"))?;
+        Ok(Self { vertices, faces: faces.unwrap_or(Faces::Triangles(Vec::new())), warnings })
+    }
+}
+
+/// Faces and strips in one file are all faces.
+fn join(first: Option<Faces>, second: Faces) -> Faces {
+    match (first, second) {
+        (None, faces) => faces,
+        (Some(Faces::Triangles(mut a)), Faces::Triangles(b)) => {
+            a.extend(b);
+            Faces::Triangles(a)
+        }
+        (Some(a), b) => {
+            let (mut a, b) = (polygons(a), polygons(b));
+            let shift = a.indices.len();
+            if a.uvs.is_some() || b.uvs.is_some() {
+                let mut uvs = a.uvs.unwrap_or_else(|| vec![[0.0; 2]; shift]);
+                uvs.extend(b.uvs.unwrap_or_else(|| vec![[0.0; 2]; b.indices.len()]));
+                a.uvs = Some(uvs);
+            }
+            a.indices.extend(b.indices);
+            a.ends.extend(b.ends.into_iter().map(|e| e + shift));
+            Faces::Polygons(a)
+        }
+    }
+}
+
+fn polygons(faces: Faces) -> Corners {
+    match faces {
+        Faces::Polygons(c) => c,
+        Faces::Triangles(t) => {
+            Corners { ends: (1..=t.len()).map(|i| 3 * i).collect(), indices: t.into_flattened(), uvs: None }
+        }
+    }
+}
+
+// ---- vertices
+
+/// Where a number of a vertex goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Target {
+    Position(usize),
+    Normal(usize),
+    Color(usize),
+    Uv(usize),
+    Nothing,
+}
+
+/// Names by which properties of vertices are known: whole groups only, the first group of a kind counts.
+const GROUPS: [(&[&str], fn(usize) -> Target); 8] = [
+    (&["x", "y", "z"], Target::Position),
+    (&["nx", "ny", "nz"], Target::Normal),
+    (&["red", "green", "blue"], Target::Color),
+    (&["diffuse_red", "diffuse_green", "diffuse_blue"], Target::Color),
+    (&["r", "g", "b"], Target::Color),
+    (&["s", "t"], Target::Uv),
+    (&["u", "v"], Target::Uv),
+    (&["texture_u", "texture_v"], Target::Uv),
+];
+
+/// What becomes of each property of the vertices.
+fn targets(element: &Element) -> Vec<Target> {
+    let one =
+        |name: &str| element.properties.iter().position(|p| p.name == name && matches!(p.kind, Kind::One(_)));
+    let mut targets = vec![Target::Nothing; element.properties.len()];
+    for (names, target) in GROUPS {
+        let found: Vec<usize> = names.iter().filter_map(|n| one(n)).collect();
+        if found.len() == names.len() && !targets.contains(&target(0)) {
+            for (k, at) in found.into_iter().enumerate() {
+                targets[at] = target(k);
+            }
+        }
+    }
+    if let (true, Some(alpha)) = (targets.contains(&Target::Color(0)), one("alpha").or_else(|| one("a"))) {
+        targets[alpha] = Target::Color(3);
+    }
+    targets
+}
+
+/// Factor that takes a colour of this type to 0..1; integers wider than 16 bits hold bytes in practice.
+fn color_scale(kind: Scalar) -> f32 {
+    match kind {
+        Scalar::F32 | Scalar::F64 => 1.0,
+        Scalar::U16 => 65535.0,
+        _ => 255.0,
+    }
+}
+
+fn read_vertices<S: Source>(
+    element: &Element,
+    source: &mut S,
+    warnings: &mut Vec<Warning>,
+) -> Result<Vertices, ReadError> {
+    let targets = targets(element);
+    if !targets.contains(&Target::Position(0)) {
+        return Err(ReadError::element("element vertex", "lacks one of the properties x, y, z"));
+    }
+    let unknown: Vec<String> = element
+        .properties
+        .iter()
+        .zip(&targets)
+        .filter(|(_, t)| **t == Target::Nothing)
+        .map(|(p, _)| p.name.clone())
+        .collect();
+    if !unknown.is_empty() {
+        warnings.push(Warning::lost(format!(
+            "properties of vertices are not carried: {} dropped",
+            some_names(&unknown)
+        )));
+    }
+
+    let count = element.count;
+    let has = |t: Target| targets.contains(&t);
+    let wide = element.properties.iter().zip(&targets).any(|(p, t)| {
+        matches!(t, Target::Position(_))
+            && matches!(p.kind, Kind::One(Scalar::F64 | Scalar::I32 | Scalar::U32))
+    });
+    let mut normals = has(Target::Normal(0)).then(|| Vec::with_capacity(count));
+    let mut colors = has(Target::Color(0)).then(|| Vec::with_capacity(count));
+    let mut uvs = has(Target::Uv(0)).then(|| Vec::with_capacity(count));
+    let attributes = normals.is_some() || colors.is_some() || uvs.is_some();
+
+    let ready = if wide { None } else { source.f32_positions(element, &targets) };
+    let from_block = ready.is_some();
+    let mut narrow = ready.unwrap_or_default();
+    let mut double: Vec<[f64; 3]> = Vec::with_capacity(if wide { count } else { 0 });
+    if !from_block && !wide {
+        narrow.reserve_exact(count);
+    }
+    if from_block && !attributes {
+        skip(element, source)?;
+    } else {
+        for record in 0..count {
+            let (mut p, mut n, mut c, mut uv) = ([0f64; 3], [0f32; 3], [1f32; 4], [0f32; 2]);
+            for (property, target) in element.properties.iter().zip(&targets) {
+                let read = match property.kind {
+                    Kind::One(kind) => source.number(kind).map(|x| match *target {
+                        Target::Position(k) => p[k] = x,
+                        Target::Normal(k) => n[k] = x as f32,
+                        Target::Color(k) => c[k] = x as f32 / color_scale(kind),
+                        Target::Uv(k) => uv[k] = x as f32,
+                        Target::Nothing => {}
+                    }),
+                    Kind::List { count, item } => source.skip_list(count, item),
+                };
+                read.map_err(|f| source.error(f, "vertex", record, &property.name))?;
+            }
+            if wide {
+                double.push(p);
+            } else if !from_block {
+                narrow.push(p.map(|x| x as f32));
+            }
+            normals.iter_mut().for_each(|v| v.push(unit(n)));
+            colors.iter_mut().for_each(|v| v.push(c));
+            uvs.iter_mut().for_each(|v| v.push(uv));
+        }
+    }
+    let positions = if wide { Positions::F64(double) } else { Positions::F32(narrow) };
+    Ok(Vertices { positions, normals, colors, uvs, unknown })
+}
+
+/// A normal of length one; what is none already (to a thousandth) or has no length stays as it is.
+fn unit(n: [f32; 3]) -> [f32; 3] {
+    let length_sq: f64 = n.iter().map(|&x| f64::from(x) * f64::from(x)).sum();
+    if (length_sq - 1.0).abs() <= 2e-3 || length_sq <= 0.0 || !length_sq.is_finite() {
+        return n;
+    }
+    n.map(|x| (f64::from(x) / length_sq.sqrt()) as f32)
+}
+
+/// At most eight names for a warning.
+fn some_names(names: &[String]) -> String {
+    let mut text = names[..names.len().min(8)].join(", ");
+    if names.len() > 8 {
+        text += &format!(" and {} more", names.len() - 8);
+    }
+    text
+}
+
+// ---- faces
+
+fn is_index_list(p: &super::header::Property) -> bool {
+    matches!(p.kind, Kind::List { .. }) && matches!(p.name.as_str(), "vertex_indices" | "vertex_index")
+}
+
+fn read_faces<S: Source>(
+    element: &Element,
+    vertex_count: usize,
+    source: &mut S,
+    warnings: &mut Vec<Warning>,
+) -> Result<Faces, ReadError> {
+    if element.count == 0 {
+        return Ok(Faces::Triangles(Vec::new()));
+    }
+    let Some(at) = element.properties.iter().position(is_index_list) else {
+        return Err(ReadError::element("element face", "lacks a list vertex_indices"));
+    };
+    let texcoord =
+        element.properties.iter().position(|p| p.name == "texcoord" && matches!(p.kind, Kind::List { .. }));
+    warn_of_face_properties(element, at, texcoord, warnings);
+
+    if let Some(triangles) = source.triangles(element, at) {
+        let bad = |t: &[u32; 3]| t.iter().any(|&i| i as usize >= vertex_count);
+        if !triangles.iter().any(bad) {
+            skip_bytes_of_triangles(element, source);
+            return Ok(Faces::Triangles(triangles));
+        }
+        // The slow way names what is wrong.
+    }
+
+    let mut corners = Corners { uvs: texcoord.map(|_| Vec::new()), ..Corners::default() };
+    corners.ends.reserve(element.count);
+    corners.indices.reserve(element.count * 3);
+    for face in 0..element.count {
+        let start = corners.indices.len();
+        let mut uv_numbers = 0;
+        for (k, property) in element.properties.iter().enumerate() {
+            let read = match property.kind {
+                Kind::List { count, item } if k == at => source.list_length(count, item).and_then(|n| {
+                    (0..n).try_for_each(|_| {
+                        let i = source.integer(item)?;
+                        let index = usize::try_from(i).ok().filter(|&i| i < vertex_count);
+                        corners.indices.push(index.ok_or(Fault::Index(i, vertex_count))? as u32);
+                        Ok(())
+                    })
+                }),
+                Kind::List { count, item } if Some(k) == texcoord => {
+                    let uvs = corners.uvs.get_or_insert_default();
+                    source.list_length(count, item).and_then(|n| {
+                        uv_numbers = n;
+                        for _ in 0..n / 2 {
+                            let uv = [source.number(item)?, source.number(item)?];
+                            uvs.push(uv.map(|x| x as f32));
+                        }
+                        if n % 2 == 1 {
+                            source.number(item)?;
+                        }
+                        Ok(())
+                    })
+                }
+                Kind::List { count, item } => source.skip_list(count, item),
+                Kind::One(kind) => source.skip_one(kind),
+            };
+            read.map_err(|f| source.error(f, "face", face, &property.name))?;
+        }
+        let size = corners.indices.len() - start;
+        if let Some(uvs) = &mut corners.uvs {
+            // A face without a texture has an empty list.
+            if uv_numbers != 2 * size && uv_numbers != 0 {
+                return Err(ReadError::element(
+                    format!("face {face}"),
+                    format!("texcoord has {uv_numbers} numbers for {size} corners; two for each are needed"),
+                ));
+            }
+            uvs.resize(corners.indices.len(), [0.0; 2]);
+        }
+        corners.ends.push(corners.indices.len());
+    }
+    Ok(Faces::Polygons(corners))
+}
+
+fn skip_bytes_of_triangles<S: Source>(element: &Element, source: &mut S) {
+    let size = triangle_record(element).map_or(0, |(size, _)| size);
+    source.advance(size * element.count);
+}
+
+/// Size of a face's record and the place of its list in it, if its one list has a byte for the count and three
+/// 32-bit indices.
+fn triangle_record(element: &Element) -> Option<(usize, usize)> {
+    let (mut size, mut place) = (0, None);
+    for p in &element.properties {
+        match p.kind {
+            Kind::One(s) => size += s.size(),
+            Kind::List { count: Scalar::U8, item: Scalar::I32 | Scalar::U32 } if place.is_none() => {
+                place = Some(size);
+                size += 13;
+            }
+            Kind::List { .. } => return None,
+        }
+    }
+    place.map(|place| (size, place))
+}
+
+fn warn_of_face_properties(
+    element: &Element,
+    indices: usize,
+    texcoord: Option<usize>,
+    warnings: &mut Vec<Warning>,
+) {
+    let is_color = |name: &str| matches!(name, "red" | "green" | "blue" | "alpha");
+    let (colors, others): (Vec<_>, Vec<_>) = element
+        .properties
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| *k != indices && Some(*k) != texcoord)
+        .map(|(_, p)| p.name.clone())
+        .partition(|name| is_color(name));
+    if !colors.is_empty() {
+        warnings.push(Warning::lost("colours of faces are not carried: dropped"));
+    }
+    if !others.is_empty() {
+        warnings.push(Warning::lost(format!(
+            "properties of faces are not carried: {} dropped",
+            some_names(&others)
+        )));
+    }
+}
+
+fn read_strips<S: Source>(
+    element: &Element,
+    vertex_count: usize,
+    source: &mut S,
+) -> Result<Vec<[u32; 3]>, ReadError> {
+    let Some(at) = element.properties.iter().position(is_index_list) else {
+        return Err(ReadError::element("element tristrips", "lacks a list vertex_indices"));
+    };
+    let mut triangles = Vec::new();
+    for strip in 0..element.count {
+        for (k, property) in element.properties.iter().enumerate() {
+            let read = match property.kind {
+                Kind::List { count, item } if k == at => source.list_length(count, item).and_then(|n| {
+                    let mut last: [Option<u32>; 2] = [None; 2];
+                    let mut turned = false;
+                    for _ in 0..n {
+                        let i = source.integer(item)?;
+                        if i == -1 {
+                            last = [None; 2];
+                            turned = false;
+                            continue;
+                        }
+                        let index = usize::try_from(i).ok().filter(|&i| i < vertex_count);
+                        let c = index.ok_or(Fault::Index(i, vertex_count))? as u32;
+                        if let [Some(a), Some(b)] = last {
+                            // Strips are stitched with triangles that name a vertex twice.
+                            if a != b && b != c && c != a {
+                                triangles.push(if turned { [b, a, c] } else { [a, b, c] });
+                            }
+                            turned = !turned;
+                        }
+                        last = [last[1], Some(c)];
+                    }
+                    Ok(())
+                }),
+                Kind::List { count, item } => source.skip_list(count, item),
+                Kind::One(kind) => source.skip_one(kind),
+            };
+            read.map_err(|f| source.error(f, "strip", strip, &property.name))?;
+        }
+    }
+    Ok(triangles)
+}
+
+fn skip<S: Source>(element: &Element, source: &mut S) -> Result<(), ReadError> {
+    if element.properties.is_empty() {
+        return Ok(());
+    }
+    if let (true, Some(size)) = (S::BINARY, element.fixed_size()) {
+        // That the bytes are there was checked with the header, if no list stands before.
+        let fits = size.checked_mul(element.count).filter(|&n| n <= source.left());
+        let bytes = fits.ok_or_else(|| source.error(Fault::End, &element.name, 0, "its records"))?;
+        source.advance(bytes);
+        return Ok(());
+    }
+    for record in 0..element.count {
+        for property in &element.properties {
+            let read = match property.kind {
+                Kind::List { count, item } => source.skip_list(count, item),
+                Kind::One(kind) => source.skip_one(kind),
+            };
+            read.map_err(|f| source.error(f, &element.name, record, &property.name))?;
+        }
+    }
+    Ok(())
+}
+
+// ---- numbers
+
+/// Why a number could not be had.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fault {
+    /// The file ends.
+    End,
+    /// Text that is no number: from here to there.
+    Word(usize, usize),
+    /// A number with a fraction where an index or a count is wanted.
+    Fraction(f64),
+    /// The length of a list is negative or more than the bytes that are left can hold.
+    Length(i64, usize),
+    /// No such vertex.
+    Index(i64, usize),
+}
+
+/// A body from which numbers are taken one after the other.
+trait Source {
+    const BINARY: bool;
+
+    fn number(&mut self, kind: Scalar) -> Result<f64, Fault>;
+    fn integer(&mut self, kind: Scalar) -> Result<i64, Fault>;
+    fn left(&self) -> usize;
+    fn advance(&mut self, bytes: usize);
+    fn bytes(&self) -> (&[u8], usize);
+
+    /// All positions at once, where the records allow it. Nothing is taken.
+    fn f32_positions(&self, element: &Element, targets: &[Target]) -> Option<Vec<[f32; 3]>>;
+    /// All faces at once, where each is a triangle. Nothing is taken.
+    fn triangles(&self, element: &Element, at: usize) -> Option<Vec<[u32; 3]>>;
+
+    /// Number of entries of a list, held against what is left of the file.
+    fn list_length(&mut self, count: Scalar, item: Scalar) -> Result<usize, Fault> {
+        let n = self.integer(count)?;
+        let least = if Self::BINARY { item.size() } else { 2 };
+        let room = (self.left() + 1) / least;
+        usize::try_from(n).ok().filter(|&n| n <= room).ok_or(Fault::Length(n, self.left()))
+    }
+    fn skip_one(&mut self, kind: Scalar) -> Result<(), Fault> {
+        self.number(kind).map(|_| ())
+    }
+    fn skip_list(&mut self, count: Scalar, item: Scalar) -> Result<(), Fault> {
+        let n = self.list_length(count, item)?;
+        (0..n).try_for_each(|_| self.skip_one(item))
+    }
+
+    fn error(&self, fault: Fault, what: &str, record: usize, property: &str) -> ReadError {
+        let element = format!("{what} {record}");
+        let (bytes, _) = self.bytes();
+        match fault {
+            Fault::End => {
+                ReadError::element(element, format!("the file ends within {property}: it is cut off"))
+            }
+            Fault::Word(from, to) => {
+                let line = 1 + count_lines(&bytes[..from]);
+                let word = shorten(&String::from_utf8_lossy(&bytes[from..to.min(from + 200)]));
+                ReadError::line(line, format!("`{word}` is no number ({property} of {element})"))
+            }
+            Fault::Fraction(x) => {
+                ReadError::element(element, format!("{property} holds {x} where a whole number is needed"))
+            }
+            Fault::Length(n, left) => ReadError::element(
+                element,
+                format!("{property} claims {n} entries, but {left} bytes are left of the file"),
+            ),
+            Fault::Index(i, count) => {
+                ReadError::element(element, format!("uses vertex {i}, but the mesh has {count}"))
+            }
+        }
+    }
+}
+
+fn count_lines(bytes: &[u8]) -> usize {
+    let ends = bytes.iter().filter(|&&b| b == b'\n').count();
+    // Old files end lines with a carriage return alone.
+    if ends > 0 { ends } else { bytes.iter().filter(|&&b| b == b'\r').count() }
+}
+
+fn whole(x: f64) -> Result<i64, Fault> {
+    // Beyond 2^53 a double is no index of anything that fits in memory.
+    if x.fract() == 0.0 && x.abs() <= 9e15 { Ok(x as i64) } else { Err(Fault::Fraction(x)) }
+}
+
+/// Numbers as bytes.
+struct Binary<'a, const BIG: bool> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<const BIG: bool> Binary<'_, BIG> {
+    #[inline]
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
+        let mut b: [u8; N] = *self.bytes[self.at..].first_chunk().ok_or(Fault::End)?;
+        self.at += N;
+        if BIG {
+            b.reverse();
+        }
+        Ok(b)
+    }
+
+    /// Four bytes at a place of a record.
+    #[inline]
+    fn four(record: &[u8], at: usize) -> [u8; 4] {
+        let mut b = [record[at], record[at + 1], record[at + 2], record[at + 3]];
+        if BIG {
+            b.reverse();
+        }
+        b
+    }
+
+    fn block(&self, count: usize, size: usize) -> Option<&[u8]> {
+        self.bytes[self.at..].get(..count.checked_mul(size)?)
+    }
+}
+
+impl<const BIG: bool> Source for Binary<'_, BIG> {
+    const BINARY: bool = true;
+
+    #[inline]
+    fn number(&mut self, kind: Scalar) -> Result<f64, Fault> {
+        Ok(match kind {
+            Scalar::F32 => f64::from(f32::from_le_bytes(self.take()?)),
+            Scalar::F64 => f64::from_le_bytes(self.take()?),
+            _ => self.integer(kind)? as f64,
+        })
+    }
+
+    #[inline]
+    fn integer(&mut self, kind: Scalar) -> Result<i64, Fault> {
+        Ok(match kind {
+            Scalar::I8 => i8::from_le_bytes(self.take()?).into(),
+            Scalar::U8 => u8::from_le_bytes(self.take()?).into(),
+            Scalar::I16 => i16::from_le_bytes(self.take()?).into(),
+            Scalar::U16 => u16::from_le_bytes(self.take()?).into(),
+            Scalar::I32 => i32::from_le_bytes(self.take()?).into(),
+            Scalar::U32 => u32::from_le_bytes(self.take()?).into(),
+            Scalar::F32 | Scalar::F64 => whole(self.number(kind)?)?,
+        })
+    }
+
+    fn left(&self) -> usize {
+        self.bytes.len() - self.at
+    }
+    fn advance(&mut self, bytes: usize) {
+        self.at += bytes;
+    }
+    fn bytes(&self) -> (&[u8], usize) {
+        (self.bytes, self.at)
+    }
+
+    fn skip_one(&mut self, kind: Scalar) -> Result<(), Fault> {
+        if self.left() < kind.size() {
+            return Err(Fault::End);
+        }
+        self.at += kind.size();
+        Ok(())
+    }
+    fn skip_list(&mut self, count: Scalar, item: Scalar) -> Result<(), Fault> {
+        let bytes = self.list_length(count, item)? * item.size();
+        if self.left() < bytes {
+            return Err(Fault::End);
+        }
+        self.at += bytes;
+        Ok(())
+    }
+
+    fn f32_positions(&self, element: &Element, targets: &[Target]) -> Option<Vec<[f32; 3]>> {
+        let size = element.fixed_size()?;
+        let first = targets.iter().position(|t| *t == Target::Position(0))?;
+        let in_a_row = (0..3).all(|k| targets.get(first + k) == Some(&Target::Position(k)));
+        let narrow = element.properties[first..].iter().take(3).all(|p| p.kind == Kind::One(Scalar::F32));
+        if !in_a_row || !narrow {
+            return None;
+        }
+        let at = element.properties[..first].iter().fold(0, |sum, p| match p.kind {
+            Kind::One(s) => sum + s.size(),
+            Kind::List { .. } => sum,
+        });
+        let block = self.block(element.count, size)?;
+        let position = |r: &[u8]| {
+            let r = &r[at..at + 12];
+            [0, 4, 8].map(|k| f32::from_le_bytes(Self::four(r, k)))
+        };
+        Some(block.chunks_exact(size).map(position).collect())
+    }
+
+    fn triangles(&self, element: &Element, at: usize) -> Option<Vec<[u32; 3]>> {
+        let (size, place) = triangle_record(element)?;
+        debug_assert!(
+            matches!(element.properties[at].kind, Kind::List { .. }),
+            "the only list holds the indices"
+        );
+        let block = self.block(element.count, size)?;
+        if block.get(place) != Some(&3) {
+            return None;
+        }
+        let mut all = true;
+        let triangle = |r: &[u8]| {
+            let r = &r[place..place + 13];
+            all &= r[0] == 3;
+            [1, 5, 9].map(|k| u32::from_le_bytes(Self::four(r, k)))
+        };
+        let triangles = block.chunks_exact(size).map(triangle).collect();
+        all.then_some(triangles)
+    }
+}
+
+/// Numbers as words between blanks; how they are spread over lines does not matter.
+struct Text<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Text<'a> {
+    #[inline]
+    fn word(&mut self) -> Result<&'a [u8], Fault> {
+        let rest = &self.bytes[self.at..];
+        let from = rest.iter().position(|b| !b.is_ascii_whitespace()).ok_or(Fault::End)?;
+        let rest = &rest[from..];
+        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+        self.at += from + length;
+        Ok(&rest[..length])
+    }
+}
+
+impl Source for Text<'_> {
+    const BINARY: bool = false;
+
+    fn number(&mut self, _: Scalar) -> Result<f64, Fault> {
+        let word = self.word()?;
+        parse_number(word).ok_or(Fault::Word(self.at - word.len(), self.at))
+    }
+
+    #[inline]
+    fn integer(&mut self, _: Scalar) -> Result<i64, Fault> {
+        let word = self.word()?;
+        // Up to nine digits fit without a check for overflow.
+        if word.len() <= 9 && word.iter().all(u8::is_ascii_digit) {
+            return Ok(word.iter().fold(0, |n, d| n * 10 + i64::from(d - b'0')));
+        }
+        let x = parse_number(word).ok_or(Fault::Word(self.at - word.len(), self.at))?;
+        whole(x)
+    }
+
+    fn left(&self) -> usize {
+        self.bytes.len() - self.at
+    }
+    fn advance(&mut self, bytes: usize) {
+        self.at += bytes;
+    }
+    fn bytes(&self) -> (&[u8], usize) {
+        (self.bytes, self.at)
+    }
+    fn f32_positions(&self, _: &Element, _: &[Target]) -> Option<Vec<[f32; 3]>> {
+        None
+    }
+    fn triangles(&self, _: &Element, _: usize) -> Option<Vec<[u32; 3]>> {
+        None
+    }
+}
+
+/// A number as C prints it, with the spellings of old Windows libraries for what is no number (`-1.#IND`).
+fn parse_number(word: &[u8]) -> Option<f64> {
+    let text = std::str::from_utf8(word).ok()?;
+    if let Ok(x) = text.parse() {
+        return Some(x);
+    }
+    let lower = text.to_ascii_lowercase();
+    let (sign, bare) = match lower.strip_prefix('-') {
+        Some(bare) => (-1.0, bare),
+        None => (1.0, lower.as_str()),
+    };
+    match bare {
+        _ if bare.starts_with("1.#inf") => Some(sign * f64::INFINITY),
+        _ if bare.starts_with("1.#") || bare.starts_with("nan") => Some(f64::NAN),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_every_spelling() {
+        for (text, wanted) in
+            [("1", 1.0), ("-2.5e-3", -2.5e-3), ("+.5", 0.5), ("1E+2", 100.0), ("-inf", f64::NEG_INFINITY)]
+        {
+            assert_eq!(parse_number(text.as_bytes()), Some(wanted), "{text}");
+        }
+        assert!(parse_number(b"-nan(ind)").unwrap().is_nan());
+        assert!(parse_number(b"-1.#IND").unwrap().is_nan());
+        assert_eq!(parse_number(b"1,5"), None);
+        assert_eq!(parse_number(b"--1"), None);
+    }
+
+    #[test]
+    fn a_normal_gets_length_one_unless_it_has_it() {
+        assert_eq!(unit([0.0, 3.0, 4.0]), [0.0, 0.6, 0.8]);
+        assert_eq!(unit([0.6, 0.8, 1e-4]), [0.6, 0.8, 1e-4]);
+        assert_eq!(unit([0.0; 3]), [0.0; 3]);
+    }
+}

@@ -1,0 +1,278 @@
+//! The header: which elements follow, and what a record of each holds.
+
+use crate::error::ReadError;
+
+/// How the numbers of the body are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    Little,
+    Big,
+}
+
+/// A type of number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn from_name(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes of one in a binary body.
+    pub(super) const fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+}
+
+/// What a property is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    One(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) count: usize,
+    pub(super) properties: Vec<Property>,
+}
+
+impl Element {
+    /// Least number of bytes that a record takes: lists are empty, numbers in text have one digit and one blank.
+    fn least_size(&self, encoding: Encoding) -> u64 {
+        let size = |p: &Property| match (encoding, p.kind) {
+            (Encoding::Ascii, _) => 2,
+            (_, Kind::One(s) | Kind::List { count: s, .. }) => s.size() as u64,
+        };
+        self.properties.iter().map(size).sum()
+    }
+
+    /// Bytes of a binary record, if no property is a list.
+    pub(super) fn fixed_size(&self) -> Option<usize> {
+        self.properties
+            .iter()
+            .map(|p| match p.kind {
+                Kind::One(s) => Some(s.size()),
+                Kind::List { .. } => None,
+            })
+            .sum()
+    }
+}
+
+/// What the header says.
+#[derive(Clone, Debug)]
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    /// Where the body begins, in bytes from the start of the file.
+    pub(super) body: usize,
+    /// Number of `comment TextureFile` lines.
+    pub(super) texture_files: usize,
+}
+
+impl Header {
+    pub(super) fn element(&self, name: &str) -> Option<&Element> {
+        self.elements.iter().find(|e| e.name == name)
+    }
+
+    /// Reads the header of a file.
+    pub(super) fn parse(bytes: &[u8]) -> Result<Self, ReadError> {
+        let mut lines = Lines::new(bytes);
+        if lines.next().is_none_or(|(_, l)| l.trim() != "ply") {
+            return Err(ReadError::line(1, "a PLY file begins with a line `ply`"));
+        }
+        let mut encoding = None;
+        let mut elements: Vec<Element> = Vec::new();
+        let mut texture_files = 0;
+        while let Some((number, line)) = lines.next() {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            match words[..] {
+                [] | ["obj_info", ..] => {}
+                ["comment", ..] => texture_files += usize::from(words.get(1) == Some(&"TextureFile")),
+                ["format", name, ..] => encoding = Some(encoding_named(number, name)?),
+                ["element", name, count] => {
+                    if elements.iter().any(|e| e.name == name) {
+                        return Err(ReadError::line(number, format!("element {name} is declared twice")));
+                    }
+                    let count = count.parse().map_err(|_| {
+                        ReadError::line(number, format!("`{}` is no count of records", shorten(count)))
+                    })?;
+                    elements.push(Element { name: shorten(name), count, properties: Vec::new() });
+                }
+                ["property", "list", count, item, name] => {
+                    let kind =
+                        Kind::List { count: scalar_named(number, count)?, item: scalar_named(number, item)? };
+                    add_property(number, &mut elements, name, kind)?;
+                }
+                ["property", kind, name] => {
+                    let kind = Kind::One(scalar_named(number, kind)?);
+                    add_property(number, &mut elements, name, kind)?;
+                }
+                ["end_header"] => {
+                    let encoding = encoding.ok_or_else(|| {
+                        ReadError::line(number, "the header names no format (ascii, binary_...)")
+                    })?;
+                    return Ok(Self { encoding, elements, body: lines.at, texture_files });
+                }
+                _ => {
+                    let line = shorten(line.trim());
+                    return Err(ReadError::line(number, format!("`{line}` is no line of a PLY header")));
+                }
+            }
+        }
+        Err(ReadError::file("the header has no end: a line `end_header` is missing"))
+    }
+
+    /// Holds the counts against the bytes that are there, before anything is reserved.
+    pub(super) fn check_size(&self, file: usize) -> Result<(), ReadError> {
+        let present = (file - self.body) as u64;
+        let mut wanted = 0u64;
+        for e in &self.elements {
+            wanted = wanted.saturating_add((e.count as u64).saturating_mul(e.least_size(self.encoding)));
+            // The last number of a text needs no blank after it.
+            if wanted > present + 1 || (wanted > present && self.encoding != Encoding::Ascii) {
+                let (name, count) = (&e.name, e.count);
+                return Err(ReadError::file(format!(
+                    "the header claims {count} records of element {name}, which end at byte {wanted} of the body or \
+                     later, but the body has {present} bytes: the file is cut off, or the header is wrong"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn add_property(number: usize, elements: &mut [Element], name: &str, kind: Kind) -> Result<(), ReadError> {
+    let Some(element) = elements.last_mut() else {
+        return Err(ReadError::line(number, format!("property {} belongs to no element", shorten(name))));
+    };
+    element.properties.push(Property { name: shorten(name), kind });
+    Ok(())
+}
+
+fn encoding_named(number: usize, name: &str) -> Result<Encoding, ReadError> {
+    match name {
+        "ascii" => Ok(Encoding::Ascii),
+        "binary_little_endian" => Ok(Encoding::Little),
+        "binary_big_endian" => Ok(Encoding::Big),
+        _ => Err(ReadError::line(
+            number,
+            format!("`{}` is no PLY format (ascii, binary_little_endian, binary_big_endian)", shorten(name)),
+        )),
+    }
+}
+
+fn scalar_named(number: usize, name: &str) -> Result<Scalar, ReadError> {
+    Scalar::from_name(name)
+        .ok_or_else(|| ReadError::line(number, format!("`{}` is no PLY type of numbers", shorten(name))))
+}
+
+/// A word of the file for a message: at most 60 characters.
+pub(super) fn shorten(word: &str) -> String {
+    if word.chars().count() <= 60 {
+        word.to_owned()
+    } else {
+        word.chars().take(57).chain("...".chars()).collect()
+    }
+}
+
+/// Lines of a header: their number from 1, and their text. The first line decides what ends a line.
+struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    number: usize,
+    end: u8,
+}
+
+impl<'a> Lines<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        let end = match bytes.iter().position(|&b| b == b'\n' || b == b'\r') {
+            Some(i) if bytes[i] == b'\r' && bytes.get(i + 1) != Some(&b'\n') => b'\r',
+            _ => b'\n',
+        };
+        Self { bytes, at: 0, number: 0, end }
+    }
+
+    fn next(&mut self) -> Option<(usize, std::borrow::Cow<'a, str>)> {
+        // Guessed: no line of a header is longer; a binary file that lost its header's end is not scanned as one line.
+        const LONGEST: usize = 1 << 16;
+        let rest = &self.bytes[self.at..];
+        let rest = &rest[..rest.len().min(LONGEST)];
+        let length = match rest.iter().position(|&b| b == self.end) {
+            Some(i) => {
+                self.at += i + 1;
+                i
+            }
+            // The last line of a file may lack its end.
+            None if !rest.is_empty() && rest.len() < LONGEST => {
+                self.at += rest.len();
+                rest.len()
+            }
+            None => return None,
+        };
+        self.number += 1;
+        Some((self.number, String::from_utf8_lossy(&rest[..length])))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_header_is_understood() {
+        let h = Header::parse(
+            b"ply\r\nformat binary_big_endian 1.0\r\nobj_info x\r\ncomment \xff\r\nelement vertex 2\r\n\
+              property float64 x\r\nelement face 1\r\nproperty list uint8 int16 vertex_index\r\nend_header\r\n\n\n",
+        )
+        .unwrap();
+        assert_eq!(h.encoding, Encoding::Big);
+        assert_eq!(h.element("vertex").unwrap().fixed_size(), Some(8));
+        assert_eq!(h.element("face").unwrap().fixed_size(), None);
+        assert!(h.check_size(h.body + 17).is_ok());
+        assert!(h.check_size(h.body + 16).is_err());
+    }
+
+    #[test]
+    fn headers_that_are_none_say_where() {
+        let said = |text: &str| Header::parse(text.as_bytes()).unwrap_err().to_string();
+        assert_eq!(said("plx\n"), "line 1: a PLY file begins with a line `ply`");
+        assert_eq!(said("ply\nelement vertex -3\n"), "line 2: `-3` is no count of records");
+        assert_eq!(said("ply\nproperty float x\n"), "line 2: property x belongs to no element");
+        assert_eq!(said("ply\nformat ascii 1.0\n"), "the header has no end: a line `end_header` is missing");
+        assert_eq!(said("ply\nend_header\n"), "line 2: the header names no format (ascii, binary_...)");
+        assert_eq!(said("ply\nhello\n"), "line 2: `hello` is no line of a PLY header");
+    }
+}

@@ -1,0 +1,193 @@
+//! From a mesh to a PLY file.
+
+use std::io::{self, Write};
+
+use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
+
+use crate::error::Warning;
+
+/// Bytes are handed to the stream in pieces of about this size.
+const PIECE: usize = 1 << 16;
+
+pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
+    let mut warnings = Vec::new();
+    // Without attributes, wedges say nothing: the vertices are written as they are.
+    let split = mesh.has_attributes() && mesh.vertex_map().is_some();
+    let surface;
+    let (count, triangles): (usize, &[[u32; 3]]) = if split {
+        if mesh.wedge_count() != mesh.vertex_count() {
+            warnings.push(Warning::note(format!(
+                "PLY has one set of attributes for each vertex: {} vertices are written as {}",
+                mesh.vertex_count(),
+                mesh.wedge_count()
+            )));
+        }
+        (mesh.wedge_count(), bytemuck::cast_slice(mesh.triangles()))
+    } else {
+        surface = mesh.surface();
+        (mesh.vertex_count(), bytemuck::cast_slice(surface.triangles()))
+    };
+    let vertex = |i: usize| if split { mesh.vertex_of(WedgeId::new(i)) } else { VertexId::new(i) };
+
+    let colors = mesh.colors().map(|c| Colors {
+        values: c,
+        bytes: are_bytes(c),
+        alpha: c.iter().any(|c| c[3] != 1.0),
+    });
+    header(mesh, ascii, count, triangles.len(), colors.as_ref(), out)?;
+
+    let mut sink = Sink { out, piece: Vec::with_capacity(PIECE + 256), ascii };
+    for i in 0..count {
+        match mesh.positions() {
+            Positions::F32(p) => p[vertex(i).index()].iter().for_each(|&x| sink.f32(x)),
+            Positions::F64(p) => p[vertex(i).index()].iter().for_each(|&x| sink.f64(x)),
+        }
+        if let Some(normals) = mesh.normals() {
+            normals[i].iter().for_each(|&x| sink.f32(x));
+        }
+        if let Some(uvs) = mesh.uvs() {
+            uvs[i].iter().for_each(|&x| sink.f32(x));
+        }
+        if let Some(c) = &colors {
+            for &x in &c.values[i][..if c.alpha { 4 } else { 3 }] {
+                if c.bytes { sink.byte((x * 255.0).round() as u8) } else { sink.f32(x) }
+            }
+        }
+        sink.end_record()?;
+    }
+    for t in triangles {
+        sink.byte(3);
+        t.iter().for_each(|&i| sink.index(i));
+        sink.end_record()?;
+    }
+    sink.out.write_all(&sink.piece)?;
+    Ok(warnings)
+}
+
+struct Colors<'a> {
+    values: &'a [[f32; 4]],
+    /// Whether bytes hold them exactly.
+    bytes: bool,
+    /// Whether any is not opaque.
+    alpha: bool,
+}
+
+fn are_bytes(colors: &[[f32; 4]]) -> bool {
+    colors.iter().flatten().all(|&x| {
+        let byte = (x * 255.0).round();
+        (0.0..=255.0).contains(&byte) && byte / 255.0 == x
+    })
+}
+
+fn header(
+    mesh: &TriMesh,
+    ascii: bool,
+    vertices: usize,
+    faces: usize,
+    colors: Option<&Colors<'_>>,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let mut text = String::from("ply\n");
+    let mut line = |parts: &[&str]| {
+        text += &parts.join(" ");
+        text.push('\n');
+    };
+    line(&["format", if ascii { "ascii" } else { "binary_little_endian" }, "1.0"]);
+    line(&["comment", "written by lodsmith"]);
+    line(&["element", "vertex", &vertices.to_string()]);
+    let position = if matches!(mesh.positions(), Positions::F64(_)) { "double" } else { "float" };
+    ["x", "y", "z"].iter().for_each(|n| line(&["property", position, n]));
+    if mesh.normals().is_some() {
+        ["nx", "ny", "nz"].iter().for_each(|n| line(&["property", "float", n]));
+    }
+    if mesh.uvs().is_some() {
+        ["s", "t"].iter().for_each(|n| line(&["property", "float", n]));
+    }
+    if let Some(c) = colors {
+        let names = ["red", "green", "blue", "alpha"];
+        let kind = if c.bytes { "uchar" } else { "float" };
+        names[..if c.alpha { 4 } else { 3 }].iter().for_each(|n| line(&["property", kind, n]));
+    }
+    line(&["element", "face", &faces.to_string()]);
+    // Most readers want signed indices; they reach to 2^31.
+    let index = if vertices > i32::MAX as usize { "uint" } else { "int" };
+    line(&["property", "list", "uchar", index, "vertex_indices"]);
+    line(&["end_header"]);
+    out.write_all(text.as_bytes())
+}
+
+/// Takes numbers, as bytes or as words.
+struct Sink<'a> {
+    out: &'a mut dyn Write,
+    piece: Vec<u8>,
+    ascii: bool,
+}
+
+impl Sink<'_> {
+    #[inline]
+    fn put<const N: usize>(&mut self, bytes: [u8; N], text: impl FnOnce(&mut Vec<u8>)) {
+        if self.ascii {
+            text(&mut self.piece);
+            self.piece.push(b' ');
+        } else {
+            self.piece.extend_from_slice(&bytes);
+        }
+    }
+    #[inline]
+    fn byte(&mut self, x: u8) {
+        self.put([x], |to| word(to, format_args!("{x}")));
+    }
+    #[inline]
+    fn index(&mut self, x: u32) {
+        self.put(x.to_le_bytes(), |to| word(to, format_args!("{x}")));
+    }
+    #[inline]
+    fn f32(&mut self, x: f32) {
+        self.put(x.to_le_bytes(), |to| {
+            // Both spellings are the shortest that read back as the same number.
+            if is_plain(x.into()) { word(to, format_args!("{x}")) } else { word(to, format_args!("{x:e}")) }
+        });
+    }
+    #[inline]
+    fn f64(&mut self, x: f64) {
+        self.put(x.to_le_bytes(), |to| {
+            if is_plain(x) { word(to, format_args!("{x}")) } else { word(to, format_args!("{x:e}")) }
+        });
+    }
+    #[inline]
+    fn end_record(&mut self) -> io::Result<()> {
+        if self.ascii {
+            self.piece.pop();
+            self.piece.push(b'\n');
+        }
+        if self.piece.len() >= PIECE {
+            self.out.write_all(&self.piece)?;
+            self.piece.clear();
+        }
+        Ok(())
+    }
+}
+
+/// Whether a number is short without an exponent.
+fn is_plain(x: f64) -> bool {
+    x == 0.0 || (1e-4..1e9).contains(&x.abs())
+}
+
+fn word(to: &mut Vec<u8>, text: std::fmt::Arguments<'_>) {
+    // A vector takes whatever it is given.
+    let _ = to.write_fmt(text);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_hold_a_colour_or_not() {
+        let k = |k: u8| f32::from(k) / 255.0;
+        assert!((0..=255).all(|i| are_bytes(&[[k(i), k(255 - i), 0.0, 1.0]])));
+        assert!(!are_bytes(&[[0.3, 0.0, 0.0, 1.0]]));
+        assert!(!are_bytes(&[[2.0, 0.0, 0.0, 1.0]]));
+        assert!(!are_bytes(&[[f32::NAN, 0.0, 0.0, 1.0]]));
+    }
+}

@@ -1,0 +1,179 @@
+//! STL as text: `facet`, `outer loop`, three times `vertex x y z`, `endloop`, `endfacet`.
+
+use super::Soup;
+use crate::error::{ReadError, Warning};
+
+/// Reads all solids of a text. Keywords may be in any case, normals may be missing.
+pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
+    let mut soup = Soup::with_room_for(0);
+    let mut words = Words { bytes, at: if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 } };
+    let mut facet: Vec<u32> = Vec::new();
+    // Whether a solid, and whether a loop, is open.
+    let (mut solid_open, mut loop_open) = (false, false);
+    while let Some(word) = words.next() {
+        match Keyword::of(word) {
+            Some(Keyword::Solid) => {
+                words.skip_line();
+                soup.solids += 1;
+                solid_open = true;
+            }
+            Some(Keyword::EndSolid) => {
+                words.skip_line();
+                solid_open = false;
+            }
+            Some(Keyword::Normal) => {
+                // Zero to three numbers; what they say, the positions say too.
+                for _ in 0..3 {
+                    let before = words.at;
+                    if words.next().is_none_or(|w| number(w).is_none()) {
+                        words.at = before;
+                        break;
+                    }
+                }
+            }
+            Some(Keyword::Outer) => {
+                loop_open = true;
+                facet.clear();
+            }
+            Some(Keyword::Vertex) => {
+                let mut position = [0f32; 3];
+                for x in &mut position {
+                    let Some(word) = words.next() else {
+                        return Err(words.error("the file ends within a vertex: it is cut off"));
+                    };
+                    *x = number(word)
+                        .ok_or_else(|| words.error(format!("`{}` is no coordinate", show(word))))?;
+                }
+                facet.push(soup.corner(position));
+            }
+            Some(Keyword::EndLoop) => {
+                if facet.len() < 3 {
+                    return Err(
+                        words.error(format!("the facet has {} corners; three are needed", facet.len()))
+                    );
+                }
+                // Some programs write polygons as one loop; they are convex as far as seen.
+                for k in 1..facet.len() - 1 {
+                    soup.triangles.push([facet[0], facet[k], facet[k + 1]]);
+                }
+                facet.clear();
+                loop_open = false;
+            }
+            Some(Keyword::Other) => {}
+            None => return Err(words.error(format!("`{}` is no word of an STL file", show(word)))),
+        }
+    }
+    if loop_open || !facet.is_empty() {
+        return Err(words.error("the file ends within a facet: it is cut off"));
+    }
+    if solid_open {
+        soup.warnings.push(Warning::note("the last solid has no end: the file may be cut off"));
+    }
+    Ok(soup)
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Keyword {
+    Solid,
+    EndSolid,
+    Normal,
+    Outer,
+    Vertex,
+    EndLoop,
+    /// Words that say nothing new.
+    Other,
+}
+
+impl Keyword {
+    const NAMES: [(&'static str, Self); 10] = [
+        ("vertex", Self::Vertex),
+        ("facet", Self::Other),
+        ("normal", Self::Normal),
+        ("outer", Self::Outer),
+        ("loop", Self::Other),
+        ("endloop", Self::EndLoop),
+        ("endfacet", Self::Other),
+        ("solid", Self::Solid),
+        ("endsolid", Self::EndSolid),
+        ("end", Self::Other),
+    ];
+
+    fn of(word: &[u8]) -> Option<Self> {
+        let found = Self::NAMES.iter().find(|(name, _)| word.eq_ignore_ascii_case(name.as_bytes()));
+        found.map(|(_, keyword)| *keyword)
+    }
+}
+
+fn number(word: &[u8]) -> Option<f32> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// A word of the file for a message.
+fn show(word: &[u8]) -> String {
+    String::from_utf8_lossy(&word[..word.len().min(60)]).into_owned()
+}
+
+/// Words between blanks, and where they stand.
+struct Words<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Words<'a> {
+    #[inline]
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let rest = &self.bytes[self.at..];
+        let from = rest.iter().position(|b| !b.is_ascii_whitespace())?;
+        let rest = &rest[from..];
+        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+        self.at += from + length;
+        Some(&rest[..length])
+    }
+
+    fn skip_line(&mut self) {
+        let rest = &self.bytes[self.at..];
+        self.at += rest.iter().position(|&b| b == b'\n' || b == b'\r').unwrap_or(rest.len());
+    }
+
+    /// Something is wrong with the word before.
+    fn error(&self, problem: impl Into<String>) -> ReadError {
+        let before = &self.bytes[..self.at];
+        let ends = before.iter().filter(|&&b| b == b'\n').count();
+        ReadError::line(1 + ends, problem)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn faces(text: &str) -> Result<usize, String> {
+        read(text.as_bytes()).map(|s| s.triangles.len()).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn solids_in_any_case_without_normals() {
+        let text = "SOLID one facet\r\n  FACET NORMAL\r\n OUTER LOOP\r\n VERTEX 0 0 0\r\n Vertex 1.0E+0 0 0\r\n\
+            vertex 0 1e0 0\r\nENDLOOP\r\nENDFACET\r\nENDSOLID one\r\nsolid\nfacet normal 0 0 1 outer loop \
+            vertex 0 0 0 vertex 1 0 0 vertex 1 1 0 vertex 0 1 0 endloop endfacet\nendsolid\n";
+        let got = read(text.as_bytes()).unwrap();
+        assert_eq!((got.solids, got.triangles.len(), got.warnings.len()), (2, 3, 0));
+        assert_eq!(got.corners.into_keys().len(), 4);
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_its_line() {
+        let start = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n";
+        assert_eq!(faces(&format!("{start}vertex 1 x 0")), Err("line 5: `x` is no coordinate".into()));
+        assert_eq!(
+            faces(&format!("{start}vertex 1")),
+            Err("line 5: the file ends within a vertex: it is cut off".into())
+        );
+        assert_eq!(faces(start), Err("line 4: the file ends within a facet: it is cut off".into()));
+        assert_eq!(
+            faces(&format!("{start}endloop")),
+            Err("line 5: the facet has 1 corners; three are needed".into())
+        );
+        assert_eq!(faces("solid\nhello"), Err("line 2: `hello` is no word of an STL file".into()));
+    }
+}
