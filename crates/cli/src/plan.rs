@@ -105,12 +105,16 @@ fn check_collisions(jobs: &[Job]) -> anyhow::Result<()> {
             && other != i
         {
             let (own, other) = (&job.source, &jobs[other].source);
-            return Err(usage(format!("the result of {own} would fall onto the input {other}: use another --name")));
+            return Err(usage(format!(
+                "the result of {own} would fall onto the input {other}: use another --name"
+            )));
         }
         if let Some(other) = outputs.insert(place, i) {
             let (a, b) = (&jobs[other].source, &job.source);
             let path = path.display();
-            return Err(usage(format!("the results of {a} and {b} would both be {path}: use another --name or -O")));
+            return Err(usage(format!(
+                "the results of {a} and {b} would both be {path}: use another --name or -O"
+            )));
         }
     }
     Ok(())
@@ -139,7 +143,8 @@ mod tests {
     use crate::args::{Cli, Command};
 
     fn plan(words: &[&str]) -> Result<Vec<String>, String> {
-        let cli = Cli::try_parse_from(["lodsmith", "simplify", "--ratio", "0.5"].iter().chain(words)).unwrap();
+        let cli =
+            Cli::try_parse_from(["lodsmith", "simplify", "--ratio", "0.5"].iter().chain(words)).unwrap();
         let Command::Simplify(args) = cli.command else { unreachable!("simplify was typed") };
         let jobs = jobs(&args).map_err(|e| e.to_string())?;
         Ok(jobs.into_iter().filter_map(|j| Some(j.output?.0.to_string())).collect())
@@ -148,8 +153,15 @@ mod tests {
     #[test]
     fn results_are_named_by_the_template() {
         let got = plan(&["a.obj", "b.PLY", "c.stl.gz", "-O", "low"]).unwrap();
-        assert_eq!(got, ["low/a_low.obj", "low/b_low.PLY", "low/c_low.stl"].map(|s| s.replace('/', std::path::MAIN_SEPARATOR_STR)));
-        assert_eq!(plan(&["a.x", "-O", "o", "--to", "glb", "--name", "{stem}-{stem}.{ext}"]).unwrap().len(), 1);
+        assert_eq!(
+            got,
+            ["low/a_low.obj", "low/b_low.PLY", "low/c_low.stl"]
+                .map(|s| s.replace('/', std::path::MAIN_SEPARATOR_STR))
+        );
+        assert_eq!(
+            plan(&["a.x", "-O", "o", "--to", "glb", "--name", "{stem}-{stem}.{ext}"]).unwrap().len(),
+            1
+        );
     }
 
     #[test]

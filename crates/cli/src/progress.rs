@@ -85,8 +85,7 @@ impl FileProgress<'_> {
     }
 
     fn enter(&self, what: &str, span: (f64, f64)) {
-        let message =
-            if self.whole.files == 1 { what.to_owned() } else { format!("{}: {what}", self.name) };
+        let message = if self.whole.files == 1 { what.to_owned() } else { format!("{}: {what}", self.name) };
         self.whole.bar.set_message(message);
         self.to(span.0);
     }

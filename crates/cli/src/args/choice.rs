@@ -18,6 +18,13 @@ macro_rules! choice {
             }
         }
 
+        // Clap shows the default with this.
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.to_possible_value().expect("no choice is skipped").get_name())
+            }
+        }
+
         impl Default for $name {
             fn default() -> Self {
                 let is_default = |c: &Self| $engine::from(*c) == $engine::default();

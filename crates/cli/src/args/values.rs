@@ -39,7 +39,8 @@ impl FromStr for TypedLength {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wanted = || "a length is a number in the units of the file, or a share of the diagonal such as 0.1%";
+        let wanted =
+            || "a length is a number in the units of the file, or a share of the diagonal such as 0.1%";
         let (number, is_share) = match text.strip_suffix('%') {
             Some(number) => (number.trim_end(), true),
             None => (text, false),

@@ -13,12 +13,10 @@ pub(super) fn run(command: Option<&str>) -> anyhow::Result<Status> {
     whole.build();
     let page_of = match command {
         None => whole,
+        // Building has given it its full name, such as `lodsmith-simplify`.
         Some(name) => match whole.find_subcommand(name) {
+            Some(found) => found.clone(),
             None => return Err(usage(format!("there is no command {name}"))),
-            Some(found) => {
-                let title = format!("lodsmith-{name}");
-                found.clone().name(title.clone()).display_name(title)
-            }
         },
     };
     let mut page = Vec::new();
