@@ -13,7 +13,7 @@ use crate::file::{Sink, Source};
 
 const AFTER: &str = "\
 Methods:
-  memoryless  costs from the present surface alone, then a least-squares fit to the original [Lindstrom-Turk 1998]
+  memoryless  costs of the present surface alone, then a fit to the original [Lindstrom-Turk 1998]
   quadric     sums of plane quadrics that remember the original [Garland-Heckbert 1997]
 
 Examples:
@@ -35,7 +35,7 @@ pub(crate) struct SimplifyArgs {
     #[arg(short = 'O', long, value_name = "DIR")]
     pub(crate) out_dir: Option<PathBuf>,
     /// Names of the results in the folder
-    #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_low.{ext}")]
+    #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_low.{ext}", requires = "out_dir")]
     pub(crate) name: String,
     #[command(flatten)]
     pub(crate) target: Target,

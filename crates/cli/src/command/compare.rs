@@ -16,7 +16,7 @@ use crate::args::CompareArgs;
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink};
 use crate::in_order;
-use crate::numbers::{counted, seconds, significant};
+use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
 use crate::progress::Progress;
 
@@ -43,19 +43,19 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         options.samples = args.samples;
         options.seed = args.seed;
         let comparison = compare(&reference.mesh.surface(), &candidate.mesh.surface(), &options)?;
-        let largest = match &args.heatmap {
+        let red = match &args.heatmap {
             None => None,
             Some(path) => {
                 bar.write();
-                let (map, largest) = heatmap(&reference.mesh, &candidate.mesh)?;
+                let (map, red) = heatmap(&reference.mesh, &candidate.mesh)?;
                 file::write(&map, &Sink::Path(path.clone()), Format::Ply, false, false)?;
-                Some(largest)
+                Some(red)
             }
         };
-        anyhow::Ok((reference, candidate, comparison, largest))
+        anyhow::Ok((reference, candidate, comparison, red))
     });
     progress.finish();
-    let (reference, candidate, comparison, largest) = compared?;
+    let (reference, candidate, comparison, red) = compared?;
 
     for (source, loaded) in [(&args.reference, &reference), (&args.candidate, &candidate)] {
         show_warnings(&out, &source.to_string(), &loaded.warnings, false);
@@ -64,8 +64,8 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     for line in table(&comparison, &reference, &candidate) {
         out.line(&line);
     }
-    if let (Some(largest), Some(path)) = (largest, &args.heatmap) {
-        out.line(&format!("heat map        {}: blue 0, red {}", path.display(), significant(largest, 3)));
+    if let (Some(red), Some(path)) = (red, &args.heatmap) {
+        out.line(&format!("heat map        {}: blue 0, red {}", path.display(), significant(red, 3)));
     }
     out.detail(&format!("time            {}", seconds(begin.elapsed().as_secs_f64())));
     out.finish(Status::Done)
@@ -99,8 +99,8 @@ fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> 
     let mut lines = vec![
         format!(
             "faces           {} → {}",
-            counted(reference.mesh.face_count(), "face", "faces"),
-            counted(candidate.mesh.face_count(), "face", "faces")
+            grouped(reference.mesh.face_count()),
+            grouped(candidate.mesh.face_count())
         ),
         format!(
             "{:<16}{:>12} {:>12} {:>12} {:>14}",
@@ -130,7 +130,7 @@ fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> 
     lines
 }
 
-/// The reference with the distance of every vertex to the candidate as its colour, and the largest distance.
+/// The reference with the distance of every vertex to the candidate as its colour, and the distance that is red.
 fn heatmap(reference: &TriMesh, candidate: &TriMesh) -> anyhow::Result<(TriMesh, f64)> {
     // Enough that neighbours share a hint, few enough that threads share the work.
     const BLOCK: usize = 1024;
@@ -146,10 +146,13 @@ fn heatmap(reference: &TriMesh, candidate: &TriMesh) -> anyhow::Result<(TriMesh,
         }
     });
     let largest = distances.iter().fold(0f64, |m, &d| m.max(d));
-    let part = |d: f64| if largest > 0.0 { d / largest } else { 0.0 };
+    // Below this all is noise of the arithmetic, and one colour.
+    let noise = 1e-9 * positions.bounds().map_or(0.0, |b| b.diagonal());
+    let red = largest.max(noise);
+    let part = |d: f64| if red > 0.0 { d / red } else { 0.0 };
     let mut map = TriMesh::new(reference.positions().clone(), surface.triangles().to_vec())?;
     map.set_colors(Some(distances.into_iter().map(|d| heat(part(d))).collect()))?;
-    Ok((map, largest))
+    Ok((map, red))
 }
 
 /// Blue, cyan, green, yellow, red for 0 to 1.
