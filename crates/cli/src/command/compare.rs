@@ -124,7 +124,7 @@ fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> 
     ));
     lines.push(format!(
         "samples         {} each way, seed {}",
-        counted(c.samples, "sample", "samples"),
+        grouped(c.samples),
         c.seed
     ));
     lines
