@@ -172,6 +172,18 @@ impl<'a> Surface<'a> {
         check_triangles(bytemuck::cast_slice(triangles), positions.len())?;
         Ok(Self { positions, triangles: Cow::Borrowed(triangles) })
     }
+    /// A surface over borrowed positions and triangles of its own.
+    ///
+    /// # Errors
+    /// As [`Surface::new`].
+    pub fn with_triangles(
+        positions: PositionsView<'a>,
+        triangles: Vec<[VertexId; 3]>,
+    ) -> Result<Self, MeshError> {
+        check_size("vertices", positions.len())?;
+        check_triangles(bytemuck::cast_slice(&triangles), positions.len())?;
+        Ok(Self { positions, triangles: Cow::Owned(triangles) })
+    }
     /// The positions, one for each vertex.
     #[inline]
     pub fn positions(&self) -> PositionsView<'a> {
