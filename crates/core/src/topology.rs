@@ -63,7 +63,7 @@ impl Topology {
     ///
     /// Vertices and faces keep their numbers; welded vertices answer through their representative
     /// ([`Topology::origin`]).
-    /// Cost: O(n log k), where k is the number of edges at a vertex; 38 bytes a face, up to 70 while it is made.
+    /// Cost: O(n log k), where k is the number of edges at a vertex; 38 bytes a face, 45 while it is made.
     ///
     /// # Panics
     /// If there are more corners than 32-bit ids can name.

@@ -17,7 +17,8 @@ pub struct Defects {
     pub degenerate_face_count: usize,
     /// Faces without area (see [`ZERO_AREA`]), the degenerate ones among them.
     pub zero_area_face_count: usize,
-    /// Faces over the same three vertices as an earlier face, turned the same way.
+    /// Faces over the same three vertices as an earlier face, turned the same way. Degenerate faces are not counted
+    /// again here or below.
     pub same_winding_duplicate_count: usize,
     /// Faces over the same three vertices as an earlier face, where the earlier ones are all turned the other way.
     pub opposite_duplicate_count: usize,
@@ -42,7 +43,7 @@ impl Defects {
 
 /// Counts what is wrong with a surface, after welding equal positions.
 ///
-/// Cost: O(n); about 25 bytes a face.
+/// Cost: O(n); about 20 bytes a face.
 pub fn defects(surface: &Surface<'_>) -> Defects {
     let positions = surface.positions();
     let welded = weld(positions);
@@ -60,7 +61,9 @@ pub fn defects(surface: &Surface<'_>) -> Defects {
             found.non_finite_face_count += 1;
             found.zero_area_face_count += usize::from(repeats(t));
         }
-        triangles.push(t);
+        if !repeats(t) {
+            triangles.push(t);
+        }
     }
     found.unused_vertex_count = used.iter().filter(|u| !**u).count();
     let duplicates = duplicates(&triangles, positions.len());
@@ -180,7 +183,7 @@ impl Cleaned {
 /// Vertices are welded if their positions are equal, or within `weld_distance` in the units of the positions. Faces
 /// without area stay: dropping them would open the surface. So do faces that lie back to back: they are the two sides
 /// of a sheet.
-/// Cost: O(n); below 25 bytes a face at the peak, 14 of them in the result.
+/// Cost: O(n); about 20 bytes a face at the peak, 14 of them in the result; a soup that shares no vertex takes 30.
 pub fn clean_surface(surface: &Surface<'_>, weld_distance: Option<f64>) -> Cleaned {
     let positions = surface.positions();
     let weld = match weld_distance {
