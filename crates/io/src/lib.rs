@@ -3,10 +3,12 @@
 //! A format is one module with `read(bytes, options) -> Loaded` and `write(mesh, options, out) -> warnings`. Content
 //! decides which one reads ([`sniff`]), the file's ending decides which one writes.
 
+mod attributes;
 pub mod error;
 pub mod format;
 pub mod gltf;
 pub mod limits;
+mod lines;
 mod numbers;
 pub mod obj;
 pub mod off;

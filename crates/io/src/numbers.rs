@@ -48,7 +48,12 @@ impl Decimal {
             }
         }
         // Half a unit of the last digit, and a little for the rounding of this very sum.
-        let printed_alike = off <= 0.500_001 * 10f64.powi(exponent);
+        let unit = match EXACT_POWERS.get(exponent.unsigned_abs() as usize) {
+            Some(power) if exponent < 0 => 1.0 / power,
+            Some(power) => *power,
+            None => 10f64.powi(exponent),
+        };
+        let printed_alike = off <= 0.500_001 * unit;
         digits >= SURE_DIGITS && off > 1e-9 * self.value.abs() && !printed_alike
     }
 }
@@ -77,21 +82,15 @@ pub(crate) fn decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
     };
     let start = at;
     let mut mantissa = 0u64;
-    while let Some(digit) = digit_at(bytes, at) {
-        mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
-        at += 1;
-    }
+    at += digits(&bytes[at..], &mut mantissa);
     let mut all = at - start;
     let mut exponent = 0i32;
     if bytes.get(at) == Some(&b'.') {
         at += 1;
-        let point = at;
-        while let Some(digit) = digit_at(bytes, at) {
-            mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
-            at += 1;
-        }
-        all += at - point;
-        exponent = -i32::try_from(at - point).ok()?;
+        let places = digits(&bytes[at..], &mut mantissa);
+        at += places;
+        all += places;
+        exponent = -i32::try_from(places).ok()?;
     }
     if all == 0 {
         return special(bytes);
@@ -115,6 +114,50 @@ pub(crate) fn decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
     let value = fast_float2::parse::<f64, _>(text).ok()?;
     let digits = if few { digit_count(mantissa) } else { u32::try_from(all).unwrap_or(u32::MAX) };
     Some((Decimal { value, digits, exponent }, at))
+}
+
+/// Appends the digits at the front of `bytes` to a number, and returns how many there are. More than 19 of them (in all)
+/// leave the number without meaning.
+#[inline]
+fn digits(bytes: &[u8], number: &mut u64) -> usize {
+    let mut at = 0;
+    // Eight at a time: most coordinates and indices are done after one step.
+    while let Some(eight) = bytes[at..].first_chunk::<8>() {
+        let (value, count) = up_to_eight_digits(u64::from_le_bytes(*eight));
+        *number = number.wrapping_mul(POWERS[count]).wrapping_add(value);
+        at += count;
+        if count < 8 {
+            return at;
+        }
+    }
+    while let Some(digit) = digit_at(bytes, at) {
+        *number = number.wrapping_mul(10).wrapping_add(digit);
+        at += 1;
+    }
+    at
+}
+
+const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
+
+/// The digits at the front of eight characters, the first of which is the lowest byte, and how many they are.
+///
+/// Source: the idea of digits as lanes of one number is from [Lemire 2021]; the lanes are added in pairs, then fours,
+/// then all eight.
+#[inline]
+fn up_to_eight_digits(characters: u64) -> (u64, usize) {
+    let lanes = characters ^ 0x3030_3030_3030_3030;
+    // A lane above 9 sets its upper bit; what it carries reaches only lanes behind it, which do not count any more.
+    let strange = (lanes.wrapping_add(0x7676_7676_7676_7676) | lanes) & 0x8080_8080_8080_8080;
+    let count = (strange.trailing_zeros() / 8) as usize;
+    if count == 0 {
+        return (0, 0);
+    }
+    // Zeros move in at the front, where they change nothing.
+    let lanes = lanes << (64 - 8 * count);
+    let pairs = (lanes.wrapping_mul(10)).wrapping_add(lanes >> 8) & 0x00ff_00ff_00ff_00ff;
+    let fours = (pairs.wrapping_mul(100)).wrapping_add(pairs >> 16) & 0x0000_ffff_0000_ffff;
+    let all = (fours.wrapping_mul(10_000)).wrapping_add(fours >> 32) & 0xffff_ffff;
+    (all, count)
 }
 
 #[inline]
@@ -165,11 +208,8 @@ const EXACT_POWERS: [f64; 23] = [
 pub(crate) fn whole(bytes: &[u8]) -> Option<(i64, usize)> {
     let negative = bytes.first() == Some(&b'-');
     let start = usize::from(negative || bytes.first() == Some(&b'+'));
-    let (mut value, mut at) = (0u64, start);
-    while let Some(digit) = digit_at(bytes, at) {
-        value = value.wrapping_mul(10).wrapping_add(digit);
-        at += 1;
-    }
+    let mut value = 0u64;
+    let at = start + digits(&bytes[start..], &mut value);
     if at == start {
         return None;
     }

@@ -1,27 +1,14 @@
-//! obj.
+//! Wavefront OBJ.
+//!
+//! Read: `v` (with colours behind the position), `vt`, `vn`, `f` with any number of corners and with negative indices,
+//! counted `o`, `usemtl`. Lines and points are dropped with a warning, as are materials for the time being.
+//!
+//! Positions are kept in double precision where any coordinate of the file needs it: it has at least 8 significant
+//! digits, and the nearest `f32` printed with as many digits would be another number.
 
-use std::io::{self, Write};
+mod read;
+mod wedges;
+mod write;
 
-use lodsmith_core::TriMesh;
-
-use crate::error::{ReadError, Warning};
-use crate::read::{Loaded, ReadOptions};
-use crate::write::WriteOptions;
-
-/// Reads the bytes of a file.
-///
-/// # Errors
-/// [`ReadError`].
-pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
-    let _ = (bytes, options);
-    Err(ReadError::file("not yet"))
-}
-
-/// Writes a mesh; returns what the format could not carry.
-///
-/// # Errors
-/// What the stream answers.
-pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
-    let _ = (mesh, options, out);
-    Ok(Vec::new())
-}
+pub use read::read;
+pub use write::write;

@@ -1,27 +1,11 @@
-//! off.
+//! Object File Format: `OFF` with any of the prefixes `ST` (texture coordinates), `C` (colours), `N` (normals) and `4`
+//! (weights).
+//!
+//! A vertex may stand on several lines, but one line holds no two of them: what follows a vertex or a face on its line
+//! is passed over with a warning, such as the colours of faces. Positions keep double precision as in [`crate::obj`].
 
-use std::io::{self, Write};
+mod read;
+mod write;
 
-use lodsmith_core::TriMesh;
-
-use crate::error::{ReadError, Warning};
-use crate::read::{Loaded, ReadOptions};
-use crate::write::WriteOptions;
-
-/// Reads the bytes of a file.
-///
-/// # Errors
-/// [`ReadError`].
-pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
-    let _ = (bytes, options);
-    Err(ReadError::file("not yet"))
-}
-
-/// Writes a mesh; returns what the format could not carry.
-///
-/// # Errors
-/// What the stream answers.
-pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
-    let _ = (mesh, options, out);
-    Ok(Vec::new())
-}
+pub use read::read;
+pub use write::write;

@@ -1,0 +1,206 @@
+//! A walk through lines of words and numbers, which knows the number of its line.
+
+use crate::error::ReadError;
+use crate::numbers::{Decimal, decimal, whole};
+
+/// Where the walk is.
+#[derive(Clone, Debug)]
+pub(crate) struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    /// The current line, counted from 1.
+    line: usize,
+}
+
+impl<'a> Lines<'a> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0, line: 1 }
+    }
+    /// The current line, counted from 1.
+    pub(crate) fn line(&self) -> usize {
+        self.line
+    }
+    /// An error in this line.
+    #[cold]
+    pub(crate) fn error(&self, problem: impl Into<String>) -> ReadError {
+        ReadError::line(self.line, problem)
+    }
+    /// All that is ahead, with the rest of this line.
+    #[inline]
+    pub(crate) fn ahead(&self) -> &'a [u8] {
+        &self.bytes[self.at..]
+    }
+    /// The next byte; a line's end where the file ends.
+    #[inline]
+    pub(crate) fn peek(&self) -> u8 {
+        self.bytes.get(self.at).copied().unwrap_or(b'\n')
+    }
+    /// Passes so many bytes, none of them a line's end.
+    #[inline]
+    pub(crate) fn pass(&mut self, count: usize) {
+        self.at += count;
+    }
+    /// Whether nothing is left of the file.
+    #[inline]
+    pub(crate) fn is_over(&self) -> bool {
+        self.at >= self.bytes.len()
+    }
+
+    /// Passes blanks, and line ends with a backslash before them.
+    #[inline]
+    pub(crate) fn skip_blanks(&mut self) {
+        loop {
+            match self.peek() {
+                b' ' | b'\t' | b'\r' => self.at += 1,
+                b'\\' => {
+                    if !self.skip_continuation() {
+                        return;
+                    }
+                }
+                _ => return,
+            }
+        }
+    }
+
+    #[cold]
+    fn skip_continuation(&mut self) -> bool {
+        let length = match self.ahead() {
+            [b'\\', b'\n', ..] => 2,
+            [b'\\', b'\r', b'\n', ..] => 3,
+            _ => return false,
+        };
+        self.at += length;
+        self.line += 1;
+        true
+    }
+
+    /// Passes blanks; whether the line ends there, or a comment begins.
+    #[inline]
+    pub(crate) fn ends(&mut self) -> bool {
+        self.skip_blanks();
+        matches!(self.peek(), b'\n' | b'#')
+    }
+
+    /// Goes to the front of the next line.
+    #[inline]
+    pub(crate) fn next_line(&mut self) {
+        if self.peek() == b'\n' {
+            self.at = self.bytes.len().min(self.at + 1);
+        } else {
+            self.at = memchr::memchr(b'\n', self.ahead()).map_or(self.bytes.len(), |n| self.at + n + 1);
+        }
+        self.line += 1;
+    }
+
+    /// Goes to the front of the next line that does not continue this one.
+    pub(crate) fn next_line_of_its_own(&mut self) {
+        loop {
+            let start = self.at;
+            self.next_line();
+            let line = self.bytes[start..self.at].strip_suffix(b"\n").unwrap_or_default();
+            if !line.strip_suffix(b"\r").unwrap_or(line).ends_with(b"\\") {
+                return;
+            }
+        }
+    }
+
+    /// The word ahead, as far as the next blank or line's end.
+    pub(crate) fn word(&self) -> &'a [u8] {
+        let ahead = self.ahead();
+        &ahead[..ahead.iter().position(|b| b" \t\r\n".contains(b)).unwrap_or(ahead.len())]
+    }
+
+    /// What is left of this line, without blanks around it.
+    pub(crate) fn rest(&self) -> &'a [u8] {
+        let ahead = self.ahead();
+        ahead[..memchr::memchr(b'\n', ahead).unwrap_or(ahead.len())].trim_ascii()
+    }
+
+    /// Reads a number; the caller has passed the blanks before it.
+    ///
+    /// # Errors
+    /// If there is none, or something is glued to it.
+    #[inline]
+    pub(crate) fn decimal(&mut self) -> Result<Decimal, ReadError> {
+        match decimal(self.ahead()) {
+            Some((number, length)) if is_end_of_word(self.bytes.get(self.at + length)) => {
+                self.at += length;
+                Ok(number)
+            }
+            _ => Err(self.not_a("number")),
+        }
+    }
+
+    /// Reads a whole number; what may follow is for the caller to check.
+    ///
+    /// # Errors
+    /// If there is none.
+    #[inline]
+    pub(crate) fn whole(&mut self) -> Result<i64, ReadError> {
+        match whole(self.ahead()) {
+            Some((number, length)) => {
+                self.at += length;
+                Ok(number)
+            }
+            None => Err(self.not_a("whole number")),
+        }
+    }
+
+    /// Whether a word ends here.
+    #[inline]
+    pub(crate) fn word_ends(&self) -> bool {
+        is_end_of_word(self.bytes.get(self.at))
+    }
+
+    /// The error that the word ahead is not what was wanted.
+    #[cold]
+    pub(crate) fn not_a(&self, wanted: &str) -> ReadError {
+        if matches!(self.peek(), b'\n' | b'#') {
+            return self.error(format!("the line ends where a {wanted} was expected"));
+        }
+        self.error(format!("`{}` is not a {wanted}", shown(self.word())))
+    }
+}
+
+#[inline]
+fn is_end_of_word(byte: Option<&u8>) -> bool {
+    matches!(byte, None | Some(b' ' | b'\t' | b'\r' | b'\n' | b'#' | b'\\'))
+}
+
+/// A word of a file as a message may show it: not longer than a line of a terminal, and readable.
+pub(crate) fn shown(word: &[u8]) -> String {
+    // Guessed: long enough to be found, short enough to be read.
+    let text = String::from_utf8_lossy(&word[..word.len().min(40)]);
+    let more = if word.len() > 40 { "…" } else { "" };
+    format!("{}{more}", text.escape_debug())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_counted_across_continuations() {
+        let mut lines = Lines::new(b"1 \\\n 2\\\r\n3 # c\n4");
+        for (line, number) in [(1, 1.0), (2, 2.0), (3, 3.0)] {
+            lines.skip_blanks();
+            assert_eq!((lines.line(), lines.decimal().unwrap().value), (line, number));
+        }
+        assert!(lines.ends());
+        lines.next_line();
+        assert_eq!((lines.line(), lines.whole().unwrap()), (4, 4));
+        assert!(lines.ends() && lines.is_over());
+        lines.next_line();
+        assert!(lines.is_over());
+    }
+
+    #[test]
+    fn errors_show_the_word_and_its_line() {
+        let mut lines = Lines::new(b"x\n3.1+e2 ");
+        lines.next_line();
+        assert_eq!(lines.decimal().unwrap_err().to_string(), "line 2: `3.1+e2` is not a number");
+        let lines = Lines::new(b"\n");
+        assert_eq!(lines.not_a("number").to_string(), "line 1: the line ends where a number was expected");
+        assert_eq!(shown("ü\u{1b}[2J".as_bytes()), "ü\\u{1b}[2J");
+    }
+}

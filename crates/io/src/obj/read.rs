@@ -1,0 +1,665 @@
+//! From the lines of an OBJ to a mesh.
+//!
+//! The file is cut into sections at line ends, which are read at the same time and put together in their order. What a
+//! section cannot know (how many positions came before it, on which line it begins) is added then. If anything is
+//! wrong the file is read once more as one section, so that the error names the first wrong line.
+
+use std::collections::BTreeSet;
+
+use lodsmith_core::mesh::MeshError;
+use lodsmith_core::polygon::Triangulator;
+use lodsmith_core::{Positions, TriMesh, VertexId};
+use rayon::prelude::*;
+
+use super::wedges::{NONE, number_wedges};
+use crate::attributes::{NO_ALPHA, NO_COLOR, unit_colors, unit_normals};
+use crate::error::{ReadError, Warning};
+use crate::format::Format;
+use crate::lines::{Lines, shown};
+use crate::read::{Contents, Loaded, ReadOptions};
+
+/// Reads the bytes of an OBJ file; UTF-8 or any other encoding in which ASCII is ASCII.
+///
+/// Faces keep their order; polygons are cut into triangles. Corners that share position, texture coordinates and normal
+/// share a wedge, and a mesh without seams has no map. A face may name positions that come after it.
+/// Where some corners have texture coordinates or normals and others have none, those get zeros, and a warning says so.
+/// `nan` and `inf` are numbers. Lines that begin with an unknown word are passed over with a warning.
+/// Cost: O(bytes); memory about 1.5 times the size of the file at most, besides the mesh.
+///
+/// # Errors
+/// [`ReadError::Malformed`] with the line: a word that is no number, a position with fewer than three coordinates, an
+/// index that is 0 or beyond what the file holds. [`ReadError::Mesh`] if there is more than 32-bit ids can name.
+pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let section = match read_sections(bytes) {
+        Some(section) => section,
+        None => Section::read(bytes, UNKNOWN, true)?,
+    };
+    if !section.is_sound() {
+        let named = Section::read(bytes, section.counts(), true).err();
+        return Err(named.unwrap_or_else(|| ReadError::file("a face names what is not there")));
+    }
+    section.finish()
+}
+
+/// Reads the sections of a file at the same time; `None` where one of them cannot do without those before it, be it for
+/// the sake of an index that counts backwards or of an error's line.
+fn read_sections(bytes: &[u8]) -> Option<Section<'_>> {
+    let pieces = sections(bytes, rayon::current_num_threads());
+    let read: Option<Vec<Section<'_>>> =
+        pieces.par_iter().enumerate().map(|(i, piece)| Section::read(piece, UNKNOWN, i == 0).ok()).collect();
+    read?.into_iter().reduce(|mut all, section| {
+        all.append(section);
+        all
+    })
+}
+
+/// Cuts a file at line ends into at most so many sections.
+fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
+    // Guessed: reading this much takes a few milliseconds, far more than to hand it to a thread.
+    const SMALL: usize = 4 << 20;
+    let count = count.clamp(1, bytes.len() / SMALL + 1);
+    let (mut rest, mut pieces) = (bytes, Vec::with_capacity(count));
+    for left in (2..=count).rev() {
+        let aim = rest.len() / left;
+        // A line with a backslash at its end goes on.
+        let is_end = |&n: &usize| !matches!(rest[..n], [.., b'\\'] | [.., b'\\', b'\r']);
+        let Some(end) = memchr::memchr_iter(b'\n', &rest[aim..]).map(|n| aim + n).find(is_end) else { break };
+        let (piece, after) = rest.split_at(end + 1);
+        pieces.push(piece);
+        rest = after;
+    }
+    pieces.push(rest);
+    pieces
+}
+
+/// How many positions, texture coordinates and normals there are, as long as nobody knows.
+const UNKNOWN: [usize; 3] = [NONE as usize; 3];
+
+/// The three things that a corner names, in this order.
+const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+
+/// What a piece of the file holds.
+#[derive(Default)]
+struct Section<'a> {
+    positions: Vec<[f64; 3]>,
+    needs_f64: bool,
+    /// As many as there are positions, or none.
+    colors: Vec<[f32; 4]>,
+    uvs: Vec<[f32; 2]>,
+    normals: Vec<[f32; 3]>,
+    /// Faces of three corners: position, texture coordinate and normal of each. The last two are empty until a face
+    /// has one, and as long as the first from then on.
+    triangles: [Vec<[u32; 3]>; 3],
+    /// Faces of more corners.
+    polygons: Vec<Polygon>,
+    polygon_corners: Vec<[u32; 3]>,
+    /// The greatest index of each kind, plus one.
+    ends: [usize; 3],
+    /// Whether the file begins here, so that all counts are those of the file.
+    is_first: bool,
+    line_count: usize,
+    notes: Notes<'a>,
+}
+
+/// A face of more than three corners.
+struct Polygon {
+    /// How many triangles stand before it.
+    after: usize,
+    /// How many corners it has.
+    size: usize,
+}
+
+/// What the user may want to know.
+#[derive(Default)]
+struct Notes<'a> {
+    objects: usize,
+    materials: BTreeSet<&'a [u8]>,
+    has_materials: bool,
+    colored: usize,
+    small_faces: usize,
+    lines_and_points: usize,
+    free_forms: usize,
+    /// Lines that begin with an unknown word, and the first of them.
+    strange: Option<(usize, usize, &'a [u8])>,
+}
+
+impl<'a> Section<'a> {
+    /// Reads a piece; an index of `counts` or more is an error.
+    fn read(bytes: &'a [u8], counts: [usize; 3], is_first: bool) -> Result<Self, ReadError> {
+        let mut section = Self { is_first, ..Self::default() };
+        let mut lines = Lines::new(bytes);
+        let mut corners: Vec<[u32; 3]> = Vec::new();
+        while !lines.is_over() {
+            lines.skip_blanks();
+            match lines.ahead() {
+                [b'v', b' ' | b'\t', ..] => {
+                    lines.pass(1);
+                    section.vertex(&mut lines)?;
+                    lines.next_line();
+                }
+                [b'f', b' ' | b'\t', ..] => {
+                    lines.pass(1);
+                    section.face(&mut lines, counts, &mut corners)?;
+                    lines.next_line();
+                }
+                [b'v', b'n', b' ' | b'\t', ..] => {
+                    lines.pass(2);
+                    let normal = coordinates::<3>(&mut lines, 3, "a normal")?;
+                    section.normals.push(normal.map(|c| c as f32));
+                    lines.next_line();
+                }
+                [b'v', b't', b' ' | b'\t', ..] => {
+                    lines.pass(2);
+                    let uv = coordinates::<2>(&mut lines, 1, "a texture coordinate")?;
+                    section.uvs.push(uv.map(|c| c as f32));
+                    lines.next_line();
+                }
+                [b'\n' | b'#', ..] | [] => lines.next_line(),
+                _ => {
+                    section.other(&lines);
+                    lines.next_line_of_its_own();
+                }
+            }
+        }
+        section.line_count = lines.line() - 1;
+        Ok(section)
+    }
+
+    /// Puts the section that follows behind this one.
+    fn append(&mut self, mut next: Self) {
+        if !self.colors.is_empty() || !next.colors.is_empty() {
+            self.colors.resize(self.positions.len(), NO_COLOR);
+            self.colors.append(&mut next.colors);
+        }
+        self.positions.append(&mut next.positions);
+        self.needs_f64 |= next.needs_f64;
+        self.uvs.append(&mut next.uvs);
+        self.normals.append(&mut next.normals);
+        let (before, more) = (self.triangles[0].len(), next.triangles[0].len());
+        for (all, these) in self.triangles.iter_mut().zip(&mut next.triangles) {
+            if !all.is_empty() || !these.is_empty() {
+                all.resize(before, [NONE; 3]);
+                all.append(these);
+                all.resize(before + more, [NONE; 3]);
+            }
+        }
+        self.polygons.extend(next.polygons.iter().map(|p| Polygon { after: p.after + before, size: p.size }));
+        self.polygon_corners.append(&mut next.polygon_corners);
+        for (end, next) in self.ends.iter_mut().zip(next.ends) {
+            *end = next.max(*end);
+        }
+        self.notes.append(next.notes, self.line_count);
+        self.line_count += next.line_count;
+    }
+
+    #[inline]
+    fn vertex(&mut self, lines: &mut Lines<'_>) -> Result<(), ReadError> {
+        let mut position = [0.0; 3];
+        for (k, coordinate) in position.iter_mut().enumerate() {
+            if lines.ends() {
+                return Err(too_few(lines, "a position", 3, k));
+            }
+            let number = lines.decimal()?;
+            self.needs_f64 = self.needs_f64 || number.needs_f64();
+            *coordinate = number.value;
+        }
+        if !lines.ends() {
+            let mut more = [0.0f32; 4];
+            let mut count = 0;
+            while count < 4 && !lines.ends() {
+                more[count] = lines.decimal()?.value as f32;
+                count += 1;
+            }
+            // One number more is a weight, which plain meshes do not use.
+            if count >= 3 {
+                self.colors.resize(self.positions.len(), NO_COLOR);
+                self.notes.colored += 1;
+                self.colors.push(if count == 4 { more } else { [more[0], more[1], more[2], NO_ALPHA] });
+            }
+        }
+        self.positions.push(position);
+        Ok(())
+    }
+
+    #[inline]
+    fn face(
+        &mut self,
+        lines: &mut Lines<'_>,
+        counts: [usize; 3],
+        corners: &mut Vec<[u32; 3]>,
+    ) -> Result<(), ReadError> {
+        corners.clear();
+        let have = [self.positions.len(), self.uvs.len(), self.normals.len()];
+        while !lines.ends() {
+            let mut corner = [NONE; 3];
+            corner[0] = self.index(lines, 0, have, counts)?;
+            if lines.peek() == b'/' {
+                lines.pass(1);
+                if lines.peek() != b'/' && !lines.word_ends() {
+                    corner[1] = self.index(lines, 1, have, counts)?;
+                }
+                if lines.peek() == b'/' {
+                    lines.pass(1);
+                    if !lines.word_ends() {
+                        corner[2] = self.index(lines, 2, have, counts)?;
+                    }
+                }
+            }
+            if !lines.word_ends() {
+                return Err(lines.not_a("corner of a face"));
+            }
+            corners.push(corner);
+        }
+        match corners[..] {
+            [a, b, c] => {
+                for kind in 0..3 {
+                    let triangle = [a[kind], b[kind], c[kind]];
+                    self.add_triangle(kind, triangle);
+                }
+            }
+            [] | [_] | [_, _] => self.notes.small_faces += 1,
+            _ => {
+                self.polygons.push(Polygon { after: self.triangles[0].len(), size: corners.len() });
+                self.polygon_corners.extend_from_slice(corners);
+            }
+        }
+        Ok(())
+    }
+
+    /// The positions come first, so that the others know how many there are.
+    #[inline]
+    fn add_triangle(&mut self, kind: usize, triangle: [u32; 3]) {
+        if kind > 0 {
+            let count = self.triangles[0].len() - 1;
+            let buffer = &mut self.triangles[kind];
+            if buffer.is_empty() {
+                if triangle == [NONE; 3] {
+                    return;
+                }
+                buffer.resize(count, [NONE; 3]);
+            }
+        }
+        self.triangles[kind].push(triangle);
+    }
+
+    #[inline]
+    fn index(
+        &mut self,
+        lines: &mut Lines<'_>,
+        kind: usize,
+        have: [usize; 3],
+        counts: [usize; 3],
+    ) -> Result<u32, ReadError> {
+        let number = lines.whole()?;
+        let index = if number > 0 { number - 1 } else { have[kind] as i64 + number };
+        // Seen as unsigned, what is below zero is beyond everything.
+        if number <= 0 && !self.is_first {
+            return Err(lines.error("an index that counts backwards needs the whole file"));
+        }
+        if number == 0 || index as u64 >= counts[kind] as u64 {
+            return Err(bad_index(lines, number, kind, have, counts));
+        }
+        self.ends[kind] = self.ends[kind].max(index as usize + 1);
+        Ok(index as u32)
+    }
+
+    #[cold]
+    fn other(&mut self, lines: &Lines<'a>) {
+        let word = lines.word();
+        let notes = &mut self.notes;
+        match word {
+            b"o" => notes.objects += 1,
+            b"usemtl" => {
+                notes.has_materials = true;
+                notes.materials.insert(lines.rest()[word.len()..].trim_ascii());
+            }
+            b"mtllib" => notes.has_materials = true,
+            b"l" | b"p" => notes.lines_and_points += 1,
+            b"vp" | b"cstype" | b"deg" | b"bmat" | b"step" | b"curv" | b"curv2" | b"surf" | b"parm"
+            | b"trim" | b"hole" | b"scrv" | b"sp" | b"end" | b"con" => notes.free_forms += 1,
+            b"g" | b"s" | b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"maplib" | b"usemap"
+            | b"shadow_obj" | b"trace_obj" | b"ctech" | b"stech" => {}
+            _ => {
+                notes.strange = match notes.strange {
+                    None => Some((1, lines.line(), word)),
+                    Some((count, line, first)) => Some((count + 1, line, first)),
+                }
+            }
+        }
+    }
+
+    fn counts(&self) -> [usize; 3] {
+        [self.positions.len(), self.uvs.len(), self.normals.len()]
+    }
+
+    /// Whether every index names something.
+    fn is_sound(&self) -> bool {
+        (0..3).all(|kind| self.ends[kind] <= self.counts()[kind])
+    }
+
+    /// Cuts the polygons into triangles and puts these between the others.
+    fn cut_polygons(&mut self) {
+        if self.polygons.is_empty() {
+            return;
+        }
+        let is_used = [0, 1, 2].map(|kind| {
+            let in_polygons = || self.polygon_corners.iter().any(|c| c[kind] != NONE);
+            kind == 0 || !self.triangles[kind].is_empty() || in_polygons()
+        });
+        let old = std::mem::take(&mut self.triangles);
+        let total = old[0].len() + self.polygon_corners.len() - 2 * self.polygons.len();
+        for kind in 0..3 {
+            if is_used[kind] {
+                self.triangles[kind].reserve_exact(total);
+            }
+        }
+        let mut triangulator = Triangulator::default();
+        let (mut points, mut cut) = (Vec::new(), Vec::new());
+        let (mut taken, mut corners) = (0, &self.polygon_corners[..]);
+        let mut take = |triangles: &mut [Vec<[u32; 3]>; 3], to: usize| {
+            for kind in (0..3).filter(|&kind| is_used[kind]) {
+                if old[kind].is_empty() {
+                    triangles[kind].resize(triangles[kind].len() + to - taken, [NONE; 3]);
+                } else {
+                    triangles[kind].extend_from_slice(&old[kind][taken..to]);
+                }
+            }
+            taken = to;
+        };
+        for polygon in &self.polygons {
+            take(&mut self.triangles, polygon.after);
+            let (these, rest) = corners.split_at(polygon.size);
+            corners = rest;
+            points.clear();
+            points.extend(these.iter().map(|c| self.positions[c[0] as usize]));
+            triangulator.triangulate(&points, &mut cut);
+            for kind in (0..3).filter(|&kind| is_used[kind]) {
+                self.triangles[kind].extend(cut.iter().map(|t| t.map(|k| these[k as usize][kind])));
+            }
+        }
+        take(&mut self.triangles, old[0].len());
+    }
+
+    fn finish(mut self) -> Result<Loaded, ReadError> {
+        let polygons = self.triangles[0].len() + self.polygons.len();
+        self.cut_polygons();
+        let [mut triangles, uv_of, normal_of] = std::mem::take(&mut self.triangles);
+        // Wedges are counted by 32-bit numbers before the mesh can refuse them.
+        if triangles.len() >= (u32::MAX / 3) as usize {
+            return Err(MeshError::TooLarge { what: "triangles", count: triangles.len() }.into());
+        }
+        let mut warnings = self.notes.warnings();
+        let vertex_count = self.positions.len();
+        unit_normals(&mut self.normals);
+        if !self.colors.is_empty() {
+            let bare = vertex_count - self.notes.colored;
+            self.colors.resize(vertex_count, NO_COLOR);
+            if bare > 0 {
+                warnings.push(Warning::note(format!("{bare} vertices without a colour: made white")));
+            }
+            if unit_colors(&mut self.colors) {
+                warnings.push(Warning::note("colours count to 255: divided by 255"));
+            }
+        }
+        let is_same = |buffer: &Vec<[u32; 3]>| buffer.is_empty() || *buffer == triangles;
+        let (has_uvs, has_normals) = (!uv_of.is_empty(), !normal_of.is_empty());
+        let mut vertex_of = None;
+        let (uvs, normals);
+        if is_same(&uv_of) && is_same(&normal_of) {
+            self.uvs.resize(vertex_count, [0.0; 2]);
+            self.normals.resize(vertex_count, [0.0; 3]);
+            uvs = has_uvs.then_some(self.uvs);
+            normals = has_normals.then_some(self.normals);
+        } else {
+            for (buffer, what) in [(&uv_of, "texture coordinates"), (&normal_of, "a normal")] {
+                let bare = buffer.iter().flatten().filter(|&&i| i == NONE).count();
+                if bare > 0 {
+                    warnings
+                        .push(Warning::note(format!("{bare} corners without {what}: zeros were put there")));
+                }
+            }
+            let wedges = number_wedges(&mut triangles, &uv_of, &normal_of, vertex_count);
+            vertex_of = wedges.vertex_of;
+            let of = &wedges.attributes;
+            uvs = has_uvs.then(|| of.iter().map(|a| get_or_zero(&self.uvs, a[0])).collect());
+            normals = has_normals.then(|| of.iter().map(|a| get_or_zero(&self.normals, a[1])).collect());
+        }
+        let colors = match &vertex_of {
+            _ if self.colors.is_empty() => None,
+            None => Some(self.colors),
+            Some(map) => Some(map.iter().map(|&v| self.colors[v as usize]).collect()),
+        };
+        let positions = if self.needs_f64 {
+            Positions::F64(self.positions)
+        } else {
+            Positions::F32(self.positions.into_iter().map(|p| p.map(|c| c as f32)).collect())
+        };
+        let mut mesh = match vertex_of {
+            None => TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?,
+            Some(map) => {
+                let map: Vec<VertexId> = bytemuck::allocation::cast_vec(map);
+                TriMesh::with_wedges(positions, map, bytemuck::allocation::cast_vec(triangles))?
+            }
+        };
+        mesh.set_uvs(uvs)?;
+        mesh.set_normals(normals)?;
+        mesh.set_colors(colors)?;
+        let present = [("normals", mesh.normals().is_some()), ("uvs", mesh.uvs().is_some())];
+        let present = present.into_iter().chain([("colors", mesh.colors().is_some())]);
+        let contents = Contents {
+            meshes: self.notes.objects.max(1),
+            polygons,
+            materials: self.notes.materials.len(),
+            attributes: present.filter(|(_, is)| *is).map(|(name, _)| name.to_owned()).collect(),
+            ..Contents::default()
+        };
+        Ok(Loaded { mesh, format: Format::Obj, contents, warnings })
+    }
+}
+
+impl<'a> Notes<'a> {
+    /// Adds the notes of a section with so many lines before it.
+    fn append(&mut self, next: Notes<'a>, lines: usize) {
+        self.objects += next.objects;
+        self.materials.extend(next.materials);
+        self.has_materials |= next.has_materials;
+        self.colored += next.colored;
+        self.small_faces += next.small_faces;
+        self.lines_and_points += next.lines_and_points;
+        self.free_forms += next.free_forms;
+        self.strange = match (self.strange, next.strange) {
+            (Some((count, line, word)), Some((more, ..))) => Some((count + more, line, word)),
+            (None, Some((count, line, word))) => Some((count, line + lines, word)),
+            (first, None) => first,
+        };
+    }
+
+    fn warnings(&self) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        if self.has_materials {
+            warnings.push(Warning::lost("materials and groups are not carried yet: dropped"));
+        }
+        if self.lines_and_points > 0 {
+            warnings.push(Warning::lost(format!(
+                "{} elements of lines or points: dropped",
+                self.lines_and_points
+            )));
+        }
+        if self.free_forms > 0 {
+            warnings.push(Warning::lost("free-form curves and surfaces: dropped"));
+        }
+        if self.small_faces > 0 {
+            warnings.push(Warning::note(format!(
+                "{} faces of fewer than three corners: dropped",
+                self.small_faces
+            )));
+        }
+        if let Some((count, line, word)) = self.strange {
+            let text = format!(
+                "{count} lines begin with a word that OBJ does not have, such as `{}` in line {line}",
+                shown(word)
+            );
+            warnings.push(Warning::note(text + ": passed over"));
+        }
+        warnings
+    }
+}
+
+fn get_or_zero<const N: usize>(buffer: &[[f32; N]], index: u32) -> [f32; N] {
+    buffer.get(index as usize).copied().unwrap_or([0.0; N])
+}
+
+/// Reads N numbers, of which the last may be missing beyond `least`; what follows them is left.
+#[inline]
+fn coordinates<const N: usize>(
+    lines: &mut Lines<'_>,
+    least: usize,
+    what: &str,
+) -> Result<[f64; N], ReadError> {
+    let mut numbers = [0.0; N];
+    for (k, number) in numbers.iter_mut().enumerate() {
+        if lines.ends() {
+            if k < least {
+                return Err(too_few(lines, what, least, k));
+            }
+            break;
+        }
+        *number = lines.decimal()?.value;
+    }
+    Ok(numbers)
+}
+
+#[cold]
+fn too_few(lines: &Lines<'_>, what: &str, wanted: usize, got: usize) -> ReadError {
+    let numbers = if wanted == 1 { "number" } else { "numbers" };
+    lines.error(format!("{what} has {wanted} {numbers}, here are {got}"))
+}
+
+#[cold]
+fn bad_index(lines: &Lines<'_>, number: i64, kind: usize, have: [usize; 3], counts: [usize; 3]) -> ReadError {
+    let what = KINDS[kind];
+    if number == 0 {
+        return lines.error(format!("the face names {what} 0, but OBJ counts from 1"));
+    }
+    if number < 0 {
+        return lines
+            .error(format!("the face names {what} {number}, but only {} stand before it", have[kind]));
+    }
+    if counts[kind] == UNKNOWN[kind] {
+        return lines.error(format!("the face names {what} {number}, more than a mesh can have"));
+    }
+    lines.error(format!("the face names {what} {number}, but the file has {}", counts[kind]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<Loaded, ReadError> {
+        read(text.as_bytes(), &ReadOptions::default())
+    }
+
+    fn triangles(loaded: &Loaded) -> Vec<[u32; 3]> {
+        loaded.mesh.triangles().iter().map(|t| t.map(|w| w.0)).collect()
+    }
+
+    const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+    /// ```text
+    ///   3---2
+    ///   | / |
+    ///   0---1
+    /// ```
+    #[test]
+    fn faces_of_all_sizes_keep_their_order() {
+        let got = read_text(&format!("{SQUARE}f 1 2 3\nf 1 2 3 4\nf 1 2\nf 3 4 1\n")).unwrap();
+        assert_eq!(triangles(&got), [[0, 1, 2], [0, 1, 2], [0, 2, 3], [2, 3, 0]]);
+        assert_eq!(got.contents.polygons, 3);
+        assert_eq!(got.warnings[0].text, "1 faces of fewer than three corners: dropped");
+    }
+
+    #[test]
+    fn equal_indices_make_no_wedges_and_seams_do() {
+        let vt = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+        let got = read_text(&format!("{SQUARE}{vt}f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")).unwrap();
+        assert!(got.mesh.vertex_map().is_none());
+        assert_eq!(got.mesh.uvs().unwrap()[2], [1.0, 1.0]);
+        let got = read_text(&format!("{SQUARE}{vt}f 1/1 2/2 3/3\nf 1/4 3/3 4/1\n")).unwrap();
+        assert_eq!(got.mesh.wedge_count(), 5);
+        assert_eq!(triangles(&got), [[0, 1, 2], [3, 2, 4]]);
+        assert_eq!(got.mesh.uvs().unwrap()[3], [0.0, 1.0]);
+    }
+
+    #[test]
+    fn corners_without_attributes_get_zeros_and_a_warning() {
+        let got = read_text(&format!("{SQUARE}f 1 2 3\nvn 0 0 2\nf 1//1 3//1 4//-1\n")).unwrap();
+        assert_eq!(got.mesh.normals().unwrap()[0], [0.0; 3]);
+        assert_eq!(got.mesh.normals().unwrap()[3], [0.0, 0.0, 1.0]);
+        assert_eq!(got.warnings[0].text, "3 corners without a normal: zeros were put there");
+        assert_eq!(got.contents.attributes, ["normals"]);
+    }
+
+    #[test]
+    fn a_polygon_may_bring_the_first_attributes() {
+        let vt = "vt .5 .5\n";
+        let got = read_text(&format!("{SQUARE}{vt}f 1 2 3\nf 1/1 2/1 3/1 4/1\nf 1 2 4\n")).unwrap();
+        assert_eq!(got.mesh.face_count(), 4);
+        let uv = |face: usize| got.mesh.uvs().unwrap()[got.mesh.triangles()[face][0].index()];
+        assert_eq!([uv(0), uv(1), uv(2), uv(3)], [[0.0; 2], [0.5; 2], [0.5; 2], [0.0; 2]]);
+    }
+
+    #[test]
+    fn colors_stand_behind_positions() {
+        let got = read_text("v 0 0 0 1 0 0\nv 1 0 0 0 0.5 0 0.25\nv 0 1 0 1\nf 1 2 3\n").unwrap();
+        assert_eq!(got.mesh.colors().unwrap(), [[1.0, 0.0, 0.0, 1.0], [0.0, 0.5, 0.0, 0.25], [1.0; 4]]);
+        assert_eq!(got.warnings[0].text, "1 vertices without a colour: made white");
+        let got = read_text("v 0 0 0 255 0 0\nv 1 0 0 0 51 0\nv 0 1 0 0 0 0\nf 1 2 3\n").unwrap();
+        assert_eq!(got.mesh.colors().unwrap()[1], [0.0, 0.2, 0.0, 1.0]);
+        let got = read_text("v 0 0 0 1\nv 1 0 0 1\nv 0 1 0 1\nf 1 2 3\n").unwrap();
+        assert!(got.mesh.colors().is_none());
+    }
+
+    #[test]
+    fn texts_of_every_style_are_read() {
+        let wanted = triangles(&read_text(&format!("{SQUARE}f 1 2 3\n")).unwrap());
+        for text in [
+            format!("\u{feff}{SQUARE}f 1 2 3"),
+            format!("{SQUARE}f 1 2 3\n").replace('\n', "\r\n").replace(' ', "\t"),
+            format!("{SQUARE}f 1 \\\n2 \\\r\n 3\n"),
+            format!("{SQUARE}f -4 -3 -2 # comment\n"),
+            format!("# c \\\n{SQUARE}\n\n  f 1 2 3  \n"),
+            format!("f 1 2 3\n{SQUARE}"),
+            "v 0 0 0\nv nan inf -inf\nv 1. +1 1e0\nf 1 2 3".to_owned(),
+        ] {
+            assert_eq!(triangles(&read_text(&text).unwrap()), wanted, "{text}");
+        }
+    }
+
+    #[test]
+    fn precision_is_that_of_the_file() {
+        let read_x = |x: &str| read_text(&format!("v {x} 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).unwrap().mesh;
+        assert!(matches!(read_x("0.1").positions(), Positions::F32(_)));
+        assert!(matches!(read_x("0.100000001").positions(), Positions::F32(_)));
+        assert!(matches!(read_x("500000.123").positions(), Positions::F64(p) if p[0][0] == 500000.123));
+    }
+
+    #[test]
+    fn what_is_not_carried_is_said() {
+        let got = read_text(&format!(
+            "mtllib a.mtl\no a\nusemtl x\n{SQUARE}usemtl y\nusemtl x\nf 1 2 3\nl 1 2\nhello\n"
+        ));
+        let got = got.unwrap();
+        assert_eq!(got.contents.materials, 2);
+        let texts: Vec<&str> = got.warnings.iter().map(|w| w.text.as_str()).collect();
+        assert_eq!(
+            texts,
+            [
+                "materials and groups are not carried yet: dropped",
+                "1 elements of lines or points: dropped",
+                "1 lines begin with a word that OBJ does not have, such as `hello` in line 12: passed over",
+            ]
+        );
+        assert!(got.warnings[0].data_lost);
+    }
+}
