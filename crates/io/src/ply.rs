@@ -9,6 +9,7 @@ mod write;
 
 use std::io::{self, Write};
 
+use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{MeshError, Positions, TriMesh, VertexId, WedgeId};
 
 use crate::error::{ReadError, Warning};
@@ -108,17 +109,28 @@ type Split = (Vec<[u32; 3]>, Option<Vec<[[f32; 2]; 3]>>);
 
 /// Splits polygons into triangles.
 fn split(corners: Corners, positions: &Positions, warnings: &mut Vec<Warning>) -> Result<Split, ReadError> {
-    let _ = positions;
+    let positions = positions.view();
     let mut triangles = Vec::with_capacity(corners.indices.len().saturating_sub(2 * corners.ends.len()));
     let mut uvs = corners.uvs.as_ref().map(|_| Vec::with_capacity(triangles.capacity()));
+    let (mut triangulator, mut points, mut cut) = (Triangulator::default(), Vec::new(), Vec::new());
     let mut small = 0usize;
     let mut start = 0usize;
-    for &end in &corners.ends {
-        if end - start < 3 {
-            small += 1;
+    for (face, &end) in corners.ends.iter().enumerate() {
+        let indices = &corners.indices[start..end];
+        match indices.len() {
+            ..3 => small += 1,
+            3 => cut.push([0, 1, 2]),
+            n if u32::try_from(n).is_err() => {
+                return Err(ReadError::element(format!("face {face}"), "has more than 2^32 corners"));
+            }
+            _ => {
+                points.clear();
+                points.extend(indices.iter().map(|&i| positions.get(VertexId(i))));
+                triangulator.triangulate(&points, &mut cut);
+            }
         }
-        for k in start + 1..end.saturating_sub(1) {
-            let t = [start, k, k + 1];
+        for t in cut.drain(..) {
+            let t = t.map(|c| start + c as usize);
             triangles.push(t.map(|c| corners.indices[c]));
             if let (Some(out), Some(all)) = (&mut uvs, &corners.uvs) {
                 out.push(t.map(|c| all[c]));

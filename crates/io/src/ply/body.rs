@@ -516,7 +516,9 @@ trait Source {
             }
             Fault::Length(n, left) => ReadError::element(
                 element,
-                format!("{property} claims {n} entries, but {left} bytes are left of the file"),
+                format!(
+                    "{property} claims {n} entries, but {left} bytes are left: the file is cut off, or the number is wrong"
+                ),
             ),
             Fault::Index(i, count) => {
                 ReadError::element(element, format!("uses vertex {i}, but the mesh has {count}"))

@@ -1,0 +1,293 @@
+//! Typed numbers out of buffers.
+
+use serde_json::Value;
+
+use super::buffers::{Buffers, View};
+use super::container::{entry, whole};
+use crate::error::ReadError;
+
+/// Type of a component.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Component {
+    fn from_code(code: usize) -> Option<Self> {
+        Some(match code {
+            5120 => Self::I8,
+            5121 => Self::U8,
+            5122 => Self::I16,
+            5123 => Self::U16,
+            5125 => Self::U32,
+            5126 => Self::F32,
+            _ => return None,
+        })
+    }
+
+    const fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::I8 => "bytes with sign",
+            Self::U8 => "bytes",
+            Self::I16 => "16-bit integers with sign",
+            Self::U16 => "16-bit integers",
+            Self::U32 => "32-bit integers",
+            Self::F32 => "floats",
+        }
+    }
+}
+
+/// Elements that lie at equal distances in some bytes; all of them are there.
+struct Elements<'b> {
+    bytes: &'b [u8],
+    stride: usize,
+}
+
+/// Elements that replace others.
+struct Sparse<'b> {
+    count: usize,
+    index_kind: Component,
+    indices: Elements<'b>,
+    values: Elements<'b>,
+}
+
+/// An accessor whose bounds have been checked.
+pub(super) struct Accessor<'b> {
+    pub(super) name: String,
+    pub(super) count: usize,
+    pub(super) kind: Component,
+    /// Components of an element.
+    pub(super) width: usize,
+    normalized: bool,
+    /// `None`: all zero.
+    elements: Option<Elements<'b>>,
+    sparse: Option<Sparse<'b>>,
+}
+
+/// An accessor without data holds zeros, as many as a number in the JSON says. More than this are refused, unless the
+/// file is as large. Guessed.
+const ZEROS: usize = 1 << 20;
+
+impl<'b> Accessor<'b> {
+    /// `accessors[index]`, which `from` asks for.
+    pub(super) fn new(
+        json: &Value,
+        buffers: &'b Buffers<'_>,
+        index: usize,
+        from: &str,
+    ) -> Result<Self, ReadError> {
+        let (accessor, name) = entry(json, "accessors", index, from)?;
+        let at = name.as_str();
+        let Some(count) = whole(accessor, "count", at)? else {
+            return Err(ReadError::element(at, "count is missing"));
+        };
+        let kind = component(accessor, at)?;
+        let width = match accessor["type"].as_str() {
+            Some("SCALAR") => 1,
+            Some("VEC2") => 2,
+            Some("VEC3") => 3,
+            Some("VEC4") => 4,
+            // Matrices are for skins, which are not read.
+            other => {
+                let other: String = other.unwrap_or("missing").chars().take(20).collect();
+                return Err(ReadError::element(
+                    at,
+                    format!("the type is {other}; SCALAR or VEC2 to VEC4 is needed"),
+                ));
+            }
+        };
+        let size = kind.size() * width;
+        let offset = whole(accessor, "byteOffset", at)?.unwrap_or(0);
+        let elements = match whole(accessor, "bufferView", at)? {
+            Some(view) => Some(slice(buffers.view(view, at)?, offset, count, size, at)?),
+            None => {
+                if count > ZEROS.max(buffers.total()) {
+                    return Err(ReadError::element(
+                        at,
+                        format!("claims {count} elements, but has no bufferView"),
+                    ));
+                }
+                None
+            }
+        };
+        let sparse = match &accessor["sparse"] {
+            Value::Null => None,
+            sparse => Some(Sparse::new(buffers, sparse, size, at)?),
+        };
+        let normalized = accessor["normalized"].as_bool().unwrap_or(false);
+        Ok(Self { count, kind, width, normalized, elements, sparse, name })
+    }
+
+    /// Whether it has bytes of its own.
+    pub(super) fn has_data(&self) -> bool {
+        self.elements.is_some() || self.sparse.is_some()
+    }
+
+    /// Its elements as floats; integers go to 0..1 or -1..1 if the accessor or the caller says so.
+    ///
+    /// What the accessor lacks of `N` components is zero; what it has more is left out.
+    pub(super) fn floats<const N: usize>(&self, normalized: bool) -> Result<Vec<[f32; N]>, ReadError> {
+        let unit = normalized || self.normalized;
+        match (self.kind, unit) {
+            (Component::F32, _) => self.decode(f32::from_le_bytes),
+            (Component::I8, true) => self.decode(|b| (f32::from(i8::from_le_bytes(b)) / 127.0).max(-1.0)),
+            (Component::U8, true) => self.decode(|b| f32::from(u8::from_le_bytes(b)) / 255.0),
+            (Component::I16, true) => self.decode(|b| (f32::from(i16::from_le_bytes(b)) / 32767.0).max(-1.0)),
+            (Component::U16, true) => self.decode(|b| f32::from(u16::from_le_bytes(b)) / 65535.0),
+            (Component::I8, false) => self.decode(|b| f32::from(i8::from_le_bytes(b))),
+            (Component::U8, false) => self.decode(|b| f32::from(u8::from_le_bytes(b))),
+            (Component::I16, false) => self.decode(|b| f32::from(i16::from_le_bytes(b))),
+            (Component::U16, false) => self.decode(|b| f32::from(u16::from_le_bytes(b))),
+            (Component::U32, _) => self.decode(|b| u32::from_le_bytes(b) as f32),
+        }
+    }
+
+    /// Its elements as indices.
+    pub(super) fn indices(&self) -> Result<Vec<u32>, ReadError> {
+        if self.width != 1 {
+            return Err(ReadError::element(self.name.as_str(), "indices must be of type SCALAR"));
+        }
+        let flat = |v: Vec<[u32; 1]>| v.into_flattened();
+        match self.kind {
+            Component::U8 => self.decode(|b| u8::from_le_bytes(b).into()).map(flat),
+            Component::U16 => self.decode(|b| u16::from_le_bytes(b).into()).map(flat),
+            Component::U32 => self.decode(u32::from_le_bytes).map(flat),
+            other => Err(ReadError::element(
+                self.name.as_str(),
+                format!("indices must be integers without sign, not {}", other.name()),
+            )),
+        }
+    }
+
+    fn decode<T: Copy + Default, const N: usize, const S: usize>(
+        &self,
+        read: impl Fn([u8; S]) -> T,
+    ) -> Result<Vec<[T; N]>, ReadError> {
+        let used = self.width.min(N);
+        let element = |bytes: &[u8]| {
+            let mut out = [T::default(); N];
+            for (x, b) in out[..used].iter_mut().zip(bytes.as_chunks::<S>().0) {
+                *x = read(*b);
+            }
+            out
+        };
+        let size = S * self.width;
+        let mut out: Vec<[T; N]> = match &self.elements {
+            None => vec![[T::default(); N]; self.count],
+            // The common case in a loop that has no decisions.
+            Some(e) if e.stride == size && self.width == N => {
+                let element = |b: &[u8]| {
+                    let b = b.as_chunks::<S>().0;
+                    std::array::from_fn(|k| read(b[k]))
+                };
+                e.bytes.chunks_exact(size).map(element).collect()
+            }
+            Some(e) => e.bytes.chunks(e.stride).take(self.count).map(|b| element(&b[..size])).collect(),
+        };
+        if let Some(sparse) = &self.sparse {
+            for k in 0..sparse.count {
+                let i = sparse.index(k);
+                let count = self.count;
+                let place = out.get_mut(i).ok_or_else(|| {
+                    ReadError::element(
+                        self.name.as_str(),
+                        format!("the sparse index {i} is beyond the {count} elements"),
+                    )
+                })?;
+                let at = k * sparse.values.stride;
+                *place = element(&sparse.values.bytes[at..at + size]);
+            }
+        }
+        Ok(out)
+    }
+}
+
+impl<'b> Sparse<'b> {
+    fn new(buffers: &'b Buffers<'_>, sparse: &Value, size: usize, at: &str) -> Result<Self, ReadError> {
+        let Some(count) = whole(sparse, "count", at)? else {
+            return Err(ReadError::element(at, "sparse.count is missing"));
+        };
+        let part = |name: &str, size: usize| {
+            let part = &sparse[name];
+            let Some(view) = whole(part, "bufferView", at)? else {
+                return Err(ReadError::element(at, format!("sparse.{name} names no bufferView")));
+            };
+            let offset = whole(part, "byteOffset", at)?.unwrap_or(0);
+            slice(buffers.view(view, at)?, offset, count, size, at)
+        };
+        let index_kind = component(&sparse["indices"], at)?;
+        if !matches!(index_kind, Component::U8 | Component::U16 | Component::U32) {
+            let problem = format!("sparse indices must be integers without sign, not {}", index_kind.name());
+            return Err(ReadError::element(at, problem));
+        }
+        Ok(Self {
+            count,
+            index_kind,
+            indices: part("indices", index_kind.size())?,
+            values: part("values", size)?,
+        })
+    }
+
+    fn index(&self, k: usize) -> usize {
+        let b = &self.indices.bytes[k * self.indices.stride..];
+        match self.index_kind {
+            Component::U8 => b[0].into(),
+            Component::U16 => u16::from_le_bytes([b[0], b[1]]).into(),
+            _ => u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize,
+        }
+    }
+}
+
+fn component(object: &Value, at: &str) -> Result<Component, ReadError> {
+    let code = whole(object, "componentType", at)?;
+    code.and_then(Component::from_code).ok_or_else(|| {
+        let shown = code.map_or("missing".to_owned(), |c| c.to_string());
+        ReadError::element(at, format!("componentType is {shown}; 5120 to 5123, 5125 or 5126 is needed"))
+    })
+}
+
+/// `count` elements of `size` bytes from byte `offset` of a view, if they are all there.
+fn slice<'b>(
+    view: View<'b>,
+    offset: usize,
+    count: usize,
+    size: usize,
+    at: &str,
+) -> Result<Elements<'b>, ReadError> {
+    let stride = view.stride.unwrap_or(size);
+    if stride < size {
+        return Err(ReadError::element(
+            view.name,
+            format!("byteStride is {stride}, but an element of {at} has {size} bytes"),
+        ));
+    }
+    let length = match count {
+        0 => Some(0),
+        _ => stride.checked_mul(count - 1).and_then(|n| n.checked_add(size)),
+    };
+    let end = length.and_then(|n| n.checked_add(offset));
+    let bytes = end.and_then(|end| view.bytes.get(offset..end)).ok_or_else(|| {
+        ReadError::element(
+            at,
+            format!(
+                "{count} elements of {size} bytes from byte {offset} reach beyond {} of {} bytes",
+                view.name,
+                view.bytes.len()
+            ),
+        )
+    })?;
+    Ok(Elements { bytes, stride })
+}

@@ -1,0 +1,227 @@
+//! Where the bytes of buffers come from: the file itself, text within it, or files beside it.
+
+use std::borrow::Cow;
+use std::cell::OnceCell;
+use std::path::{Component, Path, PathBuf};
+
+use base64::Engine;
+use base64::alphabet;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use serde_json::Value;
+
+use super::container::{Document, entry, list, unsupported, whole};
+use crate::error::ReadError;
+use crate::read::ReadOptions;
+
+/// The buffers of a file, opened when they are asked for.
+pub(super) struct Buffers<'a> {
+    json: &'a Value,
+    bin: Option<&'a [u8]>,
+    folder: Option<&'a Path>,
+    limit: u64,
+    loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
+}
+
+/// A piece of a buffer.
+pub(super) struct View<'b> {
+    pub(super) bytes: &'b [u8],
+    pub(super) stride: Option<usize>,
+    pub(super) name: String,
+}
+
+impl<'a> Buffers<'a> {
+    pub(super) fn new(document: &'a Document<'a>, options: &'a ReadOptions) -> Self {
+        Self {
+            json: &document.json,
+            bin: document.bin,
+            folder: options.folder.as_deref(),
+            limit: options.limits.bytes,
+            loaded: list(&document.json, "buffers").iter().map(|_| OnceCell::new()).collect(),
+        }
+    }
+
+    /// Bytes of all buffers that have been opened.
+    pub(super) fn total(&self) -> usize {
+        self.loaded.iter().filter_map(OnceCell::get).map(|b| b.len()).sum()
+    }
+
+    /// `bufferViews[index]`, which `from` asks for.
+    pub(super) fn view(&self, index: usize, from: &str) -> Result<View<'_>, ReadError> {
+        let (view, name) = entry(self.json, "bufferViews", index, from)?;
+        let Some(buffer) = whole(view, "buffer", &name)? else {
+            return Err(ReadError::element(name, "names no buffer"));
+        };
+        let offset = whole(view, "byteOffset", &name)?.unwrap_or(0);
+        let length = whole(view, "byteLength", &name)?
+            .ok_or_else(|| ReadError::element(name.as_str(), "byteLength is missing"))?;
+        let compression = ["EXT_meshopt_compression", "KHR_meshopt_compression"]
+            .into_iter()
+            .find(|e| !view["extensions"][e].is_null());
+        let bytes = self.bytes(buffer, &name).map_err(|e| match compression {
+            // The buffer for readers without the extension may be left out.
+            Some(extension) => unsupported(extension),
+            None => e,
+        })?;
+        let end = offset.checked_add(length);
+        let slice = end.and_then(|end| bytes.get(offset..end)).ok_or_else(|| {
+            ReadError::element(
+                name.as_str(),
+                format!(
+                    "{length} bytes from byte {offset} reach beyond buffers[{buffer}] of {} bytes",
+                    bytes.len()
+                ),
+            )
+        })?;
+        let stride = whole(view, "byteStride", &name)?.filter(|&s| s > 0);
+        Ok(View { bytes: slice, stride, name })
+    }
+
+    fn bytes(&self, index: usize, from: &str) -> Result<&[u8], ReadError> {
+        let (buffer, name) = entry(self.json, "buffers", index, from)?;
+        let cell = &self.loaded[index];
+        if cell.get().is_none() {
+            let bytes = self.load(buffer, index, &name)?;
+            let length = whole(buffer, "byteLength", &name)?
+                .ok_or_else(|| ReadError::element(name.as_str(), "byteLength is missing"))?;
+            if bytes.len() < length {
+                let got = bytes.len();
+                return Err(ReadError::element(
+                    name,
+                    format!("byteLength is {length}, but there are {got} bytes"),
+                ));
+            }
+            let bytes = match bytes {
+                Cow::Borrowed(b) => Cow::Borrowed(&b[..length]),
+                Cow::Owned(mut b) => {
+                    b.truncate(length);
+                    Cow::Owned(b)
+                }
+            };
+            // Nobody came in between: this type is used by one thread.
+            let _ = cell.set(bytes);
+        }
+        Ok(cell.get().map_or(&[], |b| b))
+    }
+
+    fn load(&self, buffer: &Value, index: usize, name: &str) -> Result<Cow<'a, [u8]>, ReadError> {
+        match (buffer["uri"].as_str(), self.bin) {
+            (Some(uri), _) => match uri.strip_prefix("data:") {
+                Some(data) => data_uri(data, name).map(Cow::Owned),
+                None => self.file(uri, name).map(Cow::Owned),
+            },
+            (None, Some(bin)) if index == 0 => Ok(Cow::Borrowed(bin)),
+            (None, _) => Err(ReadError::element(name, "has neither a uri nor a binary chunk")),
+        }
+    }
+
+    fn file(&self, uri: &str, name: &str) -> Result<Vec<u8>, ReadError> {
+        let path = relative_path(uri).map_err(|problem| {
+            let uri: String = uri.chars().take(80).collect();
+            ReadError::element(name, format!("the uri `{uri}` {problem}"))
+        })?;
+        let Some(folder) = self.folder else {
+            return Err(ReadError::element(
+                name,
+                format!("lies in the file {}, and no folder is known to look for it", path.display()),
+            ));
+        };
+        let full = folder.join(&path);
+        let about = std::fs::metadata(&full)
+            .map_err(|e| ReadError::element(name, format!("cannot read the file {}: {e}", path.display())))?;
+        if !about.is_file() {
+            return Err(ReadError::element(name, format!("{} is not a plain file", path.display())));
+        }
+        if about.len() > self.limit {
+            return Err(ReadError::Limit {
+                what: "size of a buffer file",
+                size: about.len(),
+                limit: self.limit,
+            });
+        }
+        std::fs::read(&full)
+            .map_err(|e| ReadError::element(name, format!("cannot read the file {}: {e}", path.display())))
+    }
+}
+
+/// The bytes of a `data:` uri, without that word.
+fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
+    // Some programs leave the padding out.
+    const LENIENT: GeneralPurpose = GeneralPurpose::new(
+        &alphabet::STANDARD,
+        GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+    );
+    let Some((kind, content)) = data.split_once(',') else {
+        return Err(ReadError::element(name, "the data uri has no comma before its data"));
+    };
+    if kind.ends_with(";base64") {
+        LENIENT.decode(content).map_err(|e| ReadError::element(name, format!("the data uri is damaged: {e}")))
+    } else {
+        percent_decoded(content).ok_or_else(|| ReadError::element(name, "the data uri has a damaged % sign"))
+    }
+}
+
+/// The path that a uri names, if it stays within the folder of the file.
+fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
+    let scheme = uri.split_once(':').map(|(s, _)| s);
+    // A drive's letter passes for a scheme, and is refused for the same reason.
+    if scheme
+        .is_some_and(|s| !s.is_empty() && s.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c)))
+    {
+        return Err("is an address, and only files beside the glTF file are read");
+    }
+    let text = percent_decoded(uri).and_then(|b| String::from_utf8(b).ok());
+    let text = text.ok_or("has a damaged % sign")?;
+    if text.contains('\0') || text.is_empty() {
+        return Err("names no file");
+    }
+    // Windows takes both kinds of slash.
+    let path = PathBuf::from(text.replace('\\', "/"));
+    if !path.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) || text.contains(':')
+    {
+        return Err("leaves the folder of the glTF file, which is not allowed");
+    }
+    Ok(path)
+}
+
+fn percent_decoded(text: &str) -> Option<Vec<u8>> {
+    let mut out = Vec::with_capacity(text.len());
+    let mut bytes = text.bytes();
+    while let Some(b) = bytes.next() {
+        if b != b'%' {
+            out.push(b);
+            continue;
+        }
+        let digit = |b: Option<u8>| char::from(b?).to_digit(16);
+        let (high, low) = (digit(bytes.next())?, digit(bytes.next())?);
+        out.push((high * 16 + low) as u8);
+    }
+    Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uris_stay_in_their_folder() {
+        assert_eq!(relative_path("a%20b/c.bin"), Ok(PathBuf::from("a b/c.bin")));
+        assert_eq!(relative_path("./x.bin"), Ok(PathBuf::from("./x.bin")));
+        for bad in ["/etc/passwd", "../x", "a/../../x", "%2e%2e/x", "..\\x", "\\x", "%2Fx"] {
+            assert!(relative_path(bad).unwrap_err().starts_with("leaves"), "{bad}");
+        }
+        for bad in ["http://a/b", "file:///a", "C:\\a", "c:a"] {
+            assert!(relative_path(bad).unwrap_err().starts_with("is an address"), "{bad}");
+        }
+        assert!(relative_path("a%2").is_err());
+        assert!(relative_path("").is_err());
+    }
+
+    #[test]
+    fn data_uris() {
+        assert_eq!(data_uri("application/octet-stream;base64,AAEC", "").unwrap(), [0, 1, 2]);
+        assert_eq!(data_uri(";base64,AAE", "").unwrap(), [0, 1]);
+        assert_eq!(data_uri("text/plain,a%20b", "").unwrap(), b"a b");
+        assert!(data_uri("application/octet-stream;base64,A*", "").is_err());
+        assert!(data_uri("base64", "").is_err());
+    }
+}

@@ -1,0 +1,175 @@
+//! The JSON and the binary chunk of a file.
+
+use serde_json::Value;
+
+use crate::error::ReadError;
+
+/// A parsed file.
+pub(super) struct Document<'a> {
+    pub(super) json: Value,
+    /// The binary chunk of a GLB.
+    pub(super) bin: Option<&'a [u8]>,
+    pub(super) is_glb: bool,
+}
+
+const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
+const BIN_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
+
+/// Extensions that change where the numbers of a mesh come from, or what types they have, and that are understood.
+const UNDERSTOOD: [&str; 1] = ["KHR_mesh_quantization"];
+
+/// Extensions that say how things look or behave, which is not read anyway; those that begin with `KHR_materials_` too.
+pub(super) const HARMLESS: [&str; 9] = [
+    "KHR_texture_transform",
+    "KHR_texture_basisu",
+    "EXT_texture_webp",
+    "EXT_texture_avif",
+    "MSFT_texture_dds",
+    "KHR_lights_punctual",
+    "KHR_animation_pointer",
+    "KHR_xmp_json_ld",
+    "KHR_xmp",
+];
+
+impl<'a> Document<'a> {
+    pub(super) fn parse(bytes: &'a [u8]) -> Result<Self, ReadError> {
+        let is_glb = bytes.starts_with(b"glTF");
+        let (text, bin) = if is_glb { chunks(bytes)? } else { (bytes, None) };
+        let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+        if !text.trim_ascii_start().starts_with(b"{") {
+            let what = if is_glb {
+                "the JSON chunk is no JSON object"
+            } else {
+                "neither `glTF` nor a JSON object at its begin"
+            };
+            return Err(ReadError::file(format!("no glTF: {what}")));
+        }
+        let json =
+            serde_json::from_slice(text).map_err(|e| ReadError::file(format!("the JSON is damaged: {e}")))?;
+        Ok(Self { json, bin, is_glb })
+    }
+
+    pub(super) fn check_version(&self) -> Result<(), ReadError> {
+        let old =
+            || ReadError::Unsupported("glTF 1.0 is not read: convert the file to glTF 2.0 first".to_owned());
+        match self.json["asset"]["version"].as_str() {
+            Some(v) if v.starts_with("2.") || v == "2" => Ok(()),
+            Some(v) if v.starts_with("1.") || v.starts_with("0.") || v == "1" => Err(old()),
+            Some(v) => {
+                let v: String = v.chars().take(20).collect();
+                Err(ReadError::Unsupported(format!("glTF {v} is not known: 2.0 is read")))
+            }
+            // In version 1 the lists were maps.
+            None if self.json["meshes"].is_object() || self.json["accessors"].is_object() => Err(old()),
+            None => Err(ReadError::element("asset", "the version is missing; a glTF file has one")),
+        }
+    }
+
+    pub(super) fn check_extensions(&self) -> Result<(), ReadError> {
+        for name in list(&self.json, "extensionsRequired") {
+            let name = name.as_str().unwrap_or("(no name)");
+            let fine =
+                UNDERSTOOD.contains(&name) || HARMLESS.contains(&name) || name.starts_with("KHR_materials_");
+            if !fine {
+                return Err(unsupported(name));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// An extension without which the file cannot be read.
+pub(super) fn unsupported(extension: &str) -> ReadError {
+    let extension: String = extension.chars().take(80).collect();
+    let advice = match extension.as_str() {
+        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+            ": its compressed geometry is not decoded here; store the file without compression"
+        }
+        _ => "",
+    };
+    ReadError::Unsupported(format!(
+        "the file requires the extension {extension}, which is not known here{advice}"
+    ))
+}
+
+/// Splits a GLB into its JSON and its binary chunk.
+fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ReadError> {
+    let word = |at: usize| bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b));
+    let (Some(version), Some(length)) = (word(4), word(8)) else {
+        return Err(ReadError::file(format!(
+            "the GLB is cut off: {} bytes, and 12 are its header",
+            bytes.len()
+        )));
+    };
+    if version == 1 {
+        return Err(ReadError::Unsupported(
+            "glTF 1.0 is not read: convert the file to glTF 2.0 first".to_owned(),
+        ));
+    }
+    if version != 2 {
+        return Err(ReadError::byte(4, format!("GLB version {version} is not known: 2 is read")));
+    }
+    let length = length as usize;
+    if length > bytes.len() {
+        return Err(ReadError::file(format!(
+            "the header claims {length} bytes, but the file has {}: it is cut off, or the header is wrong",
+            bytes.len()
+        )));
+    }
+    let (mut json, mut bin) = (None, None);
+    let mut at = 12;
+    // Less than a chunk's header at the end is padding.
+    while at + 8 <= length {
+        let (Some(size), Some(kind)) = (word(at), word(at + 4)) else { break };
+        let start = at + 8;
+        let Some(chunk) = bytes[start..length].get(..size as usize) else {
+            return Err(ReadError::byte(
+                at,
+                format!("a chunk claims {size} bytes, but {} are left of the GLB", length - start),
+            ));
+        };
+        match kind {
+            JSON_CHUNK if json.is_none() => json = Some(chunk),
+            BIN_CHUNK if bin.is_none() => bin = Some(chunk),
+            // Others are for extensions.
+            _ => {}
+        }
+        at = start + chunk.len();
+    }
+    json.map(|json| (json, bin)).ok_or_else(|| ReadError::byte(12, "the GLB has no JSON chunk"))
+}
+
+/// The entries of a list of an object; none if it is not there.
+pub(super) fn list<'v>(object: &'v Value, name: &str) -> &'v [Value] {
+    object[name].as_array().map_or(&[], Vec::as_slice)
+}
+
+/// A property that is a whole number from 0; `None` if it is not there.
+pub(super) fn whole(object: &Value, name: &str, at: &str) -> Result<Option<usize>, ReadError> {
+    let value = &object[name];
+    if value.is_null() {
+        return Ok(None);
+    }
+    // Some programs write whole numbers as `3.0`.
+    let from_float =
+        || value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..=9e15).contains(x)).map(|x| x as u64);
+    let number = value.as_u64().or_else(from_float).and_then(|n| usize::try_from(n).ok());
+    number.map(Some).ok_or_else(|| {
+        let shown: String = value.to_string().chars().take(40).collect();
+        ReadError::element(at, format!("{name} is {shown}, not a whole number from 0"))
+    })
+}
+
+/// The entry with this index, with its name for messages.
+pub(super) fn entry<'v>(
+    json: &'v Value,
+    name: &str,
+    index: usize,
+    from: &str,
+) -> Result<(&'v Value, String), ReadError> {
+    let all = list(json, name);
+    let found = all.get(index).ok_or_else(|| {
+        ReadError::element(from, format!("names {name}[{index}], but the file has {} {name}", all.len()))
+    })?;
+    Ok((found, format!("{name}[{index}]")))
+}

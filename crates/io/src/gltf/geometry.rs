@@ -1,0 +1,492 @@
+//! From primitives and their places to one mesh.
+
+use lodsmith_core::{MeshError, Positions, TriMesh};
+use serde_json::Value;
+
+use super::accessors::{Accessor, Component};
+use super::buffers::Buffers;
+use super::container::{entry, list, unsupported, whole};
+use super::scene::{Affine, Placement};
+use crate::error::{ReadError, Warning};
+
+/// Faces and vertices that the nodes of one file may place: a small file can place a large mesh very often. Guessed: room
+/// for more than anyone has asked for, within the memory of a workstation.
+const MOST_PLACED: u64 = 1 << 28;
+
+/// A mesh farther from the origin than this many times its size loses half of the 24 bits of a float there.
+const FAR: f64 = 4096.0;
+
+/// Puts all placed meshes into one.
+pub(super) fn gather(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    placements: &[Placement],
+) -> Result<(TriMesh, Vec<Warning>), ReadError> {
+    let mut told = Told::default();
+    let meshes = plan(json, buffers, placements, &mut told)?;
+    let placed = || placements.iter().filter_map(|p| Some((p, meshes.get(p.mesh)?.as_ref()?)));
+
+    // All sizes are known before anything is reserved.
+    let (mut vertices, mut faces) = (0u64, 0u64);
+    for (_, groups) in placed() {
+        for g in groups {
+            vertices = vertices.saturating_add(g.vertices as u64);
+            faces = g.primitives.iter().fold(faces, |sum, p| sum.saturating_add(p.most_faces() as u64));
+        }
+    }
+    for (what, size) in
+        [("number of triangles placed by nodes", faces), ("number of vertices placed by nodes", vertices)]
+    {
+        if size > MOST_PLACED {
+            return Err(ReadError::Limit { what, size, limit: MOST_PLACED });
+        }
+    }
+    let has = |f: fn(&Group) -> bool| placed().any(|(_, groups)| groups.iter().any(f));
+    let mut out =
+        Out::new([has(|g| g.normals.is_some()), has(|g| g.uvs.is_some()), has(|g| g.colors.is_some())]);
+    for (placement, groups) in placed() {
+        for group in groups {
+            out.add(json, buffers, group, &placement.world_from_mesh, &mut told)?;
+        }
+    }
+    if out.triangles.is_empty() {
+        return Err(ReadError::NoFaces { vertices: vertices as usize });
+    }
+    let mut mesh = TriMesh::new(out.positions, bytemuck::allocation::cast_vec(out.triangles))?;
+    mesh.set_normals(out.normals)?;
+    mesh.set_uvs(out.uvs)?;
+    mesh.set_colors(out.colors)?;
+    Ok((mesh, told.warnings()))
+}
+
+/// What was met on the way, to be said once.
+#[derive(Default)]
+struct Told {
+    points_or_lines: usize,
+    without_positions: usize,
+    ragged: usize,
+    normals_made: bool,
+}
+
+impl Told {
+    fn warnings(&self) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        if self.points_or_lines > 0 {
+            let n = self.points_or_lines;
+            warnings.push(Warning::lost(format!("{n} primitives are points or lines: dropped")));
+        }
+        if self.without_positions > 0 {
+            let n = self.without_positions;
+            warnings.push(Warning::lost(format!("{n} primitives have no positions: dropped")));
+        }
+        if self.ragged > 0 {
+            let n = self.ragged;
+            warnings
+                .push(Warning::note(format!("{n} primitives end with one or two indices too many: ignored")));
+        }
+        if self.normals_made {
+            warnings.push(Warning::note(
+                "parts without normals got those of their faces, since other parts have normals",
+            ));
+        }
+        warnings
+    }
+}
+
+/// Primitives of a mesh that share their vertices.
+struct Group {
+    /// For messages: the first primitive.
+    name: String,
+    positions: usize,
+    normals: Option<usize>,
+    uvs: Option<usize>,
+    colors: Option<usize>,
+    /// How many there are.
+    vertices: usize,
+    primitives: Vec<Primitive>,
+}
+
+struct Primitive {
+    name: String,
+    mode: Mode,
+    /// The accessor; without one, the vertices stand in order.
+    indices: Option<usize>,
+    /// Number of corners in order.
+    corners: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    Triangles,
+    Strip,
+    Fan,
+}
+
+impl Primitive {
+    fn most_faces(&self) -> usize {
+        match self.mode {
+            Mode::Triangles => self.corners / 3,
+            Mode::Strip | Mode::Fan => self.corners.saturating_sub(2),
+        }
+    }
+}
+
+/// Looks at every mesh that is placed, and checks its accessors. Nothing is decoded.
+fn plan(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    placements: &[Placement],
+    told: &mut Told,
+) -> Result<Vec<Option<Vec<Group>>>, ReadError> {
+    let meshes = list(json, "meshes");
+    let mut plans: Vec<Option<Vec<Group>>> = meshes.iter().map(|_| None).collect();
+    for placement in placements {
+        let plan = &mut plans[placement.mesh];
+        if plan.is_some() {
+            continue;
+        }
+        let (mesh, mesh_name) = entry(json, "meshes", placement.mesh, "a node")?;
+        let mut groups: Vec<Group> = Vec::new();
+        let mut known = std::collections::HashMap::new();
+        for (i, primitive) in list(mesh, "primitives").iter().enumerate() {
+            let name = format!("{mesh_name}.primitives[{i}]");
+            let mode = match whole(primitive, "mode", &name)?.unwrap_or(4) {
+                4 => Mode::Triangles,
+                5 => Mode::Strip,
+                6 => Mode::Fan,
+                0..=3 => {
+                    told.points_or_lines += 1;
+                    continue;
+                }
+                other => {
+                    return Err(ReadError::element(name, format!("mode {other} is not known: 0 to 6 are")));
+                }
+            };
+            let attributes = &primitive["attributes"];
+            let attribute = |what: &str| whole(attributes, what, &name);
+            let Some(positions) = attribute("POSITION")? else {
+                told.without_positions += 1;
+                continue;
+            };
+            let key = (positions, attribute("NORMAL")?, attribute("TEXCOORD_0")?, attribute("COLOR_0")?);
+            let group = match known.get(&key) {
+                Some(&at) => at,
+                None => {
+                    known.insert(key, groups.len());
+                    groups.push(group(json, buffers, primitive, key, &name)?);
+                    groups.len() - 1
+                }
+            };
+            let group = &mut groups[group];
+            let indices = whole(primitive, "indices", &name)?;
+            let corners = match indices {
+                None => group.vertices,
+                Some(index) => Accessor::new(json, buffers, index, &name)?.count,
+            };
+            group.primitives.push(Primitive { name, mode, indices, corners });
+        }
+        *plan = Some(groups);
+    }
+    Ok(plans)
+}
+
+type Key = (usize, Option<usize>, Option<usize>, Option<usize>);
+
+/// A group without primitives; its attributes are there, of the right width, one for each vertex.
+fn group(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    primitive: &Value,
+    (positions, normals, uvs, colors): Key,
+    name: &str,
+) -> Result<Group, ReadError> {
+    let accessor = Accessor::new(json, buffers, positions, name)?;
+    // The accessors of compressed primitives may have nothing to read.
+    if !accessor.has_data() && !primitive["extensions"]["KHR_draco_mesh_compression"].is_null() {
+        return Err(unsupported("KHR_draco_mesh_compression"));
+    }
+    let vertices = accessor.count;
+    for (what, index, widths) in [
+        ("POSITION", Some(positions), 3..=3),
+        ("NORMAL", normals, 3..=3),
+        ("TEXCOORD_0", uvs, 2..=2),
+        ("COLOR_0", colors, 3..=4),
+    ] {
+        let Some(index) = index else { continue };
+        let a = Accessor::new(json, buffers, index, name)?;
+        if !widths.contains(&a.width) {
+            let wanted = widths.end();
+            return Err(ReadError::element(
+                a.name,
+                format!("{what} of {name} is VEC{}, not VEC{wanted}", a.width),
+            ));
+        }
+        if a.kind == Component::U32 {
+            return Err(ReadError::element(
+                a.name,
+                format!("{what} of {name} may not be of 32-bit integers"),
+            ));
+        }
+        if a.count != vertices {
+            let (count, got) = (vertices, a.count);
+            return Err(ReadError::element(
+                a.name,
+                format!("{what} of {name} has {got} entries for {count} vertices"),
+            ));
+        }
+    }
+    Ok(Group { name: name.to_owned(), positions, normals, uvs, colors, vertices, primitives: Vec::new() })
+}
+
+/// The mesh as it grows.
+struct Out {
+    positions: Positions,
+    normals: Option<Vec<[f32; 3]>>,
+    uvs: Option<Vec<[f32; 2]>>,
+    colors: Option<Vec<[f32; 4]>>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Out {
+    fn new([normals, uvs, colors]: [bool; 3]) -> Self {
+        Self {
+            positions: Positions::F32(Vec::new()),
+            normals: normals.then(Vec::new),
+            uvs: uvs.then(Vec::new),
+            colors: colors.then(Vec::new),
+            triangles: Vec::new(),
+        }
+    }
+
+    /// Adds a group at its place.
+    fn add(
+        &mut self,
+        json: &Value,
+        buffers: &Buffers<'_>,
+        group: &Group,
+        place: &Affine,
+        told: &mut Told,
+    ) -> Result<(), ReadError> {
+        let floats3 = |index: usize| Accessor::new(json, buffers, index, &group.name)?.floats::<3>(false);
+        let base = self.positions.len();
+        let local = floats3(group.positions)?;
+        let first_face = self.triangles.len();
+        let mirrored = place.determinant() < 0.0;
+        for primitive in &group.primitives {
+            self.add_triangles(json, buffers, primitive, (base, local.len()), mirrored, told)?;
+        }
+
+        if let Some(normals) = &mut self.normals {
+            let mut more = match group.normals {
+                Some(index) => floats3(index)?,
+                None => {
+                    told.normals_made = true;
+                    smooth_normals(&local, base, &self.triangles[first_face..], mirrored)
+                }
+            };
+            let matrix = place.normal_matrix();
+            let plain = *place == Affine::IDENTITY;
+            more.iter_mut().for_each(|n| *n = turned(*n, &matrix, plain));
+            append(normals, more);
+        }
+        if let Some(uvs) = &mut self.uvs {
+            let mut more = match group.uvs {
+                Some(index) => Accessor::new(json, buffers, index, &group.name)?.floats::<2>(false)?,
+                None => vec![[0.0, 1.0]; local.len()],
+            };
+            // glTF counts from the upper left corner of the image.
+            more.iter_mut().for_each(|uv| uv[1] = 1.0 - uv[1]);
+            append(uvs, more);
+        }
+        if let Some(colors) = &mut self.colors {
+            let more = match group.colors {
+                Some(index) => {
+                    let accessor = Accessor::new(json, buffers, index, &group.name)?;
+                    // Colours of integers mean 0..1 whether the file says so or not.
+                    let mut more = accessor.floats::<4>(true)?;
+                    if accessor.width == 3 {
+                        more.iter_mut().for_each(|c| c[3] = 1.0);
+                    }
+                    more
+                }
+                None => vec![[1.0; 4]; local.len()],
+            };
+            append(colors, more);
+        }
+        self.add_positions(local, place);
+        Ok(())
+    }
+
+    fn add_positions(&mut self, mut local: Vec<[f32; 3]>, place: &Affine) {
+        let plain = *place == Affine::IDENTITY;
+        if !plain && matches!(self.positions, Positions::F32(_)) && loses_half(&local, place) {
+            let narrow = std::mem::replace(&mut self.positions, Positions::F64(Vec::new()));
+            if let (Positions::F32(old), Positions::F64(new)) = (narrow, &mut self.positions) {
+                new.extend(old.into_iter().map(|p| p.map(f64::from)));
+            }
+        }
+        match &mut self.positions {
+            Positions::F32(all) => {
+                if !plain {
+                    local.iter_mut().for_each(|p| *p = place.point(p.map(f64::from)).map(|x| x as f32));
+                }
+                append(all, local);
+            }
+            Positions::F64(all) => all.extend(local.into_iter().map(|p| place.point(p.map(f64::from)))),
+        }
+    }
+
+    /// Adds the triangles of a primitive; `base` and `count` are the first of its vertices and their number.
+    fn add_triangles(
+        &mut self,
+        json: &Value,
+        buffers: &Buffers<'_>,
+        primitive: &Primitive,
+        (base, count): (usize, usize),
+        mirrored: bool,
+        told: &mut Told,
+    ) -> Result<(), ReadError> {
+        let beyond = base.saturating_add(count);
+        if beyond >= u32::MAX as usize {
+            return Err(MeshError::TooLarge { what: "vertices", count: beyond }.into());
+        }
+        let shift = base as u32;
+        let mut corners = match primitive.indices {
+            None => (0..count as u32).collect(),
+            Some(index) => {
+                let accessor = Accessor::new(json, buffers, index, &primitive.name)?;
+                let indices = accessor.indices()?;
+                if indices.iter().max().is_some_and(|&i| i as usize >= count) {
+                    let at = indices.iter().position(|&i| i as usize >= count).unwrap_or(0);
+                    return Err(ReadError::element(
+                        accessor.name,
+                        format!(
+                            "entry {at} is the index {}, but {} has {count} vertices",
+                            indices[at], primitive.name
+                        ),
+                    ));
+                }
+                indices
+            }
+        };
+        if shift > 0 {
+            corners.iter_mut().for_each(|c| *c += shift);
+        }
+        let first = self.triangles.len();
+        match primitive.mode {
+            Mode::Triangles => {
+                let (triangles, rest) = corners.as_chunks::<3>();
+                told.ragged += usize::from(!rest.is_empty());
+                self.triangles.extend_from_slice(triangles);
+            }
+            // Strips turn every other triangle; those that name a vertex twice are stitches.
+            Mode::Strip => self.triangles.extend(
+                corners
+                    .windows(3)
+                    .enumerate()
+                    .map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] })
+                    .filter(|[a, b, c]| a != b && b != c && c != a),
+            ),
+            Mode::Fan => {
+                if let Some((&hub, rim)) = corners.split_first() {
+                    self.triangles.extend(rim.windows(2).map(|w| [w[0], w[1], hub]));
+                }
+            }
+        }
+        if mirrored {
+            self.triangles[first..].iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        Ok(())
+    }
+}
+
+/// Appends; the first part is taken as it is.
+fn append<T>(all: &mut Vec<T>, more: Vec<T>) {
+    if all.is_empty() {
+        *all = more;
+    } else {
+        all.extend(more);
+    }
+}
+
+/// Whether floats lose half of their bits for a mesh at this place.
+fn loses_half(local: &[[f32; 3]], place: &Affine) -> bool {
+    let far = place.translation().iter().fold(0f64, |m, x| m.max(x.abs()));
+    if far == 0.0 {
+        return false;
+    }
+    let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for p in local {
+        let p = place.point(p.map(f64::from));
+        for k in 0..3 {
+            min[k] = min[k].min(p[k]);
+            max[k] = max[k].max(p[k]);
+        }
+    }
+    let extent = (0..3).fold(0f64, |m, k| m.max(max[k] - min[k]));
+    // A mesh of one point has no digits to lose.
+    extent > 0.0 && extent.is_finite() && far > FAR * extent
+}
+
+/// A normal at its place, with length one; what has no length, or has no place to turn to, stays as it is.
+fn turned(n: [f32; 3], matrix: &[[f64; 3]; 3], plain: bool) -> [f32; 3] {
+    let wide = n.map(f64::from);
+    let length_sq = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
+    if plain && (length_sq(wide) - 1.0).abs() <= 2e-3 {
+        return n;
+    }
+    let m = if plain { wide } else { matrix.map(|r| r[0] * wide[0] + r[1] * wide[1] + r[2] * wide[2]) };
+    // Scaled first: the factors of a small mesh's matrix are smaller still.
+    let largest = m.iter().fold(0f64, |a, x| a.max(x.abs()));
+    if !(largest > 0.0 && largest.is_finite()) {
+        return n;
+    }
+    let m = m.map(|x| x / largest);
+    let length = length_sq(m).sqrt();
+    m.map(|x| (x / length) as f32)
+}
+
+/// Normals of vertices: the sum of those of their faces, weighted by area.
+fn smooth_normals(local: &[[f32; 3]], base: usize, triangles: &[[u32; 3]], mirrored: bool) -> Vec<[f32; 3]> {
+    let mut sums = vec![[0f64; 3]; local.len()];
+    let sign = if mirrored { -1.0 } else { 1.0 };
+    for t in triangles {
+        let t = t.map(|i| i as usize - base);
+        let [a, b, c] = t.map(|i| local[i].map(f64::from));
+        let (u, v) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
+        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        for i in t {
+            (0..3).for_each(|k| sums[i][k] += sign * n[k]);
+        }
+    }
+    let unit = |s: [f64; 3]| {
+        let length = s.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if length > 0.0 { s.map(|x| (x / length) as f32) } else { [0.0, 0.0, 1.0] }
+    };
+    sums.into_iter().map(unit).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mirror_turns_faces_and_keeps_normals_outside() {
+        // Seen from +z, counter-clockwise; mirrored along x it must be so again.
+        let place = Affine([[-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
+        assert!(place.determinant() < 0.0);
+        assert_eq!(turned([0.0, 0.0, 1.0], &place.normal_matrix(), false), [0.0, 0.0, 1.0]);
+        assert_eq!(turned([1.0, 0.0, 0.0], &place.normal_matrix(), false), [-1.0, 0.0, 0.0]);
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(smooth_normals(&corners, 0, &[[0, 2, 1]], true)[0], [0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn half_the_digits() {
+        let corners = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0]];
+        let at = |x: f64| Affine([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
+        assert!(!loses_half(&corners, &at(4000.0)));
+        assert!(loses_half(&corners, &at(-5000.0)));
+        assert!(!loses_half(&corners[..1], &at(1e9)));
+    }
+}

@@ -1,0 +1,92 @@
+//! What else a file holds: counted for reports, and named where it is dropped.
+
+use serde_json::Value;
+
+use super::container::{HARMLESS, list};
+use super::scene::Placement;
+use crate::error::Warning;
+use crate::read::Contents;
+
+/// Names of attributes as reports give them.
+const NAMES: [(&str, &str); 6] = [
+    ("NORMAL", "normals"),
+    ("TEXCOORD_0", "uvs"),
+    ("COLOR_0", "colors"),
+    ("TANGENT", "tangents"),
+    ("JOINTS_0", "joints"),
+    ("WEIGHTS_0", "weights"),
+];
+
+/// Counts what is there; one warning for each kind of thing that is dropped.
+pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<Warning>) {
+    let count = |name: &str| list(json, name).len();
+    let meshes = list(json, "meshes");
+    let mut contents = Contents {
+        meshes: placements.len(),
+        materials: count("materials"),
+        textures: count("textures").max(count("images")),
+        skins: count("skins"),
+        animations: count("animations"),
+        ..Contents::default()
+    };
+    let mut other_attributes: Vec<String> = Vec::new();
+    for mesh in meshes {
+        let mut targets = 0;
+        for primitive in list(mesh, "primitives") {
+            targets = targets.max(list(primitive, "targets").len());
+            for name in primitive["attributes"].as_object().into_iter().flat_map(|a| a.keys()) {
+                if name == "POSITION" {
+                    continue;
+                }
+                let shown =
+                    NAMES.iter().find(|(gltf, _)| gltf == name).map_or(name.as_str(), |(_, ours)| ours);
+                // A file may hold names without end; a report needs no more than these.
+                if contents.attributes.len() < 64 && !contents.attributes.iter().any(|a| a == shown) {
+                    contents.attributes.push(shown.to_owned());
+                    if !["NORMAL", "TEXCOORD_0", "COLOR_0"].contains(&name.as_str()) {
+                        other_attributes.push(name.clone());
+                    }
+                }
+            }
+        }
+        contents.morph_targets += targets;
+    }
+
+    let mut warnings = Vec::new();
+    let mut dropped = |is: bool, what: &str| {
+        if is {
+            warnings.push(Warning::lost(format!("{what} are not carried yet: dropped")));
+        }
+    };
+    dropped(contents.materials > 0, "materials");
+    dropped(contents.textures > 0, "textures");
+    dropped(contents.skins > 0, "skins");
+    dropped(contents.animations > 0, "animations");
+    dropped(contents.morph_targets > 0, "morph targets");
+    dropped(count("cameras") > 0, "cameras");
+    dropped(!json["extensions"]["KHR_lights_punctual"].is_null(), "lights");
+    let with_extras = ["meshes", "nodes", "scenes"].iter().flat_map(|kind| list(json, kind));
+    dropped(with_extras.chain([json, &json["asset"]]).any(|v| !v["extras"].is_null()), "extras");
+    if !other_attributes.is_empty() {
+        dropped(true, &format!("attributes {}", other_attributes.join(", ")));
+    }
+    let unknown: Vec<&str> = list(json, "extensionsUsed")
+        .iter()
+        .filter_map(Value::as_str)
+        .filter(|e| {
+            !e.starts_with("KHR_materials_") && !HARMLESS.contains(e) && *e != "KHR_mesh_quantization"
+        })
+        .take(16)
+        .collect();
+    if !unknown.is_empty() {
+        dropped(true, &format!("extensions {}", unknown.join(", ")));
+    }
+    let mut placed = vec![false; meshes.len()];
+    placements.iter().for_each(|p| placed[p.mesh] = true);
+    let left = placed.iter().filter(|p| !**p).count();
+    if left > 0 {
+        warnings
+            .push(Warning::lost(format!("{left} meshes stand in no place of the default scene: dropped")));
+    }
+    (contents, warnings)
+}

@@ -1,0 +1,237 @@
+//! From a mesh to a glTF file.
+
+use std::io::{self, Write};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use lodsmith_core::{Bounds, Positions, TriMesh, VertexId, WedgeId};
+use serde_json::{Value, json};
+
+use crate::error::Warning;
+
+/// Numbers that the format gives to types and uses.
+const U8: u32 = 5121;
+const U16: u32 = 5123;
+const U32: u32 = 5125;
+const F32: u32 = 5126;
+const VERTICES: u32 = 34962;
+const INDICES: u32 = 34963;
+
+pub(super) fn write(mesh: &TriMesh, glb: bool, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
+    let mut warnings = Vec::new();
+    let mut file = File::default();
+    // Without attributes, wedges say nothing: the vertices are written as they are.
+    let split = mesh.has_attributes() && mesh.vertex_map().is_some();
+    let surface;
+    let (count, triangles): (usize, &[[u32; 3]]) = if split {
+        (mesh.wedge_count(), bytemuck::cast_slice(mesh.triangles()))
+    } else {
+        surface = mesh.surface();
+        (mesh.vertex_count(), bytemuck::cast_slice(surface.triangles()))
+    };
+    let vertex = |i: usize| if split { mesh.vertex_of(WedgeId::new(i)) } else { VertexId::new(i) };
+
+    let center = center(mesh, &mut warnings);
+    let positions: Vec<[f32; 3]> = match mesh.positions() {
+        Positions::F32(p) => (0..count).map(|i| p[vertex(i).index()]).collect(),
+        Positions::F64(p) => {
+            let from = center.unwrap_or([0.0; 3]);
+            let relative = |p: [f64; 3]| [0, 1, 2].map(|k| (p[k] - from[k]) as f32);
+            (0..count).map(|i| relative(p[vertex(i).index()])).collect()
+        }
+    };
+    let mut attributes = json!({ "POSITION": file.positions(&positions) });
+    drop(positions);
+    if let Some(normals) = mesh.normals() {
+        attributes["NORMAL"] = file.normals(normals, &mut warnings).into();
+    }
+    if let Some(uvs) = mesh.uvs() {
+        file.begin(F32, "VEC2", uvs.len(), VERTICES);
+        // glTF counts from the upper left corner of the image.
+        uvs.iter().for_each(|uv| file.floats(&[uv[0], 1.0 - uv[1]]));
+        attributes["TEXCOORD_0"] = file.end().into();
+    }
+    if let Some(colors) = mesh.colors() {
+        attributes["COLOR_0"] = file.colors(colors).into();
+    }
+    let indices = file.indices(triangles, count);
+    let primitive = json!({ "attributes": attributes, "indices": indices, "mode": 4 });
+    file.finish(primitive, center, glb, out)?;
+    Ok(warnings)
+}
+
+/// What the node's translation takes from double positions: the middle of their box, if that is far out for its size.
+fn center(mesh: &TriMesh, warnings: &mut Vec<Warning>) -> Option<[f64; 3]> {
+    let Positions::F64(positions) = mesh.positions() else { return None };
+    let bounds = mesh.positions().view().bounds()?;
+    let Bounds { min, max } = bounds;
+    // Rounded to a float: it is short in JSON, and read back without a loss whatever reads it.
+    let middle = [0, 1, 2].map(|k| f64::from((min[k] / 2.0 + max[k] / 2.0) as f32));
+    let far = middle.iter().fold(0f64, |m, x| m.max(x.abs()));
+    let center = (far > bounds.diagonal() && far.is_finite()).then_some(middle);
+    let from = center.unwrap_or([0.0; 3]);
+    let is_exact = |p: &[f64; 3]| (0..3).all(|k| f64::from((p[k] - from[k]) as f32) + from[k] == p[k]);
+    if !positions.iter().all(is_exact) {
+        let what = if center.is_some() { ", measured from the centre of the mesh" } else { "" };
+        warnings
+            .push(Warning::note(format!("glTF holds single precision: positions are rounded to it{what}")));
+    }
+    center
+}
+
+/// Buffer, views and accessors of a file. Each accessor has a view of its own.
+#[derive(Default)]
+struct File {
+    bytes: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+    /// Where the view begins that is being filled.
+    start: usize,
+}
+
+impl File {
+    /// Begins an accessor.
+    fn begin(&mut self, component: u32, kind: &str, count: usize, target: u32) {
+        self.start = self.bytes.len();
+        self.views.push(json!({ "buffer": 0, "byteOffset": self.start, "target": target }));
+        self.accessors.push(json!({
+            "bufferView": self.views.len() - 1, "componentType": component, "count": count, "type": kind,
+        }));
+    }
+
+    /// Ends it; its index.
+    fn end(&mut self) -> usize {
+        let last = self.views.len() - 1;
+        self.views[last]["byteLength"] = (self.bytes.len() - self.start).into();
+        while !self.bytes.len().is_multiple_of(4) {
+            self.bytes.push(0);
+        }
+        last
+    }
+
+    #[inline]
+    fn floats(&mut self, numbers: &[f32]) {
+        numbers.iter().for_each(|x| self.bytes.extend_from_slice(&x.to_le_bytes()));
+    }
+
+    fn positions(&mut self, positions: &[[f32; 3]]) -> usize {
+        self.begin(F32, "VEC3", positions.len(), VERTICES);
+        let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for p in positions {
+            self.floats(p);
+            // JSON has no numbers that are none.
+            for k in (0..3).filter(|&k| p[k].is_finite()) {
+                min[k] = min[k].min(p[k]);
+                max[k] = max[k].max(p[k]);
+            }
+        }
+        let index = self.end();
+        let shown = |b: [f32; 3]| b.map(|x| if x.is_finite() { f64::from(x) } else { 0.0 });
+        self.accessors[index]["min"] = json!(shown(min));
+        self.accessors[index]["max"] = json!(shown(max));
+        index
+    }
+
+    fn normals(&mut self, normals: &[[f32; 3]], warnings: &mut Vec<Warning>) -> usize {
+        self.begin(F32, "VEC3", normals.len(), VERTICES);
+        let mut replaced = 0usize;
+        for &n in normals {
+            let length = n.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
+            // glTF wants unit length; the bound is well within what its validator takes.
+            let n = if (length - 1.0).abs() <= 1e-4 {
+                n
+            } else if length > 0.0 && length.is_finite() {
+                n.map(|x| (f64::from(x) / length) as f32)
+            } else {
+                replaced += 1;
+                [0.0, 0.0, 1.0]
+            };
+            self.floats(&n);
+        }
+        if replaced > 0 {
+            warnings.push(Warning::note(format!("{replaced} normals have no length: written as (0, 0, 1)")));
+        }
+        self.end()
+    }
+
+    fn colors(&mut self, colors: &[[f32; 4]]) -> usize {
+        let as_byte =
+            |x: f32| Some((x * 255.0).round()).filter(|b| (0.0..=255.0).contains(b) && b / 255.0 == x);
+        if colors.iter().flatten().all(|&x| as_byte(x).is_some()) {
+            self.begin(U8, "VEC4", colors.len(), VERTICES);
+            self.bytes.extend(colors.iter().flatten().map(|&x| as_byte(x).unwrap_or(0.0) as u8));
+            let index = self.end();
+            self.accessors[index]["normalized"] = true.into();
+            return index;
+        }
+        self.begin(F32, "VEC4", colors.len(), VERTICES);
+        colors.iter().for_each(|c| self.floats(c));
+        self.end()
+    }
+
+    fn indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> usize {
+        // The largest number of a type is not an index.
+        let small = vertices <= usize::from(u16::MAX);
+        self.begin(if small { U16 } else { U32 }, "SCALAR", triangles.len() * 3, INDICES);
+        if small {
+            triangles
+                .as_flattened()
+                .iter()
+                .for_each(|&i| self.bytes.extend_from_slice(&(i as u16).to_le_bytes()));
+        } else {
+            triangles.as_flattened().iter().for_each(|i| self.bytes.extend_from_slice(&i.to_le_bytes()));
+        }
+        self.end()
+    }
+
+    fn finish(
+        self,
+        primitive: Value,
+        center: Option<[f64; 3]>,
+        glb: bool,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
+        let mut node = json!({ "mesh": 0 });
+        if let Some(center) = center {
+            node["translation"] = json!(center);
+        }
+        let mut buffer = json!({ "byteLength": self.bytes.len() });
+        if !glb {
+            buffer["uri"] =
+                format!("data:application/octet-stream;base64,{}", STANDARD.encode(&self.bytes)).into();
+        }
+        let json = json!({
+            "asset": { "version": "2.0", "generator": "lodsmith" },
+            "scene": 0,
+            "scenes": [{ "nodes": [0] }],
+            "nodes": [node],
+            "meshes": [{ "primitives": [primitive] }],
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [buffer],
+        });
+        if !glb {
+            serde_json::to_writer(&mut *out, &json)?;
+            return out.write_all(b"\n");
+        }
+        let mut text = serde_json::to_vec(&json)?;
+        while !text.len().is_multiple_of(4) {
+            text.push(b' ');
+        }
+        let total = 12 + 8 + text.len() + 8 + self.bytes.len();
+        let size = |n: usize| {
+            let problem = || format!("a GLB cannot hold {total} bytes; its sizes have 32 bits");
+            u32::try_from(n).map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, problem()))
+        };
+        let total = size(total)?;
+        out.write_all(b"glTF")?;
+        for number in [2, total, size(text.len())?] {
+            out.write_all(&number.to_le_bytes())?;
+        }
+        out.write_all(b"JSON")?;
+        out.write_all(&text)?;
+        out.write_all(&size(self.bytes.len())?.to_le_bytes())?;
+        out.write_all(b"BIN\0")?;
+        out.write_all(&self.bytes)
+    }
+}
