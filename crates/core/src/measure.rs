@@ -82,7 +82,7 @@ pub enum MeasureError {
 /// Measures how far `candidate` lies from `reference`, both ways.
 ///
 /// Mean, RMS, p99 and normals come from samples spread evenly by area; the largest distance also from all vertices of
-/// faces. It is the largest seen: a place between samples may lie farther. Distances are in the units of the positions.
+/// faces, and from places round the farthest samples. It is the largest seen: a place elsewhere may lie farther. Distances are in the units of the positions.
 /// Faces with a corner that is not finite are left out. A mesh whose faces have no area is sampled by the perimeter of
 /// its faces. Equal seeds give equal numbers, at any number of threads.
 /// Cost: O(n log n) to build two trees of n faces, then O(log n) for each sample and vertex.

@@ -60,9 +60,9 @@ impl Sampler {
         let first = of_faces().find(is_finite)?[0];
         let mut bounds = Bounds { min: first, max: first };
         for p in of_faces().filter(is_finite).flatten() {
-            for k in 0..3 {
-                bounds.min[k] = bounds.min[k].min(p[k]);
-                bounds.max[k] = bounds.max[k].max(p[k]);
+            for (k, x) in p.into_iter().enumerate() {
+                bounds.min[k] = bounds.min[k].min(x);
+                bounds.max[k] = bounds.max[k].max(x);
             }
         }
         let frame = UnitFrame::of(&bounds);

@@ -61,7 +61,8 @@ impl OneWay {
             distances.append(&mut part.distances);
             angles_deg.append(&mut part.angles_deg);
         }
-        let max = distances.iter().chain(&at_vertices).copied().fold(0.0, f64::max);
+        let seen = distances.iter().chain(&at_vertices).copied().fold(0.0, f64::max);
+        let max = farther_near_the_farthest(from, to, &distances, seed).max(seen);
         let mean = chunks::mean(&distances);
         let p99 = quantile(&mut distances, 0.99);
         // Over the largest first: distances of 1e-170 have no square.
@@ -73,11 +74,54 @@ impl OneWay {
     }
 }
 
+/// Samples from which a farther place is sought. The largest distance of a scan rises by up to a tenth within the first
+/// few (measured on a terrain of 200,000 faces at a tenth of them); this many cost 2 % of the time.
+const CLIMBS: usize = 64;
+
+/// The largest distance found by climbing, each in its face, from the samples with the largest distances.
+fn farther_near_the_farthest(from: &Prepared, to: &Prepared, distances: &[f64], seed: u64) -> f64 {
+    let mut order: Vec<usize> = (0..distances.len()).collect();
+    let farthest_first = |a: &usize, b: &usize| distances[*b].total_cmp(&distances[*a]).then(a.cmp(b));
+    if order.len() > CLIMBS {
+        order.select_nth_unstable_by(CLIMBS, farthest_first);
+        order.truncate(CLIMBS);
+    }
+    let climb = |&number: &usize| {
+        let Some(sample) = from.sampler().samples(number..number + 1, distances.len(), seed).next() else {
+            return 0.0;
+        };
+        let [a, b, c] = from.tree().slot_corners(sample.face.0);
+        let mut hint = Hint::default();
+        let mut height = |[u, v]: [f64; 2]| {
+            let p = from.tree().frame().to(to.tree().frame(), a * (1.0 - u - v) + b * u + c * v);
+            to.tree().closest_slot(p, f64::INFINITY, &mut hint).map_or(0.0, |hit| hit.distance_sq)
+        };
+        let mut at = [sample.weights[1], sample.weights[2]];
+        let mut best = height(at);
+        // Begins with a step of a quarter of the face, ends with one of a thousandth.
+        let mut step = 0.25;
+        while step > 1e-3 {
+            let around = [[1.0, 0.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, -1.0]];
+            let mut next = (best, at);
+            for [x, y] in around {
+                let u = (at[0] + x * step).clamp(0.0, 1.0);
+                let v = (at[1] + y * step).clamp(0.0, 1.0 - u);
+                let h = height([u, v]);
+                if h > next.0 {
+                    next = (h, [u, v]);
+                }
+            }
+            if next.0 > best { (best, at) = next } else { step *= 0.5 }
+        }
+        best.sqrt()
+    };
+    order.iter().map(climb).fold(0.0, f64::max)
+}
+
 /// The angle between two directions of any length, in degrees; `None` if one of them has no length.
 fn angle_deg(a: DVec3, b: DVec3) -> Option<f64> {
-    let (a, b) = (a.try_normalize()?, b.try_normalize()?);
-    // By the half angle: an arc cosine loses half the digits of a small angle.
-    Some(2.0 * (a - b).length().atan2((a + b).length()).to_degrees())
+    // An arc cosine would lose half the digits of a small angle.
+    (a != DVec3::ZERO && b != DVec3::ZERO).then(|| a.cross(b).length().atan2(a.dot(b)).to_degrees())
 }
 
 /// The number that this part of all numbers does not exceed; 0 of none. Changes their order.
@@ -105,7 +149,7 @@ mod tests {
     #[test]
     fn angles_keep_their_digits() {
         assert_eq!(angle_deg(DVec3::X, DVec3::ZERO), None);
-        assert!(angle_deg(DVec3::ONE * 3.0, DVec3::ONE * 1e-9).unwrap() < 1e-13);
+        assert_eq!(angle_deg(DVec3::ONE * 3.0, DVec3::ONE * 1e-9), Some(0.0));
         assert!((angle_deg(DVec3::X, -DVec3::X).unwrap() - 180.0).abs() < 1e-12);
         let small = angle_deg(DVec3::X, DVec3::new(1.0, 1e-9, 0.0)).unwrap();
         assert!((small.to_radians() / 1e-9 - 1.0).abs() < 1e-6);

@@ -104,9 +104,9 @@ impl Bvh {
                 items.push(Item { centre: [0; 3], face: face as u32 });
                 for p in t.map(|v| positions.get(v)) {
                     let b = bounds.get_or_insert(Bounds { min: p, max: p });
-                    for k in 0..3 {
-                        b.min[k] = b.min[k].min(p[k]);
-                        b.max[k] = b.max[k].max(p[k]);
+                    for (k, x) in p.into_iter().enumerate() {
+                        b.min[k] = b.min[k].min(x);
+                        b.max[k] = b.max[k].max(x);
                     }
                 }
             }
@@ -326,13 +326,13 @@ impl Query {
     fn open(&self, node: &Node, first: u32, bound: f32, near: &mut [u64; WIDTH]) -> usize {
         let mut distance_sq = [0f32; WIDTH];
         for k in 0..3 {
-            for lane in 0..WIDTH {
+            for (lane, sum) in distance_sq.iter_mut().enumerate() {
                 // The larger of the two, or nothing between them; written so that it becomes one instruction each.
                 let below = node.min[k][lane] - self.max[k];
                 let above = self.min[k] - node.max[k][lane];
                 let gap = if below > above { below } else { above };
                 let gap = if gap > 0.0 { gap } else { 0.0 };
-                distance_sq[lane] += gap * gap;
+                *sum += gap * gap;
             }
         }
         let mut count = 0;
