@@ -18,13 +18,13 @@ pub(crate) fn orient(mesh: &mut TriMesh, writing: &Writing) {
     }
 }
 
-/// A quarter turn about x: right-handed stays right-handed.
-fn turn<T: std::ops::Neg<Output = T>>([x, y, z]: [T; 3], up: Option<Up>) -> [T; 3] {
+/// A quarter turn about x: right-handed stays right-handed, and zero stays a positive one.
+fn turn<T: Default + std::ops::Sub<Output = T>>([x, y, z]: [T; 3], up: Option<Up>) -> [T; 3] {
     match up {
         None => [x, y, z],
         // What pointed along z points along y.
-        Some(Up::Y) => [x, z, -y],
-        Some(Up::Z) => [x, -z, y],
+        Some(Up::Y) => [x, z, T::default() - y],
+        Some(Up::Z) => [x, T::default() - z, y],
     }
 }
 
@@ -34,8 +34,8 @@ mod tests {
 
     #[test]
     fn up_points_where_asked_and_back() {
-        assert_eq!(turn([0.0, 0.0, 1.0], Some(Up::Y)), [0.0, 1.0, -0.0]);
-        assert_eq!(turn([0.0, 1.0, 0.0], Some(Up::Z)), [0.0, -0.0, 1.0]);
+        assert_eq!(turn([0.0, 0.0, 1.0], Some(Up::Y)), [0.0, 1.0, 0.0]);
+        assert_eq!(turn([0.0, 1.0, 0.0], Some(Up::Z)), [0.0, 0.0, 1.0]);
         assert_eq!(turn(turn([1.0, 2.0, 3.0], Some(Up::Y)), Some(Up::Z)), [1.0, 2.0, 3.0]);
     }
 }

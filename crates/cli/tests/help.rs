@@ -42,7 +42,9 @@ fn help_of_convert() {
 
 #[test]
 fn options_of_later_releases_are_not_known() {
-    for option in ["--preset", "--sharp", "--lock", "--per-mesh", "--textures", "--cell", "--pairs", "--prune"] {
+    for option in
+        ["--preset", "--sharp", "--lock", "--per-mesh", "--textures", "--cell", "--pairs", "--prune"]
+    {
         assert!(!help(&["simplify"]).contains(option), "{option}");
     }
 }

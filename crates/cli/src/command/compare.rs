@@ -122,11 +122,7 @@ fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> 
         significant(c.normal_mean_deg, 3),
         significant(c.normal_p95_deg, 3)
     ));
-    lines.push(format!(
-        "samples         {} each way, seed {}",
-        grouped(c.samples),
-        c.seed
-    ));
+    lines.push(format!("samples         {} each way, seed {}", grouped(c.samples), c.seed));
     lines
 }
 
