@@ -74,9 +74,14 @@ pub(crate) fn read(source: &Source, format: Option<Format>) -> anyhow::Result<Lo
         }
     };
     loaded.map_err(|e| match e {
-        ReadError::File { source, .. } => anyhow!("{source}"),
-        e => e.into(),
+        ReadError::File { source, .. } => told(*source),
+        e => told(e),
     })
+}
+
+/// An error whose words already hold those of its cause: the chain of causes would say them twice.
+fn told(error: impl std::fmt::Display) -> anyhow::Error {
+    anyhow!("{error}")
 }
 
 /// Two sources that both want standard input cannot have it.
@@ -127,7 +132,7 @@ pub(crate) fn write(
         Sink::Stdout => match lodsmith_io::write_to(mesh, format, &options, &mut io::stdout().lock()) {
             Err(WriteError::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => Ok(Vec::new()),
             Err(WriteError::Io { source, .. }) => Err(anyhow!("cannot write to standard output: {source}")),
-            result => Ok(result?),
+            result => result.map_err(told),
         },
         Sink::Path(path) => {
             let about = fs::metadata(path).ok();
@@ -137,7 +142,7 @@ pub(crate) fn write(
             if force && about.is_some_and(|a| a.is_file() && a.permissions().readonly()) {
                 return replace(mesh, path, &options);
             }
-            Ok(lodsmith_io::write_path(mesh, path, &options)?)
+            lodsmith_io::write_path(mesh, path, &options).map_err(told)
         }
     }
 }
@@ -147,7 +152,7 @@ pub(crate) fn losses(mesh: &TriMesh, format: Format, ascii: bool) -> anyhow::Res
     let mut options = WriteOptions::default();
     options.format = Some(format);
     options.ascii = ascii;
-    Ok(lodsmith_io::write_to(mesh, format, &options, &mut io::sink())?)
+    lodsmith_io::write_to(mesh, format, &options, &mut io::sink()).map_err(told)
 }
 
 /// Puts a new file in the place of one that may not be written to, by way of a neighbour.
@@ -156,7 +161,7 @@ fn replace(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> anyhow::Resul
     let mut name = OsString::from(format!(".lodsmith-{}-", std::process::id()));
     name.push(target.file_name().unwrap_or_default());
     let neighbour = target.with_file_name(name);
-    let written = lodsmith_io::write_path(mesh, &neighbour, options).map_err(anyhow::Error::from);
+    let written = lodsmith_io::write_path(mesh, &neighbour, options).map_err(told);
     let moved = written.and_then(|warnings| {
         fs::rename(&neighbour, &target).map_err(|e| anyhow!("{}: cannot write: {e}", path.display()))?;
         Ok(warnings)

@@ -653,6 +653,58 @@ fn a_closed_pipe_is_no_fault() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_told_once() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(4));
+    let ran = desk.run("convert a.ply /dev/full --to stl").with_status(1).with_one_error();
+    assert_eq!(ran.stderr.matches("No space left").count(), 1, "{}", ran.stderr);
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupt_ends_it_without_half_files() {
+    use std::io::Read as _;
+    use std::os::unix::process::ExitStatusExt as _;
+    use std::process::{Command, Stdio};
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(20));
+    // It waits for a mesh on a pipe that stays open, so that the interrupt cannot come too late.
+    let mut child = Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
+        .args([
+            "simplify",
+            "a.ply",
+            "-",
+            "-O",
+            "low",
+            "--to",
+            "ply",
+            "--ratio",
+            "0.5",
+            "--threads",
+            "1",
+            "--json",
+        ])
+        .current_dir(desk.folder.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    // Waiting for the end would close the pipe.
+    let _open = child.stdin.take();
+    // The first report says that it is on its way.
+    let mut byte = [0];
+    child.stdout.as_mut().expect("it is piped").read_exact(&mut byte).expect("a report comes");
+    let killed =
+        Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill is there");
+    assert!(killed.success());
+    let status = child.wait().expect("it ends");
+    assert_eq!((status.code(), status.signal()), (Some(130), None));
+    assert_eq!(desk.names("low"), ["a_low.ply"]);
+}
+
+#[test]
 fn nothing_is_drawn_on_a_pipe() {
     let desk = Desk::new();
     desk.put("a.ply", &hills(40));
