@@ -217,6 +217,15 @@ pub(crate) fn whole(bytes: &[u8]) -> Option<(i64, usize)> {
     Some((if negative { -value } else { value }, at))
 }
 
+/// Reads a whole number without a sign and of at most seven digits; `None` if it is another one, or near the end of the
+/// bytes. What [`whole`] does, for most of the indices in less time.
+#[inline(always)]
+pub(crate) fn short_whole(bytes: &[u8]) -> Option<(u32, usize)> {
+    let (value, count) = up_to_eight_digits(u64::from_le_bytes(*bytes.first_chunk::<8>()?));
+    // Seven digits fit 32 bits.
+    (1..8).contains(&count).then_some((value as u32, count))
+}
+
 #[cold]
 fn saturated(digits: &[u8]) -> i64 {
     digits.iter().fold(0i64, |v, d| v.saturating_mul(10).saturating_add(i64::from(d - b'0')))
@@ -380,6 +389,12 @@ mod tests {
         assert_eq!(whole(b"353535235358"), Some((353_535_235_358, 12)));
         assert_eq!(whole(b"99999999999999999999999"), Some((i64::MAX, 23)));
         assert_eq!(whole(b"-99999999999999999999999"), Some((-i64::MAX, 24)));
+        assert_eq!(short_whole(b"1234567 "), Some((1_234_567, 7)));
+        assert_eq!(short_whole(b"12/34 56"), Some((12, 2)));
+        assert_eq!(
+            (short_whole(b"12345678 "), short_whole(b"-2345678"), short_whole(b"1 2")),
+            (None, None, None)
+        );
         assert_eq!(whole(b"-"), None);
         assert_eq!(whole(b"x"), None);
     }

@@ -16,6 +16,7 @@ use crate::attributes::{NO_ALPHA, NO_COLOR, unit_colors, unit_normals};
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::lines::{Lines, shown};
+use crate::numbers::short_whole;
 use crate::read::{Contents, Loaded, ReadOptions};
 
 /// Reads the bytes of an OBJ file; UTF-8 or any other encoding in which ASCII is ASCII.
@@ -88,9 +89,11 @@ struct Section<'a> {
     colors: Vec<[f32; 4]>,
     uvs: Vec<[f32; 2]>,
     normals: Vec<[f32; 3]>,
-    /// Faces of three corners: position, texture coordinate and normal of each. The last two are empty until a face
-    /// has one, and as long as the first from then on.
+    /// Faces of three corners: position, texture coordinate and normal of each. The last two are as long as the first
+    /// where they are `Own`, else empty.
     triangles: [Vec<[u32; 3]>; 3],
+    /// The first is always `Own`.
+    storage: [Storage; 3],
     /// Faces of more corners.
     polygons: Vec<Polygon>,
     polygon_corners: Vec<[u32; 3]>,
@@ -100,6 +103,18 @@ struct Section<'a> {
     is_first: bool,
     line_count: usize,
     notes: Notes<'a>,
+}
+
+/// How the indices of one kind are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Storage {
+    /// No triangle has any.
+    #[default]
+    Absent,
+    /// All triangles have the indices of their positions.
+    Same,
+    /// In a buffer.
+    Own,
 }
 
 /// A face of more than three corners.
@@ -176,13 +191,17 @@ impl<'a> Section<'a> {
         self.needs_f64 |= next.needs_f64;
         self.uvs.append(&mut next.uvs);
         self.normals.append(&mut next.normals);
-        let (before, more) = (self.triangles[0].len(), next.triangles[0].len());
-        for (all, these) in self.triangles.iter_mut().zip(&mut next.triangles) {
-            if !all.is_empty() || !these.is_empty() {
-                all.resize(before, [NONE; 3]);
-                all.append(these);
-                all.resize(before + more, [NONE; 3]);
+        let before = self.triangles[0].len();
+        for kind in 1..3 {
+            if self.triangles[0].is_empty() {
+                self.storage[kind] = next.storage[kind];
+            } else if !next.triangles[0].is_empty() && self.storage[kind] != next.storage[kind] {
+                self.store(kind);
+                next.store(kind);
             }
+        }
+        for (all, these) in self.triangles.iter_mut().zip(&mut next.triangles) {
+            all.append(these);
         }
         self.polygons.extend(next.polygons.iter().map(|p| Polygon { after: p.after + before, size: p.size }));
         self.polygon_corners.append(&mut next.polygon_corners);
@@ -253,10 +272,17 @@ impl<'a> Section<'a> {
         }
         match corners[..] {
             [a, b, c] => {
-                for kind in 0..3 {
+                let positions = [a[0], b[0], c[0]];
+                for kind in 1..3 {
                     let triangle = [a[kind], b[kind], c[kind]];
-                    self.add_triangle(kind, triangle);
+                    match self.storage[kind] {
+                        Storage::Own => self.triangles[kind].push(triangle),
+                        Storage::Same if triangle == positions => {}
+                        Storage::Absent if triangle == [NONE; 3] => {}
+                        _ => self.first_of_its_own(kind, triangle, positions),
+                    }
                 }
+                self.triangles[0].push(positions);
             }
             [] | [_] | [_, _] => self.notes.small_faces += 1,
             _ => {
@@ -267,24 +293,47 @@ impl<'a> Section<'a> {
         Ok(())
     }
 
-    /// The positions come first, so that the others know how many there are.
-    #[inline]
-    fn add_triangle(&mut self, kind: usize, triangle: [u32; 3]) {
-        if kind > 0 {
-            let count = self.triangles[0].len() - 1;
-            let buffer = &mut self.triangles[kind];
-            if buffer.is_empty() {
-                if triangle == [NONE; 3] {
-                    return;
-                }
-                buffer.resize(count, [NONE; 3]);
-            }
+    #[cold]
+    fn first_of_its_own(&mut self, kind: usize, triangle: [u32; 3], positions: [u32; 3]) {
+        if self.triangles[0].is_empty() && triangle == positions {
+            self.storage[kind] = Storage::Same;
+        } else {
+            self.store(kind);
+            self.triangles[kind].push(triangle);
         }
-        self.triangles[kind].push(triangle);
     }
 
-    #[inline]
+    /// Puts the indices of a kind into a buffer of their own.
+    fn store(&mut self, kind: usize) {
+        match self.storage[kind] {
+            Storage::Own => {}
+            Storage::Absent => self.triangles[kind] = vec![[NONE; 3]; self.triangles[0].len()],
+            Storage::Same => self.triangles[kind] = self.triangles[0].clone(),
+        }
+        self.storage[kind] = Storage::Own;
+    }
+
+    #[inline(always)]
     fn index(
+        &mut self,
+        lines: &mut Lines<'_>,
+        kind: usize,
+        have: [usize; 3],
+        counts: [usize; 3],
+    ) -> Result<u32, ReadError> {
+        if let Some((number, length)) = short_whole(lines.ahead())
+            && number > 0
+            && (number as usize) <= counts[kind]
+        {
+            lines.pass(length);
+            self.ends[kind] = self.ends[kind].max(number as usize);
+            return Ok(number - 1);
+        }
+        self.any_index(lines, kind, have, counts)
+    }
+
+    #[cold]
+    fn any_index(
         &mut self,
         lines: &mut Lines<'_>,
         kind: usize,
@@ -345,25 +394,22 @@ impl<'a> Section<'a> {
         }
         let is_used = [0, 1, 2].map(|kind| {
             let in_polygons = || self.polygon_corners.iter().any(|c| c[kind] != NONE);
-            kind == 0 || !self.triangles[kind].is_empty() || in_polygons()
+            kind == 0 || self.storage[kind] != Storage::Absent || in_polygons()
         });
+        for kind in (1..3).filter(|&kind| is_used[kind]) {
+            self.store(kind);
+        }
         let old = std::mem::take(&mut self.triangles);
         let total = old[0].len() + self.polygon_corners.len() - 2 * self.polygons.len();
-        for kind in 0..3 {
-            if is_used[kind] {
-                self.triangles[kind].reserve_exact(total);
-            }
+        for kind in (0..3).filter(|&kind| is_used[kind]) {
+            self.triangles[kind].reserve_exact(total);
         }
         let mut triangulator = Triangulator::default();
         let (mut points, mut cut) = (Vec::new(), Vec::new());
         let (mut taken, mut corners) = (0, &self.polygon_corners[..]);
         let mut take = |triangles: &mut [Vec<[u32; 3]>; 3], to: usize| {
             for kind in (0..3).filter(|&kind| is_used[kind]) {
-                if old[kind].is_empty() {
-                    triangles[kind].resize(triangles[kind].len() + to - taken, [NONE; 3]);
-                } else {
-                    triangles[kind].extend_from_slice(&old[kind][taken..to]);
-                }
+                triangles[kind].extend_from_slice(&old[kind][taken..to]);
             }
             taken = to;
         };
@@ -384,6 +430,16 @@ impl<'a> Section<'a> {
     fn finish(mut self) -> Result<Loaded, ReadError> {
         let polygons = self.triangles[0].len() + self.polygons.len();
         self.cut_polygons();
+        // One kind of its own makes wedges, which need the indices of all kinds.
+        let is_own =
+            |kind: usize| self.storage[kind] == Storage::Own && self.triangles[kind] != self.triangles[0];
+        if is_own(1) || is_own(2) {
+            (1..3)
+                .filter(|&kind| self.storage[kind] == Storage::Same)
+                .collect::<Vec<_>>()
+                .into_iter()
+                .for_each(|kind| self.store(kind));
+        }
         let [mut triangles, uv_of, normal_of] = std::mem::take(&mut self.triangles);
         // Wedges are counted by 32-bit numbers before the mesh can refuse them.
         if triangles.len() >= (u32::MAX / 3) as usize {
@@ -403,7 +459,7 @@ impl<'a> Section<'a> {
             }
         }
         let is_same = |buffer: &Vec<[u32; 3]>| buffer.is_empty() || *buffer == triangles;
-        let (has_uvs, has_normals) = (!uv_of.is_empty(), !normal_of.is_empty());
+        let (has_uvs, has_normals) = (self.storage[1] != Storage::Absent, self.storage[2] != Storage::Absent);
         let mut vertex_of = None;
         let (uvs, normals);
         if is_same(&uv_of) && is_same(&normal_of) {

@@ -36,8 +36,8 @@ pub(super) fn number_wedges(
     let mut is_split = false;
     for (face, triangle) in triangles.iter_mut().enumerate() {
         let pick = |buffer: &[[u32; 3]], k: usize| buffer.get(face).map_or(NONE, |t| t[k]);
-        for k in 0..3 {
-            let vertex = triangle[k];
+        for (k, corner) in triangle.iter_mut().enumerate() {
+            let vertex = *corner;
             let wanted = [pick(uvs, k), pick(normals, k)];
             let add = |next: &mut Vec<u32>, vertex_of: &mut Vec<u32>, attributes: &mut Vec<[u32; 2]>| {
                 let wedge = vertex_of.len() as u32;
@@ -68,7 +68,7 @@ pub(super) fn number_wedges(
                         .or_insert_with(|| add(&mut next, &mut vertex_of, &mut attributes));
                 }
             }
-            triangle[k] = wedge;
+            *corner = wedge;
         }
     }
     if is_split {
