@@ -83,13 +83,11 @@ pub(super) fn unsupported(extension: &str) -> ReadError {
     let extension: String = extension.chars().take(80).collect();
     let advice = match extension.as_str() {
         "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-            ": its compressed geometry is not decoded here; store the file without compression"
+            "compressed geometry is not decoded here; store the file without compression"
         }
-        _ => "",
+        _ => "it is not known here",
     };
-    ReadError::Unsupported(format!(
-        "the file requires the extension {extension}, which is not known here{advice}"
-    ))
+    ReadError::Unsupported(format!("the file requires the extension {extension}: {advice}"))
 }
 
 /// Splits a GLB into its JSON and its binary chunk.
@@ -169,7 +167,7 @@ pub(super) fn entry<'v>(
 ) -> Result<(&'v Value, String), ReadError> {
     let all = list(json, name);
     let found = all.get(index).ok_or_else(|| {
-        ReadError::element(from, format!("names {name}[{index}], but the file has {} {name}", all.len()))
+        ReadError::element(from, format!("names {name}[{index}], but the file has {}", all.len()))
     })?;
     Ok((found, format!("{name}[{index}]")))
 }

@@ -190,6 +190,10 @@ fn plan(
     Ok(plans)
 }
 
+/// Names of types by their number of components.
+const TYPES: [&str; 5] = ["nothing", "SCALAR", "VEC2", "VEC3", "VEC4"];
+
+/// Accessors of positions, normals, texture coordinates and colours.
 type Key = (usize, Option<usize>, Option<usize>, Option<usize>);
 
 /// A group without primitives; its attributes are there, of the right width, one for each vertex.
@@ -215,11 +219,9 @@ fn group(
         let Some(index) = index else { continue };
         let a = Accessor::new(json, buffers, index, name)?;
         if !widths.contains(&a.width) {
-            let wanted = widths.end();
-            return Err(ReadError::element(
-                a.name,
-                format!("{what} of {name} is VEC{}, not VEC{wanted}", a.width),
-            ));
+            let (wanted, got) = (TYPES[*widths.start()], TYPES[a.width]);
+            let problem = format!("{what} of {name} is of type {got}; {wanted} is needed");
+            return Err(ReadError::element(a.name, problem));
         }
         if a.kind == Component::U32 {
             return Err(ReadError::element(

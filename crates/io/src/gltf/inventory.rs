@@ -24,7 +24,8 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
     let mut contents = Contents {
         meshes: placements.len(),
         materials: count("materials"),
-        textures: count("textures").max(count("images")),
+        // Several textures may show one image.
+        textures: if count("images") > 0 { count("images") } else { count("textures") },
         skins: count("skins"),
         animations: count("animations"),
         ..Contents::default()

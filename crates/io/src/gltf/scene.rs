@@ -185,7 +185,7 @@ mod tests {
         let beyond = json!({"nodes": [{"children": [7]}]});
         assert_eq!(
             placements(&beyond).unwrap_err().to_string(),
-            "the scene: names nodes[7], but the file has 1 nodes"
+            "the scene: names nodes[7], but the file has 1"
         );
     }
 
