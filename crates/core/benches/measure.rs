@@ -41,23 +41,23 @@ fn surface(buffers: &Buffers) -> Surface<'_> {
     Surface::new(PositionsView::F64(&buffers.0), &buffers.1).expect("the sphere names its own vertices")
 }
 
-/// Shortest of several runs, in seconds.
+/// Shortest of several runs, in seconds; just one where that takes long.
 fn shortest<T>(runs: usize, mut work: impl FnMut() -> T) -> (f64, T) {
-    let mut best = f64::INFINITY;
-    loop {
+    let mut timed = || {
         let start = Instant::now();
         let result = work();
-        best = best.min(start.elapsed().as_secs_f64());
-        if start.elapsed().as_secs_f64() * runs as f64 > 5.0 || best == 0.0 {
-            return (best, result);
+        (start.elapsed().as_secs_f64(), result)
+    };
+    let mut best = timed();
+    for _ in 1..runs {
+        if best.0 < 3.0 {
+            let again = timed();
+            if again.0 < best.0 {
+                best = again;
+            }
         }
-        for _ in 1..runs {
-            let start = Instant::now();
-            work();
-            best = best.min(start.elapsed().as_secs_f64());
-        }
-        return (best, result);
     }
+    best
 }
 
 fn queries(name: &str, from: &Surface<'_>, to: &Surface<'_>) {
