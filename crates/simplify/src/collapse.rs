@@ -54,6 +54,8 @@ const PEAK_GUESS: f32 = 4.0;
 const MIN_DET: f32 = 1e-9;
 /// No run needs nearly as many sweeps; a guard against our own mistakes.
 const MOST_SWEEPS: usize = 4000;
+/// Vertices looked at for the first threshold. (A few thousand hold a quantile within a percent or two.)
+const FIRST_LOOK: usize = 4096;
 /// Vertices between two questions to the caller.
 const ASK_EVERY: usize = 4096;
 
@@ -251,6 +253,32 @@ impl<M: Metric> Engine<M> {
         self.refusals[why as usize] += 1;
     }
 
+    /// The bounds of some vertices spread over the mesh, for the first threshold. Of a small mesh, all.
+    fn first_bounds(&mut self) -> Vec<f32> {
+        let step = self.store.v.len().div_ceil(FIRST_LOOK).max(1);
+        let mut ring = Ring::new();
+        let mut bounds = Vec::with_capacity(FIRST_LOOK);
+        for u in (0..self.store.v.len()).step_by(step).map(|i| VertexId(i as u32)) {
+            self.store.ring(u, &mut ring);
+            let owned = ring.iter().flat_map(|r| [r.a, r.b]).filter(|&w| w > u);
+            let costs = owned.filter_map(|w| self.evaluate(u, w)).map(|c| c.cost);
+            bounds.push(costs.fold(f32::INFINITY, f32::min));
+        }
+        bounds
+    }
+
+    /// The threshold of the next sweep from the bounds, which may be those of some vertices only.
+    fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
+        let quantile = if self.late.is_some() { late::QUANTILE } else { QUANTILE };
+        let mut want = histogram.known() as f64 * quantile;
+        if let Some(needed) = self.needed(goal) {
+            // The last sweeps take only most of what is left, so that the cheapest go.
+            let share = looked_at as f64 / self.store.v.len().max(1) as f64;
+            want = want.min(needed as f64 * 0.85 * share);
+        }
+        histogram.threshold((want as usize).max(1))
+    }
+
     /// Evaluates the edges that u owns, collapses the cheapest that costs at most tau and can, renews `bound[u]`.
     fn visit(&mut self, u: VertexId, tau: f32, probe: bool, scratch: &mut Scratch) {
         let Scratch { ru, rv, found } = scratch;
@@ -317,7 +345,10 @@ impl<M: Metric> Engine<M> {
         let begun_with = self.needed(goal).unwrap_or(self.store.live_faces / 2).max(1);
         let start_faces = self.store.live_faces;
         let mut scratch = Scratch::default();
-        let (mut tau, mut end) = (-1f32, End::Stuck); // the first sweep only finds the bounds
+        self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
+        let first = self.first_bounds();
+        let mut tau = self.threshold(&Histogram::of(&first), first.len(), goal);
+        let mut end = End::Stuck;
         let (mut probe, mut probed) = (false, false);
         'sweeps: for number in 0..MOST_SWEEPS {
             self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
@@ -339,7 +370,7 @@ impl<M: Metric> Engine<M> {
                         Verdict::Cancel => return End::Cancel,
                     }
                 }
-                if self.store.bound[i] <= tau || number == 0 || probe {
+                if self.store.bound[i] <= tau || probe {
                     if self.store.live_faces <= goal_faces || self.store.live_vertices <= goal_vertices {
                         break;
                     }
@@ -360,7 +391,7 @@ impl<M: Metric> Engine<M> {
                 end = End::Goal;
                 break;
             }
-            let idle = self.collapses == before && number > 0;
+            let idle = self.collapses == before;
             if self.store.wants_compaction() || self.store.is_full() {
                 self.store.compact();
             }
@@ -384,13 +415,7 @@ impl<M: Metric> Engine<M> {
                 continue;
             }
             (probe, probed) = (false, probe);
-            let quantile = if self.late.is_some() { late::QUANTILE } else { QUANTILE };
-            let mut want = (histogram.known() as f64 * quantile) as usize;
-            if let Some(needed) = self.needed(goal) {
-                // The last sweeps take only most of what is left, so that the cheapest go.
-                want = want.min((needed as f64 * 0.85) as usize);
-            }
-            let next = histogram.threshold(want.max(1));
+            let next = self.threshold(&histogram, self.store.v.len(), goal);
             tau = if next <= tau && number % 8 == 7 { tau * 1.02 } else { next };
         }
         self.store.compact();

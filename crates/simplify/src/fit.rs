@@ -131,9 +131,14 @@ impl<M: Metric> Sampler<'_, M> {
                 let faces = along(&f.normal, normal) > FACING;
                 d2[i] = if faces { h[i] * h[i] + out[i] * out[i] } else { f32::INFINITY };
             }
-            let least = d2.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a });
+            let half = |k: usize| min(d2[k], d2[k + 4]);
+            let least = min(min(half(0), half(1)), min(half(2), half(3)));
             if least < best.distance_sq {
-                let i = d2.iter().position(|&x| x == least).unwrap_or(0);
+                let mut lanes = 0u32;
+                for (i, &d) in d2.iter().enumerate() {
+                    lanes |= u32::from(d == least) << i;
+                }
+                let i = lanes.trailing_zeros() as usize & 7;
                 *best = Nearest {
                     distance_sq: least,
                     beside: out[i],
@@ -196,6 +201,12 @@ fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
+/// The smaller of two, likewise.
+#[inline(always)]
+fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 /// Moves the vertices of a compact store towards the original, given as the ordered input.
 pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[VertexId; 3]]) -> Fitted {
     if store.t.is_empty() {
@@ -222,7 +233,9 @@ pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[Ve
     // Exact quadrature of squares: 3/4 of the area at the centre, 1/12 at each corner. A vertex has six corners, about.
     let stride = ((points.len() + faces.len()) / (SAMPLES * store.t.len())).max(1);
     for (i, t) in faces.iter().enumerate().step_by(stride) {
-        let u = home[t[0].index()];
+        // Where two corners went to one place, the face is rather there.
+        let homes = t.map(|w| home[w.index()]);
+        let u = if homes[1] == homes[2] { homes[1] } else { homes[0] };
         if u == NONE {
             continue;
         }
@@ -232,7 +245,7 @@ pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[Ve
         let n = n / area.max(1e-30);
         sampler.place((a + (b + c)) * (1.0 / 3.0), n, 9.0 * area, u);
         if i % (2 * stride) == 0 {
-            sampler.place(a, n, 6.0 * area, u);
+            sampler.place(a, n, 6.0 * area, homes[0]);
         }
     }
     let Sampler { loads, rr, weight, .. } = sampler;
