@@ -1,0 +1,174 @@
+//! What can be typed. Options become [`lodsmith::SimplifyOptions`]; defaults come from there and stand nowhere else.
+
+mod choice;
+mod simplify;
+mod values;
+
+use std::num::NonZeroU16;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use lodsmith_io::Format;
+
+pub(crate) use simplify::{Normals, SimplifyArgs};
+pub(crate) use values::TypedLength;
+
+use crate::file::{Sink, Source};
+use crate::in_order::available_threads;
+
+const STATUSES: &str = "\
+Exit status: 0 done; 1 the file, the mesh or the system is at fault; 2 the command line is at fault;
+3 only with --strict: target not reached or data dropped.";
+
+/// Makes triangle meshes lighter: the closest mesh for the count.
+#[derive(Debug, Parser)]
+#[command(name = "lodsmith", version, max_term_width = 110, after_help = STATUSES)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Make it lighter
+    Simplify(Box<SimplifyArgs>),
+    /// What is in this file, and what is wrong with it
+    Info(InfoArgs),
+    /// How far is one from the other
+    Compare(CompareArgs),
+    /// Change the format, lose nothing that fits
+    Convert(ConvertArgs),
+    /// Print what a shell needs to complete commands
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Print a manual page
+    Man {
+        /// The page of this command; without it, the one that lists them all
+        command: Option<String>,
+    },
+}
+
+/// How a command runs.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Run")]
+pub(crate) struct Run {
+    /// Threads; the result is the same with any number [default: all cores]
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZeroU16>,
+    /// Print nothing but errors
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+    /// Print more
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub(crate) verbose: bool,
+}
+
+impl Run {
+    pub(crate) fn threads(&self) -> usize {
+        self.threads.map_or_else(available_threads, |n| usize::from(n.get()))
+    }
+}
+
+/// How a result is written.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Writing")]
+pub(crate) struct Writing {
+    /// Format of the output, whatever its ending
+    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
+    pub(crate) to: Option<Format>,
+    /// Text instead of binary (PLY, STL)
+    #[arg(long)]
+    pub(crate) ascii: bool,
+    /// Multiply every coordinate of the output
+    #[arg(long, value_name = "F", value_parser = values::above_zero)]
+    pub(crate) scale: Option<f64>,
+    /// Turn the output about x so that this axis is up, where the other one was
+    #[arg(long, value_name = "AXIS")]
+    pub(crate) up: Option<Up>,
+}
+
+/// The axis that is up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Up {
+    Y,
+    Z,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct InfoArgs {
+    /// Files to look into; `-` is standard input
+    #[arg(value_name = "IN", required = true)]
+    pub(crate) inputs: Vec<Source>,
+    /// Format of the inputs, whatever their content
+    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
+    pub(crate) from: Option<Format>,
+    /// One JSON object a line for each input
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) run: Run,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct CompareArgs {
+    /// What it should look like
+    #[arg(value_name = "REFERENCE")]
+    pub(crate) reference: Source,
+    /// What it does look like
+    #[arg(value_name = "CANDIDATE")]
+    pub(crate) candidate: Source,
+    /// Write the reference with its distance to the candidate as colours, blue for none and red for the largest
+    #[arg(long, value_name = "OUT.ply")]
+    pub(crate) heatmap: Option<PathBuf>,
+    /// Samples each way, spread by area; all vertices come on top
+    #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
+    pub(crate) samples: usize,
+    /// Equal seeds give equal figures
+    #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().seed)]
+    pub(crate) seed: u64,
+    /// Format of both inputs, whatever their content
+    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
+    pub(crate) from: Option<Format>,
+    /// One JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) run: Run,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ConvertArgs {
+    /// The file to read; `-` is standard input
+    #[arg(value_name = "IN")]
+    pub(crate) input: Source,
+    /// The file to write; `-` is standard output
+    #[arg(value_name = "OUT")]
+    pub(crate) output: Sink,
+    /// Format of the input, whatever its content
+    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
+    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+    /// End with status 3 if data are dropped
+    #[arg(long)]
+    pub(crate) strict: bool,
+    /// Overwrite a write-protected output too; a folder is never overwritten
+    #[arg(long)]
+    pub(crate) force: bool,
+    #[command(flatten)]
+    pub(crate) run: Run,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    #[test]
+    fn the_grammar_is_sound() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,63 @@
+//! Words for the enums of the engine. Which one is the default is read off the engine's own default.
+
+use clap::ValueEnum;
+use lodsmith::{BorderPolicy, Fit, Method, Placement, TopologyPolicy};
+
+macro_rules! choice {
+    ($name:ident of $engine:ident { $($variant:ident),+ }) => {
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+        pub(crate) enum $name {
+            $($variant),+
+        }
+
+        impl From<$name> for $engine {
+            fn from(choice: $name) -> Self {
+                match choice {
+                    $($name::$variant => Self::$variant),+
+                }
+            }
+        }
+
+        // Clap shows the default with this.
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.to_possible_value().expect("no choice is skipped").get_name())
+            }
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                let is_default = |c: &Self| $engine::from(*c) == $engine::default();
+                Self::value_variants().iter().copied().find(is_default).expect("the engine's default has a word")
+            }
+        }
+    };
+}
+
+choice!(MethodChoice of Method { Memoryless, Quadric });
+choice!(FitChoice of Fit { Auto, On, Off });
+choice!(PlacementChoice of Placement { Optimal, Endpoint, Midpoint });
+choice!(BorderChoice of BorderPolicy { Keep, Slide, Lock, Free });
+choice!(TopologyChoice of TopologyPolicy { Relaxed, Preserve, Free });
+
+impl MethodChoice {
+    /// The word for it, as typed.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Memoryless => "memoryless",
+            Self::Quadric => "quadric",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_word_in_reports_is_the_word_typed() {
+        for method in MethodChoice::value_variants() {
+            assert_eq!(method.to_possible_value().unwrap().get_name(), method.word());
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! What can be typed after `lodsmith simplify`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use lodsmith::{Guards, Measure, SimplifyOptions, Stop};
+use lodsmith_io::Format;
+use serde_json::{Map, Value};
+
+use super::choice::{BorderChoice, FitChoice, MethodChoice, PlacementChoice, TopologyChoice};
+use super::{Run, TypedLength, Writing, values};
+use crate::file::{Sink, Source};
+
+const AFTER: &str = "\
+Methods:
+  memoryless  costs of the present surface alone, then a fit to the original [Lindstrom-Turk 1998]
+  quadric     sums of plane quadrics that remember the original [Garland-Heckbert 1997]
+
+Examples:
+  lodsmith simplify bunny.obj -o small.glb --ratio 0.1
+  lodsmith simplify part.stl -o part.ply --error 0.1% --json
+  lodsmith simplify *.ply -O low --faces 5000 --name '{stem}.{ext}'";
+
+#[derive(Args, Debug)]
+#[command(after_help = AFTER)]
+pub(crate) struct SimplifyArgs {
+    /// Files to make lighter; `-` is standard input
+    #[arg(value_name = "IN", required = true)]
+    pub(crate) inputs: Vec<Source>,
+    /// Where the result goes; `-` is standard output
+    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir",
+          required_unless_present_any = ["out_dir", "dry_run"])]
+    pub(crate) output: Option<Sink>,
+    /// Folder for the results of several inputs; it is made if need be
+    #[arg(short = 'O', long, value_name = "DIR")]
+    pub(crate) out_dir: Option<PathBuf>,
+    /// Names of the results in the folder
+    #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_low.{ext}", requires = "out_dir")]
+    pub(crate) name: String,
+    #[command(flatten)]
+    pub(crate) target: Target,
+    #[command(flatten)]
+    how: How,
+    #[command(flatten)]
+    guards: GuardArgs,
+    #[command(flatten)]
+    deviation: Deviation,
+    /// Format of the inputs, whatever their content
+    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
+    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+    /// Normals of the result: the input's (not carried yet, which is a warning), new ones, or none
+    #[arg(long, value_name = "NORMALS", value_enum, default_value = "keep", help_heading = "Writing")]
+    pub(crate) normals: Normals,
+    /// Report without writing
+    #[arg(long, help_heading = "Writing")]
+    pub(crate) dry_run: bool,
+    /// Overwrite a write-protected output too; a folder is never overwritten
+    #[arg(long, help_heading = "Writing")]
+    pub(crate) force: bool,
+    /// One JSON object a line for each input
+    #[arg(long, help_heading = "Run")]
+    pub(crate) json: bool,
+    /// End with status 3 if a target is not reached or data are dropped
+    #[arg(long, help_heading = "Run")]
+    pub(crate) strict: bool,
+    /// Write the best mesh reached in so many seconds, for each input
+    #[arg(long, value_name = "S", value_parser = values::seconds, help_heading = "Run")]
+    pub(crate) time_limit: Option<f64>,
+    /// Equal seeds give equal results
+    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Run")]
+    seed: u64,
+    #[command(flatten)]
+    pub(crate) run: Run,
+}
+
+/// When to stop.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Target (at least one; the first one met stops)")]
+#[group(required = true, multiple = true)]
+pub(crate) struct Target {
+    /// So many triangles
+    #[arg(long, value_name = "N", value_parser = values::count)]
+    faces: Option<usize>,
+    /// So many vertices
+    #[arg(long, value_name = "N", value_parser = values::count)]
+    vertices: Option<usize>,
+    /// This part of the triangles, above 0 and up to 1
+    #[arg(long, value_name = "R", value_parser = values::ratio)]
+    ratio: Option<f64>,
+    /// Largest deviation, in the units of the file or of the diagonal (0.1%)
+    #[arg(long, value_name = "D")]
+    error: Option<TypedLength>,
+}
+
+impl Target {
+    fn stop(&self) -> Stop {
+        Stop {
+            faces: self.faces,
+            vertices: self.vertices,
+            ratio: self.ratio,
+            error: self.error.as_ref().map(|e| e.length),
+        }
+    }
+
+    /// What was asked for, by name.
+    pub(crate) fn to_json(&self) -> Value {
+        let all = [
+            ("faces", self.faces.map(Value::from)),
+            ("vertices", self.vertices.map(Value::from)),
+            ("ratio", self.ratio.map(Value::from)),
+            ("error", self.error.as_ref().map(TypedLength::to_json)),
+        ];
+        Value::Object(all.into_iter().filter_map(|(k, v)| Some((k.to_owned(), v?))).collect::<Map<_, _>>())
+    }
+}
+
+#[derive(Args, Debug)]
+#[command(next_help_heading = "How")]
+struct How {
+    /// Method, see below
+    #[arg(long, value_name = "METHOD", value_enum, default_value_t)]
+    method: MethodChoice,
+    /// Last least-squares step towards the original
+    #[arg(long, value_name = "WHEN", value_enum, default_value_t)]
+    fit: FitChoice,
+    /// Where a merged vertex goes; `endpoint` keeps a subset of the vertices
+    #[arg(long, value_name = "WHERE", value_enum, default_value_t)]
+    placement: PlacementChoice,
+    /// Open borders: held in place, moved along themselves, untouched, no care
+    #[arg(long, value_name = "CARE", value_enum, default_value_t)]
+    border: BorderChoice,
+    /// Topology: no new defects, nothing changes at all, no care
+    #[arg(long, value_name = "CARE", value_enum, default_value_t)]
+    topology: TopologyChoice,
+    /// Join vertices closer than this first; equal ones always are
+    #[arg(long, value_name = "D", value_parser = values::some_length)]
+    weld: Option<TypedLength>,
+}
+
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Guards of the result")]
+struct GuardArgs {
+    /// Largest turn of a face in one step
+    #[arg(long, value_name = "DEG", value_parser = values::turn_deg)]
+    max_normal: Option<f64>,
+    /// Least shape of a new face, from 0 to 1 (equilateral)
+    #[arg(long, value_name = "Q", value_parser = values::quality)]
+    min_quality: Option<f64>,
+    /// Most edges at a vertex
+    #[arg(long, value_name = "N", value_parser = values::valence)]
+    max_valence: Option<usize>,
+    /// Longest edge
+    #[arg(long, value_name = "D", value_parser = values::some_length)]
+    max_edge: Option<TypedLength>,
+}
+
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Deviation")]
+struct Deviation {
+    /// Measure the result against the input, both ways; always done with --error
+    #[arg(long)]
+    measure: bool,
+    /// What is promised of the deviation [default: two-sided with --error, else estimate]
+    #[arg(long, value_name = "BOUND", value_enum)]
+    bound: Option<Bound>,
+}
+
+/// What is promised of the deviation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Bound {
+    Estimate,
+    TwoSided,
+}
+
+/// Normals of the result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Normals {
+    Keep,
+    Recompute,
+    None,
+}
+
+impl SimplifyArgs {
+    /// What the engine is told.
+    pub(crate) fn options(&self) -> SimplifyOptions {
+        let (how, guards) = (&self.how, &self.guards);
+        let mut options = SimplifyOptions::new(self.target.stop());
+        options.method = how.method.into();
+        options.fit = how.fit.into();
+        options.placement = how.placement.into();
+        options.border = how.border.into();
+        options.topology = how.topology.into();
+        options.weld = how.weld.as_ref().map(|d| d.length);
+        options.guards = Guards {
+            max_normal_deg: guards.max_normal,
+            min_quality: guards.min_quality,
+            max_valence: guards.max_valence,
+            max_edge: guards.max_edge.as_ref().map(|d| d.length),
+        };
+        let is_measured = self.deviation.measure || self.is_bounded();
+        options.measure = if is_measured { Measure::Always } else { Measure::default() };
+        options.seed = self.seed;
+        options
+    }
+
+    /// The word for the method.
+    pub(crate) fn method(&self) -> &'static str {
+        self.how.method.word()
+    }
+
+    /// Whether the deviation is promised, not only estimated.
+    pub(crate) fn is_bounded(&self) -> bool {
+        match self.deviation.bound {
+            Some(bound) => bound == Bound::TwoSided,
+            None => self.target.error.is_some(),
+        }
+    }
+}

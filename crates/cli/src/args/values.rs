@@ -1,0 +1,140 @@
+//! How typed values are read, and the ranges that they must keep.
+
+use std::fmt;
+use std::str::FromStr;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use lodsmith::Length;
+use lodsmith_io::Format;
+
+/// A length as typed: `0.5` in the units of the file, `0.1%` of the diagonal.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct TypedLength {
+    /// For the engine.
+    pub(crate) length: Length,
+    typed: String,
+}
+
+impl TypedLength {
+    /// For reports: a bare number as a number, a share as it was typed.
+    pub(crate) fn to_json(&self) -> serde_json::Value {
+        match self.length {
+            Length::Units(x) => x.into(),
+            Length::OfDiagonal(_) => self.typed.clone().into(),
+        }
+    }
+
+    fn is_zero(&self) -> bool {
+        matches!(self.length, Length::Units(0.0) | Length::OfDiagonal(0.0))
+    }
+}
+
+impl fmt::Display for TypedLength {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.typed)
+    }
+}
+
+impl FromStr for TypedLength {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wanted =
+            || "a length is a number in the units of the file, or a share of the diagonal such as 0.1%";
+        let (number, is_share) = match text.strip_suffix('%') {
+            Some(number) => (number.trim_end(), true),
+            None => (text, false),
+        };
+        let x: f64 = number.parse().map_err(|_| wanted())?;
+        if !x.is_finite() || x < 0.0 {
+            return Err(wanted().to_owned());
+        }
+        let length = if is_share { Length::OfDiagonal(x / 100.0) } else { Length::Units(x) };
+        Ok(Self { length, typed: text.to_owned() })
+    }
+}
+
+/// A length that is not zero.
+pub(crate) fn some_length(text: &str) -> Result<TypedLength, String> {
+    text.parse()
+        .and_then(|l: TypedLength| if l.is_zero() { Err("it must be above 0".to_owned()) } else { Ok(l) })
+}
+
+/// A format by its name.
+pub(crate) fn format() -> impl TypedValueParser<Value = Format> {
+    PossibleValuesParser::new(Format::ALL.map(Format::name))
+        .map(|name| Format::from_name(&name).expect("the words are the names of formats"))
+}
+
+/// A part of a whole: above 0, up to 1.
+pub(crate) fn ratio(text: &str) -> Result<f64, String> {
+    number(text, |x| x > 0.0 && x <= 1.0, "it must be above 0 and not above 1")
+}
+
+/// A finite number above 0.
+pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
+    number(text, |x| x > 0.0, "it must be above 0")
+}
+
+/// A turn of a face: above 0, up to 180 degrees.
+pub(crate) fn turn_deg(text: &str) -> Result<f64, String> {
+    number(text, |x| x > 0.0 && x <= 180.0, "it must be above 0 and not above 180 degrees")
+}
+
+/// A shape of a face: 0 to 1.
+pub(crate) fn quality(text: &str) -> Result<f64, String> {
+    number(text, |x| (0.0..=1.0).contains(&x), "it must be from 0 to 1")
+}
+
+/// Time in seconds; a year is as good as for ever.
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    above_zero(text).map(|s| s.min(365.0 * 86400.0))
+}
+
+/// A count of at least one.
+pub(crate) fn count(text: &str) -> Result<usize, String> {
+    at_least(text, 1)
+}
+
+/// Edges at a vertex: below three there is no closed surface.
+pub(crate) fn valence(text: &str) -> Result<usize, String> {
+    at_least(text, 3)
+}
+
+fn number(text: &str, is_good: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Err(_) => Err("it is not a number".to_owned()),
+        Ok(x) if x.is_finite() && is_good(x) => Ok(x),
+        Ok(_) => Err(wanted.to_owned()),
+    }
+}
+
+fn at_least(text: &str, least: usize) -> Result<usize, String> {
+    match text.parse::<usize>() {
+        Err(_) => Err("it is not a whole number".to_owned()),
+        Ok(n) if n >= least => Ok(n),
+        Ok(_) => Err(format!("it must be at least {least}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_length_is_units_or_a_share() {
+        assert_eq!("0.5".parse::<TypedLength>().unwrap().length, Length::Units(0.5));
+        assert_eq!("25%".parse::<TypedLength>().unwrap().length, Length::OfDiagonal(0.25));
+        for bad in ["", "%", "x", "-1", "nan", "inf", "1%%"] {
+            assert!(bad.parse::<TypedLength>().is_err(), "{bad}");
+        }
+        assert!(some_length("0%").is_err());
+    }
+
+    #[test]
+    fn ranges_are_kept() {
+        assert!(ratio("1").is_ok() && ratio("0").is_err() && ratio("1.1").is_err() && ratio("nan").is_err());
+        assert!(count("1").is_ok() && count("0").is_err() && count("-1").is_err() && count("1.5").is_err());
+        assert!(above_zero("inf").is_err() && seconds("1e300").is_ok());
+    }
+}

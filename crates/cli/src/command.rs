@@ -1,0 +1,45 @@
+//! One module for each subcommand.
+
+mod compare;
+mod completions;
+mod convert;
+mod info;
+mod man;
+mod simplify;
+
+use lodsmith_io::Warning;
+
+use crate::args::{Cli, Command};
+use crate::exit::Status;
+use crate::output::{self, Output};
+
+/// Does what was typed.
+pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
+    match cli.command {
+        Command::Simplify(args) => simplify::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::Convert(args) => convert::run(&args),
+        Command::Completions { shell } => completions::run(shell),
+        Command::Man { command } => man::run(command.as_deref()),
+    }
+}
+
+/// Shows the warnings of a file. With `strict`, lost data are a fault: shown as one, whatever is silenced, and `true`.
+fn show_warnings(out: &Output, path: &str, warnings: &[Warning], strict: bool) -> bool {
+    let mut is_fault = false;
+    for warning in warnings {
+        if strict && warning.data_lost {
+            output::error(&format!("{path}: {warning}"));
+            is_fault = true;
+        } else {
+            out.warning(&format!("{path}: {warning}"));
+        }
+    }
+    is_fault
+}
+
+/// Texts of warnings, for reports.
+fn texts(warnings: &[Warning]) -> Vec<&str> {
+    warnings.iter().map(|w| w.text.as_str()).collect()
+}

@@ -1,0 +1,175 @@
+//! `lodsmith compare`: how far one mesh lies from another.
+
+use std::time::Instant;
+
+use anyhow::Context as _;
+use lodsmith::core::measure::{CompareOptions, Comparison, compare};
+use lodsmith::core::spatial::{Bvh, Hint};
+use lodsmith::core::{TriMesh, VertexId};
+use lodsmith_io::{Format, Loaded};
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+
+use super::show_warnings;
+use super::simplify::both_ways;
+use crate::args::CompareArgs;
+use crate::exit::{Status, usage};
+use crate::file::{self, Sink};
+use crate::in_order;
+use crate::numbers::{grouped, seconds, significant};
+use crate::output::Output;
+use crate::progress::Progress;
+
+/// Measures, and paints the heat map if asked.
+pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
+    file::at_most_one_stdin([&args.reference, &args.candidate])?;
+    if let Some(path) = &args.heatmap {
+        let sink = Sink::Path(path.clone());
+        if file::format_of(&sink, None).ok() != Some(Format::Ply) {
+            return Err(usage(format!("--heatmap {}: the name of a .ply file is wanted", path.display())));
+        }
+        file::refuse_folder(&sink, "")?;
+    }
+    let out = Output::new(&args.run, args.json, false);
+    let progress = Progress::new(1, args.run.quiet);
+    let begin = Instant::now();
+    let compared = in_order::pool(args.run.threads())?.install(|| {
+        let bar = progress.file("");
+        bar.read();
+        let load = |source| file::read(source, args.from).with_context(|| format!("{source}"));
+        let (reference, candidate) = (load(&args.reference)?, load(&args.candidate)?);
+        bar.stage(lodsmith::Stage::Measure);
+        let mut options = CompareOptions::default();
+        options.samples = args.samples;
+        options.seed = args.seed;
+        let comparison = compare(&reference.mesh.surface(), &candidate.mesh.surface(), &options)?;
+        let red = match &args.heatmap {
+            None => None,
+            Some(path) => {
+                bar.write();
+                let (map, red) = heatmap(&reference.mesh, &candidate.mesh)?;
+                file::write(&map, &Sink::Path(path.clone()), Format::Ply, false, false)?;
+                Some(red)
+            }
+        };
+        anyhow::Ok((reference, candidate, comparison, red))
+    });
+    progress.finish();
+    let (reference, candidate, comparison, red) = compared?;
+
+    for (source, loaded) in [(&args.reference, &reference), (&args.candidate, &candidate)] {
+        show_warnings(&out, &source.to_string(), &loaded.warnings, false);
+    }
+    out.object(&to_json(&comparison));
+    for line in table(&comparison, &reference, &candidate) {
+        out.line(&line);
+    }
+    if let (Some(red), Some(path)) = (red, &args.heatmap) {
+        out.line(&format!("heat map        {}: blue 0, red {}", path.display(), significant(red, 3)));
+    }
+    out.detail(&format!("time            {}", seconds(begin.elapsed().as_secs_f64())));
+    out.finish(Status::Done)
+}
+
+fn to_json(c: &Comparison) -> Value {
+    let relative = |x: f64| if c.diagonal > 0.0 { x / c.diagonal } else { 0.0 };
+    json!({
+        "hausdorff": both_ways(&c.hausdorff),
+        "mean": both_ways(&c.mean),
+        "rms": both_ways(&c.rms),
+        "p99": both_ways(&c.p99),
+        "relative_to_diagonal": {
+            "hausdorff": relative(c.hausdorff.symmetric),
+            "mean": relative(c.mean.symmetric),
+            "rms": relative(c.rms.symmetric),
+        },
+        "diagonal": c.diagonal,
+        "normal_deviation_deg": { "mean": c.normal_mean_deg, "p95": c.normal_p95_deg },
+        "samples": c.samples,
+        "seed": c.seed,
+        "attributes": Map::new(),
+    })
+}
+
+/// The figures for people.
+fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> {
+    let figure = |x: f64| significant(x, 4);
+    let percent =
+        |x: f64| if c.diagonal > 0.0 { format!("{} %", figure(100.0 * x / c.diagonal)) } else { "-".into() };
+    let mut lines = vec![
+        format!(
+            "faces           {} → {}",
+            grouped(reference.mesh.face_count()),
+            grouped(candidate.mesh.face_count())
+        ),
+        format!(
+            "{:<16}{:>12} {:>12} {:>12} {:>14}",
+            "distance", "forward", "backward", "symmetric", "of diagonal"
+        ),
+    ];
+    for (name, x) in [("  largest", c.hausdorff), ("  mean", c.mean), ("  rms", c.rms), ("  p99", c.p99)] {
+        lines.push(format!(
+            "{name:<16}{:>12} {:>12} {:>12} {:>14}",
+            figure(x.forward),
+            figure(x.backward),
+            figure(x.symmetric),
+            percent(x.symmetric)
+        ));
+    }
+    lines.push(format!("diagonal        {}", figure(c.diagonal)));
+    lines.push(format!(
+        "normals         mean {}°, 95 % below {}°",
+        significant(c.normal_mean_deg, 3),
+        significant(c.normal_p95_deg, 3)
+    ));
+    lines.push(format!("samples         {} each way, seed {}", grouped(c.samples), c.seed));
+    lines
+}
+
+/// The reference with the distance of every vertex to the candidate as its colour, and the distance that is red.
+fn heatmap(reference: &TriMesh, candidate: &TriMesh) -> anyhow::Result<(TriMesh, f64)> {
+    // Enough that neighbours share a hint, few enough that threads share the work.
+    const BLOCK: usize = 1024;
+    let tree = Bvh::new(&candidate.surface());
+    let surface = reference.surface();
+    let positions = surface.positions();
+    let mut distances = vec![0f64; positions.len()];
+    distances.par_chunks_mut(BLOCK).enumerate().for_each(|(block, distances)| {
+        let mut hint = Hint::default();
+        for (i, distance) in distances.iter_mut().enumerate() {
+            let point = positions.get(VertexId::new(block * BLOCK + i));
+            *distance = tree.closest_from(point, &mut hint).map_or(0.0, |hit| hit.distance);
+        }
+    });
+    let largest = distances.iter().fold(0f64, |m, &d| m.max(d));
+    // Below this all is noise of the arithmetic, and one colour.
+    let noise = 1e-9 * positions.bounds().map_or(0.0, |b| b.diagonal());
+    let red = largest.max(noise);
+    let part = |d: f64| if red > 0.0 { d / red } else { 0.0 };
+    let mut map = TriMesh::new(reference.positions().clone(), surface.triangles().to_vec())?;
+    map.set_colors(Some(distances.into_iter().map(|d| heat(part(d))).collect()))?;
+    Ok((map, red))
+}
+
+/// Blue, cyan, green, yellow, red for 0 to 1.
+fn heat(part: f64) -> [f32; 4] {
+    let x = 4.0 * part.clamp(0.0, 1.0);
+    // Each colour is a plateau with a slope on either side.
+    let plateau = |centre: f64| (2.0 - (x - centre).abs()).clamp(0.0, 1.0) as f32;
+    [plateau(4.0), plateau(2.0), plateau(0.0), 1.0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heat_goes_from_blue_to_red() {
+        let rgb = |x| heat(x)[..3].to_vec();
+        assert_eq!(rgb(0.0), [0.0, 0.0, 1.0]);
+        assert_eq!(rgb(0.25), [0.0, 1.0, 1.0]);
+        assert_eq!(rgb(0.5), [0.0, 1.0, 0.0]);
+        assert_eq!(rgb(0.75), [1.0, 1.0, 0.0]);
+        assert_eq!(rgb(1.0), [1.0, 0.0, 0.0]);
+    }
+}

@@ -1,0 +1,241 @@
+//! `lodsmith info`: what is in a file, and what is wrong with it.
+
+use std::time::Instant;
+
+use lodsmith::core::mesh::weld::weld;
+use lodsmith::core::topology::{Size, Topology, TopologyCounts, size_of};
+use lodsmith::core::{Bounds, Surface, VertexId};
+use lodsmith_io::Loaded;
+use serde_json::{Value, json};
+
+use super::{show_warnings, texts};
+use crate::args::InfoArgs;
+use crate::exit::{self, Status};
+use crate::file::{self, Source};
+use crate::in_order;
+use crate::numbers::{grouped, seconds, significant};
+use crate::output::Output;
+use crate::progress::Progress;
+
+/// Looks into every input.
+pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
+    file::at_most_one_stdin(&args.inputs)?;
+    let out = Output::new(&args.run, args.json, false);
+    let progress = Progress::new(args.inputs.len(), args.run.quiet);
+    let mut status = Status::Done;
+    in_order::each(
+        &args.inputs,
+        args.run.threads(),
+        |source| exit::guarded(|| look(source, args, &progress)),
+        |i, outcome| {
+            let path = args.inputs[i].to_string();
+            progress.aside(|| match outcome {
+                Ok(facts) => {
+                    out.object(&facts.to_json(&path));
+                    for line in facts.table(&path) {
+                        out.line(&line);
+                    }
+                    out.detail(&format!("  time             {}", seconds(facts.secs)));
+                    show_warnings(&out, &path, &facts.loaded.warnings, false);
+                }
+                Err(e) => {
+                    out.failure(&path, &format!("{e:#}"));
+                    status = Status::Failed;
+                }
+            });
+        },
+    )?;
+    progress.finish();
+    out.finish(status)
+}
+
+/// What is known of one file.
+struct Facts {
+    loaded: Loaded,
+    places: usize,
+    topology: TopologyCounts,
+    duplicate_faces: usize,
+    unused_vertices: usize,
+    non_finite_vertices: usize,
+    bounds: Option<Bounds>,
+    size: Size,
+    secs: f64,
+}
+
+fn look(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Result<Facts> {
+    let name = source.to_string();
+    let bar = progress.file(&name);
+    bar.read();
+    let begin = Instant::now();
+    let loaded = file::read(source, args.from)?;
+    bar.stage(lodsmith::Stage::Measure);
+    let surface = loaded.mesh.surface();
+    let positions = surface.positions();
+    let weld = weld(positions);
+    let mut is_used = vec![false; positions.len()];
+    for v in surface.triangles().iter().flatten() {
+        is_used[v.index()] = true;
+    }
+    let places = weld.distinct_count;
+    let topology = Topology::new(&surface).counts();
+    let duplicate_faces = duplicate_faces(&surface, &weld.representative);
+    let unused_vertices = is_used.iter().filter(|used| !**used).count();
+    let non_finite_vertices = positions.iter().filter(|p| !p.iter().all(|x| x.is_finite())).count();
+    let (bounds, size) = (positions.bounds(), size_of(&surface));
+    let secs = begin.elapsed().as_secs_f64();
+    drop(surface);
+    bar.end();
+    Ok(Facts {
+        loaded,
+        places,
+        topology,
+        duplicate_faces,
+        unused_vertices,
+        non_finite_vertices,
+        bounds,
+        size,
+        secs,
+    })
+}
+
+/// Faces on the same three places as one before, whichever way they go.
+fn duplicate_faces(surface: &Surface<'_>, place_of: &[VertexId]) -> usize {
+    let sorted = |t: &[VertexId; 3]| {
+        let mut t = t.map(|v| place_of[v.index()]);
+        t.sort_unstable();
+        t
+    };
+    let is_face = |t: &[VertexId; 3]| t[0] != t[1] && t[1] != t[2];
+    let mut faces: Vec<[VertexId; 3]> = surface.triangles().iter().map(sorted).filter(is_face).collect();
+    faces.sort_unstable();
+    faces.windows(2).filter(|w| w[0] == w[1]).count()
+}
+
+impl Facts {
+    fn to_json(&self, path: &str) -> Value {
+        let (t, c) = (&self.topology, &self.loaded.contents);
+        let corners = |f: fn(&Bounds) -> [f64; 3]| self.bounds.as_ref().map(f);
+        json!({
+            "path": path,
+            "format": self.loaded.format.name(),
+            "meshes": c.meshes,
+            "faces": self.loaded.mesh.face_count(),
+            "polygons": c.polygons,
+            "vertices": self.loaded.mesh.vertex_count(),
+            "positions": self.places,
+            "components": t.component_count,
+            "border_edges": t.border_edge_count,
+            "border_loops": t.border_loop_count,
+            "non_manifold_edges": t.non_manifold_edge_count,
+            "non_manifold_vertices": t.non_manifold_vertex_count,
+            "degenerate_faces": t.degenerate_face_count,
+            "duplicate_faces": self.duplicate_faces,
+            "unused_vertices": self.unused_vertices,
+            "non_finite_vertices": self.non_finite_vertices,
+            "closed": t.is_closed(),
+            "manifold": t.is_manifold(),
+            "oriented": t.is_oriented(),
+            "genus": t.genus(),
+            "bounds": {
+                "min": corners(|b| b.min), "max": corners(|b| b.max),
+                "diagonal": self.bounds.as_ref().map(Bounds::diagonal),
+            },
+            "area": self.size.area,
+            "volume": self.size.volume,
+            "attributes": c.attributes,
+            "materials": c.materials,
+            "textures": c.textures,
+            "skins": c.skins,
+            "animations": c.animations,
+            "morph_targets": c.morph_targets,
+            "warnings": texts(&self.loaded.warnings),
+        })
+    }
+
+    /// A table for people; defects that are not there are left out.
+    fn table(&self, path: &str) -> Vec<String> {
+        let (t, c) = (&self.topology, &self.loaded.contents);
+        let mut lines = vec![format!("{path}")];
+        let mut row = |name: &str, value: String| lines.push(format!("  {name:<17}{value}"));
+        row("format", self.loaded.format.name().to_owned());
+        let faces = self.loaded.mesh.face_count();
+        if c.polygons == faces {
+            row("faces", grouped(faces));
+        } else {
+            row("faces", format!("{} triangles from {} polygons", grouped(faces), grouped(c.polygons)));
+        }
+        let vertices = self.loaded.mesh.vertex_count();
+        if self.places == vertices {
+            row("vertices", grouped(vertices));
+        } else {
+            row("vertices", format!("{} at {} places", grouped(vertices), grouped(self.places)));
+        }
+        let counts = [
+            ("meshes", c.meshes, 1),
+            ("components", t.component_count, 0),
+            ("materials", c.materials, 0),
+            ("textures", c.textures, 0),
+            ("skins", c.skins, 0),
+            ("animations", c.animations, 0),
+            ("morph targets", c.morph_targets, 0),
+        ];
+        for (name, n, usual) in counts {
+            if n > usual {
+                row(name, grouped(n));
+            }
+        }
+        if !c.attributes.is_empty() {
+            row("attributes", c.attributes.join(", "));
+        }
+        let is = |yes: bool, word: &str| if yes { word.to_owned() } else { format!("not {word}") };
+        let kinds =
+            [is(t.is_closed(), "closed"), is(t.is_manifold(), "manifold"), is(t.is_oriented(), "oriented")];
+        let genus = t.genus().map_or(String::new(), |g| format!(", genus {g}"));
+        row("surface", kinds.join(", ") + &genus);
+        let defects = [
+            ("border edges", t.border_edge_count),
+            ("border loops", t.border_loop_count),
+            ("non-man. edges", t.non_manifold_edge_count),
+            ("non-man. vertices", t.non_manifold_vertex_count),
+            ("degenerate faces", t.degenerate_face_count),
+            ("duplicate faces", self.duplicate_faces),
+            ("unused vertices", self.unused_vertices),
+            ("non-finite vert.", self.non_finite_vertices),
+        ];
+        for (name, n) in defects {
+            if n > 0 {
+                row(name, grouped(n));
+            }
+        }
+        let figure = |x: f64| significant(x, 6);
+        if let Some(b) = &self.bounds {
+            let corner = |p: [f64; 3]| p.map(figure).join(" ");
+            row("bounds", format!("{} to {}", corner(b.min), corner(b.max)));
+            row("diagonal", figure(b.diagonal()));
+        }
+        row("area", figure(self.size.area));
+        if t.is_closed() {
+            row("volume", figure(self.size.volume));
+        }
+        lines
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith::core::{Positions, TriMesh};
+
+    use super::*;
+
+    #[test]
+    fn duplicates_are_found_by_place_and_whichever_way_they_go() {
+        let mut positions = vec![[0f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        positions.extend(positions.clone());
+        let face = |a, b, c| [VertexId(a), VertexId(b), VertexId(c)];
+        // The last one is no face at all after welding.
+        let faces = vec![face(0, 1, 2), face(5, 4, 3), face(1, 2, 3), face(0, 3, 1)];
+        let mesh = TriMesh::new(Positions::F32(positions), faces).unwrap();
+        let surface = mesh.surface();
+        assert_eq!(duplicate_faces(&surface, &weld(surface.positions()).representative), 2);
+    }
+}

@@ -1,0 +1,32 @@
+//! `lodsmith man`: manual pages for package makers.
+
+use clap::CommandFactory as _;
+use clap_mangen::Man;
+
+use crate::args::Cli;
+use crate::exit::{Status, usage};
+use crate::output::Output;
+
+/// Prints the page of a command, or the one that lists them all.
+pub(super) fn run(command: Option<&str>) -> anyhow::Result<Status> {
+    let mut whole = Cli::command();
+    whole.build();
+    let page_of = match command {
+        None => whole,
+        // Building has given it its full name, such as `lodsmith-simplify`.
+        Some(name) => match whole.find_subcommand(name) {
+            Some(found) => found.clone(),
+            None => return Err(usage(format!("there is no command {name}"))),
+        },
+    };
+    let mut page = Vec::new();
+    Man::new(page_of).render(&mut page)?;
+    print_page(&page)
+}
+
+/// Prints a finished page.
+pub(super) fn print_page(page: &[u8]) -> anyhow::Result<Status> {
+    let out = Output::plain();
+    out.result(&String::from_utf8_lossy(page));
+    out.finish(Status::Done)
+}

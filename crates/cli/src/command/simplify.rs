@@ -1,0 +1,346 @@
+//! `lodsmith simplify`: reads, makes lighter, writes, and says how it went.
+
+use std::fs;
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use lodsmith::core::measure::{Comparison, TwoWay};
+use lodsmith::{Control, Report, Simplified, SimplifyError, Stage, Verdict};
+use lodsmith_io::{Format, Warning};
+use serde_json::{Map, Value, json};
+
+use super::{show_warnings, texts};
+use crate::args::{Normals, SimplifyArgs};
+use crate::exit::{self, Interrupted, Status};
+use crate::file::{self, Sink};
+use crate::numbers::{counted, grouped, micros, seconds, short};
+use crate::orient::orient;
+use crate::output::{self, Output};
+use crate::plan::{self, Job};
+use crate::progress::{FileProgress, Progress};
+use crate::{in_order, normals};
+
+/// Makes every input lighter.
+pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
+    let jobs = plan::jobs(args)?;
+    if let (Some(folder), false) = (&args.out_dir, args.dry_run) {
+        fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    }
+    let is_stdout_taken = !args.dry_run && jobs.iter().any(|j| matches!(j.output, Some((Sink::Stdout, _))));
+    let out = Output::new(&args.run, args.json, is_stdout_taken);
+    let progress = Progress::new(jobs.len(), args.run.quiet);
+    let mut status = Status::Done;
+    in_order::each(
+        &jobs,
+        args.run.threads(),
+        |job| exit::guarded(|| simplify_one(job, args, &progress)),
+        |i, outcome| {
+            let path = jobs[i].source.to_string();
+            let own = progress.aside(|| show(&out, &path, outcome, &jobs[i], args));
+            status = worse(status, own);
+        },
+    )?;
+    progress.finish();
+    out.finish(status)
+}
+
+/// The status of two files together: an end from outside, then a failure, then a broken strictness.
+fn worse(a: Status, b: Status) -> Status {
+    let rank =
+        |s| [Status::Done, Status::Strict, Status::Failed, Status::Interrupted].iter().position(|x| *x == s);
+    if rank(b) > rank(a) { b } else { a }
+}
+
+/// What was done with one input.
+struct Done {
+    input_format: Format,
+    report: Report,
+    warnings: Vec<Warning>,
+    threads: usize,
+    clock: Clock,
+}
+
+fn simplify_one(job: &Job, args: &SimplifyArgs, progress: &Progress) -> anyhow::Result<Done> {
+    if exit::interrupted() {
+        return Err(Interrupted.into());
+    }
+    let name = job.source.to_string();
+    let bar = progress.file(&name);
+    let mut clock = Clock::new();
+    let deadline = args.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
+
+    bar.read();
+    clock.enter("read");
+    let loaded = file::read(&job.source, args.from)?;
+    let mut warnings = loaded.warnings;
+
+    clock.enter(Stage::Prepare.name());
+    let mut watch = Watch { clock: &mut clock, bar: &bar, stage: Stage::Prepare, deadline };
+    let Simplified { mut mesh, report } = match lodsmith::simplify(&loaded.mesh, &args.options(), &mut watch)
+    {
+        Err(SimplifyError::Cancelled) if exit::interrupted() => return Err(Interrupted.into()),
+        result => result?,
+    };
+    drop(loaded.mesh);
+    warnings.extend(dropped(&report, args.normals));
+
+    bar.write();
+    clock.enter("write");
+    orient(&mut mesh, &args.writing);
+    match args.normals {
+        Normals::Keep => {}
+        Normals::Recompute => normals::recompute(&mut mesh),
+        Normals::None => mesh.set_normals(None)?,
+    }
+    if let Some((sink, format)) = &job.output {
+        let ascii = args.writing.ascii;
+        warnings.extend(match args.dry_run {
+            true => file::losses(&mesh, *format, ascii)?,
+            false => file::write(&mesh, sink, *format, ascii, args.force)?,
+        });
+    }
+    clock.end();
+    bar.end();
+    Ok(Done { input_format: loaded.format, report, warnings, threads: rayon::current_num_threads(), clock })
+}
+
+/// What the engine does not carry, unless it was not wanted or is made anew.
+fn dropped(report: &Report, normals: Normals) -> impl Iterator<Item = Warning> {
+    let is_missed = move |name: &&&str| **name != "normals" || normals == Normals::Keep;
+    let lost = |name: &&str| Warning::lost(format!("{name} dropped: simplify does not carry them yet"));
+    report.dropped.iter().filter(is_missed).map(lost)
+}
+
+/// Prints the outcome of one input; returns the status that it alone would end with.
+fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args: &SimplifyArgs) -> Status {
+    let done = match outcome {
+        Ok(done) => done,
+        Err(e) if e.is::<Interrupted>() => return Status::Interrupted,
+        Err(e) => {
+            out.failure(path, &format!("{e:#}"));
+            return Status::Failed;
+        }
+    };
+    out.object(&done.to_json(path, job, args));
+    out.line(&done.line(path));
+    for line in done.details() {
+        out.detail(&line);
+    }
+    let mut is_fault = show_warnings(out, path, &done.warnings, args.strict);
+    if !done.report.reached {
+        let text = format!("{path}: {}", not_reached(&done.report));
+        if args.strict {
+            output::error(&text)
+        } else {
+            out.warning(&text)
+        }
+        is_fault |= args.strict;
+    }
+    if is_fault { Status::Strict } else { Status::Done }
+}
+
+/// Why the target was not met.
+fn not_reached(report: &Report) -> String {
+    let refusals = refusals(report);
+    let stop = report.stopped_by.name().replace('_', " ");
+    if refusals.is_empty() {
+        format!("target not reached, stopped by {stop}")
+    } else {
+        format!("target not reached, stopped by {stop}; refused: {refusals}")
+    }
+}
+
+fn refusals(report: &Report) -> String {
+    let of = |(r, n): &(lodsmith::Refusal, u64)| {
+        format!("{} {}", r.name().replace('_', " "), grouped(usize::try_from(*n).unwrap_or(usize::MAX)))
+    };
+    report.refusals.iter().map(of).collect::<Vec<_>>().join(", ")
+}
+
+impl Done {
+    /// One line for people.
+    fn line(&self, path: &str) -> String {
+        let r = &self.report;
+        let percent = 100.0 * r.faces as f64 / r.input_faces.max(1) as f64;
+        let share = |d: f64| short(if r.error.diagonal > 0.0 { 100.0 * d / r.error.diagonal } else { 0.0 });
+        let error = match &r.error.measured {
+            None => format!("rms {} %", share(r.error.estimate)),
+            Some(m) => format!("rms {} %, max {} %", share(m.rms.symmetric), share(m.hausdorff.symmetric)),
+        };
+        format!(
+            "{path}: {} → {} faces ({percent:.1} %), {error} of the diagonal, {}",
+            grouped(r.input_faces),
+            grouped(r.faces),
+            seconds(self.clock.total())
+        )
+    }
+
+    /// What `-v` adds.
+    fn details(&self) -> Vec<String> {
+        let r = &self.report;
+        let times: Vec<String> =
+            self.clock.stages.iter().map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
+        let mut lines =
+            vec![format!("  {}, {}", times.join(", "), counted(self.threads, "thread", "threads"))];
+        let refusals = refusals(r);
+        if !refusals.is_empty() {
+            lines.push(format!("  refused: {refusals}"));
+        }
+        let mended: Vec<String> = cleanup(r)
+            .into_iter()
+            .filter(|(_, n)| *n > 0)
+            .map(|(name, n)| format!("{name} {}", grouped(n)))
+            .collect();
+        if !mended.is_empty() {
+            lines.push(format!("  mended first: {}", mended.join(", ").replace('_', " ")));
+        }
+        if r.parts_removed > 0 {
+            lines.push(format!("  {} removed whole", counted(r.parts_removed, "part", "parts")));
+        }
+        lines
+    }
+
+    /// The report for programs.
+    fn to_json(&self, path: &str, job: &Job, args: &SimplifyArgs) -> Value {
+        let r = &self.report;
+        let (out_path, out_format) = match &job.output {
+            Some((sink, format)) => (Some(sink.to_string()), Some(format.name())),
+            None => (None, None),
+        };
+        let measured = r.error.measured.as_ref();
+        let bound = measured.filter(|_| args.is_bounded()).map(|m| m.hausdorff.symmetric);
+        let count = |(name, n): (&str, Value)| (name.to_owned(), n);
+        let refusals: Map<_, _> = r.refusals.iter().map(|(r, n)| count((r.name(), (*n).into()))).collect();
+        let seconds: Map<_, _> =
+            self.clock.stages.iter().map(|(name, s)| count((name, micros(*s).into()))).collect();
+        let cleanup: Map<_, _> = cleanup(r).into_iter().map(|(name, n)| count((name, n.into()))).collect();
+        let mut report = json!({
+            "input": {
+                "path": path, "format": self.input_format.name(),
+                "faces": r.input_faces, "vertices": r.input_vertices,
+            },
+            "output": { "path": out_path, "format": out_format, "faces": r.faces, "vertices": r.vertices },
+            "method": args.method(),
+            "target": args.target.to_json(),
+            "reached": r.reached,
+            "stopped_by": r.stopped_by.name(),
+            "error": {
+                "estimate": r.error.estimate, "bound": bound, "measured": measured.map(measured_json),
+                "unit": "model", "diagonal": r.error.diagonal,
+            },
+            "refusals": refusals,
+            "warnings": texts(&self.warnings),
+            "threads": self.threads,
+            "seconds": seconds,
+            "collapses": r.collapses,
+            "parts_removed": r.parts_removed,
+            "cleanup": cleanup,
+        });
+        if args.dry_run {
+            report["dry_run"] = true.into();
+        }
+        report
+    }
+}
+
+fn measured_json(m: &Comparison) -> Value {
+    json!({ "hausdorff": both_ways(&m.hausdorff), "mean": both_ways(&m.mean), "rms": both_ways(&m.rms) })
+}
+
+/// A figure each way and together.
+pub(super) fn both_ways(x: &TwoWay) -> Value {
+    json!({ "forward": x.forward, "backward": x.backward, "symmetric": x.symmetric })
+}
+
+fn cleanup(report: &Report) -> [(&'static str, usize); 5] {
+    let c = &report.cleanup;
+    [
+        ("welded_vertices", c.welded_vertices),
+        ("degenerate_faces", c.degenerate_faces),
+        ("duplicate_faces", c.duplicate_faces),
+        ("non_finite_faces", c.non_finite_faces),
+        ("unused_vertices", c.unused_vertices),
+    ]
+}
+
+/// Time by stage, in the order in which stages first began.
+struct Clock {
+    stages: Vec<(&'static str, f64)>,
+    running: Option<(usize, Instant)>,
+}
+
+impl Clock {
+    fn new() -> Self {
+        // Always there, and in this order; the engine may add to them.
+        let stages = ["read", Stage::Prepare.name(), Stage::Collapse.name()];
+        Self { stages: stages.map(|s| (s, 0.0)).to_vec(), running: None }
+    }
+    /// A stage begins, or goes on.
+    fn enter(&mut self, name: &'static str) {
+        self.end();
+        let i = self.stages.iter().position(|(n, _)| *n == name).unwrap_or_else(|| {
+            self.stages.push((name, 0.0));
+            self.stages.len() - 1
+        });
+        self.running = Some((i, Instant::now()));
+    }
+    /// The present stage ends.
+    fn end(&mut self) {
+        if let Some((i, begin)) = self.running.take() {
+            self.stages[i].1 += begin.elapsed().as_secs_f64();
+        }
+    }
+    fn total(&self) -> f64 {
+        self.stages.iter().map(|(_, secs)| secs).sum()
+    }
+}
+
+/// Follows the engine: times its stages, moves the bar, ends it in time.
+struct Watch<'a> {
+    clock: &'a mut Clock,
+    bar: &'a FileProgress<'a>,
+    stage: Stage,
+    deadline: Option<Instant>,
+}
+
+impl Control for Watch<'_> {
+    fn stage(&mut self, stage: Stage) {
+        self.clock.enter(stage.name());
+        self.bar.stage(stage);
+        self.stage = stage;
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        self.bar.within(self.stage, done);
+        if exit::interrupted() {
+            Verdict::Cancel
+        } else if self.deadline.is_some_and(|d| Instant::now() >= d) {
+            Verdict::Finish
+        } else {
+            Verdict::Continue
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_keep_their_order_and_add_up() {
+        let mut clock = Clock::new();
+        for stage in ["read", "prepare", "simplify", "fit", "simplify", "write"] {
+            clock.enter(stage);
+        }
+        clock.end();
+        let names: Vec<_> = clock.stages.iter().map(|(n, _)| *n).collect();
+        assert_eq!(names, ["read", "prepare", "simplify", "fit", "write"]);
+    }
+
+    #[test]
+    fn a_failure_outweighs_strictness() {
+        assert_eq!(worse(Status::Strict, Status::Failed), Status::Failed);
+        assert_eq!(worse(Status::Failed, Status::Strict), Status::Failed);
+        assert_eq!(worse(Status::Done, Status::Done), Status::Done);
+    }
+}

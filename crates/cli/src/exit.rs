@@ -1,0 +1,134 @@
+//! How a run ends: statuses, interrupts, and what a panic of ours becomes.
+
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard};
+
+use anyhow::anyhow;
+
+/// What the caller's shell sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Status {
+    /// All done.
+    Done = 0,
+    /// The file, the mesh or the system is at fault.
+    Failed = 1,
+    /// The command line is at fault.
+    Usage = 2,
+    /// With `--strict`: target not reached or data dropped.
+    Strict = 3,
+    /// Ended from outside.
+    Interrupted = 130,
+}
+
+/// The command line is at fault, beyond what its grammar can tell.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct UsageError(pub(crate) String);
+
+/// The run was ended from outside.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted")]
+pub(crate) struct Interrupted;
+
+/// A fault of the command line as an error.
+pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
+    UsageError(text.into()).into()
+}
+
+/// The status that an error ends with.
+pub(crate) fn status_of(error: &anyhow::Error) -> Status {
+    if error.is::<UsageError>() {
+        Status::Usage
+    } else if error.is::<Interrupted>() {
+        Status::Interrupted
+    } else {
+        Status::Failed
+    }
+}
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Held shared by whoever writes a file, alone by whoever ends the process: no half file stays behind.
+static WRITING: RwLock<()> = RwLock::new(());
+
+/// Whether someone pressed Ctrl-C.
+pub(crate) fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// Ends the process on Ctrl-C, after the file that is being written is complete or gone.
+///
+/// Runs that ask [`interrupted`] may end sooner by themselves, with the same status.
+pub(crate) fn catch_interrupts() {
+    // Where no handler can be set, Ctrl-C does what the system does.
+    let _ = ctrlc::set_handler(|| {
+        INTERRUPTED.store(true, Ordering::Relaxed);
+        let _alone = WRITING.write().unwrap_or_else(PoisonError::into_inner);
+        std::process::exit(Status::Interrupted as i32);
+    });
+}
+
+/// Keeps interrupts away while a file is written.
+///
+/// # Errors
+/// [`Interrupted`] if one came before.
+pub(crate) fn writing() -> Result<RwLockReadGuard<'static, ()>, Interrupted> {
+    let guard = WRITING.read().unwrap_or_else(PoisonError::into_inner);
+    if interrupted() { Err(Interrupted) } else { Ok(guard) }
+}
+
+static LAST_PANIC: Mutex<String> = Mutex::new(String::new());
+
+thread_local! {
+    static OWN_PANIC: RefCell<String> = const { RefCell::new(String::new()) };
+}
+
+/// Panics become errors of one line ([`guarded`]) instead of a report of many; `RUST_BACKTRACE` brings that back.
+pub(crate) fn hush_panics() {
+    if std::env::var_os("RUST_BACKTRACE").is_some() {
+        return;
+    }
+    std::panic::set_hook(Box::new(|info| {
+        let text = describe(info);
+        OWN_PANIC.with(|own| own.borrow_mut().clone_from(&text));
+        *LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner) = text;
+    }));
+}
+
+fn describe(info: &PanicHookInfo<'_>) -> String {
+    let what = info.payload_as_str().unwrap_or("no words for it").replace('\n', " ");
+    match info.location() {
+        Some(at) => format!("{what} ({}:{})", at.file(), at.line()),
+        None => what,
+    }
+}
+
+/// Does some work; a panic in it becomes an error.
+pub(crate) fn guarded<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
+        // A panic in a thread of a pool leaves its words only in the common place.
+        let own = OWN_PANIC.with(RefCell::take);
+        let last = std::mem::take(&mut *LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner));
+        Err(anyhow!("a fault of this program, please report it: {}", if own.is_empty() { last } else { own }))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_is_at_fault_decides_the_status() {
+        assert_eq!(status_of(&usage("no")), Status::Usage);
+        assert_eq!(status_of(&Interrupted.into()), Status::Interrupted);
+        assert_eq!(status_of(&anyhow!("disk full")), Status::Failed);
+    }
+
+    #[test]
+    fn a_panic_becomes_an_error() {
+        assert!(guarded::<()>(|| panic!("seven")).is_err());
+        assert_eq!(guarded(|| Ok(7)).unwrap(), 7);
+    }
+}

@@ -1,0 +1,193 @@
+//! Where meshes come from and go to: paths, standard input and output.
+
+use std::ffi::OsString;
+use std::fmt;
+use std::fs;
+use std::io::{self, ErrorKind, Read as _};
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use lodsmith::core::TriMesh;
+use lodsmith_io::sniff::hint_of;
+use lodsmith_io::{Format, Loaded, ReadError, ReadOptions, Warning, WriteError, WriteOptions};
+
+use crate::exit;
+
+/// What is read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// Standard input, typed as `-`.
+    Stdin,
+    /// A file.
+    Path(PathBuf),
+}
+
+/// Where a result goes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Sink {
+    /// Standard output, typed as `-`.
+    Stdout,
+    /// A file.
+    Path(PathBuf),
+}
+
+impl From<OsString> for Source {
+    fn from(typed: OsString) -> Self {
+        if typed == "-" { Self::Stdin } else { Self::Path(typed.into()) }
+    }
+}
+
+impl From<OsString> for Sink {
+    fn from(typed: OsString) -> Self {
+        if typed == "-" { Self::Stdout } else { Self::Path(typed.into()) }
+    }
+}
+
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stdin => f.write_str("-"),
+            Self::Path(path) => path.display().fmt(f),
+        }
+    }
+}
+
+impl fmt::Display for Sink {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stdout => f.write_str("-"),
+            Self::Path(path) => path.display().fmt(f),
+        }
+    }
+}
+
+/// Reads a mesh. The error does not name the source.
+pub(crate) fn read(source: &Source, format: Option<Format>) -> anyhow::Result<Loaded> {
+    let mut options = ReadOptions::default();
+    options.format = format;
+    let loaded = match source {
+        Source::Path(path) => lodsmith_io::read_path(path, &options),
+        Source::Stdin => {
+            let mut bytes = Vec::new();
+            io::stdin().lock().read_to_end(&mut bytes)?;
+            lodsmith_io::read_bytes(&bytes, &options)
+        }
+    };
+    loaded.map_err(|e| match e {
+        ReadError::File { source, .. } => told(*source),
+        e => told(e),
+    })
+}
+
+/// An error whose words already hold those of its cause: the chain of causes would say them twice.
+fn told(error: impl std::fmt::Display) -> anyhow::Error {
+    anyhow!("{error}")
+}
+
+/// Two sources that both want standard input cannot have it.
+pub(crate) fn at_most_one_stdin<'a>(sources: impl IntoIterator<Item = &'a Source>) -> anyhow::Result<()> {
+    if sources.into_iter().filter(|s| **s == Source::Stdin).count() > 1 {
+        return Err(exit::usage("standard input can be read only once: one `-` is enough"));
+    }
+    Ok(())
+}
+
+/// The format that a sink is written in: the one asked for, or that of its ending.
+pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Format> {
+    let hint = match sink {
+        Sink::Path(path) => hint_of(path),
+        Sink::Stdout => None,
+    };
+    to.or(hint).ok_or_else(|| match sink {
+        Sink::Stdout => exit::usage("standard output has no ending: say the format with --to"),
+        Sink::Path(path) => exit::usage(WriteError::UnknownFormat { path: path.clone() }.to_string()),
+    })
+}
+
+/// A sink that is a folder is a fault of the command line.
+pub(crate) fn refuse_folder(sink: &Sink, hint: &str) -> anyhow::Result<()> {
+    match sink {
+        Sink::Path(path) if path.is_dir() => {
+            Err(exit::usage(format!("{}: is a folder, which is never overwritten{hint}", path.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes a mesh; returns what the format could not carry. No half file stays behind.
+///
+/// A write-protected file is replaced with `force` only. Whoever closed the pipe behind standard output had what it
+/// wanted.
+pub(crate) fn write(
+    mesh: &TriMesh,
+    sink: &Sink,
+    format: Format,
+    ascii: bool,
+    force: bool,
+) -> anyhow::Result<Vec<Warning>> {
+    let mut options = WriteOptions::default();
+    options.format = Some(format);
+    options.ascii = ascii;
+    match sink {
+        Sink::Stdout => match lodsmith_io::write_to(mesh, format, &options, &mut io::stdout().lock()) {
+            Err(WriteError::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => Ok(Vec::new()),
+            Err(WriteError::Io { source, .. }) => Err(anyhow!("cannot write to standard output: {source}")),
+            result => result.map_err(told),
+        },
+        Sink::Path(path) => {
+            let about = fs::metadata(path).ok();
+            // A pipe may keep its writer waiting for ever; Ctrl-C must end that, and there is no half file to fear.
+            let _guard =
+                if about.as_ref().is_none_or(fs::Metadata::is_file) { Some(exit::writing()?) } else { None };
+            if force && about.is_some_and(|a| a.is_file() && a.permissions().readonly()) {
+                return replace(mesh, path, &options);
+            }
+            lodsmith_io::write_path(mesh, path, &options).map_err(told)
+        }
+    }
+}
+
+/// What the format could not carry, without writing anything.
+pub(crate) fn losses(mesh: &TriMesh, format: Format, ascii: bool) -> anyhow::Result<Vec<Warning>> {
+    let mut options = WriteOptions::default();
+    options.format = Some(format);
+    options.ascii = ascii;
+    lodsmith_io::write_to(mesh, format, &options, &mut io::sink()).map_err(told)
+}
+
+/// Puts a new file in the place of one that may not be written to, by way of a neighbour.
+fn replace(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> anyhow::Result<Vec<Warning>> {
+    let target = fs::canonicalize(path)?;
+    let mut name = OsString::from(format!(".lodsmith-{}-", std::process::id()));
+    name.push(target.file_name().unwrap_or_default());
+    let neighbour = target.with_file_name(name);
+    let written = lodsmith_io::write_path(mesh, &neighbour, options).map_err(told);
+    let moved = written.and_then(|warnings| {
+        fs::rename(&neighbour, &target).map_err(|e| anyhow!("{}: cannot write: {e}", path.display()))?;
+        Ok(warnings)
+    });
+    if moved.is_err() {
+        let _ = fs::remove_file(&neighbour);
+    }
+    moved
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dash_is_a_stream() {
+        assert_eq!(Source::from(OsString::from("-")), Source::Stdin);
+        assert_eq!(Source::from(OsString::from("./-")).to_string(), "./-");
+        assert!(at_most_one_stdin([&Source::Stdin, &Source::Stdin]).is_err());
+    }
+
+    #[test]
+    fn the_ending_names_the_format_unless_told() {
+        let sink = |s: &str| Sink::from(OsString::from(s));
+        assert_eq!(format_of(&sink("a.stl.gz"), None).unwrap(), Format::Stl);
+        assert_eq!(format_of(&sink("a.stl"), Some(Format::Ply)).unwrap(), Format::Ply);
+        assert_eq!(exit::status_of(&format_of(&sink("-"), None).unwrap_err()), exit::Status::Usage);
+    }
+}

@@ -1,0 +1,41 @@
+//! Scale and up axis of what is written.
+
+use lodsmith::core::TriMesh;
+
+use crate::args::{Up, Writing};
+
+/// Scales and turns a mesh as asked; normals turn along.
+pub(crate) fn orient(mesh: &mut TriMesh, writing: &Writing) {
+    let scale = writing.scale.unwrap_or(1.0);
+    if scale == 1.0 && writing.up.is_none() {
+        return;
+    }
+    let up = writing.up;
+    mesh.map_positions(|p| turn(p, up).map(|x| x * scale));
+    if up.is_some() {
+        let normals = mesh.normals().map(|n| n.iter().map(|&n| turn(n, up)).collect());
+        mesh.set_normals(normals).expect("there are as many as before");
+    }
+}
+
+/// A quarter turn about x: right-handed stays right-handed, and zero stays a positive one.
+fn turn<T: Default + std::ops::Sub<Output = T>>([x, y, z]: [T; 3], up: Option<Up>) -> [T; 3] {
+    match up {
+        None => [x, y, z],
+        // What pointed along z points along y.
+        Some(Up::Y) => [x, z, T::default() - y],
+        Some(Up::Z) => [x, T::default() - z, y],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn up_points_where_asked_and_back() {
+        assert_eq!(turn([0.0, 0.0, 1.0], Some(Up::Y)), [0.0, 1.0, 0.0]);
+        assert_eq!(turn([0.0, 1.0, 0.0], Some(Up::Z)), [0.0, 0.0, 1.0]);
+        assert_eq!(turn(turn([1.0, 2.0, 3.0], Some(Up::Y)), Some(Up::Z)), [1.0, 2.0, 3.0]);
+    }
+}

@@ -1,0 +1,147 @@
+//! All that is printed: results on standard output, warnings and errors on standard error.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the one file that prints")]
+
+use std::cell::{Cell, RefCell};
+use std::io::{self, ErrorKind, IsTerminal, Write};
+
+use anyhow::Context as _;
+use serde_json::Value;
+
+use crate::args::Run;
+use crate::exit::Status;
+
+/// Where a command's words go, and which of them.
+pub(crate) struct Output {
+    json: bool,
+    quiet: bool,
+    verbose: bool,
+    /// Standard output carries a mesh, so words for people go to standard error.
+    stdout_taken: bool,
+    closed: Cell<bool>,
+    fault: RefCell<Option<io::Error>>,
+}
+
+impl Output {
+    pub(crate) fn new(run: &Run, json: bool, stdout_taken: bool) -> Self {
+        Self {
+            json,
+            quiet: run.quiet,
+            verbose: run.verbose,
+            stdout_taken,
+            closed: Cell::new(false),
+            fault: RefCell::new(None),
+        }
+    }
+
+    /// For pages and scripts: nothing but results.
+    pub(crate) fn plain() -> Self {
+        Self {
+            json: false,
+            quiet: true,
+            verbose: false,
+            stdout_taken: false,
+            closed: Cell::new(false),
+            fault: RefCell::new(None),
+        }
+    }
+
+    /// A result for people: nothing with `--json` or `--quiet`.
+    pub(crate) fn line(&self, text: &str) {
+        if self.json || self.quiet {
+            return;
+        }
+        if self.stdout_taken { eprint_line(text) } else { self.print(text) }
+    }
+
+    /// More for people, with `-v`.
+    pub(crate) fn detail(&self, text: &str) {
+        if self.verbose {
+            self.line(text);
+        }
+    }
+
+    /// A result that was asked for and is not silenced by `--quiet`: JSON, a script, a page.
+    pub(crate) fn result(&self, text: &str) {
+        self.print(text);
+    }
+
+    /// A result for programs, one line; nothing without `--json`.
+    pub(crate) fn object(&self, object: &Value) {
+        if self.json {
+            self.print(&object.to_string());
+        }
+    }
+
+    /// What the user should know. The JSON of a result carries it by itself.
+    pub(crate) fn warning(&self, text: &str) {
+        if !self.json && !self.quiet {
+            eprint_line(&format!("{} {}", paint("warning:", "1;33"), one_line(text)));
+        }
+    }
+
+    /// A file that failed: a line on standard error, an object with `--json`.
+    pub(crate) fn failure(&self, path: &str, reason: &str) {
+        self.object(&serde_json::json!({ "path": path, "error": one_line(reason) }));
+        error(&format!("{path}: {reason}"));
+    }
+
+    /// Sends what is left, and says how printing went. A reader that closed the pipe had what it wanted.
+    pub(crate) fn finish(&self, status: Status) -> anyhow::Result<Status> {
+        if !self.closed.get() {
+            self.keep(io::stdout().flush());
+        }
+        match self.fault.borrow_mut().take() {
+            None => Ok(status),
+            Some(e) => Err(e).context("cannot write to standard output"),
+        }
+    }
+
+    fn print(&self, text: &str) {
+        if self.closed.get() {
+            return;
+        }
+        let mut out = io::stdout().lock();
+        let text = text.strip_suffix('\n').unwrap_or(text);
+        self.keep(writeln!(out, "{text}"));
+    }
+
+    fn keep(&self, result: io::Result<()>) {
+        if let Err(e) = result {
+            self.closed.set(true);
+            if e.kind() != ErrorKind::BrokenPipe {
+                self.fault.borrow_mut().get_or_insert(e);
+            }
+        }
+    }
+}
+
+/// A fault, in one line on standard error; nothing silences it.
+pub(crate) fn error(text: &str) {
+    eprint_line(&format!("{} {}", paint("error:", "1;31"), one_line(text)));
+}
+
+fn eprint_line(text: &str) {
+    // Nobody is left to be told that standard error is gone.
+    let _ = writeln!(io::stderr().lock(), "{text}");
+}
+
+fn one_line(text: &str) -> String {
+    text.split('\n').map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+fn paint(text: &str, code: &str) -> String {
+    let wanted = std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
+        && std::env::var_os("TERM").is_none_or(|v| v != "dumb")
+        && io::stderr().is_terminal();
+    if wanted { format!("\x1b[{code}m{text}\x1b[0m") } else { text.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_one_line() {
+        assert_eq!(one_line("a\n  b\n\nc"), "a b c");
+    }
+}

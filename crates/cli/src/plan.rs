@@ -1,0 +1,191 @@
+//! Which input goes where, settled before any work.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use lodsmith_io::Format;
+use lodsmith_io::sniff::hint_of;
+
+use crate::args::SimplifyArgs;
+use crate::exit::usage;
+use crate::file::{self, Sink, Source};
+
+/// One input and where its result goes.
+#[derive(Clone, Debug)]
+pub(crate) struct Job {
+    pub(crate) source: Source,
+    /// Where and in which format; nowhere with `--dry-run` alone.
+    pub(crate) output: Option<(Sink, Format)>,
+}
+
+/// Plans all inputs of a command line.
+///
+/// # Errors
+/// A fault of the command line: results that would fall onto each other, onto another input or onto a folder; endings
+/// that name no format; more than one use of a standard stream.
+pub(crate) fn jobs(args: &SimplifyArgs) -> anyhow::Result<Vec<Job>> {
+    file::at_most_one_stdin(&args.inputs)?;
+    let jobs = match (&args.output, &args.out_dir) {
+        (Some(_), _) if args.inputs.len() > 1 => {
+            return Err(usage("several inputs cannot share one output: give a folder with -O"));
+        }
+        (Some(sink), _) => {
+            if *sink == Sink::Stdout && args.json && !args.dry_run {
+                return Err(usage("the mesh and --json both want standard output: give the mesh a file"));
+            }
+            let format = file::format_of(sink, args.writing.to)?;
+            vec![Job { source: args.inputs[0].clone(), output: Some((sink.clone(), format)) }]
+        }
+        (None, Some(folder)) => {
+            if folder.exists() && !folder.is_dir() {
+                return Err(usage(format!("{}: is not a folder", folder.display())));
+            }
+            let job = |source: &Source| {
+                let path = folder.join(name(source, args)?);
+                let sink = Sink::Path(path);
+                let format = file::format_of(&sink, args.writing.to)?;
+                Ok(Job { source: source.clone(), output: Some((sink, format)) })
+            };
+            args.inputs.iter().map(job).collect::<anyhow::Result<_>>()?
+        }
+        (None, None) => args.inputs.iter().map(|s| Job { source: s.clone(), output: None }).collect(),
+    };
+    for job in &jobs {
+        if let Some((sink, _)) = &job.output {
+            file::refuse_folder(sink, ": use -O to write into it")?;
+        }
+    }
+    check_collisions(&jobs)?;
+    Ok(jobs)
+}
+
+/// The name of a result by the template.
+fn name(source: &Source, args: &SimplifyArgs) -> anyhow::Result<String> {
+    let path = match source {
+        Source::Path(path) => path.as_path(),
+        Source::Stdin => Path::new("stdin"),
+    };
+    let is_gz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
+    let plain = if is_gz { path.with_extension("") } else { path.to_owned() };
+    let text = |part: Option<&std::ffi::OsStr>| part.map(|s| s.to_string_lossy().into_owned());
+    let stem = text(plain.file_stem()).unwrap_or_default();
+    let own = || hint_of(&plain).and_then(|_| text(plain.extension()));
+    let ext = args.writing.to.or(args.from).map(|f| f.name().to_owned()).or_else(own);
+    let mut name = args.name.replace("{stem}", &stem);
+    if name.contains("{ext}") {
+        let ext = ext.ok_or_else(|| {
+            usage(format!("{source}: the ending names no format for the result: say which with --to"))
+        })?;
+        name = name.replace("{ext}", &ext);
+    }
+    // A stem may hold anything, a template only what is known.
+    let unknown = args.name.replace("{stem}", "").replace("{ext}", "");
+    if unknown.contains(['{', '}']) {
+        return Err(usage(format!("--name {}: only {{stem}} and {{ext}} are known", args.name)));
+    }
+    if name.contains(['/', '\\']) || name.is_empty() || name == "." || name == ".." {
+        return Err(usage(format!("--name {}: a name in the folder is wanted, not {name}", args.name)));
+    }
+    Ok(name)
+}
+
+/// No two results in one place, and no result on the input of another: which came first would be chance.
+fn check_collisions(jobs: &[Job]) -> anyhow::Result<()> {
+    let mut inputs: HashMap<PathBuf, usize> = HashMap::new();
+    for (i, job) in jobs.iter().enumerate() {
+        if let Source::Path(path) = &job.source {
+            inputs.insert(identity(path), i);
+        }
+    }
+    let mut outputs: HashMap<PathBuf, usize> = HashMap::new();
+    for (i, job) in jobs.iter().enumerate() {
+        let Some((Sink::Path(path), _)) = &job.output else { continue };
+        let place = identity(path);
+        if let Some(&other) = inputs.get(&place)
+            && other != i
+        {
+            let (own, other) = (&job.source, &jobs[other].source);
+            return Err(usage(format!(
+                "the result of {own} would fall onto the input {other}: use another --name"
+            )));
+        }
+        if let Some(other) = outputs.insert(place, i) {
+            let (a, b) = (&jobs[other].source, &job.source);
+            let path = path.display();
+            return Err(usage(format!(
+                "the results of {a} and {b} would both be {path}: use another --name or -O"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// The same for all ways to write a path, as far as the file system tells.
+fn identity(path: &Path) -> PathBuf {
+    if let Ok(real) = path.canonicalize() {
+        return real;
+    }
+    let parent = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    };
+    match (parent.canonicalize(), path.file_name()) {
+        (Ok(parent), Some(name)) => parent.join(name),
+        _ => std::path::absolute(path).unwrap_or_else(|_| path.to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::*;
+    use crate::args::{Cli, Command};
+
+    fn plan(words: &[&str]) -> Result<Vec<String>, String> {
+        let cli =
+            Cli::try_parse_from(["lodsmith", "simplify", "--ratio", "0.5"].iter().chain(words)).unwrap();
+        let Command::Simplify(args) = cli.command else { unreachable!("simplify was typed") };
+        let jobs = jobs(&args).map_err(|e| e.to_string())?;
+        Ok(jobs.into_iter().filter_map(|j| Some(j.output?.0.to_string())).collect())
+    }
+
+    #[test]
+    fn results_are_named_by_the_template() {
+        let got = plan(&["a.obj", "b.PLY", "c.stl.gz", "-O", "low"]).unwrap();
+        assert_eq!(
+            got,
+            ["low/a_low.obj", "low/b_low.PLY", "low/c_low.stl"]
+                .map(|s| s.replace('/', std::path::MAIN_SEPARATOR_STR))
+        );
+        assert_eq!(
+            plan(&["a.x", "-O", "o", "--to", "glb", "--name", "{stem}-{stem}.{ext}"]).unwrap().len(),
+            1
+        );
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_before_any_work() {
+        for words in [
+            &["a.obj", "b.obj", "-o", "c.obj"][..],
+            &["x/a.obj", "y/a.obj", "-O", "low"],
+            &["a.obj", "./a.obj", "-O", "low"],
+            &["a.obj", "a_low.obj", "-O", "."],
+            &["a.obj", "-o", "b.doc"],
+            &["a.obj", "-o", "-"],
+            &["a.obj", "-o", "-", "--to", "obj", "--json"],
+            &["a.xyz", "-O", "low"],
+            &["a.obj", "-O", "low", "--name", "{stem}_{faces}.obj"],
+            &["a.obj", "-O", "low", "--name", "../{stem}.obj"],
+            &["a.obj", "-o", "."],
+            &["-", "-", "-O", "low", "--to", "obj"],
+        ] {
+            assert!(plan(words).is_err(), "{words:?}");
+        }
+    }
+
+    #[test]
+    fn an_input_may_be_its_own_output() {
+        assert_eq!(plan(&["a.obj", "-o", "a.obj"]).unwrap(), ["a.obj"]);
+    }
+}

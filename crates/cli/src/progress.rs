@@ -1,0 +1,127 @@
+//! A bar on a terminal, nothing on a pipe.
+
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use lodsmith::Stage;
+
+/// Steps of the bar for one file.
+const STEPS: f64 = 1000.0;
+
+/// The bar of a command, over all its files.
+pub(crate) struct Progress {
+    bar: ProgressBar,
+    files: usize,
+}
+
+impl Progress {
+    /// A bar on standard error if that is a terminal and `quiet` is not asked for.
+    pub(crate) fn new(files: usize, quiet: bool) -> Self {
+        if quiet || !std::io::stderr().is_terminal() {
+            return Self { bar: ProgressBar::hidden(), files };
+        }
+        // Ten drawings a second follow the eye and cost nothing.
+        let target = ProgressDrawTarget::stderr_with_hz(10);
+        let bar = ProgressBar::with_draw_target(Some((files as f64 * STEPS) as u64), target);
+        if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}  {elapsed}") {
+            bar.set_style(style);
+        }
+        Self { bar, files }
+    }
+
+    /// The part of one file.
+    pub(crate) fn file<'a>(&'a self, name: &'a str) -> FileProgress<'a> {
+        FileProgress { whole: self, name, done: AtomicU64::new(0) }
+    }
+
+    /// Does something with the bar out of the way.
+    pub(crate) fn aside<T>(&self, work: impl FnOnce() -> T) -> T {
+        self.bar.suspend(work)
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// How far one file is.
+pub(crate) struct FileProgress<'a> {
+    whole: &'a Progress,
+    name: &'a str,
+    done: AtomicU64,
+}
+
+/// Where in the work of a file a stage begins and ends. Guessed from runs on scans.
+const READ: (f64, f64) = (0.0, 0.15);
+const PREPARE: (f64, f64) = (0.15, 0.25);
+const COLLAPSE: (f64, f64) = (0.25, 0.7);
+const FIT: (f64, f64) = (0.7, 0.85);
+const MEASURE: (f64, f64) = (0.85, 0.95);
+const WRITE: (f64, f64) = (0.95, 1.0);
+
+impl FileProgress<'_> {
+    /// Reading begins.
+    pub(crate) fn read(&self) {
+        self.enter("read", READ);
+    }
+    /// A stage of the engine begins.
+    pub(crate) fn stage(&self, stage: Stage) {
+        self.enter(stage.name(), span(stage));
+    }
+    /// A stage of the engine is so far, from 0 to 1.
+    pub(crate) fn within(&self, stage: Stage, done: f64) {
+        let (from, to) = span(stage);
+        self.to(from + (to - from) * done.clamp(0.0, 1.0));
+    }
+    /// Writing begins.
+    pub(crate) fn write(&self) {
+        self.enter("write", WRITE);
+    }
+    /// The file is done, well or not.
+    pub(crate) fn end(&self) {
+        self.to(1.0);
+    }
+
+    fn enter(&self, what: &str, span: (f64, f64)) {
+        let message = if self.whole.files == 1 { what.to_owned() } else { format!("{}: {what}", self.name) };
+        self.whole.bar.set_message(message);
+        self.to(span.0);
+    }
+
+    fn to(&self, part: f64) {
+        let steps = (part * STEPS) as u64;
+        let before = self.done.fetch_max(steps, Ordering::Relaxed);
+        if steps > before {
+            self.whole.bar.inc(steps - before);
+        }
+    }
+}
+
+fn span(stage: Stage) -> (f64, f64) {
+    match stage {
+        Stage::Prepare => PREPARE,
+        Stage::Fit => FIT,
+        Stage::Measure => MEASURE,
+        _ => COLLAPSE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_never_goes_back_and_ends_full() {
+        let whole = Progress { bar: ProgressBar::hidden(), files: 2 };
+        whole.bar.set_length(2000);
+        let file = whole.file("a.obj");
+        file.read();
+        file.stage(Stage::Fit);
+        file.within(Stage::Collapse, 0.1);
+        assert_eq!(whole.bar.position(), 700);
+        file.end();
+        assert_eq!(whole.bar.position(), 1000);
+    }
+}

@@ -1,0 +1,50 @@
+//! What `--help` says: a change here is a change of the contract.
+
+use assert_cmd::Command;
+
+fn help(command: &[&str]) -> String {
+    let output = Command::cargo_bin("lodsmith")
+        .expect("the command is built")
+        .args(command)
+        .arg("--help")
+        .env("COLUMNS", "100")
+        .output()
+        .expect("it runs");
+    assert!(output.status.success() && output.stderr.is_empty());
+    // The name of the binary has an ending on some systems.
+    String::from_utf8(output.stdout).expect("help is text").replace("lodsmith.exe", "lodsmith")
+}
+
+#[test]
+fn help_of_the_whole() {
+    insta::assert_snapshot!(help(&[]));
+}
+
+#[test]
+fn help_of_simplify() {
+    insta::assert_snapshot!(help(&["simplify"]));
+}
+
+#[test]
+fn help_of_info() {
+    insta::assert_snapshot!(help(&["info"]));
+}
+
+#[test]
+fn help_of_compare() {
+    insta::assert_snapshot!(help(&["compare"]));
+}
+
+#[test]
+fn help_of_convert() {
+    insta::assert_snapshot!(help(&["convert"]));
+}
+
+#[test]
+fn options_of_later_releases_are_not_known() {
+    for option in
+        ["--preset", "--sharp", "--lock", "--per-mesh", "--textures", "--cell", "--pairs", "--prune"]
+    {
+        assert!(!help(&["simplify"]).contains(option), "{option}");
+    }
+}
