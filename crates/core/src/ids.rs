@@ -77,7 +77,7 @@ impl HalfEdgeId {
     /// The half-edge before this one around the same face.
     #[inline]
     pub const fn prev(self) -> Self {
-        Self(if self.0 % 3 == 0 { self.0 + 2 } else { self.0 - 1 })
+        Self(if self.0.is_multiple_of(3) { self.0 + 2 } else { self.0 - 1 })
     }
 }
 

@@ -2,9 +2,18 @@
 //!
 //! Nouns only: data, queries and measures. No files, no clocks, no printing, no simplification.
 
+pub mod geometry;
+#[cfg(feature = "proptest")]
+pub mod arbitrary;
 pub mod ids;
 pub mod measure;
 pub mod mesh;
+pub mod polygon;
+pub mod sampling;
+pub mod spatial;
+pub mod shapes;
+pub mod topology;
 
 pub use ids::{FaceId, HalfEdgeId, VertexId, WedgeId};
 pub use mesh::{Bounds, MeshError, Positions, PositionsView, Surface, TriMesh};
+pub use topology::Topology;

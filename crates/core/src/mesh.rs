@@ -4,6 +4,10 @@ use std::borrow::Cow;
 
 use crate::ids::{VertexId, WedgeId};
 
+pub mod compact;
+pub mod defects;
+pub mod weld;
+
 /// Why buffers do not make a mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -119,10 +123,8 @@ impl PositionsView<'_> {
             match &mut bounds {
                 None => bounds = Some(Bounds { min: p, max: p }),
                 Some(b) => {
-                    for k in 0..3 {
-                        b.min[k] = b.min[k].min(p[k]);
-                        b.max[k] = b.max[k].max(p[k]);
-                    }
+                    b.min = [0, 1, 2].map(|k| b.min[k].min(p[k]));
+                    b.max = [0, 1, 2].map(|k| b.max[k].max(p[k]));
                 }
             }
         }
@@ -169,6 +171,18 @@ impl<'a> Surface<'a> {
         check_size("vertices", positions.len())?;
         check_triangles(bytemuck::cast_slice(triangles), positions.len())?;
         Ok(Self { positions, triangles: Cow::Borrowed(triangles) })
+    }
+    /// A surface over borrowed positions and triangles of its own.
+    ///
+    /// # Errors
+    /// As [`Surface::new`].
+    pub fn with_triangles(
+        positions: PositionsView<'a>,
+        triangles: Vec<[VertexId; 3]>,
+    ) -> Result<Self, MeshError> {
+        check_size("vertices", positions.len())?;
+        check_triangles(bytemuck::cast_slice(&triangles), positions.len())?;
+        Ok(Self { positions, triangles: Cow::Owned(triangles) })
     }
     /// The positions, one for each vertex.
     #[inline]

@@ -1,8 +1,15 @@
 //! Makes triangle meshes lighter: the closest mesh for the count, at the speed of the fastest tool.
 
+mod collapse;
 pub mod control;
+mod fit;
+mod guard;
+mod metric;
 pub mod options;
 pub mod report;
+mod run;
+mod tensor;
+mod triangle;
 
 pub use control::{Control, NoControl, Stage, Verdict};
 pub use lodsmith_core as core;
@@ -58,8 +65,7 @@ pub fn simplify(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
-    let _ = (mesh, options, control);
-    Err(SimplifyError::Cancelled)
+    run::run(&run::Input { surface: mesh.surface(), mesh: Some(mesh) }, options, control)
 }
 
 /// The same from borrowed buffers, without attributes.
@@ -71,6 +77,5 @@ pub fn simplify_surface(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
-    let _ = (surface, options, control);
-    Err(SimplifyError::Cancelled)
+    run::run(&run::Input { surface: surface.clone(), mesh: None }, options, control)
 }

@@ -22,13 +22,15 @@ pub enum Refusal {
     NonManifold,
     /// The last faces of a part: the topology policy keeps parts.
     Component,
+    /// Attributes would be torn off their side of a seam.
+    Seam,
     /// It costs more than the stop allows.
     Cost,
 }
 
 impl Refusal {
     /// All of them, in the order of reports.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::LinkCondition,
         Self::NormalFlip,
         Self::Quality,
@@ -37,6 +39,7 @@ impl Refusal {
         Self::Border,
         Self::NonManifold,
         Self::Component,
+        Self::Seam,
         Self::Cost,
     ];
     /// The word for it in reports, such as `link_condition`.
@@ -50,6 +53,7 @@ impl Refusal {
             Self::Border => "border",
             Self::NonManifold => "non_manifold",
             Self::Component => "component",
+            Self::Seam => "seam",
             Self::Cost => "cost",
         }
     }

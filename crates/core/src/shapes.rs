@@ -1,0 +1,483 @@
+//! Shapes with known counts, for tests and demonstrations.
+//!
+//! All are single precision without attributes, about one unit in size, and the same at every call. Closed ones face
+//! outward.
+
+use std::collections::HashMap;
+use std::f64::consts::{PI, TAU};
+
+use crate::ids::VertexId;
+use crate::mesh::{Positions, TriMesh};
+
+/// Every shape at a small size, with its name; what contracts are tested on.
+pub fn all() -> Vec<(&'static str, TriMesh)> {
+    vec![
+        ("tetrahedron", tetrahedron()),
+        ("cube", cube(1)),
+        ("fine_cube", cube(6)),
+        ("icosahedron", icosphere(0)),
+        ("icosphere", icosphere(3)),
+        ("noisy_sphere", noisy_sphere(3, 0.02, 1)),
+        ("blob", blob(4, 1)),
+        ("torus", torus(24, 12)),
+        ("cylinder", cylinder(24, 6)),
+        ("single_triangle", grid(0)),
+        ("grid", grid(10)),
+        ("wavy_sheet", wavy_sheet(16)),
+        ("grid_with_holes", grid_with_holes(12)),
+        ("mobius_strip", mobius_strip(24)),
+        ("hourglass", hourglass()),
+        ("bow_tie", bow_tie()),
+        ("three_on_an_edge", book(3)),
+        ("four_on_an_edge", book(4)),
+        ("doubled_sheet", doubled_sheet(4)),
+        ("two_far_parts", two_far_parts()),
+        ("many_tetrahedra", tetrahedra(27)),
+        ("soup", soup(40, 1)),
+    ]
+}
+
+/// A tetrahedron: 4 vertices, 4 faces.
+pub fn tetrahedron() -> TriMesh {
+    let s = 0.5;
+    let p = vec![[s, s, s], [s, -s, -s], [-s, s, -s], [-s, -s, s]];
+    mesh(p, vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+}
+
+/// The unit cube, `n` by `n` squares a side: 6 n² + 2 vertices, 12 n² faces.
+///
+/// # Panics
+/// If `n` is zero.
+pub fn cube(n: u32) -> TriMesh {
+    assert!(n > 0, "a cube has at least one square a side");
+    let mut numbers = HashMap::new();
+    let mut points = Vec::new();
+    let mut triangles = Vec::new();
+    // Each side by its axis, and whether it lies at the far end.
+    for (axis, far) in [(0, false), (0, true), (1, false), (1, true), (2, false), (2, true)] {
+        let mut at = |i: u32, j: u32| {
+            let mut place = [0; 3];
+            place[axis] = if far { n } else { 0 };
+            // Turned so that each side looks outward.
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            (place[u], place[v]) = if far { (i, j) } else { (j, i) };
+            *numbers.entry(place).or_insert_with(|| {
+                points.push(place.map(|x| f64::from(x) / f64::from(n) - 0.5));
+                points.len() as u32 - 1
+            })
+        };
+        for j in 0..n {
+            for i in 0..n {
+                let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+    }
+    mesh(points, triangles)
+}
+
+/// A sphere of radius one, an icosahedron whose faces were cut in four `n` times: 10·4ⁿ + 2 vertices, 20·4ⁿ faces.
+pub fn icosphere(n: u32) -> TriMesh {
+    let (points, triangles) = icosphere_parts(n);
+    mesh(points, triangles)
+}
+
+/// An [`icosphere`] whose vertices were moved along their normals by up to `noise`, evenly spread.
+pub fn noisy_sphere(n: u32, noise: f64, seed: u64) -> TriMesh {
+    let (mut points, triangles) = icosphere_parts(n);
+    let mut random = Random(seed);
+    for p in &mut points {
+        let r = 1.0 + noise * (2.0 * random.unit() - 1.0);
+        *p = p.map(|x| x * r);
+    }
+    mesh(points, triangles)
+}
+
+/// A smooth lump like a scanned animal: an [`icosphere`] with seeded bumps of several sizes, and two ears.
+pub fn blob(n: u32, seed: u64) -> TriMesh {
+    let (mut points, triangles) = icosphere_parts(n);
+    let mut random = Random(seed);
+    let mut direction = || loop {
+        let d = [0; 3].map(|_| 2.0 * random.unit() - 1.0);
+        let length = dot(d, d).sqrt();
+        if length > 0.1 && length < 1.0 {
+            break d.map(|x| x / length);
+        }
+    };
+    // Waves along random directions, each half as high and twice as fine as the one before.
+    let waves: Vec<([f64; 3], f64, f64)> = (0..12)
+        .map(|i| {
+            let octave = f64::from(1u32 << (i / 3));
+            (direction(), 0.06 / octave, 3.0 * octave)
+        })
+        .collect();
+    let ears = [[0.35, 0.2, 0.92], [-0.35, 0.2, 0.92]];
+    for p in &mut points {
+        let mut r = 1.0;
+        for (along, height, speed) in &waves {
+            r += height * (speed * dot(*p, *along)).sin();
+        }
+        for ear in ears {
+            let d = [0, 1, 2].map(|k| p[k] - ear[k]);
+            r += 0.9 * (-dot(d, d) / 0.03).exp();
+        }
+        *p = p.map(|x| x * r);
+    }
+    mesh(points, triangles)
+}
+
+/// A torus of radii 1 and 0.4, `m` steps the long way and `n` the short: m·n vertices, 2·m·n faces.
+///
+/// # Panics
+/// If `m` or `n` is below three.
+pub fn torus(m: u32, n: u32) -> TriMesh {
+    assert!(m >= 3 && n >= 3, "a torus takes three steps each way");
+    let mut points = Vec::new();
+    let mut triangles = Vec::new();
+    for i in 0..m {
+        for j in 0..n {
+            let (a, b) = (TAU * f64::from(i) / f64::from(m), TAU * f64::from(j) / f64::from(n));
+            let r = 1.0 + 0.4 * b.cos();
+            points.push([r * a.cos(), r * a.sin(), 0.4 * b.sin()]);
+            let at = |i: u32, j: u32| (i % m) * n + j % n;
+            let (p, q, r, s) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+            triangles.extend([[p, q, r], [p, r, s]]);
+        }
+    }
+    mesh(points, triangles)
+}
+
+/// An open tube of radius 0.5 and height one, `around` steps round and `up` steps high: around·(up + 1) vertices,
+/// 2·around·up faces, two border loops.
+///
+/// # Panics
+/// If `around` is below three or `up` is zero.
+pub fn cylinder(around: u32, up: u32) -> TriMesh {
+    assert!(around >= 3 && up > 0, "a tube takes three steps round and one up");
+    let mut points = Vec::new();
+    let mut triangles = Vec::new();
+    for j in 0..=up {
+        for i in 0..around {
+            let a = TAU * f64::from(i) / f64::from(around);
+            points.push([0.5 * a.cos(), 0.5 * a.sin(), f64::from(j) / f64::from(up) - 0.5]);
+            if j < up {
+                let at = |i: u32, j: u32| j * around + i % around;
+                let (p, q, r, s) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+                triangles.extend([[p, q, r], [p, r, s]]);
+            }
+        }
+    }
+    mesh(points, triangles)
+}
+
+/// The flat unit square, `n` by `n` squares: (n + 1)² vertices, 2 n² faces, 4 n border edges. For zero a triangle.
+pub fn grid(n: u32) -> TriMesh {
+    if n == 0 {
+        return mesh(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]]);
+    }
+    let (points, triangles) = grid_parts(n, |_, _| true);
+    mesh(points, triangles)
+}
+
+/// A [`grid`] with waves of height 0.1.
+///
+/// # Panics
+/// If `n` is zero.
+pub fn wavy_sheet(n: u32) -> TriMesh {
+    let (mut points, triangles) = grid_parts(n, |_, _| true);
+    for p in &mut points {
+        p[2] = 0.1 * (7.0 * p[0]).sin() * (5.0 * p[1]).cos();
+    }
+    mesh(points, triangles)
+}
+
+/// A [`grid`] of `n` by `n` squares without two blocks of (n / 4)² squares: three border loops, and vertices inside
+/// the holes that no face uses.
+///
+/// # Panics
+/// If `n` is below eight.
+pub fn grid_with_holes(n: u32) -> TriMesh {
+    assert!(n >= 8, "two holes need eight squares");
+    let hole = n / 4;
+    let is_in = |x: u32, from: u32| (from..from + hole).contains(&x);
+    let (points, triangles) = grid_parts(n, |i, j| {
+        let first = is_in(i, 1) && is_in(j, 1);
+        let second = is_in(i, n - hole - 1) && is_in(j, n - hole - 1);
+        !first && !second
+    });
+    mesh(points, triangles)
+}
+
+/// A strip with one half twist, `n` squares long and one wide: 2 n vertices, 2 n faces, 2 n border edges in one loop,
+/// one misoriented edge, not orientable.
+///
+/// # Panics
+/// If `n` is below three.
+pub fn mobius_strip(n: u32) -> TriMesh {
+    assert!(n >= 3, "a strip takes three steps");
+    let mut points = Vec::new();
+    let mut triangles = Vec::new();
+    for i in 0..n {
+        let a = TAU * f64::from(i) / f64::from(n);
+        for side in [-0.3, 0.3] {
+            let r = 1.0 + side * (a / 2.0).cos();
+            points.push([r * a.cos(), r * a.sin(), side * (a / 2.0).sin()]);
+        }
+        let (p, q) = (2 * i, 2 * i + 1);
+        let (r, s) = if i + 1 < n { (p + 2, q + 2) } else { (1, 0) };
+        triangles.extend([[p, r, s], [p, s, q]]);
+    }
+    mesh(points, triangles)
+}
+
+/// Two tetrahedra that touch in a vertex: 7 vertices, 8 faces, closed, one pinched vertex.
+pub fn hourglass() -> TriMesh {
+    let p = vec![
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 1.0],
+        [-0.5, 0.8, 1.0],
+        [-0.5, -0.8, 1.0],
+        [1.0, 0.0, -1.0],
+        [-0.5, 0.8, -1.0],
+        [-0.5, -0.8, -1.0],
+    ];
+    let t = vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3], [0, 4, 5], [0, 5, 6], [0, 6, 4], [4, 6, 5]];
+    mesh(p, t)
+}
+
+/// Two triangles that touch in a vertex: 5 vertices, 2 faces, one pinched vertex.
+pub fn bow_tie() -> TriMesh {
+    let p = vec![[0.0, 0.0, 0.0], [1.0, -0.5, 0.0], [1.0, 0.5, 0.0], [-1.0, 0.5, 0.0], [-1.0, -0.5, 0.0]];
+    mesh(p, vec![[0, 1, 2], [0, 3, 4]])
+}
+
+/// As many triangles as `pages` on one edge: pages + 2 vertices.
+pub fn book(pages: u32) -> TriMesh {
+    let mut points = vec![[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut triangles = Vec::new();
+    for i in 0..pages {
+        let a = PI * f64::from(i) / f64::from(pages);
+        points.push([a.cos(), a.sin(), 0.5]);
+        triangles.push([0, 1, i + 2]);
+    }
+    mesh(points, triangles)
+}
+
+/// A [`grid`] with each face a second time, turned round: (n + 1)² vertices, 4 n² faces, half of them duplicates.
+///
+/// # Panics
+/// If `n` is zero.
+pub fn doubled_sheet(n: u32) -> TriMesh {
+    let (points, mut triangles) = grid_parts(n, |_, _| true);
+    let backs: Vec<[u32; 3]> = triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    triangles.extend(backs);
+    mesh(points, triangles)
+}
+
+/// Two small spheres a thousand units apart: 84 vertices, 160 faces.
+pub fn two_far_parts() -> TriMesh {
+    let (mut points, mut triangles) = icosphere_parts(1);
+    let count = points.len() as u32;
+    let far: Vec<[f64; 3]> = points.iter().map(|p| [p[0] + 1000.0, p[1], p[2]]).collect();
+    points.extend(far);
+    let second: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|i| i + count)).collect();
+    triangles.extend(second);
+    mesh(points, triangles)
+}
+
+/// As many tetrahedra apart as `count`, in a cubic pattern: 4 vertices and 4 faces each.
+pub fn tetrahedra(count: u32) -> TriMesh {
+    let one = tetrahedron();
+    let side = (1..).find(|s| s * s * s >= count).unwrap_or(1);
+    let mut points = Vec::new();
+    let mut triangles = Vec::new();
+    for i in 0..count {
+        let at = [i % side, i / side % side, i / side / side].map(|x| 2.0 * f64::from(x));
+        points.extend(one.positions().view().iter().map(|p| [0, 1, 2].map(|k| p[k] + at[k])));
+        triangles.extend(one.triangles().iter().map(|t| t.map(|w| w.0 + 4 * i)));
+    }
+    mesh(points, triangles)
+}
+
+/// As many random triangles as `count` that share nothing, in the unit cube: 3 vertices each.
+pub fn soup(count: u32, seed: u64) -> TriMesh {
+    let mut random = Random(seed);
+    let mut points = Vec::new();
+    for _ in 0..count {
+        let middle = [0; 3].map(|_| random.unit());
+        points.extend([0; 3].map(|_| middle.map(|x| x + 0.2 * (random.unit() - 0.5))));
+    }
+    let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    mesh(points, triangles)
+}
+
+fn mesh(points: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> TriMesh {
+    let positions = Positions::F32(points.iter().map(|p| p.map(|x| x as f32)).collect());
+    let triangles = triangles.into_iter().map(|t| t.map(VertexId)).collect();
+    TriMesh::new(positions, triangles).expect("shapes use the vertices they have")
+}
+
+type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
+fn grid_parts(n: u32, stays: impl Fn(u32, u32) -> bool) -> Parts {
+    assert!(n > 0, "a sheet has at least one square a side");
+    let mut points = Vec::new();
+    let mut triangles = Vec::new();
+    for j in 0..=n {
+        for i in 0..=n {
+            points.push([f64::from(i) / f64::from(n), f64::from(j) / f64::from(n), 0.0]);
+            if i < n && j < n && stays(i, j) {
+                let a = j * (n + 1) + i;
+                triangles.extend([[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]);
+            }
+        }
+    }
+    (points, triangles)
+}
+
+fn icosphere_parts(n: u32) -> Parts {
+    // Corners of three golden rectangles.
+    let g = (1.0 + 5f64.sqrt()) / 2.0;
+    let mut points = Vec::new();
+    for [a, b] in [[1.0, g], [-1.0, g], [1.0, -g], [-1.0, -g]] {
+        points.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
+    }
+    // Three vertices at the least distance, two, make a face; the normal says which way round.
+    let is_edge = |a: [f64; 3], b: [f64; 3]| {
+        let d = [0, 1, 2].map(|k| a[k] - b[k]);
+        (dot(d, d) - 4.0).abs() < 1e-9
+    };
+    let mut triangles = Vec::new();
+    for a in 0..12 {
+        for b in a + 1..12 {
+            for c in b + 1..12 {
+                let [p, q, r] = [a, b, c].map(|i: usize| points[i]);
+                if is_edge(p, q) && is_edge(q, r) && is_edge(r, p) {
+                    let n = [q[1] * r[2] - q[2] * r[1], q[2] * r[0] - q[0] * r[2], q[0] * r[1] - q[1] * r[0]];
+                    let (b, c) = if dot(p, n) > 0.0 { (b, c) } else { (c, b) };
+                    triangles.push([a as u32, b as u32, c as u32]);
+                }
+            }
+        }
+    }
+    for _ in 0..n {
+        let mut middles = HashMap::new();
+        let mut finer = Vec::with_capacity(triangles.len() * 4);
+        for [a, b, c] in triangles {
+            let mut middle = |i: u32, j: u32| {
+                *middles.entry([i.min(j), i.max(j)]).or_insert_with(|| {
+                    let (p, q) = (points[i as usize], points[j as usize]);
+                    points.push([0, 1, 2].map(|k| (p[k] + q[k]) / 2.0));
+                    points.len() as u32 - 1
+                })
+            };
+            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+            finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+        }
+        triangles = finer;
+        for p in &mut points {
+            *p = on_sphere(*p);
+        }
+    }
+    (points.into_iter().map(on_sphere).collect(), triangles)
+}
+
+fn on_sphere(p: [f64; 3]) -> [f64; 3] {
+    let length = dot(p, p).sqrt();
+    p.map(|x| x / length)
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// A small seeded generator (splitmix64, public domain, Steele 2014): the same numbers on every machine.
+struct Random(u64);
+
+impl Random {
+    /// Evenly spread from zero to below one.
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::{Topology, TopologyCounts, size_of};
+
+    fn counts(mesh: &TriMesh) -> TopologyCounts {
+        let topology = Topology::new(&mesh.surface());
+        topology.check();
+        topology.counts()
+    }
+
+    /// Vertices, faces, Euler number, border loops, genus.
+    fn summary(mesh: &TriMesh) -> (usize, usize, i64, usize, Option<u64>) {
+        let c = counts(mesh);
+        (c.vertex_count, c.face_count, c.euler(), c.border_loop_count, c.genus())
+    }
+
+    #[test]
+    fn counts_are_as_documented() {
+        assert_eq!(summary(&tetrahedron()), (4, 4, 2, 0, Some(0)));
+        assert_eq!(summary(&cube(1)), (8, 12, 2, 0, Some(0)));
+        assert_eq!(summary(&cube(6)), (218, 432, 2, 0, Some(0)));
+        assert_eq!(summary(&icosphere(0)), (12, 20, 2, 0, Some(0)));
+        assert_eq!(summary(&icosphere(3)), (642, 1280, 2, 0, Some(0)));
+        assert_eq!(summary(&torus(24, 12)), (288, 576, 0, 0, Some(1)));
+        assert_eq!(summary(&cylinder(24, 6)), (168, 288, 0, 2, Some(0)));
+        assert_eq!(summary(&grid(10)), (121, 200, 1, 1, Some(0)));
+        assert_eq!(summary(&wavy_sheet(16)), (289, 512, 1, 1, Some(0)));
+        assert_eq!(summary(&grid_with_holes(12)), (161, 252, -1, 3, Some(0)));
+        assert_eq!(summary(&mobius_strip(24)), (48, 48, 0, 1, None));
+        assert_eq!(summary(&hourglass()), (7, 8, 3, 0, None));
+        assert_eq!(summary(&two_far_parts()), (84, 160, 4, 0, Some(0)));
+        assert_eq!(summary(&tetrahedra(1000)), (4000, 4000, 2000, 0, Some(0)));
+        assert_eq!(summary(&soup(40, 1)), (120, 40, 40, 40, Some(0)));
+    }
+
+    #[test]
+    fn defects_are_as_documented() {
+        let c = counts(&hourglass());
+        assert_eq!((c.pinched_vertex_count, c.non_manifold_vertex_count, c.is_closed()), (1, 1, true));
+        assert!(c.is_oriented() && !c.is_manifold());
+        let c = counts(&bow_tie());
+        assert_eq!((c.pinched_vertex_count, c.component_count, c.border_loop_count), (1, 1, 1));
+        for pages in [3, 4] {
+            let c = counts(&book(pages));
+            assert_eq!((c.non_manifold_edge_count, c.border_edge_count), (1, 2 * pages as usize));
+            // Its ends have several fans, but nothing is pinched.
+            assert_eq!((c.non_manifold_vertex_count, c.pinched_vertex_count), (2, 0));
+        }
+        let c = counts(&mobius_strip(24));
+        assert_eq!((c.misoriented_edge_count, c.border_edge_count, c.is_orientable), (1, 48, false));
+        let c = counts(&doubled_sheet(4));
+        assert_eq!((c.border_edge_count, c.non_manifold_edge_count), (0, 40));
+    }
+
+    #[test]
+    fn closed_shapes_face_outward() {
+        for (name, mesh) in all() {
+            let c = counts(&mesh);
+            if c.is_closed() {
+                assert!(c.is_oriented(), "{name}");
+                assert!(size_of(&mesh.surface()).volume > 0.0, "{name}");
+            }
+        }
+        let size = size_of(&cube(3).surface());
+        assert!((size.area - 6.0).abs() < 1e-6 && (size.volume - 1.0).abs() < 1e-6);
+        let size = size_of(&torus(200, 100).surface());
+        assert!((size.volume / (2.0 * PI * PI * 0.16) - 1.0).abs() < 2e-3);
+    }
+
+    #[test]
+    fn shapes_are_the_same_at_every_call() {
+        assert_eq!(all(), all());
+        assert_ne!(noisy_sphere(2, 0.1, 1), noisy_sphere(2, 0.1, 2));
+    }
+}

@@ -1,0 +1,488 @@
+//! A tree of boxes over the faces of a surface, eight boxes to a node, for the nearest point.
+//!
+//! ```text
+//! level 2                      [ 8 boxes ]                      the last node of the list is the root
+//! level 1      [ 8 boxes ] [ 8 boxes ] … [ 8 boxes ]            node k of a level holds nodes 8k … 8k+7 of the next
+//! level 0   [8 faces] [8 faces] …                               node k holds slots 8k … 8k+7
+//! ```
+//!
+//! The faces are put into *slots* by splitting them at medians, so every node but the last of its level is full and no
+//! child needs a pointer. Boxes are single precision and rounded outwards, the bound they are held against is rounded
+//! upwards: a box may be opened in vain, never skipped in error. What decides is the distance to the triangle, in
+//! double precision and in the unit frame of the surface.
+
+use glam::DVec3;
+
+use crate::geometry::UnitFrame;
+use crate::geometry::triangle::{self, Nearest};
+use crate::ids::{FaceId, VertexId};
+use crate::mesh::{Bounds, Surface};
+
+/// Boxes in a node. Eight fill two 128-bit registers a coordinate, which every 64-bit machine has; 4 measured slower.
+const WIDTH: usize = 8;
+
+/// Nodes that may wait at once: each level adds at most seven, and 2^32 faces make eleven levels.
+const STACK: usize = 7 * 11 + 2;
+
+/// Single precision is wrong by at most half a step (2^-24) in each of the six operations from a box to a squared
+/// distance; squares double it. This covers twice as much.
+const SLACK: f32 = 1.0 + 2e-6;
+
+/// Where a query ended, for the next one to begin with.
+///
+/// Only a guess: it never changes a distance, and it may come from another tree. Where several faces are equally
+/// near it decides which is named.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Hint(u32);
+
+/// The nearest point of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The face that it lies on. Where several share the point, one of them.
+    pub face: FaceId,
+    /// The point, in the units of the positions.
+    pub point: [f64; 3],
+    /// Squared distance to the point that was asked for, in the units of the positions. Beyond about 1e±150 it leaves
+    /// the range of a double; [`Hit::distance`] does not.
+    pub distance_sq: f64,
+    /// Distance to the point that was asked for, in the units of the positions.
+    pub distance: f64,
+}
+
+/// A nearest point inside the unit frame of its tree.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SlotHit {
+    pub(crate) slot: u32,
+    pub(crate) distance_sq: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+struct Node {
+    min: [[f32; WIDTH]; 3],
+    max: [[f32; WIDTH]; 3],
+}
+
+impl Node {
+    // Inside out: at an infinite distance from everything.
+    const EMPTY: Self = Self { min: [[f32::INFINITY; WIDTH]; 3], max: [[f32::NEG_INFINITY; WIDTH]; 3] };
+}
+
+/// A tree of boxes over the faces of a surface. Owns what it needs: the surface may go.
+///
+/// Faces with a corner that is not finite are left out. Faces without area count as the segment or point that they
+/// cover. About 65 bytes a face.
+#[derive(Clone, Debug)]
+pub struct Bvh {
+    frame: UnitFrame,
+    bounds: Option<Bounds>,
+    /// Level 0 first, the root last.
+    nodes: Vec<Node>,
+    /// The first child of each node above level 0.
+    first_child: Vec<u32>,
+    /// Number of nodes of level 0.
+    leaf_count: usize,
+    /// The face in each slot.
+    faces: Vec<FaceId>,
+    /// The corners of each slot, numbers in `vertices`.
+    corners: Vec<[u32; 3]>,
+    /// Positions in the unit frame, in the order in which the slots first name them.
+    vertices: Vec<DVec3>,
+}
+
+impl Bvh {
+    /// Builds the tree of a surface.
+    ///
+    /// The same surface gives the same tree at any number of threads. Cost: O(n log n) for n faces.
+    pub fn new(surface: &Surface<'_>) -> Self {
+        let (positions, triangles) = (surface.positions(), surface.triangles());
+        let is_finite = |t: &[VertexId; 3]| t.iter().all(|&v| positions.get(v).iter().all(|x| x.is_finite()));
+        let mut bounds: Option<Bounds> = None;
+        let mut items = Vec::with_capacity(triangles.len());
+        for (face, t) in triangles.iter().enumerate() {
+            if is_finite(t) {
+                items.push(Item { centre: [0; 3], face: face as u32 });
+                for p in t.map(|v| positions.get(v)) {
+                    let b = bounds.get_or_insert(Bounds { min: p, max: p });
+                    for (k, x) in p.into_iter().enumerate() {
+                        b.min[k] = b.min[k].min(x);
+                        b.max[k] = b.max[k].max(x);
+                    }
+                }
+            }
+        }
+        let frame = UnitFrame::of(&bounds.unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] }));
+        let unit = |v: VertexId| frame.unit_from_user(positions.get(v));
+        for item in &mut items {
+            let [a, b, c] = triangles[item.face as usize].map(unit);
+            // The centre of the box, in whole steps of 2^-30: integers compare faster and never fail to.
+            let centre = (a.min(b).min(c) + a.max(b).max(c)) * (0.5 * (1u32 << 30) as f64);
+            item.centre = centre.to_array().map(|x| x as i32);
+        }
+        arrange(&mut items);
+
+        let mut number = vec![u32::MAX; positions.len()];
+        let mut vertices = Vec::with_capacity(positions.len().min(items.len() * 3));
+        let mut corners = Vec::with_capacity(items.len());
+        for item in &items {
+            corners.push(triangles[item.face as usize].map(|v| {
+                let n = &mut number[v.index()];
+                if *n == u32::MAX {
+                    *n = vertices.len() as u32;
+                    vertices.push(unit(v));
+                }
+                *n
+            }));
+        }
+        let faces = items.into_iter().map(|item| FaceId(item.face)).collect();
+        let mut tree = Self {
+            frame,
+            bounds,
+            nodes: Vec::new(),
+            first_child: Vec::new(),
+            leaf_count: 0,
+            faces,
+            corners,
+            vertices,
+        };
+        tree.build_nodes();
+        tree
+    }
+
+    fn build_nodes(&mut self) {
+        self.leaf_count = self.corners.len().div_ceil(WIDTH);
+        for slots in self.corners.chunks(WIDTH) {
+            let mut node = Node::EMPTY;
+            for (lane, &[a, b, c]) in slots.iter().enumerate() {
+                let [a, b, c] = [a, b, c].map(|v| self.vertices[v as usize]);
+                let (min, max) = (a.min(b).min(c).to_array(), a.max(b).max(c).to_array());
+                for k in 0..3 {
+                    node.min[k][lane] = round_down(min[k]);
+                    node.max[k][lane] = round_up(max[k]);
+                }
+            }
+            self.nodes.push(node);
+        }
+        let mut level = 0..self.nodes.len();
+        while level.len() > 1 {
+            for first in level.clone().step_by(WIDTH) {
+                let mut node = Node::EMPTY;
+                for child in first..(first + WIDTH).min(level.end) {
+                    let below = &self.nodes[child];
+                    for k in 0..3 {
+                        node.min[k][child - first] =
+                            below.min[k].iter().copied().fold(f32::INFINITY, f32::min);
+                        node.max[k][child - first] =
+                            below.max[k].iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                    }
+                }
+                self.first_child.push(first as u32);
+                self.nodes.push(node);
+            }
+            level = level.end..self.nodes.len();
+        }
+    }
+
+    /// Number of faces in the tree: those of the surface less those with a corner that is not finite.
+    pub fn face_count(&self) -> usize {
+        self.faces.len()
+    }
+    /// Whether no face is in the tree.
+    pub fn is_empty(&self) -> bool {
+        self.faces.is_empty()
+    }
+    /// The box round the faces in the tree, in the units of the positions; `None` if there are none.
+    pub fn bounds(&self) -> Option<Bounds> {
+        self.bounds
+    }
+
+    /// Finds the point of the surface that lies nearest to `point`.
+    ///
+    /// Exact but for the rounding of double precision. `None` if the tree has no face, or if the point is not finite
+    /// or more than 1e100 times the size of the surface away. Cost: O(log n) for a point near the surface.
+    pub fn closest(&self, point: [f64; 3]) -> Option<Hit> {
+        self.closest_from(point, &mut Hint::default())
+    }
+
+    /// The same as [`Bvh::closest`], faster where the last query with this hint was near: its face is tried first.
+    pub fn closest_from(&self, point: [f64; 3], hint: &mut Hint) -> Option<Hit> {
+        let p = self.frame.unit_from_user(point);
+        let hit = self.closest_slot(p, f64::INFINITY, hint)?;
+        Some(self.hit_of(p, hit))
+    }
+
+    /// The same as [`Bvh::closest_from`], but `None` where nothing is nearer than `distance` (units of the positions).
+    pub fn closest_within(&self, point: [f64; 3], distance: f64, hint: &mut Hint) -> Option<Hit> {
+        let p = self.frame.unit_from_user(point);
+        let distance = self.frame.unit_length(distance);
+        let hit = self.closest_slot(p, distance * distance, hint)?;
+        Some(self.hit_of(p, hit))
+    }
+
+    fn hit_of(&self, p: DVec3, hit: SlotHit) -> Hit {
+        let Nearest { point, .. } = triangle::nearest(p, self.slot_corners(hit.slot));
+        let distance = self.frame.user_length(hit.distance_sq.sqrt());
+        Hit {
+            face: self.faces[hit.slot as usize],
+            point: self.frame.user_from_unit(point),
+            distance_sq: self.frame.user_length(self.frame.user_length(hit.distance_sq)),
+            distance,
+        }
+    }
+
+    /// The nearest slot to a point of the unit frame, if its squared distance is below `bound_sq`.
+    pub(crate) fn closest_slot(&self, p: DVec3, bound_sq: f64, hint: &mut Hint) -> Option<SlotHit> {
+        // Beyond, squares leave the range of a double. Also sorts out NaN.
+        let within_reach = p.abs().max_element() < 1e100;
+        if self.is_empty() || !within_reach || p.is_nan() {
+            return None;
+        }
+        let mut best = SlotHit { slot: u32::MAX, distance_sq: bound_sq };
+        let slot = if (hint.0 as usize) < self.corners.len() { hint.0 } else { 0 };
+        self.try_slot(p, slot, &mut best);
+        let query = Query::new(p);
+        let mut bound = bound_of(best.distance_sq);
+
+        // A squared distance above 0 has the order of its bits, so one number holds it and the node, ready to compare.
+        let mut stack = [0u64; STACK];
+        stack[0] = (self.nodes.len() - 1) as u64;
+        let mut waiting = 1;
+        while waiting > 0 {
+            waiting -= 1;
+            let entry = stack[waiting];
+            if f32::from_bits((entry >> 32) as u32) >= bound {
+                continue;
+            }
+            let node = entry as u32 as usize;
+            let mut near = [0u64; WIDTH];
+            let is_leaf = node < self.leaf_count;
+            let first =
+                if is_leaf { (node * WIDTH) as u32 } else { self.first_child[node - self.leaf_count] };
+            let count = query.open(&self.nodes[node], first, bound, &mut near);
+            sort_few(&mut near[..count]);
+            if is_leaf {
+                for &entry in &near[..count] {
+                    if f32::from_bits((entry >> 32) as u32) >= bound {
+                        break;
+                    }
+                    if self.try_slot(p, entry as u32, &mut best) {
+                        bound = bound_of(best.distance_sq);
+                    }
+                }
+            } else {
+                for &entry in near[..count].iter().rev() {
+                    stack[waiting] = entry;
+                    waiting += 1;
+                }
+            }
+        }
+        if best.slot == u32::MAX {
+            return None;
+        }
+        *hint = Hint(best.slot);
+        Some(best)
+    }
+
+    #[inline]
+    fn try_slot(&self, p: DVec3, slot: u32, best: &mut SlotHit) -> bool {
+        let Nearest { distance_sq, .. } = triangle::nearest(p, self.slot_corners(slot));
+        let nearer = distance_sq < best.distance_sq;
+        if nearer {
+            *best = SlotHit { slot, distance_sq };
+        }
+        nearer
+    }
+
+    /// The corners of the face in a slot, in the unit frame.
+    #[inline]
+    pub(crate) fn slot_corners(&self, slot: u32) -> [DVec3; 3] {
+        self.corners[slot as usize].map(|v| self.vertices[v as usize])
+    }
+    /// The unit frame of the tree.
+    pub(crate) fn frame(&self) -> &UnitFrame {
+        &self.frame
+    }
+    /// The vertices of the faces in the tree, each once, neighbours mostly beside each other; in the unit frame.
+    pub(crate) fn vertices(&self) -> &[DVec3] {
+        &self.vertices
+    }
+}
+
+/// A point in single precision, as the box that it certainly lies in.
+struct Query {
+    min: [f32; 3],
+    max: [f32; 3],
+}
+
+impl Query {
+    fn new(p: DVec3) -> Self {
+        // Nearer than it is (never farther), so that the squares below stay in the range of single precision.
+        let p = p.clamp(DVec3::splat(-1e18), DVec3::splat(1e18)).to_array();
+        Self { min: p.map(round_down), max: p.map(round_up) }
+    }
+
+    /// Lists the boxes nearer than the bound, as distance and number in one. Returns how many.
+    #[inline]
+    fn open(&self, node: &Node, first: u32, bound: f32, near: &mut [u64; WIDTH]) -> usize {
+        let mut distance_sq = [0f32; WIDTH];
+        for k in 0..3 {
+            for (lane, sum) in distance_sq.iter_mut().enumerate() {
+                // The larger of the two, or nothing between them; written so that it becomes one instruction each.
+                let below = node.min[k][lane] - self.max[k];
+                let above = self.min[k] - node.max[k][lane];
+                let gap = if below > above { below } else { above };
+                let gap = if gap > 0.0 { gap } else { 0.0 };
+                *sum += gap * gap;
+            }
+        }
+        let mut count = 0;
+        for (lane, d) in distance_sq.iter().enumerate() {
+            // Written always, counted only if near: no branch to guess wrong. `count` never exceeds `lane`.
+            near[count % WIDTH] = u64::from(d.to_bits()) << 32 | u64::from(first + lane as u32);
+            count += usize::from(*d < bound);
+        }
+        count
+    }
+}
+
+/// The least single that is certainly above every computed distance of a box that holds something nearer than this.
+#[inline]
+fn bound_of(distance_sq: f64) -> f32 {
+    // A distance of nothing cannot be improved, and a bound of 0 lets nothing pass.
+    let d = distance_sq as f32;
+    // Products below the normal range are rounded by more than a part of themselves: f32::MIN_POSITIVE covers them.
+    if distance_sq > 0.0 { (d * SLACK + f32::MIN_POSITIVE).min(f32::MAX) } else { 0.0 }
+}
+
+#[inline]
+fn sort_few(entries: &mut [u64]) {
+    for i in 1..entries.len() {
+        let entry = entries[i];
+        let mut k = i;
+        while k > 0 && entries[k - 1] > entry {
+            entries[k] = entries[k - 1];
+            k -= 1;
+        }
+        entries[k] = entry;
+    }
+}
+
+#[inline]
+fn round_down(x: f64) -> f32 {
+    let y = x as f32;
+    if f64::from(y) > x { y.next_down() } else { y }
+}
+
+#[inline]
+fn round_up(x: f64) -> f32 {
+    let y = x as f32;
+    if f64::from(y) < x { y.next_up() } else { y }
+}
+
+/// A face on its way to its slot.
+#[derive(Clone, Copy)]
+struct Item {
+    centre: [i32; 3],
+    face: u32,
+}
+
+/// Puts items in an order in which each aligned run of 8, 64, 512 … lies together.
+fn arrange(items: &mut [Item]) {
+    if items.len() <= WIDTH {
+        return;
+    }
+    let mut run = WIDTH;
+    while run * WIDTH < items.len() {
+        run *= WIDTH;
+    }
+    let left = items.len().div_ceil(run) / 2 * run;
+    let (mut min, mut max) = ([i32::MAX; 3], [i32::MIN; 3]);
+    for item in items.iter() {
+        for k in 0..3 {
+            min[k] = min[k].min(item.centre[k]);
+            max[k] = max[k].max(item.centre[k]);
+        }
+    }
+    let axis = (0..3).max_by_key(|&k| i64::from(max[k]) - i64::from(min[k])).unwrap_or(0);
+    // Ties are broken by the face, so the result does not hang on how the selection works.
+    items.select_nth_unstable_by_key(left, |i| (i.centre[axis], i.face));
+    let (left, right) = items.split_at_mut(left);
+    both(left, right);
+}
+
+#[cfg(feature = "rayon")]
+fn both(left: &mut [Item], right: &mut [Item]) {
+    // Below, handing over costs more than sorting (guessed).
+    if left.len() > 8192 {
+        rayon::join(|| arrange(left), || arrange(right));
+    } else {
+        arrange(left);
+        arrange(right);
+    }
+}
+
+#[cfg(not(feature = "rayon"))]
+fn both(left: &mut [Item], right: &mut [Item]) {
+    arrange(left);
+    arrange(right);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::PositionsView;
+
+    fn tree(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Bvh {
+        Bvh::new(&Surface::new(PositionsView::F64(positions), bytemuck::cast_slice(triangles)).unwrap())
+    }
+
+    #[test]
+    fn nothing_is_near_to_no_face() {
+        let empty = tree(&[], &[]);
+        assert!(empty.is_empty() && empty.closest([0.0; 3]).is_none() && empty.bounds().is_none());
+        let broken = tree(&[[0.0; 3], [f64::NAN, 0.0, 0.0], [1.0; 3]], &[[0, 1, 2]]);
+        assert!(broken.is_empty() && broken.closest([0.0; 3]).is_none());
+    }
+
+    #[test]
+    fn a_face_that_is_not_finite_is_passed_by() {
+        let positions =
+            [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, f64::INFINITY], [5.0, 5.0, 5.0]];
+        let t = tree(&positions, &[[0, 1, 3], [0, 1, 2], [4, 4, 4]]);
+        assert_eq!(t.face_count(), 2);
+        let hit = t.closest([0.2, 0.2, 3.0]).unwrap();
+        assert_eq!((hit.face, hit.distance), (FaceId(1), 3.0));
+        assert!(DVec3::from(hit.point).distance(DVec3::new(0.2, 0.2, 0.0)) < 1e-15);
+        assert_eq!(t.closest([5.0, 5.0, 6.0]).unwrap().face, FaceId(2));
+    }
+
+    #[test]
+    fn a_bound_hides_what_is_farther() {
+        let t = tree(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]]);
+        let hint = &mut Hint(77);
+        assert!(t.closest_within([0.2, 0.2, 3.0], 2.9, hint).is_none());
+        assert_eq!(t.closest_within([0.2, 0.2, 3.0], 3.1, hint).unwrap().distance_sq, 9.0);
+    }
+
+    #[test]
+    fn points_far_away_find_their_face_and_strange_points_none() {
+        let t = tree(
+            &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 1.0], [9.0, 9.0, 9.0]],
+            &[[0, 1, 2], [2, 1, 3], [3, 4, 1]],
+        );
+        assert_eq!(t.closest([1e10; 3]).unwrap().face, FaceId(2));
+        // So far away all faces are equally far, to the last digit; what counts is the distance.
+        for far in [1e25, 1e90] {
+            assert!((t.closest([far, 0.0, 0.0]).unwrap().distance / far - 1.0).abs() < 1e-12, "{far}");
+        }
+        assert!(t.closest([f64::NAN, 0.0, 0.0]).is_none() && t.closest([f64::INFINITY, 0.0, 0.0]).is_none());
+        assert!(t.closest([1e200; 3]).is_none());
+    }
+
+    #[test]
+    fn rounding_encloses() {
+        for x in [0.1, -0.1, 1e-40, -1e-40, 0.3333333333, 1e18] {
+            assert!(f64::from(round_down(x)) <= x && x <= f64::from(round_up(x)));
+        }
+    }
+}

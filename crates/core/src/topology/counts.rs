@@ -1,0 +1,150 @@
+//! The topology in numbers.
+
+use crate::ids::{FaceId, HalfEdgeId, VertexId};
+use crate::topology::components::Sets;
+use crate::topology::{EdgeKind, Topology};
+
+/// The topology of a surface in numbers; degenerate faces are left out of all but their own count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct TopologyCounts {
+    /// Vertices that a face uses, after welding if there was any.
+    pub vertex_count: usize,
+    /// Edges.
+    pub edge_count: usize,
+    /// Faces that are not degenerate.
+    pub face_count: usize,
+    /// Faces that name a vertex twice.
+    pub degenerate_face_count: usize,
+    /// Parts that share no vertex.
+    pub component_count: usize,
+    /// Edges with one face.
+    pub border_edge_count: usize,
+    /// Sets of border edges that hang together at vertices: rims and holes. Two holes that touch are one.
+    pub border_loop_count: usize,
+    /// Edges with three faces or more.
+    pub non_manifold_edge_count: usize,
+    /// Vertices whose faces do not all hang together across edges with two faces, such as the ends of a non-manifold
+    /// edge.
+    pub non_manifold_vertex_count: usize,
+    /// Vertices whose faces do not all hang together across edges, however many faces those have: the tip of an
+    /// hourglass.
+    pub pinched_vertex_count: usize,
+    /// Edges whose two faces go the same way.
+    pub misoriented_edge_count: usize,
+    /// Whether faces could be turned so that no edge is misoriented.
+    pub is_orientable: bool,
+}
+
+impl TopologyCounts {
+    /// Vertices less edges plus faces.
+    pub fn euler(&self) -> i64 {
+        self.vertex_count as i64 - self.edge_count as i64 + self.face_count as i64
+    }
+    /// Whether there are faces, and each edge has exactly two.
+    pub fn is_closed(&self) -> bool {
+        self.face_count > 0 && self.border_edge_count == 0 && self.non_manifold_edge_count == 0
+    }
+    /// Whether no edge has more than two faces and the faces at each vertex hang together.
+    pub fn is_manifold(&self) -> bool {
+        self.non_manifold_edge_count == 0 && self.non_manifold_vertex_count == 0
+    }
+    /// Whether no two faces at an edge go the same way.
+    pub fn is_oriented(&self) -> bool {
+        self.misoriented_edge_count == 0
+    }
+    /// The number of handles of all parts together; `None` unless the surface is manifold, orientable and not empty.
+    pub fn genus(&self) -> Option<u64> {
+        if self.face_count == 0 || !self.is_manifold() || !self.is_orientable {
+            return None;
+        }
+        let twice = 2 * self.component_count as i64 - self.euler() - self.border_loop_count as i64;
+        u64::try_from(twice / 2).ok()
+    }
+}
+
+impl Topology {
+    /// Counts all there is to count.
+    ///
+    /// Cost: nearly O(n).
+    pub fn counts(&self) -> TopologyCounts {
+        let mut counts = TopologyCounts::default();
+        let faces = || (0..self.face_count() as u32).map(FaceId);
+        counts.degenerate_face_count = faces().filter(|&f| self.is_degenerate(f)).count();
+        counts.face_count = self.face_count() - counts.degenerate_face_count;
+        counts.component_count = self.components().count();
+        let mut rims = Sets::new(self.vertex_count());
+        let mut on_rim = vec![false; self.vertex_count()];
+        for h in self.edges() {
+            counts.edge_count += 1;
+            match self.kind(h) {
+                Some(EdgeKind::Border) => {
+                    counts.border_edge_count += 1;
+                    for v in [self.origin(h), self.target(h)] {
+                        let is_new = !std::mem::replace(&mut on_rim[v.index()], true);
+                        counts.border_loop_count += usize::from(is_new);
+                    }
+                    // Loops are vertices on rims less the edges that join two sets of them.
+                    counts.border_loop_count -= usize::from(rims.join(self.origin(h), self.target(h)));
+                }
+                Some(EdgeKind::NonManifold) => counts.non_manifold_edge_count += 1,
+                Some(EdgeKind::Misoriented) => counts.misoriented_edge_count += 1,
+                Some(EdgeKind::Inner) | None => {}
+            }
+        }
+        for v in (0..self.vertex_count() as u32).map(VertexId) {
+            let view = self.vertex(v);
+            if view.corners().is_empty() {
+                continue;
+            }
+            counts.vertex_count += 1;
+            if view.fan_count() > 1 {
+                counts.non_manifold_vertex_count += 1;
+                counts.pinched_vertex_count += usize::from(self.is_pinched(v));
+            }
+        }
+        counts.is_orientable = counts.misoriented_edge_count == 0 || self.is_orientable();
+        counts
+    }
+
+    /// Whether the faces at a vertex do not hang together across edges of any kind.
+    fn is_pinched(&self, vertex: VertexId) -> bool {
+        // Each face joins the far ends of its two edges at the vertex; edges are shared where ends are.
+        let ends = || self.vertex(vertex).corners().iter().map(|&c| (self.target(c), self.origin(c.prev())));
+        let mut link: Vec<VertexId> = ends().flat_map(|(a, b)| [a, b]).collect();
+        link.sort_unstable();
+        link.dedup();
+        let number = |v: VertexId| VertexId(link.partition_point(|&w| w < v) as u32);
+        let mut sets = Sets::new(link.len());
+        let joined = ends().filter(|&(a, b)| sets.join(number(a), number(b))).count();
+        link.len() - joined > 1
+    }
+
+    /// Whether turning some faces would orient all edges with two.
+    fn is_orientable(&self) -> bool {
+        const UNKNOWN: u8 = 2;
+        let mut turned = vec![UNKNOWN; self.face_count()];
+        let mut stack = Vec::new();
+        for face in (0..self.face_count() as u32).map(FaceId) {
+            if turned[face.index()] != UNKNOWN {
+                continue;
+            }
+            turned[face.index()] = 0;
+            stack.push(face);
+            while let Some(face) = stack.pop() {
+                for h in (0..3).map(|k| HalfEdgeId::of(face, k)) {
+                    let Some(g) = self.twin(h) else { continue };
+                    let want = turned[face.index()] ^ u8::from(self.origin(h) == self.origin(g));
+                    let other = &mut turned[g.face().index()];
+                    if *other == UNKNOWN {
+                        *other = want;
+                        stack.push(g.face());
+                    } else if *other != want {
+                        return false;
+                    }
+                }
+            }
+        }
+        true
+    }
+}

@@ -1,0 +1,183 @@
+//! Walks around a vertex.
+
+use crate::ids::{HalfEdgeId, VertexId};
+use crate::topology::Topology;
+
+/// A vertex and what lies around it; borrows the topology.
+#[derive(Clone, Copy, Debug)]
+pub struct VertexView<'a> {
+    topology: &'a Topology,
+    vertex: VertexId,
+    corners: &'a [HalfEdgeId],
+}
+
+impl<'a> VertexView<'a> {
+    pub(crate) fn new(topology: &'a Topology, vertex: VertexId) -> Self {
+        let v = vertex.index();
+        let (first, last) = (topology.corner_start[v] as usize, topology.corner_start[v + 1] as usize);
+        Self { topology, vertex, corners: &topology.corners[first..last] }
+    }
+    /// The vertex.
+    pub fn id(&self) -> VertexId {
+        self.vertex
+    }
+    /// The half-edges that leave the vertex: one for each face, fan after fan, counter-clockwise where faces are
+    /// oriented alike.
+    ///
+    /// Empty for a vertex that no face uses, or that was welded to another.
+    pub fn corners(&self) -> &'a [HalfEdgeId] {
+        self.corners
+    }
+    /// The number of fans: faces that hang together across edges with two faces. One at a manifold vertex.
+    pub fn fan_count(&self) -> usize {
+        self.fans().count()
+    }
+    /// The corners of each fan.
+    pub fn fans(&self) -> impl Iterator<Item = &'a [HalfEdgeId]> + use<'a> {
+        let topology = self.topology;
+        let mut rest = self.corners;
+        std::iter::from_fn(move || {
+            let size = topology.fan_through(*rest.first()?).count();
+            let (fan, after) = rest.split_at(size);
+            rest = after;
+            Some(fan)
+        })
+    }
+    /// Whether an edge at the vertex has one face only.
+    pub fn is_on_border(&self) -> bool {
+        let is_border = |h: HalfEdgeId| self.topology.ring[h.index()] == h;
+        self.corners.iter().any(|&c| is_border(c) || is_border(c.prev()))
+    }
+    /// The vertices that share an edge with this one, each once; in order around it within a fan.
+    pub fn one_ring(&self) -> OneRing<'a> {
+        OneRing { topology: self.topology, rest: self.corners, fan: None, last: None }
+    }
+}
+
+/// The vertices around a vertex, each once.
+#[derive(Clone, Debug)]
+pub struct OneRing<'a> {
+    topology: &'a Topology,
+    rest: &'a [HalfEdgeId],
+    fan: Option<Fan<'a>>,
+    /// The edge that ends an open fan.
+    last: Option<(HalfEdgeId, VertexId)>,
+}
+
+impl Iterator for OneRing<'_> {
+    type Item = VertexId;
+
+    fn next(&mut self) -> Option<VertexId> {
+        let topology = self.topology;
+        // Edges with three faces or more end several fans: the lowest half-edge speaks for all.
+        let is_said_here = |h: HalfEdgeId| topology.twin(h).is_some() || topology.is_first_of_edge(h);
+        loop {
+            if let Some(fan) = &mut self.fan {
+                if let Some(step) = fan.next() {
+                    self.rest = &self.rest[1..];
+                    let leaving = step.leaving();
+                    let ends = fan.at.is_none() && topology.twin(leaving).is_none();
+                    self.last = ends.then(|| (leaving, step.vertex_across(topology, leaving)));
+                    let entering = step.entering();
+                    if is_said_here(entering) {
+                        return Some(step.vertex_across(topology, entering));
+                    }
+                    continue;
+                }
+                self.fan = None;
+                if let Some((h, vertex)) = self.last.take()
+                    && is_said_here(h)
+                {
+                    return Some(vertex);
+                }
+            }
+            self.fan = Some(topology.fan_through(*self.rest.first()?));
+        }
+    }
+}
+
+/// A corner on the way around its vertex.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Step {
+    /// The half-edge that leaves the vertex.
+    pub(crate) corner: HalfEdgeId,
+    /// Whether the walk goes the way of the face: in by the half-edge that leaves, out by the one that arrives.
+    forward: bool,
+}
+
+impl Step {
+    fn entering(self) -> HalfEdgeId {
+        if self.forward { self.corner } else { self.corner.prev() }
+    }
+    fn leaving(self) -> HalfEdgeId {
+        if self.forward { self.corner.prev() } else { self.corner }
+    }
+    fn turned(self) -> Self {
+        Self { forward: !self.forward, ..self }
+    }
+    /// The other end of one of the two edges of the corner.
+    fn vertex_across(self, topology: &Topology, h: HalfEdgeId) -> VertexId {
+        if h == self.corner { topology.target(h) } else { topology.origin(h) }
+    }
+    /// The corner behind the leaving edge, if just one face is there.
+    fn across(self, topology: &Topology) -> Option<Self> {
+        let h = self.leaving();
+        let g = topology.twin(h)?;
+        let vertex = topology.origin(self.corner);
+        Some(if topology.origin(g) == vertex {
+            Self { corner: g, forward: true }
+        } else {
+            Self { corner: g.next(), forward: false }
+        })
+    }
+}
+
+/// The corners of a fan, from its open end or, where it is closed, from the corner asked for.
+#[derive(Clone, Debug)]
+pub(crate) struct Fan<'a> {
+    topology: &'a Topology,
+    first: HalfEdgeId,
+    at: Option<Step>,
+}
+
+impl Iterator for Fan<'_> {
+    type Item = Step;
+
+    fn next(&mut self) -> Option<Step> {
+        let step = self.at?;
+        self.at = step.across(self.topology).filter(|next| next.corner != self.first);
+        Some(step)
+    }
+}
+
+impl Topology {
+    /// The fan that a corner belongs to.
+    ///
+    /// From the first corner of the answer it answers the same.
+    pub(crate) fn fan_through(&self, corner: HalfEdgeId) -> Fan<'_> {
+        let own = Step { corner, forward: true };
+        let first = match self.end_of_fan(own.turned()) {
+            None => own,
+            Some(end) => {
+                // Either end may be the beginning if a face is flipped: the one that goes the way of its face, then the
+                // lower. An open fan has two ends, so the other is there.
+                let other = self.end_of_fan(end.turned()).unwrap_or(end);
+                let (a, b) = (end.turned(), other.turned());
+                if (!a.forward, a.corner) <= (!b.forward, b.corner) { a } else { b }
+            }
+        };
+        Fan { topology: self, first: first.corner, at: Some(first) }
+    }
+
+    /// The last step of a walk through a fan; `None` if the fan is closed.
+    fn end_of_fan(&self, from: Step) -> Option<Step> {
+        let mut at = from;
+        loop {
+            match at.across(self) {
+                None => return Some(at),
+                Some(next) if next.corner == from.corner => return None,
+                Some(next) => at = next,
+            }
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! The threshold of the next sweep: a quantile of the bounds, by a histogram.
+
+/// A histogram of non-negative floats by exponent and four bits of mantissa.
+pub(crate) struct Histogram {
+    bins: Box<[u32; 4096]>,
+    known: usize,
+}
+
+impl Histogram {
+    /// Counts the finite bounds.
+    pub(crate) fn of(bounds: &[f32]) -> Self {
+        let mut bins = Box::new([0u32; 4096]);
+        let mut known = 0;
+        for x in bounds.iter().filter(|x| x.is_finite()) {
+            bins[(x.to_bits() >> 19) as usize & 4095] += 1;
+            known += 1;
+        }
+        Self { bins, known }
+    }
+    /// How many bounds are finite.
+    pub(crate) fn known(&self) -> usize {
+        self.known
+    }
+    /// A threshold that at least `want` of the bounds stay below.
+    pub(crate) fn threshold(&self, want: usize) -> f32 {
+        let (mut sum, mut k) = (0, 0);
+        while sum < want && k < self.bins.len() {
+            sum += self.bins[k] as usize;
+            k += 1;
+        }
+        f32::from_bits((k as u32) << 19).min(f32::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_threshold_takes_the_share_asked() {
+        let bounds: Vec<f32> = (1..=1000).map(|i| i as f32).chain([f32::INFINITY]).collect();
+        let histogram = Histogram::of(&bounds);
+        assert_eq!(histogram.known(), 1000);
+        let tau = histogram.threshold(700);
+        let below = bounds.iter().filter(|&&x| x <= tau).count();
+        assert!((700..760).contains(&below), "{below}");
+    }
+}

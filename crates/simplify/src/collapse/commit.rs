@@ -1,0 +1,353 @@
+//! One collapse: the last checks, the exact cost, and the change itself.
+
+use glam::Vec3;
+use lodsmith_core::VertexId;
+
+use super::Engine;
+use super::kind::{distinct, faces_at};
+use super::order::NONE;
+use super::store::{Corner, Ring, Spoke};
+use crate::metric::{Form, Metric};
+use crate::options::BorderPolicy;
+use crate::report::Refusal;
+use crate::tensor::Tensor;
+
+/// Weight of a border edge's line against the planes of faces. (engine design §11.2; 10 as in meshoptimizer.)
+pub(crate) const BORDER: f32 = 10.0;
+/// Weight of the largest squared distance, times the mean area of a triangle: protects small features. (§11.4)
+pub(crate) const PEAK: f32 = 0.1;
+/// Cost of length, a share of area · length²: decides among flat collapses only. (§11.3)
+pub(crate) const TIE: f32 = 1e-9;
+/// Worse triangles (1 = equilateral) make a collapse dearer. (§2.3)
+const WORSE_SHAPE: f32 = 0.3;
+/// Square of the shape under which a new triangle counts as having no area, unless it was as bad before.
+const NO_AREA: f32 = 1e-7;
+/// Squared cosine of a turn above which folds with the faces beyond are looked for: 45 degrees.
+const SUSPECT_TURN: f32 = 0.5;
+/// Cosine between two faces at an edge below which they lie back to back.
+const FOLD: f32 = -0.8;
+
+/// A triangle of the star of a collapsing edge, before and after.
+pub(crate) struct Wing {
+    corner: Corner,
+    pub(crate) a: VertexId,
+    pub(crate) b: VertexId,
+    /// Normal before, of double length, and its length.
+    normal: Vec3,
+    length: f32,
+    /// Normal after, of double length.
+    after: Vec3,
+    /// It has both ends, and goes.
+    pub(crate) both: bool,
+}
+
+/// What came of a try.
+pub(crate) enum Outcome {
+    Done,
+    /// It costs this much, which is more than allowed now.
+    Later(f32),
+    Refused(Refusal),
+}
+
+/// A collapse as it was evaluated: the merged vertex goes to the kept one's position + `step`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    pub(crate) cost: f32,
+    pub(crate) removed: VertexId,
+    pub(crate) step: Vec3,
+}
+
+/// Where the merged vertex goes: exactly onto the removed end where the step leads there.
+#[inline(always)]
+fn merged_position(kept: Vec3, removed: Vec3, step: Vec3) -> Vec3 {
+    if step == removed - kept { removed } else { kept + step }
+}
+
+impl<M: Metric> Engine<M> {
+    /// Merges `v` into `u` if topology, guards and exact cost allow it. With `probe` nothing is changed and the cost is
+    /// said.
+    #[inline(never)]
+    pub(crate) fn collapse(
+        &mut self,
+        u: VertexId,
+        candidate: &Candidate,
+        tau: f32,
+        probe: bool,
+        ru: &Ring,
+        rv: &Ring,
+    ) -> Outcome {
+        let (v, y) = (candidate.removed, candidate.step);
+        let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
+        let shared = match self.store.link_condition(u, v, ru, rv) {
+            Ok(shared) => shared,
+            Err(why) => return Outcome::Refused(why),
+        };
+        if ru.len() + rv.len() == 2 * shared {
+            return Outcome::Refused(Refusal::Component);
+        }
+        let d = z.p - x.p;
+        let off = y - d;
+        let at = merged_position(x.p, z.p, y);
+
+        // Exact cost, shape and normals. A triangle at both ends counts twice, as in the evaluation.
+        let (mut cost, mut area, mut shape, mut peak, mut turn) = (0f32, 0f32, 1f32, 0f32, 1f32);
+        self.wings.clear();
+        for (ring, from, other, step) in [(ru, x.p, v, y), (rv, z.p, u, off)] {
+            for &Spoke { corner, a, b } in ring {
+                let both = a == other || b == other;
+                if both && other == u {
+                    continue;
+                }
+                let (pa, pb) = (self.store.p(a), self.store.p(b));
+                let e = pb - pa;
+                let normal = e.cross(from - pa);
+                let length = normal.length();
+                let height = normal.dot(step) / length.max(1e-30);
+                let weight = if both { 2.0 * length } else { length };
+                cost += weight * height * height;
+                area += weight;
+                peak = peak.max(height * height);
+                let mut after = Vec3::ZERO;
+                if !both {
+                    let (s, o) = (at - pa, at - pb);
+                    after = e.cross(s);
+                    let (after_sq, dot) = (after.length_squared(), normal.dot(after));
+                    let cos_sq = dot * dot / (length * length * after_sq).max(1e-37);
+                    if !(dot > 0.0 && cos_sq > self.rules.max_turn) {
+                        // A face without area has no normal that could turn.
+                        if length * length > NO_AREA * e.length_squared() * e.length_squared()
+                            || after_sq == 0.0
+                        {
+                            return Outcome::Refused(Refusal::NormalFlip);
+                        }
+                    }
+                    turn = turn.min(cos_sq);
+                    let around = e.length_squared() + s.length_squared() + o.length_squared();
+                    let new_shape = 12.0 * after_sq / (around * around).max(1e-37);
+                    if new_shape < NO_AREA {
+                        let (s, o) = (from - pa, from - pb);
+                        let before = e.length_squared() + s.length_squared() + o.length_squared();
+                        if 12.0 * length * length > new_shape * before * before {
+                            return Outcome::Refused(Refusal::Quality);
+                        }
+                    }
+                    shape = shape.min(new_shape);
+                }
+                self.wings.push(Wing { corner, a, b, normal, length, after, both });
+            }
+        }
+        if turn < SUSPECT_TURN && self.folds() {
+            return Outcome::Refused(Refusal::NormalFlip);
+        }
+        if self.rules.has_extra_guards() {
+            if let Err(why) = self.ask_guards(at, x.p, z.p, shared, ru, rv) {
+                return Outcome::Refused(why);
+            }
+        }
+        // Feature edges of the star, by the end that stays; the edge u-v, if it is one, is listed with v.
+        self.rim.clear();
+        if (x.kind.is_feature() || z.kind.is_feature()) && self.has_lines() {
+            for (ring, other, at_u, from, step) in [(ru, v, true, x.p, y), (rv, u, false, z.p, off)] {
+                for w in distinct(ring) {
+                    if faces_at(ring, w) == 2 || (w == other && !at_u) {
+                        continue;
+                    }
+                    let c = (self.store.p(w) - from).cross(step);
+                    let weight = if w == v { 2.0 } else { 1.0 };
+                    cost += BORDER * weight * c.length_squared();
+                    peak =
+                        peak.max(c.length_squared() / (self.store.p(w) - from).length_squared().max(1e-37));
+                    self.rim.push((w, at_u));
+                }
+            }
+        }
+        if M::MEMORYLESS {
+            cost += PEAK * self.area * peak;
+            cost += 0.5 * TIE * area * (y.length_squared() + off.length_squared());
+        } else {
+            cost = candidate.cost;
+        }
+        if peak > self.rules.max_step_sq {
+            return Outcome::Refused(Refusal::Cost);
+        }
+        let plain = cost;
+        cost *= (WORSE_SHAPE / shape.sqrt().max(1e-4)).max(1.0);
+        if cost <= tau || probe {
+            cost = self.charge(x.origin, z.origin, at, cost, tau, probe);
+        }
+        if cost > tau || probe {
+            return Outcome::Later(cost);
+        }
+        if let Err(why) = self.hand_over_wedges(u, v, y, off, ru, rv) {
+            return Outcome::Refused(why);
+        }
+        self.spent += f64::from(plain);
+        self.change(u, v, y, shared, ru, rv);
+        Outcome::Done
+    }
+
+    /// Does the collapse that was checked; wings and rim are at hand.
+    #[inline(always)]
+    fn change(&mut self, u: VertexId, v: VertexId, y: Vec3, shared: usize, ru: &Ring, rv: &Ring) {
+        let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
+        let at = merged_position(x.p, z.p, y);
+        let kind = x.kind.union(z.kind);
+        let q = if M::MEMORYLESS {
+            // The vertices around swap old planes for new ones; u starts afresh.
+            let mut q = M::Memory::default();
+            for w in &self.wings {
+                let (old, new) = (Tensor::outer(w.normal, 1.0 / w.length.max(1e-30)), Tensor::plane(w.after));
+                if !w.both {
+                    M::tensor(&mut q).add(&new);
+                }
+                for o in [w.a, w.b].into_iter().filter(|&o| o != v) {
+                    let s = M::tensor(&mut self.store.v[o.index()].q);
+                    s.sub(&old);
+                    if !w.both {
+                        s.add(&new);
+                    }
+                }
+            }
+            for &(w, at_u) in self.rim.iter().filter(|r| r.0 != v) {
+                let o = &mut self.store.v[w.index()];
+                let (old, new) = (
+                    Tensor::line(if at_u { x.p } else { z.p } - o.p, BORDER),
+                    Tensor::line(at - o.p, BORDER),
+                );
+                let s = M::tensor(&mut o.q);
+                s.sub(&old);
+                s.add(&new);
+                M::tensor(&mut q).add(&new);
+            }
+            q
+        } else {
+            let form: Form = M::form(&x.q, &z.q, z.p - x.p);
+            M::merged(&form, y)
+        };
+        for &Spoke { corner, a, b } in rv {
+            let t = &mut self.store.t[corner.face()];
+            if a == u || b == u {
+                t[0] = NONE;
+                self.store.live_faces -= 1;
+            } else {
+                t[corner.k()] = u;
+            }
+        }
+        let count = ru.len() + rv.len() - 2 * shared;
+        let list = self.wings.iter().filter(|w| !w.both).map(|w| w.corner);
+        self.store.relist(u, v, count, list);
+        // Whose place was kept gives its number: the result then has that vertex of the input.
+        let kept_v = z.p == at && !z.kind.is_moved() && !(x.p == at && !x.kind.is_moved());
+        let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
+        self.store.merged_into[merged.index()] = origin;
+        let unmoved = kept_v || (y == Vec3::ZERO && !x.kind.is_moved());
+        let kept = &mut self.store.v[u.index()];
+        (kept.p, kept.q, kept.origin, kept.kind) = (at, q, origin, kind.moved(!unmoved));
+        let removed = &mut self.store.v[v.index()];
+        removed.kind = removed.kind.gone();
+        self.store.bound[v.index()] = f32::INFINITY;
+        self.store.live_vertices -= 1;
+        self.collapses += 1;
+        if kind.is_complex() {
+            self.refresh_around(u);
+        }
+    }
+
+    /// Whether border and curve edges carry lines.
+    pub(crate) fn has_lines(&self) -> bool {
+        self.rules.border != BorderPolicy::Free
+    }
+
+    /// Kinds and tensors of `u` and of the vertices around it, afresh: after a change on a non-manifold curve, where
+    /// counts of faces at edges add up.
+    #[inline(never)]
+    fn refresh_around(&mut self, u: VertexId) {
+        let mut ring = Vec::new();
+        self.store.ring(u, &mut ring);
+        let around: Vec<VertexId> = distinct(&ring).chain([u]).collect();
+        for w in around {
+            self.refresh(w, &mut ring);
+        }
+    }
+
+    /// Whether a new triangle of the star would lie back to back with another, within the star or beyond its rim.
+    #[inline(never)]
+    fn folds(&self) -> bool {
+        let unit = |n: Vec3| n / n.length().max(1e-30);
+        let kept = || self.wings.iter().filter(|w| !w.both);
+        for (i, w) in kept().enumerate() {
+            let n = unit(w.after);
+            for other in kept().skip(i + 1) {
+                if (other.a == w.b || other.b == w.a || other.a == w.a || other.b == w.b)
+                    && n.dot(unit(other.after)) < FOLD
+                {
+                    return true;
+                }
+            }
+            for &c in self.store.listed(w.a) {
+                let t = &self.store.t[c.face()];
+                if t[0] == NONE || c.face() == w.corner.face() || !t.contains(&w.b) {
+                    continue;
+                }
+                let [p, q, r] = t.map(|o| self.store.p(o));
+                if n.dot(unit((q - p).cross(r - p))) < FOLD {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// The guards that options turn on.
+    #[inline(never)]
+    fn ask_guards(
+        &self,
+        at: Vec3,
+        pu: Vec3,
+        pv: Vec3,
+        shared: usize,
+        ru: &Ring,
+        rv: &Ring,
+    ) -> Result<(), Refusal> {
+        let rules = &self.rules;
+        let shape = |a: Vec3, b: Vec3, c: Vec3| {
+            let around = (b - a).length_squared() + (c - b).length_squared() + (a - c).length_squared();
+            12.0 * (b - a).cross(c - a).length_squared() / (around * around).max(1e-37)
+        };
+        if rules.min_shape > 0.0 {
+            let (mut before, mut after) = (1f32, 1f32);
+            for (i, w) in self.wings.iter().enumerate() {
+                let from = if i < ru.len() { pu } else { pv };
+                let (a, b) = (self.store.p(w.a), self.store.p(w.b));
+                before = before.min(shape(from, a, b));
+                if !w.both {
+                    after = after.min(shape(at, a, b));
+                }
+            }
+            if after < rules.min_shape && after < before {
+                return Err(Refusal::Quality);
+            }
+        }
+        if rules.max_valence != usize::MAX {
+            // An open fan has one edge more than faces.
+            let open = usize::from(ru.iter().chain(rv).any(|r| !self.store.v[r.a.index()].kind.is_regular()));
+            let faces = ru.len() + rv.len() - 2 * shared;
+            if faces + open > rules.max_valence && faces > ru.len().max(rv.len()) {
+                return Err(Refusal::Valence);
+            }
+        }
+        if rules.max_edge_sq.is_finite() {
+            for (i, w) in self.wings.iter().enumerate().filter(|w| !w.1.both) {
+                let from = if i < ru.len() { pu } else { pv };
+                for o in [w.a, w.b] {
+                    let length_sq = (self.store.p(o) - at).length_squared();
+                    if length_sq > rules.max_edge_sq && length_sq > (self.store.p(o) - from).length_squared()
+                    {
+                        return Err(Refusal::EdgeLength);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}

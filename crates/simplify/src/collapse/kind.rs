@@ -1,0 +1,199 @@
+//! What a vertex is by its edges: inside, on a border, on a non-manifold curve; and what that allows.
+
+use lodsmith_core::VertexId;
+
+use super::store::Spoke;
+use crate::options::BorderPolicy;
+
+/// Bits; none set is a vertex inside a closed, oriented fan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Kind(u32);
+
+impl Kind {
+    /// Some neighbour is not once first and once second in the triangles round the vertex.
+    const IRREGULAR: u32 = 1;
+    /// Two border edges, all else regular.
+    const BORDER: u32 = 2;
+    /// On an edge of three or more faces, or where borders meet.
+    const COMPLEX: u32 = 4;
+    /// Moves only along its own line of feature edges.
+    const RAIL: u32 = 8;
+    /// Does not move.
+    const FIXED: u32 = 16;
+    /// Its position is no longer that of an input vertex.
+    const MOVED: u32 = 32;
+    /// Merged into another.
+    const GONE: u32 = 64;
+
+    /// The kind of a vertex with this star.
+    pub(crate) fn of(ring: &[Spoke], border: BorderPolicy) -> Self {
+        if is_closed_fan(ring) {
+            return Self::default();
+        }
+        let around = |w: VertexId| {
+            (ring.iter().filter(|r| r.a == w).count(), ring.iter().filter(|r| r.b == w).count())
+        };
+        let mut bits = Self::IRREGULAR;
+        let (mut open, mut many) = (0, 0);
+        for w in distinct(ring) {
+            let (a, b) = around(w);
+            open += usize::from(a + b == 1);
+            many += usize::from(a + b > 2);
+        }
+        match (open, many) {
+            (0, 0) => {} // only wound differently
+            (2, 0) => {
+                bits |= Self::BORDER;
+                bits |= match border {
+                    BorderPolicy::Slide => Self::RAIL,
+                    BorderPolicy::Lock => Self::FIXED,
+                    BorderPolicy::Keep | BorderPolicy::Free => 0,
+                };
+            }
+            (0, 2) => bits |= Self::COMPLEX | Self::RAIL,
+            _ => bits |= Self::COMPLEX | Self::FIXED,
+        }
+        Self(bits)
+    }
+
+    /// Every neighbour comes first in just one triangle.
+    #[inline(always)]
+    pub(crate) fn is_regular(self) -> bool {
+        self.0 & Self::IRREGULAR == 0
+    }
+    /// Has an edge with a number of faces other than two.
+    #[inline(always)]
+    pub(crate) fn is_feature(self) -> bool {
+        self.0 & (Self::BORDER | Self::COMPLEX) != 0
+    }
+    #[inline(always)]
+    pub(crate) fn is_border(self) -> bool {
+        self.0 & Self::BORDER != 0
+    }
+    #[inline(always)]
+    pub(crate) fn is_complex(self) -> bool {
+        self.0 & Self::COMPLEX != 0
+    }
+    #[inline(always)]
+    pub(crate) fn is_rail(self) -> bool {
+        self.0 & Self::RAIL != 0
+    }
+    #[inline(always)]
+    pub(crate) fn is_fixed(self) -> bool {
+        self.0 & Self::FIXED != 0
+    }
+    /// Whether it may move anywhere.
+    #[inline(always)]
+    pub(crate) fn is_free(self) -> bool {
+        self.0 & (Self::FIXED | Self::RAIL) == 0
+    }
+    #[inline(always)]
+    pub(crate) fn is_moved(self) -> bool {
+        self.0 & Self::MOVED != 0
+    }
+    #[inline(always)]
+    pub(crate) fn is_gone(self) -> bool {
+        self.0 & Self::GONE != 0
+    }
+    #[inline(always)]
+    pub(crate) fn union(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+    #[inline(always)]
+    pub(crate) fn moved(self, moved: bool) -> Self {
+        Self(if moved { self.0 | Self::MOVED } else { self.0 & !Self::MOVED })
+    }
+    #[inline(always)]
+    pub(crate) fn gone(self) -> Self {
+        Self(self.0 | Self::GONE)
+    }
+}
+
+/// Whether every neighbour comes first in just one triangle and second in just one.
+#[inline(always)]
+fn is_closed_fan(ring: &[Spoke]) -> bool {
+    // Side by side for vector instructions; most vertices have about six neighbours. Lane i that is not used holds a
+    // number that no vertex has, as first and as second.
+    const LANES: usize = 8;
+    let n = ring.len();
+    if n > LANES {
+        let once = |w: VertexId| {
+            ring.iter().filter(|r| r.a == w).count() == 1 && ring.iter().filter(|r| r.b == w).count() == 1
+        };
+        return ring.iter().all(|r| once(r.a));
+    }
+    let (mut a, mut b) = ([u32::MAX; LANES], [u32::MAX; LANES]);
+    for (i, r) in ring.iter().enumerate() {
+        (a[i], b[i]) = (r.a.0, r.b.0);
+    }
+    let mut good = n > 0;
+    for &w in &a[..n] {
+        let (mut first, mut second) = (0u32, 0u32);
+        for k in 0..LANES {
+            first += u32::from(a[k] == w);
+            second += u32::from(b[k] == w);
+        }
+        good &= first == 1 && second == 1;
+    }
+    good
+}
+
+/// The neighbours in a ring, each once.
+pub(crate) fn distinct(ring: &[Spoke]) -> impl Iterator<Item = VertexId> + '_ {
+    let seen = |i: usize, w: VertexId| ring[..i].iter().any(|r| r.has(w));
+    ring.iter()
+        .enumerate()
+        .flat_map(|(i, r)| [(i, r.a), (i, r.b)])
+        .filter(move |x| !seen(x.0, x.1))
+        .map(|x| x.1)
+}
+
+/// How many triangles of the ring have `w`: the faces of the edge to it.
+#[inline(always)]
+pub(crate) fn faces_at(ring: &[Spoke], w: VertexId) -> usize {
+    ring.iter().filter(|r| r.has(w)).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::collapse::store::Corner;
+
+    fn ring(pairs: &[[u32; 2]]) -> Vec<Spoke> {
+        let spoke = |p: &[u32; 2]| Spoke { corner: Corner::default(), a: VertexId(p[0]), b: VertexId(p[1]) };
+        pairs.iter().map(spoke).collect()
+    }
+
+    #[test]
+    fn a_closed_fan_is_regular() {
+        let kind = Kind::of(&ring(&[[1, 2], [2, 3], [3, 1]]), BorderPolicy::Lock);
+        assert_eq!(kind, Kind::default());
+    }
+
+    #[test]
+    fn an_open_fan_lies_on_a_border() {
+        //  2---1
+        //   \ / \
+        //    u---0      border edges u-0 and u-2
+        let open = ring(&[[0, 1], [1, 2]]);
+        let kind = Kind::of(&open, BorderPolicy::Keep);
+        assert!(kind.is_border() && kind.is_free() && !kind.is_regular());
+        assert!(Kind::of(&open, BorderPolicy::Slide).is_rail());
+        assert!(Kind::of(&open, BorderPolicy::Lock).is_fixed());
+    }
+
+    #[test]
+    fn a_fan_wound_both_ways_is_no_feature() {
+        let kind = Kind::of(&ring(&[[1, 2], [3, 2], [3, 1]]), BorderPolicy::Keep);
+        assert!(!kind.is_feature() && !kind.is_regular() && kind.is_free());
+    }
+
+    #[test]
+    fn two_borders_that_meet_stay_where_they_are() {
+        assert!(Kind::of(&ring(&[[0, 1], [2, 3]]), BorderPolicy::Keep).is_fixed());
+        // Three pages of a book: the spine goes on to 8 and 9.
+        let book = ring(&[[8, 1], [1, 9], [8, 2], [2, 9], [8, 3], [3, 9]]);
+        let kind = Kind::of(&book, BorderPolicy::Keep);
+        assert!(kind.is_complex() && kind.is_rail() && !kind.is_fixed());
+    }
+}

@@ -1,0 +1,163 @@
+//! The last phase at extreme targets: a collapse is charged with what it really loses.
+//!
+//! A cost without memory forgets how far a tip has come already, so a limb can be eaten up cheaply, step by step. When
+//! few triangles are left, every vertex carries samples of the original surface that it has swallowed, and a collapse
+//! pays for the growth of their distances to the surface. (engine design §11.10)
+
+use glam::Vec3;
+use lodsmith_core::VertexId;
+
+use super::Engine;
+use crate::metric::Metric;
+use crate::triangle;
+
+/// Live triangles under which the phase begins, at targets ...
+pub(crate) const BEGIN: usize = 2000;
+/// ... below this,
+const SMALL: usize = 600;
+/// ... or below the input by this factor.
+const REDUCTION: usize = 20;
+/// Sweeps are finer then.
+pub(crate) const QUANTILE: f64 = 0.1;
+/// Samples of a vertex, at most, on average, when the phase begins.
+const SAMPLES: usize = 24;
+/// A vertex with more keeps every second one, and the farthest.
+const MOST: usize = 96;
+/// Price of a loss. (6 would make it count like area · height², whose integral is a sixth; 3 to 6 are equal.)
+const CHARGE: f32 = 4.0;
+
+/// Whether a target is extreme for a mesh of so many faces.
+pub(crate) fn is_extreme(target: usize, faces: usize) -> bool {
+    target < SMALL || target.saturating_mul(REDUCTION) < faces
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    p: Vec3,
+    /// An area.
+    weight: f32,
+}
+
+/// What one live vertex has swallowed.
+#[derive(Clone, Debug, Default)]
+struct Bag {
+    samples: Vec<Sample>,
+    /// Sum of weight · squared distance to the star, as last measured.
+    loss: f32,
+}
+
+/// The bags, by number in the ordered input of their vertex.
+pub(crate) struct Late {
+    bag_of: Vec<u32>,
+    bags: Vec<Bag>,
+    merged: Vec<Sample>,
+    star: Vec<[Vec3; 2]>,
+}
+
+/// What samples lose against the triangles of `at` and these pairs, and which one is farthest. Stops once the loss
+/// passes `most`.
+fn measure(samples: &[Sample], at: Vec3, star: &[[Vec3; 2]], most: f32) -> (f32, usize) {
+    let (mut loss, mut worst, mut far) = (0f32, 0f32, 0);
+    for (i, s) in samples.iter().enumerate() {
+        let mut nearest = f32::INFINITY;
+        for t in star {
+            nearest = nearest.min(triangle::closest(s.p, at, t[0], t[1]).0);
+        }
+        loss += s.weight * nearest;
+        if nearest > worst {
+            (worst, far) = (nearest, i);
+        }
+        if loss > most {
+            break;
+        }
+    }
+    (loss, far)
+}
+
+impl<M: Metric> Engine<M> {
+    /// Gives every vertex its samples: centres of the original faces (3/4 of the weight) and vertices.
+    pub(crate) fn begin_late(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
+        self.store.compact();
+        let home = self.store.homes();
+        let mut bags = vec![Bag::default(); self.store.v.len()];
+        let stride = ((points.len() + faces.len()) / (SAMPLES * self.store.v.len()).max(1)).max(1);
+        let mut sum = 0.0;
+        for t in faces.iter().step_by(stride) {
+            let [a, b, c] = t.map(|w| points[w.index()]);
+            let area = (b - a).cross(c - a).length() * stride as f32;
+            sum += area;
+            if let Some(bag) = bags.get_mut(home[t[0].index()].index()) {
+                bag.samples.push(Sample { p: (a + b + c) / 3.0, weight: 0.75 * area });
+            }
+        }
+        let weight = 0.25 * sum / points.len().div_ceil(stride) as f32;
+        for i in (0..points.len()).step_by(stride) {
+            if let Some(bag) = bags.get_mut(home[i].index()) {
+                bag.samples.push(Sample { p: points[i], weight });
+            }
+        }
+        let mut ring = Vec::new();
+        let mut star = Vec::new();
+        for (u, bag) in bags.iter_mut().enumerate() {
+            let u = VertexId(u as u32);
+            self.store.ring(u, &mut ring);
+            star.clear();
+            star.extend(ring.iter().map(|r| [self.store.p(r.a), self.store.p(r.b)]));
+            bag.loss = measure(&bag.samples, self.store.p(u), &star, f32::INFINITY).0;
+        }
+        let mut bag_of = vec![u32::MAX; points.len()];
+        for (i, x) in self.store.v.iter().enumerate() {
+            bag_of[x.origin.index()] = i as u32;
+        }
+        self.late = Some(Late { bag_of, bags, merged: Vec::new(), star });
+    }
+
+    /// Adds to the cost what the merger of two vertices (by number in the ordered input) at `at`, with the wings at
+    /// hand, loses beyond what is lost already. Up to `tau` the samples change hands, unless it is a `probe`.
+    pub(crate) fn charge(
+        &mut self,
+        kept: VertexId,
+        removed: VertexId,
+        at: Vec3,
+        cost: f32,
+        tau: f32,
+        probe: bool,
+    ) -> f32 {
+        let Some(late) = &mut self.late else { return cost };
+        let [u, v] = [kept, removed].map(|x| late.bag_of[x.index()] as usize);
+        late.star.clear();
+        late.star.extend(
+            self.wings.iter().filter(|w| !w.both).map(|w| [w.a, w.b].map(|o| self.store.v[o.index()].p)),
+        );
+        late.merged.clear();
+        late.merged.extend_from_slice(&late.bags[u].samples);
+        late.merged.extend_from_slice(&late.bags[v].samples);
+        let before = late.bags[u].loss + late.bags[v].loss;
+        let most = if probe { f32::INFINITY } else { before + (tau - cost) / CHARGE };
+        let (loss, far) = measure(&late.merged, at, &late.star, most);
+        let cost = cost + CHARGE * (loss - before).max(0.0);
+        if cost > tau || probe {
+            return cost;
+        }
+        if late.merged.len() > MOST {
+            let weigh = |samples: &[Sample]| samples.iter().map(|s| s.weight).sum::<f32>();
+            let (whole, farthest) = (weigh(&late.merged), late.merged[far]);
+            let mut i = 0;
+            late.merged.retain(|_| {
+                i += 1;
+                i % 2 == 0
+            });
+            late.merged.push(farthest);
+            let scale = whole / weigh(&late.merged);
+            late.merged.iter_mut().for_each(|s| s.weight *= scale);
+        }
+        late.bags[v].samples = Vec::new();
+        let bag = &mut late.bags[u];
+        bag.samples.clear();
+        bag.samples.extend_from_slice(&late.merged);
+        bag.loss = loss;
+        // Either number may be the merged vertex' later.
+        late.bag_of[removed.index()] = u as u32;
+        cost
+    }
+}

@@ -1,0 +1,83 @@
+//! Whether an edge can go without pinching the surface. [Dey 1999]
+//!
+//! In a complex of triangles the edge u-v may be contracted when Lk(u) ∩ Lk(v) = Lk(uv): the ends share no neighbour but
+//! the apexes of their common triangles, and no edge is opposite to both ends. Edges with a number of faces other than
+//! two (borders, non-manifold curves) count as joined to one more vertex, so two feature vertices may only be merged
+//! along a feature edge.
+
+use lodsmith_core::VertexId;
+
+use super::kind::{distinct, faces_at};
+use super::store::{Ring, Store};
+use crate::metric::Metric;
+use crate::report::Refusal;
+
+impl<M: Metric> Store<M> {
+    /// Asks the link condition for the edge u-v with the rings of both; says how many triangles hang on it.
+    #[inline(always)]
+    pub(crate) fn link_condition(
+        &mut self,
+        u: VertexId,
+        v: VertexId,
+        ru: &Ring,
+        rv: &Ring,
+    ) -> Result<usize, Refusal> {
+        let (ku, kv) = (self.v[u.index()].kind, self.v[v.index()].kind);
+        if !(ku.is_regular() && kv.is_regular()) {
+            return self.link_condition_irregular(u, v, ru, rv);
+        }
+        // Inside closed fans every neighbour comes first in just one triangle.
+        let stamp = self.next_stamp();
+        let (mut shared, mut common, mut opposite) = (0, 0, false);
+        for r in ru {
+            self.v[r.a.index()].mark = stamp;
+            shared += usize::from(r.has(v));
+        }
+        for r in rv.iter().filter(|r| r.a != u) {
+            if self.v[r.a.index()].mark == stamp {
+                common += 1;
+                opposite |= r.b != u && self.v[r.b.index()].mark == stamp;
+            }
+        }
+        let pinched = common != shared || shared == 0 || opposite && is_opposite_to_both(u, v, ru, rv);
+        if pinched { Err(Refusal::LinkCondition) } else { Ok(shared) }
+    }
+
+    #[inline(never)]
+    fn link_condition_irregular(
+        &mut self,
+        u: VertexId,
+        v: VertexId,
+        ru: &Ring,
+        rv: &Ring,
+    ) -> Result<usize, Refusal> {
+        let (ku, kv) = (self.v[u.index()].kind, self.v[v.index()].kind);
+        let shared = faces_at(ru, v);
+        let apexes = distinct(ru).filter(|&w| w != v && ru.iter().any(|r| r.has(v) && r.has(w))).count();
+        let stamp = self.next_stamp();
+        for r in ru {
+            (self.v[r.a.index()].mark, self.v[r.b.index()].mark) = (stamp, stamp);
+        }
+        let common = distinct(rv).filter(|&w| w != u && self.v[w.index()].mark == stamp).count();
+        if shared == 0 || common != apexes || is_opposite_to_both(u, v, ru, rv) {
+            return Err(Refusal::LinkCondition);
+        }
+        if ku.is_feature() && kv.is_feature() && shared == 2 {
+            return Err(Refusal::LinkCondition);
+        }
+        // An apex whose two edges would merge into one without a face hangs on nothing else here.
+        for w in ru.iter().filter(|r| r.has(v)).map(|r| if r.a == v { r.b } else { r.a }) {
+            let both = ru.iter().filter(|r| r.has(v) && r.has(w)).count();
+            if faces_at(ru, w) + faces_at(rv, w) <= 2 * both {
+                return Err(Refusal::LinkCondition);
+            }
+        }
+        Ok(shared)
+    }
+}
+
+/// Whether an edge is opposite to both ends: its two triangles would become one twice.
+fn is_opposite_to_both(u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> bool {
+    let off_u = || ru.iter().filter(|r| !r.has(v));
+    rv.iter().filter(|r| !r.has(u)).any(|z| off_u().any(|x| x.has(z.a) && x.has(z.b)))
+}

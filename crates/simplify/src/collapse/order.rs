@@ -1,0 +1,309 @@
+//! The input in order: welded, cleaned, in a unit frame, vertices along a Morton curve, triangles by their first vertex.
+//!
+//! Everything after this is local in memory, whatever order the file had. Equal positions have equal codes, so the weld
+//! costs nothing beyond the sort.
+
+use glam::Vec3;
+use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, WedgeId};
+
+use crate::report::Cleanup;
+
+/// No vertex.
+pub(crate) const NONE: VertexId = VertexId(u32::MAX);
+
+/// From the user's units to a box of size 1 around the origin, and back.
+///
+/// Differences are taken in double precision, so a part at map coordinates loses nothing but the map.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frame {
+    centre: [f64; 3],
+    size: f64,
+}
+
+impl Frame {
+    /// A length of the unit frame in the user's units.
+    pub(crate) fn to_user_length(self, x: f64) -> f64 {
+        x * self.size
+    }
+    /// A length of the user in the unit frame.
+    pub(crate) fn from_user_length(self, x: f64) -> f64 {
+        x / self.size
+    }
+    #[inline]
+    pub(crate) fn unit(&self, p: [f64; 3]) -> Vec3 {
+        let k = 1.0 / self.size;
+        let c = &self.centre;
+        Vec3::new(((p[0] - c[0]) * k) as f32, ((p[1] - c[1]) * k) as f32, ((p[2] - c[2]) * k) as f32)
+    }
+    pub(crate) fn user(&self, p: Vec3) -> [f64; 3] {
+        [0, 1, 2].map(|k| f64::from(p[k]) * self.size + self.centre[k])
+    }
+}
+
+/// The ordered input.
+pub(crate) struct Ordered {
+    pub(crate) frame: Frame,
+    /// For each vertex of the input its number here; [`NONE`] where no face needs it.
+    pub(crate) rank: Vec<VertexId>,
+    pub(crate) point_count: usize,
+    /// Positions in the unit frame, by the new numbers; may be taken.
+    pub(crate) points: Vec<Vec3>,
+    /// Faces in the new numbers, by their least one; may be taken.
+    pub(crate) faces: Vec<[VertexId; 3]>,
+    pub(crate) cleanup: Cleanup,
+    /// Diagonal of the bounding box of what is used, in user units.
+    pub(crate) diagonal: f64,
+}
+
+/// Orders a surface. Faces with a corner that is no number, or two corners at one place, are left out and counted.
+/// (Faces that stand twice are found later, where the stars are walked anyway.) Cost: O(V + F).
+pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
+    let (positions, triangles) = (surface.positions(), surface.triangles());
+    let mut cleanup = Cleanup::default();
+    let finite = |v: VertexId| match positions {
+        PositionsView::F32(p) => p[v.index()].iter().all(|x| x.is_finite()),
+        PositionsView::F64(p) => p[v.index()].iter().all(|x| x.is_finite()),
+    };
+    let mut needed = vec![false; positions.len()];
+    for &v in triangles.iter().flatten() {
+        needed[v.index()] = true;
+    }
+    for (i, n) in needed.iter_mut().enumerate() {
+        if *n && !finite(VertexId(i as u32)) {
+            *n = false;
+        }
+    }
+    let used = |i: &u32| needed[*i as usize];
+    cleanup.unused_vertices = needed.iter().filter(|n| !**n).count();
+
+    let count = positions.len() as u32;
+    let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for i in (0..count).filter(used) {
+        let p = positions.get(VertexId(i));
+        for k in 0..3 {
+            (min[k], max[k]) = (min[k].min(p[k]), max[k].max(p[k]));
+        }
+    }
+    let extent = [0, 1, 2].map(|k| (max[k] - min[k]).max(0.0));
+    let size = extent.into_iter().fold(0f64, f64::max);
+    // A box without extent (one point, or nothing) keeps the scale of the user.
+    let size = if size > 0.0 && size.is_finite() { size } else { 1.0 };
+    let centre = [0, 1, 2].map(|k| if min[k] <= max[k] { min[k] + 0.5 * (max[k] - min[k]) } else { 0.0 });
+    let frame = Frame { centre, size };
+    let diagonal = size * extent.iter().map(|x| (x / size) * (x / size)).sum::<f64>().sqrt();
+
+    // Codes: ten bits a coordinate along a Morton curve.
+    let mut keys: Vec<(u32, u32)> =
+        (0..count).filter(used).map(|i| (morton(frame.unit(positions.get(VertexId(i)))), i)).collect();
+    drop(needed);
+    let mut spare = keys.clone();
+    for shift in [0, 10, 20] {
+        counting_sort(&keys, &mut spare, 1024, |x| (x.0 >> shift & 1023) as usize);
+        std::mem::swap(&mut keys, &mut spare);
+    }
+    drop(spare);
+
+    let mut rank = vec![NONE; positions.len()];
+    let mut points: Vec<Vec3> = Vec::with_capacity(keys.len());
+    let same = |a: u32, b: u32| positions.get(VertexId(a)) == positions.get(VertexId(b));
+    let mut start = 0;
+    while start < keys.len() {
+        let code = keys[start].0;
+        let end = start + keys[start..].iter().take_while(|x| x.0 == code).count();
+        let run = &mut keys[start..end];
+        start = end;
+        if let [(_, only)] = run {
+            rank[*only as usize] = VertexId(points.len() as u32);
+            points.push(frame.unit(positions.get(VertexId(*only))));
+            continue;
+        }
+        if run.len() > 16 {
+            // Many vertices in one cell: equal positions are brought side by side instead of compared in pairs.
+            run.sort_unstable_by(|a, b| {
+                let (p, q) = (positions.get(VertexId(a.1)), positions.get(VertexId(b.1)));
+                let by = |k: usize| p[k].partial_cmp(&q[k]).unwrap_or(std::cmp::Ordering::Equal);
+                by(0).then(by(1)).then(by(2)).then(a.1.cmp(&b.1))
+            });
+        }
+        for k in 0..run.len() {
+            let i = run[k].1;
+            let earlier = if run.len() > 16 { &run[k.saturating_sub(1)..k] } else { &run[..k] };
+            if let Some(&(_, twin)) = earlier.iter().find(|x| same(x.1, i)) {
+                rank[i as usize] = rank[twin as usize];
+                cleanup.welded_vertices += 1;
+            } else {
+                rank[i as usize] = VertexId(points.len() as u32);
+                points.push(frame.unit(positions.get(VertexId(i))));
+            }
+        }
+    }
+    drop(keys);
+
+    for t in triangles {
+        match ranked(&rank, t) {
+            Ok(_) => {}
+            Err(Unfit::NonFinite) => cleanup.non_finite_faces += 1,
+            Err(Unfit::Degenerate) => cleanup.degenerate_faces += 1,
+        }
+    }
+    let faces = by_least(triangles, &rank, points.len(), |_, r| r, [NONE; 3]);
+    Ordered { frame, rank, point_count: points.len(), points, faces, cleanup, diagonal }
+}
+
+impl Ordered {
+    /// The points again from the surface that was ordered.
+    pub(crate) fn points_again(&self, surface: &Surface<'_>) -> Vec<Vec3> {
+        let mut points = vec![Vec3::ZERO; self.point_count];
+        for (i, r) in self.rank.iter().enumerate() {
+            if *r != NONE {
+                points[r.index()] = self.frame.unit(surface.positions().get(VertexId(i as u32)));
+            }
+        }
+        points
+    }
+    /// The faces again from the surface that was ordered.
+    pub(crate) fn faces_again(&self, surface: &Surface<'_>) -> Vec<[VertexId; 3]> {
+        by_least(surface.triangles(), &self.rank, self.point_count, |_, r| r, [NONE; 3])
+    }
+    /// The wedges of the faces, in the order of the faces, from the mesh that was ordered.
+    pub(crate) fn wedges(&self, surface: &Surface<'_>, mesh: &TriMesh) -> Vec<[WedgeId; 3]> {
+        let wedges = mesh.triangles();
+        by_least(surface.triangles(), &self.rank, self.point_count, |i, _| wedges[i], [WedgeId(0); 3])
+    }
+}
+
+/// Why a face is left out.
+enum Unfit {
+    NonFinite,
+    Degenerate,
+}
+
+#[inline]
+fn ranked(rank: &[VertexId], t: &[VertexId; 3]) -> Result<[VertexId; 3], Unfit> {
+    let r = t.map(|v| rank[v.index()]);
+    if r.contains(&NONE) {
+        Err(Unfit::NonFinite)
+    } else if r[0] == r[1] || r[1] == r[2] || r[2] == r[0] {
+        Err(Unfit::Degenerate)
+    } else {
+        Ok(r)
+    }
+}
+
+/// Something of each sound face (from its index and its ranked vertices), in the order of the faces' least vertices.
+fn by_least<T: Copy>(
+    triangles: &[[VertexId; 3]],
+    rank: &[VertexId],
+    points: usize,
+    item: impl Fn(usize, [VertexId; 3]) -> T,
+    blank: T,
+) -> Vec<T> {
+    let least = |r: &[VertexId; 3]| r[0].min(r[1]).min(r[2]).index();
+    let mut at = vec![0u32; points + 1];
+    for r in triangles.iter().filter_map(|t| ranked(rank, t).ok()) {
+        at[least(&r) + 1] += 1;
+    }
+    for i in 0..points {
+        at[i + 1] += at[i];
+    }
+    let mut out = vec![blank; at[points] as usize];
+    for (i, t) in triangles.iter().enumerate() {
+        if let Ok(r) = ranked(rank, t) {
+            let slot = &mut at[least(&r)];
+            out[*slot as usize] = item(i, r);
+            *slot += 1;
+        }
+    }
+    out
+}
+
+/// Stable counting sort of `items` into `out` by `key`, which is below `keys`.
+fn counting_sort<T: Copy>(items: &[T], out: &mut [T], keys: usize, key: impl Fn(&T) -> usize) {
+    let mut at = vec![0usize; keys + 1];
+    for x in items {
+        at[key(x) + 1] += 1;
+    }
+    for i in 0..keys {
+        at[i + 1] += at[i];
+    }
+    for x in items {
+        let slot = &mut at[key(x)];
+        out[*slot] = *x;
+        *slot += 1;
+    }
+}
+
+/// Place on a Morton curve of 1024³ cells of a point in the unit frame.
+fn morton(p: Vec3) -> u32 {
+    spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2
+}
+
+/// Ten bits of a coordinate, at every third place.
+fn spread(x: f32) -> u32 {
+    let x = (((x + 0.5) * 1023.0) as u32).min(1023);
+    let x = (x | x << 16) & 0x0300_00ff;
+    let x = (x | x << 8) & 0x0300_f00f;
+    let x = (x | x << 4) & 0x030c_30c3;
+    (x | x << 2) & 0x0924_9249
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn surface(points: &[[f32; 3]], faces: &[[u32; 3]]) -> Ordered {
+        let s = Surface::new(PositionsView::F32(points), bytemuck::cast_slice(faces)).unwrap();
+        order(&s)
+    }
+
+    #[test]
+    fn equal_positions_become_one_vertex() {
+        // Two triangles side by side, as a soup: 6 corners, 4 places. Minus zero is zero.
+        let p = [
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [1.0, -0.0, 0.0],
+            [1.0, 1.0, 0.0],
+            [-0.0, 1.0, 0.0],
+        ];
+        let o = surface(&p, &[[0, 1, 2], [3, 4, 5]]);
+        assert_eq!((o.points.len(), o.faces.len(), o.cleanup.welded_vertices), (4, 2, 2));
+        assert_eq!((o.rank[1], o.rank[2]), (o.rank[3], o.rank[5]));
+    }
+
+    #[test]
+    fn many_vertices_in_one_cell_are_welded_too() {
+        // A far outlier puts all others into one cell.
+        let mut p: Vec<[f32; 3]> =
+            (0..300).map(|i| [(i % 100) as f32 * 1e-6, 0.0, (i % 3) as f32 * 1e-6]).collect();
+        p.push([1e6, 1e6, 1e6]);
+        let faces: Vec<[u32; 3]> = (0..299).map(|i| [i, i + 1, 300]).collect();
+        let places: std::collections::BTreeSet<_> = p.iter().map(|q| q.map(f32::to_bits)).collect();
+        assert_eq!(surface(&p, &faces).points.len(), places.len());
+    }
+
+    #[test]
+    fn what_is_broken_is_counted() {
+        let p = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [f32::NAN, 0.0, 0.0], [9.0, 9.0, 9.0]];
+        let o = surface(&p, &[[0, 1, 2], [0, 1, 3], [0, 1, 1]]);
+        assert_eq!((o.faces.len(), o.cleanup.non_finite_faces, o.cleanup.degenerate_faces), (1, 1, 1));
+        assert_eq!(o.cleanup.unused_vertices, 2, "the stray vertex and the one that is no number");
+        assert!((o.diagonal - 2f64.sqrt()).abs() < 1e-12, "a vertex without faces does not count");
+    }
+
+    #[test]
+    fn map_coordinates_keep_their_detail() {
+        let p = [
+            [500_000.0, 4_000_000.0, 100.0],
+            [500_001.0, 4_000_000.0, 100.0],
+            [500_000.0, 4_000_001.0, 100.001],
+        ];
+        let s = Surface::new(PositionsView::F64(&p), bytemuck::cast_slice(&[[0u32, 1, 2]])).unwrap();
+        let o = order(&s);
+        for (i, q) in p.iter().enumerate() {
+            let back = o.frame.user(o.points[o.rank[i].index()]);
+            assert!((0..3).all(|k| (back[k] - q[k]).abs() < 1e-6));
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Wedges through collapses onto endpoints: attributes are kept, seams are not torn.
+
+use glam::Vec3;
+use lodsmith_core::{VertexId, WedgeId};
+
+use super::Engine;
+use super::store::{Ring, Spoke, Store};
+use crate::metric::Metric;
+use crate::report::Refusal;
+
+/// Attributes of the input's wedges, as far as matching needs them.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Wedges {
+    pub(crate) uvs: Option<Vec<[f32; 2]>>,
+    pub(crate) normals: Option<Vec<[f32; 3]>>,
+}
+
+impl Wedges {
+    fn same_uv(&self, a: WedgeId, b: WedgeId) -> bool {
+        self.uvs.as_ref().is_none_or(|uv| uv[a.index()] == uv[b.index()])
+    }
+    /// The one among `choices` on the same side of every UV seam as `like`, with the closest normal to `of`.
+    fn best(&self, choices: &[WedgeId], like: WedgeId, of: WedgeId) -> Option<WedgeId> {
+        let turn = |w: WedgeId| match &self.normals {
+            None => 0.0,
+            Some(n) => -Vec3::from(n[w.index()]).dot(Vec3::from(n[of.index()])),
+        };
+        let sides = choices.iter().copied().filter(|&w| self.same_uv(w, like));
+        sides.min_by(|&a, &b| turn(a).total_cmp(&turn(b)).then(a.cmp(&b)))
+    }
+}
+
+impl<M: Metric> Store<M> {
+    fn wedge(&self, face: usize, w: VertexId) -> Option<WedgeId> {
+        let k = self.t[face].iter().position(|&x| x == w)?;
+        Some(self.wedges.as_ref()?[face][k])
+    }
+}
+
+impl<M: Metric> Engine<M> {
+    /// Gives the corners of the end whose place is given up wedges of the other end. Pairs are found where a triangle
+    /// has both; a wedge without a pair would be torn off its side of a seam, and refuses.
+    #[inline(always)]
+    pub(crate) fn hand_over_wedges(
+        &mut self,
+        u: VertexId,
+        v: VertexId,
+        step: Vec3,
+        off: Vec3,
+        ru: &Ring,
+        rv: &Ring,
+    ) -> Result<(), Refusal> {
+        if self.store.wedges.is_none() {
+            return Ok(());
+        }
+        self.exchange_wedges(u, v, step, off, ru, rv)
+    }
+
+    #[inline(never)]
+    fn exchange_wedges(
+        &mut self,
+        u: VertexId,
+        v: VertexId,
+        step: Vec3,
+        off: Vec3,
+        ru: &Ring,
+        rv: &Ring,
+    ) -> Result<(), Refusal> {
+        let Some(data) = &self.wedge_data else { return Ok(()) };
+        // Which end keeps its place.
+        let (kept, gone, kept_ring, gone_ring) =
+            if step == Vec3::ZERO || off != Vec3::ZERO { (u, v, ru, rv) } else { (v, u, rv, ru) };
+        let at = |r: &Spoke, w: VertexId| self.store.wedge(r.corner.face(), w);
+        let pairs: Vec<(WedgeId, WedgeId)> = gone_ring
+            .iter()
+            .filter(|r| r.has(kept))
+            .filter_map(|r| Some((at(r, gone)?, at(r, kept)?)))
+            .collect();
+        let choices: Vec<WedgeId> = kept_ring.iter().filter_map(|r| at(r, kept)).collect();
+        let mut changes = Vec::new();
+        for r in gone_ring.iter().filter(|r| !r.has(kept)) {
+            let Some(old) = at(r, gone) else { continue };
+            let same = pairs.iter().find(|p| p.0 == old).map(|p| p.1);
+            let new = same.or_else(|| {
+                let side = pairs.iter().find(|p| data.same_uv(p.0, old))?;
+                data.best(&choices, side.1, old)
+            });
+            match new {
+                Some(new) => changes.push((r.corner, new)),
+                None => return Err(Refusal::Seam),
+            }
+        }
+        if let Some(wedges) = &mut self.store.wedges {
+            for (corner, wedge) in changes {
+                wedges[corner.face()][corner.k()] = wedge;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,397 @@
+//! The last step: the vertices of the result move to the least squares of the original surface.
+//!
+//! Every original vertex knows the final vertex that it was merged into, its home. Samples of the original (centres and
+//! corners of faces) take the nearest triangle of the star of their home. Of the samples of a triangle only nine sums
+//! are kept, because a vertex moves the surface at barycentric coordinates b by b_k n·delta; then a few Gauss-Seidel
+//! sweeps of 3×3 systems. (engine design §11.5, §11.10)
+
+use glam::Vec3;
+use lodsmith_core::VertexId;
+
+use crate::collapse::kind::Kind;
+use crate::collapse::order::NONE;
+use crate::collapse::store::{Corner, Store};
+use crate::metric::Metric;
+use crate::tensor::Tensor;
+use crate::triangle;
+
+/// Samples for a final triangle, at most. (More brings less than 1 %.)
+const SAMPLES: usize = 16;
+/// Share of the trace that damps the moves.
+const DAMPING: f32 = 0.01;
+/// Least cosine between the normals of a sample and of its triangle.
+const FACING: f32 = 0.3;
+/// A sample beside its star counts only up to this share of its height, both squared.
+const BESIDE: f32 = 0.01;
+/// Farthest that a vertex may end from the original, in RMS heights of the samples.
+const TETHER: f32 = 6.0;
+/// Sweeps over the vertices.
+const PASSES: usize = 3;
+/// Square of the cosine of the largest turn of a face: 60 degrees.
+const MAX_TURN: f32 = 0.25;
+/// Weight of a border edge's line against the samples, so that borders stay on their curve.
+const BORDER: f32 = 1.0;
+/// Stars kept ready. Samples come in Morton order, so a home is almost always among the last few hundred.
+const READY: usize = 512;
+
+/// Up to eight triangles of a vertex' star side by side, for vector instructions: unit normal, gradients of the
+/// barycentric coordinates of the second and third corner (the vertex is the first), heights over the three edges.
+#[derive(Clone, Copy, Default)]
+#[repr(C, align(64))]
+struct Fan {
+    normal: [[f32; 8]; 3],
+    second: [[f32; 8]; 3],
+    third: [[f32; 8]; 3],
+    high: [[f32; 8]; 3],
+    corner: [Corner; 8],
+}
+
+/// The samples of a final triangle, summed. b: barycentric coordinates, r: height over the plane.
+#[derive(Clone, Copy, Default)]
+struct Load {
+    bb: Tensor,
+    rb: Vec3,
+    /// Largest squared distance.
+    worst: f32,
+}
+
+/// What the fit found.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Fitted {
+    /// RMS distance of the samples to the result, in the unit frame.
+    pub(crate) rms: f64,
+}
+
+/// The nearest triangle of a star.
+#[derive(Clone, Copy)]
+struct Nearest {
+    distance_sq: f32,
+    beside: f32,
+    height: f32,
+    second: f32,
+    third: f32,
+    corner: Corner,
+}
+
+struct Sampler<'a, M: Metric> {
+    store: &'a Store<M>,
+    normals: &'a [Vec3],
+    ready: Vec<(VertexId, Vec<Fan>)>,
+    loads: Vec<Load>,
+    rr: f64,
+    weight: f64,
+}
+
+impl<M: Metric> Sampler<'_, M> {
+    /// Which slot holds the star of `u`, made if need be.
+    #[inline(always)]
+    fn star(&mut self, u: VertexId) -> usize {
+        let slot = u.index() % READY;
+        if self.ready[slot].0 != u {
+            self.make_star(u, slot);
+        }
+        slot
+    }
+
+    #[inline(never)]
+    fn make_star(&mut self, u: VertexId, slot: usize) {
+        let (store, x) = (self.store, self.store.p(u));
+        let (name, fans) = &mut self.ready[slot];
+        *name = u;
+        fans.clear();
+        for corners in store.listed(u).chunks(8) {
+            let mut f = Fan::default(); // an unused lane has no normal and takes no sample
+            for (i, &corner) in corners.iter().enumerate() {
+                let (t, k, n) = (store.t[corner.face()], corner.k(), self.normals[corner.face()]);
+                let (b, c) = (store.p(t[(k + 1) % 3]), store.p(t[(k + 2) % 3]));
+                let edges = [c - b, x - c, b - x];
+                let area = n.dot(edges[2].cross(c - x)).max(1e-30);
+                let (second, third) = (n.cross(edges[1]) / area, n.cross(edges[2]) / area);
+                for j in 0..3 {
+                    (f.normal[j][i], f.second[j][i], f.third[j][i]) = (n[j], second[j], third[j]);
+                    f.high[j][i] = area / edges[j].length().max(1e-30);
+                }
+                f.corner[i] = corner;
+            }
+            fans.push(f);
+        }
+    }
+
+    #[inline(always)]
+    fn nearest(&self, slot: usize, q: Vec3, normal: Vec3, best: &mut Nearest) {
+        for f in &self.ready[slot].1 {
+            let (mut h, mut v, mut w, mut out, mut d2) =
+                ([0f32; 8], [0f32; 8], [0f32; 8], [0f32; 8], [0f32; 8]);
+            for i in 0..8 {
+                let along = |g: &[[f32; 8]; 3], q: Vec3| g[0][i] * q.x + g[1][i] * q.y + g[2][i] * q.z;
+                (h[i], v[i], w[i]) = (along(&f.normal, q), along(&f.second, q), along(&f.third, q));
+                let o = (v[i] + w[i] - 1.0) * f.high[0][i];
+                let o = max(max(o, -v[i] * f.high[1][i]), -w[i] * f.high[2][i]);
+                out[i] = max(o, 0.0);
+                let faces = along(&f.normal, normal) > FACING;
+                d2[i] = if faces { h[i] * h[i] + out[i] * out[i] } else { f32::INFINITY };
+            }
+            let half = |k: usize| min(d2[k], d2[k + 4]);
+            let least = min(min(half(0), half(1)), min(half(2), half(3)));
+            if least < best.distance_sq {
+                let mut lanes = 0u32;
+                for (i, &d) in d2.iter().enumerate() {
+                    lanes |= u32::from(d == least) << i;
+                }
+                let i = lanes.trailing_zeros() as usize & 7;
+                *best = Nearest {
+                    distance_sq: least,
+                    beside: out[i],
+                    height: h[i],
+                    second: v[i],
+                    third: w[i],
+                    corner: f.corner[i],
+                };
+            }
+        }
+    }
+
+    /// Gives a sample to the nearest triangle that faces its way: in the star of its home, then, if it lies beside that
+    /// star, in the star of the nearer corner of the triangle found.
+    #[inline(always)]
+    fn place(&mut self, p: Vec3, normal: Vec3, weight: f32, home: VertexId) {
+        let mut best = Nearest {
+            distance_sq: f32::INFINITY,
+            beside: 0.0,
+            height: 0.0,
+            second: 0.0,
+            third: 0.0,
+            corner: Corner::default(),
+        };
+        let slot = self.star(home);
+        self.nearest(slot, p - self.store.p(home), normal, &mut best);
+        if best.distance_sq == f32::INFINITY {
+            return;
+        }
+        if best.beside != 0.0 {
+            let (t, k) = (self.store.t[best.corner.face()], best.corner.k());
+            let next = t[(k + if best.second > best.third { 1 } else { 2 }) % 3];
+            let slot = self.star(next);
+            self.nearest(slot, p - self.store.p(next), normal, &mut best);
+        }
+        if best.beside * best.beside > BESIDE * best.height * best.height {
+            return;
+        }
+        let (v, w) = (best.second.max(0.0), best.third.max(0.0));
+        let scale = 1.0 / (v + w).max(1.0);
+        let (v, w) = (v * scale, w * scale);
+        let u = 1.0 - v - w;
+        let b = match best.corner.k() {
+            0 => Vec3::new(u, v, w),
+            1 => Vec3::new(w, u, v),
+            _ => Vec3::new(v, w, u),
+        };
+        let load = &mut self.loads[best.corner.face()];
+        load.bb.add(&Tensor::outer(b, weight));
+        load.rb += b * (weight * best.height);
+        load.worst = load.worst.max(best.distance_sq);
+        self.rr += f64::from(weight * best.height * best.height);
+        self.weight += f64::from(weight);
+    }
+}
+
+/// The larger of two, without the care for NaN that keeps `f32::max` from vectorising.
+#[inline(always)]
+fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two, likewise.
+#[inline(always)]
+fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Moves the vertices of a compact store towards the original, given as the ordered input.
+pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[VertexId; 3]]) -> Fitted {
+    if store.t.is_empty() {
+        return Fitted::default();
+    }
+    let home = store.homes();
+    let normals: Vec<Vec3> = store
+        .t
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.map(|w| store.p(w));
+            let n = (b - a).cross(c - a);
+            n / n.length().max(1e-30)
+        })
+        .collect();
+    let mut sampler = Sampler {
+        store,
+        normals: &normals,
+        ready: vec![(NONE, Vec::new()); READY],
+        loads: vec![Load::default(); store.t.len()],
+        rr: 0.0,
+        weight: 0.0,
+    };
+    // Exact quadrature of squares: 3/4 of the area at the centre, 1/12 at each corner. A vertex has six corners, about.
+    let stride = ((points.len() + faces.len()) / (SAMPLES * store.t.len())).max(1);
+    for (i, t) in faces.iter().enumerate().step_by(stride) {
+        // Where two corners went to one place, the face is rather there.
+        let homes = t.map(|w| home[w.index()]);
+        let u = if homes[1] == homes[2] { homes[1] } else { homes[0] };
+        if u == NONE {
+            continue;
+        }
+        let [a, b, c] = t.map(|w| points[w.index()]);
+        let n = (b - a).cross(c - a);
+        let area = n.length();
+        let n = n / area.max(1e-30);
+        sampler.place((a + (b + c)) * (1.0 / 3.0), n, 9.0 * area, u);
+        if i % (2 * stride) == 0 {
+            sampler.place(a, n, 6.0 * area, homes[0]);
+        }
+    }
+    let Sampler { loads, rr, weight, .. } = sampler;
+    let delta = solve(store, &normals, &loads);
+    let mut after = rr;
+    for ((t, load), &n) in store.t.iter().zip(&loads).zip(&normals) {
+        let s = Vec3::from(t.map(|w| n.dot(delta[w.index()])));
+        after += f64::from(s.dot(load.bb.times(s)) - 2.0 * s.dot(load.rb));
+    }
+    shift(store, &normals, &loads, &delta);
+    tether(store, &normals, points, faces, &home, TETHER * TETHER * (rr / weight.max(1e-30)) as f32);
+    Fitted { rms: (after.max(0.0) / weight.max(1e-30)).sqrt() }
+}
+
+/// Gauss-Seidel on the displacements. A triangle only sees the heights n·delta of its three vertices.
+fn solve<M: Metric>(store: &Store<M>, normals: &[Vec3], loads: &[Load]) -> Vec<Vec3> {
+    let mut delta = vec![Vec3::ZERO; store.v.len()];
+    for _ in 0..PASSES {
+        for u in 0..store.v.len() {
+            if !may_move(store.v[u].kind) {
+                continue;
+            }
+            let (mut a, mut g) = (Tensor::default(), Vec3::ZERO);
+            let id = VertexId(u as u32);
+            for &corner in store.listed(id) {
+                let (t, k, n) = (&store.t[corner.face()], corner.k(), normals[corner.face()]);
+                let load = &loads[corner.face()];
+                let (next, prev) = ((k + 1) % 3, (k + 2) % 3);
+                // Off-diagonal of b bᵀ for the pair (k, j): xy, xz, yz stand at 3, 4, 5.
+                let pair = |j: usize| load.bb.0[2 + k + j] * n.dot(delta[t[j].index()]);
+                a.add(&Tensor::outer(n, load.bb.0[k]));
+                g += n * (load.rb[k] - pair(next) - pair(prev));
+            }
+            if store.v[u].kind.is_border() {
+                for w in border_neighbours(store, id) {
+                    a.add(&Tensor::line(store.p(w) - store.v[u].p, BORDER));
+                }
+            }
+            let (c, det) = a.damped(DAMPING * a.trace()).adjugate();
+            if det > 0.0 {
+                delta[u] = c.times(g) * (1.0 / det);
+            }
+        }
+    }
+    delta
+}
+
+fn may_move(kind: Kind) -> bool {
+    kind.is_free() && !kind.is_complex()
+}
+
+/// The vertices at the other ends of the border edges of `u`.
+fn border_neighbours<M: Metric>(store: &Store<M>, u: VertexId) -> impl Iterator<Item = VertexId> + '_ {
+    let others = move |c: &Corner| {
+        let t = store.t[c.face()];
+        [t[(c.k() + 1) % 3], t[(c.k() + 2) % 3]]
+    };
+    let around = store.listed(u);
+    around
+        .iter()
+        .flat_map(others)
+        .filter(move |&w| around.iter().filter(|c| others(c).contains(&w)).count() == 1)
+}
+
+/// Whether every face of `u` keeps its side with `u` at `p`.
+fn is_fine<M: Metric>(store: &Store<M>, normals: &[Vec3], u: VertexId, p: Vec3) -> bool {
+    store.listed(u).iter().all(|&corner| {
+        let (t, k) = (&store.t[corner.face()], corner.k());
+        let (a, b) = (store.p(t[(k + 1) % 3]), store.p(t[(k + 2) % 3]));
+        let (before, after) = ((b - a).cross(store.p(u) - a), (b - a).cross(p - a));
+        let turned = |n: Vec3| {
+            let d = n.dot(after);
+            d <= 0.0 || d * d <= MAX_TURN * n.length_squared() * after.length_squared()
+        };
+        let around = (b - a).length_squared() + (p - a).length_squared() + (p - b).length_squared();
+        let is_thin = 12.0 * after.length_squared() < 1e-6 * around * around;
+        !turned(normals[corner.face()]) && !(is_thin && after.length_squared() < before.length_squared())
+    })
+}
+
+/// Moves, by no more than the largest distance seen, and only where no triangle turns far.
+fn shift<M: Metric>(store: &mut Store<M>, normals: &[Vec3], loads: &[Load], delta: &[Vec3]) {
+    for u in 0..store.v.len() {
+        let step = delta[u].length_squared();
+        if step == 0.0 {
+            continue;
+        }
+        let id = VertexId(u as u32);
+        let worst = store.listed(id).iter().map(|c| loads[c.face()].worst).fold(0f32, f32::max);
+        let p = store.v[u].p + delta[u] * if step > worst { (worst / step).sqrt() } else { 1.0 };
+        if is_fine(store, normals, id, p) {
+            let x = &mut store.v[u];
+            (x.p, x.kind) = (p, x.kind.moved(true));
+        }
+    }
+}
+
+/// Pulls in vertices that stick out farther than the root of `limit`. It is enough to look round the nearest of the
+/// points merged into a vertex: an exact pass over all faces doubles the time of the fit.
+fn tether<M: Metric>(
+    store: &mut Store<M>,
+    normals: &[Vec3],
+    points: &[Vec3],
+    faces: &[[VertexId; 3]],
+    home: &[VertexId],
+    limit: f32,
+) {
+    let mut nearest_point = vec![(f32::INFINITY, NONE); store.v.len()];
+    for (i, (&q, &h)) in points.iter().zip(home).enumerate() {
+        if h != NONE {
+            let d2 = (q - store.p(h)).length_squared();
+            let best = &mut nearest_point[h.index()];
+            if d2 < best.0 {
+                *best = (d2, VertexId(i as u32));
+            }
+        }
+    }
+    let mut look = vec![false; points.len()];
+    let mut any = false;
+    for (u, best) in nearest_point.iter().enumerate() {
+        if best.0 > limit && best.1 != NONE && may_move(store.v[u].kind) && store.v[u].kind.is_moved() {
+            (look[best.1.index()], any) = (true, true);
+        }
+    }
+    if !any {
+        return;
+    }
+    drop(nearest_point);
+    let mut found = vec![(f32::INFINITY, Vec3::ZERO); store.v.len()];
+    for t in faces {
+        for w in t.iter().filter(|w| look[w.index()]) {
+            let h = home[w.index()];
+            let [a, b, c] = t.map(|w| points[w.index()]);
+            let near = triangle::closest(store.p(h), a, b, c);
+            if near.0 < found[h.index()].0 {
+                found[h.index()] = near;
+            }
+        }
+    }
+    for (u, &(d, q)) in found.iter().enumerate() {
+        if d > limit && d.is_finite() {
+            let id = VertexId(u as u32);
+            let p = q + (store.p(id) - q) * (limit / d).sqrt();
+            if is_fine(store, normals, id, p) {
+                store.v[u].p = p;
+            }
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Vetoes: what the options forbid, as numbers ready for the inner loop.
+
+use crate::collapse::order::Frame;
+use crate::options::{BorderPolicy, Placement, SimplifyOptions, TopologyPolicy};
+
+/// Squared cosine of the largest turn of a face in one collapse: 78 degrees. (Prototype; larger turns fold.)
+const MAX_TURN: f32 = 0.04;
+
+/// What a collapse may and may not do, in the unit frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rules {
+    pub(crate) placement: Placement,
+    pub(crate) border: BorderPolicy,
+    pub(crate) topology: TopologyPolicy,
+    /// Squared cosine of the largest turn of a face.
+    pub(crate) max_turn: f32,
+    /// Square of the least shape of a new face.
+    pub(crate) min_shape: f32,
+    pub(crate) max_valence: usize,
+    pub(crate) max_edge_sq: f32,
+    /// Square of the largest distance from the merged vertex to a plane that it leaves.
+    pub(crate) max_step_sq: f32,
+}
+
+impl Rules {
+    pub(crate) fn new(options: &SimplifyOptions, frame: Frame, diagonal: f64) -> Self {
+        let guards = &options.guards;
+        let cos = guards.max_normal_deg.map_or(0.0, |deg| deg.min(90.0).to_radians().cos() as f32);
+        let max_edge =
+            guards.max_edge.map_or(f64::INFINITY, |l| frame.from_user_length(l.in_units(diagonal)));
+        Self {
+            placement: options.placement,
+            border: options.border,
+            topology: options.topology,
+            max_turn: MAX_TURN.max(cos * cos),
+            min_shape: guards.min_quality.map_or(0.0, |q| (q * q) as f32),
+            max_valence: guards.max_valence.unwrap_or(usize::MAX),
+            max_edge_sq: (max_edge * max_edge) as f32,
+            max_step_sq: f32::INFINITY,
+        }
+    }
+    /// Whether any guard beside the usual ones has to be asked.
+    pub(crate) fn has_extra_guards(&self) -> bool {
+        self.min_shape > 0.0 || self.max_valence != usize::MAX || self.max_edge_sq.is_finite()
+    }
+}

@@ -1,0 +1,443 @@
+//! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
+
+use glam::Vec3;
+use lodsmith_core::measure::{self, CompareOptions, Comparison};
+use lodsmith_core::mesh::weld;
+use lodsmith_core::{Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId};
+
+use crate::collapse::order::{self, NONE, Ordered};
+use crate::collapse::store::Store;
+use crate::collapse::{End, Engine, Goal, Original, Wedges};
+use crate::control::{Control, Stage, Verdict};
+use crate::fit;
+use crate::guard::Rules;
+use crate::metric::{Memoryless, Metric, Quadric};
+use crate::options::{Fit, Measure, Method, Placement, SimplifyOptions};
+use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
+use crate::{Simplified, SimplifyError};
+
+/// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
+/// again when it comes to it, which takes some percent more time and 18 bytes a face less.
+const COPY_UP_TO: usize = 1_000_000;
+/// Runs of the engine in search of an error, at most.
+const ERROR_RUNS: usize = 10;
+/// The search ends when the step lies within this factor of one that was too large.
+const ERROR_CLOSE: f64 = 1.04;
+
+/// The input of a run; attributes where they are kept.
+pub(crate) struct Input<'a> {
+    pub(crate) surface: Surface<'a>,
+    pub(crate) mesh: Option<&'a TriMesh>,
+}
+
+/// The ordered input, kept or made again.
+struct Source<'a> {
+    surface: &'a Surface<'a>,
+    ordered: &'a Ordered,
+    is_kept: bool,
+}
+
+impl Original for Source<'_> {
+    fn with(&self, call: &mut dyn FnMut(&[Vec3], &[[VertexId; 3]])) {
+        if self.is_kept {
+            call(&self.ordered.points, &self.ordered.faces);
+        } else {
+            call(&self.ordered.points_again(self.surface), &self.ordered.faces_again(self.surface));
+        }
+    }
+}
+
+/// What one pass of the engine made.
+struct Outcome {
+    mesh: TriMesh,
+    end: End,
+    estimate: f64,
+    fitted: bool,
+    refusals: [u64; Refusal::ALL.len()],
+    collapses: u64,
+    parts_removed: usize,
+    duplicate_faces: usize,
+}
+
+/// Runs with the options' method.
+pub(crate) fn run(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<Simplified, SimplifyError> {
+    check(options)?;
+    let Some(distance) = options.weld else { return run_by_method(input, options, control) };
+    let positions = input.surface.positions();
+    let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
+    let weld = weld::weld_within(positions, distance.in_units(diagonal));
+    let triangles = input.surface.triangles().iter().map(|t| t.map(|v| weld.of(v))).collect();
+    let welded = Input { surface: Surface::with_triangles(positions, triangles)?, mesh: input.mesh };
+    let mut done = run_by_method(&welded, options, control)?;
+    // The joined vertices have no face any more; they are counted as joined, not as unused.
+    let cleanup = &mut done.report.cleanup;
+    cleanup.welded_vertices += weld.merged_count();
+    cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(weld.merged_count());
+    Ok(done)
+}
+
+fn run_by_method(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<Simplified, SimplifyError> {
+    match options.method {
+        Method::Memoryless => run_with::<Memoryless>(input, options, control),
+        Method::Quadric => run_with::<Quadric>(input, options, control),
+    }
+}
+
+fn run_with<M: Metric>(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<Simplified, SimplifyError> {
+    control.stage(Stage::Prepare);
+    if control.progress(0.0) == Verdict::Cancel {
+        return Err(SimplifyError::Cancelled);
+    }
+    let surface = &input.surface;
+    let input_faces = surface.triangles().len();
+    let mut ordered = order::order(surface);
+    if ordered.faces.is_empty() {
+        return Err(SimplifyError::NoFaces { faces: input_faces });
+    }
+    let goal = goal(options, input_faces);
+    let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
+    let run = Run { input, options, ordered: &mut ordered, goal };
+    let (outcome, measured, by_error) = match limit {
+        Some(limit) => run.within_error::<M>(limit, control)?,
+        None => run.to_goal::<M>(control)?,
+    };
+    let mut cleanup = ordered.cleanup;
+    cleanup.duplicate_faces = outcome.duplicate_faces;
+    let met = |n: Option<usize>, count: usize| n.is_some_and(|n| count <= n);
+    let (faces, vertices) = (outcome.mesh.face_count(), outcome.mesh.vertex_count());
+    let stop = &options.stop;
+    let stopped_by = match outcome.end {
+        End::Finish => StoppedBy::Caller,
+        _ if met(stop.faces, faces) => StoppedBy::Faces,
+        _ if met(stop.vertices, vertices) => StoppedBy::Vertices,
+        _ if met(stop.ratio.map(|r| share(r, input_faces)), faces) => StoppedBy::Ratio,
+        _ if by_error => StoppedBy::Error,
+        _ if goal.faces.is_none() && goal.vertices.is_none() && limit.is_none() => StoppedBy::Nothing,
+        _ => StoppedBy::Refusals,
+    };
+    // A limit of the error alone is met by any result that keeps it.
+    let within = |l: f64| measured.as_ref().is_some_and(|m| m.hausdorff.symmetric <= l);
+    let reached = match stopped_by {
+        StoppedBy::Caller => false,
+        StoppedBy::Refusals => goal.faces.is_none() && goal.vertices.is_none() && limit.is_some_and(within),
+        _ => true,
+    };
+    let dropped = match input.mesh {
+        Some(mesh) if options.placement != Placement::Endpoint => names_of_attributes(mesh),
+        _ => Vec::new(),
+    };
+    let report = Report {
+        input_faces,
+        input_vertices: surface.positions().len(),
+        faces,
+        vertices,
+        reached,
+        stopped_by,
+        error: ErrorReport { estimate: outcome.estimate, measured, diagonal: ordered.diagonal },
+        refusals: Refusal::ALL.into_iter().zip(outcome.refusals).filter(|r| r.1 > 0).collect(),
+        collapses: outcome.collapses,
+        parts_removed: outcome.parts_removed,
+        cleanup,
+        dropped,
+        fitted: outcome.fitted,
+    };
+    Ok(Simplified { mesh: outcome.mesh, report })
+}
+
+struct Run<'a, 'b> {
+    input: &'a Input<'b>,
+    options: &'a SimplifyOptions,
+    ordered: &'a mut Ordered,
+    goal: Goal,
+}
+
+type Finished = (Outcome, Option<Comparison>, bool);
+
+impl Run<'_, '_> {
+    /// One pass to the goal, measured if asked.
+    fn to_goal<M: Metric>(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
+        let outcome = self.pass::<M>(None, control)?;
+        let measured = match self.options.measure {
+            Measure::Auto => None,
+            Measure::Always => {
+                let reference = self.reference(control);
+                reference.map(|r| self.compare(&r, &outcome.mesh))
+            }
+        };
+        Ok((outcome, measured, false))
+    }
+
+    /// The lightest result whose measured deviation, both ways, stays within `limit`.
+    ///
+    /// The engine refuses steps that leave a plane by more than some distance d; d is searched for, because steps add
+    /// up in a way that only the measure knows.
+    fn within_error<M: Metric>(
+        mut self,
+        limit: f64,
+        control: &mut dyn Control,
+    ) -> Result<Finished, SimplifyError> {
+        let Some(reference) = self.reference(control) else {
+            let outcome = self.pass::<M>(Some(0.0), control)?;
+            return Ok((outcome, None, true));
+        };
+        let mut best: Option<(Outcome, Comparison)> = None;
+        let (mut low, mut high) = (0f64, f64::INFINITY);
+        let mut step = limit * 0.7; // typical growth of the sum over single steps, measured on scans
+        for _ in 0..ERROR_RUNS {
+            let outcome = self.pass::<M>(Some(step), control)?;
+            let ended = outcome.end == End::Finish;
+            let measured = self.compare(&reference, &outcome.mesh);
+            let got = measured.hausdorff.symmetric;
+            let fits = got <= limit;
+            if fits {
+                low = low.max(step);
+                let lighter = best.as_ref().is_none_or(|b| outcome.mesh.face_count() < b.0.mesh.face_count());
+                let met = outcome.end == End::Goal;
+                if lighter {
+                    best = Some((outcome, measured));
+                }
+                if met || ended {
+                    break;
+                }
+            } else {
+                high = high.min(step);
+            }
+            if ended || (low > 0.0 && high / low < ERROR_CLOSE) {
+                break;
+            }
+            // Where the next one should lie by proportion, kept inside what is known.
+            let wish = step * (limit / got.max(limit * 1e-3)) * 0.97;
+            step = if high.is_infinite() {
+                wish.clamp(low * 1.3, low * 8.0)
+            } else if low == 0.0 {
+                wish.clamp(high * 0.05, high * 0.8)
+            } else {
+                let (a, b) = (low * 1.02, high / 1.02);
+                if wish > a && wish < b { wish } else { (low * high).sqrt() }
+            };
+        }
+        match best {
+            Some((outcome, measured)) => Ok((outcome, Some(measured), true)),
+            None => {
+                // Nothing may move: only what costs nothing at all.
+                let outcome = self.pass::<M>(Some(0.0), control)?;
+                let measured = self.compare(&reference, &outcome.mesh);
+                Ok((outcome, Some(measured), true))
+            }
+        }
+    }
+
+    fn reference(&self, control: &mut dyn Control) -> Option<measure::Prepared> {
+        control.stage(Stage::Measure);
+        measure::Prepared::new(&self.input.surface).ok()
+    }
+
+    fn compare(&self, reference: &measure::Prepared, mesh: &TriMesh) -> Comparison {
+        let mut options = CompareOptions::default();
+        options.seed = self.options.seed;
+        match measure::Prepared::new(&mesh.surface()) {
+            Ok(candidate) => measure::compare_prepared(reference, &candidate, &options),
+            // A result without faces is as far away as can be.
+            Err(_) => Comparison::default(),
+        }
+    }
+
+    /// One run of the engine; `step` is the largest distance from a plane that one collapse may leave, in user units.
+    fn pass<M: Metric>(
+        &mut self,
+        step: Option<f64>,
+        control: &mut dyn Control,
+    ) -> Result<Outcome, SimplifyError> {
+        let options = self.options;
+        let surface = &self.input.surface;
+        control.stage(Stage::Prepare);
+        let frame = self.ordered.frame;
+        let mut rules = Rules::new(options, frame, self.ordered.diagonal);
+        if let Some(step) = step {
+            let unit = frame.from_user_length(step) as f32;
+            rules.max_step_sq = unit * unit;
+        }
+        // The search for an error runs several times from the same start.
+        let again = step.is_some();
+        let faces_count = self.ordered.faces.len();
+        let keep = faces_count <= COPY_UP_TO || again;
+        let (points, faces) = if keep {
+            (self.ordered.points.clone(), self.ordered.faces.clone())
+        } else {
+            (std::mem::take(&mut self.ordered.points), std::mem::take(&mut self.ordered.faces))
+        };
+        let wedges = self.wedges(&faces);
+        let (store_wedges, wedge_data) = match wedges {
+            Some((corners, data)) => (Some(corners), Some(data)),
+            None => (None, None),
+        };
+        let store = Store::<M>::new(points, faces, store_wedges);
+        let (mut engine, duplicate_faces) = Engine::new(store, rules, wedge_data);
+
+        control.stage(Stage::Collapse);
+        let source = Source { surface, ordered: self.ordered, is_kept: keep };
+        let end = engine.sweep(&self.goal, &source, control);
+        if end == End::Cancel {
+            return Err(SimplifyError::Cancelled);
+        }
+        let wants_fit = match options.fit {
+            Fit::Off => false,
+            Fit::On => options.placement != Placement::Endpoint,
+            Fit::Auto => M::MEMORYLESS && options.placement == Placement::Optimal,
+        };
+        let mut estimate = engine.estimate();
+        let wants_fit = wants_fit && engine.collapses > 0;
+        if wants_fit {
+            control.stage(Stage::Fit);
+            if control.progress(0.0) == Verdict::Cancel {
+                return Err(SimplifyError::Cancelled);
+            }
+            source.with(&mut |points, faces| estimate = fit::fit(&mut engine.store, points, faces).rms);
+        }
+        Ok(Outcome {
+            estimate: frame.to_user_length(estimate),
+            end,
+            fitted: wants_fit,
+            refusals: engine.refusals,
+            collapses: engine.collapses,
+            parts_removed: engine.parts_removed,
+            duplicate_faces,
+            mesh: self.result(&engine.store)?,
+        })
+    }
+
+    /// The wedges of the ordered faces, where attributes are kept.
+    fn wedges(&self, faces: &[[VertexId; 3]]) -> Option<(Vec<[WedgeId; 3]>, Wedges)> {
+        let mesh = self.input.mesh.filter(|m| m.has_attributes())?;
+        if self.options.placement != Placement::Endpoint {
+            return None;
+        }
+        let corners = self.ordered.wedges(&self.input.surface, mesh);
+        debug_assert_eq!(corners.len(), faces.len());
+        let data = Wedges { uvs: mesh.uvs().map(<[_]>::to_vec), normals: mesh.normals().map(<[_]>::to_vec) };
+        Some((corners, data))
+    }
+
+    /// The mesh of a compact store. Vertices that kept their place have the bits of the input.
+    fn result<M: Metric>(&self, store: &Store<M>) -> Result<TriMesh, SimplifyError> {
+        let input_positions = self.input.surface.positions();
+        // The first vertex of the input at each place.
+        let mut first = vec![NONE; store.merged_into.len()];
+        for (i, r) in self.ordered.rank.iter().enumerate().rev() {
+            if *r != NONE {
+                first[r.index()] = VertexId(i as u32);
+            }
+        }
+        let frame = self.ordered.frame;
+        let place = |i: usize| {
+            let x = &store.v[i];
+            if x.kind.is_moved() { frame.user(x.p) } else { input_positions.get(first[x.origin.index()]) }
+        };
+        let places = (0..store.v.len()).map(place);
+        let positions = match input_positions {
+            PositionsView::F32(_) => Positions::F32(places.map(|p| p.map(|x| x as f32)).collect()),
+            PositionsView::F64(_) => Positions::F64(places.collect()),
+        };
+        match (&store.wedges, self.input.mesh) {
+            (Some(wedges), Some(mesh)) => with_attributes(mesh, positions, &store.t, wedges),
+            _ => Ok(TriMesh::new(positions, store.t.clone())?),
+        }
+    }
+}
+
+/// The result's wedges, numbered in the order of the faces, with their attributes from the input.
+fn with_attributes(
+    mesh: &TriMesh,
+    positions: Positions,
+    faces: &[[VertexId; 3]],
+    wedges: &[[WedgeId; 3]],
+) -> Result<TriMesh, SimplifyError> {
+    let mut pairs: Vec<(VertexId, WedgeId)> =
+        faces.iter().flatten().copied().zip(wedges.iter().flatten().copied()).collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    let number = |v: VertexId, w: WedgeId| match pairs.binary_search(&(v, w)) {
+        Ok(i) | Err(i) => WedgeId(i as u32),
+    };
+    let triangles =
+        faces.iter().zip(wedges).map(|(t, w)| [0, 1, 2].map(|k| number(t[k], w[k]))).collect::<Vec<_>>();
+    let plain = pairs.len() == positions.len() && pairs.iter().enumerate().all(|(i, p)| p.0.index() == i);
+    let mut result = if plain {
+        TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?
+    } else {
+        TriMesh::with_wedges(positions, pairs.iter().map(|p| p.0).collect(), triangles)?
+    };
+    result.set_normals(mesh.normals().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
+    result.set_uvs(mesh.uvs().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
+    result.set_colors(mesh.colors().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
+    Ok(result)
+}
+
+fn names_of_attributes(mesh: &TriMesh) -> Vec<&'static str> {
+    let has = [
+        ("normals", mesh.normals().is_some()),
+        ("uvs", mesh.uvs().is_some()),
+        ("colors", mesh.colors().is_some()),
+    ];
+    has.into_iter().filter(|x| x.1).map(|x| x.0).collect()
+}
+
+/// The number of faces that a ratio stands for: at least one.
+fn share(ratio: f64, faces: usize) -> usize {
+    ((faces as f64 * ratio).round() as usize).max(1)
+}
+
+fn goal(options: &SimplifyOptions, faces: usize) -> Goal {
+    let stop = &options.stop;
+    let by_ratio = stop.ratio.map(|r| share(r, faces));
+    // The first one met stops, so the larger count counts.
+    let by_faces = match (stop.faces, by_ratio) {
+        (Some(a), Some(b)) => Some(a.max(b)),
+        (a, b) => a.or(b),
+    };
+    let nothing = by_faces.is_none() && stop.vertices.is_none() && stop.error.is_none();
+    Goal { faces: if nothing { Some(usize::MAX) } else { by_faces }, vertices: stop.vertices }
+}
+
+fn check(options: &SimplifyOptions) -> Result<(), SimplifyError> {
+    let bad = |option, wanted, got| Err(SimplifyError::BadOption { option, wanted, got });
+    let length = |l: crate::Length| match l {
+        crate::Length::Units(x) | crate::Length::OfDiagonal(x) => x,
+    };
+    let stop = &options.stop;
+    if let Some(r) = stop.ratio.filter(|r| !(*r > 0.0 && *r <= 1.0)) {
+        return bad("ratio", "above 0 and at most 1", r);
+    }
+    if let Some(e) = stop.error.map(length).filter(|e| !(e.is_finite() && *e >= 0.0)) {
+        return bad("error", "a distance of 0 or more", e);
+    }
+    let guards = &options.guards;
+    if let Some(x) = guards.max_normal_deg.filter(|x| !(*x > 0.0 && *x <= 180.0)) {
+        return bad("max-normal", "above 0 and at most 180 degrees", x);
+    }
+    if let Some(x) = guards.min_quality.filter(|x| !(*x >= 0.0 && *x <= 1.0)) {
+        return bad("min-quality", "from 0 to 1", x);
+    }
+    if let Some(x) = guards.max_valence.filter(|x| *x < 3) {
+        return bad("max-valence", "at least 3", x as f64);
+    }
+    if let Some(x) = guards.max_edge.map(length).filter(|x| !(x.is_finite() && *x > 0.0)) {
+        return bad("max-edge", "a length above 0", x);
+    }
+    if let Some(x) = options.weld.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
+        return bad("weld", "a distance of 0 or more", x);
+    }
+    Ok(())
+}
