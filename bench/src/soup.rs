@@ -1,10 +1,10 @@
 //! A mesh as engines take it: single precision positions and three indices for each face.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use lodsmith_core::{MeshError, Positions, PositionsView, Surface, TriMesh};
+use lodsmith_core::mesh::weld::weld;
+use lodsmith_core::{MeshError, Positions, PositionsView, Surface, TriMesh, VertexId};
 use lodsmith_io::{ReadOptions, read_path};
 
 /// Positions and triangles, nothing else.
@@ -42,15 +42,11 @@ impl Soup {
     /// finite. The vertices that stay keep their order.
     #[must_use]
     pub fn welded(&self) -> Self {
-        // Adding zero turns -0 into 0: the two are one place.
-        let key = |p: &[f32; 3]| p.map(|x| (x + 0.0).to_bits());
-        let mut first = HashMap::with_capacity(self.positions.len());
-        let place: Vec<u32> =
-            self.positions.iter().zip(0u32..).map(|(p, i)| *first.entry(key(p)).or_insert(i)).collect();
+        let weld = weld(PositionsView::F32(&self.positions));
         let finite = |i: u32| self.positions[i as usize].iter().all(|x| x.is_finite());
         let mut indices: Vec<u32> = Vec::with_capacity(self.indices.len());
         for t in self.indices.chunks_exact(3) {
-            let t = [t[0], t[1], t[2]].map(|i| place[i as usize]);
+            let t = [t[0], t[1], t[2]].map(|i| weld.of(VertexId(i)).0);
             if t[0] != t[1] && t[1] != t[2] && t[2] != t[0] && t.iter().all(|&i| finite(i)) {
                 indices.extend(t);
             }

@@ -103,7 +103,9 @@ fn names_a_place(args: &[String]) -> bool {
     while let Some(word) = words.next() {
         match word.as_str() {
             "--models" => return true,
-            "--only" | "--targets" | "--orders" | "--reps" | "--samples" | "--json" => _ = words.next(),
+            "--only" | "--targets" | "--orders" | "--clock" | "--reps" | "--samples" | "--json" => {
+                _ = words.next()
+            }
             word if !word.starts_with('-') => return true,
             _ => {}
         }
