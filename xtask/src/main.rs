@@ -1,2 +1,155 @@
-//! xtask
-fn main() {}
+//! Chores of the workspace.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
+
+mod corpus;
+mod sample;
+mod tidy;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, Result, bail, ensure};
+
+const HELP: &str = "\
+cargo xtask bench [rivals|io_speed|memory|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
+cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR through the release command
+cargo xtask tidy                                           the rules of the house; also part of `cargo test`
+cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
+cargo xtask sample                                         makes the sample model of the README
+";
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let (command, rest) = args.split_first().map_or(("help", &[][..]), |(c, rest)| (c.as_str(), rest));
+    let done = match command {
+        "bench" => bench(rest),
+        "corpus" => corpus::run(rest),
+        "tidy" => tidy::run(),
+        "goldens" => goldens(rest),
+        "sample" => write_sample(),
+        "help" | "--help" | "-h" => {
+            print!("{HELP}");
+            Ok(())
+        }
+        other => Err(anyhow::anyhow!("no command {other}\n\n{HELP}")),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The folder of the workspace.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask lies in the workspace")
+}
+
+/// Cargo as it was called, in the folder of the workspace.
+fn cargo() -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(root());
+    command
+}
+
+fn succeed(command: &mut Command) -> Result<()> {
+    let status = command.status().with_context(|| format!("starting {}", command.get_program().display()))?;
+    ensure!(status.success(), "{} ended with {status}", command.get_program().display());
+    Ok(())
+}
+
+/// The shared test models, where a checkout has them beside it.
+fn shared_models() -> Option<PathBuf> {
+    let folder = root().join("../shared/models");
+    folder.is_dir().then_some(folder)
+}
+
+fn bench(args: &[String]) -> Result<()> {
+    let (which, rest) = match args.split_first() {
+        Some((first, rest)) if ["rivals", "io_speed", "memory", "all"].contains(&first.as_str()) => {
+            (first.as_str(), rest)
+        }
+        _ => ("rivals", args),
+    };
+    let names: &[&str] = match which {
+        "all" => &["rivals", "io_speed"],
+        "io_speed" => &["io_speed"],
+        "memory" => &["memory"],
+        _ => &["rivals"],
+    };
+    for &name in names {
+        let mut command = cargo();
+        command.args(["run", "--quiet", "--release", "--package", "lodsmith-bench", "--bin", name, "--"]);
+        // Options of `all` are those of the table.
+        if which != "all" || name == "rivals" {
+            command.args(rest.iter().map(|word| from_here(word)));
+        }
+        if name == "rivals" && !names_a_place(rest) {
+            let Some(models) = shared_models() else {
+                bail!("no models: name files or folders (../shared/models is not there)");
+            };
+            command.arg("--models").arg(models);
+        }
+        succeed(&mut command)?;
+    }
+    Ok(())
+}
+
+/// Whether files or folders are among the options of the table.
+fn names_a_place(args: &[String]) -> bool {
+    let mut words = args.iter();
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--models" => return true,
+            "--only" | "--targets" | "--orders" | "--clock" | "--reps" | "--samples" | "--json" => {
+                _ = words.next()
+            }
+            word if !word.starts_with('-') => return true,
+            _ => {}
+        }
+    }
+    false
+}
+
+/// A path that exists where the caller stands, told so that it holds in the folder of the workspace too.
+fn from_here(word: &str) -> PathBuf {
+    std::path::absolute(word).ok().filter(|p| !word.is_empty() && p.exists()).unwrap_or_else(|| word.into())
+}
+
+fn goldens(args: &[String]) -> Result<()> {
+    let filter = args.first().map_or("golden", String::as_str);
+    let mut tests = cargo();
+    tests.args(["test", "--quiet", filter]);
+    // Our own recorded answers obey the first, those of the insta crate the second.
+    succeed(tests.env("LODSMITH_GOLDENS", "write").env("INSTA_UPDATE", "always"))?;
+    succeed(Command::new("git").args(["status", "--short"]).current_dir(root()))
+}
+
+fn write_sample() -> Result<()> {
+    let sample = sample::finial();
+    let bytes = sample::ply(&sample);
+    std::fs::write(root().join(sample::PATH), &bytes).with_context(|| format!("writing {}", sample::PATH))?;
+    println!(
+        "{}: {} vertices, {} triangles, {} bytes",
+        sample::PATH,
+        sample.positions.len(),
+        sample.triangles.len(),
+        bytes.len()
+    );
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_told_from_values() {
+        let places = |args: &[&str]| names_a_place(&args.iter().map(|&a| a.to_owned()).collect::<Vec<_>>());
+        assert!(!places(&["--quick", "--only", "bunny", "--targets", "10%"]));
+        assert!(places(&["--quick", "a.ply"]));
+        assert!(places(&["--models", "folder"]));
+    }
+}

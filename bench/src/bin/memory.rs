@@ -1,0 +1,87 @@
+//! Peak memory of a simplification, in bytes for each triangle beyond the mesh that it is given.
+//!
+//! ```text
+//! memory FILE [--target 10%] [--no-fit] [--threads N]
+//! ```
+//! The file is read and welded, handed over to a second process as plain buffers and simplified there, so that nothing
+//! that reading has left behind hides the peak. The figure is the peak of resident memory during the run less what was
+//! resident with the mesh loaded; the result is part of it. Linux only.
+#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, Result, bail, ensure};
+use lodsmith::{Fit, NoControl, SimplifyOptions, Stop, simplify_surface};
+use lodsmith_bench::cases::Target;
+use lodsmith_bench::{Soup, lab, process};
+
+struct Args {
+    file: String,
+    target: Target,
+    fit: bool,
+    threads: usize,
+    /// The file is an exchange file: this is the second process.
+    second: bool,
+}
+
+fn parse() -> Result<Args> {
+    let mut args =
+        Args { file: String::new(), target: Target::Percent(10.0), fit: true, threads: 1, second: false };
+    let mut words = std::env::args().skip(1);
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--target" => args.target = Target::parse(&words.next().context("--target needs a value")?)?,
+            "--threads" => args.threads = words.next().context("--threads needs a value")?.parse()?,
+            "--no-fit" => args.fit = false,
+            "--exchange" => args.second = true,
+            file if !file.starts_with('-') && args.file.is_empty() => file.clone_into(&mut args.file),
+            other => bail!("unknown argument {other}"),
+        }
+    }
+    ensure!(!args.file.is_empty(), "usage: memory FILE [--target 10%] [--no-fit] [--threads N]");
+    Ok(args)
+}
+
+fn main() -> Result<()> {
+    let args = parse()?;
+    if args.second { measure(&args) } else { hand_over(&args) }
+}
+
+fn hand_over(args: &Args) -> Result<()> {
+    let folder = tempfile::tempdir()?;
+    let copy = folder.path().join("mesh.labm");
+    lab::write(&copy, &Soup::read(Path::new(&args.file))?.surface()?)?;
+    let mut second = Command::new(std::env::current_exe()?);
+    second.arg(&copy).arg("--exchange").args(["--target", &args.target.name()]);
+    second.args(["--threads", &args.threads.to_string()]);
+    if !args.fit {
+        second.arg("--no-fit");
+    }
+    ensure!(second.status()?.success(), "the second process failed");
+    Ok(())
+}
+
+fn measure(args: &Args) -> Result<()> {
+    rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global()?;
+    let mesh = lab::read(Path::new(&args.file))?;
+    let surface = mesh.surface()?;
+    let faces = surface.triangles().len();
+    let mut options = SimplifyOptions::new(Stop::faces(args.target.of(faces)));
+    if !args.fit {
+        options.fit = Fit::Off;
+    }
+    let base = process::reset_peak_kb()?;
+    let result = simplify_surface(&surface, &options, &mut NoControl)?;
+    let beyond = process::peak_kb()?.saturating_sub(base);
+    println!(
+        "{faces} -> {} faces, fit {}, {} thread(s): mesh loaded {:.1} MB, peak beyond it {:.1} MB, {:.1} bytes a triangle",
+        result.report.faces,
+        if result.report.fitted { "on" } else { "off" },
+        args.threads,
+        base as f64 / 1024.0,
+        beyond as f64 / 1024.0,
+        beyond as f64 * 1024.0 / faces as f64,
+    );
+    Ok(())
+}

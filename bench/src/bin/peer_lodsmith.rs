@@ -1,0 +1,93 @@
+//! Lodsmith as a peer of a lab that times simplifiers, each in a process of its own.
+//!
+//! ```text
+//! peer-lodsmith --modes                          prints the modes, one a line
+//! peer-lodsmith MODE IN OUT TARGET REPS SECONDS  simplifies IN to TARGET triangles up to REPS times (none is begun after
+//!                                                SECONDS), writes the last result to OUT and prints one line of JSON
+//! ```
+//! IN and OUT are exchange files (see `lab.rs`). One thread. All work from buffers to buffers counts as `run`.
+#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail, ensure};
+use lodsmith::{
+    BorderPolicy, Fit, Method, NoControl, Placement, SimplifyOptions, Stop, TopologyPolicy, simplify_surface,
+};
+use lodsmith_bench::{lab, process};
+use serde_json::json;
+
+type Change = fn(&mut SimplifyOptions);
+
+/// Every mode: the default with one thing changed.
+const MODES: &[(&str, Change)] = &[
+    ("memoryless", |_| ()),
+    ("nofit", |o| o.fit = Fit::Off),
+    ("quadric", |o| o.method = Method::Quadric),
+    ("quadric-fit", |o| (o.method, o.fit) = (Method::Quadric, Fit::On)),
+    ("endpoint", |o| o.placement = Placement::Endpoint),
+    ("midpoint", |o| o.placement = Placement::Midpoint),
+    ("border-slide", |o| o.border = BorderPolicy::Slide),
+    ("border-lock", |o| o.border = BorderPolicy::Lock),
+    ("border-free", |o| o.border = BorderPolicy::Free),
+    ("preserve", |o| o.topology = TopologyPolicy::Preserve),
+    ("topology-free", |o| o.topology = TopologyPolicy::Free),
+];
+
+fn main() -> Result<()> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    if args == ["--modes"] {
+        for (name, _) in MODES {
+            println!("{name}");
+        }
+        return Ok(());
+    }
+    let [mode, input, output, target, reps, seconds] = args.as_slice() else {
+        bail!("usage: peer-lodsmith --modes | MODE IN OUT TARGET REPS SECONDS");
+    };
+    let (_, change) = MODES
+        .iter()
+        .find(|(name, _)| name == mode)
+        .with_context(|| format!("no mode {mode}; see --modes"))?;
+    let (target, reps): (usize, usize) = (target.parse()?, reps.parse()?);
+    let seconds: f64 = seconds.parse()?;
+    ensure!(reps > 0, "REPS must be 1 or more");
+    process::one_thread()?;
+
+    let mut options = SimplifyOptions::new(Stop::faces(target));
+    change(&mut options);
+    let mesh = lab::read(Path::new(input))?;
+    let surface = mesh.surface()?;
+
+    let base_kb = process::reset_peak_kb()?;
+    let began = Instant::now();
+    let mut rows = Vec::new();
+    let mut last = None;
+    while rows.len() < reps && (rows.is_empty() || began.elapsed().as_secs_f64() <= seconds) {
+        drop(last.take()); // The result before this one is no part of the peak.
+        let (cpu, wall) = (process::cpu_seconds(), Instant::now());
+        let result = simplify_surface(&surface, &options, &mut NoControl)?;
+        let (run, run_cpu) = (wall.elapsed().as_secs_f64(), process::cpu_seconds() - cpu);
+        rows.push(json!({"init": 0.0, "init_cpu": 0.0, "run": run, "run_cpu": run_cpu}));
+        last = Some(result);
+    }
+    let peak_kb = process::peak_kb()?;
+    let result = last.context("no run")?;
+    lab::write(Path::new(output), &result.mesh.surface())?;
+
+    let report = &result.report;
+    let cleanup = &report.cleanup;
+    let mut note = format!("own error {:e}, stopped by {}", report.error.estimate, report.stopped_by.name());
+    for (reason, count) in &report.refusals {
+        note += &format!(", {} {count}", reason.name());
+    }
+    // Whoever reads this looks for a line that begins with the repeats, so the object is put together in that order.
+    println!(
+        "{{\"reps\":{},\"base_kb\":{base_kb},\"peak_kb\":{peak_kb},\"dropped_faces\":{},\"note\":{}}}",
+        serde_json::Value::from(rows),
+        cleanup.degenerate_faces + cleanup.duplicate_faces + cleanup.non_finite_faces,
+        serde_json::Value::from(note),
+    );
+    Ok(())
+}

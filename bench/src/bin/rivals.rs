@@ -1,0 +1,452 @@
+//! Lodsmith beside meshoptimizer: same meshes, same process, same run, one thread.
+//!
+//! ```text
+//! rivals [FILE|FOLDER]... [--models FOLDER] [--all] [--quick] [--only TEXT] [--targets 50%,10%,1%,1000,100]
+//!        [--orders file,morton,shuffled] [--clock wall|cpu] [--reps N] [--samples N] [--no-errors] [--json FILE]
+//! ```
+//! Of a folder the models of `cases::MODELS` are taken, with `--all` every file; `--only` keeps models whose name holds
+//! TEXT. Every mesh is welded first, the same for all. A time runs from positions and indices in memory to positions and
+//! indices in memory, preparation included, by the wall clock or, where other work shares the machine, by the processor's
+//! (`--clock cpu`); the repetitions of the three take turns. meshoptimizer is taken in its plain
+//! mode (which keeps to the given positions) and the one that moves them (`update`), whose copy of the input is made
+//! outside its time. Errors are two-way, in percent of the diagonal, and the same for every order but for chance, so
+//! they are measured once, in the order of the file. A rival's result above 1.02 × the target counts in no comparison.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
+
+use std::path::PathBuf;
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail, ensure};
+use lodsmith::{NoControl, SimplifyOptions, Stop, simplify_surface};
+use lodsmith_bench::cases::{self, Target};
+use lodsmith_bench::order::Order;
+use lodsmith_bench::{Soup, process, stats};
+use lodsmith_core::measure::{CompareOptions, compare};
+use serde_json::{Value, json};
+
+/// From this number of triangles on a mesh counts as large in the product's figures.
+const LARGE: usize = 250_000;
+
+struct Args {
+    models: Vec<PathBuf>,
+    targets: Vec<Target>,
+    orders: Vec<Order>,
+    reps: Option<usize>,
+    samples: usize,
+    errors: bool,
+    json: Option<PathBuf>,
+}
+
+fn parse() -> Result<Args> {
+    let (mut places, mut only, mut all, mut quick) = (Vec::<PathBuf>::new(), String::new(), false, false);
+    let mut targets = None;
+    let mut orders = None;
+    let (mut reps, mut samples, mut errors, mut json) = (None, 100_000, true, None);
+    let mut words = std::env::args().skip(1);
+    while let Some(word) = words.next() {
+        let mut value = || words.next().with_context(|| format!("{word} needs a value"));
+        match word.as_str() {
+            "--models" => places.push(value()?.into()),
+            "--only" => only = value()?,
+            "--all" => all = true,
+            "--quick" => quick = true,
+            "--targets" => {
+                targets = Some(value()?.split(',').map(Target::parse).collect::<Result<Vec<_>>>()?);
+            }
+            "--orders" => {
+                let order = |name: &str| {
+                    Order::ALL
+                        .into_iter()
+                        .find(|o| o.name() == name)
+                        .with_context(|| format!("no order {name}"))
+                };
+                orders = Some(value()?.split(',').map(order).collect::<Result<Vec<_>>>()?);
+            }
+            "--clock" => match value()?.as_str() {
+                "wall" => {}
+                "cpu" => _ = BY_CPU.set(true),
+                other => bail!("no clock {other}"),
+            },
+            "--reps" => reps = Some(value()?.parse()?),
+            "--samples" => samples = value()?.parse()?,
+            "--no-errors" => errors = false,
+            "--json" => json = Some(value()?.into()),
+            place if !place.starts_with('-') => places.push(place.into()),
+            other => bail!("unknown option {other}"),
+        }
+    }
+    ensure!(!places.is_empty(), "no models: name files or a folder");
+    let mut models = Vec::new();
+    for place in &places {
+        let named = place.is_file();
+        let of_table = |stem: &str| all || named || cases::MODELS.contains(&stem);
+        models.extend(cases::find_models(place)?.into_iter().filter(|p| {
+            let stem = cases::stem(p);
+            of_table(&stem) && stem.contains(&only)
+        }));
+    }
+    if quick {
+        // A glance: two small models of different kinds, or whatever was asked for by name.
+        models.retain(|p| {
+            !only.is_empty() || places.contains(p) || matches!(&*cases::stem(p), "bunny" | "fandisk")
+        });
+        targets.get_or_insert_with(|| vec![Target::Percent(10.0), Target::Percent(1.0)]);
+        orders.get_or_insert_with(|| vec![Order::File]);
+        reps = reps.or(Some(5));
+        samples = samples.min(20_000);
+    }
+    ensure!(!models.is_empty(), "none of the models is there");
+    ensure!(reps != Some(0), "--reps must be 1 or more");
+    Ok(Args {
+        models,
+        targets: targets.unwrap_or_else(|| Target::DEFAULT.to_vec()),
+        orders: orders.unwrap_or_else(|| Order::ALL.to_vec()),
+        reps,
+        samples,
+        errors,
+        json,
+    })
+}
+
+/// Repetitions for a mesh of this size: more where a run is short and noise is large beside it.
+fn default_reps(faces: usize) -> usize {
+    match faces {
+        0..20_000 => 25,
+        20_000..100_000 => 11,
+        100_000..LARGE => 7,
+        LARGE..500_000 => 5,
+        _ => 3,
+    }
+}
+
+/// Who takes part, in the order of columns.
+const NAMES: [&str; 3] = ["lodsmith", "meshopt plain", "meshopt update"];
+
+/// The count alone ends a run of meshoptimizer: far above any error, and its square still a number.
+const ANY_ERROR: f32 = 1e10;
+
+fn lodsmith_run(mesh: &Soup, target: usize) -> Result<(f64, Soup)> {
+    let options = SimplifyOptions::new(Stop::faces(target));
+    let clock = Clock::start();
+    let result = simplify_surface(&mesh.surface()?, &options, &mut NoControl)?;
+    let seconds = clock.seconds();
+    Ok((seconds, Soup::of_mesh(&result.mesh)))
+}
+
+fn plain_run(mesh: &Soup, target: usize) -> Result<(f64, Soup)> {
+    let clock = Clock::start();
+    let vertices = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(&mesh.positions), 12, 0)?;
+    let options = meshopt::SimplifyOptions::None;
+    let indices = meshopt::simplify(&mesh.indices, &vertices, target * 3, ANY_ERROR, options, None);
+    let seconds = clock.seconds();
+    Ok((seconds, Soup { positions: mesh.positions.clone(), indices }.compacted()))
+}
+
+fn update_run(mesh: &Soup, target: usize) -> (f64, Soup) {
+    let mut out = mesh.clone();
+    let clock = Clock::start();
+    let left = meshopt::simplify_with_update(
+        &mut out.indices,
+        &mut out.positions,
+        &mut [],
+        &[],
+        0,
+        None,
+        target * 3,
+        ANY_ERROR,
+        meshopt::SimplifyOptions::None,
+        None,
+    );
+    out.indices.truncate(left);
+    let seconds = clock.seconds();
+    (seconds, out.compacted())
+}
+
+/// Seconds, by the clock that the whole run goes by.
+struct Clock {
+    wall: Instant,
+    cpu: f64,
+}
+
+/// Whether times are those of the processor.
+static BY_CPU: OnceLock<bool> = OnceLock::new();
+
+impl Clock {
+    fn start() -> Self {
+        Self { cpu: process::cpu_seconds(), wall: Instant::now() }
+    }
+    fn seconds(&self) -> f64 {
+        let wall = self.wall.elapsed().as_secs_f64();
+        if BY_CPU.get() == Some(&true) { process::cpu_seconds() - self.cpu } else { wall }
+    }
+}
+
+/// Mean, RMS and largest distance, in percent of the diagonal of the original.
+type Errors = [f64; 3];
+
+fn errors(original: &Soup, result: &Soup, samples: usize) -> Result<Errors> {
+    let mut options = CompareOptions::default();
+    options.samples = samples;
+    let c = compare(&original.surface()?, &result.surface()?, &options)?;
+    Ok([c.mean, c.rms, c.hausdorff].map(|e| e.symmetric / c.diagonal * 100.0))
+}
+
+/// One line of the table: one model, target and order.
+struct Case {
+    model: String,
+    faces: usize,
+    target: String,
+    wanted: usize,
+    order: Order,
+    /// Seconds of each repetition, in the order of [`NAMES`].
+    times: [Vec<f64>; 3],
+    /// Triangles of each result.
+    left: [usize; 3],
+    errors: Option<[Errors; 3]>,
+}
+
+impl Case {
+    fn least(&self, who: usize) -> f64 {
+        stats::min(&self.times[who])
+    }
+    fn rivals_that_reached(&self) -> impl Iterator<Item = usize> + '_ {
+        let most = (self.wanted as f64 * 1.02) as usize + 2;
+        (1..NAMES.len()).filter(move |&who| self.left[who] <= most)
+    }
+    /// Our time over that of the faster rival; both of them where none reached the target.
+    fn ratio(&self) -> f64 {
+        let faster =
+            |all: &mut dyn Iterator<Item = usize>| all.map(|who| self.least(who)).fold(f64::MAX, f64::min);
+        let mut rivals = faster(&mut self.rivals_that_reached());
+        if rivals == f64::MAX {
+            rivals = faster(&mut (1..NAMES.len()));
+        }
+        self.least(0) / rivals
+    }
+    /// The least error of the rivals, each measure for itself; `None` where nobody reached the target.
+    fn best_rival(&self) -> Option<Errors> {
+        let errors = self.errors?;
+        self.rivals_that_reached().map(|who| errors[who]).reduce(|a, b| [0, 1, 2].map(|k| a[k].min(b[k])))
+    }
+    fn row(&self) -> String {
+        let four = |x: f64| if x == 0.0 { "0".to_owned() } else { format!("{x:.prec$}", prec = digits(x)) };
+        let three = |e: Option<Errors>| e.map_or("-".into(), |e| e.map(four).join(" / "));
+        let mark =
+            |who: usize| if who == 0 || self.rivals_that_reached().any(|w| w == who) { "" } else { "*" };
+        format!(
+            "| {} | {} | {} | {} | {:.4} | {:.4}{} | {:.4}{} | {:.2} | {} | {} |",
+            self.model,
+            self.faces,
+            self.target,
+            self.order.name(),
+            self.least(0),
+            self.least(1),
+            mark(1),
+            self.least(2),
+            mark(2),
+            self.ratio(),
+            three(self.errors.map(|e| e[0])),
+            three(self.best_rival()),
+        )
+    }
+    fn json(&self) -> Value {
+        let who = |k: usize| {
+            json!({
+                "min_s": self.least(k), "median_s": stats::median(&self.times[k]), "faces": self.left[k],
+                "mean": self.errors.map(|e| e[k][0]), "rms": self.errors.map(|e| e[k][1]), "max": self.errors.map(|e| e[k][2]),
+            })
+        };
+        json!({
+            "model": self.model, "faces": self.faces, "target": self.target, "wanted": self.wanted,
+            "order": self.order.name(), "repetitions": self.times[0].len(), "ratio": self.ratio(),
+            NAMES[0]: who(0), NAMES[1]: who(1), NAMES[2]: who(2),
+        })
+    }
+}
+
+/// Digits after the point that show four significant ones.
+fn digits(x: f64) -> usize {
+    (3 - x.abs().log10().floor() as i32).clamp(0, 9) as usize
+}
+
+const HEAD: &str = "\
+| model | faces | target | order | lodsmith s | meshopt plain s | meshopt update s | ratio to the faster | lodsmith mean / rms / max % | best of meshopt mean / rms / max % |
+|---|--:|--:|---|--:|--:|--:|--:|---|---|";
+
+fn main() -> Result<()> {
+    let args = parse()?;
+    process::one_thread()?;
+    let pool = process::all_cores()?;
+    let mut cases: Vec<Case> = Vec::new();
+    let mut failures = 0;
+    println!("{HEAD}");
+    for path in &args.models {
+        let model = cases::stem(path);
+        let mesh = match Soup::read(path) {
+            Ok(mesh) if mesh.face_count() > 0 => mesh,
+            Ok(_) => continue,
+            Err(error) => {
+                eprintln!("{model}: {error:#}");
+                failures += 1;
+                continue;
+            }
+        };
+        let faces = mesh.face_count();
+        let targets: Vec<&Target> = args.targets.iter().filter(|t| t.of(faces) < faces).collect();
+        let mut known: Vec<Option<[Errors; 3]>> = vec![None; targets.len()];
+        for &order in &args.orders {
+            let ordered = order.apply(&mesh);
+            for (target, known) in targets.iter().zip(&mut known) {
+                let wanted = target.of(faces);
+                let mut times: [Vec<f64>; 3] = Default::default();
+                let mut results: [Soup; 3] = Default::default();
+                let reps = args.reps.unwrap_or_else(|| default_reps(faces));
+                for rep in 0..reps {
+                    // Who begins changes, so that nobody always runs behind the same neighbour.
+                    for turn in 0..NAMES.len() {
+                        let who = (rep + turn) % NAMES.len();
+                        let (seconds, result) = match who {
+                            0 => lodsmith_run(&ordered, wanted)
+                                .with_context(|| format!("{model} to {}", target.name()))?,
+                            1 => plain_run(&ordered, wanted)?,
+                            _ => update_run(&ordered, wanted),
+                        };
+                        times[who].push(seconds);
+                        results[who] = result;
+                    }
+                }
+                if args.errors && known.is_none() {
+                    let mut all = [Errors::default(); 3];
+                    for (errors_of, result) in all.iter_mut().zip(&results) {
+                        *errors_of = if result.indices.is_empty() {
+                            [f64::INFINITY; 3]
+                        } else {
+                            pool.install(|| errors(&mesh, result, args.samples))?
+                        };
+                    }
+                    *known = Some(all);
+                }
+                let case = Case {
+                    model: model.clone(),
+                    faces,
+                    target: target.name(),
+                    wanted,
+                    order,
+                    times,
+                    left: results.map(|r| r.face_count()),
+                    errors: *known,
+                };
+                println!("{}", case.row());
+                cases.push(case);
+            }
+        }
+    }
+    ensure!(!cases.is_empty(), "no case was run");
+    let summary = summary(&cases);
+    println!("\n{}", summary.text);
+    if let Some(path) = &args.json {
+        let rows: Vec<Value> = cases.iter().map(Case::json).collect();
+        let text = serde_json::to_string_pretty(&json!({"cases": rows, "summary": summary.json}))?;
+        std::fs::write(path, text + "\n").with_context(|| format!("writing {}", path.display()))?;
+    }
+    ensure!(failures == 0, "{failures} model(s) could not be read");
+    Ok(())
+}
+
+struct Summary {
+    text: String,
+    json: Value,
+}
+
+fn summary(cases: &[Case]) -> Summary {
+    let mut text = String::from("`*`: did not reach the target.\n\n");
+    let mut json = serde_json::Map::new();
+    for (key, name, large) in [("small", "below 250,000", false), ("large", "from 250,000", true)] {
+        let ratios: Vec<f64> =
+            cases.iter().filter(|c| (c.faces >= LARGE) == large).map(Case::ratio).collect();
+        if let Some(mean) = stats::geometric_mean(ratios.iter().copied()) {
+            let worst = ratios.iter().copied().fold(0.0, f64::max);
+            text += &format!(
+                "Time {name} triangles: {mean:.2} × the faster of meshoptimizer's two (geometric mean of {} cases), at worst {worst:.2} ×.\n",
+                ratios.len()
+            );
+            json.insert(key.into(), json!({"cases": ratios.len(), "ratio": mean, "worst": worst}));
+        }
+    }
+    // Orders share their errors: each model and target counts once.
+    let mut seen = std::collections::HashSet::new();
+    let once: Vec<&Case> = cases.iter().filter(|c| seen.insert((&c.model, &c.target))).collect();
+    for (k, measure) in ["mean", "rms", "max"].into_iter().enumerate() {
+        let pairs: Vec<(f64, f64)> =
+            once.iter().filter_map(|c| Some((c.errors?[0][k], c.best_rival()?[k]))).collect();
+        // Two errors of nothing are equal; a ratio says nothing there.
+        let real = pairs.iter().filter(|(_, theirs)| *theirs > 0.0 && theirs.is_finite());
+        if let Some(mean) = stats::geometric_mean(real.map(|(ours, theirs)| ours / theirs)) {
+            let won = pairs.iter().filter(|(ours, theirs)| ours <= theirs).count();
+            let share = won as f64 / pairs.len() as f64;
+            text += &format!(
+                "Error, {measure}: {mean:.2} × the better of the two (geometric mean), not above it in {won} of {} cases ({:.0} %).\n",
+                pairs.len(),
+                share * 100.0
+            );
+            json.insert(
+                measure.into(),
+                json!({"cases": pairs.len(), "ratio": mean, "won": won, "share": share}),
+            );
+        }
+    }
+    Summary { text, json: json.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case(faces: usize, times: [f64; 3], left: [usize; 3], errors: [Errors; 3]) -> Case {
+        Case {
+            model: format!("m{faces}"),
+            faces,
+            target: "100".into(),
+            wanted: 100,
+            order: Order::File,
+            times: times.map(|t| vec![t, t * 2.0]),
+            left,
+            errors: Some(errors),
+        }
+    }
+
+    #[test]
+    fn a_rival_that_missed_the_target_is_no_yardstick() {
+        let missed = case(1000, [2.0, 1.0, 4.0], [100, 500, 100], [[1.0; 3], [0.1; 3], [2.0; 3]]);
+        assert_eq!(missed.ratio(), 0.5);
+        assert_eq!(missed.best_rival(), Some([2.0; 3]));
+        let nobody = case(1000, [2.0, 1.0, 4.0], [100, 500, 500], [[1.0; 3]; 3]);
+        assert_eq!((nobody.ratio(), nobody.best_rival()), (2.0, None));
+    }
+
+    #[test]
+    fn the_summary_counts_small_and_large_apart() {
+        let errors = [[1.0, 1.0, 3.0], [2.0; 3], [4.0; 3]];
+        let cases =
+            [case(1000, [2.0, 1.0, 1.0], [100; 3], errors), case(300_000, [1.0, 2.0, 2.0], [100; 3], errors)];
+        let got = summary(&cases).json;
+        assert_eq!(got["small"]["ratio"], 2.0);
+        assert_eq!(got["large"]["ratio"], 0.5);
+        assert_eq!((&got["mean"]["won"], &got["max"]["won"]), (&json!(2), &json!(0)));
+    }
+
+    #[test]
+    fn rivals_speak_our_language() {
+        let mesh = cases::torus(40, 20);
+        for (_, result) in [plain_run(&mesh, 400).unwrap(), update_run(&mesh, 400)] {
+            assert!(result.face_count() <= 400 && result.face_count() > 300);
+            assert!(result.surface().is_ok());
+        }
+    }
+
+    #[test]
+    fn numbers_show_four_digits() {
+        assert_eq!((digits(12.3456), digits(0.001_234_5), digits(123_456.0)), (2, 6, 0));
+    }
+}

@@ -1,0 +1,12 @@
+//! Lodsmith beside its rivals: what the programs of this package share.
+//!
+//! Nothing here is part of the product. Times are of this machine and this run; compare only within a table.
+
+pub mod cases;
+pub mod lab;
+pub mod order;
+pub mod process;
+pub mod soup;
+pub mod stats;
+
+pub use soup::Soup;

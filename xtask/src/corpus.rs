@@ -1,0 +1,459 @@
+//! Every model of a folder through the release command: read, simplified to 50, 10 and 1 %, and its results read again.
+//!
+//! What is held of each file hangs on where it lies:
+//! * anywhere: no crash, no hang, no more memory than the limit, at most the triangles asked for where the report says
+//!   `reached`, and a result that reads back;
+//! * clean manifold input: no more non-manifold or border edges, degenerate or duplicate faces than it had;
+//! * `dirty/` and `broken/`: done, or refused with status 1 and one line of error, each in under a second and 200 MB;
+//!   [`WANTED`] says which, where there is one right answer;
+//! * formats that are not read: refused.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail, ensure};
+use serde_json::Value;
+
+use crate::{cargo, succeed};
+
+/// What a good answer to a damaged file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wanted {
+    /// It is simplified.
+    Done,
+    /// It is refused, and the line says all of these.
+    Refused(&'static [&'static str]),
+    /// Either will do.
+    Either,
+}
+
+/// Files by name whose answer is not left open; all others in `dirty/` are to be done.
+const WANTED: &[(&str, Wanted)] = &[
+    ("all_degenerate.off", Wanted::Either),
+    ("bad_magic.glb", Wanted::Refused(&[])),
+    ("count_too_large.stl", Wanted::Refused(&[])),
+    ("inf_vertices.ply", Wanted::Either),
+    ("index_zero.obj", Wanted::Refused(&["line"])),
+    ("nan_vertex.obj", Wanted::Either),
+    ("near_duplicate_vertices.obj", Wanted::Either),
+    ("no_faces.ply", Wanted::Refused(&[])),
+    ("only_comments.obj", Wanted::Refused(&[])),
+    ("text_not_a_mesh.obj", Wanted::Refused(&[])),
+    ("truncated.glb", Wanted::Refused(&[])),
+    ("truncated.ply", Wanted::Refused(&[])),
+    ("truncated.stl", Wanted::Refused(&[])),
+    ("unused_and_bad_index.obj", Wanted::Refused(&["line", "99"])),
+    ("wrong_extension.off", Wanted::Either),
+    ("AllIndicesOutOfRange.gltf", Wanted::Refused(&[])),
+    ("OutOfMemory.off", Wanted::Refused(&[])),
+    ("empty.off", Wanted::Refused(&[])),
+    ("invalid.off", Wanted::Refused(&[])),
+    ("malformed.obj", Wanted::Refused(&["line"])),
+    ("number_formats.obj", Wanted::Either),
+];
+
+/// Endings of mesh formats that are read, and of those that are known and refused.
+const READ: &[&str] = &["obj", "off", "ply", "stl", "gltf", "glb"];
+const REFUSED: &[&str] = &["3mf", "fbx", "dae"];
+/// Parts of the triangles that are kept.
+const RATIOS: [f64; 3] = [0.5, 0.1, 0.01];
+/// For files that are damaged on purpose.
+const DAMAGED_LIMIT: Limits = Limits { seconds: 1.0, megabytes: 200 };
+
+#[derive(Clone, Copy)]
+struct Limits {
+    seconds: f64,
+    megabytes: u64,
+}
+
+/// How a run of the command ended.
+struct Outcome {
+    /// `None` where it was ended by a signal or by us.
+    status: Option<i32>,
+    seconds: f64,
+    peak_kb: u64,
+    stdout: String,
+    stderr: String,
+}
+
+/// What is checked of one file.
+struct Row {
+    name: String,
+    faces: Option<u64>,
+    /// Triangles after each ratio.
+    left: Vec<String>,
+    seconds: f64,
+    peak_kb: u64,
+    problems: Vec<String>,
+    remark: String,
+}
+
+pub(crate) fn run(args: &[String]) -> Result<()> {
+    let (mut folder, mut limit, mut only) = (None::<PathBuf>, 60.0, String::new());
+    let mut words = args.iter();
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--limit" => limit = words.next().context("--limit needs seconds")?.parse()?,
+            "--only" => only.clone_from(words.next().context("--only needs a text")?),
+            place if folder.is_none() && !place.starts_with('-') => folder = Some(place.into()),
+            other => bail!("unknown argument {other}"),
+        }
+    }
+    let folder = folder.context("which folder? cargo xtask corpus DIR")?;
+    ensure!(folder.is_dir(), "{} is no folder: there is nothing to check", folder.display());
+
+    succeed(cargo().args([
+        "build",
+        "--quiet",
+        "--release",
+        "--package",
+        "lodsmith-cli",
+        "--bin",
+        "lodsmith",
+    ]))?;
+    let command = target_folder()?.join("release").join(format!("lodsmith{}", std::env::consts::EXE_SUFFIX));
+    let limits = Limits { seconds: limit, megabytes: 4000 };
+
+    let mut files = Vec::new();
+    collect(&folder, &mut files)?;
+    files.retain(|p| p.to_string_lossy().contains(&only));
+    ensure!(!files.is_empty(), "{} has no model", folder.display());
+    println!("| file | faces | 50 % | 10 % | 1 % | s | peak MB | |\n|---|--:|--:|--:|--:|--:|--:|---|");
+    let mut failed = 0;
+    for file in &files {
+        let name = file.strip_prefix(&folder).unwrap_or(file).to_string_lossy().replace('\\', "/");
+        let mut row = Row {
+            name,
+            faces: None,
+            left: Vec::new(),
+            seconds: 0.0,
+            peak_kb: 0,
+            problems: Vec::new(),
+            remark: String::new(),
+        };
+        check(&command, file, limits, &mut row)?;
+        failed += usize::from(!row.problems.is_empty());
+        row.print();
+    }
+    println!("\n{} files, {failed} with problems", files.len());
+    ensure!(failed == 0, "{failed} of {} files have problems", files.len());
+    Ok(())
+}
+
+impl Row {
+    fn print(&self) {
+        let left = |k: usize| self.left.get(k).map_or("-", String::as_str);
+        let verdict = match self.problems.as_slice() {
+            [] => self.remark.clone(),
+            problems => format!("**FAILS**: {}", problems.join("; ")),
+        };
+        println!(
+            "| {} | {} | {} | {} | {} | {:.2} | {} | {} |",
+            self.name,
+            self.faces.map_or("-".into(), |n| n.to_string()),
+            left(0),
+            left(1),
+            left(2),
+            self.seconds,
+            self.peak_kb / 1024,
+            verdict.replace('|', "\\|").replace('\n', " "),
+        );
+    }
+
+    fn problem(&mut self, text: impl Into<String>) {
+        self.problems.push(text.into());
+    }
+}
+
+/// Where Cargo puts what it builds.
+fn target_folder() -> Result<PathBuf> {
+    let out = cargo().args(["metadata", "--no-deps", "--offline", "--format-version", "1"]).output()?;
+    let all: Value = serde_json::from_slice(&out.stdout).context("cargo metadata")?;
+    Ok(all["target_directory"].as_str().context("no target folder")?.into())
+}
+
+fn ending(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let name = name.strip_suffix(".gz").unwrap_or(&name);
+    name.rsplit_once('.').map_or(String::new(), |(_, ending)| ending.to_owned())
+}
+
+fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
+    let mut entries: Vec<PathBuf> =
+        std::fs::read_dir(folder)?.map(|e| e.map(|e| e.path())).collect::<Result<_, _>>()?;
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            collect(&path, files)?;
+        } else if READ.contains(&&*ending(&path)) || REFUSED.contains(&&*ending(&path)) {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+fn check(command: &Path, file: &Path, limits: Limits, row: &mut Row) -> Result<()> {
+    let folder = row.name.split('/').next().unwrap_or_default();
+    let file_name = file.file_name().unwrap_or_default().to_string_lossy();
+    let damaged = matches!(folder, "dirty" | "broken");
+    let wanted = if REFUSED.contains(&&*ending(file)) {
+        Wanted::Refused(&[])
+    } else if row.name.contains("/compressed/") {
+        // An extension that needs a decoder: done with one, or refused by its name.
+        Wanted::Either
+    } else {
+        let listed = WANTED.iter().find(|(name, _)| damaged && *name == file_name);
+        listed.map_or(Wanted::Done, |&(_, wanted)| wanted)
+    };
+    let limits = if damaged { DAMAGED_LIMIT } else { limits };
+
+    let info = call(command, &["info".as_ref(), file.as_os_str(), "--json".as_ref()], limits)?;
+    row.note(&info, "info", limits);
+    let before = value(&info);
+    match (&before, info.status) {
+        (Some(before), Some(0)) => row.faces = before["faces"].as_u64(),
+        (None, Some(0)) => row.problem("info: no JSON"),
+        _ if wanted == Wanted::Done => row.problem(format!("info: {}", one_line(&info))),
+        _ => {}
+    }
+
+    let out_folder = tempfile::tempdir()?;
+    for ratio in RATIOS {
+        // The format of the input, where it is one that holds everything in one file.
+        let ending = ending(file);
+        let ending = if READ.contains(&&*ending) { ending.replace("gltf", "glb") } else { "ply".into() };
+        let out = out_folder.path().join(format!("out {ratio}.{ending}"));
+        let text = ratio.to_string();
+        let args = [
+            "simplify".as_ref(),
+            file.as_os_str(),
+            "--ratio".as_ref(),
+            text.as_ref(),
+            "-o".as_ref(),
+            out.as_os_str(),
+        ];
+        let args = [args.as_slice(), &["--json".as_ref()]].concat();
+        let outcome = call(command, &args, limits)?;
+        let what = format!("to {ratio}");
+        row.note(&outcome, &what, limits);
+        match (outcome.status, wanted) {
+            (Some(0), Wanted::Refused(_)) => row.problem(format!("{what}: done, but should be refused")),
+            (Some(0), _) => result(command, &before, &outcome, &out, limits, &what, row)?,
+            (Some(1), Wanted::Done) => row.problem(format!("{what}: {}", one_line(&outcome))),
+            (Some(1), Wanted::Refused(words)) => {
+                for word in words.iter().filter(|w| !outcome.stderr.contains(**w)) {
+                    row.problem(format!("the error does not say \"{word}\": {}", one_line(&outcome)));
+                }
+                row.remark = one_line(&outcome);
+            }
+            (Some(1), Wanted::Either) => row.remark = one_line(&outcome),
+            // Any other end has been noted.
+            _ => {}
+        }
+        if outcome.status != Some(0) {
+            if out.exists() {
+                row.problem(format!("{what}: failed and left a file"));
+            }
+            // The other ratios would say the same.
+            break;
+        }
+    }
+    row.problems.dedup();
+    Ok(())
+}
+
+impl Row {
+    /// Takes time and memory of a run over, and what no run may do.
+    fn note(&mut self, outcome: &Outcome, what: &str, limits: Limits) {
+        self.seconds = self.seconds.max(outcome.seconds);
+        self.peak_kb = self.peak_kb.max(outcome.peak_kb);
+        match outcome.status {
+            Some(0) => {}
+            Some(1) => {
+                let lines: Vec<&str> = outcome.stderr.lines().collect();
+                if !(lines.len() == 1 && lines[0].starts_with("error:")) {
+                    self.problem(format!("{what}: status 1 with {} lines of error, not one", lines.len()));
+                }
+            }
+            Some(status) => self.problem(format!("{what}: status {status}: {}", one_line(outcome))),
+            None => {
+                self.problem(format!("{what}: ended after {:.1} s: {}", outcome.seconds, one_line(outcome)))
+            }
+        }
+        if outcome.seconds > limits.seconds {
+            self.problem(format!("{what}: {:.2} s of at most {} s", outcome.seconds, limits.seconds));
+        }
+        if outcome.peak_kb / 1024 > limits.megabytes {
+            self.problem(format!("{what}: {} MB of at most {} MB", outcome.peak_kb / 1024, limits.megabytes));
+        }
+    }
+}
+
+/// Checks what a run that succeeded has written.
+fn result(
+    command: &Path,
+    before: &Option<Value>,
+    outcome: &Outcome,
+    out: &Path,
+    limits: Limits,
+    what: &str,
+    row: &mut Row,
+) -> Result<()> {
+    let Some(report) = value(outcome) else {
+        row.problem(format!("{what}: no JSON"));
+        return Ok(());
+    };
+    let info = call(command, &["info".as_ref(), out.as_os_str(), "--json".as_ref()], limits)?;
+    let Some(after) = value(&info).filter(|_| info.status == Some(0)) else {
+        row.problem(format!("{what}: the result does not read back: {}", one_line(&info)));
+        return Ok(());
+    };
+    let count = |v: &Value, key: &str| v[key].as_u64();
+    let faces = count(&after, "faces").unwrap_or(u64::MAX);
+    row.left.push(format!("{faces}{}", if report["reached"] == true { "" } else { "*" }));
+    if report["output"]["faces"].as_u64() != Some(faces) {
+        row.problem(format!("{what}: {faces} faces written, {} reported", report["output"]["faces"]));
+    }
+    if report["reached"] != true && report["refusals"].as_object().is_none_or(serde_json::Map::is_empty) {
+        row.problem(format!("{what}: not reached, and no reason"));
+    }
+    if count(&after, "non_finite_vertices") != Some(0) {
+        row.problem(format!("{what}: vertices that are no numbers"));
+    }
+    let Some(before) = before else { return Ok(()) };
+    if count(before, "faces").is_some_and(|input| faces > input) {
+        row.problem(format!("{what}: more faces than before"));
+    }
+    let clean = before["manifold"] == true
+        && ["degenerate_faces", "duplicate_faces", "non_finite_vertices"].iter().all(|k| before[*k] == 0);
+    for key in ["non_manifold_edges", "border_edges", "degenerate_faces", "duplicate_faces"] {
+        let (was, is) = (count(before, key), count(&after, key));
+        match (was, is) {
+            (Some(was), Some(is)) if is > was => {
+                let text = format!("{what}: {key} {was} -> {is}");
+                if clean { row.problem(text) } else { row.remark = text }
+            }
+            (Some(_), Some(_)) => {}
+            _ => row.problem(format!("info does not tell {key}")),
+        }
+    }
+    Ok(())
+}
+
+/// The object on standard output.
+fn value(outcome: &Outcome) -> Option<Value> {
+    serde_json::from_str(outcome.stdout.trim()).ok().filter(Value::is_object)
+}
+
+fn one_line(outcome: &Outcome) -> String {
+    let line = outcome.stderr.lines().next().unwrap_or("nothing said");
+    line.chars().take(160).collect()
+}
+
+/// Runs the command and watches it: its time, and its peak of memory where the system tells it.
+fn call(command: &Path, args: &[&std::ffi::OsStr], limits: Limits) -> Result<Outcome> {
+    // A run that hangs is given some time more than it may take, so that the table shows by how much it fails.
+    let patience = Duration::from_secs_f64(limits.seconds * 2.0 + 1.0);
+    let (stdout, stderr) = (tempfile::tempfile()?, tempfile::tempfile()?);
+    let began = Instant::now();
+    let mut child = Command::new(command)
+        .args(args)
+        .stdin(Stdio::null())
+        .stdout(stdout.try_clone()?)
+        .stderr(stderr.try_clone()?)
+        .spawn()
+        .with_context(|| format!("starting {}", command.display()))?;
+    let mut peak_kb = 0;
+    let status = loop {
+        if let Some(status) = child.try_wait()? {
+            break status.code();
+        }
+        peak_kb = peak_kb.max(resident_peak_kb(child.id()).unwrap_or(0));
+        let greedy = peak_kb / 1024 > limits.megabytes * 2;
+        if began.elapsed() > patience || greedy {
+            child.kill()?;
+            child.wait()?;
+            break None;
+        }
+        // Memory grows by a few megabytes at most between two looks.
+        std::thread::sleep(Duration::from_millis(1));
+    };
+    let seconds = began.elapsed().as_secs_f64();
+    Ok(Outcome { status, seconds, peak_kb, stdout: text(stdout)?, stderr: text(stderr)? })
+}
+
+fn text(mut file: std::fs::File) -> Result<String> {
+    use std::io::{Read, Seek};
+    file.rewind()?;
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Peak of resident memory of a process that still runs. Linux alone tells it.
+fn resident_peak_kb(id: u32) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
+    status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?.split_whitespace().next()?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row() -> Row {
+        Row {
+            name: String::new(),
+            faces: None,
+            left: Vec::new(),
+            seconds: 0.0,
+            peak_kb: 0,
+            problems: Vec::new(),
+            remark: String::new(),
+        }
+    }
+
+    fn outcome(status: Option<i32>, stderr: &str) -> Outcome {
+        Outcome { status, seconds: 0.1, peak_kb: 1024, stdout: String::new(), stderr: stderr.into() }
+    }
+
+    #[test]
+    fn a_refusal_is_one_line() {
+        for (status, stderr, good) in [
+            (Some(0), "", true),
+            (Some(1), "error: a.obj: line 3: no\n", true),
+            (Some(1), "warning: x\nerror: y\n", false),
+            (Some(1), "", false),
+            (Some(101), "thread 'main' panicked", false),
+            (None, "", false),
+        ] {
+            let mut row = row();
+            row.note(&outcome(status, stderr), "info", DAMAGED_LIMIT);
+            assert_eq!(row.problems.is_empty(), good, "{status:?} {stderr}");
+        }
+    }
+
+    #[test]
+    fn limits_are_held() {
+        let mut row = row();
+        row.note(
+            &Outcome { seconds: 1.5, peak_kb: 300 << 10, ..outcome(Some(0), "") },
+            "info",
+            DAMAGED_LIMIT,
+        );
+        assert_eq!(row.problems.len(), 2, "{:?}", row.problems);
+    }
+
+    #[test]
+    fn endings_look_through_compression() {
+        assert_eq!(ending(Path::new("a/b.PLY.gz")), "ply");
+        assert_eq!(ending(Path::new("README.md")), "md");
+    }
+
+    #[test]
+    fn a_missing_folder_fails() {
+        let error = run(&["no such folder".into()]).unwrap_err().to_string();
+        assert!(error.contains("no such folder"), "{error}");
+        assert!(run(&[]).is_err());
+    }
+}

@@ -1,0 +1,486 @@
+//! The rules of the house that a compiler does not hold: who may depend on whom, which doors a crate may use, what lies
+//! in the tree. Each is a test here, so `cargo test` is the whole gate; `cargo xtask tidy` prints them all at once.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, ensure};
+use serde_json::Value;
+
+use crate::{cargo, root};
+
+/// A package, which packages of this workspace it may use, and which crates it must never see, not even through another.
+struct Room {
+    package: &'static str,
+    /// Its folder, from the root.
+    folder: &'static str,
+    uses: &'static [&'static str],
+    never: &'static [&'static str],
+}
+
+/// Windows, drivers and what stands on them.
+const GPU: &[&str] = &["wgpu", "winit", "egui", "eframe", "glow", "ash"];
+/// Files, clocks, logs, arguments: what a caller owns. And formats, which stand on files.
+const OUTSIDE: &[&str] = &[
+    "tempfile",
+    "walkdir",
+    "memmap2",
+    "chrono",
+    "time",
+    "log",
+    "tracing",
+    "env_logger",
+    "clap",
+    "anyhow",
+    "serde_json",
+    "flate2",
+    "image",
+    "gltf",
+    "tobj",
+    "tokio",
+    "libc",
+    "rand",
+    "getrandom",
+];
+
+const ROOMS: &[Room] = &[
+    Room { package: "lodsmith-core", folder: "crates/core", uses: &[], never: OUTSIDE },
+    Room { package: "lodsmith", folder: "crates/simplify", uses: &["lodsmith-core"], never: OUTSIDE },
+    Room {
+        package: "lodsmith-io",
+        folder: "crates/io",
+        uses: &["lodsmith-core"],
+        never: &["clap", "anyhow", "tokio"],
+    },
+    Room {
+        package: "lodsmith-render",
+        folder: "crates/render",
+        uses: &["lodsmith-core"],
+        never: &["clap", "anyhow", "tokio"],
+    },
+    Room {
+        package: "lodsmith-cli",
+        folder: "crates/cli",
+        uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render", "lodsmith-viewer"],
+        never: &[],
+    },
+    Room {
+        package: "lodsmith-viewer",
+        folder: "crates/viewer",
+        uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render"],
+        never: &["tokio"],
+    },
+];
+
+/// What sources of a folder may not say, and why. Comments and string contents are not told apart: the words are rare.
+struct Door {
+    folders: &'static [&'static str],
+    words: &'static [&'static str],
+    why: &'static str,
+}
+
+const DOORS: &[Door] = &[
+    Door {
+        folders: &["crates/core/src", "crates/simplify/src", "crates/io/src", "crates/render/src"],
+        words: &["println!", "print!", "eprintln!", "eprint!", "dbg!"],
+        why: "libraries return values; the command prints",
+    },
+    Door {
+        folders: &["crates/core/src", "crates/simplify/src"],
+        words: &[
+            "std::fs",
+            "std::env",
+            "std::net",
+            "std::process",
+            "std::time",
+            "std::path",
+            "ThreadPoolBuilder",
+        ],
+        why: "core and simplify know no file, environment, clock or thread pool: the caller has them",
+    },
+    Door {
+        folders: &["crates", "bench", "xtask", "fuzz"],
+        words: &["#[ignore", "allow(dead_code", "todo!(", "unimplemented!("],
+        why: "no test is ignored and nothing is left for later in silence",
+    },
+];
+
+/// Names that say nothing of what is inside.
+const VAGUE: &[&str] = &["utils", "util", "helpers", "helper", "common", "misc"];
+/// Bytes of `testdata` together.
+const TESTDATA_MAX: u64 = 300_000;
+/// Long before this a file holds two ideas.
+const LINES_MAX: usize = 2000;
+
+type Rule = fn() -> Result<Vec<String>>;
+
+/// Every rule: its name, and what breaks it now.
+const RULES: &[(&str, Rule)] = &[
+    ("packages use only those below them", directions),
+    ("packages never see what they must not", forbidden_crates),
+    ("sources keep to their doors", doors),
+    ("modules are concepts", vague_names),
+    ("files are not too long", long_files),
+    ("testdata is small and has an origin", testdata),
+    ("nothing names a machine", machine_paths),
+    ("every paper named is in docs/papers.md", papers),
+];
+
+/// Prints every rule.
+pub(crate) fn run() -> Result<()> {
+    let mut broken = 0;
+    for (name, rule) in RULES {
+        let findings = rule()?;
+        println!("{} {name}", if findings.is_empty() { "holds " } else { "BROKEN" });
+        for finding in &findings {
+            println!("       {finding}");
+        }
+        broken += usize::from(!findings.is_empty());
+    }
+    ensure!(broken == 0, "{broken} of {} rules are broken", RULES.len());
+    Ok(())
+}
+
+/// The workspace's own packages as Cargo sees them. Needs no network: nothing is resolved.
+fn packages() -> Result<Vec<Value>> {
+    let out = cargo().args(["metadata", "--no-deps", "--offline", "--format-version", "1"]).output()?;
+    ensure!(out.status.success(), "cargo metadata: {}", String::from_utf8_lossy(&out.stderr));
+    let all: Value = serde_json::from_slice(&out.stdout)?;
+    Ok(all["packages"].as_array().context("no packages")?.clone())
+}
+
+/// What a package names as dependencies, without those of tests and build scripts, and without the feature `proptest`,
+/// which tests alone turn on.
+fn direct(package: &Value) -> impl Iterator<Item = &str> {
+    let all = package["dependencies"].as_array().into_iter().flatten();
+    let kept = |d: &&Value| d["kind"].is_null() && !(d["optional"] == true && d["name"] == "proptest");
+    all.filter(kept).filter_map(|d| d["name"].as_str())
+}
+
+fn directions() -> Result<Vec<String>> {
+    let packages = packages()?;
+    let ours: BTreeSet<&str> = packages.iter().filter_map(|p| p["name"].as_str()).collect();
+    let mut findings = Vec::new();
+    for package in &packages {
+        let name = package["name"].as_str().unwrap_or_default();
+        let unpublished = package["publish"].as_array().is_some_and(Vec::is_empty);
+        match ROOMS.iter().find(|r| r.package == name) {
+            None if unpublished => {}
+            None => {
+                findings.push(format!("{name} is a published package without a row in xtask/src/tidy.rs"))
+            }
+            Some(room) => {
+                let manifest = Path::new(package["manifest_path"].as_str().unwrap_or_default());
+                if manifest.parent() != Some(&root().join(room.folder)) {
+                    findings.push(format!("{name} does not stand in {}", room.folder));
+                }
+                for used in direct(package).filter(|d| ours.contains(d) && !room.uses.contains(d)) {
+                    findings.push(format!("{name} depends on {used}"));
+                }
+            }
+        }
+    }
+    Ok(findings)
+}
+
+/// Each package of the lock file with all that it may pull in, on any system and with any feature.
+fn locked(text: &str) -> BTreeMap<&str, Vec<&str>> {
+    let mut packages: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    let mut name = "";
+    for line in text.lines() {
+        if let Some(quoted) = line.strip_prefix("name = ") {
+            name = quoted.trim_matches('"');
+            packages.entry(name).or_default();
+        } else if let Some(item) = line.strip_prefix(" \"") {
+            // "name", or "name version" where there are several.
+            let used = item.split(['"', ' ']).next().unwrap_or_default();
+            packages.entry(name).or_default().push(used);
+        }
+    }
+    packages
+}
+
+fn forbidden_crates() -> Result<Vec<String>> {
+    let lock = std::fs::read_to_string(root().join("Cargo.lock"))?;
+    let lock = locked(&lock);
+    let packages = packages()?;
+    let ours: BTreeMap<&str, &Value> =
+        packages.iter().filter_map(|p| Some((p["name"].as_str()?, p))).collect();
+    let mut findings = Vec::new();
+    for room in ROOMS {
+        let Some(package) = ours.get(room.package) else { continue };
+        // The lock file mixes dependencies of tests in for our own packages, so those come from their manifests.
+        let mut from: BTreeMap<&str, &str> = direct(package).map(|d| (d, room.package)).collect();
+        let mut todo: Vec<&str> = from.keys().copied().collect();
+        while let Some(name) = todo.pop() {
+            let used: Vec<&str> = match ours.get(name) {
+                Some(own) => direct(own).collect(),
+                None => lock.get(name).cloned().unwrap_or_default(),
+            };
+            for next in used {
+                if !from.contains_key(next) && next != room.package {
+                    from.insert(next, name);
+                    todo.push(next);
+                }
+            }
+        }
+        let windowed = matches!(room.package, "lodsmith-viewer" | "lodsmith-cli");
+        let gpu = if windowed { &[] } else { GPU };
+        for never in room.never.iter().chain(gpu) {
+            if let Some(through) = from.get(never) {
+                findings.push(format!("{} sees {never} through {through}", room.package));
+            }
+        }
+        if room.package == "lodsmith-cli" && direct(package).any(|d| d == "wgpu") {
+            findings.push("lodsmith-cli names wgpu itself: the viewer has it".into());
+        }
+    }
+    Ok(findings)
+}
+
+/// Every file under a folder that belongs to the tree, in order: no build outputs, nothing hidden by Git itself.
+fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    if !folder.is_dir() {
+        return Ok(files);
+    }
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if path.is_dir() {
+            if !matches!(&*name, ".git" | "target" | "corpus" | "artifacts" | "coverage") {
+                files.extend(files_under(&path)?);
+            }
+        } else {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// All files that Git keeps or would keep; without Git, all that lie there.
+fn tree() -> Result<Vec<PathBuf>> {
+    let git = Command::new("git")
+        .args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"])
+        .current_dir(root())
+        .output();
+    match git {
+        Ok(out) if out.status.success() => {
+            let names = String::from_utf8(out.stdout)?;
+            Ok(names.split_terminator('\0').map(|n| root().join(n)).filter(|p| p.is_file()).collect())
+        }
+        _ => files_under(root()),
+    }
+}
+
+fn sources(folder: &str) -> Result<Vec<PathBuf>> {
+    let mut files = files_under(&root().join(folder))?;
+    files.retain(|p| p.extension().is_some_and(|e| e == "rs"));
+    Ok(files)
+}
+
+fn shown(path: &Path) -> String {
+    path.strip_prefix(root()).unwrap_or(path).display().to_string().replace('\\', "/")
+}
+
+/// Whether a word stands in a line by itself: not as the tail of a longer word.
+fn says(line: &str, word: &str) -> bool {
+    line.match_indices(word).any(|(at, _)| {
+        !word.starts_with(char::is_alphanumeric)
+            || !line[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_')
+    })
+}
+
+fn doors() -> Result<Vec<String>> {
+    let mut findings = Vec::new();
+    for door in DOORS {
+        for folder in door.folders {
+            for path in sources(folder)? {
+                // The table of words above is no use of them.
+                if path == root().join("xtask/src/tidy.rs") {
+                    continue;
+                }
+                let text = std::fs::read_to_string(&path)?;
+                for (number, line) in text.lines().enumerate() {
+                    let code = line.trim_start();
+                    if code.starts_with("//") {
+                        continue;
+                    }
+                    for word in door.words.iter().filter(|w| says(code, w)) {
+                        findings.push(format!("{}:{}: {word}: {}", shown(&path), number + 1, door.why));
+                    }
+                }
+            }
+        }
+    }
+    Ok(findings)
+}
+
+fn vague_names() -> Result<Vec<String>> {
+    let mut findings = Vec::new();
+    for folder in ["crates", "bench", "xtask", "fuzz"] {
+        for path in sources(folder)? {
+            let relative = path.strip_prefix(root()).unwrap_or(&path);
+            let vague =
+                |part: &std::ffi::OsStr| VAGUE.contains(&part.to_string_lossy().trim_end_matches(".rs"));
+            if relative.iter().any(vague) {
+                findings.push(format!("{}: name the concept", shown(&path)));
+            }
+        }
+    }
+    Ok(findings)
+}
+
+fn long_files() -> Result<Vec<String>> {
+    let mut findings = Vec::new();
+    for folder in ["crates", "bench", "xtask", "fuzz"] {
+        for path in sources(folder)? {
+            let lines = std::fs::read_to_string(&path)?.lines().count();
+            if lines > LINES_MAX {
+                findings.push(format!("{} has {lines} lines of at most {LINES_MAX}", shown(&path)));
+            }
+        }
+    }
+    Ok(findings)
+}
+
+fn testdata() -> Result<Vec<String>> {
+    let mut findings = Vec::new();
+    let mut sum = 0;
+    let mut folders = vec![root().join("testdata")];
+    for entry in std::fs::read_dir(root().join("crates"))? {
+        folders.push(entry?.path().join("testdata"));
+        folders.push(folders[folders.len() - 1].with_file_name("tests").join("testdata"));
+    }
+    for folder in folders.iter().filter(|f| f.is_dir()) {
+        let origin = std::fs::read_to_string(folder.join("ORIGIN.md")).unwrap_or_default();
+        for path in files_under(folder)? {
+            let name = path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+            sum += path.metadata()?.len();
+            if name != "ORIGIN.md" && !origin.contains(&format!("`{name}`")) {
+                findings.push(format!("{} is not named in ORIGIN.md beside it", shown(&path)));
+            }
+        }
+    }
+    if sum > TESTDATA_MAX {
+        findings.push(format!("testdata has {sum} bytes of at most {TESTDATA_MAX}"));
+    }
+    Ok(findings)
+}
+
+fn machine_paths() -> Result<Vec<String>> {
+    // Put together here, so that this file does not say them.
+    let paths: Vec<String> =
+        ["home", "root", "Users", "work", "mnt"].iter().map(|d| format!("/{d}/")).collect();
+    let mut findings = Vec::new();
+    for path in tree()? {
+        let Ok(text) = std::fs::read_to_string(&path) else { continue };
+        for (number, line) in text.lines().enumerate() {
+            for machine in &paths {
+                let starts = |at: usize| {
+                    // Where a path begins: not in the middle of a longer, relative one or of an address.
+                    !line[..at].ends_with(|c: char| c.is_alphanumeric() || "._-/}".contains(c))
+                };
+                if line.match_indices(machine.as_str()).any(|(at, _)| starts(at)) {
+                    findings.push(format!("{}:{}: {machine}", shown(&path), number + 1));
+                }
+            }
+        }
+    }
+    Ok(findings)
+}
+
+/// Keys such as `[Name 1999]` or `[Name-Other 1999]` in a line.
+fn keys(line: &str) -> impl Iterator<Item = &str> {
+    line.split('[').skip(1).filter_map(|rest| rest.split_once(']')).map(|(key, _)| key).filter(|key| {
+        key.split_once(' ').is_some_and(|(names, year)| {
+            year.len() == 4
+                && year.bytes().all(|b| b.is_ascii_digit())
+                && names
+                    .split('-')
+                    .all(|n| n.starts_with(char::is_uppercase) && n.chars().all(char::is_alphabetic))
+        })
+    })
+}
+
+fn papers() -> Result<Vec<String>> {
+    let known = std::fs::read_to_string(root().join("docs/papers.md"))?;
+    let known: BTreeSet<&str> = known.lines().filter(|l| l.starts_with("- ")).flat_map(keys).collect();
+    let mut findings = Vec::new();
+    for path in sources("crates")? {
+        let text = std::fs::read_to_string(&path)?;
+        for (number, line) in text.lines().enumerate() {
+            for key in keys(line).filter(|k| !known.contains(k)) {
+                findings.push(format!("{}:{}: [{key}]", shown(&path), number + 1));
+            }
+        }
+    }
+    Ok(findings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn holds(rule: Rule) {
+        let findings = rule().unwrap();
+        assert!(findings.is_empty(), "{}", findings.join("\n"));
+    }
+
+    #[test]
+    fn packages_use_only_those_below_them() {
+        holds(directions);
+    }
+    #[test]
+    fn packages_never_see_what_they_must_not() {
+        holds(forbidden_crates);
+    }
+    #[test]
+    fn sources_keep_to_their_doors() {
+        holds(doors);
+    }
+    #[test]
+    fn modules_are_concepts() {
+        holds(vague_names);
+    }
+    #[test]
+    fn files_are_not_too_long() {
+        holds(long_files);
+    }
+    #[test]
+    fn testdata_is_small_and_has_an_origin() {
+        holds(testdata);
+    }
+    #[test]
+    fn nothing_names_a_machine() {
+        holds(machine_paths);
+    }
+    #[test]
+    fn every_paper_named_is_known() {
+        holds(papers);
+    }
+
+    #[test]
+    fn the_lock_file_is_understood() {
+        let text = "[[package]]\nname = \"a\"\nversion = \"1\"\ndependencies = [\n \"b\",\n \"c 0.2.0\",\n]\n\n\
+                    [[package]]\nname = \"b\"\n";
+        let lock = locked(text);
+        assert_eq!(lock["a"], ["b", "c"]);
+        assert!(lock["b"].is_empty());
+    }
+
+    #[test]
+    fn words_are_whole() {
+        assert!(says("println!(1)", "println!") && !says("eprintln!(1)", "println!"));
+        assert!(says("(std::fs::read)", "std::fs") && !says("mystd::fs", "std::fs"));
+    }
+
+    #[test]
+    fn keys_are_names_and_years() {
+        let line = "After [Lindstrom-Turk 1998] and [Dey 1999], not [a 1999], [Foo], [Bar 99] or [x][1999].";
+        assert_eq!(keys(line).collect::<Vec<_>>(), ["Lindstrom-Turk 1998", "Dey 1999"]);
+    }
+}
