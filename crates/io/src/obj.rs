@@ -7,8 +7,10 @@
 //! digits, and the nearest `f32` printed with as many digits would be another number.
 
 mod read;
+mod stream;
 mod wedges;
 mod write;
 
 pub use read::read;
+pub(crate) use stream::read_file;
 pub use write::write;

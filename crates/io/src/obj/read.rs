@@ -11,6 +11,7 @@ use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{Positions, TriMesh, VertexId};
 use rayon::prelude::*;
 
+use super::stream::ends_line;
 use super::wedges::{NONE, number_wedges};
 use crate::attributes::{NO_ALPHA, NO_COLOR, unit_colors, unit_normals};
 use crate::error::{ReadError, Warning};
@@ -45,26 +46,23 @@ pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
 
 /// Reads the sections of a file at the same time; `None` where one of them cannot do without those before it, be it for
 /// the sake of an index that counts backwards or of an error's line.
-fn read_sections(bytes: &[u8]) -> Option<Section<'_>> {
+fn read_sections(bytes: &[u8]) -> Option<Section> {
     let pieces = sections(bytes, rayon::current_num_threads());
-    let read: Option<Vec<Section<'_>>> =
+    let read: Option<Vec<Section>> =
         pieces.par_iter().enumerate().map(|(i, piece)| Section::read(piece, UNKNOWN, i == 0).ok()).collect();
-    read?.into_iter().reduce(|mut all, section| {
-        all.append(section);
-        all
-    })
+    Section::joined(read?)
 }
+
+/// Guessed: reading this much takes a few milliseconds, far more than to hand it to a thread.
+pub(super) const SMALL: usize = 1 << 20;
 
 /// Cuts a file at line ends into at most so many sections.
 fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
-    // Guessed: reading this much takes a few milliseconds, far more than to hand it to a thread.
-    const SMALL: usize = 4 << 20;
     let count = count.clamp(1, bytes.len() / SMALL + 1);
     let (mut rest, mut pieces) = (bytes, Vec::with_capacity(count));
     for left in (2..=count).rev() {
         let aim = rest.len() / left;
-        // A line with a backslash at its end goes on.
-        let is_end = |&n: &usize| !matches!(rest[..n], [.., b'\\'] | [.., b'\\', b'\r']);
+        let is_end = |&n: &usize| ends_line(&rest[..n]);
         let Some(end) = memchr::memchr_iter(b'\n', &rest[aim..]).map(|n| aim + n).find(is_end) else { break };
         let (piece, after) = rest.split_at(end + 1);
         pieces.push(piece);
@@ -75,14 +73,14 @@ fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
 }
 
 /// How many positions, texture coordinates and normals there are, as long as nobody knows.
-const UNKNOWN: [usize; 3] = [NONE as usize; 3];
+pub(super) const UNKNOWN: [usize; 3] = [NONE as usize; 3];
 
 /// The three things that a corner names, in this order.
 const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// What a piece of the file holds.
 #[derive(Default)]
-struct Section<'a> {
+pub(super) struct Section {
     positions: Vec<[f64; 3]>,
     needs_f64: bool,
     /// As many as there are positions, or none.
@@ -102,7 +100,7 @@ struct Section<'a> {
     /// Whether the file begins here, so that all counts are those of the file.
     is_first: bool,
     line_count: usize,
-    notes: Notes<'a>,
+    notes: Notes,
 }
 
 /// How the indices of one kind are kept.
@@ -127,22 +125,42 @@ struct Polygon {
 
 /// What the user may want to know.
 #[derive(Default)]
-struct Notes<'a> {
+struct Notes {
     objects: usize,
-    materials: BTreeSet<&'a [u8]>,
+    materials: BTreeSet<Vec<u8>>,
     has_materials: bool,
     colored: usize,
     small_faces: usize,
     lines_and_points: usize,
     free_forms: usize,
     /// Lines that begin with an unknown word, and the first of them.
-    strange: Option<(usize, usize, &'a [u8])>,
+    strange: Option<(usize, usize, Vec<u8>)>,
 }
 
-impl<'a> Section<'a> {
+impl Section {
+    /// An empty section; `is_first` if the file begins with it.
+    pub(super) fn new(is_first: bool) -> Self {
+        Self { is_first, ..Self::default() }
+    }
+
     /// Reads a piece; an index of `counts` or more is an error.
-    fn read(bytes: &'a [u8], counts: [usize; 3], is_first: bool) -> Result<Self, ReadError> {
-        let mut section = Self { is_first, ..Self::default() };
+    fn read(bytes: &[u8], counts: [usize; 3], is_first: bool) -> Result<Self, ReadError> {
+        let mut section = Self::new(is_first);
+        section.take(bytes, counts)?;
+        Ok(section)
+    }
+
+    /// Puts sections behind each other.
+    pub(super) fn joined(sections: Vec<Self>) -> Option<Self> {
+        sections.into_iter().reduce(|mut all, section| {
+            all.append(section);
+            all
+        })
+    }
+
+    /// Goes on with more whole lines; an index of `counts` or more is an error.
+    pub(super) fn take(&mut self, bytes: &[u8], counts: [usize; 3]) -> Result<(), ReadError> {
+        let section = self;
         let mut lines = Lines::new(bytes);
         let mut corners: Vec<[u32; 3]> = Vec::new();
         while !lines.is_over() {
@@ -177,8 +195,8 @@ impl<'a> Section<'a> {
                 }
             }
         }
-        section.line_count = lines.line() - 1;
-        Ok(section)
+        section.line_count += lines.line() - 1;
+        Ok(())
     }
 
     /// Puts the section that follows behind this one.
@@ -354,14 +372,17 @@ impl<'a> Section<'a> {
     }
 
     #[cold]
-    fn other(&mut self, lines: &Lines<'a>) {
+    fn other(&mut self, lines: &Lines<'_>) {
         let word = lines.word();
         let notes = &mut self.notes;
         match word {
             b"o" => notes.objects += 1,
             b"usemtl" => {
                 notes.has_materials = true;
-                notes.materials.insert(lines.rest()[word.len()..].trim_ascii());
+                let name = lines.rest()[word.len()..].trim_ascii();
+                if !notes.materials.contains(name) {
+                    notes.materials.insert(name.to_vec());
+                }
             }
             b"mtllib" => notes.has_materials = true,
             b"l" | b"p" => notes.lines_and_points += 1,
@@ -370,10 +391,8 @@ impl<'a> Section<'a> {
             b"g" | b"s" | b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"maplib" | b"usemap"
             | b"shadow_obj" | b"trace_obj" | b"ctech" | b"stech" => {}
             _ => {
-                notes.strange = match notes.strange {
-                    None => Some((1, lines.line(), word)),
-                    Some((count, line, first)) => Some((count + 1, line, first)),
-                }
+                let line = self.line_count + lines.line();
+                notes.strange.get_or_insert_with(|| (0, line, word.to_vec())).0 += 1;
             }
         }
     }
@@ -383,7 +402,7 @@ impl<'a> Section<'a> {
     }
 
     /// Whether every index names something.
-    fn is_sound(&self) -> bool {
+    pub(super) fn is_sound(&self) -> bool {
         (0..3).all(|kind| self.ends[kind] <= self.counts()[kind])
     }
 
@@ -427,7 +446,7 @@ impl<'a> Section<'a> {
         take(&mut self.triangles, old[0].len());
     }
 
-    fn finish(mut self) -> Result<Loaded, ReadError> {
+    pub(super) fn finish(mut self) -> Result<Loaded, ReadError> {
         let polygons = self.triangles[0].len() + self.polygons.len();
         self.cut_polygons();
         // One kind of its own makes wedges, which need the indices of all kinds.
@@ -514,9 +533,9 @@ impl<'a> Section<'a> {
     }
 }
 
-impl<'a> Notes<'a> {
+impl Notes {
     /// Adds the notes of a section with so many lines before it.
-    fn append(&mut self, next: Notes<'a>, lines: usize) {
+    fn append(&mut self, next: Self, lines: usize) {
         self.objects += next.objects;
         self.materials.extend(next.materials);
         self.has_materials |= next.has_materials;
@@ -524,7 +543,7 @@ impl<'a> Notes<'a> {
         self.small_faces += next.small_faces;
         self.lines_and_points += next.lines_and_points;
         self.free_forms += next.free_forms;
-        self.strange = match (self.strange, next.strange) {
+        self.strange = match (self.strange.take(), next.strange) {
             (Some((count, line, word)), Some((more, ..))) => Some((count + more, line, word)),
             (None, Some((count, line, word))) => Some((count, line + lines, word)),
             (first, None) => first,
@@ -551,7 +570,7 @@ impl<'a> Notes<'a> {
                 self.small_faces
             )));
         }
-        if let Some((count, line, word)) = self.strange {
+        if let Some((count, line, word)) = &self.strange {
             let text = format!(
                 "{count} lines begin with a word that OBJ does not have, such as `{}` in line {line}",
                 shown(word)
