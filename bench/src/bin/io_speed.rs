@@ -68,7 +68,10 @@ fn main() -> Result<()> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("torus");
     let (side, clock) = (race.side, if race.cpu { "processor" } else { "clock" });
-    println!("{vertices} vertices, {faces} triangles, {threads} threads, {clock} time, least of {}\n", race.reps);
+    println!(
+        "{vertices} vertices, {faces} triangles, {threads} threads, {clock} time, least of {}\n",
+        race.reps
+    );
     println!("| file | MB | lodsmith s | rival | rival s | lodsmith / rival | bytes alone s |");
     println!("|---|--:|--:|---|--:|--:|--:|");
     for (name, form) in FORMS.iter().filter(|(name, _)| name.contains(&only)) {

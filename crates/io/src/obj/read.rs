@@ -12,7 +12,7 @@ use lodsmith_core::{Positions, TriMesh, VertexId};
 use rayon::prelude::*;
 
 use super::stream::ends_line;
-use super::wedges::{NONE, number_wedges};
+use super::wedges::{Indices, NONE, number_wedges};
 use crate::attributes::{NO_ALPHA, NO_COLOR, unit_colors, unit_normals};
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
@@ -33,12 +33,16 @@ use crate::read::{Contents, Loaded, ReadOptions};
 /// index that is 0 or beyond what the file holds. [`ReadError::Mesh`] if there is more than 32-bit ids can name.
 pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let section = match read_sections(bytes) {
-        Some(section) => section,
-        None => Section::read(bytes, UNKNOWN, true)?,
+    let sections_or_whole = |precise: bool| match read_sections(bytes, precise) {
+        Some(section) => Ok(section),
+        None => Section::read(bytes, UNKNOWN, true, precise),
     };
+    let mut section = sections_or_whole(false)?;
+    if section.wants_precision {
+        section = sections_or_whole(true)?;
+    }
     if !section.is_sound() {
-        let named = Section::read(bytes, section.counts(), true).err();
+        let named = Section::read(bytes, section.counts(), true, true).err();
         return Err(named.unwrap_or_else(|| ReadError::file("a face names what is not there")));
     }
     section.finish()
@@ -46,11 +50,10 @@ pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
 
 /// Reads the sections of a file at the same time; `None` where one of them cannot do without those before it, be it for
 /// the sake of an index that counts backwards or of an error's line.
-fn read_sections(bytes: &[u8]) -> Option<Section> {
+fn read_sections(bytes: &[u8], precise: bool) -> Option<Section> {
     let pieces = sections(bytes, rayon::current_num_threads());
-    let read: Option<Vec<Section>> =
-        pieces.par_iter().enumerate().map(|(i, piece)| Section::read(piece, UNKNOWN, i == 0).ok()).collect();
-    Section::joined(read?)
+    let read = |(i, piece): (usize, &&[u8])| Section::read(piece, UNKNOWN, i == 0, precise).ok();
+    Section::joined(pieces.par_iter().enumerate().map(read).collect::<Option<Vec<_>>>()?)
 }
 
 /// Guessed: reading this much takes a few milliseconds, far more than to hand it to a thread.
@@ -79,10 +82,11 @@ pub(super) const UNKNOWN: [usize; 3] = [NONE as usize; 3];
 const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// What a piece of the file holds.
-#[derive(Default)]
 pub(super) struct Section {
-    positions: Vec<[f64; 3]>,
-    needs_f64: bool,
+    /// Single precision until a number needs more.
+    positions: Positions,
+    /// Whether that came too late: the section is to be read again with double precision from the start.
+    pub(super) wants_precision: bool,
     /// As many as there are positions, or none.
     colors: Vec<[f32; 4]>,
     uvs: Vec<[f32; 2]>,
@@ -96,7 +100,7 @@ pub(super) struct Section {
     polygons: Vec<Polygon>,
     polygon_corners: Vec<[u32; 3]>,
     /// The greatest index of each kind, plus one.
-    ends: [usize; 3],
+    ends: [u32; 3],
     /// Whether the file begins here, so that all counts are those of the file.
     is_first: bool,
     line_count: usize,
@@ -138,14 +142,28 @@ struct Notes {
 }
 
 impl Section {
-    /// An empty section; `is_first` if the file begins with it.
-    pub(super) fn new(is_first: bool) -> Self {
-        Self { is_first, ..Self::default() }
+    /// An empty section; `is_first` if the file begins with it, `precise` to keep double precision whatever the numbers.
+    pub(super) fn new(is_first: bool, precise: bool) -> Self {
+        Self {
+            positions: if precise { Positions::F64(Vec::new()) } else { Positions::F32(Vec::new()) },
+            wants_precision: false,
+            colors: Vec::new(),
+            uvs: Vec::new(),
+            normals: Vec::new(),
+            triangles: Default::default(),
+            storage: Default::default(),
+            polygons: Vec::new(),
+            polygon_corners: Vec::new(),
+            ends: [0; 3],
+            is_first,
+            line_count: 0,
+            notes: Notes::default(),
+        }
     }
 
     /// Reads a piece; an index of `counts` or more is an error.
-    fn read(bytes: &[u8], counts: [usize; 3], is_first: bool) -> Result<Self, ReadError> {
-        let mut section = Self::new(is_first);
+    fn read(bytes: &[u8], counts: [usize; 3], is_first: bool, precise: bool) -> Result<Self, ReadError> {
+        let mut section = Self::new(is_first, precise);
         section.take(bytes, counts)?;
         Ok(section)
     }
@@ -162,7 +180,7 @@ impl Section {
     pub(super) fn take(&mut self, bytes: &[u8], counts: [usize; 3]) -> Result<(), ReadError> {
         let section = self;
         let mut lines = Lines::new(bytes);
-        let mut corners: Vec<[u32; 3]> = Vec::new();
+        let (mut corners, mut lengths) = (Vec::new(), [0; 3]);
         while !lines.is_over() {
             lines.skip_blanks();
             match lines.ahead() {
@@ -173,7 +191,7 @@ impl Section {
                 }
                 [b'f', b' ' | b'\t', ..] => {
                     lines.pass(1);
-                    section.face(&mut lines, counts, &mut corners)?;
+                    section.face(&mut lines, counts, &mut lengths, &mut corners)?;
                     lines.next_line();
                 }
                 [b'v', b'n', b' ' | b'\t', ..] => {
@@ -205,8 +223,14 @@ impl Section {
             self.colors.resize(self.positions.len(), NO_COLOR);
             self.colors.append(&mut next.colors);
         }
-        self.positions.append(&mut next.positions);
-        self.needs_f64 |= next.needs_f64;
+        self.wants_precision |= next.wants_precision;
+        match (&mut self.positions, &mut next.positions) {
+            (Positions::F32(all), Positions::F32(these)) => all.append(these),
+            (Positions::F64(all), Positions::F64(these)) => all.append(these),
+            (_, these) if these.is_empty() => {}
+            (all, these) if all.is_empty() => std::mem::swap(all, these),
+            _ => self.wants_precision = true,
+        }
         self.uvs.append(&mut next.uvs);
         self.normals.append(&mut next.normals);
         let before = self.triangles[0].len();
@@ -233,12 +257,13 @@ impl Section {
     #[inline]
     fn vertex(&mut self, lines: &mut Lines<'_>) -> Result<(), ReadError> {
         let mut position = [0.0; 3];
+        let mut needs_f64 = false;
         for (k, coordinate) in position.iter_mut().enumerate() {
             if lines.ends() {
                 return Err(too_few(lines, "a position", 3, k));
             }
             let number = lines.decimal()?;
-            self.needs_f64 = self.needs_f64 || number.needs_f64();
+            needs_f64 = needs_f64 || number.needs_f64();
             *coordinate = number.value;
         }
         if !lines.ends() {
@@ -255,7 +280,16 @@ impl Section {
                 self.colors.push(if count == 4 { more } else { [more[0], more[1], more[2], NO_ALPHA] });
             }
         }
-        self.positions.push(position);
+        match &mut self.positions {
+            Positions::F64(all) => all.push(position),
+            Positions::F32(all) if needs_f64 && all.is_empty() => {
+                self.positions = Positions::F64(vec![position])
+            }
+            Positions::F32(all) => {
+                self.wants_precision |= needs_f64;
+                all.push(position.map(|c| c as f32));
+            }
+        }
         Ok(())
     }
 
@@ -264,51 +298,90 @@ impl Section {
         &mut self,
         lines: &mut Lines<'_>,
         counts: [usize; 3],
+        lengths: &mut [usize; 3],
         corners: &mut Vec<[u32; 3]>,
     ) -> Result<(), ReadError> {
-        corners.clear();
-        let have = [self.positions.len(), self.uvs.len(), self.normals.len()];
-        while !lines.ends() {
-            let mut corner = [NONE; 3];
-            corner[0] = self.index(lines, 0, have, counts)?;
+        let mut first = [[NONE; 3]; 3];
+        let mut size = 0;
+        while size < 3 && !lines.ends() {
+            first[size] = self.corner(lines, counts, lengths)?;
+            size += 1;
+        }
+        if size < 3 {
+            self.small_faces(&first);
+            return Ok(());
+        }
+        if !lines.ends() {
+            corners.clear();
+            corners.extend_from_slice(&first);
+            while !lines.ends() {
+                corners.push(self.corner(lines, counts, lengths)?);
+            }
+            self.polygons.push(Polygon { after: self.triangles[0].len(), size: corners.len() });
+            self.polygon_corners.extend_from_slice(corners);
+            self.count(corners);
+            return Ok(());
+        }
+        self.count(&first);
+        let [a, b, c] = first;
+        let positions = [a[0], b[0], c[0]];
+        for kind in 1..3 {
+            let triangle = [a[kind], b[kind], c[kind]];
+            match self.storage[kind] {
+                Storage::Own => self.triangles[kind].push(triangle),
+                Storage::Same if triangle == positions => {}
+                Storage::Absent if triangle == [NONE; 3] => {}
+                _ => self.first_of_its_own(kind, triangle, positions),
+            }
+        }
+        self.triangles[0].push(positions);
+        Ok(())
+    }
+
+    /// Reads the indices of a corner.
+    #[inline(always)]
+    fn corner(
+        &self,
+        lines: &mut Lines<'_>,
+        counts: [usize; 3],
+        lengths: &mut [usize; 3],
+    ) -> Result<[u32; 3], ReadError> {
+        let mut corner = [NONE; 3];
+        corner[0] = self.index(lines, 0, counts, lengths)?;
+        if lines.peek() == b'/' {
+            lines.pass(1);
+            if lines.peek() != b'/' && !lines.word_ends() {
+                corner[1] = self.index(lines, 1, counts, lengths)?;
+            }
             if lines.peek() == b'/' {
                 lines.pass(1);
-                if lines.peek() != b'/' && !lines.word_ends() {
-                    corner[1] = self.index(lines, 1, have, counts)?;
+                if !lines.word_ends() {
+                    corner[2] = self.index(lines, 2, counts, lengths)?;
                 }
-                if lines.peek() == b'/' {
-                    lines.pass(1);
-                    if !lines.word_ends() {
-                        corner[2] = self.index(lines, 2, have, counts)?;
-                    }
-                }
-            }
-            if !lines.word_ends() {
-                return Err(lines.not_a("corner of a face"));
-            }
-            corners.push(corner);
-        }
-        match corners[..] {
-            [a, b, c] => {
-                let positions = [a[0], b[0], c[0]];
-                for kind in 1..3 {
-                    let triangle = [a[kind], b[kind], c[kind]];
-                    match self.storage[kind] {
-                        Storage::Own => self.triangles[kind].push(triangle),
-                        Storage::Same if triangle == positions => {}
-                        Storage::Absent if triangle == [NONE; 3] => {}
-                        _ => self.first_of_its_own(kind, triangle, positions),
-                    }
-                }
-                self.triangles[0].push(positions);
-            }
-            [] | [_] | [_, _] => self.notes.small_faces += 1,
-            _ => {
-                self.polygons.push(Polygon { after: self.triangles[0].len(), size: corners.len() });
-                self.polygon_corners.extend_from_slice(corners);
             }
         }
-        Ok(())
+        if !lines.word_ends() {
+            return Err(lines.not_a("corner of a face"));
+        }
+        Ok(corner)
+    }
+
+    /// Remembers the greatest indices.
+    #[inline(always)]
+    fn count(&mut self, corners: &[[u32; 3]]) {
+        for corner in corners {
+            for (end, index) in self.ends.iter_mut().zip(corner) {
+                // What is not there becomes 0.
+                *end = index.wrapping_add(1).max(*end);
+            }
+        }
+    }
+
+    /// A face that is none; what it names must be there all the same.
+    #[cold]
+    fn small_faces(&mut self, corners: &[[u32; 3]]) {
+        self.notes.small_faces += 1;
+        self.count(corners);
     }
 
     #[cold]
@@ -331,33 +404,32 @@ impl Section {
         self.storage[kind] = Storage::Own;
     }
 
+    /// Reads an index. `lengths` are those of the last indices of each kind: mostly the next one is as long, and where it
+    /// ends need not wait for its digits to be looked at.
     #[inline(always)]
     fn index(
-        &mut self,
+        &self,
         lines: &mut Lines<'_>,
         kind: usize,
-        have: [usize; 3],
         counts: [usize; 3],
+        lengths: &mut [usize; 3],
     ) -> Result<u32, ReadError> {
         if let Some((number, length)) = short_whole(lines.ahead())
             && number > 0
             && (number as usize) <= counts[kind]
         {
-            lines.pass(length);
-            self.ends[kind] = self.ends[kind].max(number as usize);
+            if length != lengths[kind] {
+                set(&mut lengths[kind], length);
+            }
+            lines.pass(lengths[kind]);
             return Ok(number - 1);
         }
-        self.any_index(lines, kind, have, counts)
+        self.any_index(lines, kind, counts)
     }
 
     #[cold]
-    fn any_index(
-        &mut self,
-        lines: &mut Lines<'_>,
-        kind: usize,
-        have: [usize; 3],
-        counts: [usize; 3],
-    ) -> Result<u32, ReadError> {
+    fn any_index(&self, lines: &mut Lines<'_>, kind: usize, counts: [usize; 3]) -> Result<u32, ReadError> {
+        let have = self.counts();
         let number = lines.whole()?;
         let index = if number > 0 { number - 1 } else { have[kind] as i64 + number };
         // Seen as unsigned, what is below zero is beyond everything.
@@ -367,7 +439,6 @@ impl Section {
         if number == 0 || index as u64 >= counts[kind] as u64 {
             return Err(bad_index(lines, number, kind, have, counts));
         }
-        self.ends[kind] = self.ends[kind].max(index as usize + 1);
         Ok(index as u32)
     }
 
@@ -403,7 +474,7 @@ impl Section {
 
     /// Whether every index names something.
     pub(super) fn is_sound(&self) -> bool {
-        (0..3).all(|kind| self.ends[kind] <= self.counts()[kind])
+        (0..3).all(|kind| self.ends[kind] as usize <= self.counts()[kind])
     }
 
     /// Cuts the polygons into triangles and puts these between the others.
@@ -423,6 +494,7 @@ impl Section {
         for kind in (0..3).filter(|&kind| is_used[kind]) {
             self.triangles[kind].reserve_exact(total);
         }
+        let view = self.positions.view();
         let mut triangulator = Triangulator::default();
         let (mut points, mut cut) = (Vec::new(), Vec::new());
         let (mut taken, mut corners) = (0, &self.polygon_corners[..]);
@@ -437,7 +509,7 @@ impl Section {
             let (these, rest) = corners.split_at(polygon.size);
             corners = rest;
             points.clear();
-            points.extend(these.iter().map(|c| self.positions[c[0] as usize]));
+            points.extend(these.iter().map(|c| view.get(VertexId(c[0]))));
             triangulator.triangulate(&points, &mut cut);
             for kind in (0..3).filter(|&kind| is_used[kind]) {
                 self.triangles[kind].extend(cut.iter().map(|t| t.map(|k| these[k as usize][kind])));
@@ -449,16 +521,6 @@ impl Section {
     pub(super) fn finish(mut self) -> Result<Loaded, ReadError> {
         let polygons = self.triangles[0].len() + self.polygons.len();
         self.cut_polygons();
-        // One kind of its own makes wedges, which need the indices of all kinds.
-        let is_own =
-            |kind: usize| self.storage[kind] == Storage::Own && self.triangles[kind] != self.triangles[0];
-        if is_own(1) || is_own(2) {
-            for kind in 1..3 {
-                if self.storage[kind] == Storage::Same {
-                    self.store(kind);
-                }
-            }
-        }
         let [mut triangles, uv_of, normal_of] = std::mem::take(&mut self.triangles);
         // Wedges are counted by 32-bit numbers before the mesh can refuse them.
         if triangles.len() >= (u32::MAX / 3) as usize {
@@ -477,11 +539,12 @@ impl Section {
                 warnings.push(Warning::note("colours count to 255: divided by 255"));
             }
         }
-        let is_same = |buffer: &Vec<[u32; 3]>| buffer.is_empty() || *buffer == triangles;
+        let is_same =
+            |kind: usize, buffer: &Vec<[u32; 3]>| self.storage[kind] != Storage::Own || *buffer == triangles;
         let (has_uvs, has_normals) = (self.storage[1] != Storage::Absent, self.storage[2] != Storage::Absent);
         let mut vertex_of = None;
         let (uvs, normals);
-        if is_same(&uv_of) && is_same(&normal_of) {
+        if is_same(1, &uv_of) && is_same(2, &normal_of) {
             self.uvs.resize(vertex_count, [0.0; 2]);
             self.normals.resize(vertex_count, [0.0; 3]);
             uvs = has_uvs.then_some(self.uvs);
@@ -494,7 +557,13 @@ impl Section {
                         .push(Warning::note(format!("{bare} corners without {what}: zeros were put there")));
                 }
             }
-            let wedges = number_wedges(&mut triangles, &uv_of, &normal_of, vertex_count);
+            let indices = |kind: usize, buffer| match self.storage[kind] {
+                Storage::Absent => Indices::Absent,
+                Storage::Same => Indices::Same,
+                Storage::Own => Indices::Own(buffer),
+            };
+            let wedges =
+                number_wedges(&mut triangles, indices(1, &uv_of), indices(2, &normal_of), vertex_count);
             vertex_of = wedges.vertex_of;
             let of = &wedges.attributes;
             uvs = has_uvs.then(|| of.iter().map(|a| get_or_zero(&self.uvs, a[0])).collect());
@@ -505,11 +574,7 @@ impl Section {
             None => Some(self.colors),
             Some(map) => Some(map.iter().map(|&v| self.colors[v as usize]).collect()),
         };
-        let positions = if self.needs_f64 {
-            Positions::F64(self.positions)
-        } else {
-            Positions::F32(self.positions.into_iter().map(|p| p.map(|c| c as f32)).collect())
-        };
+        let positions = self.positions;
         let mut mesh = match vertex_of {
             None => TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?,
             Some(map) => {
@@ -579,6 +644,13 @@ impl Notes {
         }
         warnings
     }
+}
+
+/// Out of line, so that it stays a branch, which the processor foresees.
+#[cold]
+#[inline(never)]
+fn set(length: &mut usize, new: usize) {
+    *length = new;
 }
 
 fn get_or_zero<const N: usize>(buffer: &[[f32; N]], index: u32) -> [f32; N] {

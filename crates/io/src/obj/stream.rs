@@ -24,10 +24,20 @@ const PIECE: usize = 1 << 18;
 /// [`ReadError::Mesh`] as the reader of a whole file.
 pub(crate) fn read_file(path: &Path, size: u64) -> Result<Option<Loaded>, ReadError> {
     let Ok(Some(ranges)) = ranges(path, size) else { return Ok(None) };
-    let last = ranges.len() - 1;
-    let read = |(i, range): (usize, &Range<u64>)| read_range(path, range.clone(), i == 0, i == last);
-    let sections: Option<Vec<Section>> = ranges.par_iter().enumerate().map(read).collect();
-    match sections.and_then(Section::joined) {
+    let read_all = |precise: bool| {
+        let last = ranges.len() - 1;
+        let read = |(i, range): (usize, &Range<u64>)| {
+            let section = Section::new(i == 0, precise);
+            read_range(path, range.clone(), section, i == last)
+        };
+        let sections: Option<Vec<Section>> = ranges.par_iter().enumerate().map(read).collect();
+        sections.and_then(Section::joined)
+    };
+    let section = match read_all(false) {
+        Some(section) if section.wants_precision => read_all(true),
+        other => other,
+    };
+    match section {
         Some(section) if section.is_sound() => section.finish().map(Some),
         _ => Ok(None),
     }
@@ -56,12 +66,12 @@ fn ranges(path: &Path, size: u64) -> io::Result<Option<Vec<Range<u64>>>> {
     Ok(Some(ranges))
 }
 
-fn read_range(path: &Path, range: Range<u64>, is_first: bool, is_last: bool) -> Option<Section> {
+/// Reads a range into an empty section; only its front where the section must be read again anyway.
+fn read_range(path: &Path, range: Range<u64>, mut section: Section, is_last: bool) -> Option<Section> {
     let mut file = File::open(path).ok()?;
     file.seek(SeekFrom::Start(range.start)).ok()?;
     let length = range.end - range.start;
     let mut left = file.take(length);
-    let mut section = Section::new(is_first);
     let mut buffer = vec![0; PIECE];
     let (mut filled, mut taken) = (0, 0);
     loop {
@@ -74,6 +84,9 @@ fn read_range(path: &Path, range: Range<u64>, is_first: bool, is_last: bool) -> 
         let end = memchr::memrchr_iter(b'\n', &buffer[..filled]).find(|&n| n > 0 && ends_line(&buffer[..n]));
         if let Some(end) = end {
             section.take(&buffer[..=end], UNKNOWN).ok()?;
+            if section.wants_precision {
+                return Some(section);
+            }
             buffer.copy_within(end + 1..filled, 0);
             filled -= end + 1;
         } else if filled == buffer.len() {
@@ -131,6 +144,16 @@ mod tests {
             let got = streamed(&text, threads).unwrap().unwrap();
             assert_eq!(got.mesh, whole.mesh);
             assert_eq!((got.contents, got.warnings), (whole.contents.clone(), whole.warnings.clone()));
+        }
+    }
+
+    #[test]
+    fn precision_may_be_needed_late() {
+        let text = text(400, "vn 0 0 1\nvn 0 1 0\nv 0.1 500000.123 0\n");
+        let whole = super::super::read(text.as_bytes(), &ReadOptions::default()).unwrap();
+        assert!(matches!(whole.mesh.positions(), lodsmith_core::Positions::F64(_)));
+        for threads in [1, 3] {
+            assert_eq!(streamed(&text, threads).unwrap().unwrap().mesh, whole.mesh);
         }
     }
 
