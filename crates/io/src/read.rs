@@ -142,7 +142,7 @@ fn with_hint(mut loaded: Loaded, hint: Option<Format>, options: &ReadOptions) ->
     if let (None, Some(hint)) = (options.format, hint)
         && hint != loaded.format
     {
-        let [hint, format] = [hint, loaded.format].map(|f| f.name().to_uppercase());
+        let [hint, format] = [hint, loaded.format].map(Format::title);
         let text = format!("the ending says {hint}, the content is {format}: read as {format}");
         loaded.warnings.insert(0, Warning::note(text));
     }

@@ -15,8 +15,9 @@ use super::stream::ends_line;
 use super::wedges::{Indices, NONE, number_wedges};
 use crate::attributes::{NO_ALPHA, NO_COLOR, unit_colors, unit_normals};
 use crate::error::{ReadError, Warning};
+use crate::excerpt::excerpt_of_bytes;
 use crate::format::Format;
-use crate::lines::{Lines, shown};
+use crate::lines::Lines;
 use crate::numbers::short_whole;
 use crate::read::{Contents, Loaded, ReadOptions};
 
@@ -133,6 +134,8 @@ struct Notes {
     objects: usize,
     materials: BTreeSet<Vec<u8>>,
     has_materials: bool,
+    /// Of `g`, `o` and `s`.
+    groups: [Group; 3],
     colored: usize,
     small_faces: usize,
     lines_and_points: usize,
@@ -447,7 +450,11 @@ impl Section {
         let word = lines.word();
         let notes = &mut self.notes;
         match word {
-            b"o" => notes.objects += 1,
+            b"g" | b"o" | b"s" => {
+                notes.objects += usize::from(word == b"o");
+                let name = lines.rest()[1..].trim_ascii();
+                notes.groups[usize::from(word == b"o") + 2 * usize::from(word == b"s")].meet(name);
+            }
             b"usemtl" => {
                 notes.has_materials = true;
                 let name = lines.rest()[word.len()..].trim_ascii();
@@ -459,8 +466,8 @@ impl Section {
             b"l" | b"p" => notes.lines_and_points += 1,
             b"vp" | b"cstype" | b"deg" | b"bmat" | b"step" | b"curv" | b"curv2" | b"surf" | b"parm"
             | b"trim" | b"hole" | b"scrv" | b"sp" | b"end" | b"con" => notes.free_forms += 1,
-            b"g" | b"s" | b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"maplib" | b"usemap"
-            | b"shadow_obj" | b"trace_obj" | b"ctech" | b"stech" => {}
+            b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"maplib" | b"usemap" | b"shadow_obj"
+            | b"trace_obj" | b"ctech" | b"stech" => {}
             _ => {
                 let line = self.line_count + lines.line();
                 notes.strange.get_or_insert_with(|| (0, line, word.to_vec())).0 += 1;
@@ -598,12 +605,42 @@ impl Section {
     }
 }
 
+/// Whether the faces are divided. A lone group says nothing.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+enum Group {
+    #[default]
+    None,
+    One(Vec<u8>),
+    Several,
+}
+
+impl Group {
+    fn meet(&mut self, name: &[u8]) {
+        match self {
+            Self::None => *self = Self::One(name.to_vec()),
+            Self::One(first) if first != name => *self = Self::Several,
+            Self::One(_) | Self::Several => {}
+        }
+    }
+
+    fn append(&mut self, next: Self) {
+        match next {
+            Self::None => {}
+            Self::One(name) => self.meet(&name),
+            Self::Several => *self = Self::Several,
+        }
+    }
+}
+
 impl Notes {
     /// Adds the notes of a section with so many lines before it.
     fn append(&mut self, next: Self, lines: usize) {
         self.objects += next.objects;
         self.materials.extend(next.materials);
         self.has_materials |= next.has_materials;
+        for (all, these) in self.groups.iter_mut().zip(next.groups) {
+            all.append(these);
+        }
         self.colored += next.colored;
         self.small_faces += next.small_faces;
         self.lines_and_points += next.lines_and_points;
@@ -617,8 +654,8 @@ impl Notes {
 
     fn warnings(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();
-        if self.has_materials {
-            warnings.push(Warning::lost("materials and groups are not carried yet: dropped"));
+        if self.has_materials || self.groups.iter().any(|group| *group == Group::Several) {
+            warnings.push(Warning::not_carried("materials and groups"));
         }
         if self.lines_and_points > 0 {
             warnings.push(Warning::lost(format!(
@@ -638,7 +675,7 @@ impl Notes {
         if let Some((count, line, word)) = &self.strange {
             let text = format!(
                 "{count} lines begin with a word that OBJ does not have, such as `{}` in line {line}",
-                shown(word)
+                excerpt_of_bytes(word)
             );
             warnings.push(Warning::note(text + ": passed over"));
         }
@@ -792,6 +829,21 @@ mod tests {
     }
 
     #[test]
+    fn groups_are_told_of_where_there_are_several() {
+        for (lines, said) in [
+            ("o a\ng b\ns off\n", false),
+            ("g a\ng a\n", false),
+            ("g\ng a\n", true),
+            ("o a\no b\n", true),
+            ("s 1\ns 2\n", true),
+        ] {
+            let got = read_text(&format!("{lines}{SQUARE}f 1 2 3\n")).unwrap();
+            let wanted: &[Warning] = if said { &[Warning::not_carried("materials and groups")] } else { &[] };
+            assert_eq!(got.warnings, wanted, "{lines}");
+        }
+    }
+
+    #[test]
     fn what_is_not_carried_is_said() {
         let got = read_text(&format!(
             "mtllib a.mtl\no a\nusemtl x\n{SQUARE}usemtl y\nusemtl x\nf 1 2 3\nl 1 2\nhello\n"
@@ -802,7 +854,7 @@ mod tests {
         assert_eq!(
             texts,
             [
-                "materials and groups are not carried yet: dropped",
+                "materials and groups are not carried by this version",
                 "1 elements of lines or points: dropped",
                 "1 lines begin with a word that OBJ does not have, such as `hello` in line 12: passed over",
             ]
