@@ -6,7 +6,7 @@
 //!     --side N       N × N vertices, 1000 if not said
 //!     --reps N       repetitions, 5 if not said; the least time counts
 //!     --threads N    threads of Lodsmith, 1 if not said (the others have one)
-//!     --only NAME    those tables rows whose name contains this
+//!     --only NAME    those rows whose name contains this
 //!     --cpu          processor time of all threads instead of the clock's
 //! ```
 //! All read the same file from the same folder in turn, from a path to positions and indices in memory.

@@ -654,7 +654,7 @@ impl Notes {
 
     fn warnings(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();
-        if self.has_materials || self.groups.iter().any(|group| *group == Group::Several) {
+        if self.has_materials || self.groups.contains(&Group::Several) {
             warnings.push(Warning::not_carried("materials and groups"));
         }
         if self.lines_and_points > 0 {
