@@ -46,7 +46,7 @@ use parts::Parts;
 use store::{Ring, Store};
 pub(crate) use wedges::Wedges;
 
-/// Share of the bounds that one sweep takes. (engine design §11.2: .4 and .7 give equal errors, .7 fewer sweeps.)
+/// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 fewer sweeps: docs/decisions/0002.)
 const QUANTILE: f64 = 0.7;
 /// The bound of a vertex that was not looked at yet: below every threshold.
 const UNKNOWN: f32 = 0.0;
@@ -79,10 +79,13 @@ pub(crate) enum End {
     Cancel,
 }
 
+/// Who looks at positions and faces.
+pub(crate) type Look<'a> = dyn FnMut(&[Vec3], &[[VertexId; 3]]) + 'a;
+
 /// What the late phase and the fit look back on: the ordered input, kept or made again.
 pub(crate) trait Original {
     /// Calls back with the positions in the unit frame and the faces.
-    fn with(&self, call: &mut dyn FnMut(&[Vec3], &[[VertexId; 3]]));
+    fn with(&self, look: &mut Look<'_>);
 }
 
 pub(crate) struct Engine<M: Metric> {

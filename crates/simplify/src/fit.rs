@@ -3,7 +3,7 @@
 //! Every original vertex knows the final vertex that it was merged into, its home. Samples of the original (centres and
 //! corners of faces) take the nearest triangle of the star of their home. Of the samples of a triangle only nine sums
 //! are kept, because a vertex moves the surface at barycentric coordinates b by b_k n·delta; then a few Gauss-Seidel
-//! sweeps of 3×3 systems. (engine design §11.5, §11.10)
+//! sweeps of 3×3 systems. (docs/decisions/0006)
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -340,14 +340,13 @@ fn is_fine<M: Metric>(store: &Store<M>, normals: &[Vec3], u: VertexId, p: Vec3) 
         let (t, k) = (&store.t[corner.face()], corner.k());
         let (a, b) = (store.p(t[(k + 1) % 3]), store.p(t[(k + 2) % 3]));
         let (before, after) = ((b - a).cross(store.p(u) - a), (b - a).cross(p - a));
-        let turned = |n: Vec3| {
-            let d = n.dot(after);
-            // Written so that no number (an overflow) counts as turned.
-            !(d > 0.0 && d * d > MAX_TURN * n.length_squared() * after.length_squared())
-        };
+        // Written so that no number (an overflow) counts as turned.
+        let n = normals[corner.face()];
+        let d = n.dot(after);
+        let keeps_side = d > 0.0 && d * d > MAX_TURN * n.length_squared() * after.length_squared();
         let around = (b - a).length_squared() + (p - a).length_squared() + (p - b).length_squared();
         let is_thin = 12.0 * after.length_squared() < 1e-6 * around * around;
-        !turned(normals[corner.face()]) && !(is_thin && after.length_squared() < before.length_squared())
+        keeps_side && (!is_thin || after.length_squared() >= before.length_squared())
     })
 }
 
@@ -358,14 +357,14 @@ fn worst_around<M: Metric>(store: &Store<M>, loads: &[Load], u: VertexId) -> f32
 
 /// Moves, by no more than the largest distance seen, and only where no triangle turns far.
 fn shift<M: Metric>(store: &mut Store<M>, normals: &[Vec3], loads: &[Load], delta: &[Vec3]) {
-    for u in 0..store.v.len() {
-        let step = delta[u].length_squared();
+    for (u, &delta) in delta.iter().enumerate() {
+        let step = delta.length_squared();
         if step == 0.0 {
             continue;
         }
         let id = VertexId(u as u32);
         let worst = worst_around(store, loads, id);
-        let p = store.v[u].p + delta[u] * if step > worst { (worst / step).sqrt() } else { 1.0 };
+        let p = store.v[u].p + delta * if step > worst { (worst / step).sqrt() } else { 1.0 };
         if is_fine(store, normals, id, p) {
             let x = &mut store.v[u];
             (x.p, x.kind) = (p, x.kind.moved(true));

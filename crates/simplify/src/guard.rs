@@ -26,8 +26,7 @@ impl Rules {
     pub(crate) fn new(options: &SimplifyOptions, frame: Frame, diagonal: f64) -> Self {
         let guards = &options.guards;
         let cos = guards.max_normal_deg.map_or(0.0, |deg| deg.min(90.0).to_radians().cos() as f32);
-        let max_edge =
-            guards.max_edge.map_or(f64::INFINITY, |l| frame.from_user_length(l.in_units(diagonal)));
+        let max_edge = guards.max_edge.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
         Self {
             placement: options.placement,
             border: options.border,

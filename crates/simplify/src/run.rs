@@ -1,13 +1,12 @@
 //! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
 
-use glam::Vec3;
 use lodsmith_core::measure::{self, CompareOptions, Comparison};
 use lodsmith_core::mesh::weld;
 use lodsmith_core::{Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId};
 
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
-use crate::collapse::{End, Engine, Goal, Original, Wedges};
+use crate::collapse::{End, Engine, Goal, Look, Original, Wedges};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit;
 use crate::guard::Rules;
@@ -21,6 +20,8 @@ use crate::{Simplified, SimplifyError};
 const COPY_UP_TO: usize = 1_000_000;
 /// Runs of the engine in search of an error, at most.
 const ERROR_RUNS: usize = 12;
+/// Distances below this share of the diagonal are rounding.
+const ROUNDING: f64 = 1e-12;
 /// The search ends when the count lies within this factor of one that was too low.
 const ERROR_CLOSE: f64 = 1.03;
 
@@ -38,11 +39,11 @@ struct Source<'a> {
 }
 
 impl Original for Source<'_> {
-    fn with(&self, call: &mut dyn FnMut(&[Vec3], &[[VertexId; 3]])) {
+    fn with(&self, look: &mut Look<'_>) {
         if self.is_kept {
-            call(&self.ordered.points, &self.ordered.faces);
+            look(&self.ordered.points, &self.ordered.faces);
         } else {
-            call(&self.ordered.points_again(self.surface), &self.ordered.faces_again(self.surface));
+            look(&self.ordered.points_again(self.surface), &self.ordered.faces_again(self.surface));
         }
     }
 }
@@ -110,8 +111,8 @@ fn run_with<M: Metric>(
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
     let run = Run { input, options, ordered: &mut ordered, goal };
     let (outcome, measured, by_error) = match limit {
-        Some(limit) => run.within_error::<M>(limit, control)?,
-        None => run.to_goal::<M>(control)?,
+        Some(limit) => run.run_within_error::<M>(limit, control)?,
+        None => run.run_to_goal::<M>(control)?,
     };
     let mut cleanup = ordered.cleanup;
     cleanup.duplicate_faces = outcome.duplicate_faces;
@@ -128,9 +129,11 @@ fn run_with<M: Metric>(
         _ => StoppedBy::Refusals,
     };
     // A limit of the error alone is met by any result that keeps it.
-    let within = |l: f64| measured.as_ref().is_some_and(|m| m.hausdorff.symmetric <= l);
+    let rounding = ROUNDING * ordered.diagonal;
+    let within = |l: f64| measured.as_ref().is_some_and(|m| m.hausdorff.symmetric <= l + rounding);
     let reached = match stopped_by {
         StoppedBy::Caller => false,
+        StoppedBy::Error => limit.is_some_and(within),
         StoppedBy::Refusals => goal.faces.is_none() && goal.vertices.is_none() && limit.is_some_and(within),
         _ => true,
     };
@@ -167,7 +170,7 @@ type Finished = (Outcome, Option<Comparison>, bool);
 
 impl Run<'_, '_> {
     /// One pass to the goal, measured if asked.
-    fn to_goal<M: Metric>(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
+    fn run_to_goal<M: Metric>(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
         let outcome = self.pass::<M>(self.goal, None, control)?;
         let measured = match self.options.measure {
             Measure::Auto => None,
@@ -180,7 +183,7 @@ impl Run<'_, '_> {
     ///
     /// The number of faces is searched for: the largest deviation falls about as the number rises, with jumps. No
     /// collapse may leave a plane by more than the limit, so a spike is not what ends the search.
-    fn within_error<M: Metric>(
+    fn run_within_error<M: Metric>(
         mut self,
         limit: f64,
         control: &mut dyn Control,
@@ -189,6 +192,8 @@ impl Run<'_, '_> {
             let outcome = self.pass::<M>(self.goal, Some(0.0), control)?;
             return Ok((outcome, None, true));
         };
+        // What rounding of double precision alone amounts to.
+        let limit = limit + ROUNDING * self.ordered.diagonal;
         let all = self.ordered.faces.len();
         let floor = self.goal.faces.unwrap_or(1).min(all).max(1);
         // Counts known to be within the limit, and beyond it.
@@ -233,8 +238,9 @@ impl Run<'_, '_> {
         if let Some((outcome, measured)) = best {
             return Ok((outcome, Some(measured), true));
         }
-        // Nothing may move: only what costs nothing at all.
-        let outcome = self.pass::<M>(self.goal, Some(0.0), control)?;
+        // Not even one collapse is within: the input stays as it is.
+        let nothing = Goal { faces: Some(usize::MAX), vertices: None };
+        let outcome = self.pass::<M>(nothing, None, control)?;
         let measured = self.compare(&reference, &outcome.mesh);
         Ok((outcome, measured, true))
     }
@@ -289,7 +295,7 @@ impl Run<'_, '_> {
         let frame = self.ordered.frame;
         let mut rules = Rules::new(options, frame, self.ordered.diagonal);
         if let Some(step) = step {
-            let unit = frame.from_user_length(step) as f32;
+            let unit = frame.unit_length(step) as f32;
             rules.max_step_sq = unit * unit;
         }
         // The search for an error runs several times from the same start.
@@ -337,7 +343,7 @@ impl Run<'_, '_> {
             source.with(&mut |points, faces| fitted = Some(fit::fit(&mut engine.store, points, faces).rms));
         }
         Ok(Outcome {
-            estimate: frame.to_user_length(engine.estimate(fitted)),
+            estimate: frame.user_length(engine.estimate(fitted)),
             end,
             fitted: wants_fit,
             refusals: engine.refusals,

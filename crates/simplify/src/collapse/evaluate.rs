@@ -10,11 +10,11 @@ use super::store::Vertex;
 use crate::metric::{Form, Metric};
 use crate::options::Placement;
 
-/// Pull of the best position towards the middle of the edge, a share of the trace. (§11.3)
+/// Pull of the best position towards the middle of the edge, a share of the trace. (docs/decisions/0003)
 const CENTRE: f32 = 1e-5;
-/// Largest squared distance over the mean one, as assumed until it is computed. (§11.4)
+/// Largest squared distance over the mean one, as assumed until it is computed. (docs/decisions/0001)
 const PEAK_GUESS: f32 = 4.0;
-/// Share of trace³ under which the system is not solved. (§2.3)
+/// Share of trace³ under which the system is not solved. (Guessed.)
 const MIN_DET: f32 = 1e-9;
 
 /// Farthest from the middle of the edge that the best position may lie, a share of length², squared. (Measured: 0.5 to

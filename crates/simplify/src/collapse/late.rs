@@ -2,7 +2,7 @@
 //!
 //! A cost without memory forgets how far a tip has come already, so a limb can be eaten up cheaply, step by step. When
 //! few triangles are left, every vertex carries samples of the original surface that it has swallowed, and a collapse
-//! pays for the growth of their distances to the surface. (engine design §11.10)
+//! pays for the growth of their distances to the surface. (docs/decisions/0007)
 
 use glam::Vec3;
 use lodsmith_core::VertexId;

@@ -65,10 +65,13 @@ impl<M: Metric> Store<M> {
         if ku.is_feature() && kv.is_feature() && shared == 2 {
             return Err(Refusal::LinkCondition);
         }
-        // An apex whose two edges would merge into one without a face hangs on nothing else here.
+        // The two edges to an apex become one: with no face it would hang on nothing, and it may be a border only where
+        // one of the two was.
         for w in ru.iter().filter(|r| r.has(v)).map(|r| if r.a == v { r.b } else { r.a }) {
             let both = ru.iter().filter(|r| r.has(v) && r.has(w)).count();
-            if faces_at(ru, w) + faces_at(rv, w) <= 2 * both {
+            let (at_u, at_v) = (faces_at(ru, w), faces_at(rv, w));
+            let left = (at_u + at_v).saturating_sub(2 * both);
+            if left == 0 || left == 1 && at_u != 1 && at_v != 1 {
                 return Err(Refusal::LinkCondition);
             }
         }

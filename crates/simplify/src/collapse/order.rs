@@ -22,11 +22,11 @@ pub(crate) struct Frame {
 
 impl Frame {
     /// A length of the unit frame in the user's units.
-    pub(crate) fn to_user_length(self, x: f64) -> f64 {
+    pub(crate) fn user_length(self, x: f64) -> f64 {
         x * self.size
     }
     /// A length of the user in the unit frame.
-    pub(crate) fn from_user_length(self, x: f64) -> f64 {
+    pub(crate) fn unit_length(self, x: f64) -> f64 {
         x / self.size
     }
     #[inline]

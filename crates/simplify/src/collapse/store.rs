@@ -171,9 +171,9 @@ impl<M: Metric> Store<M> {
             map[w.index()] = VertexId(0);
         }
         let mut n = 0;
-        for i in 0..self.v.len() {
-            if map[i] != NONE {
-                map[i] = VertexId(n as u32);
+        for (i, new) in map.iter_mut().enumerate() {
+            if *new != NONE {
+                *new = VertexId(n as u32);
                 (self.v[n], self.bound[n]) = (self.v[i], self.bound[i]);
                 n += 1;
             }
