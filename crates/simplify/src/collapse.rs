@@ -35,21 +35,27 @@ use lodsmith_core::VertexId;
 use crate::control::{Control, Verdict};
 use crate::guard::Rules;
 use crate::metric::Metric;
+use crate::options::Placement;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 use bound::Histogram;
 use commit::{BORDER, Candidate, Outcome, Wing};
 use kind::{Kind, distinct, faces_at};
 use late::Late;
+use parts::Parts;
 use store::{Ring, Store};
 pub(crate) use wedges::Wedges;
 
 /// Share of the bounds that one sweep takes. (engine design §11.2: .4 and .7 give equal errors, .7 fewer sweeps.)
 const QUANTILE: f64 = 0.7;
+/// The bound of a vertex that was not looked at yet: below every threshold.
+const UNKNOWN: f32 = 0.0;
+/// Sweeps in vain before everything that is possible at all is looked for.
+const PATIENCE: usize = 4;
 /// No run needs nearly as many sweeps; a guard against our own mistakes.
 const MOST_SWEEPS: usize = 4000;
-/// Vertices looked at for the first threshold. (A few thousand hold a quantile within a percent or two.)
-const FIRST_LOOK: usize = 4096;
+/// Vertices looked at for the first threshold. (Some hundred hold a quantile within two percent.)
+const FIRST_LOOK: usize = 512;
 /// Vertices between two questions to the caller.
 const ASK_EVERY: usize = 4096;
 
@@ -86,6 +92,8 @@ pub(crate) struct Engine<M: Metric> {
     area: f32,
     total_area: f64,
     late: Option<Late>,
+    /// The parts, where they go in the order of costs.
+    parts: Option<Parts>,
     wedge_data: Option<Wedges>,
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
@@ -106,6 +114,7 @@ impl<M: Metric> Engine<M> {
             area: 0.0,
             total_area: 0.0,
             late: None,
+            parts: None,
             wedge_data,
             refusals: [0; Refusal::ALL.len()],
             collapses: 0,
@@ -195,18 +204,29 @@ impl<M: Metric> Engine<M> {
         self.refusals[why as usize] += 1;
     }
 
-    /// The bounds of some vertices spread over the mesh, for the first threshold. Of a small mesh, all.
-    fn first_bounds(&mut self) -> Vec<f32> {
+    /// The bounds of some vertices spread over the mesh, for the first threshold: the exact cost of the edge that looks
+    /// cheapest, because an evaluation cannot tell flat from nearly flat. Of a small mesh, all.
+    fn first_bounds(&mut self, scratch: &mut Scratch) -> Vec<f32> {
         let step = self.store.v.len().div_ceil(FIRST_LOOK).max(1);
-        let (mut ring, mut owned) = (Ring::new(), Vec::new());
         let mut bounds = Vec::with_capacity(FIRST_LOOK);
         for u in (0..self.store.v.len()).step_by(step).map(|i| VertexId(i as u32)) {
-            self.store.ring(u, &mut ring);
+            let Scratch { ru, rv, owned, .. } = scratch;
+            self.store.ring(u, ru);
             owned.clear();
-            owned.extend(distinct(&ring).filter(|&w| w > u));
-            let mut least = f32::INFINITY;
-            self.evaluate_owned(u, &owned, |c| least = least.min(c.cost));
-            bounds.push(least);
+            owned.extend(distinct(ru).filter(|&w| w > u));
+            let mut best: Option<Candidate> = None;
+            self.evaluate_owned(u, owned, |c| {
+                if best.is_none_or(|b| c.cost < b.cost) {
+                    best = Some(c);
+                }
+            });
+            bounds.push(best.map_or(f32::INFINITY, |best| {
+                self.store.ring(best.removed, rv);
+                match self.collapse(u, &best, f32::MAX, true, ru, rv) {
+                    Outcome::Later(cost) => cost,
+                    Outcome::Done | Outcome::Refused(_) => f32::INFINITY,
+                }
+            }));
         }
         bounds
     }
@@ -253,7 +273,11 @@ impl<M: Metric> Engine<M> {
         self.refusals[Refusal::NonManifold as usize] += stuck;
         while let Some(i) = (0..found.len()).min_by(|&i, &j| found[i].cost.total_cmp(&found[j].cost)) {
             let candidate = found.swap_remove(i);
-            let inherited = self.store.bound[candidate.removed.index()];
+            // A vertex that was not looked at yet owns edges of unknown cost; they are looked at in the next sweep.
+            let inherited = match self.store.bound[candidate.removed.index()] {
+                UNKNOWN => tau,
+                bound => bound,
+            };
             self.store.ring(candidate.removed, rv);
             match self.collapse(u, &candidate, tau, probe, ru, rv) {
                 Outcome::Done => {
@@ -263,6 +287,10 @@ impl<M: Metric> Engine<M> {
                 Outcome::Later(cost) => least = least.min(cost),
                 Outcome::Refused(why) => {
                     self.refuse(why);
+                    if let Some(other) = self.at_an_end(u, &candidate, why, tau) {
+                        found.push(other);
+                        continue;
+                    }
                     if !probe {
                         // Asked again when the sweeps have come this far; things change around here.
                         least = least.min(4.0 * tau + 1e-20);
@@ -271,6 +299,25 @@ impl<M: Metric> Engine<M> {
             }
         }
         self.store.bound[u.index()] = least;
+    }
+
+    /// Where faces would turn or vanish at the best place, one of the ends may do, the kept one first, if it does
+    /// not cost too much.
+    fn at_an_end(&self, u: VertexId, refused: &Candidate, why: Refusal, tau: f32) -> Option<Candidate> {
+        let v = refused.removed;
+        let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
+        let turned = matches!(why, Refusal::NormalFlip | Refusal::Quality);
+        if !turned || self.rules.placement != Placement::Optimal || !(x.kind.is_free() && z.kind.is_free()) {
+            return None;
+        }
+        let d = z.p - x.p;
+        let step = match refused.step {
+            step if step == d => return None,
+            Vec3::ZERO => d,
+            _ => Vec3::ZERO,
+        };
+        let other = Candidate { step, cost: self.cost_at(x, z, step), ..*refused };
+        (other.cost <= tau).then_some(other)
     }
 
     /// Collapses still to be done for the goal; `None` if there is no end to it.
@@ -290,11 +337,11 @@ impl<M: Metric> Engine<M> {
         let start_faces = self.store.live_faces;
         let mut scratch = Scratch::default();
         self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
-        let first = self.first_bounds();
+        let first = self.first_bounds(&mut scratch);
         let mut tau = self.threshold(&Histogram::of(&first), first.len(), goal);
         let mut end = End::Stuck;
-        let (mut probe, mut probed) = (false, false);
-        'sweeps: for number in 0..MOST_SWEEPS {
+        let (mut probe, mut probed, mut idle, mut highest) = (false, false, 0, tau);
+        'sweeps: for _ in 0..MOST_SWEEPS {
             self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
             let before = self.collapses;
             let goal_faces = goal.faces.unwrap_or(0);
@@ -326,7 +373,9 @@ impl<M: Metric> Engine<M> {
                             &mut scratch,
                         );
                         if self.store.is_full() {
-                            break;
+                            // The rest of the sweep follows after a compaction, with the same threshold.
+                            self.store.compact();
+                            continue 'sweeps;
                         }
                     }
                 }
@@ -335,8 +384,15 @@ impl<M: Metric> Engine<M> {
                 end = End::Goal;
                 break;
             }
-            let idle = self.collapses == before;
-            if self.store.wants_compaction() || self.store.is_full() {
+            idle = if self.collapses == before { idle + 1 } else { 0 };
+            if self.parts.is_some() && !probe {
+                self.drop_cheap_parts(goal, tau);
+                if self.needed(goal) == Some(0) {
+                    end = End::Goal;
+                    break;
+                }
+            }
+            if self.store.wants_compaction() {
                 self.store.compact();
             }
             if extreme && self.late.is_none() && self.store.live_faces < late::BEGIN {
@@ -353,14 +409,19 @@ impl<M: Metric> Engine<M> {
                 (probe, probed) = (true, true);
                 continue;
             }
-            if idle && !probe {
+            if idle >= PATIENCE && !probe {
                 // Nothing could go: find out what is possible at all, and at what cost.
                 (probe, probed) = (true, true);
                 continue;
             }
-            (probe, probed) = (false, probe);
             let next = self.threshold(&histogram, self.store.v.len(), goal);
-            tau = if next <= tau && number % 8 == 7 { tau * 1.02 } else { next };
+            if probe {
+                (highest, idle) = (next, 0);
+            }
+            // Bounds are stale, some by far: a sweep in vain is no reason to go back to lower ones.
+            tau = if idle > 0 { next.max(highest * 1.25) } else { next };
+            highest = highest.max(tau);
+            (probe, probed) = (false, probe);
         }
         self.store.compact();
         end

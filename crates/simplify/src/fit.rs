@@ -283,7 +283,8 @@ fn solve<M: Metric>(store: &Store<M>, normals: &[Vec3], loads: &[Load]) -> Vec<V
                 }
             }
             let (c, det) = a.damped(DAMPING * a.trace()).adjugate();
-            if det > 0.0 {
+            let trace = a.trace();
+            if det > 1e-9 * trace * trace * trace {
                 delta[u] = c.times(g) * (1.0 / det);
             }
         }
@@ -316,7 +317,8 @@ fn is_fine<M: Metric>(store: &Store<M>, normals: &[Vec3], u: VertexId, p: Vec3) 
         let (before, after) = ((b - a).cross(store.p(u) - a), (b - a).cross(p - a));
         let turned = |n: Vec3| {
             let d = n.dot(after);
-            d <= 0.0 || d * d <= MAX_TURN * n.length_squared() * after.length_squared()
+            // Written so that no number (an overflow) counts as turned.
+            !(d > 0.0 && d * d > MAX_TURN * n.length_squared() * after.length_squared())
         };
         let around = (b - a).length_squared() + (p - a).length_squared() + (p - b).length_squared();
         let is_thin = 12.0 * after.length_squared() < 1e-6 * around * around;

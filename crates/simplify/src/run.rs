@@ -260,6 +260,20 @@ impl Run<'_, '_> {
         step: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
+        let first = self.single_pass::<M>(step, false, control)?;
+        if first.parts_removed == 0 || first.end == End::Finish {
+            return Ok(first);
+        }
+        // Parts have to go: let them go in their turn.
+        self.single_pass::<M>(step, true, control)
+    }
+
+    fn single_pass<M: Metric>(
+        &mut self,
+        step: Option<f64>,
+        parts_go: bool,
+        control: &mut dyn Control,
+    ) -> Result<Outcome, SimplifyError> {
         let options = self.options;
         let surface = &self.input.surface;
         control.stage(Stage::Prepare);
@@ -271,8 +285,12 @@ impl Run<'_, '_> {
         }
         // The search for an error runs several times from the same start.
         let again = step.is_some();
-        let faces_count = self.ordered.faces.len();
-        let keep = faces_count <= COPY_UP_TO || again;
+        if self.ordered.points.is_empty() {
+            // Taken by a pass before.
+            self.ordered.points = self.ordered.points_again(surface);
+            self.ordered.faces = self.ordered.faces_again(surface);
+        }
+        let keep = self.ordered.faces.len() <= COPY_UP_TO || again;
         let (points, faces) = if keep {
             (self.ordered.points.clone(), self.ordered.faces.clone())
         } else {
@@ -287,6 +305,9 @@ impl Run<'_, '_> {
         let (mut engine, duplicate_faces) = Engine::new(store, rules, wedge_data);
 
         control.stage(Stage::Collapse);
+        if parts_go {
+            engine.watch_parts();
+        }
         let source = Source { surface, ordered: self.ordered, is_kept: keep };
         let end = engine.sweep(&self.goal, &source, control);
         if end == End::Cancel {

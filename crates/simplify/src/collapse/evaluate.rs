@@ -6,6 +6,7 @@ use wide::f32x4;
 
 use super::Engine;
 use super::commit::{Candidate, PEAK, TIE};
+use super::store::Vertex;
 use crate::metric::{Form, Metric};
 use crate::options::Placement;
 
@@ -15,6 +16,10 @@ const CENTRE: f32 = 1e-5;
 const PEAK_GUESS: f32 = 4.0;
 /// Share of trace³ under which the system is not solved. (§2.3)
 const MIN_DET: f32 = 1e-9;
+
+/// Share of trace · length² under which a difference of squares in single precision is noise. Such a cost counts as
+/// nothing, so that the exact one is asked for at the commit: it alone tells flat from nearly flat.
+const NOISE: f32 = 1e-6;
 
 impl<M: Metric> Engine<M> {
     /// Evaluates the edges from `u` to `owned` and hands each candidate over. Says how many have two ends that may not
@@ -89,11 +94,34 @@ impl<M: Metric> Engine<M> {
             f32x4::ONE + f32x4::splat(PEAK_GUESS * PEAK * self.area) / trace.fast_max(f32x4::splat(1e-37));
         let off: [f32x4; 3] = std::array::from_fn(|k| y[k] - d[k]);
         let q = c - dot(&h, &y) * 2.0 + dot(&times(&a, &y), &y);
+        let q = q.simd_gt(trace * dot(&d, &d) * NOISE) & q;
         let tie = trace * (0.5 * TIE) * (dot(&y, &y) + dot(&off, &off));
-        let cost = q.fast_max(f32x4::ZERO) * peak + tie;
+        let cost = q * peak + tie;
         let y = y.map(|k| k.to_array());
         let step = std::array::from_fn(|i| Vec3::new(y[0][i], y[1][i], y[2][i]));
         (cost.to_array(), step, solved.to_bitmask())
+    }
+
+    /// The cost of a form at `y`, in edge `d`.
+    #[inline(always)]
+    fn cost_of(&self, form: &Form, d: Vec3, y: Vec3) -> f32 {
+        let Form { a, h, c } = form;
+        let trace = a.trace();
+        let off = y - d;
+        let q = c - 2.0 * h.dot(y) + a.times(y).dot(y);
+        let tie = 0.5 * TIE * trace * (y.length_squared() + off.length_squared());
+        if !M::MEMORYLESS {
+            return q.max(0.0) + tie;
+        }
+        let peak = 1.0 + PEAK_GUESS * PEAK * self.area / trace.max(1e-37);
+        let q = if q > NOISE * trace * d.length_squared() { q } else { 0.0 };
+        q * peak + tie
+    }
+
+    /// The cost of merging `z` into `x` at the place of `x` + `step`.
+    pub(crate) fn cost_at(&self, x: &Vertex<M::Memory>, z: &Vertex<M::Memory>, step: Vec3) -> f32 {
+        let d = z.p - x.p;
+        self.cost_of(&M::form(&x.q, &z.q, d), d, step)
     }
 
     /// Cost of the collapse of u and v, and the best place of the merged vertex relative to u; `None` if neither end
@@ -103,14 +131,9 @@ impl<M: Metric> Engine<M> {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let d = z.p - x.p;
         let form = M::form(&x.q, &z.q, d);
-        let Form { a, h, c } = form;
+        let Form { a, h, .. } = form;
         let trace = a.trace();
-        let peak = if M::MEMORYLESS { 1.0 + PEAK_GUESS * PEAK * self.area / trace.max(1e-37) } else { 1.0 };
-        let cost = |y: Vec3| {
-            let off = y - d;
-            let q = c - 2.0 * h.dot(y) + a.times(y).dot(y);
-            q.max(0.0) * peak + 0.5 * TIE * trace * (y.length_squared() + off.length_squared())
-        };
+        let cost = |y: Vec3| self.cost_of(&form, d, y);
         let at = |y: Vec3| Some(Candidate { cost: cost(y), removed: v, step: y });
         let ends = || if cost(Vec3::ZERO) <= cost(d) { at(Vec3::ZERO) } else { at(d) };
         if !(x.kind.is_free() && z.kind.is_free()) {

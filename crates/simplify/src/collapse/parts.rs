@@ -1,4 +1,7 @@
 //! Whole parts: what goes when the target cannot be met otherwise.
+//!
+//! A run that ends stuck above its target, with more than one part left, is done again with the parts in the order of
+//! costs: a speck then goes when it is cheaper than the collapses of the moment, instead of after all the dear ones.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -8,21 +11,31 @@ use super::{Engine, Goal};
 use crate::metric::Metric;
 use crate::options::TopologyPolicy;
 
-/// A connected part of the live mesh.
+/// A connected part of the mesh.
 #[derive(Clone, Copy)]
 struct Part {
     faces: usize,
-    vertices: usize,
     area: f32,
     min: Vec3,
     max: Vec3,
 }
 
 impl Part {
-    /// What its absence costs: its area times the square of its size, as if all else were that far away.
+    const EMPTY: Self =
+        Self { faces: 0, area: 0.0, min: Vec3::splat(f32::INFINITY), max: Vec3::splat(f32::NEG_INFINITY) };
+
+    /// What its absence costs, in the measure of a collapse: its area (`area` holds it twice) times the square of half
+    /// its size, as if the rest were that far away.
     fn cost(&self) -> f32 {
-        self.area * (self.max - self.min).length_squared()
+        self.area * 0.25 * (self.max - self.min).length_squared()
     }
+}
+
+/// The parts of the input, for a run in which they may go in the order of costs.
+pub(crate) struct Parts {
+    /// By number in the ordered input.
+    part_of: Vec<u32>,
+    cost: Vec<f32>,
 }
 
 impl<M: Metric> Engine<M> {
@@ -32,18 +45,69 @@ impl<M: Metric> Engine<M> {
             return false;
         }
         self.store.compact();
+        let (part_of, parts) = self.find_parts();
+        let mut order: Vec<usize> = (0..parts.len()).collect();
+        order.sort_by(|&i, &j| parts[i].cost().total_cmp(&parts[j].cost()).then(i.cmp(&j)));
+        order.pop(); // the dearest stays
+        self.drop_parts(goal, &order, &parts.iter().map(|p| p.faces).collect::<Vec<_>>(), &part_of);
+        self.needed(goal) == Some(0)
+    }
+
+    /// Lets parts go in the order of costs from here on.
+    pub(crate) fn watch_parts(&mut self) {
+        let (part_of, parts) = self.find_parts();
+        self.parts = Some(Parts { part_of, cost: parts.iter().map(Part::cost).collect() });
+    }
+
+    /// Drops the parts of which a face is not dearer than `tau` for a collapse, which takes two.
+    pub(crate) fn drop_cheap_parts(&mut self, goal: &Goal, tau: f32) {
+        let Some(parts) = self.parts.take() else { return };
+        let mut faces = vec![0usize; parts.cost.len()];
+        for t in self.store.t.iter().filter(|t| t[0] != NONE) {
+            faces[parts.part_of[self.store.v[t[0].index()].origin.index()] as usize] += 1;
+        }
+        let rate = |i: usize| 2.0 * parts.cost[i] / faces[i] as f32;
+        let mut order: Vec<usize> = (0..faces.len()).filter(|&i| faces[i] > 0).collect();
+        order.sort_by(|&i, &j| rate(i).total_cmp(&rate(j)).then(i.cmp(&j)));
+        order.pop(); // the dearest stays
+        order.retain(|&i| rate(i) <= tau);
+        if !order.is_empty() {
+            let part_of: Vec<u32> = self.store.v.iter().map(|x| parts.part_of[x.origin.index()]).collect();
+            self.drop_parts(goal, &order, &faces, &part_of);
+        }
+        self.parts = Some(parts);
+    }
+
+    /// Drops these parts, in this order, until the goal is met; `part_of` is by vertex of the store.
+    fn drop_parts(&mut self, goal: &Goal, order: &[usize], faces: &[usize], part_of: &[u32]) {
+        let mut gone = vec![false; faces.len()];
+        let mut vertices = vec![0usize; faces.len()];
+        for (_, &p) in self.store.v.iter().zip(part_of).filter(|x| !x.0.kind.is_gone()) {
+            vertices[p as usize] += 1;
+        }
+        for &i in order {
+            if self.needed(goal) == Some(0) {
+                break;
+            }
+            gone[i] = true;
+            self.store.live_faces -= faces[i];
+            self.store.live_vertices -= vertices[i];
+            self.parts_removed += 1;
+        }
+        for t in self.store.t.iter_mut().filter(|t| t[0] != NONE) {
+            if gone[part_of[t[0].index()] as usize] {
+                t[0] = NONE;
+            }
+        }
+        self.store.compact();
+    }
+
+    /// The part of each vertex of a compact store, and the parts in the order of their first vertex.
+    fn find_parts(&self) -> (Vec<u32>, Vec<Part>) {
         let label = self.label_parts();
-        let blank = Part {
-            faces: 0,
-            vertices: 0,
-            area: 0.0,
-            min: Vec3::splat(f32::INFINITY),
-            max: Vec3::splat(f32::NEG_INFINITY),
-        };
-        let mut parts = vec![blank; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
+        let mut parts = vec![Part::EMPTY; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
         for (x, &l) in self.store.v.iter().zip(&label) {
             let part = &mut parts[l as usize];
-            part.vertices += 1;
             (part.min, part.max) = (part.min.min(x.p), part.max.max(x.p));
         }
         for t in &self.store.t {
@@ -52,26 +116,7 @@ impl<M: Metric> Engine<M> {
             part.faces += 1;
             part.area += (b - a).cross(c - a).length();
         }
-        let mut order: Vec<usize> = (0..parts.len()).collect();
-        order.sort_by(|&i, &j| parts[i].cost().total_cmp(&parts[j].cost()).then(i.cmp(&j)));
-        order.pop(); // the dearest stays
-        let mut gone = vec![false; parts.len()];
-        for i in order {
-            if self.needed(goal) == Some(0) {
-                break;
-            }
-            gone[i] = true;
-            self.store.live_faces -= parts[i].faces;
-            self.store.live_vertices -= parts[i].vertices;
-            self.parts_removed += 1;
-        }
-        for t in &mut self.store.t {
-            if gone[label[t[0].index()] as usize] {
-                t[0] = NONE;
-            }
-        }
-        self.store.compact();
-        self.needed(goal) == Some(0)
+        (label, parts)
     }
 
     /// The number of the part of each vertex, parts counted in the order of their first vertex.

@@ -107,7 +107,7 @@ impl<M: Metric> Store<M> {
         }
         drop(points);
         let mut store = Self {
-            bound: vec![0.0; v.len()],
+            bound: vec![super::UNKNOWN; v.len()],
             live_faces: faces.len(),
             live_vertices: v.len(),
             merged_into: (0..v.len() as u32).map(VertexId).collect(),
