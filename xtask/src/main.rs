@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
 
 mod corpus;
+mod pictures;
 mod sample;
 mod tidy;
 
@@ -16,6 +17,7 @@ cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
 cargo xtask sample                                         makes the sample model of the README
+cargo xtask pictures                                       draws the picture of the README
 ";
 
 fn main() -> ExitCode {
@@ -27,6 +29,7 @@ fn main() -> ExitCode {
         "tidy" => tidy::run(),
         "goldens" => goldens(rest),
         "sample" => write_sample(),
+        "pictures" => pictures::run(),
         "help" | "--help" | "-h" => {
             print!("{HELP}");
             Ok(())

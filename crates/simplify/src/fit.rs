@@ -26,6 +26,8 @@ const FACING: f32 = 0.3;
 const BESIDE: f32 = 0.01;
 /// Farthest that a vertex may end from the original, in RMS heights of the samples.
 const TETHER: f32 = 6.0;
+/// Share of the tether's square that a sample must lie from a face of a vertex for the tether to be looked at.
+const SUSPECT: f32 = 0.25;
 /// Sweeps over the vertices. (Measured: a third brings nothing.)
 const PASSES: usize = 2;
 /// Square of the cosine of the largest turn of a face: 60 degrees.
@@ -73,9 +75,19 @@ struct Nearest {
     corner: Corner,
 }
 
+/// What the stars of a final triangle's corners have in common.
+#[derive(Clone, Copy)]
+struct Face {
+    normal: Vec3,
+    /// One over twice the area.
+    per_area: f32,
+    /// Heights over the edges opposite to the corners.
+    high: [f32; 3],
+}
+
 struct Sampler<'a, M: Metric> {
     store: &'a Store<M>,
-    normals: &'a [Vec3],
+    faces: &'a [Face],
     ready: Vec<(VertexId, Vec<Fan>)>,
     loads: Vec<Load>,
     rr: f64,
@@ -104,17 +116,17 @@ impl<M: Metric> Sampler<'_, M> {
             let mut lanes = [[0f32; 8]; 12];
             let mut names = [Corner::default(); 8];
             for (i, &corner) in corners.iter().enumerate() {
-                let (t, k, n) = (store.t[corner.face()], corner.k(), self.normals[corner.face()]);
-                let (b, c) = (store.p(t[(k + 1) % 3]), store.p(t[(k + 2) % 3]));
-                let edges = [c - b, x - c, b - x];
-                let area = n.dot(edges[2].cross(c - x)).max(1e-30);
-                let (second, third) = (n.cross(edges[1]) / area, n.cross(edges[2]) / area);
+                let (t, k, f) = (store.t[corner.face()], corner.k(), &self.faces[corner.face()]);
+                let (next, prev) = ([1, 2, 0][k], [2, 0, 1][k]);
+                let (b, c) = (store.p(t[next]), store.p(t[prev]));
+                let n = f.normal * f.per_area;
+                let (second, third) = (n.cross(x - c), n.cross(b - x));
                 for j in 0..3 {
-                    lanes[j][i] = n[j];
+                    lanes[j][i] = f.normal[j];
                     lanes[3 + j][i] = second[j];
                     lanes[6 + j][i] = third[j];
-                    lanes[9 + j][i] = area / edges[j].length().max(1e-30);
                 }
+                (lanes[9][i], lanes[10][i], lanes[11][i]) = (f.high[k], f.high[next], f.high[prev]);
                 names[i] = corner;
             }
             let three = |from: usize| [0, 1, 2].map(|j| f32x8::from(lanes[from + j]));
@@ -152,6 +164,15 @@ impl<M: Metric> Sampler<'_, M> {
                     corner: f.corner[i],
                 };
             }
+        }
+    }
+
+    /// A sample that is the place of a final vertex: it holds it where it is.
+    #[inline(always)]
+    fn place_at_home(&mut self, weight: f32, home: VertexId) {
+        if let Some(corner) = self.store.listed(home).first() {
+            self.loads[corner.face()].bb.0[corner.k()] += weight;
+            self.weight += f64::from(weight);
         }
     }
 
@@ -205,24 +226,24 @@ fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
+fn face([a, b, c]: [Vec3; 3]) -> Face {
+    let normal = (b - a).cross(c - a);
+    let area = normal.length().max(1e-30);
+    let high = [c - b, a - c, b - a].map(|e| area / e.length().max(1e-30));
+    Face { normal: normal / area, per_area: 1.0 / area, high }
+}
+
 /// Moves the vertices of a compact store towards the original, given as the ordered input.
 pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[VertexId; 3]]) -> Fitted {
     if store.t.is_empty() {
         return Fitted::default();
     }
     let home = store.homes();
-    let normals: Vec<Vec3> = store
-        .t
-        .iter()
-        .map(|t| {
-            let [a, b, c] = t.map(|w| store.p(w));
-            let n = (b - a).cross(c - a);
-            n / n.length().max(1e-30)
-        })
-        .collect();
+    let final_faces: Vec<Face> = store.t.iter().map(|t| face(t.map(|w| store.p(w)))).collect();
+    let normals: Vec<Vec3> = final_faces.iter().map(|f| f.normal).collect();
     let mut sampler = Sampler {
         store,
-        normals: &normals,
+        faces: &final_faces,
         ready: vec![(NONE, Vec::new()); READY],
         loads: vec![Load::default(); store.t.len()],
         rr: 0.0,
@@ -242,8 +263,12 @@ pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[Ve
         let area = n.length();
         let n = n / area.max(1e-30);
         sampler.place((a + (b + c)) * (1.0 / 3.0), n, 9.0 * area, u);
-        if i % (2 * stride) == 0 {
-            sampler.place(a, n, 6.0 * area, homes[0]);
+        if i % (2 * stride) == 0 && homes[0] != NONE {
+            if sampler.store.p(homes[0]) == a {
+                sampler.place_at_home(6.0 * area, homes[0]);
+            } else {
+                sampler.place(a, n, 6.0 * area, homes[0]);
+            }
         }
     }
     let Sampler { loads, rr, weight, .. } = sampler;
@@ -254,7 +279,7 @@ pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[Ve
         after += f64::from(s.dot(load.bb.times(s)) - 2.0 * s.dot(load.rb));
     }
     shift(store, &normals, &loads, &delta);
-    tether(store, &normals, points, faces, &home, TETHER * TETHER * (rr / weight.max(1e-30)) as f32);
+    tether(store, &normals, &loads, points, faces, &home, TETHER * TETHER * (rr / weight.max(1e-30)) as f32);
     Fitted { rms: (after.max(0.0) / weight.max(1e-30)).sqrt() }
 }
 
@@ -326,6 +351,11 @@ fn is_fine<M: Metric>(store: &Store<M>, normals: &[Vec3], u: VertexId, p: Vec3) 
     })
 }
 
+/// The largest squared distance of a sample to the faces of `u`.
+fn worst_around<M: Metric>(store: &Store<M>, loads: &[Load], u: VertexId) -> f32 {
+    store.listed(u).iter().map(|c| loads[c.face()].worst).fold(0f32, f32::max)
+}
+
 /// Moves, by no more than the largest distance seen, and only where no triangle turns far.
 fn shift<M: Metric>(store: &mut Store<M>, normals: &[Vec3], loads: &[Load], delta: &[Vec3]) {
     for u in 0..store.v.len() {
@@ -334,7 +364,7 @@ fn shift<M: Metric>(store: &mut Store<M>, normals: &[Vec3], loads: &[Load], delt
             continue;
         }
         let id = VertexId(u as u32);
-        let worst = store.listed(id).iter().map(|c| loads[c.face()].worst).fold(0f32, f32::max);
+        let worst = worst_around(store, loads, id);
         let p = store.v[u].p + delta[u] * if step > worst { (worst / step).sqrt() } else { 1.0 };
         if is_fine(store, normals, id, p) {
             let x = &mut store.v[u];
@@ -348,14 +378,24 @@ fn shift<M: Metric>(store: &mut Store<M>, normals: &[Vec3], loads: &[Load], delt
 fn tether<M: Metric>(
     store: &mut Store<M>,
     normals: &[Vec3],
+    loads: &[Load],
     points: &[Vec3],
     faces: &[[VertexId; 3]],
     home: &[VertexId],
     limit: f32,
 ) {
+    // A vertex that sticks out leaves the surface below it far from its faces.
+    let suspect: Vec<bool> = (0..store.v.len())
+        .map(|u| {
+            let kind = store.v[u].kind;
+            may_move(kind)
+                && kind.is_moved()
+                && worst_around(store, loads, VertexId(u as u32)) > SUSPECT * limit
+        })
+        .collect();
     let mut nearest_point = vec![(f32::INFINITY, NONE); store.v.len()];
     for (i, (&q, &h)) in points.iter().zip(home).enumerate() {
-        if h != NONE {
+        if h != NONE && suspect[h.index()] {
             let d2 = (q - store.p(h)).length_squared();
             let best = &mut nearest_point[h.index()];
             if d2 < best.0 {
@@ -365,8 +405,8 @@ fn tether<M: Metric>(
     }
     let mut look = vec![false; points.len()];
     let mut any = false;
-    for (u, best) in nearest_point.iter().enumerate() {
-        if best.0 > limit && best.1 != NONE && may_move(store.v[u].kind) && store.v[u].kind.is_moved() {
+    for best in &nearest_point {
+        if best.0 > limit && best.1 != NONE {
             (look[best.1.index()], any) = (true, true);
         }
     }

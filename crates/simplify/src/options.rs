@@ -42,7 +42,7 @@ pub enum BorderPolicy {
     /// They are held in place by weighted lines.
     #[default]
     Keep,
-    /// Their vertices move along them only: a border edge collapses onto a point of its own line.
+    /// Their vertices move along them only: a border edge collapses onto one of its ends.
     Slide,
     /// Their vertices are not touched.
     Lock,

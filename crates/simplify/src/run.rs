@@ -20,9 +20,9 @@ use crate::{Simplified, SimplifyError};
 /// again when it comes to it, which takes some percent more time and 18 bytes a face less.
 const COPY_UP_TO: usize = 1_000_000;
 /// Runs of the engine in search of an error, at most.
-const ERROR_RUNS: usize = 10;
-/// The search ends when the step lies within this factor of one that was too large.
-const ERROR_CLOSE: f64 = 1.04;
+const ERROR_RUNS: usize = 12;
+/// The search ends when the count lies within this factor of one that was too low.
+const ERROR_CLOSE: f64 = 1.03;
 
 /// The input of a run; attributes where they are kept.
 pub(crate) struct Input<'a> {
@@ -168,108 +168,117 @@ type Finished = (Outcome, Option<Comparison>, bool);
 impl Run<'_, '_> {
     /// One pass to the goal, measured if asked.
     fn to_goal<M: Metric>(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
-        let outcome = self.pass::<M>(None, control)?;
+        let outcome = self.pass::<M>(self.goal, None, control)?;
         let measured = match self.options.measure {
             Measure::Auto => None,
-            Measure::Always => {
-                let reference = self.reference(control);
-                reference.map(|r| self.compare(&r, &outcome.mesh))
-            }
+            Measure::Always => self.reference(control).and_then(|r| self.compare(&r, &outcome.mesh)),
         };
         Ok((outcome, measured, false))
     }
 
     /// The lightest result whose measured deviation, both ways, stays within `limit`.
     ///
-    /// The engine refuses steps that leave a plane by more than some distance d; d is searched for, because steps add
-    /// up in a way that only the measure knows.
+    /// The number of faces is searched for: the largest deviation falls about as the number rises, with jumps. No
+    /// collapse may leave a plane by more than the limit, so a spike is not what ends the search.
     fn within_error<M: Metric>(
         mut self,
         limit: f64,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
         let Some(reference) = self.reference(control) else {
-            let outcome = self.pass::<M>(Some(0.0), control)?;
+            let outcome = self.pass::<M>(self.goal, Some(0.0), control)?;
             return Ok((outcome, None, true));
         };
+        let all = self.ordered.faces.len();
+        let floor = self.goal.faces.unwrap_or(1).min(all).max(1);
+        // Counts known to be within the limit, and beyond it.
+        let (mut within, mut beyond) = (all, 0usize);
         let mut best: Option<(Outcome, Comparison)> = None;
-        let (mut low, mut high) = (0f64, f64::INFINITY);
-        let mut step = limit * 0.7; // typical growth of the sum over single steps, measured on scans
+        let mut count = floor.max(all / 10).min(all);
         for _ in 0..ERROR_RUNS {
-            let outcome = self.pass::<M>(Some(step), control)?;
-            let ended = outcome.end == End::Finish;
+            let goal = Goal { faces: Some(count), vertices: self.goal.vertices };
+            let outcome = self.pass::<M>(goal, Some(limit), control)?;
+            let (end, faces, vertices) =
+                (outcome.end, outcome.mesh.face_count(), outcome.mesh.vertex_count());
+            control.stage(Stage::Measure);
             let measured = self.compare(&reference, &outcome.mesh);
-            let got = measured.hausdorff.symmetric;
-            let fits = got <= limit;
-            if fits {
-                low = low.max(step);
-                let lighter = best.as_ref().is_none_or(|b| outcome.mesh.face_count() < b.0.mesh.face_count());
-                let met = outcome.end == End::Goal;
-                if lighter {
+            let got = measured.as_ref().map_or(f64::INFINITY, |m| m.hausdorff.symmetric);
+            // A run may end above its goal: then fewer faces are not to be had by asking for fewer.
+            let is_end =
+                end == End::Finish || faces > count || self.goal.vertices.is_some_and(|v| vertices <= v);
+            if let Some(measured) = measured.filter(|_| got <= limit) {
+                within = within.min(faces.max(count.min(faces)));
+                if best.as_ref().is_none_or(|b| faces < b.0.mesh.face_count()) {
                     best = Some((outcome, measured));
                 }
-                if met || ended {
+                if is_end || count <= floor {
                     break;
                 }
             } else {
-                high = high.min(step);
+                beyond = beyond.max(count);
+                if end == End::Finish {
+                    break;
+                }
             }
-            if ended || (low > 0.0 && high / low < ERROR_CLOSE) {
+            if within as f64 <= beyond as f64 * ERROR_CLOSE + 1.0 {
                 break;
             }
             // Where the next one should lie by proportion, kept inside what is known.
-            let wish = step * (limit / got.max(limit * 1e-3)) * 0.97;
-            step = if high.is_infinite() {
-                wish.clamp(low * 1.3, low * 8.0)
-            } else if low == 0.0 {
-                wish.clamp(high * 0.05, high * 0.8)
-            } else {
-                let (a, b) = (low * 1.02, high / 1.02);
-                if wish > a && wish < b { wish } else { (low * high).sqrt() }
-            };
+            let wish = count as f64 * (got.min(1e3 * limit) / limit.max(f64::MIN_POSITIVE)).clamp(0.02, 50.0);
+            let (low, high) = (beyond.max(floor) as f64, within as f64);
+            let inside = wish > low * 1.02 && wish < high / 1.02;
+            let next = if inside { wish } else { (low * high).sqrt() };
+            count = (next.round() as usize).clamp(floor, all);
         }
-        match best {
-            Some((outcome, measured)) => Ok((outcome, Some(measured), true)),
-            None => {
-                // Nothing may move: only what costs nothing at all.
-                let outcome = self.pass::<M>(Some(0.0), control)?;
-                let measured = self.compare(&reference, &outcome.mesh);
-                Ok((outcome, Some(measured), true))
-            }
+        if let Some((outcome, measured)) = best {
+            return Ok((outcome, Some(measured), true));
         }
+        // Nothing may move: only what costs nothing at all.
+        let outcome = self.pass::<M>(self.goal, Some(0.0), control)?;
+        let measured = self.compare(&reference, &outcome.mesh);
+        Ok((outcome, measured, true))
     }
 
+    /// The input as it is worked on: faces without extent or place do not count.
     fn reference(&self, control: &mut dyn Control) -> Option<measure::Prepared> {
         control.stage(Stage::Measure);
-        measure::Prepared::new(&self.input.surface).ok()
+        let surface = &self.input.surface;
+        let cleanup = &self.ordered.cleanup;
+        if cleanup.degenerate_faces + cleanup.non_finite_faces == 0 {
+            return measure::Prepared::new(surface).ok();
+        }
+        let sound = |t: &&[VertexId; 3]| self.ordered.is_sound(t);
+        let triangles = surface.triangles().iter().filter(sound).copied().collect();
+        let clean = Surface::with_triangles(surface.positions(), triangles).ok()?;
+        measure::Prepared::new(&clean).ok()
     }
 
-    fn compare(&self, reference: &measure::Prepared, mesh: &TriMesh) -> Comparison {
+    /// The deviation of a result; `None` where it has no face, and is as far away as can be.
+    fn compare(&self, reference: &measure::Prepared, mesh: &TriMesh) -> Option<Comparison> {
         let mut options = CompareOptions::default();
         options.seed = self.options.seed;
-        match measure::Prepared::new(&mesh.surface()) {
-            Ok(candidate) => measure::compare_prepared(reference, &candidate, &options),
-            // A result without faces is as far away as can be.
-            Err(_) => Comparison::default(),
-        }
+        let candidate = measure::Prepared::new(&mesh.surface()).ok()?;
+        Some(measure::compare_prepared(reference, &candidate, &options))
     }
 
     /// One run of the engine; `step` is the largest distance from a plane that one collapse may leave, in user units.
     fn pass<M: Metric>(
         &mut self,
+        goal: Goal,
         step: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
-        let first = self.single_pass::<M>(step, false, control)?;
+        let first = self.single_pass::<M>(&goal, step, false, control)?;
         if first.parts_removed == 0 || first.end == End::Finish {
             return Ok(first);
         }
         // Parts have to go: let them go in their turn.
-        self.single_pass::<M>(step, true, control)
+        self.single_pass::<M>(&goal, step, true, control)
     }
 
     fn single_pass<M: Metric>(
         &mut self,
+        goal: &Goal,
         step: Option<f64>,
         parts_go: bool,
         control: &mut dyn Control,
@@ -309,7 +318,7 @@ impl Run<'_, '_> {
             engine.watch_parts();
         }
         let source = Source { surface, ordered: self.ordered, is_kept: keep };
-        let end = engine.sweep(&self.goal, &source, control);
+        let end = engine.sweep(goal, &source, control);
         if end == End::Cancel {
             return Err(SimplifyError::Cancelled);
         }
@@ -318,17 +327,17 @@ impl Run<'_, '_> {
             Fit::On => options.placement != Placement::Endpoint,
             Fit::Auto => M::MEMORYLESS && options.placement == Placement::Optimal,
         };
-        let mut estimate = engine.estimate();
+        let mut fitted = None;
         let wants_fit = wants_fit && engine.collapses > 0;
         if wants_fit {
             control.stage(Stage::Fit);
             if control.progress(0.0) == Verdict::Cancel {
                 return Err(SimplifyError::Cancelled);
             }
-            source.with(&mut |points, faces| estimate = fit::fit(&mut engine.store, points, faces).rms);
+            source.with(&mut |points, faces| fitted = Some(fit::fit(&mut engine.store, points, faces).rms));
         }
         Ok(Outcome {
-            estimate: frame.to_user_length(estimate),
+            estimate: frame.to_user_length(engine.estimate(fitted)),
             end,
             fitted: wants_fit,
             refusals: engine.refusals,

@@ -141,14 +141,8 @@ impl<M: Metric> Engine<M> {
                 (k, l) if k.is_fixed() && l.is_fixed() => None,
                 (k, _) if k.is_fixed() => at(Vec3::ZERO),
                 (_, l) if l.is_fixed() => at(d),
-                (k, l) if k.is_rail() && l.is_rail() => match self.rules.placement {
-                    Placement::Endpoint => ends(),
-                    Placement::Midpoint => at(d * 0.5),
-                    Placement::Optimal => {
-                        let t = (d.dot(h) / d.dot(a.times(d)).max(1e-37)).clamp(0.0, 1.0);
-                        at(if t == 1.0 { d } else { d * t })
-                    }
-                },
+                // Both ends are points of the curve; what lies between is a chord of it.
+                (k, l) if k.is_rail() && l.is_rail() => ends(),
                 (k, _) if k.is_rail() => at(Vec3::ZERO),
                 _ => at(d),
             };

@@ -151,6 +151,10 @@ pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
 }
 
 impl Ordered {
+    /// Whether a face of the input is worked on: three different places.
+    pub(crate) fn is_sound(&self, t: &[VertexId; 3]) -> bool {
+        ranked(&self.rank, t).is_ok()
+    }
     /// The points again from the surface that was ordered.
     pub(crate) fn points_again(&self, surface: &Surface<'_>) -> Vec<Vec3> {
         let mut points = vec![Vec3::ZERO; self.point_count];

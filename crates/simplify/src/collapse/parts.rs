@@ -49,13 +49,19 @@ impl<M: Metric> Engine<M> {
         let mut order: Vec<usize> = (0..parts.len()).collect();
         order.sort_by(|&i, &j| parts[i].cost().total_cmp(&parts[j].cost()).then(i.cmp(&j)));
         order.pop(); // the dearest stays
-        self.drop_parts(goal, &order, &parts.iter().map(|p| p.faces).collect::<Vec<_>>(), &part_of);
+        let faces: Vec<usize> = parts.iter().map(|p| p.faces).collect();
+        let cost: Vec<f32> = parts.iter().map(Part::cost).collect();
+        self.drop_parts(goal, &order, &faces, &cost, &part_of);
         self.needed(goal) == Some(0)
     }
 
     /// Lets parts go in the order of costs from here on.
     pub(crate) fn watch_parts(&mut self) {
-        let (part_of, parts) = self.find_parts();
+        let (label, parts) = self.find_parts();
+        let mut part_of = vec![0; self.store.merged_into.len()];
+        for (x, &l) in self.store.v.iter().zip(&label) {
+            part_of[x.origin.index()] = l;
+        }
         self.parts = Some(Parts { part_of, cost: parts.iter().map(Part::cost).collect() });
     }
 
@@ -73,13 +79,13 @@ impl<M: Metric> Engine<M> {
         order.retain(|&i| rate(i) <= tau);
         if !order.is_empty() {
             let part_of: Vec<u32> = self.store.v.iter().map(|x| parts.part_of[x.origin.index()]).collect();
-            self.drop_parts(goal, &order, &faces, &part_of);
+            self.drop_parts(goal, &order, &faces, &parts.cost, &part_of);
         }
         self.parts = Some(parts);
     }
 
     /// Drops these parts, in this order, until the goal is met; `part_of` is by vertex of the store.
-    fn drop_parts(&mut self, goal: &Goal, order: &[usize], faces: &[usize], part_of: &[u32]) {
+    fn drop_parts(&mut self, goal: &Goal, order: &[usize], faces: &[usize], cost: &[f32], part_of: &[u32]) {
         let mut gone = vec![false; faces.len()];
         let mut vertices = vec![0usize; faces.len()];
         for (_, &p) in self.store.v.iter().zip(part_of).filter(|x| !x.0.kind.is_gone()) {
@@ -90,6 +96,7 @@ impl<M: Metric> Engine<M> {
                 break;
             }
             gone[i] = true;
+            self.lost += f64::from(cost[i]);
             self.store.live_faces -= faces[i];
             self.store.live_vertices -= vertices[i];
             self.parts_removed += 1;

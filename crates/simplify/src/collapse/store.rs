@@ -208,24 +208,27 @@ impl<M: Metric> Store<M> {
     /// The live corners of `u`, in the order of the list; tidies the list on the way.
     #[inline(always)]
     pub(crate) fn ring(&mut self, u: VertexId, out: &mut Ring) {
+        // The two corners after each, by table: a branch on k could not be foretold.
+        const NEXT: [usize; 4] = [1, 2, 0, 0];
+        const PREV: [usize; 4] = [2, 0, 1, 0];
         out.clear();
         let x = &mut self.v[u.index()];
         let head = x.head as usize;
         let list = &mut self.corners[head..head + x.count as usize];
-        for i in 0..list.len() {
-            let corner = list[i];
-            let t = &self.t[corner.face()];
-            if t[0] != NONE {
-                let (a, b) = match corner.k() {
-                    0 => (t[1], t[2]),
-                    1 => (t[2], t[0]),
-                    _ => (t[0], t[1]),
-                };
-                list[out.len()] = corner;
-                out.push(Spoke { corner, a, b });
+        let mut dead = 0;
+        out.extend(list.iter().map(|&corner| {
+            let (t, k) = (&self.t[corner.face()], corner.k());
+            let gone = t[0] == NONE;
+            dead += u32::from(gone);
+            Spoke { corner, a: if gone { NONE } else { t[NEXT[k]] }, b: t[PREV[k]] }
+        }));
+        if dead > 0 {
+            out.retain(|r| r.a != NONE);
+            for (slot, r) in list.iter_mut().zip(out.iter()) {
+                *slot = r.corner;
             }
+            x.count -= dead;
         }
-        x.count = out.len() as u32;
     }
 
     /// The corners of `u` as listed; all alive right after a compaction.
