@@ -250,7 +250,8 @@ fn locked_borders_are_not_touched() {
                     // A part that went took its border along.
                     if done.report.parts_removed == 0 {
                         let here = places(&done.mesh);
-                        let gone = border(&mesh).iter().flatten().filter(|p| !here.contains(&bits(**p))).count();
+                        let gone =
+                            border(&mesh).iter().flatten().filter(|p| !here.contains(&bits(**p))).count();
                         let case = format!("{name}, {}", told(&options));
                         all.check(&case, gone == 0, &format!("{gone} ends of border edges are gone"));
                     }
@@ -307,7 +308,9 @@ fn with_attributes(mesh: &TriMesh) -> TriMesh {
     let mut result = TriMesh::with_wedges(mesh.positions().clone(), vertex_of, triangles).unwrap();
     let place = |w: &(VertexId, bool)| positions.get(w.0).map(|x| x as f32);
     let side = |w: &(VertexId, bool)| f32::from(u8::from(w.1));
-    result.set_uvs(Some(wedges.iter().map(|w| [place(w)[1] + 7.0 * side(w), place(w)[2]]).collect())).unwrap();
+    result
+        .set_uvs(Some(wedges.iter().map(|w| [place(w)[1] + 7.0 * side(w), place(w)[2]]).collect()))
+        .unwrap();
     result.set_normals(Some(wedges.iter().map(|w| [side(w), 1.0 - side(w), 0.0]).collect())).unwrap();
     result.set_colors(Some(wedges.iter().map(|w| [place(w)[0].abs(), side(w), 0.5, 1.0]).collect())).unwrap();
     result
@@ -377,10 +380,8 @@ fn midpoints_lie_in_the_middle() {
                 continue; // vertices without faces counted for the stop
             }
             let (before, after) = (places(&mesh), places(&done.mesh));
-            let new: Vec<[f64; 3]> =
-                after.difference(&before).map(|p| p.map(f64::from_bits)).collect();
-            let gone: Vec<[f64; 3]> =
-                before.difference(&after).map(|p| p.map(f64::from_bits)).collect();
+            let new: Vec<[f64; 3]> = after.difference(&before).map(|p| p.map(f64::from_bits)).collect();
+            let gone: Vec<[f64; 3]> = before.difference(&after).map(|p| p.map(f64::from_bits)).collect();
             let middle = |a: &[f64; 3], b: &[f64; 3]| {
                 let off = minus([0, 1, 2].map(|k| (a[k] + b[k]) / 2.0), new[0]);
                 dot(off, off).sqrt() < 1e-6 * done.report.error.diagonal
@@ -498,7 +499,8 @@ fn a_larger_error_never_means_more_faces() {
 #[test]
 fn clean_shapes_meet_easy_targets() {
     let mut all = Complaints::default();
-    for name in ["fine_cube", "icosphere", "noisy_sphere", "blob", "torus", "grid", "wavy_sheet", "cylinder"] {
+    for name in ["fine_cube", "icosphere", "noisy_sphere", "blob", "torus", "grid", "wavy_sheet", "cylinder"]
+    {
         let mesh = shapes::all().into_iter().find(|s| s.0 == name).unwrap().1;
         for method in METHODS {
             for placement in PLACEMENTS {

@@ -33,12 +33,8 @@ fn random_options(seed: u64) -> SimplifyOptions {
     let mut options = SimplifyOptions::default();
     options.method = random.pick(&[Method::Memoryless, Method::Quadric]);
     options.placement = random.pick(&[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]);
-    options.border = random.pick(&[
-        BorderPolicy::Keep,
-        BorderPolicy::Slide,
-        BorderPolicy::Lock,
-        BorderPolicy::Free,
-    ]);
+    options.border =
+        random.pick(&[BorderPolicy::Keep, BorderPolicy::Slide, BorderPolicy::Lock, BorderPolicy::Free]);
     options.topology =
         random.pick(&[TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free]);
     options.fit = random.pick(&[Fit::Auto, Fit::On, Fit::Off]);
@@ -162,6 +158,22 @@ fn thousands_of_nasty_soups() {
         let options = random_options(seed ^ 0xABCD_EF01_2345);
         let found = wrongs(&mesh, &options);
         all.add(&format!("seed {seed}, {} faces, {}", mesh.face_count(), told(&options)), found);
+    }
+    all.settle();
+}
+
+/// What a topology policy promises holds for soups as well.
+#[test]
+fn soups_keep_what_the_topology_policy_promises() {
+    let mut all = support::Complaints::default();
+    for seed in 0..3000 {
+        let mesh = nasty(seed);
+        let mut options = random_options(seed ^ 0x1234_5678);
+        options.weld = None;
+        if let Ok(Ok(done)) = run(&mesh, &options) {
+            let case = format!("seed {seed}, {} faces, {}", mesh.face_count(), told(&options));
+            all.add(&case, support::topology_complaints(&mesh, &options, &done));
+        }
     }
     all.settle();
 }

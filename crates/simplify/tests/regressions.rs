@@ -5,7 +5,7 @@ mod support;
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
 use lodsmith::{
-    Control, Length, Method, NoControl, SimplifyError, SimplifyOptions, Simplified, Stage, Stop, StoppedBy,
+    Control, Length, Method, NoControl, Simplified, SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy,
     TopologyPolicy, Verdict, simplify,
 };
 use support::{complaints, counts, topology_complaints};

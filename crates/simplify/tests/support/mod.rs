@@ -8,7 +8,7 @@ use lodsmith::core::mesh::defects::{clean_surface, defects};
 use lodsmith::core::topology::TopologyCounts;
 use lodsmith::core::{Positions, Surface, Topology, TriMesh, VertexId};
 use lodsmith::{
-    NoControl, Refusal, SimplifyError, SimplifyOptions, Simplified, StoppedBy, TopologyPolicy, simplify,
+    NoControl, Refusal, Simplified, SimplifyError, SimplifyOptions, StoppedBy, TopologyPolicy, simplify,
 };
 
 /// Complaints of many cases, told together at the end.
@@ -54,7 +54,10 @@ pub(crate) fn told(options: &SimplifyOptions) -> String {
 }
 
 /// Runs; a panic is a complaint.
-pub(crate) fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Result<Result<Simplified, SimplifyError>, String> {
+pub(crate) fn run(
+    mesh: &TriMesh,
+    options: &SimplifyOptions,
+) -> Result<Result<Simplified, SimplifyError>, String> {
     catch_unwind(AssertUnwindSafe(|| simplify(mesh, options, &mut NoControl))).map_err(|cause| {
         let text = cause.downcast_ref::<String>().cloned();
         let text = text.or_else(|| cause.downcast_ref::<&str>().map(|s| (*s).to_owned()));
@@ -122,7 +125,8 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     let stop = &options.stop;
     let by_faces = stop.faces.is_some_and(|n| faces <= n);
     let by_vertices = stop.vertices.is_some_and(|n| vertices <= n);
-    let by_ratio = stop.ratio.is_some_and(|r| faces as f64 <= (r * mesh.face_count() as f64).round().max(1.0));
+    let by_ratio =
+        stop.ratio.is_some_and(|r| faces as f64 <= (r * mesh.face_count() as f64).round().max(1.0));
     let met = by_faces || by_vertices || by_ratio;
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
     let stopped_by = report.stopped_by;
@@ -144,7 +148,8 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     check(tells_true, format!("stopped by {stopped_by:?} at {faces} faces, {vertices} vertices"));
     let order = |r: Refusal| Refusal::ALL.iter().position(|&x| x == r);
     check(
-        report.refusals.is_sorted_by(|a, b| order(a.0) < order(b.0)) && report.refusals.iter().all(|r| r.1 > 0),
+        report.refusals.is_sorted_by(|a, b| order(a.0) < order(b.0))
+            && report.refusals.iter().all(|r| r.1 > 0),
         format!("refusals {:?}", report.refusals),
     );
     let error = &report.error;
@@ -173,7 +178,11 @@ pub(crate) fn counts(mesh: &TriMesh) -> TopologyCounts {
 }
 
 /// Whether a result keeps what a topology policy promises; by position, as a file would hold it.
-pub(crate) fn topology_complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<String> {
+pub(crate) fn topology_complaints(
+    mesh: &TriMesh,
+    options: &SimplifyOptions,
+    done: &Simplified,
+) -> Vec<String> {
     let mut found = Vec::new();
     let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
     let (old_defects, new_defects) = (defects(&mesh.surface()), defects(&done.mesh.surface()));
