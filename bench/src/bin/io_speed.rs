@@ -1,7 +1,13 @@
-//! Reading beside other readers of Rust: a torus of a million vertices as OBJ and as binary PLY.
+//! Reading beside other readers of Rust: a torus of a million vertices as OBJ, in the forms that faces have, and as
+//! binary PLY.
 //!
 //! ```text
-//! io_speed [--side N] [--reps N]     N × N vertices, 1000 if not said; 5 repetitions if not said
+//! io_speed [--side N] [--reps N] [--threads N] [--only NAME] [--cpu]
+//!     --side N       N × N vertices, 1000 if not said
+//!     --reps N       repetitions, 5 if not said; the least time counts
+//!     --threads N    threads of Lodsmith, 1 if not said (the others have one)
+//!     --only NAME    those rows whose name contains this
+//!     --cpu          processor time of all threads instead of the clock's
 //! ```
 //! All read the same file from the same folder in turn, from a path to positions and indices in memory.
 #![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
@@ -17,81 +23,159 @@ use lodsmith_io::{ReadOptions, read_path};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{PropertyAccess, PropertyAccessResult};
 
+/// What the corners of an OBJ name: the row's name, and whether texture coordinates, normals, and a seam where the
+/// texture coordinates begin and end are there.
+const FORMS: [(&str, Form); 4] = [
+    ("obj v", Form { uvs: false, normals: false, seam: false }),
+    ("obj v//vn", Form { uvs: false, normals: true, seam: false }),
+    ("obj v/vt/vn", Form { uvs: true, normals: true, seam: false }),
+    ("obj v/vt/vn, seams", Form { uvs: true, normals: true, seam: true }),
+];
+
+#[derive(Clone, Copy, Debug)]
+struct Form {
+    uvs: bool,
+    normals: bool,
+    seam: bool,
+}
+
 fn main() -> Result<()> {
-    let (mut side, mut reps) = (1000usize, 5usize);
+    let mut race = Race { side: 1000, reps: 5, cpu: false };
+    let (mut threads, mut only) = (1usize, String::new());
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
-        let mut number = || -> Result<usize> { Ok(words.next().context("a number is missing")?.parse()?) };
+        let mut value = || words.next().with_context(|| format!("{word} wants a value"));
         match word.as_str() {
-            "--side" => side = number()?,
-            "--reps" => reps = number()?,
-            other => bail!("unknown argument {other}; usage: io_speed [--side N] [--reps N]"),
+            "--side" => race.side = value()?.parse()?,
+            "--reps" => race.reps = value()?.parse()?,
+            "--threads" => threads = value()?.parse()?,
+            "--only" => only = value()?,
+            "--cpu" => race.cpu = true,
+            other => bail!(
+                "unknown argument {other}; usage: io_speed [--side N] [--reps N] [--threads N] [--only NAME] [--cpu]"
+            ),
         }
     }
-    ensure!(side >= 3 && reps >= 1, "--side must be 3 or more, --reps 1 or more");
-    process::one_thread()?;
+    ensure!(race.side >= 3 && race.reps >= 1, "--side must be 3 or more, --reps 1 or more");
+    if threads == 1 {
+        process::one_thread()?;
+    } else {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+    }
 
-    let mesh = cases::torus(side, side);
+    let mesh = cases::torus(race.side, race.side);
+    let (vertices, faces) = (mesh.positions.len(), mesh.face_count());
     let folder = tempfile::tempdir()?;
-    let obj = folder.path().join("torus.obj");
-    let ply = folder.path().join("torus.ply");
-    write_obj(&mesh, &obj)?;
-    write_ply(&mesh, &ply)?;
-    println!("{} vertices, {} triangles, one thread, least of {reps}\n", side * side, mesh.face_count());
+    let path = folder.path().join("torus");
+    let (side, clock) = (race.side, if race.cpu { "processor" } else { "clock" });
+    println!(
+        "{vertices} vertices, {faces} triangles, {threads} threads, {clock} time, least of {}\n",
+        race.reps
+    );
     println!("| file | MB | lodsmith s | rival | rival s | lodsmith / rival | bytes alone s |");
     println!("|---|--:|--:|---|--:|--:|--:|");
-    race(&obj, &mesh, "tobj 4.0.5", &by_tobj, reps)?;
-    race(&ply, &mesh, "ply-rs-bw 4.0.1", &by_ply_rs, reps)?;
-    Ok(())
-}
-
-fn race(
-    path: &Path,
-    wanted: &Soup,
-    rival: &str,
-    by: &dyn Fn(&Path) -> Result<Soup>,
-    reps: usize,
-) -> Result<()> {
-    let counts = (wanted.positions.len(), wanted.face_count());
-    let (mut ours, mut theirs, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
-    for _ in 0..reps {
-        let began = Instant::now();
-        let loaded = read_path(path, &ReadOptions::default())?;
-        ours.push(began.elapsed().as_secs_f64());
-        let got = (loaded.mesh.vertex_count(), loaded.mesh.face_count());
-        ensure!(got == counts, "lodsmith read {got:?} vertices and faces of {counts:?}");
-        drop(loaded);
-
-        let began = Instant::now();
-        let soup = by(path)?;
-        theirs.push(began.elapsed().as_secs_f64());
-        let got = (soup.positions.len(), soup.face_count());
-        ensure!(got == counts, "{rival} read {got:?} vertices and faces of {counts:?}");
-        drop(soup);
-
-        let began = Instant::now();
-        let raw = std::fs::read(path)?;
-        bytes.push(began.elapsed().as_secs_f64());
-        drop(raw);
+    for (name, form) in FORMS.iter().filter(|(name, _)| name.contains(&only)) {
+        write_obj(&mesh, side, *form, &path.with_extension("obj"))?;
+        let wedges = if form.seam { (side + 1) * (side + 1) } else { vertices };
+        race.run(name, &path.with_extension("obj"), (wedges, faces), "tobj 4.0.5", &by_tobj)?;
     }
-    let (ours, theirs) = (stats::min(&ours), stats::min(&theirs));
-    println!(
-        "| {} | {:.0} | {ours:.3} | {rival} | {theirs:.3} | {:.2} | {:.3} |",
-        path.extension().unwrap_or_default().display(),
-        std::fs::metadata(path)?.len() as f64 / 1e6,
-        ours / theirs,
-        stats::min(&bytes),
-    );
+    if "ply".contains(&only) {
+        write_ply(&mesh, &path.with_extension("ply"))?;
+        let path = path.with_extension("ply");
+        race.run("ply", &path, (vertices, faces), "ply-rs-bw 4.0.1", &by_ply_rs)?;
+    }
     Ok(())
 }
 
-fn write_obj(mesh: &Soup, path: &Path) -> Result<()> {
+/// How it is run.
+struct Race {
+    side: usize,
+    reps: usize,
+    cpu: bool,
+}
+
+impl Race {
+    /// Prints the row of a file; all must find so many vertices (with their attributes) and faces.
+    fn run(
+        &self,
+        name: &str,
+        path: &Path,
+        counts: (usize, usize),
+        rival: &str,
+        by: &dyn Fn(&Path) -> Result<Soup>,
+    ) -> Result<()> {
+        let (mut ours, mut theirs, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..self.reps {
+            let (seconds, loaded) = self.time(|| read_path(path, &ReadOptions::default()));
+            ours.push(seconds);
+            let loaded = loaded?;
+            let got = (loaded.mesh.wedge_count(), loaded.mesh.face_count());
+            ensure!(got == counts, "lodsmith read {got:?} vertices and faces of {counts:?}");
+            drop(loaded);
+
+            let (seconds, soup) = self.time(|| by(path));
+            theirs.push(seconds);
+            let soup = soup?;
+            let got = (soup.positions.len(), soup.face_count());
+            ensure!(got == counts, "{rival} read {got:?} vertices and faces of {counts:?}");
+            drop(soup);
+
+            let (seconds, raw) = self.time(|| std::fs::read(path));
+            bytes.push(seconds);
+            drop(raw?);
+        }
+        let (ours, theirs) = (stats::min(&ours), stats::min(&theirs));
+        println!(
+            "| {name} | {:.0} | {ours:.3} | {rival} | {theirs:.3} | {:.2} | {:.3} |",
+            std::fs::metadata(path)?.len() as f64 / 1e6,
+            ours / theirs,
+            stats::min(&bytes),
+        );
+        Ok(())
+    }
+
+    fn time<T>(&self, work: impl FnOnce() -> T) -> (f64, T) {
+        let (cpu, began) = (process::cpu_seconds(), Instant::now());
+        let done = work();
+        let clock = began.elapsed().as_secs_f64();
+        (if self.cpu { process::cpu_seconds() - cpu } else { clock }, done)
+    }
+}
+
+fn write_obj(mesh: &Soup, side: usize, form: Form, path: &Path) -> Result<()> {
     let mut out = BufWriter::new(File::create(path)?);
     for [x, y, z] in &mesh.positions {
         writeln!(out, "v {x} {y} {z}")?;
     }
-    for t in mesh.indices.chunks_exact(3) {
-        writeln!(out, "f {} {} {}", t[0] + 1, t[1] + 1, t[2] + 1)?;
+    // One row and column more where the ends of the map are apart.
+    let row = side + usize::from(form.seam);
+    if form.uvs {
+        for i in 0..row * row {
+            let [u, v] = [i / row, i % row].map(|k| k as f32 / side as f32);
+            writeln!(out, "vt {u} {v}")?;
+        }
+    }
+    if form.normals {
+        for [x, y, z] in &mesh.positions {
+            let length = (x * x + y * y + z * z).sqrt();
+            writeln!(out, "vn {:.6} {:.6} {:.6}", x / length, y / length, z / length)?;
+        }
+    }
+    for (face, t) in mesh.indices.chunks_exact(3).enumerate() {
+        write!(out, "f")?;
+        for &v in t {
+            // The square of a face; its corners beyond the last row are those of the first, one turn on.
+            let (i, j) = (face / 2 / side, face / 2 % side);
+            let (a, b) = (v as usize / side, v as usize % side);
+            let turned = |at: usize, from: usize| if at < from { side } else { at };
+            let uv = if form.seam { turned(a, i) * row + turned(b, j) } else { v as usize };
+            match (form.uvs, form.normals) {
+                (false, false) => write!(out, " {}", v + 1)?,
+                (false, true) => write!(out, " {0}//{0}", v + 1)?,
+                _ => write!(out, " {0}/{1}/{0}", v + 1, uv + 1)?,
+            }
+        }
+        writeln!(out)?;
     }
     Ok(out.flush()?)
 }

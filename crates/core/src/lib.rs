@@ -2,16 +2,16 @@
 //!
 //! Nouns only: data, queries and measures. No files, no clocks, no printing, no simplification.
 
-pub mod geometry;
 #[cfg(feature = "proptest")]
 pub mod arbitrary;
+pub mod geometry;
 pub mod ids;
 pub mod measure;
 pub mod mesh;
 pub mod polygon;
 pub mod sampling;
-pub mod spatial;
 pub mod shapes;
+pub mod spatial;
 pub mod topology;
 
 pub use ids::{FaceId, HalfEdgeId, VertexId, WedgeId};

@@ -1,4 +1,35 @@
-//! What files say about colours and normals, made what a mesh wants.
+//! What files say about colours and normals, made what a mesh wants, and what becomes of positions in single precision.
+
+use lodsmith_core::{Positions, TriMesh};
+
+use crate::error::Warning;
+
+/// What to say where a format of single precision moves double positions; `from` is the point that they are measured
+/// from in the file.
+///
+/// It is a note as long as no coordinate moves by more than a millionth of the mesh's diagonal, else a loss.
+pub(crate) fn rounding(mesh: &TriMesh, format: &str, from: Option<[f64; 3]>) -> Option<Warning> {
+    // Guessed: far below the error of a simplified mesh, and some 16 times the rounding of a mesh around the origin.
+    const SMALL: f64 = 1e-6;
+    let Positions::F64(positions) = mesh.positions() else { return None };
+    let origin = from.unwrap_or([0.0; 3]);
+    let moved = |p: &[f64; 3]| {
+        let by = |k: usize| (f64::from((p[k] - origin[k]) as f32) + origin[k] - p[k]).abs();
+        // What is no number stays none.
+        [0, 1, 2].map(|k| if p[k].is_finite() { by(k) } else { 0.0 }).into_iter().fold(0.0, f64::max)
+    };
+    let most = positions.iter().map(moved).fold(0.0, f64::max);
+    if most == 0.0 {
+        return None;
+    }
+    let measured = if from.is_some() { ", measured from the centre of the mesh" } else { "" };
+    let text = format!("{format} holds single precision: positions are rounded to it{measured}");
+    let diagonal = mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal());
+    if most <= SMALL * diagonal {
+        return Some(Warning::note(text));
+    }
+    Some(Warning::lost(format!("{text}, which moves some by {most:.1e}")))
+}
 
 /// Makes normals unit length; those that are nearly so stay as they are, those without a direction become zero.
 pub(crate) fn unit_normals(normals: &mut [[f32; 3]]) {
@@ -43,6 +74,22 @@ pub(crate) const NO_COLOR: [f32; 4] = [0.0, 0.0, 0.0, -2.0];
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rounding_is_a_loss_where_it_shows() {
+        let at = |x: f64| {
+            let corners = vec![[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]];
+            TriMesh::new(Positions::F64(corners), vec![[0, 1, 2].map(lodsmith_core::VertexId)]).unwrap()
+        };
+        let lost = |x: f64, from| rounding(&at(x), "X", from).map(|w| w.data_lost);
+        assert_eq!(lost(0.5, None), None);
+        assert_eq!(lost(0.1, None), Some(false));
+        assert_eq!(lost(1000.1, None), Some(true));
+        assert_eq!(lost(1000.1, Some([1000.0, 0.0, 0.0])), Some(false));
+        assert_eq!(lost(1e300, None), Some(true));
+        let text = rounding(&at(1000.1), "X", None).unwrap().text;
+        assert_eq!(text, "X holds single precision: positions are rounded to it, which moves some by 2.4e-5");
+    }
 
     #[test]
     fn normals_become_unit_length() {

@@ -150,6 +150,10 @@ impl Warning {
     pub fn note(text: impl Into<String>) -> Self {
         Self { text: text.into(), data_lost: false }
     }
+    /// The mesh that was read lacks this, which the file has; whatever is made of the mesh lacks it too.
+    pub(crate) fn not_carried(what: &str) -> Self {
+        Self::lost(format!("{what} are not carried by this version"))
+    }
     /// Data are lost.
     pub fn lost(text: impl Into<String>) -> Self {
         Self { text: text.into(), data_lost: true }

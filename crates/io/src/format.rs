@@ -34,6 +34,18 @@ impl Format {
         }
     }
 
+    /// Its name as people write it: `OBJ`, `OFF`, `PLY`, `STL`, `glTF`, `GLB`.
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::Obj => "OBJ",
+            Self::Off => "OFF",
+            Self::Ply => "PLY",
+            Self::Stl => "STL",
+            Self::Gltf => "glTF",
+            Self::Glb => "GLB",
+        }
+    }
+
     /// The format with this name or ending, in any case.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|f| f.name().eq_ignore_ascii_case(name))

@@ -42,7 +42,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let buffers = buffers::Buffers::new(&document, options);
     let placements = scene::placements(&document.json)?;
     let (mut contents, mut warnings) = inventory::take(&document.json, &placements);
-    let (mesh, told) = geometry::gather(&document.json, &buffers, &placements)?;
+    let (mesh, told) = geometry::gather(&document.json, &buffers, &placements, bytes.len())?;
     contents.polygons = mesh.face_count();
     warnings.extend(told);
     let format = if document.is_glb { Format::Glb } else { Format::Gltf };

@@ -4,7 +4,9 @@
 //! decides which one reads ([`sniff`]), the file's ending decides which one writes.
 
 mod attributes;
+mod distinct;
 pub mod error;
+mod excerpt;
 pub mod format;
 pub mod gltf;
 pub mod limits;

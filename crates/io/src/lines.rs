@@ -1,6 +1,7 @@
 //! A walk through lines of words and numbers, which knows the number of its line.
 
 use crate::error::ReadError;
+use crate::excerpt::excerpt_of_bytes;
 use crate::numbers::{Decimal, decimal, whole};
 
 /// Where the walk is.
@@ -158,21 +159,13 @@ impl<'a> Lines<'a> {
         if matches!(self.peek(), b'\n' | b'#') {
             return self.error(format!("the line ends where a {wanted} was expected"));
         }
-        self.error(format!("`{}` is not a {wanted}", shown(self.word())))
+        self.error(format!("`{}` is not a {wanted}", excerpt_of_bytes(self.word())))
     }
 }
 
 #[inline]
 fn is_end_of_word(byte: Option<&u8>) -> bool {
     matches!(byte, None | Some(b' ' | b'\t' | b'\r' | b'\n' | b'#' | b'\\'))
-}
-
-/// A word of a file as a message may show it: not longer than a line of a terminal, and readable.
-pub(crate) fn shown(word: &[u8]) -> String {
-    // Guessed: long enough to be found, short enough to be read.
-    let text = String::from_utf8_lossy(&word[..word.len().min(40)]);
-    let more = if word.len() > 40 { "…" } else { "" };
-    format!("{}{more}", text.escape_debug())
 }
 
 #[cfg(test)]
@@ -201,6 +194,5 @@ mod tests {
         assert_eq!(lines.decimal().unwrap_err().to_string(), "line 2: `3.1+e2` is not a number");
         let lines = Lines::new(b"\n");
         assert_eq!(lines.not_a("number").to_string(), "line 1: the line ends where a number was expected");
-        assert_eq!(shown("ü\u{1b}[2J".as_bytes()), "ü\\u{1b}[2J");
     }
 }

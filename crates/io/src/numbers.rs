@@ -7,8 +7,10 @@ use std::io::{self, Write};
 pub(crate) struct Decimal {
     /// Its value, correctly rounded.
     pub(crate) value: f64,
-    /// Significant digits, leading zeros not counted.
-    digits: u32,
+    /// Its digits as a whole number; the largest there is where they are more than 19.
+    mantissa: u64,
+    /// How many digits the text has, leading zeros counted.
+    written: u32,
     /// Power of ten of its last digit.
     exponent: i32,
 }
@@ -21,10 +23,15 @@ impl Decimal {
     /// decimals, is no loss. A number too large or too small for an `f32` always is.
     #[inline]
     pub(crate) fn needs_f64(&self) -> bool {
-        if self.digits < SURE_DIGITS && self.exponent.unsigned_abs() <= 30 {
+        if self.mantissa < SURE && self.exponent.unsigned_abs() <= 30 {
             return false;
         }
         self.differs_from_f32()
+    }
+
+    /// Significant digits.
+    fn digits(&self) -> u32 {
+        if self.written <= 19 { digit_count(self.mantissa) } else { self.written }
     }
 
     fn differs_from_f32(&self) -> bool {
@@ -37,7 +44,7 @@ impl Decimal {
         }
         let off = (self.value - f64::from(single)).abs();
         // Zeros at the end of a whole number only fill its places: the f32 34601252 is printed as 34601250.
-        let (mut digits, mut exponent, mut rest) = (self.digits, self.exponent, self.value);
+        let (mut digits, mut exponent, mut rest) = (self.digits(), self.exponent, self.value);
         if rest.fract() == 0.0 {
             if exponent < 0 {
                 digits = digits.saturating_sub(exponent.unsigned_abs());
@@ -62,6 +69,9 @@ impl Decimal {
 /// of seven digits, where the difference is in the noise of the last one).
 const SURE_DIGITS: u32 = 8;
 
+/// The least number of so many digits.
+const SURE: u64 = 10u64.pow(SURE_DIGITS - 1);
+
 /// Reads the number at the front of `bytes` and returns it with its length; `None` where there is none.
 ///
 /// Decimal notation with optional sign, point and exponent, `nan`, `inf` and `infinity` in any case. It ends where
@@ -82,7 +92,14 @@ pub(crate) fn decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
     };
     let start = at;
     let mut mantissa = 0u64;
-    at += digits(&bytes[at..], &mut mantissa);
+    match bytes.get(at..) {
+        // Most coordinates have one digit before the point.
+        Some([digit @ b'0'..=b'9', b'.', ..]) => {
+            mantissa = u64::from(digit - b'0');
+            at += 1;
+        }
+        _ => at += digits(&bytes[at..], &mut mantissa),
+    }
     let mut all = at - start;
     let mut exponent = 0i32;
     if bytes.get(at) == Some(&b'.') {
@@ -108,12 +125,13 @@ pub(crate) fn decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
         let power = EXACT_POWERS[exponent.unsigned_abs() as usize];
         let value = if exponent < 0 { mantissa as f64 / power } else { mantissa as f64 * power };
         let value = if negative { -value } else { value };
-        return Some((Decimal { value, digits: digit_count(mantissa), exponent }, at));
+        return Some((Decimal { value, mantissa, written: all as u32, exponent }, at));
     }
     let text = &bytes[usize::from(bytes[0] == b'+')..at];
     let value = fast_float2::parse::<f64, _>(text).ok()?;
-    let digits = if few { digit_count(mantissa) } else { u32::try_from(all).unwrap_or(u32::MAX) };
-    Some((Decimal { value, digits, exponent }, at))
+    let mantissa = if few { mantissa } else { u64::MAX };
+    let written = u32::try_from(all).unwrap_or(u32::MAX);
+    Some((Decimal { value, mantissa, written, exponent }, at))
 }
 
 /// Appends the digits at the front of `bytes` to a number, and returns how many there are. More than 19 of them (in all)
@@ -193,7 +211,7 @@ fn special(bytes: &[u8]) -> Option<(Decimal, usize)> {
         .find(|(name, _)| begins(name))
         .map(|(name, value)| (value, name.len()))?;
     let value = if bytes[0] == b'-' { -value } else { value };
-    Some((Decimal { value, digits: 0, exponent: 0 }, start + length))
+    Some((Decimal { value, mantissa: 0, written: 0, exponent: 0 }, start + length))
 }
 
 /// Powers of ten that a double holds exactly.
@@ -364,6 +382,7 @@ mod tests {
             "1e-42",
             "123456789.5",
             "123456789.0",
+            "123456789.000000000000000000000",
         ] {
             assert!(needs(text), "{text}");
         }

@@ -12,15 +12,14 @@ use std::io::{self, Write};
 use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{MeshError, Positions, TriMesh, VertexId, WedgeId};
 
+use crate::distinct::Distinct;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::read::{Contents, Loaded, ReadOptions};
-use crate::stl::weld::Distinct;
 use crate::write::WriteOptions;
 
 use body::{Body, Corners, Faces};
 use header::Header;
-pub(crate) use header::shorten;
 
 /// Reads the bytes of a PLY file.
 ///
@@ -100,7 +99,7 @@ fn assemble(header: &Header, body: Body) -> Result<Loaded, ReadError> {
         }
     };
     if header.texture_files > 0 {
-        warnings.push(Warning::lost("names of texture files are not carried yet: dropped"));
+        warnings.push(Warning::not_carried("names of texture files"));
     }
     Ok(Loaded { mesh, format: Format::Ply, contents, warnings })
 }
@@ -235,7 +234,7 @@ mod tests {
             said,
             [
                 "properties of faces are not carried: texnumber dropped",
-                "names of texture files are not carried yet: dropped"
+                "names of texture files are not carried by this version"
             ]
         );
     }

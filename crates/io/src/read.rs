@@ -10,7 +10,7 @@ use lodsmith_core::TriMesh;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::limits::Limits;
-use crate::sniff::{hint_of, is_binary_stl, looks_like_text, sniff};
+use crate::sniff::{self, hint_of, is_binary_stl, looks_like_text, sniff};
 
 /// How to read.
 #[derive(Clone, Debug, Default)]
@@ -61,13 +61,16 @@ pub struct Loaded {
 
 /// Reads a file; `.gz` opens by itself, content decides the format.
 ///
-/// The file is read once and held in memory beside the mesh. A path may also name a pipe or a device; a folder is
+/// The file is read once and held in memory beside the mesh; a large OBJ is not even held. A path may also name a pipe or a device; a folder is
 /// refused. Where the content contradicts the ending, the content is believed and a warning says so.
 ///
 /// # Errors
 /// [`ReadError::File`] with the path and the reason. A mesh without faces is [`ReadError::NoFaces`].
 pub fn read_path(path: &Path, options: &ReadOptions) -> Result<Loaded, ReadError> {
     let read = || {
+        if let Some(loaded) = read_in_pieces(path, options)? {
+            return with_hint(loaded, hint_of(path), options);
+        }
         let bytes = bytes_of(path, options.limits)?;
         let folder = options.folder.clone().or_else(|| Some(folder_of(path)));
         read_hinted(&bytes, hint_of(path), &ReadOptions { folder, ..options.clone() })
@@ -84,6 +87,28 @@ pub fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadErr
     read_hinted(bytes, None, options)
 }
 
+/// Reads a large OBJ without holding it in memory; `None` for all other files, and for one in which something is wrong.
+fn read_in_pieces(path: &Path, options: &ReadOptions) -> Result<Option<Loaded>, ReadError> {
+    // Guessed: smaller files gain nothing.
+    const LARGE: u64 = 1 << 20;
+    let Ok(about) = std::fs::metadata(path) else { return Ok(None) };
+    if !about.is_file() || !(LARGE..=options.limits.bytes).contains(&about.len()) {
+        return Ok(None);
+    }
+    let mut front = Vec::new();
+    File::open(path)?.take(sniff::FRONT as u64).read_to_end(&mut front)?;
+    let is_obj = match options.format {
+        Some(format) => format == Format::Obj,
+        None => sniff::sniff(&front, hint_of(path)) == Some(Format::Obj),
+    };
+    // No mark of another encoding, and line ends as they are today: the text needs no change.
+    let is_plain = sniff::looks_like_text(&front)
+        && front.first().is_some_and(u8::is_ascii)
+        && front.contains(&b'\n')
+        && !front.starts_with(&GZIP_MAGIC);
+    if is_obj && is_plain { crate::obj::read_file(path, about.len()) } else { Ok(None) }
+}
+
 fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Result<Loaded, ReadError> {
     let bytes = if bytes.starts_with(&GZIP_MAGIC) {
         Cow::Owned(gunzip(bytes, options.limits)?)
@@ -98,7 +123,7 @@ fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Res
         Some(format) => format,
         None => sniff(&bytes, hint).or_else(|| sniff(&text, hint)).ok_or_else(|| unknown(&text))?,
     };
-    let mut loaded = match format {
+    let loaded = match format {
         Format::Obj => crate::obj::read(&text, options),
         Format::Off => crate::off::read(&text, options),
         Format::Ply => crate::ply::read(&bytes, options),
@@ -106,13 +131,18 @@ fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Res
         Format::Gltf => crate::gltf::read(&text, options),
         Format::Glb => crate::gltf::read(&bytes, options),
     }?;
+    with_hint(loaded, hint, options)
+}
+
+/// Refuses a mesh without faces, and tells where the ending of the path names another format.
+fn with_hint(mut loaded: Loaded, hint: Option<Format>, options: &ReadOptions) -> Result<Loaded, ReadError> {
     if loaded.mesh.face_count() == 0 {
         return Err(ReadError::NoFaces { vertices: loaded.mesh.vertex_count() });
     }
     if let (None, Some(hint)) = (options.format, hint)
-        && hint != format
+        && hint != loaded.format
     {
-        let [hint, format] = [hint, format].map(|f| f.name().to_uppercase());
+        let [hint, format] = [hint, loaded.format].map(Format::title);
         let text = format!("the ending says {hint}, the content is {format}: read as {format}");
         loaded.warnings.insert(0, Warning::note(text));
     }

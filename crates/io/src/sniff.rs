@@ -54,7 +54,7 @@ pub(crate) fn looks_like_text(bytes: &[u8]) -> bool {
 }
 
 /// How much is looked at. Guessed: longer than the comments that open a file.
-const FRONT: usize = 1 << 16;
+pub(crate) const FRONT: usize = 1 << 16;
 
 fn front(bytes: &[u8]) -> &[u8] {
     &bytes[..bytes.len().min(FRONT)]

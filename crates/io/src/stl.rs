@@ -3,19 +3,17 @@
 //! Facets name no vertices, so corners of equal position are made one vertex. That is exact: nothing moves.
 
 mod text;
-pub(crate) mod weld;
 mod write;
 
 use std::io::{self, Write};
 
 use lodsmith_core::{MeshError, Positions, TriMesh};
 
+use crate::distinct::Distinct;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::read::{Contents, Loaded, ReadOptions};
 use crate::write::WriteOptions;
-
-use weld::Distinct;
 
 /// Bytes before the first facet of a binary file, and of each facet.
 const HEADER: usize = 84;

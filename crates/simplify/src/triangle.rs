@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 
-/// Squared distance from `q` to the triangle a b c, and the closest point there. [Ericson 2004, §5.1.5]
+/// Squared distance from `q` to the triangle a b c, and the closest point there. [Ericson 2005]
 #[inline(always)]
 pub(crate) fn closest(q: Vec3, a: Vec3, b: Vec3, c: Vec3) -> (f32, Vec3) {
     let at = |p: Vec3| ((q - p).length_squared(), p);

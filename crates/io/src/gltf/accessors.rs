@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::buffers::{Buffers, View};
 use super::container::{entry, whole};
 use crate::error::ReadError;
-use crate::ply::shorten;
+use crate::excerpt::excerpt;
 
 /// Type of a component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,7 +103,7 @@ impl<'b> Accessor<'b> {
             Some("VEC4") => 4,
             // Matrices are for skins, which are not read.
             other => {
-                let other = shorten(other.unwrap_or("missing"));
+                let other = excerpt(other.unwrap_or("missing"));
                 return Err(ReadError::element(
                     at,
                     format!("the type is {other}; SCALAR or VEC2 to VEC4 is needed"),

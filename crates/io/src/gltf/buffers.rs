@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::container::{Document, entry, list, unsupported, whole};
 use crate::error::ReadError;
-use crate::ply::shorten;
+use crate::excerpt::excerpt;
 use crate::read::ReadOptions;
 
 /// The buffers of a file, opened when they are asked for.
@@ -117,8 +117,8 @@ impl<'a> Buffers<'a> {
 
     fn file(&self, uri: &str, name: &str) -> Result<Vec<u8>, ReadError> {
         let path = relative_path(uri)
-            .map_err(|problem| ReadError::element(name, format!("the uri `{}` {problem}", shorten(uri))))?;
-        let shown = shorten(&path.to_string_lossy());
+            .map_err(|problem| ReadError::element(name, format!("the uri `{}` {problem}", excerpt(uri))))?;
+        let shown = excerpt(&path.to_string_lossy());
         let Some(folder) = self.folder else {
             return Err(ReadError::element(
                 name,

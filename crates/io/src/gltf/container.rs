@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::error::ReadError;
-use crate::ply::shorten;
+use crate::excerpt::excerpt;
 
 /// A parsed file.
 pub(super) struct Document<'a> {
@@ -57,7 +57,7 @@ impl<'a> Document<'a> {
             Some(v) if v.starts_with("2.") || v == "2" => Ok(()),
             Some(v) if v.starts_with("1.") || v.starts_with("0.") || v == "1" => Err(old()),
             Some(v) => {
-                let v = shorten(v);
+                let v = excerpt(v);
                 Err(ReadError::Unsupported(format!("glTF {v} is not known: 2.0 is read")))
             }
             // In version 1 the lists were maps.
@@ -81,7 +81,7 @@ impl<'a> Document<'a> {
 
 /// An extension without which the file cannot be read.
 pub(super) fn unsupported(extension: &str) -> ReadError {
-    let extension = shorten(extension);
+    let extension = excerpt(extension);
     let advice = match extension.as_str() {
         "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
             "compressed geometry is not decoded here; store the file without compression"
@@ -154,7 +154,7 @@ pub(super) fn whole(object: &Value, name: &str, at: &str) -> Result<Option<usize
         || value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..=9e15).contains(x)).map(|x| x as u64);
     let number = value.as_u64().or_else(from_float).and_then(|n| usize::try_from(n).ok());
     number.map(Some).ok_or_else(|| {
-        let shown = shorten(&value.to_string());
+        let shown = excerpt(&value.to_string());
         ReadError::element(at, format!("{name} is {shown}, not a whole number from 0"))
     })
 }

@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::container::{HARMLESS, list};
 use super::scene::Placement;
 use crate::error::Warning;
-use crate::ply::shorten;
+use crate::excerpt::excerpt;
 use crate::read::Contents;
 
 /// Names of attributes as reports give them.
@@ -41,12 +41,12 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
                     continue;
                 }
                 let ours = NAMES.iter().find(|(gltf, _)| gltf == name);
-                let shown = ours.map_or_else(|| shorten(name), |(_, ours)| (*ours).to_owned());
+                let shown = ours.map_or_else(|| excerpt(name), |(_, ours)| (*ours).to_owned());
                 // A file may hold names without end; a report needs no more than these.
                 if contents.attributes.len() < 64 && !contents.attributes.contains(&shown) {
                     contents.attributes.push(shown);
                     if !["NORMAL", "TEXCOORD_0", "COLOR_0"].contains(&name.as_str()) {
-                        other_attributes.push(shorten(name));
+                        other_attributes.push(excerpt(name));
                     }
                 }
             }
@@ -55,22 +55,22 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
     }
 
     let mut warnings = Vec::new();
-    let mut dropped = |is: bool, what: &str| {
+    let mut not_carried = |is: bool, what: &str| {
         if is {
-            warnings.push(Warning::lost(format!("{what} are not carried yet: dropped")));
+            warnings.push(Warning::not_carried(what));
         }
     };
-    dropped(contents.materials > 0, "materials");
-    dropped(contents.textures > 0, "textures");
-    dropped(contents.skins > 0, "skins");
-    dropped(contents.animations > 0, "animations");
-    dropped(contents.morph_targets > 0, "morph targets");
-    dropped(count("cameras") > 0, "cameras");
-    dropped(!json["extensions"]["KHR_lights_punctual"].is_null(), "lights");
+    not_carried(contents.materials > 0, "materials");
+    not_carried(contents.textures > 0, "textures");
+    not_carried(contents.skins > 0, "skins");
+    not_carried(contents.animations > 0, "animations");
+    not_carried(contents.morph_targets > 0, "morph targets");
+    not_carried(count("cameras") > 0, "cameras");
+    not_carried(!json["extensions"]["KHR_lights_punctual"].is_null(), "lights");
     let with_extras = ["meshes", "nodes", "scenes"].iter().flat_map(|kind| list(json, kind));
-    dropped(with_extras.chain([json, &json["asset"]]).any(|v| !v["extras"].is_null()), "extras");
+    not_carried(with_extras.chain([json, &json["asset"]]).any(|v| !v["extras"].is_null()), "extras");
     if !other_attributes.is_empty() {
-        dropped(true, &format!("attributes {}", other_attributes.join(", ")));
+        not_carried(true, &format!("attributes {}", other_attributes.join(", ")));
     }
     let unknown: Vec<String> = list(json, "extensionsUsed")
         .iter()
@@ -79,10 +79,10 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
             !e.starts_with("KHR_materials_") && !HARMLESS.contains(e) && *e != "KHR_mesh_quantization"
         })
         .take(16)
-        .map(shorten)
+        .map(excerpt)
         .collect();
     if !unknown.is_empty() {
-        dropped(true, &format!("extensions {}", unknown.join(", ")));
+        not_carried(true, &format!("extensions {}", unknown.join(", ")));
     }
     let mut placed = vec![false; meshes.len()];
     placements.iter().for_each(|p| placed[p.mesh] = true);

@@ -7,6 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use lodsmith_core::{Bounds, Positions, TriMesh, VertexId, WedgeId};
 use serde_json::{Value, json};
 
+use crate::attributes::rounding;
 use crate::error::Warning;
 
 /// Numbers that the format gives to types and uses.
@@ -31,7 +32,8 @@ pub(super) fn write(mesh: &TriMesh, glb: bool, out: &mut dyn Write) -> io::Resul
     };
     let vertex = |i: usize| if split { mesh.vertex_of(WedgeId::new(i)) } else { VertexId::new(i) };
 
-    let center = center(mesh, &mut warnings);
+    let center = center(mesh);
+    warnings.extend(rounding(mesh, "glTF", center));
     let positions: Vec<[f32; 3]> = match mesh.positions() {
         Positions::F32(p) => (0..count).map(|i| p[vertex(i).index()]).collect(),
         Positions::F64(p) => {
@@ -61,22 +63,16 @@ pub(super) fn write(mesh: &TriMesh, glb: bool, out: &mut dyn Write) -> io::Resul
 }
 
 /// What the node's translation takes from double positions: the middle of their box, if that is far out for its size.
-fn center(mesh: &TriMesh, warnings: &mut Vec<Warning>) -> Option<[f64; 3]> {
-    let Positions::F64(positions) = mesh.positions() else { return None };
+fn center(mesh: &TriMesh) -> Option<[f64; 3]> {
+    if !matches!(mesh.positions(), Positions::F64(_)) {
+        return None;
+    }
     let bounds = mesh.positions().view().bounds()?;
     let Bounds { min, max } = bounds;
     // Rounded to a float: it is short in JSON, and read back without a loss whatever reads it.
     let middle = [0, 1, 2].map(|k| f64::from((min[k] / 2.0 + max[k] / 2.0) as f32));
     let far = middle.iter().fold(0f64, |m, x| m.max(x.abs()));
-    let center = (far > bounds.diagonal() && far.is_finite()).then_some(middle);
-    let from = center.unwrap_or([0.0; 3]);
-    let is_exact = |p: &[f64; 3]| (0..3).all(|k| f64::from((p[k] - from[k]) as f32) + from[k] == p[k]);
-    if !positions.iter().all(is_exact) {
-        let what = if center.is_some() { ", measured from the centre of the mesh" } else { "" };
-        warnings
-            .push(Warning::note(format!("glTF holds single precision: positions are rounded to it{what}")));
-    }
-    center
+    (far > bounds.diagonal() && far.is_finite()).then_some(middle)
 }
 
 /// Buffer, views and accessors of a file. Each accessor has a view of its own.

@@ -11,11 +11,13 @@ use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{Positions, TriMesh, VertexId};
 use rayon::prelude::*;
 
-use super::wedges::{NONE, number_wedges};
+use super::stream::ends_line;
+use super::wedges::{Indices, NONE, number_wedges};
 use crate::attributes::{NO_ALPHA, NO_COLOR, unit_colors, unit_normals};
 use crate::error::{ReadError, Warning};
+use crate::excerpt::excerpt_of_bytes;
 use crate::format::Format;
-use crate::lines::{Lines, shown};
+use crate::lines::Lines;
 use crate::numbers::short_whole;
 use crate::read::{Contents, Loaded, ReadOptions};
 
@@ -32,12 +34,16 @@ use crate::read::{Contents, Loaded, ReadOptions};
 /// index that is 0 or beyond what the file holds. [`ReadError::Mesh`] if there is more than 32-bit ids can name.
 pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let section = match read_sections(bytes) {
-        Some(section) => section,
-        None => Section::read(bytes, UNKNOWN, true)?,
+    let sections_or_whole = |precise: bool| match read_sections(bytes, precise) {
+        Some(section) => Ok(section),
+        None => Section::read(bytes, UNKNOWN, true, precise),
     };
+    let mut section = sections_or_whole(false)?;
+    if section.wants_precision {
+        section = sections_or_whole(true)?;
+    }
     if !section.is_sound() {
-        let named = Section::read(bytes, section.counts(), true).err();
+        let named = Section::read(bytes, section.counts(), true, true).err();
         return Err(named.unwrap_or_else(|| ReadError::file("a face names what is not there")));
     }
     section.finish()
@@ -45,26 +51,22 @@ pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
 
 /// Reads the sections of a file at the same time; `None` where one of them cannot do without those before it, be it for
 /// the sake of an index that counts backwards or of an error's line.
-fn read_sections(bytes: &[u8]) -> Option<Section<'_>> {
+fn read_sections(bytes: &[u8], precise: bool) -> Option<Section> {
     let pieces = sections(bytes, rayon::current_num_threads());
-    let read: Option<Vec<Section<'_>>> =
-        pieces.par_iter().enumerate().map(|(i, piece)| Section::read(piece, UNKNOWN, i == 0).ok()).collect();
-    read?.into_iter().reduce(|mut all, section| {
-        all.append(section);
-        all
-    })
+    let read = |(i, piece): (usize, &&[u8])| Section::read(piece, UNKNOWN, i == 0, precise).ok();
+    Section::joined(pieces.par_iter().enumerate().map(read).collect::<Option<Vec<_>>>()?)
 }
+
+/// Guessed: reading this much takes a few milliseconds, far more than to hand it to a thread.
+pub(super) const SMALL: usize = 1 << 20;
 
 /// Cuts a file at line ends into at most so many sections.
 fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
-    // Guessed: reading this much takes a few milliseconds, far more than to hand it to a thread.
-    const SMALL: usize = 4 << 20;
     let count = count.clamp(1, bytes.len() / SMALL + 1);
     let (mut rest, mut pieces) = (bytes, Vec::with_capacity(count));
     for left in (2..=count).rev() {
         let aim = rest.len() / left;
-        // A line with a backslash at its end goes on.
-        let is_end = |&n: &usize| !matches!(rest[..n], [.., b'\\'] | [.., b'\\', b'\r']);
+        let is_end = |&n: &usize| ends_line(&rest[..n]);
         let Some(end) = memchr::memchr_iter(b'\n', &rest[aim..]).map(|n| aim + n).find(is_end) else { break };
         let (piece, after) = rest.split_at(end + 1);
         pieces.push(piece);
@@ -75,16 +77,17 @@ fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
 }
 
 /// How many positions, texture coordinates and normals there are, as long as nobody knows.
-const UNKNOWN: [usize; 3] = [NONE as usize; 3];
+pub(super) const UNKNOWN: [usize; 3] = [NONE as usize; 3];
 
 /// The three things that a corner names, in this order.
 const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// What a piece of the file holds.
-#[derive(Default)]
-struct Section<'a> {
-    positions: Vec<[f64; 3]>,
-    needs_f64: bool,
+pub(super) struct Section {
+    /// Single precision until a number needs more.
+    positions: Positions,
+    /// Whether that came too late: the section is to be read again with double precision from the start.
+    pub(super) wants_precision: bool,
     /// As many as there are positions, or none.
     colors: Vec<[f32; 4]>,
     uvs: Vec<[f32; 2]>,
@@ -98,11 +101,11 @@ struct Section<'a> {
     polygons: Vec<Polygon>,
     polygon_corners: Vec<[u32; 3]>,
     /// The greatest index of each kind, plus one.
-    ends: [usize; 3],
+    ends: [u32; 3],
     /// Whether the file begins here, so that all counts are those of the file.
     is_first: bool,
     line_count: usize,
-    notes: Notes<'a>,
+    notes: Notes,
 }
 
 /// How the indices of one kind are kept.
@@ -127,24 +130,60 @@ struct Polygon {
 
 /// What the user may want to know.
 #[derive(Default)]
-struct Notes<'a> {
+struct Notes {
     objects: usize,
-    materials: BTreeSet<&'a [u8]>,
+    materials: BTreeSet<Vec<u8>>,
     has_materials: bool,
+    /// Of `g`, `o` and `s`.
+    groups: [Group; 3],
     colored: usize,
     small_faces: usize,
     lines_and_points: usize,
     free_forms: usize,
     /// Lines that begin with an unknown word, and the first of them.
-    strange: Option<(usize, usize, &'a [u8])>,
+    strange: Option<(usize, usize, Vec<u8>)>,
 }
 
-impl<'a> Section<'a> {
+impl Section {
+    /// An empty section; `is_first` if the file begins with it, `precise` to keep double precision whatever the numbers.
+    pub(super) fn new(is_first: bool, precise: bool) -> Self {
+        Self {
+            positions: if precise { Positions::F64(Vec::new()) } else { Positions::F32(Vec::new()) },
+            wants_precision: false,
+            colors: Vec::new(),
+            uvs: Vec::new(),
+            normals: Vec::new(),
+            triangles: Default::default(),
+            storage: Default::default(),
+            polygons: Vec::new(),
+            polygon_corners: Vec::new(),
+            ends: [0; 3],
+            is_first,
+            line_count: 0,
+            notes: Notes::default(),
+        }
+    }
+
     /// Reads a piece; an index of `counts` or more is an error.
-    fn read(bytes: &'a [u8], counts: [usize; 3], is_first: bool) -> Result<Self, ReadError> {
-        let mut section = Self { is_first, ..Self::default() };
+    fn read(bytes: &[u8], counts: [usize; 3], is_first: bool, precise: bool) -> Result<Self, ReadError> {
+        let mut section = Self::new(is_first, precise);
+        section.take(bytes, counts)?;
+        Ok(section)
+    }
+
+    /// Puts sections behind each other.
+    pub(super) fn joined(sections: Vec<Self>) -> Option<Self> {
+        sections.into_iter().reduce(|mut all, section| {
+            all.append(section);
+            all
+        })
+    }
+
+    /// Goes on with more whole lines; an index of `counts` or more is an error.
+    pub(super) fn take(&mut self, bytes: &[u8], counts: [usize; 3]) -> Result<(), ReadError> {
+        let section = self;
         let mut lines = Lines::new(bytes);
-        let mut corners: Vec<[u32; 3]> = Vec::new();
+        let (mut corners, mut lengths) = (Vec::new(), [0; 3]);
         while !lines.is_over() {
             lines.skip_blanks();
             match lines.ahead() {
@@ -155,7 +194,7 @@ impl<'a> Section<'a> {
                 }
                 [b'f', b' ' | b'\t', ..] => {
                     lines.pass(1);
-                    section.face(&mut lines, counts, &mut corners)?;
+                    section.face(&mut lines, counts, &mut lengths, &mut corners)?;
                     lines.next_line();
                 }
                 [b'v', b'n', b' ' | b'\t', ..] => {
@@ -177,8 +216,8 @@ impl<'a> Section<'a> {
                 }
             }
         }
-        section.line_count = lines.line() - 1;
-        Ok(section)
+        section.line_count += lines.line() - 1;
+        Ok(())
     }
 
     /// Puts the section that follows behind this one.
@@ -187,8 +226,14 @@ impl<'a> Section<'a> {
             self.colors.resize(self.positions.len(), NO_COLOR);
             self.colors.append(&mut next.colors);
         }
-        self.positions.append(&mut next.positions);
-        self.needs_f64 |= next.needs_f64;
+        self.wants_precision |= next.wants_precision;
+        match (&mut self.positions, &mut next.positions) {
+            (Positions::F32(all), Positions::F32(these)) => all.append(these),
+            (Positions::F64(all), Positions::F64(these)) => all.append(these),
+            (_, these) if these.is_empty() => {}
+            (all, these) if all.is_empty() => std::mem::swap(all, these),
+            _ => self.wants_precision = true,
+        }
         self.uvs.append(&mut next.uvs);
         self.normals.append(&mut next.normals);
         let before = self.triangles[0].len();
@@ -215,12 +260,13 @@ impl<'a> Section<'a> {
     #[inline]
     fn vertex(&mut self, lines: &mut Lines<'_>) -> Result<(), ReadError> {
         let mut position = [0.0; 3];
+        let mut needs_f64 = false;
         for (k, coordinate) in position.iter_mut().enumerate() {
             if lines.ends() {
                 return Err(too_few(lines, "a position", 3, k));
             }
             let number = lines.decimal()?;
-            self.needs_f64 = self.needs_f64 || number.needs_f64();
+            needs_f64 = needs_f64 || number.needs_f64();
             *coordinate = number.value;
         }
         if !lines.ends() {
@@ -237,7 +283,16 @@ impl<'a> Section<'a> {
                 self.colors.push(if count == 4 { more } else { [more[0], more[1], more[2], NO_ALPHA] });
             }
         }
-        self.positions.push(position);
+        match &mut self.positions {
+            Positions::F64(all) => all.push(position),
+            Positions::F32(all) if needs_f64 && all.is_empty() => {
+                self.positions = Positions::F64(vec![position])
+            }
+            Positions::F32(all) => {
+                self.wants_precision |= needs_f64;
+                all.push(position.map(|c| c as f32));
+            }
+        }
         Ok(())
     }
 
@@ -246,51 +301,90 @@ impl<'a> Section<'a> {
         &mut self,
         lines: &mut Lines<'_>,
         counts: [usize; 3],
+        lengths: &mut [usize; 3],
         corners: &mut Vec<[u32; 3]>,
     ) -> Result<(), ReadError> {
-        corners.clear();
-        let have = [self.positions.len(), self.uvs.len(), self.normals.len()];
-        while !lines.ends() {
-            let mut corner = [NONE; 3];
-            corner[0] = self.index(lines, 0, have, counts)?;
+        let mut first = [[NONE; 3]; 3];
+        let mut size = 0;
+        while size < 3 && !lines.ends() {
+            first[size] = self.corner(lines, counts, lengths)?;
+            size += 1;
+        }
+        if size < 3 {
+            self.small_faces(&first);
+            return Ok(());
+        }
+        if !lines.ends() {
+            corners.clear();
+            corners.extend_from_slice(&first);
+            while !lines.ends() {
+                corners.push(self.corner(lines, counts, lengths)?);
+            }
+            self.polygons.push(Polygon { after: self.triangles[0].len(), size: corners.len() });
+            self.polygon_corners.extend_from_slice(corners);
+            self.count(corners);
+            return Ok(());
+        }
+        self.count(&first);
+        let [a, b, c] = first;
+        let positions = [a[0], b[0], c[0]];
+        for kind in 1..3 {
+            let triangle = [a[kind], b[kind], c[kind]];
+            match self.storage[kind] {
+                Storage::Own => self.triangles[kind].push(triangle),
+                Storage::Same if triangle == positions => {}
+                Storage::Absent if triangle == [NONE; 3] => {}
+                _ => self.first_of_its_own(kind, triangle, positions),
+            }
+        }
+        self.triangles[0].push(positions);
+        Ok(())
+    }
+
+    /// Reads the indices of a corner.
+    #[inline(always)]
+    fn corner(
+        &self,
+        lines: &mut Lines<'_>,
+        counts: [usize; 3],
+        lengths: &mut [usize; 3],
+    ) -> Result<[u32; 3], ReadError> {
+        let mut corner = [NONE; 3];
+        corner[0] = self.index(lines, 0, counts, lengths)?;
+        if lines.peek() == b'/' {
+            lines.pass(1);
+            if lines.peek() != b'/' && !lines.word_ends() {
+                corner[1] = self.index(lines, 1, counts, lengths)?;
+            }
             if lines.peek() == b'/' {
                 lines.pass(1);
-                if lines.peek() != b'/' && !lines.word_ends() {
-                    corner[1] = self.index(lines, 1, have, counts)?;
+                if !lines.word_ends() {
+                    corner[2] = self.index(lines, 2, counts, lengths)?;
                 }
-                if lines.peek() == b'/' {
-                    lines.pass(1);
-                    if !lines.word_ends() {
-                        corner[2] = self.index(lines, 2, have, counts)?;
-                    }
-                }
-            }
-            if !lines.word_ends() {
-                return Err(lines.not_a("corner of a face"));
-            }
-            corners.push(corner);
-        }
-        match corners[..] {
-            [a, b, c] => {
-                let positions = [a[0], b[0], c[0]];
-                for kind in 1..3 {
-                    let triangle = [a[kind], b[kind], c[kind]];
-                    match self.storage[kind] {
-                        Storage::Own => self.triangles[kind].push(triangle),
-                        Storage::Same if triangle == positions => {}
-                        Storage::Absent if triangle == [NONE; 3] => {}
-                        _ => self.first_of_its_own(kind, triangle, positions),
-                    }
-                }
-                self.triangles[0].push(positions);
-            }
-            [] | [_] | [_, _] => self.notes.small_faces += 1,
-            _ => {
-                self.polygons.push(Polygon { after: self.triangles[0].len(), size: corners.len() });
-                self.polygon_corners.extend_from_slice(corners);
             }
         }
-        Ok(())
+        if !lines.word_ends() {
+            return Err(lines.not_a("corner of a face"));
+        }
+        Ok(corner)
+    }
+
+    /// Remembers the greatest indices.
+    #[inline(always)]
+    fn count(&mut self, corners: &[[u32; 3]]) {
+        for corner in corners {
+            for (end, index) in self.ends.iter_mut().zip(corner) {
+                // What is not there becomes 0.
+                *end = index.wrapping_add(1).max(*end);
+            }
+        }
+    }
+
+    /// A face that is none; what it names must be there all the same.
+    #[cold]
+    fn small_faces(&mut self, corners: &[[u32; 3]]) {
+        self.notes.small_faces += 1;
+        self.count(corners);
     }
 
     #[cold]
@@ -313,33 +407,32 @@ impl<'a> Section<'a> {
         self.storage[kind] = Storage::Own;
     }
 
+    /// Reads an index. `lengths` are those of the last indices of each kind: mostly the next one is as long, and where it
+    /// ends need not wait for its digits to be looked at.
     #[inline(always)]
     fn index(
-        &mut self,
+        &self,
         lines: &mut Lines<'_>,
         kind: usize,
-        have: [usize; 3],
         counts: [usize; 3],
+        lengths: &mut [usize; 3],
     ) -> Result<u32, ReadError> {
         if let Some((number, length)) = short_whole(lines.ahead())
             && number > 0
             && (number as usize) <= counts[kind]
         {
-            lines.pass(length);
-            self.ends[kind] = self.ends[kind].max(number as usize);
+            if length != lengths[kind] {
+                set(&mut lengths[kind], length);
+            }
+            lines.pass(lengths[kind]);
             return Ok(number - 1);
         }
-        self.any_index(lines, kind, have, counts)
+        self.any_index(lines, kind, counts)
     }
 
     #[cold]
-    fn any_index(
-        &mut self,
-        lines: &mut Lines<'_>,
-        kind: usize,
-        have: [usize; 3],
-        counts: [usize; 3],
-    ) -> Result<u32, ReadError> {
+    fn any_index(&self, lines: &mut Lines<'_>, kind: usize, counts: [usize; 3]) -> Result<u32, ReadError> {
+        let have = self.counts();
         let number = lines.whole()?;
         let index = if number > 0 { number - 1 } else { have[kind] as i64 + number };
         // Seen as unsigned, what is below zero is beyond everything.
@@ -349,31 +442,35 @@ impl<'a> Section<'a> {
         if number == 0 || index as u64 >= counts[kind] as u64 {
             return Err(bad_index(lines, number, kind, have, counts));
         }
-        self.ends[kind] = self.ends[kind].max(index as usize + 1);
         Ok(index as u32)
     }
 
     #[cold]
-    fn other(&mut self, lines: &Lines<'a>) {
+    fn other(&mut self, lines: &Lines<'_>) {
         let word = lines.word();
         let notes = &mut self.notes;
         match word {
-            b"o" => notes.objects += 1,
+            b"g" | b"o" | b"s" => {
+                notes.objects += usize::from(word == b"o");
+                let name = lines.rest()[1..].trim_ascii();
+                notes.groups[usize::from(word == b"o") + 2 * usize::from(word == b"s")].meet(name);
+            }
             b"usemtl" => {
                 notes.has_materials = true;
-                notes.materials.insert(lines.rest()[word.len()..].trim_ascii());
+                let name = lines.rest()[word.len()..].trim_ascii();
+                if !notes.materials.contains(name) {
+                    notes.materials.insert(name.to_vec());
+                }
             }
             b"mtllib" => notes.has_materials = true,
             b"l" | b"p" => notes.lines_and_points += 1,
             b"vp" | b"cstype" | b"deg" | b"bmat" | b"step" | b"curv" | b"curv2" | b"surf" | b"parm"
             | b"trim" | b"hole" | b"scrv" | b"sp" | b"end" | b"con" => notes.free_forms += 1,
-            b"g" | b"s" | b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"maplib" | b"usemap"
-            | b"shadow_obj" | b"trace_obj" | b"ctech" | b"stech" => {}
+            b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"maplib" | b"usemap" | b"shadow_obj"
+            | b"trace_obj" | b"ctech" | b"stech" => {}
             _ => {
-                notes.strange = match notes.strange {
-                    None => Some((1, lines.line(), word)),
-                    Some((count, line, first)) => Some((count + 1, line, first)),
-                }
+                let line = self.line_count + lines.line();
+                notes.strange.get_or_insert_with(|| (0, line, word.to_vec())).0 += 1;
             }
         }
     }
@@ -383,8 +480,8 @@ impl<'a> Section<'a> {
     }
 
     /// Whether every index names something.
-    fn is_sound(&self) -> bool {
-        (0..3).all(|kind| self.ends[kind] <= self.counts()[kind])
+    pub(super) fn is_sound(&self) -> bool {
+        (0..3).all(|kind| self.ends[kind] as usize <= self.counts()[kind])
     }
 
     /// Cuts the polygons into triangles and puts these between the others.
@@ -404,6 +501,7 @@ impl<'a> Section<'a> {
         for kind in (0..3).filter(|&kind| is_used[kind]) {
             self.triangles[kind].reserve_exact(total);
         }
+        let view = self.positions.view();
         let mut triangulator = Triangulator::default();
         let (mut points, mut cut) = (Vec::new(), Vec::new());
         let (mut taken, mut corners) = (0, &self.polygon_corners[..]);
@@ -418,7 +516,7 @@ impl<'a> Section<'a> {
             let (these, rest) = corners.split_at(polygon.size);
             corners = rest;
             points.clear();
-            points.extend(these.iter().map(|c| self.positions[c[0] as usize]));
+            points.extend(these.iter().map(|c| view.get(VertexId(c[0]))));
             triangulator.triangulate(&points, &mut cut);
             for kind in (0..3).filter(|&kind| is_used[kind]) {
                 self.triangles[kind].extend(cut.iter().map(|t| t.map(|k| these[k as usize][kind])));
@@ -427,19 +525,9 @@ impl<'a> Section<'a> {
         take(&mut self.triangles, old[0].len());
     }
 
-    fn finish(mut self) -> Result<Loaded, ReadError> {
+    pub(super) fn finish(mut self) -> Result<Loaded, ReadError> {
         let polygons = self.triangles[0].len() + self.polygons.len();
         self.cut_polygons();
-        // One kind of its own makes wedges, which need the indices of all kinds.
-        let is_own =
-            |kind: usize| self.storage[kind] == Storage::Own && self.triangles[kind] != self.triangles[0];
-        if is_own(1) || is_own(2) {
-            for kind in 1..3 {
-                if self.storage[kind] == Storage::Same {
-                    self.store(kind);
-                }
-            }
-        }
         let [mut triangles, uv_of, normal_of] = std::mem::take(&mut self.triangles);
         // Wedges are counted by 32-bit numbers before the mesh can refuse them.
         if triangles.len() >= (u32::MAX / 3) as usize {
@@ -458,11 +546,12 @@ impl<'a> Section<'a> {
                 warnings.push(Warning::note("colours count to 255: divided by 255"));
             }
         }
-        let is_same = |buffer: &Vec<[u32; 3]>| buffer.is_empty() || *buffer == triangles;
+        let is_same =
+            |kind: usize, buffer: &Vec<[u32; 3]>| self.storage[kind] != Storage::Own || *buffer == triangles;
         let (has_uvs, has_normals) = (self.storage[1] != Storage::Absent, self.storage[2] != Storage::Absent);
         let mut vertex_of = None;
         let (uvs, normals);
-        if is_same(&uv_of) && is_same(&normal_of) {
+        if is_same(1, &uv_of) && is_same(2, &normal_of) {
             self.uvs.resize(vertex_count, [0.0; 2]);
             self.normals.resize(vertex_count, [0.0; 3]);
             uvs = has_uvs.then_some(self.uvs);
@@ -475,7 +564,13 @@ impl<'a> Section<'a> {
                         .push(Warning::note(format!("{bare} corners without {what}: zeros were put there")));
                 }
             }
-            let wedges = number_wedges(&mut triangles, &uv_of, &normal_of, vertex_count);
+            let indices = |kind: usize, buffer| match self.storage[kind] {
+                Storage::Absent => Indices::Absent,
+                Storage::Same => Indices::Same,
+                Storage::Own => Indices::Own(buffer),
+            };
+            let wedges =
+                number_wedges(&mut triangles, indices(1, &uv_of), indices(2, &normal_of), vertex_count);
             vertex_of = wedges.vertex_of;
             let of = &wedges.attributes;
             uvs = has_uvs.then(|| of.iter().map(|a| get_or_zero(&self.uvs, a[0])).collect());
@@ -486,11 +581,7 @@ impl<'a> Section<'a> {
             None => Some(self.colors),
             Some(map) => Some(map.iter().map(|&v| self.colors[v as usize]).collect()),
         };
-        let positions = if self.needs_f64 {
-            Positions::F64(self.positions)
-        } else {
-            Positions::F32(self.positions.into_iter().map(|p| p.map(|c| c as f32)).collect())
-        };
+        let positions = self.positions;
         let mut mesh = match vertex_of {
             None => TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?,
             Some(map) => {
@@ -514,17 +605,47 @@ impl<'a> Section<'a> {
     }
 }
 
-impl<'a> Notes<'a> {
+/// Whether the faces are divided. A lone group says nothing.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+enum Group {
+    #[default]
+    None,
+    One(Vec<u8>),
+    Several,
+}
+
+impl Group {
+    fn meet(&mut self, name: &[u8]) {
+        match self {
+            Self::None => *self = Self::One(name.to_vec()),
+            Self::One(first) if first != name => *self = Self::Several,
+            Self::One(_) | Self::Several => {}
+        }
+    }
+
+    fn append(&mut self, next: Self) {
+        match next {
+            Self::None => {}
+            Self::One(name) => self.meet(&name),
+            Self::Several => *self = Self::Several,
+        }
+    }
+}
+
+impl Notes {
     /// Adds the notes of a section with so many lines before it.
-    fn append(&mut self, next: Notes<'a>, lines: usize) {
+    fn append(&mut self, next: Self, lines: usize) {
         self.objects += next.objects;
         self.materials.extend(next.materials);
         self.has_materials |= next.has_materials;
+        for (all, these) in self.groups.iter_mut().zip(next.groups) {
+            all.append(these);
+        }
         self.colored += next.colored;
         self.small_faces += next.small_faces;
         self.lines_and_points += next.lines_and_points;
         self.free_forms += next.free_forms;
-        self.strange = match (self.strange, next.strange) {
+        self.strange = match (self.strange.take(), next.strange) {
             (Some((count, line, word)), Some((more, ..))) => Some((count + more, line, word)),
             (None, Some((count, line, word))) => Some((count, line + lines, word)),
             (first, None) => first,
@@ -533,8 +654,8 @@ impl<'a> Notes<'a> {
 
     fn warnings(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();
-        if self.has_materials {
-            warnings.push(Warning::lost("materials and groups are not carried yet: dropped"));
+        if self.has_materials || self.groups.contains(&Group::Several) {
+            warnings.push(Warning::not_carried("materials and groups"));
         }
         if self.lines_and_points > 0 {
             warnings.push(Warning::lost(format!(
@@ -551,15 +672,22 @@ impl<'a> Notes<'a> {
                 self.small_faces
             )));
         }
-        if let Some((count, line, word)) = self.strange {
+        if let Some((count, line, word)) = &self.strange {
             let text = format!(
                 "{count} lines begin with a word that OBJ does not have, such as `{}` in line {line}",
-                shown(word)
+                excerpt_of_bytes(word)
             );
             warnings.push(Warning::note(text + ": passed over"));
         }
         warnings
     }
+}
+
+/// Out of line, so that it stays a branch, which the processor foresees.
+#[cold]
+#[inline(never)]
+fn set(length: &mut usize, new: usize) {
+    *length = new;
 }
 
 fn get_or_zero<const N: usize>(buffer: &[[f32; N]], index: u32) -> [f32; N] {
@@ -701,6 +829,21 @@ mod tests {
     }
 
     #[test]
+    fn groups_are_told_of_where_there_are_several() {
+        for (lines, said) in [
+            ("o a\ng b\ns off\n", false),
+            ("g a\ng a\n", false),
+            ("g\ng a\n", true),
+            ("o a\no b\n", true),
+            ("s 1\ns 2\n", true),
+        ] {
+            let got = read_text(&format!("{lines}{SQUARE}f 1 2 3\n")).unwrap();
+            let wanted: &[Warning] = if said { &[Warning::not_carried("materials and groups")] } else { &[] };
+            assert_eq!(got.warnings, wanted, "{lines}");
+        }
+    }
+
+    #[test]
     fn what_is_not_carried_is_said() {
         let got = read_text(&format!(
             "mtllib a.mtl\no a\nusemtl x\n{SQUARE}usemtl y\nusemtl x\nf 1 2 3\nl 1 2\nhello\n"
@@ -711,7 +854,7 @@ mod tests {
         assert_eq!(
             texts,
             [
-                "materials and groups are not carried yet: dropped",
+                "materials and groups are not carried by this version",
                 "1 elements of lines or points: dropped",
                 "1 lines begin with a word that OBJ does not have, such as `hello` in line 12: passed over",
             ]

@@ -14,16 +14,38 @@ pub(super) struct Wedges {
     pub(super) attributes: Vec<[u32; 2]>,
 }
 
+/// How the corners of triangles name texture coordinates or normals.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Indices<'a> {
+    /// They do not.
+    Absent,
+    /// By the numbers of the positions.
+    Same,
+    /// By their own, as many as there are triangles.
+    Own(&'a [[u32; 3]]),
+}
+
+impl Indices<'_> {
+    #[inline]
+    fn of(self, face: usize, positions: [u32; 3]) -> [u32; 3] {
+        match self {
+            Self::Absent => [NONE; 3],
+            Self::Same => positions,
+            Self::Own(all) => all[face],
+        }
+    }
+}
+
 /// Gives corners with the same three indices the same wedge, and writes the wedges into `triangles`, which holds the
-/// positions before. `uvs` and `normals` have as many triangles, or none at all.
+/// positions before.
 ///
 /// Where no position has two wedges, wedges get the numbers of the positions; else they are numbered as they appear.
 /// Every index of `triangles` is below `vertex_count`.
 /// Cost: O(corners); the wedges of a position form a short list, long ones go on in a hash table.
 pub(super) fn number_wedges(
     triangles: &mut [[u32; 3]],
-    uvs: &[[u32; 3]],
-    normals: &[[u32; 3]],
+    uvs: Indices<'_>,
+    normals: Indices<'_>,
     vertex_count: usize,
 ) -> Wedges {
     // Guessed: a list of this length is still faster than the table.
@@ -37,8 +59,7 @@ pub(super) fn number_wedges(
         wedges.len() as u32 - 1
     };
     for (face, triangle) in triangles.iter_mut().enumerate() {
-        let pick = |buffer: &[[u32; 3]]| buffer.get(face).copied().unwrap_or([NONE; 3]);
-        let (uv, normal) = (pick(uvs), pick(normals));
+        let (uv, normal) = (uvs.of(face, *triangle), normals.of(face, *triangle));
         for (k, corner) in triangle.iter_mut().enumerate() {
             let (vertex, wanted) = (*corner, [uv[k], normal[k]]);
             let mut at = first[vertex as usize];
@@ -94,7 +115,7 @@ mod tests {
     fn corners_alike_share_a_wedge() {
         let mut triangles = [[0, 1, 2], [0, 2, 3]];
         let uvs = [[5, 6, 7], [5, 8, 9]];
-        let wedges = number_wedges(&mut triangles, &uvs, &[], 4);
+        let wedges = number_wedges(&mut triangles, Indices::Own(&uvs), Indices::Absent, 4);
         assert_eq!(triangles, [[0, 1, 2], [0, 3, 4]]);
         assert_eq!(wedges.vertex_of.unwrap(), [0, 1, 2, 2, 3]);
         assert_eq!(wedges.attributes.iter().map(|a| a[0]).collect::<Vec<_>>(), [5, 6, 7, 8, 9]);
@@ -104,7 +125,7 @@ mod tests {
     fn without_seams_wedges_are_the_positions() {
         let mut triangles = [[3, 1, 2], [3, 2, 0]];
         let normals = [[9, 7, 8], [9, 8, 6]];
-        let wedges = number_wedges(&mut triangles, &[], &normals, 5);
+        let wedges = number_wedges(&mut triangles, Indices::Absent, Indices::Own(&normals), 5);
         assert_eq!(triangles, [[3, 1, 2], [3, 2, 0]]);
         assert!(wedges.vertex_of.is_none());
         assert_eq!(wedges.attributes.iter().map(|a| a[1]).collect::<Vec<_>>(), [6, 7, 8, 9, NONE]);
@@ -115,7 +136,7 @@ mod tests {
         let count = 200_000;
         let mut triangles = vec![[0, 1, 2]; count];
         let uvs: Vec<_> = (0..count as u32).map(|i| [i / 2, 0, 0]).collect();
-        let wedges = number_wedges(&mut triangles, &uvs, &[], 3);
+        let wedges = number_wedges(&mut triangles, Indices::Own(&uvs), Indices::Absent, 3);
         assert_eq!(wedges.vertex_of.unwrap().len(), count / 2 + 2);
         assert_eq!(triangles[0], triangles[1]);
         assert_eq!(triangles[count - 2], triangles[count - 1]);

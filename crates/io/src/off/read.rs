@@ -5,8 +5,9 @@ use lodsmith_core::{Positions, TriMesh, VertexId};
 
 use crate::attributes::{NO_ALPHA, unit_colors, unit_normals};
 use crate::error::{ReadError, Warning};
+use crate::excerpt::excerpt_of_bytes;
 use crate::format::Format;
-use crate::lines::{Lines, shown};
+use crate::lines::Lines;
 use crate::numbers::short_whole;
 use crate::read::{Contents, Loaded, ReadOptions};
 use crate::sniff::off_prefix;
@@ -83,7 +84,7 @@ fn header(lines: &mut Lines<'_>) -> Result<Kind, ReadError> {
         if word.iter().all(u8::is_ascii_digit) {
             return Ok(Kind::default());
         }
-        return Err(lines.error(format!("`{}` is no OFF header", shown(word))));
+        return Err(lines.error(format!("`{}` is no OFF header", excerpt_of_bytes(word))));
     };
     lines.pass(word.len());
     if !lines.ends() && lines.word().eq_ignore_ascii_case(b"BINARY") {

@@ -2,8 +2,9 @@
 
 use lodsmith_core::Positions;
 
-use super::header::{Element, Encoding, Header, Kind, Scalar, shorten};
+use super::header::{Element, Encoding, Header, Kind, Scalar};
 use crate::error::{ReadError, Warning};
+use crate::excerpt::excerpt;
 
 /// What the body holds, as the file has it.
 pub(super) struct Body {
@@ -511,7 +512,7 @@ trait Source {
             }
             Fault::Word(from, to) => {
                 let line = 1 + count_lines(&bytes[..from]);
-                let word = shorten(&String::from_utf8_lossy(&bytes[from..to.min(from + 200)]));
+                let word = excerpt(&String::from_utf8_lossy(&bytes[from..to.min(from + 200)]));
                 ReadError::line(line, format!("`{word}` is no number ({property} of {element})"))
             }
             Fault::Fraction(x) => {

@@ -1,6 +1,7 @@
 //! The header: which elements follow, and what a record of each holds.
 
 use crate::error::ReadError;
+use crate::excerpt::excerpt;
 
 /// How the numbers of the body are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,9 +128,9 @@ impl Header {
                         return Err(ReadError::line(number, format!("element {name} is declared twice")));
                     }
                     let count = count.parse().map_err(|_| {
-                        ReadError::line(number, format!("`{}` is no count of records", shorten(count)))
+                        ReadError::line(number, format!("`{}` is no count of records", excerpt(count)))
                     })?;
-                    elements.push(Element { name: shorten(name), count, properties: Vec::new() });
+                    elements.push(Element { name: excerpt(name), count, properties: Vec::new() });
                 }
                 ["property", "list", count, item, name] => {
                     let kind =
@@ -147,7 +148,7 @@ impl Header {
                     return Ok(Self { encoding, elements, body: lines.at, texture_files });
                 }
                 _ => {
-                    let line = shorten(line.trim());
+                    let line = excerpt(line.trim());
                     return Err(ReadError::line(number, format!("`{line}` is no line of a PLY header")));
                 }
             }
@@ -176,9 +177,9 @@ impl Header {
 
 fn add_property(number: usize, elements: &mut [Element], name: &str, kind: Kind) -> Result<(), ReadError> {
     let Some(element) = elements.last_mut() else {
-        return Err(ReadError::line(number, format!("property {} belongs to no element", shorten(name))));
+        return Err(ReadError::line(number, format!("property {} belongs to no element", excerpt(name))));
     };
-    element.properties.push(Property { name: shorten(name), kind });
+    element.properties.push(Property { name: excerpt(name), kind });
     Ok(())
 }
 
@@ -189,22 +190,14 @@ fn encoding_named(number: usize, name: &str) -> Result<Encoding, ReadError> {
         "binary_big_endian" => Ok(Encoding::Big),
         _ => Err(ReadError::line(
             number,
-            format!("`{}` is no PLY format (ascii, binary_little_endian, binary_big_endian)", shorten(name)),
+            format!("`{}` is no PLY format (ascii, binary_little_endian, binary_big_endian)", excerpt(name)),
         )),
     }
 }
 
 fn scalar_named(number: usize, name: &str) -> Result<Scalar, ReadError> {
     Scalar::from_name(name)
-        .ok_or_else(|| ReadError::line(number, format!("`{}` is no PLY type of numbers", shorten(name))))
-}
-
-/// Words of the file for a message: at most 60 characters, and none that would do things to a terminal.
-pub(crate) fn shorten(word: &str) -> String {
-    let clean = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
-    let long = word.chars().nth(60).is_some();
-    let kept = word.chars().take(if long { 57 } else { 60 }).map(clean);
-    kept.chain(if long { "..." } else { "" }.chars()).collect()
+        .ok_or_else(|| ReadError::line(number, format!("`{}` is no PLY type of numbers", excerpt(name))))
 }
 
 /// Lines of a header: their number from 1, and their text. The first line decides what ends a line.
@@ -272,7 +265,7 @@ mod tests {
         assert_eq!(said("ply\nproperty float x\n"), "line 2: property x belongs to no element");
         assert_eq!(said("ply\nformat ascii 1.0\n"), "the header has no end: a line `end_header` is missing");
         assert_eq!(said("ply\nend_header\n"), "line 2: the header names no format (ascii, binary_...)");
-        assert_eq!(said("ply\n\u{1b}[2J\n"), "line 2: `\u{fffd}[2J` is no line of a PLY header");
+        assert_eq!(said("ply\n\u{1b}[2J\n"), "line 2: `\\u{1b}[2J` is no line of a PLY header");
         assert_eq!(said("ply\nhello\n"), "line 2: `hello` is no line of a PLY header");
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Soup;
 use crate::error::{ReadError, Warning};
-use crate::ply::shorten;
+use crate::excerpt::excerpt_of_bytes;
 
 /// Reads all solids of a text. Keywords may be in any case, normals may be missing.
 pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
@@ -42,8 +42,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
                     let Some(word) = words.next() else {
                         return Err(words.error("the file ends within a vertex: it is cut off"));
                     };
-                    *x = number(word)
-                        .ok_or_else(|| words.error(format!("`{}` is no coordinate", show(word))))?;
+                    *x = number(word).ok_or_else(|| {
+                        words.error(format!("`{}` is no coordinate", excerpt_of_bytes(word)))
+                    })?;
                 }
                 facet.push(soup.corner(position));
             }
@@ -61,7 +62,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
                 loop_open = false;
             }
             Some(Keyword::Other) => {}
-            None => return Err(words.error(format!("`{}` is no word of an STL file", show(word)))),
+            None => {
+                return Err(words.error(format!("`{}` is no word of an STL file", excerpt_of_bytes(word))));
+            }
         }
     }
     if loop_open || !facet.is_empty() {
@@ -107,11 +110,6 @@ impl Keyword {
 
 fn number(word: &[u8]) -> Option<f32> {
     std::str::from_utf8(word).ok()?.parse().ok()
-}
-
-/// A word of the file for a message.
-fn show(word: &[u8]) -> String {
-    shorten(&String::from_utf8_lossy(&word[..word.len().min(300)]))
 }
 
 /// Words between blanks, and where they stand.

@@ -2,8 +2,9 @@
 
 use std::io::{self, Write};
 
-use lodsmith_core::{Positions, TriMesh};
+use lodsmith_core::TriMesh;
 
+use crate::attributes::rounding;
 use crate::error::Warning;
 
 /// Bytes are handed to the stream in pieces of about this size.
@@ -61,11 +62,7 @@ fn warnings(mesh: &TriMesh) -> Vec<Warning> {
     }
     let mut warnings: Vec<Warning> =
         names.iter().map(|name| Warning::lost(format!("STL cannot carry {name}: dropped"))).collect();
-    if let Positions::F64(p) = mesh.positions()
-        && p.iter().flatten().any(|&x| x.is_finite() && f64::from(x as f32) != x)
-    {
-        warnings.push(Warning::lost("STL cannot carry double precision: positions are rounded"));
-    }
+    warnings.extend(rounding(mesh, "STL", None));
     warnings
 }
 

@@ -17,6 +17,9 @@ const PEAK_GUESS: f32 = 4.0;
 /// Share of trace³ under which the system is not solved. (§2.3)
 const MIN_DET: f32 = 1e-9;
 
+/// Farthest from the middle of the edge that the best position may lie, a share of length², squared. (Measured: 0.5 to
+/// 4 have equal means; 1 has the lowest maxima at 100 faces.)
+const FARTHEST: f32 = 1.0;
 /// Share of trace · length² under which a difference of squares in single precision is noise. Such a cost counts as
 /// nothing, so that the exact one is asked for at the commit: it alone tells flat from nearly flat.
 const NOISE: f32 = 1e-6;
@@ -89,7 +92,7 @@ impl<M: Metric> Engine<M> {
         let y = times(&adjugate, &wish).map(|w| w / det);
         let from_mid: [f32x4; 3] = std::array::from_fn(|k| y[k] - d[k] * 0.5);
         let solved = det.simd_gt(trace * trace * trace * MIN_DET)
-            & dot(&from_mid, &from_mid).simd_lt(dot(&d, &d) * 4.0);
+            & dot(&from_mid, &from_mid).simd_lt(dot(&d, &d) * FARTHEST);
         let peak =
             f32x4::ONE + f32x4::splat(PEAK_GUESS * PEAK * self.area) / trace.fast_max(f32x4::splat(1e-37));
         let off: [f32x4; 3] = std::array::from_fn(|k| y[k] - d[k]);
@@ -157,7 +160,7 @@ impl<M: Metric> Engine<M> {
         let (adjugate, det) = a.damped(r).adjugate();
         if det > MIN_DET * trace * trace * trace {
             let y = adjugate.times(h + mid * r) * (1.0 / det);
-            if (y - mid).length_squared() < 4.0 * d.length_squared() {
+            if (y - mid).length_squared() < FARTHEST * d.length_squared() {
                 return at(y);
             }
         }
