@@ -1,0 +1,333 @@
+//! Laws that hold for every mesh.
+
+mod support;
+
+use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
+use lodsmith::core::measure::{CompareOptions, compare};
+use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
+use lodsmith::{
+    BorderPolicy, Fit, Guards, Length, Method, NoControl, Placement, SimplifyError, SimplifyOptions, Stop,
+    TopologyPolicy, simplify,
+};
+use proptest::prelude::*;
+use support::{Random, bytes, complaints, run, told};
+
+fn any_mesh() -> impl Strategy<Value = TriMesh> {
+    prop_oneof![
+        2 => soup(12, Coordinates::Tame),
+        2 => soup(60, Coordinates::Tame),
+        2 => soup(40, Coordinates::Wild),
+        2 => soup(40, Coordinates::NotFinite),
+        1 => perturbed_shape(0.0),
+        1 => perturbed_shape(0.02),
+        1 => perturbed_shape(0.5),
+    ]
+}
+
+/// Options drawn by chance; an error, which measures, is not among them.
+fn random_options(seed: u64) -> SimplifyOptions {
+    let mut random = Random(seed | 1);
+    for _ in 0..4 {
+        random.below(2);
+    }
+    let mut options = SimplifyOptions::default();
+    options.method = random.pick(&[Method::Memoryless, Method::Quadric]);
+    options.placement = random.pick(&[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]);
+    options.border =
+        random.pick(&[BorderPolicy::Keep, BorderPolicy::Slide, BorderPolicy::Lock, BorderPolicy::Free]);
+    options.topology =
+        random.pick(&[TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free]);
+    options.fit = random.pick(&[Fit::Auto, Fit::On, Fit::Off]);
+    options.stop = match random.below(4) {
+        0 => Stop::faces(random.below(10) as usize),
+        1 => Stop::vertices(random.below(20) as usize),
+        2 => Stop::ratio(random.unit().max(1e-3)),
+        _ => Stop { faces: Some(6), vertices: Some(5), ratio: Some(0.3), error: None },
+    };
+    let mut sometimes = |x: f64| (random.below(6) == 0).then(|| x * (0.5 + random.unit()));
+    options.guards = Guards {
+        max_normal_deg: sometimes(30.0),
+        min_quality: sometimes(0.2),
+        max_valence: sometimes(8.0).map(|x| x as usize),
+        max_edge: sometimes(0.3).map(Length::OfDiagonal),
+    };
+    options.weld = sometimes(0.01).map(Length::OfDiagonal);
+    options
+}
+
+/// What is wrong with a run, if anything; a mesh without faces is not.
+fn wrongs(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
+    match run(mesh, options) {
+        Ok(Ok(done)) => {
+            let mut found = complaints(mesh, options, &done);
+            match run(mesh, options) {
+                Ok(Ok(again)) if bytes(&again.mesh) == bytes(&done.mesh) && again.report == done.report => {}
+                _ => found.push("another result when run again".to_owned()),
+            }
+            found
+        }
+        Ok(Err(SimplifyError::NoFaces { .. })) => Vec::new(),
+        Ok(Err(error)) => vec![format!("fails: {error}")],
+        Err(panic) => vec![panic],
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(256) })]
+
+    #[test]
+    fn any_mesh_gives_a_sound_result(mesh in any_mesh(), seed in any::<u64>()) {
+        let options = random_options(seed);
+        let found = wrongs(&mesh, &options);
+        prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(12) })]
+
+    #[test]
+    fn the_error_of_any_mesh_is_kept(
+        mesh in prop_oneof![soup(12, Coordinates::Tame), soup(12, Coordinates::NotFinite)],
+        limit in 0.0..0.2f64,
+    ) {
+        let options = SimplifyOptions::new(Stop::error(Length::OfDiagonal(limit)));
+        let found = wrongs(&mesh, &options);
+        prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
+    }
+}
+
+/// Small soups full of what files should not have: repeated, turned and degenerate faces, fans on an edge.
+fn nasty(seed: u64) -> TriMesh {
+    let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+    random.below(2);
+    let count = 4 + random.below(14);
+    let mut points: Vec<[f64; 3]> = (0..count)
+        .map(|_| match random.below(4) {
+            0 => [0; 3].map(|_| random.below(3) as f64),
+            1 => [random.unit(), random.unit(), 0.0],
+            _ => [0; 3].map(|_| random.unit() * 2.0),
+        })
+        .collect();
+    let mut faces: Vec<[u32; 3]> = Vec::new();
+    for _ in 0..1 + random.below(30) {
+        let mut any = || random.below(count) as u32;
+        let face = [any(), any(), any()];
+        match random.below(8) {
+            0 if !faces.is_empty() => faces.push(random.pick(&faces)),
+            1 if !faces.is_empty() => {
+                let [a, b, c] = random.pick(&faces);
+                faces.push([a, c, b]);
+            }
+            2 if !faces.is_empty() => {
+                let [a, b, c] = random.pick(&faces);
+                faces.push([b, c, a]);
+            }
+            3 => {
+                // Five pages on one edge.
+                let first = points.len() as u32;
+                points.extend((0..5).map(|_| [0; 3].map(|_| 2.0 * random.unit())));
+                let turned = random.below(2) == 0;
+                let [a, b] = [face[0], face[1]];
+                let page = |i: u32| if turned && i % 2 == 0 { [b, a, first + i] } else { [a, b, first + i] };
+                faces.extend((0..5).map(page));
+            }
+            // A patch that closes: a tetrahedron over the face.
+            4 => {
+                let tip = random.below(count) as u32;
+                let [a, b, c] = face;
+                faces.extend([[a, c, b], [a, b, tip], [b, c, tip], [c, a, tip]]);
+            }
+            _ => faces.push(face),
+        }
+    }
+    let triangles = faces.into_iter().map(|t| t.map(VertexId)).collect();
+    let positions = if random.below(2) == 0 {
+        Positions::F64(points)
+    } else {
+        Positions::F32(points.iter().map(|p| p.map(|x| x as f32)).collect())
+    };
+    TriMesh::new(positions, triangles).unwrap()
+}
+
+#[test]
+fn thousands_of_nasty_soups() {
+    let mut all = support::Complaints::default();
+    for seed in 0..6000 {
+        let mesh = nasty(seed);
+        let options = random_options(seed ^ 0xABCD_EF01_2345);
+        let found = wrongs(&mesh, &options);
+        all.add(&format!("seed {seed}, {} faces, {}", mesh.face_count(), told(&options)), found);
+    }
+    all.settle();
+}
+
+/// What a topology policy promises holds for soups as well.
+#[test]
+fn soups_keep_what_the_topology_policy_promises() {
+    let mut all = support::Complaints::default();
+    for seed in 0..3000 {
+        let mesh = nasty(seed);
+        let mut options = random_options(seed ^ 0x1234_5678);
+        options.weld = None;
+        if let Ok(Ok(done)) = run(&mesh, &options) {
+            let case = format!("seed {seed}, {} faces, {}", mesh.face_count(), told(&options));
+            all.add(&case, support::topology_complaints(&mesh, &options, &done));
+        }
+    }
+    all.settle();
+}
+
+/// Shapes without exact ties, whose order of collapses does not hang on the last bit.
+fn untied() -> Vec<(&'static str, TriMesh)> {
+    vec![
+        ("noisy_sphere", shapes::noisy_sphere(3, 0.05, 3)),
+        ("blob", shapes::blob(3, 4)),
+        ("wavy_sheet", shapes::wavy_sheet(16)),
+    ]
+}
+
+fn moved(mesh: &TriMesh, map: impl Fn([f64; 3]) -> [f64; 3]) -> TriMesh {
+    let points = mesh.positions().view().iter().map(map).collect();
+    let triangles = mesh.triangles().iter().map(|t| t.map(|w| VertexId(w.0))).collect();
+    TriMesh::new(Positions::F64(points), triangles).unwrap()
+}
+
+fn light(mesh: &TriMesh, share: f64) -> TriMesh {
+    simplify(mesh, &SimplifyOptions::new(Stop::ratio(share)), &mut NoControl).unwrap().mesh
+}
+
+/// Largest and RMS distance between two meshes, as shares of the diagonal of the first.
+fn apart(a: &TriMesh, b: &TriMesh) -> (f64, f64) {
+    let mut options = CompareOptions::default();
+    options.samples = 20_000;
+    let got = compare(&a.surface(), &b.surface(), &options).unwrap();
+    (got.hausdorff.symmetric / got.diagonal, got.rms.symmetric / got.diagonal)
+}
+
+#[test]
+fn a_power_of_two_scales_the_result_exactly() {
+    for (name, mesh) in untied() {
+        let base = light(&moved(&mesh, |p| p), 0.2);
+        for scale in [-60, -20, 30, 90].map(|e| 2f64.powi(e)) {
+            let scaled = light(&moved(&mesh, |p| p.map(|x| x * scale)), 0.2);
+            let back = moved(&scaled, |p| p.map(|x| x / scale));
+            assert_eq!(bytes(&back), bytes(&moved(&base, |p| p)), "{name} times {scale}");
+        }
+    }
+}
+
+#[test]
+fn scale_and_place_do_not_matter() {
+    for (name, mesh) in untied() {
+        let base = light(&moved(&mesh, |p| p), 0.2);
+        for scale in [1e-6, 1e6] {
+            let scaled = light(&moved(&mesh, |p| p.map(|x| x * scale)), 0.2);
+            let back = moved(&scaled, |p| p.map(|x| x / scale));
+            assert_eq!(back.face_count(), base.face_count(), "{name} times {scale}");
+            let (worst, _) = apart(&base, &back);
+            assert!(worst < 1e-4, "{name} times {scale}: {worst} of the diagonal apart");
+        }
+        // Map coordinates in metres: the last bits of a double are worth 5e-10 there.
+        let utm = [500_000.0, 4_000_000.0, 100.0];
+        let far = light(&moved(&mesh, |p| [0, 1, 2].map(|k| p[k] + utm[k])), 0.2);
+        let back = moved(&far, |p| [0, 1, 2].map(|k| p[k] - utm[k]));
+        assert_eq!(back.face_count(), base.face_count(), "{name} on the map");
+        let (worst, _) = apart(&base, &back);
+        assert!(worst < 1e-4, "{name} on the map: {worst} of the diagonal apart");
+    }
+}
+
+/// Swaps by a seeded shuffle: `order[i]` is the old number of the new i.
+fn shuffled(n: usize, seed: u64) -> Vec<usize> {
+    let mut random = Random(seed);
+    let mut order: Vec<usize> = (0..n).collect();
+    for i in (1..n).rev() {
+        order.swap(i, random.below(i as u64 + 1) as usize);
+    }
+    order
+}
+
+#[test]
+fn the_order_in_the_file_matters_little() {
+    for (name, mesh) in untied() {
+        let (_, error) = apart(&mesh, &light(&mesh, 0.15));
+        for seed in 1..4 {
+            let order = shuffled(mesh.vertex_count(), seed);
+            let mut new = vec![0; order.len()];
+            order.iter().enumerate().for_each(|(i, &old)| new[old] = i as u32);
+            let view = mesh.positions().view();
+            let points = order.iter().map(|&i| view.get(VertexId(i as u32)).map(|x| x as f32)).collect();
+            let faces = shuffled(mesh.face_count(), seed + 10);
+            let triangles = faces
+                .iter()
+                .map(|&f| {
+                    let [a, b, c] = mesh.triangles()[f].map(|w| VertexId(new[w.index()]));
+                    [[a, b, c], [b, c, a], [c, a, b]][f % 3]
+                })
+                .collect();
+            let other = TriMesh::new(Positions::F32(points), triangles).unwrap();
+            let result = light(&other, 0.15);
+            let (_, other_error) = apart(&mesh, &result);
+            assert!(result.face_count() as f64 <= 0.15 * mesh.face_count() as f64 + 1.0);
+            assert!(
+                (other_error / error - 1.0).abs() < 0.15,
+                "{name}, seed {seed}: rms {other_error} instead of {error}"
+            );
+        }
+    }
+}
+
+#[test]
+fn two_copies_share_the_faces_evenly() {
+    for (name, mesh) in untied() {
+        let count = mesh.vertex_count() as u32;
+        let single = moved(&mesh, |p| p);
+        let mut points: Vec<[f64; 3]> = single.positions().view().iter().collect();
+        points.extend(single.positions().view().iter().map(|p| [p[0] + 4.0, p[1], p[2]]));
+        let first = single.triangles().iter().map(|t| t.map(|w| VertexId(w.0)));
+        let second = single.triangles().iter().map(|t| t.map(|w| VertexId(w.0 + count)));
+        let both = TriMesh::new(Positions::F64(points), first.chain(second).collect()).unwrap();
+        let result = light(&both, 0.2);
+        let surface = result.surface();
+        let is_left = |t: &&[VertexId; 3]| surface.positions().get(t[0])[0] < 2.0;
+        let left = surface.triangles().iter().filter(is_left).count();
+        let all = result.face_count();
+        assert!(all <= (0.2 * both.face_count() as f64).round() as usize);
+        let share = left as f64 / all as f64;
+        assert!((0.47..0.53).contains(&share), "{name}: {left} of {all} faces lie in the first copy");
+        // And no worse than one copy alone.
+        let (_, alone) = apart(&single, &light(&single, 0.2));
+        let half = |x: fn(&TriMesh) -> TriMesh| x(&result);
+        let left_half = half(|m| {
+            let s = m.surface();
+            let keep = s.triangles().iter().filter(|t| s.positions().get(t[0])[0] < 2.0).copied().collect();
+            TriMesh::new(m.positions().clone(), keep).unwrap()
+        });
+        let (_, together) = apart(&single, &left_half);
+        assert!(together < alone * 1.2, "{name}: rms {together} beside a copy, {alone} alone");
+    }
+}
+
+#[test]
+fn a_finer_target_is_closer() {
+    for (name, mesh) in untied() {
+        let errors = [0.5, 0.25, 0.1, 0.04].map(|share| apart(&mesh, &light(&mesh, share)).1);
+        assert!(errors.is_sorted(), "{name}: {errors:?}");
+    }
+}
+
+#[test]
+fn what_is_light_enough_stays_as_it_is() {
+    for (name, mesh) in shapes::all() {
+        let first = light(&mesh, 0.5);
+        let mut options = SimplifyOptions::new(Stop::faces(first.face_count()));
+        for stop in [Stop::faces(first.face_count()), Stop::ratio(1.0), Stop::default()] {
+            options.stop = stop;
+            let again = simplify(&first, &options, &mut NoControl).unwrap();
+            assert_eq!(again.report.collapses, 0, "{name}");
+            assert_eq!(again.mesh.face_count(), first.face_count(), "{name}");
+            assert_eq!(support::places(&again.mesh), support::places(&first), "{name}");
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! Bugs that were, and hard cases that bite every simplifier, each by name.
+
+mod support;
+
+use lodsmith::core::mesh::defects::defects;
+use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
+use lodsmith::{
+    Control, Length, Method, NoControl, Simplified, SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy,
+    TopologyPolicy, Verdict, simplify,
+};
+use support::{complaints, counts, topology_complaints};
+
+const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
+
+/// A sound result, or the reason why not.
+fn sound(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
+    let done = simplify(mesh, options, &mut NoControl).unwrap();
+    let mut found = complaints(mesh, options, &done);
+    found.extend(topology_complaints(mesh, options, &done));
+    assert!(found.is_empty(), "{}: {found:?}", support::told(options));
+    done
+}
+
+/// Meshes side by side as one.
+fn union(meshes: &[TriMesh], shift: [f64; 3]) -> TriMesh {
+    let (mut points, mut triangles) = (Vec::new(), Vec::new());
+    for (i, mesh) in meshes.iter().enumerate() {
+        let first = points.len() as u32;
+        let moved = |p: [f64; 3]| [0, 1, 2].map(|k| (p[k] + shift[k] * i as f64) as f32);
+        points.extend(mesh.positions().view().iter().map(moved));
+        triangles.extend(mesh.triangles().iter().map(|t| t.map(|w| VertexId(w.0 + first))));
+    }
+    TriMesh::new(Positions::F32(points), triangles).unwrap()
+}
+
+/// A scan of a brain has hundreds of small parts beside the large one; at one percent their last faces made vertices
+/// that were not finite.
+#[test]
+fn many_parts_to_one_percent_stay_finite() {
+    let mut parts = vec![shapes::blob(4, 9)];
+    parts.extend((0..60).map(|i| shapes::noisy_sphere(u32::from(i % 3 == 0), 0.3, i)));
+    parts.extend((0..20).map(|i| shapes::blob(2, i)));
+    let mesh = union(&parts, [2.5, 0.3, 0.01]);
+    for method in METHODS {
+        for share in [0.01, 0.05] {
+            let mut options = SimplifyOptions::new(Stop::ratio(share));
+            options.method = method;
+            let done = sound(&mesh, &options);
+            assert!(done.report.reached, "{method:?}: {:?}", done.report.refusals);
+        }
+    }
+}
+
+/// On a flat sheet every collapse inside costs nothing: ties must not stop the sweeps, nor make endless ones.
+#[test]
+fn a_flat_grid_goes_down_to_its_corners() {
+    let mesh = shapes::grid(100);
+    for method in METHODS {
+        for (faces, least) in [(mesh.face_count() / 10, 100), (2, 1)] {
+            let mut options = SimplifyOptions::new(Stop::faces(faces));
+            options.method = method;
+            let done = sound(&mesh, &options);
+            let got = done.mesh.face_count();
+            assert!(done.report.reached, "{method:?}, {faces}: {got} faces, {:?}", done.report.refusals);
+            assert!(got >= least);
+            let off = |p: [f64; 3]| p[2].abs().max(-p[0].min(p[1])).max(p[0].max(p[1]) - 1.0);
+            let worst = done.mesh.positions().view().iter().map(off).fold(0.0, f64::max);
+            assert!(worst < 1e-4, "{method:?}, {faces}: {worst} off the square");
+            let area: f64 = area(&done.mesh);
+            assert!((area - 1.0).abs() < 1e-3, "{method:?}, {faces}: the area is {area}");
+        }
+    }
+}
+
+fn area(mesh: &TriMesh) -> f64 {
+    let surface = mesh.surface();
+    let of = |t: &[VertexId; 3]| {
+        let p = t.map(|v| surface.positions().get(v));
+        let (a, b) = ([0, 1, 2].map(|k| p[1][k] - p[0][k]), [0, 1, 2].map(|k| p[2][k] - p[0][k]));
+        let n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        n.iter().map(|x| x * x).sum::<f64>().sqrt() / 2.0
+    };
+    surface.triangles().iter().map(of).sum()
+}
+
+/// A cube of 12288 faces is a cube of twelve.
+#[test]
+fn a_fine_cube_goes_down_to_twelve_faces() {
+    let mesh = shapes::cube(32);
+    assert_eq!(mesh.face_count(), 12288);
+    for method in METHODS {
+        for faces in [1200, 100, 12] {
+            let mut options = SimplifyOptions::new(Stop::faces(faces));
+            options.method = method;
+            let done = sound(&mesh, &options);
+            assert!(done.report.reached, "{method:?}, {faces}: {:?}", done.report.refusals);
+            let far = |p: [f64; 3]| (p.iter().fold(0f64, |m, x| m.max(x.abs())) - 0.5).abs();
+            let worst = done.mesh.positions().view().iter().map(far).fold(0.0, f64::max);
+            assert!(worst < 1e-4, "{method:?}, {faces}: a vertex lies {worst} off the cube");
+            let area = area(&done.mesh);
+            // The quadrics remember planes that have long been cut off; the default keeps the edges as they are.
+            let slack = if method == Method::Memoryless { 1e-3 } else { 5e-2 };
+            assert!((area - 6.0).abs() < slack, "{method:?}, {faces}: the edges are not sharp, area {area}");
+        }
+    }
+}
+
+/// Parts cannot go below four faces each; the rest of the target is met by whole parts, and told.
+#[test]
+fn parts_go_when_the_target_needs_it() {
+    let mesh = shapes::tetrahedra(64);
+    for method in METHODS {
+        let mut options = SimplifyOptions::new(Stop::faces(40));
+        options.method = method;
+        let done = sound(&mesh, &options);
+        assert!(done.report.reached && done.mesh.face_count() > 32, "{}", done.mesh.face_count());
+        assert_eq!(done.report.parts_removed + counts(&done.mesh).component_count, 64);
+        assert_eq!(done.report.stopped_by, StoppedBy::Faces);
+        // Parts are never all taken.
+        options.stop = Stop::faces(0);
+        let done = sound(&mesh, &options);
+        assert!(!done.report.reached && counts(&done.mesh).component_count == 1);
+        // And none where they are to be kept.
+        options.topology = TopologyPolicy::Preserve;
+        let done = sound(&mesh, &options);
+        assert!(!done.report.reached && done.report.stopped_by == StoppedBy::Refusals);
+        assert_eq!((done.mesh.face_count(), done.report.parts_removed), (256, 0));
+    }
+}
+
+/// The cheapest part is the smallest.
+#[test]
+fn small_parts_go_before_large_ones() {
+    let small = |s: f64| {
+        let mut mesh = shapes::tetrahedron();
+        mesh.map_positions(|p| p.map(|x| x * s));
+        mesh
+    };
+    let mesh = union(&[small(0.1), small(2.0), small(0.2), small(1.0)], [5.0, 0.0, 0.0]);
+    let done = sound(&mesh, &SimplifyOptions::new(Stop::faces(8)));
+    assert_eq!((done.mesh.face_count(), done.report.parts_removed), (8, 2));
+    let xs: Vec<f64> = done.mesh.positions().view().iter().map(|p| p[0]).collect();
+    assert!(xs.iter().any(|x| (4.0..6.0).contains(x)) && xs.iter().any(|x| *x > 14.0));
+    assert!(!xs.iter().any(|x| *x < 3.0 || (9.0..11.0).contains(x)));
+}
+
+fn mesh(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> TriMesh {
+    let triangles = triangles.iter().map(|t| t.map(VertexId)).collect();
+    TriMesh::new(Positions::F32(points.to_vec()), triangles).unwrap()
+}
+
+#[test]
+fn a_mesh_without_a_sound_face_is_an_error() {
+    let p = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [f32::NAN, 0.0, 0.0], [0.0; 3]];
+    let options = SimplifyOptions::new(Stop::faces(1));
+    let cases: [&[[u32; 3]]; 4] =
+        [&[], &[[0, 0, 1], [1, 1, 1]], &[[0, 1, 3], [3, 1, 2]], &[[0, 4, 1], [0, 1, 3], [2, 2, 0]]];
+    for triangles in cases {
+        let got = simplify(&mesh(&p, triangles), &options, &mut NoControl);
+        assert_eq!(got.unwrap_err(), SimplifyError::NoFaces { faces: triangles.len() });
+    }
+}
+
+#[test]
+fn what_is_mended_first_is_counted() {
+    // A tetrahedron as a soup, one face twice, one degenerate, one not finite, one vertex without a face.
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2], [1, 3, 0]];
+    let mut points: Vec<[f32; 3]> = faces.iter().flatten().map(|&i: &usize| corners[i]).collect();
+    let mut triangles: Vec<[u32; 3]> = (0..5).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    points.extend([[f32::INFINITY, 0.0, 0.0], [9.0; 3]]);
+    triangles.extend([[0, 1, 0], [0, 1, 15]]);
+    let done = sound(&mesh(&points, &triangles), &SimplifyOptions::default());
+    let cleanup = done.report.cleanup;
+    assert_eq!((done.mesh.face_count(), done.mesh.vertex_count()), (4, 4));
+    assert_eq!((cleanup.welded_vertices, cleanup.duplicate_faces), (11, 1));
+    assert_eq!((cleanup.degenerate_faces, cleanup.non_finite_faces), (1, 1));
+    assert!(cleanup.unused_vertices >= 1);
+    assert!(defects(&done.mesh.surface()).is_clean());
+}
+
+/// Vertices of a soup that lie close are joined where asked.
+#[test]
+fn a_weld_joins_what_lies_close() {
+    let grid = shapes::grid(8);
+    let surface = grid.surface();
+    let (mut points, mut triangles) = (Vec::new(), Vec::new());
+    for (i, t) in surface.triangles().iter().enumerate() {
+        let first = points.len() as u32;
+        triangles.push([first, first + 1, first + 2]);
+        let shake = 1e-4 * (i % 3) as f64;
+        points.extend(t.map(|v| surface.positions().get(v).map(|x| (x + shake) as f32)));
+    }
+    let soup = mesh(&points, &triangles);
+    let mut options = SimplifyOptions::new(Stop::faces(16));
+    let apart = sound(&soup, &options);
+    options.weld = Some(Length::Units(1e-3));
+    let joined = simplify(&soup, &options, &mut NoControl).unwrap();
+    assert_eq!(complaints(&soup, &options, &joined), [""; 0]);
+    assert_eq!(joined.report.parts_removed, 0);
+    assert_eq!(counts(&joined.mesh).component_count, 1);
+    assert_eq!(joined.report.cleanup.welded_vertices, 128 * 3 - 81);
+    assert!(apart.report.cleanup.welded_vertices < 128 * 3 - 81);
+}
+
+/// Notes what it is told and answers with a verdict from the n-th question on.
+struct Watcher {
+    seen: Vec<(Stage, Vec<f64>)>,
+    questions: usize,
+    from: usize,
+    verdict: Verdict,
+}
+
+impl Watcher {
+    fn new(from: usize, verdict: Verdict) -> Self {
+        Self { seen: Vec::new(), questions: 0, from, verdict }
+    }
+}
+
+impl Control for Watcher {
+    fn stage(&mut self, stage: Stage) {
+        self.seen.push((stage, Vec::new()));
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        self.seen.last_mut().expect("a stage begins before its progress").1.push(done);
+        self.questions += 1;
+        if self.questions > self.from { self.verdict } else { Verdict::Continue }
+    }
+}
+
+#[test]
+fn progress_never_goes_back_within_a_stage() {
+    for method in METHODS {
+        for stop in [Stop::ratio(0.05), Stop::vertices(30), Stop::error(Length::OfDiagonal(0.02))] {
+            let mut options = SimplifyOptions::new(stop);
+            options.method = method;
+            let mut watcher = Watcher::new(usize::MAX, Verdict::Continue);
+            let done = simplify(&shapes::blob(4, 5), &options, &mut watcher).unwrap();
+            for (stage, told) in &watcher.seen {
+                assert!(told.iter().all(|x| (0.0..=1.0).contains(x)), "{stage:?}: {told:?}");
+                assert!(told.is_sorted(), "{method:?}, {stage:?}: {told:?}");
+            }
+            let stages: Vec<Stage> = watcher.seen.iter().map(|s| s.0).collect();
+            assert_eq!(stages[0], Stage::Prepare);
+            assert!(stages.contains(&Stage::Collapse));
+            assert_eq!(stages.contains(&Stage::Fit), done.report.fitted);
+            assert_eq!(stages.contains(&Stage::Measure), done.report.error.measured.is_some());
+        }
+    }
+}
+
+#[test]
+fn a_caller_may_cancel_at_any_question() {
+    let options = SimplifyOptions::new(Stop::ratio(0.02));
+    let mesh = shapes::blob(4, 5);
+    let mut all = Watcher::new(usize::MAX, Verdict::Continue);
+    simplify(&mesh, &options, &mut all).unwrap();
+    assert!(all.questions >= 3);
+    for from in 0..all.questions {
+        let mut watcher = Watcher::new(from, Verdict::Cancel);
+        assert_eq!(simplify(&mesh, &options, &mut watcher).unwrap_err(), SimplifyError::Cancelled);
+        assert_eq!(watcher.questions, from + 1, "nothing is done after a cancel");
+    }
+}
+
+#[test]
+fn a_caller_may_take_the_best_so_far() {
+    let mesh = shapes::blob(4, 5);
+    for stop in [Stop::faces(50), Stop::error(Length::OfDiagonal(0.05))] {
+        let options = SimplifyOptions::new(stop);
+        // From the second question of the collapse stage on.
+        let mut watcher = Watcher::new(2, Verdict::Finish);
+        let done = simplify(&mesh, &options, &mut watcher).unwrap();
+        assert_eq!(done.report.stopped_by, StoppedBy::Caller, "{stop:?}");
+        assert!(!done.report.reached);
+        assert!(done.mesh.face_count() > 50 && done.mesh.face_count() <= mesh.face_count());
+        assert!(defects(&done.mesh.surface()).is_clean());
+    }
+}
+
+/// A fan of many faces: one vertex whose star is larger than any lane or arena slack.
+#[test]
+fn a_vertex_of_a_thousand_edges_goes() {
+    let n = 1000u32;
+    let mut points = vec![[0.0, 0.0, 1.0f32], [0.0, 0.0, -1.0]];
+    let mut triangles = Vec::new();
+    for i in 0..n {
+        let a = std::f64::consts::TAU * f64::from(i) / f64::from(n);
+        points.push([a.cos() as f32, a.sin() as f32, 0.0]);
+        let (p, q) = (2 + i, 2 + (i + 1) % n);
+        triangles.extend([[0, p, q], [1, q, p]]);
+    }
+    let mesh = mesh(&points, &triangles);
+    for method in METHODS {
+        let mut options = SimplifyOptions::new(Stop::faces(40));
+        options.method = method;
+        let done = sound(&mesh, &options);
+        assert!(done.report.reached, "{:?}", done.report.refusals);
+    }
+}

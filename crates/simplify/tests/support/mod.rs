@@ -1,0 +1,247 @@
+//! What every result must be, whatever was asked.
+#![allow(dead_code, reason = "each test file uses its part")]
+
+use std::collections::HashSet;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use lodsmith::core::mesh::defects::{clean_surface, defects};
+use lodsmith::core::topology::TopologyCounts;
+use lodsmith::core::{Positions, Surface, Topology, TriMesh, VertexId};
+use lodsmith::{
+    NoControl, Refusal, Simplified, SimplifyError, SimplifyOptions, StoppedBy, TopologyPolicy, simplify,
+};
+
+/// Complaints of many cases, told together at the end.
+#[derive(Default)]
+pub(crate) struct Complaints(Vec<String>);
+
+impl Complaints {
+    pub(crate) fn add(&mut self, case: &str, complaints: impl IntoIterator<Item = String>) {
+        self.0.extend(complaints.into_iter().map(|c| format!("{case}: {c}")));
+    }
+    pub(crate) fn check(&mut self, case: &str, holds: bool, otherwise: &str) {
+        if !holds {
+            self.add(case, [otherwise.to_owned()]);
+        }
+    }
+    /// # Panics
+    /// If there is one.
+    pub(crate) fn settle(self) {
+        let shown = self.0.iter().take(25).map(|c| format!("\n  {c}")).collect::<String>();
+        assert!(self.0.is_empty(), "{} complaints:{shown}", self.0.len());
+    }
+}
+
+/// Options in a line, without those at their default.
+pub(crate) fn told(options: &SimplifyOptions) -> String {
+    let d = SimplifyOptions::default();
+    let mut words = Vec::new();
+    let s = &options.stop;
+    words.extend(s.faces.map(|n| format!("faces {n}")));
+    words.extend(s.vertices.map(|n| format!("vertices {n}")));
+    words.extend(s.ratio.map(|n| format!("ratio {n}")));
+    words.extend(s.error.map(|e| format!("error {e:?}")));
+    let mut word = |differs: bool, text: String| words.extend(differs.then_some(text));
+    word(options.method != d.method, format!("{:?}", options.method));
+    word(options.fit != d.fit, format!("fit {:?}", options.fit));
+    word(options.placement != d.placement, format!("{:?}", options.placement));
+    word(options.border != d.border, format!("border {:?}", options.border));
+    word(options.topology != d.topology, format!("topology {:?}", options.topology));
+    word(options.guards != d.guards, format!("{:?}", options.guards));
+    word(options.weld.is_some(), format!("weld {:?}", options.weld));
+    word(options.seed != d.seed, format!("seed {}", options.seed));
+    words.join(", ")
+}
+
+/// Runs; a panic is a complaint.
+pub(crate) fn run(
+    mesh: &TriMesh,
+    options: &SimplifyOptions,
+) -> Result<Result<Simplified, SimplifyError>, String> {
+    catch_unwind(AssertUnwindSafe(|| simplify(mesh, options, &mut NoControl))).map_err(|cause| {
+        let text = cause.downcast_ref::<String>().cloned();
+        let text = text.or_else(|| cause.downcast_ref::<&str>().map(|s| (*s).to_owned()));
+        format!("panics: {}", text.unwrap_or_default())
+    })
+}
+
+/// The three coordinates as bits.
+pub(crate) fn bits(p: [f64; 3]) -> [u64; 3] {
+    p.map(f64::to_bits)
+}
+
+/// The positions of a mesh as bits.
+pub(crate) fn places(mesh: &TriMesh) -> HashSet<[u64; 3]> {
+    mesh.positions().view().iter().map(bits).collect()
+}
+
+/// Everything of a mesh as bits: equal meshes, equal bytes.
+pub(crate) fn bytes(mesh: &TriMesh) -> Vec<u64> {
+    let mut all: Vec<u64> = mesh.positions().view().iter().flat_map(bits).collect();
+    all.extend(mesh.triangles().iter().flatten().map(|w| u64::from(w.0)));
+    all.extend(mesh.vertex_map().into_iter().flatten().map(|v| u64::from(v.0)));
+    let floats = mesh.normals().into_iter().flatten().flatten();
+    let floats = floats.chain(mesh.uvs().into_iter().flatten().flatten());
+    let floats = floats.chain(mesh.colors().into_iter().flatten().flatten());
+    all.extend(floats.map(|x| u64::from(x.to_bits())));
+    all
+}
+
+/// Whether a result keeps what is promised for any mesh at all; by index, not by position.
+pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
+    let (result, report) = (&done.mesh, &done.report);
+    let (faces, vertices) = (result.face_count(), result.vertex_count());
+
+    // The mesh.
+    check(faces <= mesh.face_count(), format!("{faces} faces from {}", mesh.face_count()));
+    let surface = result.surface();
+    check(
+        surface.triangles().iter().flatten().all(|v| v.index() < vertices),
+        "an index is out of range".into(),
+    );
+    let infinite = surface.positions().iter().filter(|p| !p.iter().all(|x| x.is_finite())).count();
+    check(infinite == 0, format!("{infinite} vertices are not finite"));
+    let flat = surface.triangles().iter().filter(|t| t[0] == t[1] || t[1] == t[2] || t[2] == t[0]).count();
+    check(flat == 0, format!("{flat} degenerate faces"));
+    let mut seen = HashSet::new();
+    let twice = surface.triangles().iter().filter(|t| !seen.insert(turned(**t))).count();
+    check(twice == 0, format!("{twice} faces stand twice"));
+    let used: HashSet<VertexId> = surface.triangles().iter().flatten().copied().collect();
+    check(used.len() == vertices, format!("{} of {vertices} vertices are used", used.len()));
+    let is_double = |m: &TriMesh| matches!(m.positions(), Positions::F64(_));
+    check(is_double(mesh) == is_double(result), "the precision changed".into());
+
+    // The report.
+    check(
+        (report.faces, report.vertices) == (faces, vertices),
+        format!("the report tells {} faces, {} vertices", report.faces, report.vertices),
+    );
+    check(
+        (report.input_faces, report.input_vertices) == (mesh.face_count(), mesh.vertex_count()),
+        "the report tells another input".into(),
+    );
+    let stop = &options.stop;
+    let by_faces = stop.faces.is_some_and(|n| faces <= n);
+    let by_vertices = stop.vertices.is_some_and(|n| vertices <= n);
+    let by_ratio =
+        stop.ratio.is_some_and(|r| faces as f64 <= (r * mesh.face_count() as f64).round().max(1.0));
+    let met = by_faces || by_vertices || by_ratio;
+    let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
+    let stopped_by = report.stopped_by;
+    if stop.error.is_none() && counts {
+        check(
+            report.reached == met,
+            format!("reached is {} at {faces} faces, {vertices} vertices", report.reached),
+        );
+    }
+    let tells_true = match stopped_by {
+        StoppedBy::Faces => by_faces,
+        StoppedBy::Vertices => by_vertices,
+        StoppedBy::Ratio => by_ratio,
+        StoppedBy::Error => stop.error.is_some(),
+        StoppedBy::Refusals => !met,
+        StoppedBy::Nothing => !counts || report.collapses == 0,
+        _ => false,
+    };
+    check(tells_true, format!("stopped by {stopped_by:?} at {faces} faces, {vertices} vertices"));
+    let order = |r: Refusal| Refusal::ALL.iter().position(|&x| x == r);
+    check(
+        report.refusals.is_sorted_by(|a, b| order(a.0) < order(b.0))
+            && report.refusals.iter().all(|r| r.1 > 0),
+        format!("refusals {:?}", report.refusals),
+    );
+    let error = &report.error;
+    check(
+        error.estimate.is_finite() && error.estimate >= 0.0 && error.estimate <= error.diagonal,
+        format!("estimate {} of a diagonal {}", error.estimate, error.diagonal),
+    );
+    if options.topology == TopologyPolicy::Preserve {
+        check(report.parts_removed == 0, format!("{} parts removed", report.parts_removed));
+    }
+    if let Some(limit) = stop.error {
+        // The measure itself rounds.
+        let limit = limit.in_units(error.diagonal) + 1e-12 * error.diagonal;
+        let got = error.measured.as_ref().map(|m| m.hausdorff.symmetric);
+        check(got.is_some_and(|d| d <= limit), format!("measured {got:?} beyond {limit}"));
+    }
+    found
+}
+
+/// The topology of a mesh as an engine sees it: welded, without what is broken or there twice.
+pub(crate) fn counts(mesh: &TriMesh) -> TopologyCounts {
+    let surface = mesh.surface();
+    let cleaned = clean_surface(&surface, None);
+    let surface = Surface::with_triangles(surface.positions(), cleaned.triangles).expect("indices stay");
+    Topology::unwelded(&surface).counts()
+}
+
+/// Whether a result keeps what a topology policy promises; by position, as a file would hold it.
+pub(crate) fn topology_complaints(
+    mesh: &TriMesh,
+    options: &SimplifyOptions,
+    done: &Simplified,
+) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
+    let (old_defects, new_defects) = (defects(&mesh.surface()), defects(&done.mesh.surface()));
+    let flat = new_defects.degenerate_face_count;
+    check(flat == 0, format!("{flat} faces with two corners at one place"));
+    let twice = new_defects.same_winding_duplicate_count;
+    check(twice == 0, format!("{twice} faces stand twice, by place"));
+    if options.topology == TopologyPolicy::Free {
+        return found;
+    }
+    let (old, new) = (counts(mesh), counts(&done.mesh));
+    let mut not_above = |what: &str, old: usize, new: usize| {
+        check(new <= old, format!("{what}: {old} became {new}"));
+    };
+    not_above("border edges", old.border_edge_count, new.border_edge_count);
+    not_above("non-manifold edges", old.non_manifold_edge_count, new.non_manifold_edge_count);
+    not_above("non-manifold vertices", old.non_manifold_vertex_count, new.non_manifold_vertex_count);
+    // An edge of four faces may become one of two that go the same way.
+    let twisted = |c: &TopologyCounts| c.misoriented_edge_count + c.non_manifold_edge_count;
+    not_above("misoriented or non-manifold edges", twisted(&old), twisted(&new));
+    not_above(
+        "faces back to back",
+        old_defects.opposite_duplicate_count,
+        new_defects.opposite_duplicate_count,
+    );
+    not_above("zero-area faces", old_defects.zero_area_face_count, new_defects.zero_area_face_count);
+    if options.topology == TopologyPolicy::Preserve {
+        let mut stays = |what: &str, old: i64, new: i64| {
+            check(new == old, format!("{what}: {old} became {new}"));
+        };
+        stays("parts", old.component_count as i64, new.component_count as i64);
+        if old.is_manifold() {
+            stays("Euler number", old.euler(), new.euler());
+            stays("border loops", old.border_loop_count as i64, new.border_loop_count as i64);
+        }
+    }
+    found
+}
+
+/// A face from its least vertex on.
+fn turned(t: [VertexId; 3]) -> [VertexId; 3] {
+    let [a, b, c] = t;
+    [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or(t)
+}
+
+/// A small seeded generator (xorshift64*, Vigna 2016): the same numbers on every machine.
+pub(crate) struct Random(pub(crate) u64);
+
+impl Random {
+    pub(crate) fn below(&mut self, n: u64) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) % n
+    }
+    pub(crate) fn unit(&mut self) -> f64 {
+        self.below(1 << 30) as f64 / (1u64 << 30) as f64
+    }
+    pub(crate) fn pick<T: Copy>(&mut self, from: &[T]) -> T {
+        from[self.below(from.len() as u64) as usize]
+    }
+}
