@@ -5,7 +5,7 @@ use lodsmith_core::VertexId;
 use wide::f32x4;
 
 use super::Engine;
-use super::commit::{Candidate, PEAK, TIE};
+use super::commit::{Candidate, TIE};
 use super::store::Vertex;
 use crate::metric::{Form, Metric};
 use crate::options::Placement;
@@ -94,7 +94,7 @@ impl<M: Metric> Engine<M> {
         let solved = det.simd_gt(trace * trace * trace * MIN_DET)
             & dot(&from_mid, &from_mid).simd_lt(dot(&d, &d) * FARTHEST);
         let peak =
-            f32x4::ONE + f32x4::splat(PEAK_GUESS * PEAK * self.area) / trace.fast_max(f32x4::splat(1e-37));
+            f32x4::ONE + f32x4::splat(PEAK_GUESS * self.peak_weight()) / trace.fast_max(f32x4::splat(1e-37));
         let off: [f32x4; 3] = std::array::from_fn(|k| y[k] - d[k]);
         let q = c - dot(&h, &y) * 2.0 + dot(&times(&a, &y), &y);
         let q = q.simd_gt(trace * dot(&d, &d) * NOISE) & q;
@@ -116,7 +116,7 @@ impl<M: Metric> Engine<M> {
         if !M::MEMORYLESS {
             return q.max(0.0) + tie;
         }
-        let peak = 1.0 + PEAK_GUESS * PEAK * self.area / trace.max(1e-37);
+        let peak = 1.0 + PEAK_GUESS * self.peak_weight() / trace.max(1e-37);
         let q = if q > NOISE * trace * d.length_squared() { q } else { 0.0 };
         q * peak + tie
     }
