@@ -43,7 +43,7 @@ use commit::{BORDER, Candidate, Outcome, Wing};
 use kind::{Kind, distinct, faces_at};
 use late::Late;
 use parts::Parts;
-use store::{Ring, Store};
+use store::{Facing, Ring, Store};
 pub(crate) use wedges::Wedges;
 
 /// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 fewer sweeps: docs/decisions/0002.)
@@ -144,7 +144,11 @@ impl<M: Metric> Engine<M> {
                 let twice = |i: usize| ring[..i].iter().any(|r| (r.a, r.b) == (ring[i].a, ring[i].b));
                 duplicates.extend((0..ring.len()).filter(|&i| twice(i)).map(|i| ring[i].corner.face()));
             }
-            self.store.v[u.index()].kind = kind;
+            let p = self.store.p(u);
+            let normal: Vec3 =
+                ring.iter().map(|r| (self.store.p(r.a) - p).cross(self.store.p(r.b) - p)).sum();
+            let x = &mut self.store.v[u.index()];
+            (x.kind, x.facing) = (kind, Facing::of(normal));
         }
         if duplicates.is_empty() {
             return 0;

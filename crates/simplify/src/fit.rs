@@ -176,6 +176,33 @@ impl<M: Metric> Sampler<'_, M> {
         }
     }
 
+    /// Gives a sample to a face if it lies above or below it. Says whether.
+    #[inline(always)]
+    fn place_on(&mut self, face: usize, p: Vec3, weight: f32) -> bool {
+        let [a, b, c] = self.store.t[face].map(|w| self.store.p(w));
+        let f = &self.faces[face];
+        let n = f.normal * f.per_area;
+        let q = p - a;
+        let (v, w) = (n.cross(a - c).dot(q), n.cross(b - a).dot(q));
+        let u = 1.0 - v - w;
+        if u < 0.0 || v < 0.0 || w < 0.0 {
+            return false;
+        }
+        let height = f.normal.dot(q);
+        self.add(face, Vec3::new(u, v, w), height, height * height, weight);
+        true
+    }
+
+    #[inline(always)]
+    fn add(&mut self, face: usize, b: Vec3, height: f32, distance_sq: f32, weight: f32) {
+        let load = &mut self.loads[face];
+        load.bb.add(&Tensor::outer(b, weight));
+        load.rb += b * (weight * height);
+        load.worst = load.worst.max(distance_sq);
+        self.rr += f64::from(weight * height * height);
+        self.weight += f64::from(weight);
+    }
+
     /// Gives a sample to the nearest triangle that faces its way: in the star of its home, then, if it lies beside that
     /// star, in the star of the nearer corner of the triangle found.
     #[inline(always)]
@@ -211,12 +238,7 @@ impl<M: Metric> Sampler<'_, M> {
             1 => Vec3::new(w, u, v),
             _ => Vec3::new(v, w, u),
         };
-        let load = &mut self.loads[best.corner.face()];
-        load.bb.add(&Tensor::outer(b, weight));
-        load.rb += b * (weight * best.height);
-        load.worst = load.worst.max(best.distance_sq);
-        self.rr += f64::from(weight * best.height * best.height);
-        self.weight += f64::from(weight);
+        self.add(best.corner.face(), b, best.height, best.distance_sq, weight);
     }
 }
 
@@ -251,9 +273,17 @@ pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[Ve
     };
     // Exact quadrature of squares: 3/4 of the area at the centre, 1/12 at each corner. A vertex has six corners, about.
     let stride = ((points.len() + faces.len()) / (SAMPLES * store.t.len())).max(1);
-    for (i, t) in faces.iter().enumerate().step_by(stride) {
-        // Where two corners went to one place, the face is rather there.
+    // A face that lives on has its place among the final ones: both are in the same order, and no dead face has three
+    // homes.
+    let mut survivors = 0;
+    for (i, t) in faces.iter().enumerate() {
         let homes = t.map(|w| home[w.index()]);
+        let survivor = (store.t.get(survivors) == Some(&homes)).then_some(survivors);
+        survivors += usize::from(survivor.is_some());
+        if i % stride != 0 {
+            continue;
+        }
+        // Where two corners went to one place, the face is rather there.
         let u = if homes[1] == homes[2] { homes[1] } else { homes[0] };
         if u == NONE {
             continue;
@@ -262,7 +292,10 @@ pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[Ve
         let n = (b - a).cross(c - a);
         let area = n.length();
         let n = n / area.max(1e-30);
-        sampler.place((a + (b + c)) * (1.0 / 3.0), n, 9.0 * area, u);
+        let centre = (a + (b + c)) * (1.0 / 3.0);
+        if !survivor.is_some_and(|face| sampler.place_on(face, centre, 9.0 * area)) {
+            sampler.place(centre, n, 9.0 * area, u);
+        }
         if i % (2 * stride) == 0 && homes[0] != NONE {
             if sampler.store.p(homes[0]) == a {
                 sampler.place_at_home(6.0 * area, homes[0]);
@@ -346,7 +379,9 @@ fn is_fine<M: Metric>(store: &Store<M>, normals: &[Vec3], u: VertexId, p: Vec3) 
         let keeps_side = d > 0.0 && d * d > MAX_TURN * n.length_squared() * after.length_squared();
         let around = (b - a).length_squared() + (p - a).length_squared() + (p - b).length_squared();
         let is_thin = 12.0 * after.length_squared() < 1e-6 * around * around;
-        keeps_side && (!is_thin || after.length_squared() >= before.length_squared())
+        let faces: Vec3 = t.map(|w| store.v[w.index()].facing.direction()).into_iter().sum();
+        let turns_back = after.dot(faces) < 0.0 && n.dot(faces) >= 0.0;
+        keeps_side && !turns_back && (!is_thin || after.length_squared() >= before.length_squared())
     })
 }
 

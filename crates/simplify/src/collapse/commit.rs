@@ -150,7 +150,7 @@ impl<M: Metric> Engine<M> {
             }
             bare[end] = behind > BEHIND * step.length_squared();
         }
-        if turn < SUSPECT_TURN && self.folds() {
+        if turn < SUSPECT_TURN && self.folds(x.facing.direction() + z.facing.direction()) {
             return Outcome::Refused(Refusal::NormalFlip);
         }
         if let Err(why) = self.ask_guards(at, x.p, z.p, shared, ru, rv) {
@@ -260,6 +260,9 @@ impl<M: Metric> Engine<M> {
         self.store.merged_into[merged.index()] = origin;
         let unmoved = kept_v || (y == Vec3::ZERO && !x.kind.is_moved());
         let kept = &mut self.store.v[u.index()];
+        if kept_v {
+            kept.facing = z.facing;
+        }
         (kept.p, kept.q, kept.origin, kept.kind) = (at, q, origin, kind.moved(!unmoved));
         let removed = &mut self.store.v[v.index()];
         removed.kind = removed.kind.gone();
@@ -301,13 +304,18 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Whether a new triangle of the star would lie back to back with another, within the star or beyond its rim.
+    /// Whether a new triangle of the star would turn its back to where the input faced (`facing` at the ends), or lie back
+    /// to back with another, within the star or beyond its rim.
     #[inline(never)]
-    fn folds(&self) -> bool {
+    fn folds(&self, facing: Vec3) -> bool {
         let unit = |n: Vec3| n / n.length().max(1e-30);
         let kept = || self.wings.iter().filter(|w| !w.both);
         for (i, w) in kept().enumerate() {
             let n = unit(w.after);
+            let around = [w.a, w.b].map(|o| self.store.v[o.index()].facing.direction());
+            if n.dot(facing * 0.5 + around[0] + around[1]) < 0.0 {
+                return true;
+            }
             for other in kept().skip(i + 1) {
                 if (other.a == w.b || other.b == w.a || other.a == w.a || other.b == w.b)
                     && n.dot(unit(other.after)) < FOLD

@@ -62,6 +62,25 @@ pub(crate) struct Vertex<Q> {
     pub(crate) kind: Kind,
     /// Scratch of whoever walks: compared with [`Store::stamp`].
     pub(crate) mark: u32,
+    /// The normal of the input's surface at the vertex that gave the number.
+    pub(crate) facing: Facing,
+}
+
+/// A direction in four bytes: three signed bytes are enough to tell front from back.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Facing([i8; 4]);
+
+impl Facing {
+    /// The direction of a vector of any length; none of the zero vector.
+    #[inline(always)]
+    pub(crate) fn of(n: Vec3) -> Self {
+        let n = n * (127.0 / n.length().max(1e-30));
+        Self([n.x as i8, n.y as i8, n.z as i8, 0])
+    }
+    #[inline(always)]
+    pub(crate) fn direction(self) -> Vec3 {
+        Vec3::new(f32::from(self.0[0]), f32::from(self.0[1]), f32::from(self.0[2]))
+    }
 }
 
 pub(crate) struct Store<M: Metric> {
@@ -103,6 +122,7 @@ impl<M: Metric> Store<M> {
                 room: 0,
                 kind: Kind::default(),
                 mark: 0,
+                facing: Facing::default(),
             });
         }
         drop(points);
