@@ -351,6 +351,7 @@ impl<M: Metric> Engine<M> {
         let mut tau = self.threshold(&Histogram::of(&first), first.len(), goal);
         let mut end = End::Stuck;
         let (mut probe, mut probed, mut idle, mut highest) = (false, false, 0, tau);
+        let (mut lift, mut at_probe) = (1f32, u64::MAX);
         'sweeps: for _ in 0..MOST_SWEEPS {
             self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
             let before = self.collapses;
@@ -424,8 +425,12 @@ impl<M: Metric> Engine<M> {
                 (probe, probed) = (true, true);
                 continue;
             }
-            let next = self.threshold(&histogram, self.store.v.len(), goal);
+            let mut next = self.threshold(&histogram, self.store.v.len(), goal);
             if probe {
+                // What a probe finds is exact; an evaluation may see more, and needs a higher threshold to be tried.
+                lift = if self.collapses == at_probe { lift * 16.0 } else { 1.0 };
+                at_probe = self.collapses;
+                next = (next * lift).min(f32::MAX);
                 (highest, idle) = (next, 0);
             }
             // Bounds are stale, some by far: a sweep in vain is no reason to go back to lower ones.

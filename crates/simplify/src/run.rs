@@ -1,6 +1,7 @@
 //! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
 
 use lodsmith_core::measure::{self, CompareOptions, Comparison};
+use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::mesh::weld;
 use lodsmith_core::{Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId};
 
@@ -104,7 +105,9 @@ fn run_with<M: Metric>(
     let surface = &input.surface;
     let input_faces = surface.triangles().len();
     let mut ordered = order::order(surface);
-    if ordered.faces.is_empty() {
+    let has_area =
+        |t: &[VertexId; 3]| ordered.is_sound(t) && !is_zero_area(t.map(|v| surface.positions().get(v)));
+    if !surface.triangles().iter().any(has_area) {
         return Err(SimplifyError::NoFaces { faces: input_faces });
     }
     let goal = goal(options, input_faces);

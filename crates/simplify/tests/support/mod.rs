@@ -1,5 +1,5 @@
 //! What every result must be, whatever was asked.
-#![allow(dead_code, reason = "each test file uses its part")]
+#![allow(unused, reason = "each test file uses its part")]
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
