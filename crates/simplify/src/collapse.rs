@@ -340,7 +340,7 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Sweeps until the goal is met, nothing can go any more, or the caller ends it. The store is compact afterwards.
+    /// Sweeps until the goal is met, nothing can go any more, or the caller ends it. The store is finished afterwards.
     pub(crate) fn sweep(&mut self, goal: &Goal, original: &dyn Original, control: &mut dyn Control) -> End {
         let extreme = goal.faces.is_some_and(|n| late::is_extreme(n, self.store.live_faces));
         let begun_with = self.needed(goal).unwrap_or(self.store.live_faces / 2).max(1);
@@ -438,7 +438,7 @@ impl<M: Metric> Engine<M> {
             highest = highest.max(tau);
             (probe, probed) = (false, probe);
         }
-        self.store.compact();
+        self.store.finish();
         end
     }
 

@@ -262,7 +262,6 @@ pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[Ve
     }
     let home = store.homes();
     let final_faces: Vec<Face> = store.t.iter().map(|t| face(t.map(|w| store.p(w)))).collect();
-    let normals: Vec<Vec3> = final_faces.iter().map(|f| f.normal).collect();
     let mut sampler = Sampler {
         store,
         faces: &final_faces,
@@ -305,19 +304,27 @@ pub(crate) fn fit<M: Metric>(store: &mut Store<M>, points: &[Vec3], faces: &[[Ve
         }
     }
     let Sampler { loads, rr, weight, .. } = sampler;
-    let delta = solve(store, &normals, &loads);
+    let delta = solve(store, &final_faces, &loads);
     let mut after = rr;
-    for ((t, load), &n) in store.t.iter().zip(&loads).zip(&normals) {
-        let s = Vec3::from(t.map(|w| n.dot(delta[w.index()])));
+    for ((t, load), face) in store.t.iter().zip(&loads).zip(&final_faces) {
+        let s = Vec3::from(t.map(|w| face.normal.dot(delta[w.index()])));
         after += f64::from(s.dot(load.bb.times(s)) - 2.0 * s.dot(load.rb));
     }
-    shift(store, &normals, &loads, &delta);
-    tether(store, &normals, &loads, points, faces, &home, TETHER * TETHER * (rr / weight.max(1e-30)) as f32);
+    shift(store, &final_faces, &loads, &delta);
+    tether(
+        store,
+        &final_faces,
+        &loads,
+        points,
+        faces,
+        &home,
+        TETHER * TETHER * (rr / weight.max(1e-30)) as f32,
+    );
     Fitted { rms: (after.max(0.0) / weight.max(1e-30)).sqrt() }
 }
 
 /// Gauss-Seidel on the displacements. A triangle only sees the heights n·delta of its three vertices.
-fn solve<M: Metric>(store: &Store<M>, normals: &[Vec3], loads: &[Load]) -> Vec<Vec3> {
+fn solve<M: Metric>(store: &Store<M>, finals: &[Face], loads: &[Load]) -> Vec<Vec3> {
     let mut delta = vec![Vec3::ZERO; store.v.len()];
     for _ in 0..PASSES {
         for u in 0..store.v.len() {
@@ -327,7 +334,7 @@ fn solve<M: Metric>(store: &Store<M>, normals: &[Vec3], loads: &[Load]) -> Vec<V
             let (mut a, mut g) = (Tensor::default(), Vec3::ZERO);
             let id = VertexId(u as u32);
             for &corner in store.listed(id) {
-                let (t, k, n) = (&store.t[corner.face()], corner.k(), normals[corner.face()]);
+                let (t, k, n) = (&store.t[corner.face()], corner.k(), finals[corner.face()].normal);
                 let load = &loads[corner.face()];
                 let (next, prev) = ((k + 1) % 3, (k + 2) % 3);
                 // Off-diagonal of b bᵀ for the pair (k, j): xy, xz, yz stand at 3, 4, 5.
@@ -368,13 +375,13 @@ fn border_neighbours<M: Metric>(store: &Store<M>, u: VertexId) -> impl Iterator<
 }
 
 /// Whether every face of `u` keeps its side with `u` at `p`.
-fn is_fine<M: Metric>(store: &Store<M>, normals: &[Vec3], u: VertexId, p: Vec3) -> bool {
+fn is_fine<M: Metric>(store: &Store<M>, finals: &[Face], u: VertexId, p: Vec3) -> bool {
     store.listed(u).iter().all(|&corner| {
         let (t, k) = (&store.t[corner.face()], corner.k());
         let (a, b) = (store.p(t[(k + 1) % 3]), store.p(t[(k + 2) % 3]));
         let (before, after) = ((b - a).cross(store.p(u) - a), (b - a).cross(p - a));
         // Written so that no number (an overflow) counts as turned.
-        let n = normals[corner.face()];
+        let n = finals[corner.face()].normal;
         let d = n.dot(after);
         let keeps_side = d > 0.0 && d * d > MAX_TURN * n.length_squared() * after.length_squared();
         let around = (b - a).length_squared() + (p - a).length_squared() + (p - b).length_squared();
@@ -391,7 +398,7 @@ fn worst_around<M: Metric>(store: &Store<M>, loads: &[Load], u: VertexId) -> f32
 }
 
 /// Moves, by no more than the largest distance seen, and only where no triangle turns far.
-fn shift<M: Metric>(store: &mut Store<M>, normals: &[Vec3], loads: &[Load], delta: &[Vec3]) {
+fn shift<M: Metric>(store: &mut Store<M>, finals: &[Face], loads: &[Load], delta: &[Vec3]) {
     for (u, &delta) in delta.iter().enumerate() {
         let step = delta.length_squared();
         if step == 0.0 {
@@ -400,7 +407,7 @@ fn shift<M: Metric>(store: &mut Store<M>, normals: &[Vec3], loads: &[Load], delt
         let id = VertexId(u as u32);
         let worst = worst_around(store, loads, id);
         let p = store.v[u].p + delta * if step > worst { (worst / step).sqrt() } else { 1.0 };
-        if is_fine(store, normals, id, p) {
+        if is_fine(store, finals, id, p) {
             let x = &mut store.v[u];
             (x.p, x.kind) = (p, x.kind.moved(true));
         }
@@ -411,7 +418,7 @@ fn shift<M: Metric>(store: &mut Store<M>, normals: &[Vec3], loads: &[Load], delt
 /// points merged into a vertex: an exact pass over all faces doubles the time of the fit.
 fn tether<M: Metric>(
     store: &mut Store<M>,
-    normals: &[Vec3],
+    finals: &[Face],
     loads: &[Load],
     points: &[Vec3],
     faces: &[[VertexId; 3]],
@@ -463,7 +470,7 @@ fn tether<M: Metric>(
         if d > limit && d.is_finite() {
             let id = VertexId(u as u32);
             let p = q + (store.p(id) - q) * (limit / d).sqrt();
-            if is_fine(store, normals, id, p) {
+            if is_fine(store, finals, id, p) {
                 store.v[u].p = p;
             }
         }

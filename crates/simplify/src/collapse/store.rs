@@ -156,11 +156,11 @@ impl<M: Metric> Store<M> {
             at += x.room;
         }
         let want = at as usize + at as usize * SLACK_PERCENT / 100 + 64;
-        if self.corners.capacity() < want || self.corners.capacity() > 2 * want {
+        self.corners.clear();
+        if self.corners.capacity() < want {
             self.corners = Vec::new();
             self.corners.reserve_exact(want);
         }
-        self.corners.clear();
         self.corners.resize(at as usize, Corner::default());
         for (i, t) in self.t.iter().enumerate() {
             for (k, w) in t.iter().enumerate() {
@@ -204,15 +204,19 @@ impl<M: Metric> Store<M> {
             *t = t.map(|w| map[w.index()]);
         }
         drop(map);
-        // Large stores give memory back: what comes after (the fit) needs room of its own.
-        if self.v.capacity() > 2 * n + 1024 {
-            self.v.shrink_to_fit();
-            self.bound.shrink_to_fit();
-            self.t.shrink_to_fit();
-        }
         (self.live_faces, self.live_vertices) = (self.t.len(), n);
         self.faces_at_compaction = self.live_faces;
         self.link();
+    }
+
+    /// Compacts for the last time and gives memory back: what comes after (the fit) needs room of its own. The vertices
+    /// come last, because they are copied for it.
+    pub(crate) fn finish(&mut self) {
+        self.compact();
+        self.bound = Vec::new();
+        self.corners.shrink_to_fit();
+        self.t.shrink_to_fit();
+        self.v.shrink_to_fit();
     }
 
     /// Whether the arena of corner lists has no room left for a star of a usual size.
