@@ -17,8 +17,8 @@ pub(crate) const BEGIN: usize = 2000;
 const SMALL: usize = 600;
 /// ... or below the input by this factor.
 const REDUCTION: usize = 20;
-/// Sweeps are finer then.
-pub(crate) const QUANTILE: f64 = 0.1;
+/// Sweeps are finer then. (Measured: 0.1 to 0.3 are equal within noise, 0.2 takes a sixth less time than 0.1.)
+pub(crate) const QUANTILE: f64 = 0.2;
 /// Samples of a vertex, at most, on average, when the phase begins.
 const SAMPLES: usize = 24;
 /// A vertex with more keeps every second one, and the farthest.
