@@ -59,7 +59,7 @@ pub enum TopologyPolicy {
     Relaxed,
     /// Manifold stays manifold; holes, handles and parts stay.
     Preserve,
-    /// It may change.
+    /// It may change. In this release nothing uses that leave: results are those of `Relaxed`.
     Free,
 }
 
