@@ -343,7 +343,11 @@ impl Run<'_, '_> {
             if control.progress(0.0) == Verdict::Cancel {
                 return Err(SimplifyError::Cancelled);
             }
-            source.with(&mut |points, faces| fitted = Some(fit::fit(&mut engine.store, points, faces).rms));
+            // What the costs say is too much by about 1.8, as measured on eight models at 50 to 1 %.
+            let away = engine.estimate(None);
+            source.with(&mut |points, faces| {
+                fitted = Some(fit::fit(&mut engine.store, points, faces, away).rms)
+            });
         }
         Ok(Outcome {
             estimate: frame.user_length(engine.estimate(fitted)),

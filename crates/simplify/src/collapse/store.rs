@@ -229,6 +229,13 @@ impl<M: Metric> Store<M> {
         self.v[u.index()].p
     }
 
+    /// Where the input faced at the corners of a face, summed.
+    #[inline(always)]
+    pub(crate) fn facing(&self, t: &[VertexId; 3]) -> Vec3 {
+        let [a, b, c] = t.map(|w| self.v[w.index()].facing.0.map(i32::from));
+        Vec3::new((a[0] + b[0] + c[0]) as f32, (a[1] + b[1] + c[1]) as f32, (a[2] + b[2] + c[2]) as f32)
+    }
+
     /// The live corners of `u`, in the order of the list; tidies the list on the way.
     #[inline(always)]
     pub(crate) fn ring(&mut self, u: VertexId, out: &mut Ring) {
