@@ -262,7 +262,14 @@ impl<M: Metric> Engine<M> {
         owned.clear();
         if self.store.v[u.index()].kind.is_regular() {
             // Inside closed fans every neighbour comes first in one of the triangles: no need to look at the second.
-            owned.extend(ru.iter().map(|r| r.a).filter(|&w| w > u));
+            // (Written all, kept some: a branch on the order could not be foretold.)
+            owned.resize(ru.len(), u);
+            let mut n = 0;
+            for r in ru.iter() {
+                owned[n] = r.a;
+                n += usize::from(r.a > u);
+            }
+            owned.truncate(n);
         } else {
             let stamp = self.store.next_stamp();
             for w in ru.iter().flat_map(|r| [r.a, r.b]).filter(|&w| w > u) {

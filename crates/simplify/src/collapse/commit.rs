@@ -221,9 +221,9 @@ impl<M: Metric> Engine<M> {
                     M::tensor(&mut q).add(&new);
                     change.add(&new);
                 }
-                for o in [w.a, w.b].into_iter().filter(|&o| o != v) {
-                    M::tensor(&mut self.store.v[o.index()].q).add(&change);
-                }
+                // (One of them may be v, which goes.)
+                M::tensor(&mut self.store.v[w.a.index()].q).add(&change);
+                M::tensor(&mut self.store.v[w.b.index()].q).add(&change);
             }
             for &(w, at_u) in self.rim.iter().filter(|r| r.0 != v) {
                 let o = &mut self.store.v[w.index()];
@@ -241,14 +241,12 @@ impl<M: Metric> Engine<M> {
             let form: Form = M::form(&x.q, &z.q, z.p - x.p);
             M::merged(&form, y)
         };
-        for &Spoke { corner, a, b } in rv {
-            let t = &mut self.store.t[corner.face()];
-            if a == u || b == u {
-                t[0] = NONE;
-                self.store.live_faces -= 1;
-            } else {
-                t[corner.k()] = u;
-            }
+        for spoke in rv {
+            // (By selection: which two triangles go could not be foretold.)
+            let goes = spoke.has(u);
+            let t = &mut self.store.t[spoke.corner.face()];
+            t[if goes { 0 } else { spoke.corner.k() }] = if goes { NONE } else { u };
+            self.store.live_faces -= usize::from(goes);
         }
         let count = ru.len() + rv.len() - 2 * shared;
         let list = self.wings.iter().filter(|w| !w.both).map(|w| w.corner);

@@ -33,11 +33,11 @@ impl<M: Metric> Store<M> {
             self.v[r.a.index()].mark = stamp;
             shared += usize::from(r.has(v));
         }
-        for r in rv.iter().filter(|r| r.a != u) {
-            if self.v[r.a.index()].mark == stamp {
-                common += 1;
-                opposite |= r.b != u && self.v[r.b.index()].mark == stamp;
-            }
+        for r in rv {
+            // Without branches: which neighbours are common could not be foretold.
+            let is_common = (r.a != u) & (self.v[r.a.index()].mark == stamp);
+            common += usize::from(is_common);
+            opposite |= is_common & (r.b != u) & (self.v[r.b.index()].mark == stamp);
         }
         let pinched = common != shared || shared == 0 || opposite && is_opposite_to_both(u, v, ru, rv);
         if pinched { Err(Refusal::LinkCondition) } else { Ok(shared) }

@@ -38,7 +38,7 @@ pub(crate) struct Spoke {
 impl Spoke {
     #[inline(always)]
     pub(crate) fn has(&self, w: VertexId) -> bool {
-        self.a == w || self.b == w
+        (self.a == w) | (self.b == w)
     }
 }
 
