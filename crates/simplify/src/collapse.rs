@@ -410,7 +410,7 @@ impl<M: Metric> Engine<M> {
                     break;
                 }
             }
-            if self.store.wants_compaction() {
+            if self.store.wants_compaction(self.needed(goal)) {
                 self.store.compact();
             }
             if extreme && self.late.is_none() && self.store.live_faces < late::BEGIN {

@@ -100,7 +100,7 @@ impl<M: Metric> Engine<M> {
         let at = merged_position(x.p, z.p, y);
 
         // Exact cost, shape and normals. A triangle at both ends counts twice, as in the evaluation.
-        let (mut cost, mut area, mut shape, mut peak, mut turn) = (0f32, 0f32, 1f32, 0f32, 1f32);
+        let (mut cost, mut area, mut shape, mut peak, mut turns_far) = (0f32, 0f32, 1f32, 0f32, false);
         let mut bare = [false; 2];
         self.wings.clear();
         for (end, (ring, from, other, step)) in [(ru, x.p, v, y), (rv, z.p, u, off)].into_iter().enumerate() {
@@ -114,7 +114,8 @@ impl<M: Metric> Engine<M> {
                 let e = pb - pa;
                 behind = behind.min((pa - from).dot(step));
                 let normal = e.cross(from - pa);
-                let length = normal.length();
+                let length_sq = normal.length_squared();
+                let length = length_sq.sqrt();
                 let height = normal.dot(step) / length.max(1e-30);
                 let weight = if both { 2.0 * length } else { length };
                 cost += weight * height * height;
@@ -125,22 +126,20 @@ impl<M: Metric> Engine<M> {
                     let (s, o) = (at - pa, at - pb);
                     after = e.cross(s);
                     let (after_sq, dot) = (after.length_squared(), normal.dot(after));
-                    let cos_sq = dot * dot / (length * length * after_sq).max(1e-37);
-                    if !(dot > 0.0 && cos_sq > self.rules.max_turn) {
+                    let (dot_sq, both_sq) = (dot * dot, length_sq * after_sq);
+                    if !((dot > 0.0) & (dot_sq > self.rules.max_turn * both_sq)) {
                         // A face without area has no normal that could turn.
-                        if length * length > NO_AREA * e.length_squared() * e.length_squared()
-                            || after_sq == 0.0
-                        {
+                        if length_sq > NO_AREA * e.length_squared() * e.length_squared() || after_sq == 0.0 {
                             return Outcome::Refused(Refusal::NormalFlip);
                         }
                     }
-                    turn = turn.min(cos_sq);
+                    turns_far |= dot_sq < SUSPECT_TURN * both_sq;
                     let around = e.length_squared() + s.length_squared() + o.length_squared();
                     let new_shape = 12.0 * after_sq / (around * around).max(1e-37);
                     if new_shape < NO_AREA {
                         let (s, o) = (from - pa, from - pb);
                         let before = e.length_squared() + s.length_squared() + o.length_squared();
-                        if 12.0 * length * length > new_shape * before * before {
+                        if 12.0 * length_sq > new_shape * before * before {
                             return Outcome::Refused(Refusal::Quality);
                         }
                     }
@@ -150,7 +149,7 @@ impl<M: Metric> Engine<M> {
             }
             bare[end] = behind > BEHIND * step.length_squared();
         }
-        if turn < SUSPECT_TURN && self.folds(x.facing.direction() + z.facing.direction()) {
+        if turns_far && self.folds(x.facing.direction() + z.facing.direction()) {
             return Outcome::Refused(Refusal::NormalFlip);
         }
         if let Err(why) = self.ask_guards(at, x.p, z.p, shared, ru, rv) {

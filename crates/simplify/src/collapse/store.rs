@@ -102,6 +102,8 @@ pub(crate) struct Store<M: Metric> {
 
 /// A store is compacted when fewer than this share of its triangles live. (Measured: 50 to 75 % are equal.)
 const COMPACT_PERCENT: usize = 60;
+/// It pays only when at least this share of the triangles is still to go. (It costs about as much as a tenth of them.)
+const WORTH_PERCENT: usize = 25;
 /// Room for lists that outgrow theirs, a share of all corners; when it is used up the store is compacted.
 const SLACK_PERCENT: usize = 30;
 
@@ -171,9 +173,10 @@ impl<M: Metric> Store<M> {
         }
     }
 
-    /// Whether so much is dead, or the arena so full, that compaction pays.
-    pub(crate) fn wants_compaction(&self) -> bool {
+    /// Whether so much is dead that compaction pays, with `needed` collapses still to be done.
+    pub(crate) fn wants_compaction(&self, needed: Option<usize>) -> bool {
         self.live_faces * 100 < self.faces_at_compaction * COMPACT_PERCENT
+            && needed.is_none_or(|n| 2 * n * 100 > self.live_faces * WORTH_PERCENT)
     }
 
     /// Drops what is dead and renumbers; the order stays.
