@@ -144,11 +144,7 @@ impl<M: Metric> Engine<M> {
                 let twice = |i: usize| ring[..i].iter().any(|r| (r.a, r.b) == (ring[i].a, ring[i].b));
                 duplicates.extend((0..ring.len()).filter(|&i| twice(i)).map(|i| ring[i].corner.face()));
             }
-            let p = self.store.p(u);
-            let normal: Vec3 =
-                ring.iter().map(|r| (self.store.p(r.a) - p).cross(self.store.p(r.b) - p)).sum();
-            let x = &mut self.store.v[u.index()];
-            (x.kind, x.facing) = (kind, Facing::of(normal));
+            self.store.v[u.index()].kind = kind;
         }
         if duplicates.is_empty() {
             return 0;
@@ -163,8 +159,9 @@ impl<M: Metric> Engine<M> {
         duplicates.len()
     }
 
-    /// Tensors of all vertices.
+    /// Tensors and facings of all vertices.
     fn weigh(&mut self) {
+        let mut normals = vec![Vec3::ZERO; self.store.v.len()];
         for i in 0..self.store.t.len() {
             let t = self.store.t[i];
             let [a, b, c] = t.map(|w| self.store.p(w));
@@ -173,7 +170,11 @@ impl<M: Metric> Engine<M> {
             let plane = Tensor::plane(normal);
             for w in t {
                 M::tensor(&mut self.store.v[w.index()].q).add(&plane);
+                normals[w.index()] += normal;
             }
+        }
+        for (x, &normal) in self.store.v.iter_mut().zip(&normals) {
+            x.facing = Facing::of(normal);
         }
         let mut ring = Vec::new();
         for u in (0..self.store.v.len() as u32).map(VertexId) {

@@ -146,29 +146,29 @@ impl<M: Metric> Store<M> {
 
     /// Fills the corner lists afresh.
     fn link(&mut self) {
-        for x in &mut self.v {
-            (x.room, x.count) = (0, 0);
-        }
+        // Counted aside: a table of numbers is an eighth of the vertices.
+        let mut at = vec![0u32; self.v.len() + 1];
         for w in self.t.iter().flatten() {
-            self.v[w.index()].room += 1;
+            at[w.index() + 1] += 1;
         }
-        let mut at = 0;
-        for x in &mut self.v {
-            x.head = at;
-            at += x.room;
+        for i in 0..self.v.len() {
+            (self.v[i].room, self.v[i].count) = (at[i + 1], at[i + 1]);
+            at[i + 1] += at[i];
+            self.v[i].head = at[i];
         }
-        let want = at as usize + at as usize * SLACK_PERCENT / 100 + 64;
+        let count = 3 * self.t.len();
+        let want = count + count * SLACK_PERCENT / 100 + 64;
         self.corners.clear();
         if self.corners.capacity() < want {
             self.corners = Vec::new();
             self.corners.reserve_exact(want);
         }
-        self.corners.resize(at as usize, Corner::default());
+        self.corners.resize(count, Corner::default());
         for (i, t) in self.t.iter().enumerate() {
             for (k, w) in t.iter().enumerate() {
-                let x = &mut self.v[w.index()];
-                self.corners[(x.head + x.count) as usize] = Corner::new(i, k);
-                x.count += 1;
+                let slot = &mut at[w.index()];
+                self.corners[*slot as usize] = Corner::new(i, k);
+                *slot += 1;
             }
         }
     }
