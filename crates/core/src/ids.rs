@@ -49,6 +49,10 @@ define_id!(
     FaceId
 );
 define_id!(
+    /// A part of a mesh whose border is kept: the faces of a material, a group, a primitive.
+    RegionId
+);
+define_id!(
     /// One side of an edge, named by the face corner that it leaves.
     HalfEdgeId
 );

@@ -14,6 +14,6 @@ pub mod shapes;
 pub mod spatial;
 pub mod topology;
 
-pub use ids::{FaceId, HalfEdgeId, VertexId, WedgeId};
-pub use mesh::{Bounds, MeshError, Positions, PositionsView, Surface, TriMesh};
+pub use ids::{FaceId, HalfEdgeId, RegionId, VertexId, WedgeId};
+pub use mesh::{Attribute, Bounds, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh};
 pub use topology::Topology;

@@ -2,11 +2,14 @@
 
 use std::borrow::Cow;
 
-use crate::ids::{VertexId, WedgeId};
+use crate::ids::{RegionId, VertexId, WedgeId};
 
+pub mod attributes;
 pub mod compact;
 pub mod defects;
 pub mod weld;
+
+pub use attributes::{Attribute, Morphed, Semantic};
 
 /// Why buffers do not make a mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -32,14 +35,14 @@ pub enum MeshError {
         /// How many vertices there are.
         count: usize,
     },
-    /// A buffer of attributes has not one entry for each wedge.
-    #[error("{name} has {got} entries for {wanted} wedges")]
+    /// A buffer has not one entry for each wedge, or of regions for each face.
+    #[error("{name} has {got} entries for {wanted}")]
     WrongLength {
         /// Name of the buffer.
         name: &'static str,
         /// Its length.
         got: usize,
-        /// The number of wedges.
+        /// The number of wedges, or faces.
         wanted: usize,
     },
     /// More elements than 32-bit ids can name.
@@ -208,6 +211,8 @@ pub struct TriMesh {
     normals: Option<Vec<[f32; 3]>>,
     uvs: Option<Vec<[f32; 2]>>,
     colors: Option<Vec<[f32; 4]>>,
+    further: Vec<Attribute>,
+    regions: Option<Vec<RegionId>>,
 }
 
 impl TriMesh {
@@ -220,7 +225,7 @@ impl TriMesh {
         check_size("corners", triangles.len().saturating_mul(3))?;
         check_triangles(bytemuck::cast_slice(&triangles), positions.len())?;
         let triangles = bytemuck::allocation::cast_vec(triangles);
-        Ok(Self { triangles, vertex_of: None, positions, normals: None, uvs: None, colors: None })
+        Ok(Self::bare(positions, None, triangles))
     }
 
     /// A mesh whose wedges are spread over the vertices: `vertex_of[w]` is the vertex of wedge w.
@@ -240,7 +245,20 @@ impl TriMesh {
         if let Some(wedge) = vertex_of.iter().position(|v| v.index() >= count) {
             return Err(MeshError::WedgeOutOfRange { wedge, index: vertex_of[wedge].0, count });
         }
-        Ok(Self { triangles, vertex_of: Some(vertex_of), positions, normals: None, uvs: None, colors: None })
+        Ok(Self::bare(positions, Some(vertex_of), triangles))
+    }
+
+    fn bare(positions: Positions, vertex_of: Option<Vec<VertexId>>, triangles: Vec<[WedgeId; 3]>) -> Self {
+        Self {
+            triangles,
+            vertex_of,
+            positions,
+            normals: None,
+            uvs: None,
+            colors: None,
+            further: Vec::new(),
+            regions: None,
+        }
     }
 
     /// Puts normals on the wedges, unit length.
@@ -265,6 +283,31 @@ impl TriMesh {
     /// [`MeshError::WrongLength`] if there is not one for each wedge.
     pub fn set_colors(&mut self, colors: Option<Vec<[f32; 4]>>) -> Result<(), MeshError> {
         self.colors = self.checked("colours", colors)?;
+        Ok(())
+    }
+
+    /// Adds an attribute beside normals, the first texture coordinates and the first colours.
+    ///
+    /// # Errors
+    /// [`MeshError::WrongLength`] if it has not `width` values for each wedge.
+    pub fn add_attribute(&mut self, attribute: Attribute) -> Result<(), MeshError> {
+        let (got, wanted) = (attribute.values.len(), attribute.width * self.wedge_count());
+        if attribute.width == 0 || got != wanted {
+            return Err(MeshError::WrongLength { name: attribute.semantic.title(), got, wanted });
+        }
+        self.further.push(attribute);
+        Ok(())
+    }
+    /// Says which region each face belongs to: a material, a group, a primitive. Regions keep their borders.
+    ///
+    /// # Errors
+    /// [`MeshError::WrongLength`] if there is not one for each face.
+    pub fn set_regions(&mut self, regions: Option<Vec<RegionId>>) -> Result<(), MeshError> {
+        let wanted = self.face_count();
+        if let Some(got) = regions.as_ref().map(Vec::len).filter(|&got| got != wanted) {
+            return Err(MeshError::WrongLength { name: "regions", got, wanted });
+        }
+        self.regions = regions;
         Ok(())
     }
 
@@ -306,6 +349,14 @@ impl TriMesh {
     pub fn colors(&self) -> Option<&[[f32; 4]]> {
         self.colors.as_deref()
     }
+    /// The attributes beside normals, the first texture coordinates and the first colours.
+    pub fn further_attributes(&self) -> &[Attribute] {
+        &self.further
+    }
+    /// The region of each face; `None` where all are one.
+    pub fn regions(&self) -> Option<&[RegionId]> {
+        self.regions.as_deref()
+    }
     /// Number of triangles.
     pub fn face_count(&self) -> usize {
         self.triangles.len()
@@ -320,7 +371,7 @@ impl TriMesh {
     }
     /// Whether any attribute stands on the wedges.
     pub fn has_attributes(&self) -> bool {
-        self.normals.is_some() || self.uvs.is_some() || self.colors.is_some()
+        self.normals.is_some() || self.uvs.is_some() || self.colors.is_some() || !self.further.is_empty()
     }
 
     /// Positions and triangles alone, borrowed where wedges and vertices have the same numbers.
@@ -388,6 +439,19 @@ mod tests {
         assert!(mesh.set_uvs(Some(vec![[0.0; 2]; 2])).is_err());
         assert!(mesh.set_uvs(Some(vec![[0.0; 2]; 3])).is_ok());
         assert!(mesh.has_attributes());
+    }
+
+    #[test]
+    fn further_attributes_and_regions_are_counted() {
+        let mut mesh = TriMesh::new(positions(), vec![[VertexId(0), VertexId(1), VertexId(2)]]).unwrap();
+        let tangents = |n| Attribute { semantic: Semantic::Tangent, width: 4, values: vec![0.0; n] };
+        let wrong = MeshError::WrongLength { name: "tangents", got: 9, wanted: 12 };
+        assert_eq!(mesh.add_attribute(tangents(9)), Err(wrong));
+        assert_eq!(mesh.add_attribute(tangents(12)), Ok(()));
+        assert!(mesh.has_attributes() && mesh.further_attributes().len() == 1);
+        assert!(mesh.set_regions(Some(vec![RegionId(0); 3])).is_err());
+        assert!(mesh.set_regions(Some(vec![RegionId(7)])).is_ok());
+        assert_eq!(mesh.regions(), Some(&[RegionId(7)][..]));
     }
 
     #[test]

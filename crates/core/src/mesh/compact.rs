@@ -2,7 +2,7 @@
 
 use crate::ids::{VertexId, WedgeId};
 use crate::mesh::weld::kept;
-use crate::mesh::{Positions, TriMesh};
+use crate::mesh::{Attribute, Positions, TriMesh};
 
 /// A mesh in which every vertex and every wedge is used, and what that took.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +46,12 @@ pub fn compact(mesh: &TriMesh) -> Compacted {
         normals: mesh.normals.as_deref().map(|n| kept(n, wedge_stays)),
         uvs: mesh.uvs.as_deref().map(|t| kept(t, wedge_stays)),
         colors: mesh.colors.as_deref().map(|c| kept(c, wedge_stays)),
+        further: mesh
+            .further
+            .iter()
+            .map(|a| Attribute { values: kept(&a.values, |i| wedge_used[i / a.width]), ..a.clone() })
+            .collect(),
+        regions: mesh.regions.clone(),
     };
     Compacted {
         dropped_vertex_count: mesh.vertex_count() - result.vertex_count(),

@@ -1,7 +1,7 @@
 //! Welding: vertices at the same place become one.
 
 use crate::ids::{VertexId, WedgeId};
-use crate::mesh::{Positions, PositionsView, TriMesh};
+use crate::mesh::{Attribute, Positions, PositionsView, TriMesh};
 
 /// Which vertices stand for which: the answer of [`weld`] and [`weld_within`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -143,7 +143,11 @@ pub fn weld_mesh(mesh: &TriMesh, distance: Option<f64>) -> WeldedMesh {
             let head = hash([u64::from(vertex(w).0), pair(n[0], n[1]), pair(n[2], t[0])]);
             hash([head, pair(t[1], c[0]), pair(c[1], c[2]) ^ u64::from(c[3]).rotate_left(17)])
         };
-        let equal = |a: usize, b: usize| vertex(a) == vertex(b) && attributes(a) == attributes(b);
+        let bits =
+            |a: &Attribute, w: usize| a.of(WedgeId(w as u32)).iter().map(|x| bits32(*x)).collect::<Vec<_>>();
+        let further = |a: usize, b: usize| mesh.further.iter().all(|x| bits(x, a) == bits(x, b));
+        let equal =
+            |a: usize, b: usize| vertex(a) == vertex(b) && attributes(a) == attributes(b) && further(a, b);
         first_equal(mesh.wedge_count(), hash_of, equal)
     } else {
         // Without attributes one wedge a vertex says all.
@@ -171,6 +175,12 @@ pub fn weld_mesh(mesh: &TriMesh, distance: Option<f64>) -> WeldedMesh {
         normals: mesh.normals.as_deref().map(|n| kept(n, wedge_stays)),
         uvs: mesh.uvs.as_deref().map(|t| kept(t, wedge_stays)),
         colors: mesh.colors.as_deref().map(|c| kept(c, wedge_stays)),
+        further: mesh
+            .further
+            .iter()
+            .map(|a| Attribute { values: kept(&a.values, |i| wedge_stays(i / a.width)), ..a.clone() })
+            .collect(),
+        regions: mesh.regions.clone(),
     };
     WeldedMesh {
         merged_vertex_count: welded.merged_count(),
