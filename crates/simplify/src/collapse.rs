@@ -129,8 +129,14 @@ impl<M: Metric> Engine<M> {
             wings: Vec::new(),
             rim: Vec::new(),
         };
-        let duplicates = engine.classify();
+        // Before the corner lists, so that both need not have room at once.
         engine.weigh();
+        engine.store.link();
+        let duplicates = engine.classify();
+        if duplicates > 0 {
+            engine.weigh();
+        }
+        engine.weigh_lines();
         (engine, duplicates)
     }
 
@@ -159,8 +165,12 @@ impl<M: Metric> Engine<M> {
         duplicates.len()
     }
 
-    /// Tensors and facings of all vertices.
+    /// Facings of all vertices, and tensors of the planes around them.
     fn weigh(&mut self) {
+        self.total_area = 0.0;
+        for x in &mut self.store.v {
+            x.q = M::Memory::default();
+        }
         let mut normals = vec![Vec3::ZERO; self.store.v.len()];
         for i in 0..self.store.t.len() {
             let t = self.store.t[i];
@@ -176,9 +186,16 @@ impl<M: Metric> Engine<M> {
         for (x, &normal) in self.store.v.iter_mut().zip(&normals) {
             x.facing = Facing::of(normal);
         }
+    }
+
+    /// Lines of all feature edges.
+    fn weigh_lines(&mut self) {
+        if !self.has_lines() {
+            return;
+        }
         let mut ring = Vec::new();
         for u in (0..self.store.v.len() as u32).map(VertexId) {
-            if self.store.v[u.index()].kind.is_feature() && self.has_lines() {
+            if self.store.v[u.index()].kind.is_feature() {
                 self.store.ring(u, &mut ring);
                 self.add_lines(u, &ring);
             }

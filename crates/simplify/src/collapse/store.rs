@@ -108,6 +108,7 @@ const WORTH_PERCENT: usize = 25;
 const SLACK_PERCENT: usize = 30;
 
 impl<M: Metric> Store<M> {
+    /// A store whose corner lists are still to be filled.
     pub(crate) fn new(
         points: Vec<Vec3>,
         faces: Vec<[VertexId; 3]>,
@@ -128,7 +129,7 @@ impl<M: Metric> Store<M> {
             });
         }
         drop(points);
-        let mut store = Self {
+        Self {
             bound: vec![super::UNKNOWN; v.len()],
             live_faces: faces.len(),
             live_vertices: v.len(),
@@ -139,13 +140,11 @@ impl<M: Metric> Store<M> {
             t: faces,
             wedges,
             stamp: 0,
-        };
-        store.link();
-        store
+        }
     }
 
     /// Fills the corner lists afresh.
-    fn link(&mut self) {
+    pub(crate) fn link(&mut self) {
         // Counted aside: a table of numbers is an eighth of the vertices.
         let mut at = vec![0u32; self.v.len() + 1];
         for w in self.t.iter().flatten() {
