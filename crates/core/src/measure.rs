@@ -3,10 +3,12 @@
 //! [`compare`] measures two surfaces once. Whoever measures many candidates against one reference makes it
 //! [`Prepared`] and calls [`compare_prepared`].
 
+mod attributes;
 mod chunks;
 mod one_way;
 mod prepared;
 
+pub use attributes::{AttributeError, AttributeErrors, compare_attributes};
 pub use prepared::Prepared;
 
 use crate::ids::VertexId;

@@ -18,6 +18,7 @@
 //! least cost last seen at u, and a stale bound only delays or hastens a collapse by a sweep. Exact order buys nothing:
 //! the expected quality is that of a global queue [Wu-Kobbelt 2002], at a fraction of its time.
 
+pub(crate) mod attributes;
 mod bound;
 mod commit;
 mod evaluate;
@@ -38,9 +39,10 @@ use crate::metric::Metric;
 use crate::options::Placement;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
+use attributes::Attributes;
 use bound::Histogram;
 use commit::{BORDER, Candidate, Outcome, Wing};
-use kind::{Kind, distinct, faces_at};
+use kind::{Kind, distinct};
 use late::Late;
 use parts::Parts;
 use store::{Facing, Ring, Store};
@@ -98,6 +100,7 @@ pub(crate) struct Engine<M: Metric> {
     /// The parts, where they go in the order of costs.
     parts: Option<Parts>,
     wedge_data: Option<Wedges>,
+    pub(crate) attributes: Option<Attributes>,
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
     pub(crate) parts_removed: usize,
@@ -106,13 +109,19 @@ pub(crate) struct Engine<M: Metric> {
     /// Sum of the costs of parts that went, in the same measure.
     lost: f64,
     wings: Vec<Wing>,
-    rim: Vec<(VertexId, bool)>,
+    /// Ends of lines around the edge that goes: whether at the kept end, and the line's weight.
+    rim: Vec<(VertexId, bool, f32)>,
 }
 
 impl<M: Metric> Engine<M> {
     /// Takes a store and fills its tensors and kinds. Says how many faces stood twice with the same winding; they are
     /// gone afterwards.
-    pub(crate) fn new(store: Store<M>, rules: Rules, wedge_data: Option<Wedges>) -> (Self, usize) {
+    pub(crate) fn new(
+        store: Store<M>,
+        rules: Rules,
+        wedge_data: Option<Wedges>,
+        attributes: Option<Attributes>,
+    ) -> (Self, usize) {
         let mut engine = Self {
             store,
             rules,
@@ -121,6 +130,7 @@ impl<M: Metric> Engine<M> {
             late: None,
             parts: None,
             wedge_data,
+            attributes,
             refusals: [0; Refusal::ALL.len()],
             collapses: 0,
             parts_removed: 0,
@@ -136,6 +146,7 @@ impl<M: Metric> Engine<M> {
         if duplicates > 0 {
             engine.weigh();
         }
+        engine.weigh_attributes();
         engine.weigh_lines();
         (engine, duplicates)
     }
@@ -150,7 +161,7 @@ impl<M: Metric> Engine<M> {
                 let twice = |i: usize| ring[..i].iter().any(|r| (r.a, r.b) == (ring[i].a, ring[i].b));
                 duplicates.extend((0..ring.len()).filter(|&i| twice(i)).map(|i| ring[i].corner.face()));
             }
-            self.store.v[u.index()].kind = kind;
+            self.store.v[u.index()].kind = self.with_seams(kind, &ring);
         }
         if duplicates.is_empty() {
             return 0;
@@ -195,7 +206,7 @@ impl<M: Metric> Engine<M> {
         }
         let mut ring = Vec::new();
         for u in (0..self.store.v.len() as u32).map(VertexId) {
-            if self.store.v[u.index()].kind.is_feature() {
+            if self.store.v[u.index()].kind.has_lines() {
                 self.store.ring(u, &mut ring);
                 self.add_lines(u, &ring);
             }
@@ -203,17 +214,30 @@ impl<M: Metric> Engine<M> {
     }
 
     fn add_lines(&mut self, u: VertexId, ring: &Ring) {
-        for w in distinct(ring).filter(|&w| faces_at(ring, w) != 2) {
-            let line = Tensor::line(self.store.p(w) - self.store.p(u), BORDER);
-            M::tensor(&mut self.store.v[u.index()].q).add(&line);
+        let seams = self.store.v[u.index()].kind.is_seam();
+        for w in distinct(ring) {
+            let weight = self.line_weight(ring, w, seams);
+            if weight > 0.0 {
+                let line = Tensor::line(self.store.p(w) - self.store.p(u), weight);
+                M::tensor(&mut self.store.v[u.index()].q).add(&line);
+            }
         }
+    }
+
+    /// A kind with what the wedges and regions of the star add to it.
+    fn with_seams(&self, kind: Kind, ring: &Ring) -> Kind {
+        if self.attributes.is_none() && self.store.regions.is_none() {
+            return kind;
+        }
+        kind.on_seam(distinct(ring).any(|w| self.store.is_seam_edge(ring, w)))
     }
 
     /// Kind and, where the metric is memoryless, tensor of a vertex afresh from its star.
     fn refresh(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
         let old = self.store.v[u.index()].kind;
-        self.store.v[u.index()].kind = Kind::of(ring, self.rules.border).moved(old.is_moved());
+        let kind = Kind::of(ring, self.rules.border).moved(old.is_moved());
+        self.store.v[u.index()].kind = self.with_seams(kind, ring);
         if !M::MEMORYLESS {
             return;
         }
@@ -222,6 +246,7 @@ impl<M: Metric> Engine<M> {
         for r in ring.iter() {
             M::tensor(&mut q).add(&Tensor::plane((self.store.p(r.a) - p).cross(self.store.p(r.b) - p)));
         }
+        M::tensor(&mut q).add(&self.attribute_tensor(u, ring));
         self.store.v[u.index()].q = q;
         if self.has_lines() {
             self.add_lines(u, ring);
@@ -351,7 +376,7 @@ impl<M: Metric> Engine<M> {
             Vec3::ZERO => d,
             _ => Vec3::ZERO,
         };
-        let other = Candidate { step, cost: self.cost_at(x, z, step), ..*refused };
+        let other = Candidate { step, cost: self.cost_at(u, v, step), ..*refused };
         (other.cost <= tau).then_some(other)
     }
 

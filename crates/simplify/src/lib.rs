@@ -1,5 +1,6 @@
 //! Makes triangle meshes lighter: the closest mesh for the count, at the speed of the fastest tool.
 
+mod attributes;
 mod collapse;
 pub mod control;
 mod fit;
@@ -15,7 +16,8 @@ pub use control::{Control, NoControl, Stage, Verdict};
 pub use lodsmith_core as core;
 use lodsmith_core::{MeshError, Surface, TriMesh};
 pub use options::{
-    BorderPolicy, Fit, Guards, Length, Measure, Method, Placement, SimplifyOptions, Stop, TopologyPolicy,
+    AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, Placement, SimplifyOptions, Stop,
+    TopologyPolicy,
 };
 pub use report::{Cleanup, ErrorReport, Refusal, Report, StoppedBy};
 

@@ -127,6 +127,27 @@ pub struct Guards {
     pub max_edge: Option<Length>,
 }
 
+/// How much attributes count in the cost, times what they count by default; 0 carries them without a say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AttributeWeights {
+    /// Normals.
+    pub normal: f64,
+    /// Texture coordinates.
+    pub uv: f64,
+    /// Colours.
+    pub color: f64,
+    /// What morph targets add to positions. At 1 a distance in a key pose counts like one at rest.
+    pub morph: f64,
+    /// Everything else.
+    pub other: f64,
+}
+
+impl Default for AttributeWeights {
+    fn default() -> Self {
+        Self { normal: 1.0, uv: 1.0, color: 1.0, morph: 1.0, other: 1.0 }
+    }
+}
+
 /// What is promised of the deviation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Measure {
@@ -155,6 +176,8 @@ pub struct SimplifyOptions {
     pub topology: TopologyPolicy,
     /// Guards of the result.
     pub guards: Guards,
+    /// How much attributes count.
+    pub weights: AttributeWeights,
     /// Whether the result is measured.
     pub measure: Measure,
     /// Vertices closer than this are joined first. Equal positions always are.

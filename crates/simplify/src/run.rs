@@ -1,10 +1,13 @@
 //! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
 
+use glam::Vec3;
 use lodsmith_core::measure::{self, CompareOptions, Comparison};
 use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::mesh::weld;
-use lodsmith_core::{Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{Positions, PositionsView, RegionId, Surface, TriMesh, VertexId, WedgeId};
 
+use crate::attributes::Rows;
+use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
 use crate::collapse::{End, Engine, Goal, Look, Original, Wedges};
@@ -141,7 +144,8 @@ fn run_with<M: Metric>(
         _ => true,
     };
     let dropped = match input.mesh {
-        Some(mesh) if options.placement != Placement::Endpoint => names_of_attributes(mesh),
+        // The best place of a wedge is a blend; the ends alone have all that stands on them.
+        Some(mesh) if options.placement == Placement::Endpoint => names_of_further(mesh),
         _ => Vec::new(),
     };
     let report = Report {
@@ -314,13 +318,16 @@ impl Run<'_, '_> {
         } else {
             (std::mem::take(&mut self.ordered.points), std::mem::take(&mut self.ordered.faces))
         };
-        let wedges = self.wedges(&faces);
-        let (store_wedges, wedge_data) = match wedges {
-            Some((corners, data)) => (Some(corners), Some(data)),
-            None => (None, None),
-        };
-        let store = Store::<M>::new(points, faces, store_wedges);
-        let (mut engine, duplicate_faces) = Engine::new(store, rules, wedge_data);
+        let regions = self.regions();
+        let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
+        if !M::MEMORYLESS
+            && let Some((_, attributes)) = &mut rows
+        {
+            attributes.weights.fill(0.0);
+        }
+        let (rows, attributes) = rows.unzip();
+        let store = Store::<M>::new(points, faces, wedges, regions);
+        let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
 
         control.stage(Stage::Collapse);
         if parts_go {
@@ -357,24 +364,58 @@ impl Run<'_, '_> {
             collapses: engine.collapses,
             parts_removed: engine.parts_removed,
             duplicate_faces,
-            mesh: self.result(&engine.store)?,
+            mesh: self.result(&engine, rows.as_ref())?,
         })
     }
 
-    /// The wedges of the ordered faces, where attributes are kept.
-    fn wedges(&self, faces: &[[VertexId; 3]]) -> Option<(Vec<[WedgeId; 3]>, Wedges)> {
-        let mesh = self.input.mesh.filter(|m| m.has_attributes())?;
-        if self.options.placement != Placement::Endpoint {
-            return None;
+    /// The regions of the ordered faces, where there are several.
+    fn regions(&self) -> Option<Vec<RegionId>> {
+        let regions = self.input.mesh?.regions()?;
+        regions
+            .iter()
+            .any(|r| *r != regions[0])
+            .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i], RegionId(0)))
+    }
+
+    /// The wedges of the ordered faces, where there are attributes or regions.
+    fn corners(&self, faces: &[[VertexId; 3]], points: &[Vec3]) -> Corners {
+        let none = Corners { wedges: None, endpoints: None, rows: None };
+        let Some(mesh) = self.input.mesh.filter(|m| m.has_attributes() || m.regions().is_some()) else {
+            return none;
+        };
+        let mut wedges = self.ordered.wedges(&self.input.surface, mesh);
+        debug_assert_eq!(wedges.len(), faces.len());
+        if self.options.placement == Placement::Endpoint {
+            let uvs = mesh.uvs().map(<[_]>::to_vec);
+            let endpoints = Wedges { uvs, normals: mesh.normals().map(<[_]>::to_vec) };
+            return Corners { wedges: Some(wedges), endpoints: Some(endpoints), rows: None };
         }
-        let corners = self.ordered.wedges(&self.input.surface, mesh);
-        debug_assert_eq!(corners.len(), faces.len());
-        let data = Wedges { uvs: mesh.uvs().map(<[_]>::to_vec), normals: mesh.normals().map(<[_]>::to_vec) };
-        Some((corners, data))
+        let place = |w: WedgeId| self.ordered.rank[mesh.vertex_of(w).index()];
+        let Some((rows, mut attributes)) = Rows::new(mesh, place) else { return none };
+        for w in wedges.iter_mut().flatten() {
+            *w = rows.wedge_rows[w.index()];
+        }
+        let edge = self.result_edge(faces, points);
+        let frame = self.ordered.frame;
+        rows.weigh(&mut attributes, &self.options.weights, faces, &wedges, points, frame, edge);
+        Corners { wedges: Some(wedges), endpoints: None, rows: Some((rows, attributes)) }
+    }
+
+    /// About how long the edges of the result will be, in the unit frame: those of equilateral triangles.
+    fn result_edge(&self, faces: &[[VertexId; 3]], points: &[Vec3]) -> f64 {
+        let doubled = |t: &[VertexId; 3]| {
+            let [a, b, c] = t.map(|v| points[v.index()]);
+            f64::from((b - a).cross(c - a).length())
+        };
+        let area = 0.5 * faces.iter().map(doubled).sum::<f64>();
+        let by_vertices = self.goal.vertices.map(|n| 2 * n);
+        let count = self.goal.faces.or(by_vertices).unwrap_or(faces.len() / 10).clamp(1, faces.len().max(1));
+        (area / (0.433 * count as f64)).sqrt()
     }
 
     /// The mesh of a compact store. Vertices that kept their place have the bits of the input.
-    fn result<M: Metric>(&self, store: &Store<M>) -> Result<TriMesh, SimplifyError> {
+    fn result<M: Metric>(&self, engine: &Engine<M>, rows: Option<&Rows>) -> Result<TriMesh, SimplifyError> {
+        let store = &engine.store;
         let input_positions = self.input.surface.positions();
         // The first vertex of the input at each place.
         let mut first = vec![NONE; store.merged_into.len()];
@@ -393,11 +434,27 @@ impl Run<'_, '_> {
             PositionsView::F32(_) => Positions::F32(places.map(|p| p.map(|x| x as f32)).collect()),
             PositionsView::F64(_) => Positions::F64(places.collect()),
         };
-        match (&store.wedges, self.input.mesh) {
-            (Some(wedges), Some(mesh)) => with_attributes(mesh, positions, &store.t, wedges),
-            _ => Ok(TriMesh::new(positions, store.t.clone())?),
+        let mut result = match (&store.wedges, self.input.mesh, rows, &engine.attributes) {
+            (Some(wedges), _, Some(rows), Some(attributes)) => {
+                rows.mesh(attributes, positions, &store.t, wedges)?
+            }
+            (Some(wedges), Some(mesh), None, _) => with_attributes(mesh, positions, &store.t, wedges)?,
+            _ => TriMesh::new(positions, store.t.clone())?,
+        };
+        match (&store.regions, self.input.mesh.and_then(TriMesh::regions)) {
+            (Some(regions), _) => result.set_regions(Some(regions.clone()))?,
+            (None, Some(all)) => result.set_regions(all.first().map(|&r| vec![r; store.t.len()]))?,
+            (None, None) => {}
         }
+        Ok(result)
     }
+}
+
+/// What stands at the corners of the ordered faces.
+struct Corners {
+    wedges: Option<Vec<[WedgeId; 3]>>,
+    endpoints: Option<Wedges>,
+    rows: Option<(Rows, Attributes)>,
 }
 
 /// The result's wedges, numbered in the order of the faces, with their attributes from the input.
@@ -428,13 +485,11 @@ fn with_attributes(
     Ok(result)
 }
 
-fn names_of_attributes(mesh: &TriMesh) -> Vec<&'static str> {
-    let has = [
-        ("normals", mesh.normals().is_some()),
-        ("uvs", mesh.uvs().is_some()),
-        ("colors", mesh.colors().is_some()),
-    ];
-    has.into_iter().filter(|x| x.1).map(|x| x.0).collect()
+/// What `endpoint` does not carry.
+fn names_of_further(mesh: &TriMesh) -> Vec<&'static str> {
+    let mut names: Vec<_> = mesh.further_attributes().iter().map(|a| a.semantic.title()).collect();
+    names.dedup();
+    names
 }
 
 /// The number of faces that a ratio stands for: at least one.

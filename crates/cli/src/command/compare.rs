@@ -3,7 +3,9 @@
 use std::time::Instant;
 
 use anyhow::Context as _;
-use lodsmith::core::measure::{CompareOptions, Comparison, compare};
+use lodsmith::core::measure::{
+    AttributeError, AttributeErrors, CompareOptions, Comparison, compare, compare_attributes,
+};
 use lodsmith::core::spatial::{Bvh, Hint};
 use lodsmith::core::{TriMesh, VertexId};
 use lodsmith_io::{Format, Loaded};
@@ -43,6 +45,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         options.samples = args.samples;
         options.seed = args.seed;
         let comparison = compare(&reference.mesh.surface(), &candidate.mesh.surface(), &options)?;
+        let attributes = compare_attributes(&reference.mesh, &candidate.mesh, &options)?;
         let red = match &args.heatmap {
             None => None,
             Some(path) => {
@@ -52,17 +55,21 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
                 Some(red)
             }
         };
-        anyhow::Ok((reference, candidate, comparison, red))
+        anyhow::Ok((reference, candidate, comparison, attributes, red))
     });
     progress.finish();
-    let (reference, candidate, comparison, red) = compared?;
+    let (reference, candidate, comparison, attributes, red) = compared?;
 
     for (source, loaded) in [(&args.reference, &reference), (&args.candidate, &candidate)] {
         show_warnings(&out, &source.to_string(), &loaded.warnings, false);
     }
-    out.object(&to_json(&comparison));
+    out.object(&to_json(&comparison, &attributes));
     for line in table(&comparison, &reference, &candidate) {
         out.line(&line);
+    }
+    for (name, unit, error) in named(&attributes) {
+        let [mean, rms, p95] = [error.mean, error.rms, error.p95].map(|x| significant(x.symmetric, 4));
+        out.line(&format!("{name:<16}mean {mean}{unit}, rms {rms}{unit}, 95 % below {p95}{unit}"));
     }
     if let (Some(red), Some(path)) = (red, &args.heatmap) {
         out.line(&format!("heat map        {}: blue 0, red {}", path.display(), significant(red, 3)));
@@ -71,7 +78,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     out.finish(Status::Done)
 }
 
-fn to_json(c: &Comparison) -> Value {
+fn to_json(c: &Comparison, attributes: &AttributeErrors) -> Value {
     let relative = |x: f64| if c.diagonal > 0.0 { x / c.diagonal } else { 0.0 };
     json!({
         "hausdorff": both_ways(&c.hausdorff),
@@ -87,8 +94,20 @@ fn to_json(c: &Comparison) -> Value {
         "normal_deviation_deg": { "mean": c.normal_mean_deg, "p95": c.normal_p95_deg },
         "samples": c.samples,
         "seed": c.seed,
-        "attributes": Map::new(),
+        "attributes": attributes_json(attributes),
     })
+}
+
+/// The attributes that were compared: name, unit, errors.
+fn named(errors: &AttributeErrors) -> Vec<(&'static str, &'static str, AttributeError)> {
+    let all = [("normals", "°", errors.normals_deg), ("uvs", "", errors.uvs), ("colors", "", errors.colors)];
+    all.into_iter().filter_map(|(name, unit, error)| Some((name, unit, error?))).collect()
+}
+
+fn attributes_json(errors: &AttributeErrors) -> Value {
+    let json = |e: AttributeError| json!({ "mean": both_ways(&e.mean), "rms": both_ways(&e.rms), "p95": both_ways(&e.p95) });
+    let all = [("normals_deg", errors.normals_deg), ("uvs", errors.uvs), ("colors", errors.colors)];
+    all.into_iter().filter_map(|(name, e)| Some((name.to_owned(), json(e?)))).collect::<Map<_, _>>().into()
 }
 
 /// The figures for people.

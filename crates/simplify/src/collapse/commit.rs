@@ -4,7 +4,7 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use super::Engine;
-use super::kind::{distinct, faces_at};
+use super::kind::distinct;
 use super::order::NONE;
 use super::store::{Corner, Ring, Spoke, Vertex};
 use crate::metric::{Form, Metric};
@@ -95,6 +95,9 @@ impl<M: Metric> Engine<M> {
         if ru.len() + rv.len() == 2 * shared {
             return Outcome::Refused(Refusal::Component);
         }
+        if let Err(why) = self.ask_seams(u, v, ru, rv) {
+            return Outcome::Refused(why);
+        }
         let d = z.p - x.p;
         let off = y - d;
         let at = merged_position(x.p, z.p, y);
@@ -157,20 +160,24 @@ impl<M: Metric> Engine<M> {
         }
         // Feature edges of the star, by the end that stays; the edge u-v, if it is one, is listed with v.
         self.rim.clear();
-        if (x.kind.is_feature() || z.kind.is_feature()) && self.has_lines() {
-            for (ring, other, at_u, from, step) in [(ru, v, true, x.p, y), (rv, u, false, z.p, off)] {
+        if (x.kind.has_lines() || z.kind.has_lines()) && self.has_lines() {
+            for (ring, other, at_u, end, step) in [(ru, v, true, &x, y), (rv, u, false, &z, off)] {
                 for w in distinct(ring) {
-                    if faces_at(ring, w) == 2 || (w == other && !at_u) {
+                    let line = self.line_weight(ring, w, end.kind.is_seam());
+                    if line == 0.0 || (w == other && !at_u) {
                         continue;
                     }
-                    let c = (self.store.p(w) - from).cross(step);
+                    let edge = self.store.p(w) - end.p;
+                    let c = edge.cross(step);
                     let weight = if w == v { 2.0 } else { 1.0 };
-                    cost += BORDER * weight * c.length_squared();
-                    peak =
-                        peak.max(c.length_squared() / (self.store.p(w) - from).length_squared().max(1e-37));
-                    self.rim.push((w, at_u));
+                    cost += line * weight * c.length_squared();
+                    peak = peak.max(c.length_squared() / edge.length_squared().max(1e-37));
+                    self.rim.push((w, at_u, line));
                 }
             }
+        }
+        if M::MEMORYLESS && self.attributes.is_some() {
+            cost += self.attribute_cost(u, v, y, ru, rv);
         }
         if M::MEMORYLESS {
             let peak_weight = self.peak_weight();
@@ -210,6 +217,7 @@ impl<M: Metric> Engine<M> {
         let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
         let at = merged_position(x.p, z.p, y);
         let kind = x.kind.union(z.kind);
+        let own = self.merge_wedges(u, v, y, at, ru, rv);
         let q = if M::MEMORYLESS {
             // The vertices around swap old planes for new ones; u starts afresh.
             let mut q = M::Memory::default();
@@ -224,12 +232,11 @@ impl<M: Metric> Engine<M> {
                 M::tensor(&mut self.store.v[w.a.index()].q).add(&change);
                 M::tensor(&mut self.store.v[w.b.index()].q).add(&change);
             }
-            for &(w, at_u) in self.rim.iter().filter(|r| r.0 != v) {
+            M::tensor(&mut q).add(&own);
+            for &(w, at_u, line) in self.rim.iter().filter(|r| r.0 != v) {
                 let o = &mut self.store.v[w.index()];
-                let (old, new) = (
-                    Tensor::line(if at_u { x.p } else { z.p } - o.p, BORDER),
-                    Tensor::line(at - o.p, BORDER),
-                );
+                let (old, new) =
+                    (Tensor::line(if at_u { x.p } else { z.p } - o.p, line), Tensor::line(at - o.p, line));
                 let s = M::tensor(&mut o.q);
                 s.sub(&old);
                 s.add(&new);

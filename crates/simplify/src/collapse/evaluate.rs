@@ -6,7 +6,6 @@ use wide::f32x4;
 
 use super::Engine;
 use super::commit::{Candidate, TIE};
-use super::store::Vertex;
 use crate::metric::{Form, Metric};
 use crate::options::Placement;
 
@@ -36,6 +35,7 @@ impl<M: Metric> Engine<M> {
     ) -> u64 {
         let mut stuck = 0;
         let plain = M::MEMORYLESS
+            && self.attributes.is_none()
             && self.rules.placement == Placement::Optimal
             && self.store.v[u.index()].kind.is_free();
         for four in owned.chunks(4) {
@@ -121,10 +121,22 @@ impl<M: Metric> Engine<M> {
         q * peak + tie
     }
 
-    /// The cost of merging `z` into `x` at the place of `x` + `step`.
-    pub(crate) fn cost_at(&self, x: &Vertex<M::Memory>, z: &Vertex<M::Memory>, step: Vec3) -> f32 {
+    /// The cost of merging `v` into `u` at the place of `u` + `step`.
+    pub(crate) fn cost_at(&self, u: VertexId, v: VertexId, step: Vec3) -> f32 {
+        let (form, d) = self.form(u, v);
+        self.cost_of(&form, d, step)
+    }
+
+    /// The form of an edge, attributes included, and the way to its other end.
+    #[inline(always)]
+    fn form(&self, u: VertexId, v: VertexId) -> (Form, Vec3) {
+        let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let d = z.p - x.p;
-        self.cost_of(&M::form(&x.q, &z.q, d), d, step)
+        let mut form = M::form(&x.q, &z.q, d);
+        if self.attributes.is_some() {
+            self.add_attributes(u, v, d, &mut form);
+        }
+        (form, d)
     }
 
     /// Cost of the collapse of u and v, and the best place of the merged vertex relative to u; `None` if neither end
@@ -132,8 +144,7 @@ impl<M: Metric> Engine<M> {
     #[inline(never)]
     fn evaluate_edge(&self, u: VertexId, v: VertexId) -> Option<Candidate> {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
-        let d = z.p - x.p;
-        let form = M::form(&x.q, &z.q, d);
+        let (form, d) = self.form(u, v);
         let Form { a, h, .. } = form;
         let trace = a.trace();
         let cost = |y: Vec3| self.cost_of(&form, d, y);

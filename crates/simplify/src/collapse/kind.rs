@@ -25,6 +25,8 @@ impl Kind {
     const MOVED: u32 = 32;
     /// Merged into another.
     const GONE: u32 = 64;
+    /// On an edge whose sides differ in wedges or regions.
+    const SEAM: u32 = 128;
 
     /// The kind of a vertex with this star.
     pub(crate) fn of(ring: &[Spoke], border: BorderPolicy) -> Self {
@@ -68,6 +70,15 @@ impl Kind {
         self.0 & (Self::BORDER | Self::COMPLEX) != 0
     }
     #[inline(always)]
+    pub(crate) fn is_seam(self) -> bool {
+        self.0 & Self::SEAM != 0
+    }
+    /// Has an edge that carries a line: a feature or a seam.
+    #[inline(always)]
+    pub(crate) fn has_lines(self) -> bool {
+        self.0 & (Self::BORDER | Self::COMPLEX | Self::SEAM) != 0
+    }
+    #[inline(always)]
     pub(crate) fn is_border(self) -> bool {
         self.0 & Self::BORDER != 0
     }
@@ -103,6 +114,10 @@ impl Kind {
     #[inline(always)]
     pub(crate) fn moved(self, moved: bool) -> Self {
         Self(if moved { self.0 | Self::MOVED } else { self.0 & !Self::MOVED })
+    }
+    #[inline(always)]
+    pub(crate) fn on_seam(self, seam: bool) -> Self {
+        Self(if seam { self.0 | Self::SEAM } else { self.0 & !Self::SEAM })
     }
     #[inline(always)]
     pub(crate) fn gone(self) -> Self {

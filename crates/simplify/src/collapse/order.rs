@@ -169,6 +169,15 @@ impl Ordered {
     pub(crate) fn faces_again(&self, surface: &Surface<'_>) -> Vec<[VertexId; 3]> {
         by_least(surface.triangles(), &self.rank, self.point_count, |_, r| r, [NONE; 3])
     }
+    /// Something of each face, by its index in the surface that was ordered, in the order of the faces.
+    pub(crate) fn of_faces<T: Copy>(
+        &self,
+        surface: &Surface<'_>,
+        item: impl Fn(usize) -> T,
+        blank: T,
+    ) -> Vec<T> {
+        by_least(surface.triangles(), &self.rank, self.point_count, |i, _| item(i), blank)
+    }
     /// The wedges of the faces, in the order of the faces, from the mesh that was ordered.
     pub(crate) fn wedges(&self, surface: &Surface<'_>, mesh: &TriMesh) -> Vec<[WedgeId; 3]> {
         let wedges = mesh.triangles();

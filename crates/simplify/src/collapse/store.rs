@@ -1,7 +1,7 @@
 //! The mesh that is being collapsed: packed vertices, triangles, and a list of corners for each vertex.
 
 use glam::Vec3;
-use lodsmith_core::{VertexId, WedgeId};
+use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::kind::Kind;
 use super::order::NONE;
@@ -91,6 +91,8 @@ pub(crate) struct Store<M: Metric> {
     pub(crate) t: Vec<[VertexId; 3]>,
     /// The wedge of each corner, where the run carries attributes.
     pub(crate) wedges: Option<Vec<[WedgeId; 3]>>,
+    /// The region of each face, where there are several.
+    pub(crate) regions: Option<Vec<RegionId>>,
     corners: Vec<Corner>,
     pub(crate) live_faces: usize,
     pub(crate) live_vertices: usize,
@@ -113,6 +115,7 @@ impl<M: Metric> Store<M> {
         points: Vec<Vec3>,
         faces: Vec<[VertexId; 3]>,
         wedges: Option<Vec<[WedgeId; 3]>>,
+        regions: Option<Vec<RegionId>>,
     ) -> Self {
         let mut v = Vec::with_capacity(points.len());
         for (i, &p) in points.iter().enumerate() {
@@ -139,6 +142,7 @@ impl<M: Metric> Store<M> {
             v,
             t: faces,
             wedges,
+            regions,
             stamp: 0,
         }
     }
@@ -180,13 +184,8 @@ impl<M: Metric> Store<M> {
 
     /// Drops what is dead and renumbers; the order stays.
     pub(crate) fn compact(&mut self) {
-        if let Some(wedges) = &mut self.wedges {
-            let mut i = 0;
-            wedges.retain(|_| {
-                i += 1;
-                self.t[i - 1][0] != NONE
-            });
-        }
+        retain_living(&mut self.wedges, &self.t);
+        retain_living(&mut self.regions, &self.t);
         self.t.retain(|t| t[0] != NONE);
         let mut map = vec![NONE; self.v.len()];
         for w in self.t.iter().flatten() {
@@ -317,6 +316,17 @@ impl<M: Metric> Store<M> {
             *h = at[h.index()];
         }
         home
+    }
+}
+
+/// Drops what belongs to dead triangles.
+fn retain_living<T>(of_faces: &mut Option<Vec<T>>, t: &[[VertexId; 3]]) {
+    if let Some(of_faces) = of_faces {
+        let mut i = 0;
+        of_faces.retain(|_| {
+            i += 1;
+            t[i - 1][0] != NONE
+        });
     }
 }
 

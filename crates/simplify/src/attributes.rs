@@ -1,0 +1,277 @@
+//! From a mesh's attributes to one row of values for each wedge, and back.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+use lodsmith_core::{Attribute, Morphed, Positions, Semantic, TriMesh, VertexId, WedgeId};
+
+use crate::collapse::attributes::{Attributes, Pulls};
+use crate::collapse::order::Frame;
+use crate::options::AttributeWeights;
+
+/// What an error of 1 in a normal or of the full range in a colour counts: this share of the edge length of the result.
+/// (A curve that an edge cuts short by h turns the normal by 4 h over the edge's length: a quarter would weigh both
+/// alike. Guessed below that, so that shape leads.)
+const NORMAL: f64 = 0.1;
+const COLOR: f64 = 0.1;
+/// What texture coordinates count: a shift of the texture along the surface, as a share of a distance of that length.
+/// (Guessed.)
+const UV: f64 = 0.5;
+
+/// The rows of a mesh, and how to read them.
+pub(crate) struct Rows {
+    layout: Vec<Column>,
+    /// Sets of four joints.
+    skin_sets: Vec<u8>,
+    /// The row of each wedge of the mesh; wedges that are alike at one vertex share theirs.
+    pub(crate) wedge_rows: Vec<WedgeId>,
+    /// Whether colours lie between 0 and 1.
+    unit_colors: bool,
+}
+
+/// Where an attribute stands in a row.
+struct Column {
+    of: Of,
+    at: usize,
+    width: usize,
+}
+
+/// Which attribute.
+enum Of {
+    Normals,
+    Uvs,
+    Colors,
+    Further(Semantic),
+}
+
+impl Rows {
+    /// The rows of a mesh whose wedges belong to the vertices `place`, and the engine's view of them; `None` without
+    /// attributes and regions.
+    pub(crate) fn new(mesh: &TriMesh, place: impl Fn(WedgeId) -> VertexId) -> Option<(Self, Attributes)> {
+        if !mesh.has_attributes() && mesh.regions().is_none() {
+            return None;
+        }
+        let mut layout = Vec::new();
+        let mut width = 0;
+        let mut add = |of: Of, n: usize| {
+            layout.push(Column { of, at: width, width: n });
+            width += n;
+        };
+        if mesh.normals().is_some() {
+            add(Of::Normals, 3);
+        }
+        if mesh.uvs().is_some() {
+            add(Of::Uvs, 2);
+        }
+        if mesh.colors().is_some() {
+            add(Of::Colors, 4);
+        }
+        for a in mesh.further_attributes() {
+            if !matches!(a.semantic, Semantic::Joints(_) | Semantic::Weights(_)) {
+                add(Of::Further(a.semantic.clone()), a.width);
+            }
+        }
+        let skin_sets = skin_sets(mesh);
+        let pulls_of = |w: WedgeId| pulls(mesh, &skin_sets, w);
+
+        // Wedges by vertex, then by value: equal ones get one row, in the order of the vertices.
+        let mut order: Vec<(VertexId, WedgeId)> = (0..mesh.wedge_count() as u32)
+            .map(WedgeId)
+            .map(|w| (place(w), w))
+            .filter(|x| x.0 != crate::collapse::order::NONE)
+            .collect();
+        order.sort_unstable();
+        let mut values: Vec<f32> = Vec::new();
+        let mut all_pulls: Vec<Pulls> = Vec::new();
+        let mut wedge_rows = vec![WedgeId(0); mesh.wedge_count()];
+        let (mut count, mut first) = (0usize, 0usize);
+        let mut row = vec![0f32; width];
+        for (i, &(vertex, w)) in order.iter().enumerate() {
+            if i == 0 || order[i - 1].0 != vertex {
+                first = count;
+            }
+            for c in &layout {
+                c.read(mesh, w, &mut row[c.at..c.at + c.width]);
+            }
+            let own_pulls = pulls_of(w);
+            let same = |&r: &usize| {
+                values[r * width..][..width].iter().zip(&row).all(|(a, b)| a.to_bits() == b.to_bits())
+                    && (skin_sets.is_empty() || all_pulls[r] == own_pulls)
+            };
+            // A vertex of a great many wedges is looked through in part only.
+            let known = (first.max(count.saturating_sub(64))..count).find(same);
+            wedge_rows[w.index()] = WedgeId(known.unwrap_or(count) as u32);
+            if known.is_none() {
+                values.extend_from_slice(&row);
+                if !skin_sets.is_empty() {
+                    all_pulls.push(own_pulls);
+                }
+                count += 1;
+            }
+        }
+        let unit_colors = mesh.colors().is_none_or(|c| c.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
+        let directions = layout.iter().filter(|c| c.is_direction()).map(|c| c.at).collect();
+        let attributes = Attributes::new(count, width, directions, values, all_pulls);
+        Some((Self { layout, skin_sets, wedge_rows, unit_colors }, attributes))
+    }
+
+    /// Sets what each value counts in the cost, for a result of about `edge` long edges (in the unit frame).
+    pub(crate) fn weigh(
+        &self,
+        attributes: &mut Attributes,
+        weights: &AttributeWeights,
+        faces: &[[VertexId; 3]],
+        wedges: &[[WedgeId; 3]],
+        points: &[Vec3],
+        frame: Frame,
+        edge: f64,
+    ) {
+        for c in &self.layout {
+            let range = c.at..c.at + c.width;
+            // Root of the mean square gradient of a value.
+            let gradient = |range: std::ops::Range<usize>| {
+                attributes.mean_gradient(range, faces, wedges, points).max(1e-12)
+            };
+            let weight = match &c.of {
+                Of::Normals => weights.normal * NORMAL * edge,
+                Of::Colors => weights.color * COLOR * edge,
+                Of::Uvs => weights.uv * UV / gradient(range.clone()),
+                Of::Further(Semantic::Uv(_)) => weights.uv * UV / gradient(range.clone()),
+                Of::Further(Semantic::Color(_)) => weights.color * COLOR * edge,
+                Of::Further(Semantic::Morph { of: Morphed::Position, .. }) => {
+                    weights.morph * frame.unit_length(1.0)
+                }
+                Of::Further(Semantic::Morph { of: Morphed::Normal, .. }) => weights.normal * NORMAL * edge,
+                Of::Further(Semantic::Custom(_)) => weights.other * UV / gradient(range.clone()),
+                Of::Further(_) => 0.0,
+            };
+            attributes.weights[range].fill((weight * weight) as f32);
+        }
+    }
+
+    /// The mesh of these faces, with the attributes of their wedges.
+    pub(crate) fn mesh(
+        &self,
+        attributes: &Attributes,
+        positions: Positions,
+        faces: &[[VertexId; 3]],
+        wedges: &[[WedgeId; 3]],
+    ) -> Result<TriMesh, lodsmith_core::MeshError> {
+        let mut pairs: Vec<(VertexId, WedgeId)> =
+            faces.iter().flatten().copied().zip(wedges.iter().flatten().copied()).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        let number = |v: VertexId, w: WedgeId| match pairs.binary_search(&(v, w)) {
+            Ok(i) | Err(i) => WedgeId(i as u32),
+        };
+        let triangles: Vec<_> =
+            faces.iter().zip(wedges).map(|(t, w)| [0, 1, 2].map(|k| number(t[k], w[k]))).collect();
+        let plain = pairs.len() == positions.len() && pairs.iter().enumerate().all(|(i, p)| p.0.index() == i);
+        let mut mesh = if plain {
+            TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?
+        } else {
+            TriMesh::with_wedges(positions, pairs.iter().map(|p| p.0).collect(), triangles)?
+        };
+        let rows = || pairs.iter().map(|p| attributes.of(p.1));
+        for c in &self.layout {
+            let part = |row: &[f32]| row[c.at..c.at + c.width].to_vec();
+            match &c.of {
+                Of::Normals => mesh.set_normals(Some(rows().map(|r| unit(&part(r))).collect()))?,
+                Of::Uvs => mesh.set_uvs(Some(rows().map(|r| [r[c.at], r[c.at + 1]]).collect()))?,
+                Of::Colors => {
+                    let clamp = |x: f32| if self.unit_colors { x.clamp(0.0, 1.0) } else { x };
+                    mesh.set_colors(Some(
+                        rows().map(|r| [0, 1, 2, 3].map(|k| clamp(r[c.at + k]))).collect(),
+                    ))?;
+                }
+                Of::Further(semantic) => {
+                    let mut values: Vec<f32> = rows().flat_map(part).collect();
+                    if *semantic == Semantic::Tangent && c.width == 4 {
+                        for t in values.as_chunks_mut::<4>().0 {
+                            let [x, y, z] = unit(&t[..3]);
+                            *t = [x, y, z, if t[3] < 0.0 { -1.0 } else { 1.0 }];
+                        }
+                    }
+                    mesh.add_attribute(Attribute { semantic: semantic.clone(), width: c.width, values })?;
+                }
+            }
+        }
+        for (i, &set) in self.skin_sets.iter().enumerate() {
+            let most = 4 * self.skin_sets.len();
+            let (mut joints, mut weights) = (Vec::new(), Vec::new());
+            for p in &pairs {
+                let pulls = &attributes.pulls[p.1.index()];
+                let kept = &pulls[..pulls.len().min(most)];
+                let sum: f32 = kept.iter().map(|p| p.1).sum();
+                for k in 4 * i..4 * i + 4 {
+                    let (joint, weight) = kept.get(k).copied().unwrap_or((0, 0.0));
+                    joints.push(joint as f32);
+                    weights.push(if sum > 0.0 { weight / sum } else { 0.0 });
+                }
+            }
+            mesh.add_attribute(Attribute { semantic: Semantic::Joints(set), width: 4, values: joints })?;
+            mesh.add_attribute(Attribute { semantic: Semantic::Weights(set), width: 4, values: weights })?;
+        }
+        Ok(mesh)
+    }
+}
+
+impl Column {
+    fn is_direction(&self) -> bool {
+        matches!(self.of, Of::Normals | Of::Further(Semantic::Tangent))
+    }
+    fn read(&self, mesh: &TriMesh, w: WedgeId, out: &mut [f32]) {
+        let i = w.index();
+        match &self.of {
+            Of::Normals => out.copy_from_slice(&mesh.normals().map_or([0.0; 3], |n| n[i])),
+            Of::Uvs => out.copy_from_slice(&mesh.uvs().map_or([0.0; 2], |t| t[i])),
+            Of::Colors => out.copy_from_slice(&mesh.colors().map_or([0.0; 4], |c| c[i])),
+            Of::Further(semantic) => {
+                if let Some(a) = mesh.further_attributes().iter().find(|a| a.semantic == *semantic) {
+                    out.copy_from_slice(a.of(w));
+                }
+            }
+        }
+        // What is no number cannot be blended.
+        out.iter_mut().filter(|x| !x.is_finite()).for_each(|x| *x = 0.0);
+    }
+}
+
+/// Sets that have joints as well as weights.
+fn skin_sets(mesh: &TriMesh) -> Vec<u8> {
+    let mut sets: BTreeMap<u8, (bool, bool)> = BTreeMap::new();
+    for a in mesh.further_attributes().iter().filter(|a| a.width == 4) {
+        match a.semantic {
+            Semantic::Joints(set) => sets.entry(set).or_default().0 = true,
+            Semantic::Weights(set) => sets.entry(set).or_default().1 = true,
+            _ => {}
+        }
+    }
+    sets.into_iter().filter(|(_, has)| has.0 && has.1).map(|x| x.0).collect()
+}
+
+/// The joints that pull a wedge, the strongest first.
+fn pulls(mesh: &TriMesh, sets: &[u8], w: WedgeId) -> Pulls {
+    let mut pulls = Pulls::new();
+    for &set in sets {
+        let of = |semantic: Semantic| mesh.further_attributes().iter().find(|a| a.semantic == semantic);
+        let (Some(joints), Some(weights)) = (of(Semantic::Joints(set)), of(Semantic::Weights(set))) else {
+            continue;
+        };
+        let weighted = joints.of(w).iter().zip(weights.of(w)).filter(|x| *x.1 > 0.0);
+        for (&joint, &weight) in weighted {
+            match pulls.iter_mut().find(|p| p.0 == joint as u32) {
+                Some(p) => p.1 += weight,
+                None => pulls.push((joint as u32, weight)),
+            }
+        }
+    }
+    pulls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    pulls
+}
+
+fn unit(v: &[f32]) -> [f32; 3] {
+    let n = Vec3::from_slice(&v[..3]);
+    let length = n.length();
+    if length > 1e-20 { (n / length).to_array() } else { n.to_array() }
+}

@@ -1,0 +1,478 @@
+//! Attributes of wedges through collapses: in the cost, and blended to where they lie closest.
+//!
+//! Over a triangle a value is linear. What a collapse does to it is the integral of (g·x + s − s')² over the present
+//! star, with the gradient g taken from the present triangles: memoryless, as the positions are, in the form of
+//! [Hoppe 1999]. Of each wedge only its area and its sum of area · g are kept; the sum of area · g gᵀ joins the star
+//! tensor of its vertex. The best value of the merged wedge is a quotient, and what is left is a form in the position.
+//!
+//! Which wedges become one is said by the triangles on the edge: the two wedges that such a triangle has at the ends go
+//! together. A wedge that no such triangle has stays by itself, on its own side of the seam.
+
+use glam::Vec3;
+use lodsmith_core::{RegionId, VertexId, WedgeId};
+
+use super::Engine;
+use super::kind::faces_at;
+use super::order::NONE;
+use super::store::{Corner, Ring, Spoke, Store};
+use crate::metric::{Form, Metric};
+use crate::report::Refusal;
+use crate::tensor::Tensor;
+
+/// Weight of the line of a seam edge against the planes of faces: a seam that leaves its line shows what lies beyond the
+/// chart. (Guessed, a fifth of a border's.)
+pub(crate) const SEAM: f32 = 2.0;
+/// Doubled area under which a triangle's gradients are not believed, a share of its longest edge squared.
+const FLAT: f32 = 1e-3;
+
+/// Live attributes of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct Attributes {
+    /// Values of a wedge.
+    pub(crate) width: usize,
+    /// What the square of each value's error counts in the cost, per area, in the unit frame.
+    pub(crate) weights: Vec<f32>,
+    /// Unit vectors among the values: where each begins.
+    pub(crate) directions: Vec<usize>,
+    /// `width` values for each wedge.
+    pub(crate) values: Vec<f32>,
+    /// Joints that pull a wedge, with their weights; empty where there is no skin.
+    pub(crate) pulls: Vec<Pulls>,
+    /// Doubled area of the present triangles of each wedge.
+    areas: Vec<f32>,
+    /// Doubled area times gradient, summed over them, for each value.
+    slopes: Vec<Vec3>,
+}
+
+/// Joints and weights, the strongest first.
+pub(crate) type Pulls = Vec<(u32, f32)>;
+
+/// A wedge at one of the ends of an edge.
+#[derive(Clone, Copy, Debug)]
+struct Member {
+    wedge: WedgeId,
+    at_v: bool,
+    group: u32,
+}
+
+/// Doubled area of a triangle and the gradients of its barycentric coordinates.
+#[derive(Clone, Copy)]
+struct Gradients {
+    area: f32,
+    of: [Vec3; 3],
+}
+
+impl Gradients {
+    #[inline(always)]
+    fn new([a, b, c]: [Vec3; 3]) -> Self {
+        let edges = [c - b, a - c, b - a];
+        let n = edges[2].cross(-edges[1]);
+        let longest = edges.iter().fold(0f32, |l, e| l.max(e.length_squared()));
+        let length = n.length();
+        let scale = 1.0 / (length.max(FLAT * longest) * length.max(1e-30)).max(1e-30);
+        Self { area: length, of: edges.map(|e| n.cross(e) * scale) }
+    }
+    #[inline(always)]
+    fn slope(&self, s: [f32; 3]) -> Vec3 {
+        self.of[0] * s[0] + self.of[1] * s[1] + self.of[2] * s[2]
+    }
+}
+
+impl Attributes {
+    /// Attributes of `count` wedges, none of which counts in the cost yet.
+    pub(crate) fn new(
+        count: usize,
+        width: usize,
+        directions: Vec<usize>,
+        values: Vec<f32>,
+        pulls: Vec<Pulls>,
+    ) -> Self {
+        let (areas, slopes) = (vec![0.0; count], vec![Vec3::ZERO; count * width]);
+        Self { width, weights: vec![0.0; width], directions, values, pulls, areas, slopes }
+    }
+    pub(crate) fn of(&self, w: WedgeId) -> &[f32] {
+        &self.values[w.index() * self.width..][..self.width]
+    }
+    /// Root mean square over the surface of the gradient of one of some values.
+    pub(crate) fn mean_gradient(
+        &self,
+        range: std::ops::Range<usize>,
+        faces: &[[VertexId; 3]],
+        wedges: &[[WedgeId; 3]],
+        points: &[Vec3],
+    ) -> f64 {
+        let (mut sum, mut area) = (0f64, 0f64);
+        for (t, w) in faces.iter().zip(wedges) {
+            let g = Gradients::new(t.map(|v| points[v.index()]));
+            area += f64::from(g.area);
+            for i in range.clone() {
+                sum += f64::from(g.area * g.slope(w.map(|w| self.of(w)[i])).length_squared());
+            }
+        }
+        (sum / (area * range.len() as f64).max(f64::MIN_POSITIVE)).sqrt()
+    }
+    fn slopes_of(&self, w: WedgeId) -> &[Vec3] {
+        &self.slopes[w.index() * self.width..][..self.width]
+    }
+
+    /// Adds a triangle to the sums of one of its wedges and to a tensor, or takes it away (`sign` −1).
+    #[inline(always)]
+    fn account(&mut self, g: &Gradients, wedges: [WedgeId; 3], k: usize, sign: f32, tensor: &mut Tensor) {
+        let area = g.area * sign;
+        self.areas[wedges[k].index()] += area;
+        let at = wedges.map(|w| w.index() * self.width);
+        for i in 0..self.width {
+            let slope = g.slope(at.map(|at| self.values[at + i]));
+            self.slopes[at[k] + i] += slope * area;
+            tensor.add(&Tensor::outer(slope, self.weights[i] * area));
+        }
+    }
+
+    /// Adds to the form of an edge what its wedges say; `d` leads from the kept to the removed end.
+    fn add_to(&self, members: &[Member], d: Vec3, form: &mut Form) {
+        let groups = members.iter().map(|m| m.group + 1).max().unwrap_or(0);
+        for group in 0..groups {
+            let of_group = || members.iter().filter(move |m| m.group == group);
+            let Some(first) = of_group().next() else { continue };
+            let base = self.of(first.wedge);
+            let area: f32 = of_group().map(|m| self.areas[m.wedge.index()]).sum();
+            let per_area = 1.0 / area.max(1e-30);
+            for i in 0..self.width {
+                let weight = self.weights[i];
+                if weight == 0.0 {
+                    continue;
+                }
+                let (mut b, mut l, mut c0, mut c) = (Vec3::ZERO, Vec3::ZERO, 0f32, 0f32);
+                for m in of_group() {
+                    let (slope, area) = (self.slopes_of(m.wedge)[i], self.areas[m.wedge.index()]);
+                    let off = self.of(m.wedge)[i] - base[i];
+                    b += slope;
+                    l += slope * off;
+                    c += area * off * off;
+                    c0 += area * off;
+                    if m.at_v {
+                        let along = slope.dot(d);
+                        c -= 2.0 * off * along;
+                        c0 -= along;
+                    }
+                }
+                form.a.add(&Tensor::outer(b, -weight * per_area));
+                form.h += (b * (c0 * per_area) - l) * weight;
+                form.c += (c - c0 * c0 * per_area) * weight;
+            }
+        }
+    }
+
+    /// The best value `i` of a group whose vertex goes to the kept end + `y`.
+    fn best(&self, members: &[Member], group: u32, i: usize, d: Vec3, y: Vec3) -> f32 {
+        let of_group = || members.iter().filter(move |m| m.group == group);
+        let (mut sum, mut area, mut low, mut high) = (0f32, 0f32, f32::INFINITY, f32::NEG_INFINITY);
+        for m in of_group() {
+            let (s, a) = (self.of(m.wedge)[i], self.areas[m.wedge.index()]);
+            let at = if m.at_v { y - d } else { y };
+            sum += a * s + self.slopes_of(m.wedge)[i].dot(at);
+            area += a;
+            (low, high) = (low.min(s), high.max(s));
+        }
+        if area > 1e-30 { sum / area } else { 0.5 * (low + high) }
+    }
+
+    fn blended_pulls(&self, members: &[Member], group: u32, t: f32) -> Pulls {
+        let mut sum: Pulls = Vec::new();
+        let count = |at_v| members.iter().filter(|m| m.group == group && m.at_v == at_v).count();
+        let counts = [count(false), count(true)];
+        for m in members.iter().filter(|m| m.group == group) {
+            // A group with wedges of one end only takes all from it.
+            let share = match (counts, m.at_v) {
+                ([_, 0], _) | ([0, _], _) => 1.0,
+                (_, true) => t,
+                (_, false) => 1.0 - t,
+            } / counts[usize::from(m.at_v)] as f32;
+            for &(joint, weight) in &self.pulls[m.wedge.index()] {
+                match sum.iter_mut().find(|p| p.0 == joint) {
+                    Some(p) => p.1 += weight * share,
+                    None => sum.push((joint, weight * share)),
+                }
+            }
+        }
+        sum.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        sum.truncate(MOST_PULLS);
+        sum
+    }
+}
+
+/// Joints kept at a wedge while the mesh is worked on. (More than any format has.)
+const MOST_PULLS: usize = 16;
+
+impl<M: Metric> Store<M> {
+    /// Wedge of a corner.
+    #[inline(always)]
+    fn wedge_at(&self, wedges: &[[WedgeId; 3]], corner: Corner) -> WedgeId {
+        wedges[corner.face()][corner.k()]
+    }
+
+    /// Whether wedges or regions differ on the two sides of the edge from the centre of a star to `w`.
+    pub(crate) fn is_seam_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
+        let Some(wedges) = &self.wedges else { return false };
+        let mut first: Option<(WedgeId, WedgeId, Option<RegionId>)> = None;
+        for r in ring.iter().filter(|r| r.has(w)) {
+            let (f, k) = (r.corner.face(), r.corner.k());
+            let other = if r.a == w { (k + 1) % 3 } else { (k + 2) % 3 };
+            let side = (wedges[f][k], wedges[f][other], self.regions.as_ref().map(|x| x[f]));
+            match first {
+                None => first = Some(side),
+                Some(s) if s != side => return true,
+                Some(_) => {}
+            }
+        }
+        false
+    }
+}
+
+impl<M: Metric> Engine<M> {
+    /// Weight of the line along the edge from the centre of a star to `w`; 0 for an edge inside.
+    #[inline]
+    pub(crate) fn line_weight(&self, ring: &[Spoke], w: VertexId, seams: bool) -> f32 {
+        if faces_at(ring, w) != 2 {
+            return super::BORDER;
+        }
+        if seams && self.store.is_seam_edge(ring, w) { SEAM } else { 0.0 }
+    }
+
+    /// Sums of all wedges, and what attributes add to the tensors.
+    pub(crate) fn weigh_attributes(&mut self) {
+        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
+        for (t, w) in self.store.t.iter().zip(wedges) {
+            let g = Gradients::new(t.map(|v| self.store.v[v.index()].p));
+            for k in 0..3 {
+                let tensor = M::tensor(&mut self.store.v[t[k].index()].q);
+                attributes.account(&g, *w, k, 1.0, tensor);
+            }
+        }
+    }
+
+    /// Adds the attributes' part to the form of an edge.
+    pub(crate) fn add_attributes(&self, u: VertexId, v: VertexId, d: Vec3, form: &mut Form) {
+        let Some(attributes) = self.attributes.as_ref().filter(|_| M::MEMORYLESS) else { return };
+        let mut members = [Member { wedge: WedgeId(0), at_v: false, group: 0 }; MOST_MEMBERS];
+        let n = self.gather(u, v, &mut members);
+        attributes.add_to(&members[..n], d, form);
+    }
+
+    /// The wedges at both ends of an edge, in groups that become one. Returns how many; wedges beyond the room are left
+    /// out, so that a vertex of very many charts cannot stall a run.
+    fn gather(&self, u: VertexId, v: VertexId, members: &mut [Member; MOST_MEMBERS]) -> usize {
+        let Some(wedges) = &self.store.wedges else { return 0 };
+        let mut n = 0;
+        for (end, at_v) in [(u, false), (v, true)] {
+            let one = !self.store.v[end.index()].kind.is_seam();
+            for &corner in self.store.listed(end) {
+                if self.store.t[corner.face()][0] == NONE {
+                    continue;
+                }
+                let wedge = self.store.wedge_at(wedges, corner);
+                let known = members[..n].iter().any(|m| m.at_v == at_v && m.wedge == wedge);
+                if !known && n < MOST_MEMBERS {
+                    members[n] = Member { wedge, at_v, group: n as u32 };
+                    n += 1;
+                }
+                if one {
+                    break;
+                }
+            }
+        }
+        for &corner in self.store.listed(u) {
+            let t = &self.store.t[corner.face()];
+            if t[0] == NONE {
+                continue;
+            }
+            let Some(j) = t.iter().position(|&x| x == v) else { continue };
+            let (a, b) = (self.store.wedge_at(wedges, corner), wedges[corner.face()][j]);
+            let group_of = |members: &[Member], wedge, at_v| {
+                members.iter().find(|m| m.wedge == wedge && m.at_v == at_v).map(|m| m.group)
+            };
+            let (ga, gb) = (group_of(&members[..n], a, false), group_of(&members[..n], b, true));
+            if let (Some(ga), Some(gb)) = (ga, gb) {
+                let (low, high) = (ga.min(gb), ga.max(gb));
+                members[..n].iter_mut().filter(|m| m.group == high).for_each(|m| m.group = low);
+            }
+        }
+        n
+    }
+
+    /// What the attributes lose by merging `v` into `u` at `u` + `y`, from the present triangles: squares of small numbers,
+    /// not small differences of squares.
+    pub(crate) fn attribute_cost(&self, u: VertexId, v: VertexId, y: Vec3, ru: &Ring, rv: &Ring) -> f32 {
+        let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) else { return 0.0 };
+        if attributes.weights.iter().all(|&w| w == 0.0) {
+            return 0.0;
+        }
+        let mut members = [Member { wedge: WedgeId(0), at_v: false, group: 0 }; MOST_MEMBERS];
+        let n = self.gather(u, v, &mut members);
+        let members = &members[..n];
+        let (x, z) = (self.store.p(u), self.store.p(v));
+        let d = z - x;
+        let width = attributes.width;
+        let mut best = [0f32; MOST_MEMBERS];
+        let mut cost = 0f32;
+        for i in (0..width).filter(|&i| attributes.weights[i] > 0.0) {
+            for m in members {
+                if m.group as usize == index_of(members, m) {
+                    best[m.group as usize] = attributes.best(members, m.group, i, d, y);
+                }
+            }
+            for (ring, at_v, from, step) in [(ru, false, x, y), (rv, true, z, y - d)] {
+                for r in ring {
+                    let (f, k) = (r.corner.face(), r.corner.k());
+                    let Some(m) = members.iter().find(|m| m.at_v == at_v && m.wedge == wedges[f][k]) else {
+                        continue;
+                    };
+                    let g = Gradients::new(corners(from, self.store.p(r.a), self.store.p(r.b), k));
+                    let s = wedges[f].map(|w| attributes.values[w.index() * width + i]);
+                    let error = g.slope(s).dot(step) + s[k] - best[m.group as usize];
+                    cost += attributes.weights[i] * g.area * error * error;
+                }
+            }
+        }
+        cost
+    }
+
+    /// What attributes add to the tensor of a vertex.
+    pub(crate) fn attribute_tensor(&self, u: VertexId, ring: &Ring) -> Tensor {
+        let mut tensor = Tensor::default();
+        let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) else { return tensor };
+        for r in ring {
+            let (f, k) = (r.corner.face(), r.corner.k());
+            let g = Gradients::new(corners(self.store.p(u), self.store.p(r.a), self.store.p(r.b), k));
+            for (i, &weight) in attributes.weights.iter().enumerate() {
+                let s = wedges[f].map(|w| attributes.values[w.index() * attributes.width + i]);
+                tensor.add(&Tensor::outer(g.slope(s), weight * g.area));
+            }
+        }
+        tensor
+    }
+
+    /// Whether the lines of seams allow the collapse: two vertices on lines merge along a line only, and no face goes
+    /// that has lines on all sides.
+    pub(crate) fn ask_seams(&self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Result<(), Refusal> {
+        let (ku, kv) = (self.store.v[u.index()].kind, self.store.v[v.index()].kind);
+        if !(ku.is_seam() || kv.is_seam()) || !(ku.has_lines() && kv.has_lines()) {
+            return Ok(());
+        }
+        if self.line_weight(ru, v, true) == 0.0 {
+            return Err(Refusal::Seam);
+        }
+        for r in ru.iter().filter(|r| r.has(v)) {
+            let apex = if r.a == v { r.b } else { r.a };
+            if self.line_weight(ru, apex, true) > 0.0 && self.line_weight(rv, apex, true) > 0.0 {
+                return Err(Refusal::Seam);
+            }
+        }
+        Ok(())
+    }
+
+    /// Merges wedges with their vertices, before the triangles change; the merged vertex goes to the kept end + `y`, the
+    /// place `at`. Says what the new triangles add to its tensor.
+    pub(crate) fn merge_wedges(
+        &mut self,
+        u: VertexId,
+        v: VertexId,
+        y: Vec3,
+        at: Vec3,
+        ru: &Ring,
+        rv: &Ring,
+    ) -> Tensor {
+        let mut own = Tensor::default();
+        if self.attributes.is_none() {
+            return own;
+        }
+        let mut members = [Member { wedge: WedgeId(0), at_v: false, group: 0 }; MOST_MEMBERS];
+        let n = self.gather(u, v, &mut members);
+        let members = &members[..n];
+        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
+            return own;
+        };
+        let (x, z) = (self.store.v[u.index()].p, self.store.v[v.index()].p);
+        let d = z - x;
+        // What the old triangles gave goes.
+        for (ring, from, twin) in [(ru, x, None), (rv, z, Some(u))] {
+            for r in ring.iter().filter(|r| twin.is_none_or(|t| !r.has(t))) {
+                let (f, k) = (r.corner.face(), r.corner.k());
+                let g = Gradients::new(corners(
+                    from,
+                    self.store.v[r.a.index()].p,
+                    self.store.v[r.b.index()].p,
+                    k,
+                ));
+                for (j, o) in [((k + 1) % 3, r.a), ((k + 2) % 3, r.b)] {
+                    let tensor = M::tensor(&mut self.store.v[o.index()].q);
+                    attributes.account(&g, wedges[f], j, -1.0, tensor);
+                }
+            }
+        }
+        // New values; the first of a group gives its number.
+        let t = (y.dot(d) / d.length_squared().max(1e-37)).clamp(0.0, 1.0);
+        let width = attributes.width;
+        let mut values = vec![0f32; width];
+        for first in members.iter().filter(|m| m.group as usize == index_of(members, m)) {
+            let group = first.group;
+            for (i, value) in values.iter_mut().enumerate() {
+                *value = attributes.best(members, group, i, d, y);
+            }
+            for &at in &attributes.directions {
+                let n = Vec3::from_slice(&values[at..at + 3]);
+                let length = n.length();
+                if length > 1e-6 {
+                    values[at..at + 3].copy_from_slice(&(n / length).to_array());
+                }
+            }
+            if !attributes.pulls.is_empty() {
+                let pulls = attributes.blended_pulls(members, group, t);
+                attributes.pulls[first.wedge.index()] = pulls;
+            }
+            let w = first.wedge.index();
+            attributes.values[w * width..][..width].copy_from_slice(&values);
+            attributes.areas[w] = 0.0;
+            attributes.slopes[w * width..][..width].fill(Vec3::ZERO);
+        }
+        // The corners of both ends take them.
+        for (ring, at_v) in [(ru, false), (rv, true)] {
+            for r in ring {
+                let w = &mut wedges[r.corner.face()][r.corner.k()];
+                if let Some(m) = members.iter().find(|m| m.wedge == *w && m.at_v == at_v) {
+                    *w = members[m.group as usize].wedge;
+                }
+            }
+        }
+        // What the new triangles give.
+        for (ring, other) in [(ru, v), (rv, u)] {
+            for r in ring.iter().filter(|r| !r.has(other)) {
+                let (f, k) = (r.corner.face(), r.corner.k());
+                let g =
+                    Gradients::new(corners(at, self.store.v[r.a.index()].p, self.store.v[r.b.index()].p, k));
+                for (j, o) in [((k + 1) % 3, r.a), ((k + 2) % 3, r.b)] {
+                    let tensor = M::tensor(&mut self.store.v[o.index()].q);
+                    attributes.account(&g, wedges[f], j, 1.0, tensor);
+                }
+                attributes.account(&g, wedges[f], k, 1.0, &mut own);
+            }
+        }
+        own
+    }
+}
+
+/// Wedges at the ends of one edge that are looked at.
+const MOST_MEMBERS: usize = 24;
+
+/// Where a member stands.
+fn index_of(members: &[Member], m: &Member) -> usize {
+    members.iter().position(|x| x.wedge == m.wedge && x.at_v == m.at_v).unwrap_or(0)
+}
+
+/// The corners of a triangle in their order, where the centre of the star is corner `k`.
+#[inline(always)]
+fn corners(centre: Vec3, a: Vec3, b: Vec3, k: usize) -> [Vec3; 3] {
+    let mut p = [centre; 3];
+    (p[(k + 1) % 3], p[(k + 2) % 3]) = (a, b);
+    p
+}
