@@ -29,11 +29,22 @@ pub(crate) struct Rows {
     unit_colors: bool,
 }
 
-/// Where an attribute stands in a row.
+/// The surface that attributes lie on, in the unit frame.
+pub(crate) struct Ground<'a> {
+    pub(crate) faces: &'a [[VertexId; 3]],
+    pub(crate) wedges: &'a [[WedgeId; 3]],
+    pub(crate) points: &'a [Vec3],
+    pub(crate) frame: Frame,
+    /// About how long the edges of the result will be.
+    pub(crate) edge: f64,
+}
+
+/// Where an attribute stands in a row; one that is the same at all wedges stands in none.
 struct Column {
     of: Of,
     at: usize,
     width: usize,
+    constant: Option<Vec<f32>>,
 }
 
 /// Which attribute.
@@ -54,8 +65,10 @@ impl Rows {
         let mut layout = Vec::new();
         let mut width = 0;
         let mut add = |of: Of, n: usize| {
-            layout.push(Column { of, at: width, width: n });
-            width += n;
+            let mut column = Column { of, at: width, width: n, constant: None };
+            column.constant = column.constant_of(mesh);
+            width += if column.constant.is_some() { 0 } else { n };
+            layout.push(column);
         };
         if mesh.normals().is_some() {
             add(Of::Normals, 3);
@@ -90,7 +103,7 @@ impl Rows {
             if i == 0 || order[i - 1].0 != vertex {
                 first = count;
             }
-            for c in &layout {
+            for c in layout.iter().filter(|c| c.constant.is_none()) {
                 c.read(mesh, w, &mut row[c.at..c.at + c.width]);
             }
             let own_pulls = pulls_of(w);
@@ -110,27 +123,20 @@ impl Rows {
             }
         }
         let unit_colors = mesh.colors().is_none_or(|c| c.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
-        let directions = layout.iter().filter(|c| c.is_direction()).map(|c| c.at).collect();
+        let directions =
+            layout.iter().filter(|c| c.is_direction() && c.constant.is_none()).map(|c| c.at).collect();
         let attributes = Attributes::new(count, width, directions, values, all_pulls);
         Some((Self { layout, skin_sets, wedge_rows, unit_colors }, attributes))
     }
 
-    /// Sets what each value counts in the cost, for a result of about `edge` long edges (in the unit frame).
-    pub(crate) fn weigh(
-        &self,
-        attributes: &mut Attributes,
-        weights: &AttributeWeights,
-        faces: &[[VertexId; 3]],
-        wedges: &[[WedgeId; 3]],
-        points: &[Vec3],
-        frame: Frame,
-        edge: f64,
-    ) {
-        for c in &self.layout {
+    /// Sets what each value counts in the cost.
+    pub(crate) fn weigh(&self, attributes: &mut Attributes, weights: &AttributeWeights, on: &Ground<'_>) {
+        let Ground { frame, edge, .. } = *on;
+        for c in self.layout.iter().filter(|c| c.constant.is_none()) {
             let range = c.at..c.at + c.width;
             // Root of the mean square gradient of a value.
             let gradient = |range: std::ops::Range<usize>| {
-                attributes.mean_gradient(range, faces, wedges, points).max(1e-12)
+                attributes.mean_gradient(range, on.faces, on.wedges, on.points).max(1e-12)
             };
             let weight = match &c.of {
                 Of::Normals => weights.normal * NORMAL * edge,
@@ -152,7 +158,7 @@ impl Rows {
     /// The mesh of these faces, with the attributes of their wedges.
     pub(crate) fn mesh(
         &self,
-        attributes: &Attributes,
+        attributes: Option<&Attributes>,
         positions: Positions,
         faces: &[[VertexId; 3]],
         wedges: &[[WedgeId; 3]],
@@ -172,20 +178,23 @@ impl Rows {
         } else {
             TriMesh::with_wedges(positions, pairs.iter().map(|p| p.0).collect(), triangles)?
         };
-        let rows = || pairs.iter().map(|p| attributes.of(p.1));
         for c in &self.layout {
-            let part = |row: &[f32]| row[c.at..c.at + c.width].to_vec();
+            let parts = || {
+                pairs.iter().map(|p| match (&c.constant, attributes) {
+                    (Some(constant), _) => &constant[..],
+                    (None, Some(attributes)) => &attributes.of(p.1)[c.at..c.at + c.width],
+                    (None, None) => &[][..],
+                })
+            };
             match &c.of {
-                Of::Normals => mesh.set_normals(Some(rows().map(|r| unit(&part(r))).collect()))?,
-                Of::Uvs => mesh.set_uvs(Some(rows().map(|r| [r[c.at], r[c.at + 1]]).collect()))?,
+                Of::Normals => mesh.set_normals(Some(parts().map(unit).collect()))?,
+                Of::Uvs => mesh.set_uvs(Some(parts().map(|r| [r[0], r[1]]).collect()))?,
                 Of::Colors => {
                     let clamp = |x: f32| if self.unit_colors { x.clamp(0.0, 1.0) } else { x };
-                    mesh.set_colors(Some(
-                        rows().map(|r| [0, 1, 2, 3].map(|k| clamp(r[c.at + k]))).collect(),
-                    ))?;
+                    mesh.set_colors(Some(parts().map(|r| [0, 1, 2, 3].map(|k| clamp(r[k]))).collect()))?;
                 }
                 Of::Further(semantic) => {
-                    let mut values: Vec<f32> = rows().flat_map(part).collect();
+                    let mut values: Vec<f32> = parts().flatten().copied().collect();
                     if *semantic == Semantic::Tangent && c.width == 4 {
                         for t in values.as_chunks_mut::<4>().0 {
                             let [x, y, z] = unit(&t[..3]);
@@ -197,6 +206,7 @@ impl Rows {
             }
         }
         for (i, &set) in self.skin_sets.iter().enumerate() {
+            let Some(attributes) = attributes else { break };
             let most = 4 * self.skin_sets.len();
             let (mut joints, mut weights) = (Vec::new(), Vec::new());
             for p in &pairs {
@@ -217,6 +227,16 @@ impl Rows {
 }
 
 impl Column {
+    /// The values that all wedges have.
+    fn constant_of(&self, mesh: &TriMesh) -> Option<Vec<f32>> {
+        let (mut first, mut other) = (vec![0.0; self.width], vec![0.0; self.width]);
+        self.read(mesh, WedgeId(0), &mut first);
+        let same = (1..mesh.wedge_count() as u32).all(|w| {
+            self.read(mesh, WedgeId(w), &mut other);
+            first == other
+        });
+        (mesh.wedge_count() > 0 && same).then_some(first)
+    }
     fn is_direction(&self) -> bool {
         matches!(self.of, Of::Normals | Of::Further(Semantic::Tangent))
     }

@@ -109,6 +109,10 @@ pub(crate) struct Engine<M: Metric> {
     /// Sum of the costs of parts that went, in the same measure.
     lost: f64,
     wings: Vec<Wing>,
+    /// Seams no longer refuse, because nothing else is left.
+    pub(crate) loose_seams: bool,
+    /// Best values of the wedges of an edge.
+    best: Vec<f32>,
     /// Ends of lines around the edge that goes: whether at the kept end, and the line's weight.
     rim: Vec<(VertexId, bool, f32)>,
 }
@@ -137,6 +141,8 @@ impl<M: Metric> Engine<M> {
             spent: 0.0,
             lost: 0.0,
             wings: Vec::new(),
+            loose_seams: false,
+            best: Vec::new(),
             rim: Vec::new(),
         };
         // Before the corner lists, so that both need not have room at once.
@@ -461,6 +467,12 @@ impl<M: Metric> Engine<M> {
             }
             let histogram = Histogram::of(&self.store.bound);
             if histogram.known() == 0 {
+                if probed && self.attributes.is_some() && !self.loose_seams {
+                    // Better a seam out of place than a whole part gone.
+                    self.loose_seams = true;
+                    (probe, probed) = (true, true);
+                    continue;
+                }
                 if probed {
                     if self.remove_parts(goal) {
                         end = End::Goal;

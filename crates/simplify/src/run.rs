@@ -6,7 +6,7 @@ use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::mesh::weld;
 use lodsmith_core::{Positions, PositionsView, RegionId, Surface, TriMesh, VertexId, WedgeId};
 
-use crate::attributes::Rows;
+use crate::attributes::{Ground, Rows};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
@@ -321,11 +321,12 @@ impl Run<'_, '_> {
         let regions = self.regions();
         let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
         if !M::MEMORYLESS
-            && let Some((_, attributes)) = &mut rows
+            && let Some((_, Some(attributes))) = &mut rows
         {
             attributes.weights.fill(0.0);
         }
         let (rows, attributes) = rows.unzip();
+        let attributes = attributes.flatten();
         let store = Store::<M>::new(points, faces, wedges, regions);
         let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
 
@@ -395,10 +396,15 @@ impl Run<'_, '_> {
         for w in wedges.iter_mut().flatten() {
             *w = rows.wedge_rows[w.index()];
         }
+        if attributes.is_empty() && mesh.regions().is_none() {
+            // All the same everywhere: nothing to take along.
+            return Corners { wedges: None, endpoints: None, rows: Some((rows, None)) };
+        }
         let edge = self.result_edge(faces, points);
         let frame = self.ordered.frame;
-        rows.weigh(&mut attributes, &self.options.weights, faces, &wedges, points, frame, edge);
-        Corners { wedges: Some(wedges), endpoints: None, rows: Some((rows, attributes)) }
+        let on = Ground { faces, wedges: &wedges, points, frame, edge };
+        rows.weigh(&mut attributes, &self.options.weights, &on);
+        Corners { wedges: Some(wedges), endpoints: None, rows: Some((rows, Some(attributes))) }
     }
 
     /// About how long the edges of the result will be, in the unit frame: those of equilateral triangles.
@@ -435,8 +441,11 @@ impl Run<'_, '_> {
             PositionsView::F64(_) => Positions::F64(places.collect()),
         };
         let mut result = match (&store.wedges, self.input.mesh, rows, &engine.attributes) {
-            (Some(wedges), _, Some(rows), Some(attributes)) => {
-                rows.mesh(attributes, positions, &store.t, wedges)?
+            (Some(wedges), _, Some(rows), attributes @ Some(_)) => {
+                rows.mesh(attributes.as_ref(), positions, &store.t, wedges)?
+            }
+            (None, _, Some(rows), None) => {
+                rows.mesh(None, positions, &store.t, bytemuck::cast_slice(&store.t))?
             }
             (Some(wedges), Some(mesh), None, _) => with_attributes(mesh, positions, &store.t, wedges)?,
             _ => TriMesh::new(positions, store.t.clone())?,
@@ -454,7 +463,7 @@ impl Run<'_, '_> {
 struct Corners {
     wedges: Option<Vec<[WedgeId; 3]>>,
     endpoints: Option<Wedges>,
-    rows: Option<(Rows, Attributes)>,
+    rows: Option<(Rows, Option<Attributes>)>,
 }
 
 /// The result's wedges, numbered in the order of the faces, with their attributes from the input.

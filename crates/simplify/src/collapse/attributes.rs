@@ -90,6 +90,10 @@ impl Attributes {
         let (areas, slopes) = (vec![0.0; count], vec![Vec3::ZERO; count * width]);
         Self { width, weights: vec![0.0; width], directions, values, pulls, areas, slopes }
     }
+    /// Whether no wedge carries anything.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.width == 0 && self.pulls.is_empty()
+    }
     pub(crate) fn of(&self, w: WedgeId) -> &[f32] {
         &self.values[w.index() * self.width..][..self.width]
     }
@@ -115,66 +119,123 @@ impl Attributes {
         &self.slopes[w.index() * self.width..][..self.width]
     }
 
-    /// Adds a triangle to the sums of one of its wedges and to a tensor, or takes it away (`sign` −1).
+    /// Adds a triangle to the sums of its wedges at some corners, or takes it away (`sign` −1). Says what that adds to the
+    /// tensors of their vertices.
     #[inline(always)]
-    fn account(&mut self, g: &Gradients, wedges: [WedgeId; 3], k: usize, sign: f32, tensor: &mut Tensor) {
+    fn account<const N: usize>(
+        &mut self,
+        g: &Gradients,
+        wedges: [WedgeId; 3],
+        sign: f32,
+        corners: [usize; N],
+    ) -> Tensor {
         let area = g.area * sign;
-        self.areas[wedges[k].index()] += area;
+        let mut sum = Tensor::default();
         let at = wedges.map(|w| w.index() * self.width);
         for i in 0..self.width {
             let slope = g.slope(at.map(|at| self.values[at + i]));
-            self.slopes[at[k] + i] += slope * area;
-            tensor.add(&Tensor::outer(slope, self.weights[i] * area));
+            sum.add(&Tensor::outer(slope, self.weights[i] * area));
+            for k in corners {
+                self.slopes[at[k] + i] += slope * area;
+            }
         }
+        for k in corners {
+            self.areas[wedges[k].index()] += area;
+        }
+        sum
     }
 
     /// Adds to the form of an edge what its wedges say; `d` leads from the kept to the removed end.
     fn add_to(&self, members: &[Member], d: Vec3, form: &mut Form) {
-        let groups = members.iter().map(|m| m.group + 1).max().unwrap_or(0);
-        for group in 0..groups {
-            let of_group = || members.iter().filter(move |m| m.group == group);
-            let Some(first) = of_group().next() else { continue };
-            let base = self.of(first.wedge);
-            let area: f32 = of_group().map(|m| self.areas[m.wedge.index()]).sum();
-            let per_area = 1.0 / area.max(1e-30);
-            for i in 0..self.width {
-                let weight = self.weights[i];
-                if weight == 0.0 {
-                    continue;
+        for first in members.iter().filter(|m| is_first(members, m)) {
+            let mut others = members.iter().filter(|m| m.group == first.group && !is_first(members, m));
+            match (others.next(), others.next()) {
+                (None, _) => self.add_single_to(first, d, form),
+                (Some(other), None) if !first.at_v && other.at_v => {
+                    self.add_pair_to(first.wedge, other.wedge, d, form);
                 }
-                let (mut b, mut l, mut c0, mut c) = (Vec3::ZERO, Vec3::ZERO, 0f32, 0f32);
-                for m in of_group() {
-                    let (slope, area) = (self.slopes_of(m.wedge)[i], self.areas[m.wedge.index()]);
-                    let off = self.of(m.wedge)[i] - base[i];
-                    b += slope;
-                    l += slope * off;
-                    c += area * off * off;
-                    c0 += area * off;
-                    if m.at_v {
-                        let along = slope.dot(d);
-                        c -= 2.0 * off * along;
-                        c0 -= along;
-                    }
-                }
-                form.a.add(&Tensor::outer(b, -weight * per_area));
-                form.h += (b * (c0 * per_area) - l) * weight;
-                form.c += (c - c0 * c0 * per_area) * weight;
+                _ => self.add_group_to(members, first, d, form),
             }
         }
     }
 
-    /// The best value `i` of a group whose vertex goes to the kept end + `y`.
-    fn best(&self, members: &[Member], group: u32, i: usize, d: Vec3, y: Vec3) -> f32 {
-        let of_group = || members.iter().filter(move |m| m.group == group);
-        let (mut sum, mut area, mut low, mut high) = (0f32, 0f32, f32::INFINITY, f32::NEG_INFINITY);
-        for m in of_group() {
-            let (s, a) = (self.of(m.wedge)[i], self.areas[m.wedge.index()]);
-            let at = if m.at_v { y - d } else { y };
-            sum += a * s + self.slopes_of(m.wedge)[i].dot(at);
-            area += a;
-            (low, high) = (low.min(s), high.max(s));
+    /// A wedge that is left to itself: its values may change, but not what their gradients say along the step.
+    #[inline(always)]
+    fn add_single_to(&self, m: &Member, d: Vec3, form: &mut Form) {
+        let per_area = 1.0 / self.areas[m.wedge.index()].max(1e-30);
+        for (&weight, &slope) in self.weights.iter().zip(self.slopes_of(m.wedge)) {
+            let along = if m.at_v { slope.dot(d) } else { 0.0 };
+            let scale = weight * per_area;
+            form.a.add(&Tensor::outer(slope, -scale));
+            form.h -= slope * (along * scale);
+            form.c -= along * along * scale;
         }
-        if area > 1e-30 { sum / area } else { 0.5 * (low + high) }
+    }
+
+    /// Several wedges of either end that become one.
+    fn add_group_to(&self, members: &[Member], first: &Member, d: Vec3, form: &mut Form) {
+        let of_group = || members.iter().filter(move |m| m.group == first.group);
+        let base = self.of(first.wedge);
+        let area: f32 = of_group().map(|m| self.areas[m.wedge.index()]).sum();
+        let per_area = 1.0 / area.max(1e-30);
+        for (i, &weight) in self.weights.iter().enumerate() {
+            let (mut b, mut l, mut c0, mut c) = (Vec3::ZERO, Vec3::ZERO, 0f32, 0f32);
+            for m in of_group() {
+                let (slope, area) = (self.slopes_of(m.wedge)[i], self.areas[m.wedge.index()]);
+                let off = self.of(m.wedge)[i] - base[i];
+                b += slope;
+                l += slope * off;
+                c += area * off * off;
+                c0 += area * off;
+                if m.at_v {
+                    let along = slope.dot(d);
+                    c -= 2.0 * off * along;
+                    c0 -= along;
+                }
+            }
+            form.a.add(&Tensor::outer(b, -weight * per_area));
+            form.h += (b * (c0 * per_area) - l) * weight;
+            form.c += (c - c0 * c0 * per_area) * weight;
+        }
+    }
+
+    /// The same for one wedge at each end, as on all edges that touch no seam.
+    #[inline(always)]
+    fn add_pair_to(&self, u: WedgeId, v: WedgeId, d: Vec3, form: &mut Form) {
+        let (area_u, area_v) = (self.areas[u.index()], self.areas[v.index()]);
+        let per_area = 1.0 / (area_u + area_v).max(1e-30);
+        let ends = self.of(u).iter().zip(self.of(v));
+        let slopes = self.slopes_of(u).iter().zip(self.slopes_of(v));
+        for ((&weight, (&s, &t)), (&slope_u, &slope_v)) in self.weights.iter().zip(ends).zip(slopes) {
+            let off = t - s;
+            let along = slope_v.dot(d);
+            let b = slope_u + slope_v;
+            let c0 = area_v * off - along;
+            form.a.add(&Tensor::outer(b, -weight * per_area));
+            form.h += (b * (c0 * per_area) - slope_v * off) * weight;
+            form.c += (off * (area_v * off - 2.0 * along) - c0 * c0 * per_area) * weight;
+        }
+    }
+
+    /// The best values of a group whose vertex goes to the kept end + `y`.
+    fn best(&self, members: &[Member], group: u32, d: Vec3, y: Vec3, out: &mut [f32]) {
+        let of_group = || members.iter().filter(move |m| m.group == group);
+        let Some(first) = of_group().next() else { return };
+        let area: f32 = of_group().map(|m| self.areas[m.wedge.index()]).sum();
+        let base = self.of(first.wedge);
+        // From the first wedge's values, so that what is constant stays so.
+        out.fill(0.0);
+        for m in of_group() {
+            let (own, at) = (self.areas[m.wedge.index()], if m.at_v { y - d } else { y });
+            let values = self.of(m.wedge).iter().zip(base).zip(self.slopes_of(m.wedge));
+            for (sum, ((&s, &base), slope)) in out.iter_mut().zip(values) {
+                *sum += own * (s - base) + slope.dot(at);
+            }
+        }
+        let per_area = if area > 1e-30 { 1.0 / area } else { 0.0 };
+        for (x, &base) in out.iter_mut().zip(base) {
+            *x = base + *x * per_area;
+        }
     }
 
     fn blended_pulls(&self, members: &[Member], group: u32, t: f32) -> Pulls {
@@ -244,9 +305,9 @@ impl<M: Metric> Engine<M> {
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
         for (t, w) in self.store.t.iter().zip(wedges) {
             let g = Gradients::new(t.map(|v| self.store.v[v.index()].p));
-            for k in 0..3 {
-                let tensor = M::tensor(&mut self.store.v[t[k].index()].q);
-                attributes.account(&g, *w, k, 1.0, tensor);
+            let sum = attributes.account(&g, *w, 1.0, [0, 1, 2]);
+            for v in t {
+                M::tensor(&mut self.store.v[v.index()].q).add(&sum);
             }
         }
     }
@@ -263,6 +324,16 @@ impl<M: Metric> Engine<M> {
     /// out, so that a vertex of very many charts cannot stall a run.
     fn gather(&self, u: VertexId, v: VertexId, members: &mut [Member; MOST_MEMBERS]) -> usize {
         let Some(wedges) = &self.store.wedges else { return 0 };
+        let is_seam = |w: VertexId| self.store.v[w.index()].kind.is_seam();
+        if !is_seam(u) && !is_seam(v) {
+            // One wedge at each end.
+            for (m, (end, at_v)) in members.iter_mut().zip([(u, false), (v, true)]) {
+                let alive = |c: &&Corner| self.store.t[c.face()][0] != NONE;
+                let Some(&corner) = self.store.listed(end).iter().find(alive) else { return 0 };
+                *m = Member { wedge: self.store.wedge_at(wedges, corner), at_v, group: 0 };
+            }
+            return 2;
+        }
         let mut n = 0;
         for (end, at_v) in [(u, false), (v, true)] {
             let one = !self.store.v[end.index()].kind.is_seam();
@@ -302,7 +373,15 @@ impl<M: Metric> Engine<M> {
 
     /// What the attributes lose by merging `v` into `u` at `u` + `y`, from the present triangles: squares of small numbers,
     /// not small differences of squares.
-    pub(crate) fn attribute_cost(&self, u: VertexId, v: VertexId, y: Vec3, ru: &Ring, rv: &Ring) -> f32 {
+    pub(crate) fn attribute_cost(
+        &self,
+        u: VertexId,
+        v: VertexId,
+        y: Vec3,
+        ru: &Ring,
+        rv: &Ring,
+        best: &mut Vec<f32>,
+    ) -> f32 {
         let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) else { return 0.0 };
         if attributes.weights.iter().all(|&w| w == 0.0) {
             return 0.0;
@@ -313,25 +392,28 @@ impl<M: Metric> Engine<M> {
         let (x, z) = (self.store.p(u), self.store.p(v));
         let d = z - x;
         let width = attributes.width;
-        let mut best = [0f32; MOST_MEMBERS];
+        best.resize(n * width, 0.0);
+        for m in members.iter().filter(|m| is_first(members, m)) {
+            attributes.best(members, m.group, d, y, &mut best[m.group as usize * width..][..width]);
+        }
         let mut cost = 0f32;
-        for i in (0..width).filter(|&i| attributes.weights[i] > 0.0) {
-            for m in members {
-                if m.group as usize == index_of(members, m) {
-                    best[m.group as usize] = attributes.best(members, m.group, i, d, y);
+        for (ring, at_v, from, step) in [(ru, false, x, y), (rv, true, z, y - d)] {
+            for r in ring {
+                let (f, k) = (r.corner.face(), r.corner.k());
+                let w = wedges[f];
+                let Some(m) = members.iter().find(|m| m.at_v == at_v && m.wedge == w[k]) else { continue };
+                let g = Gradients::new(corners(from, self.store.p(r.a), self.store.p(r.b), k));
+                // What the gradients give along the step, corner by corner.
+                let along = g.of.map(|g| g.dot(step));
+                let [a, b, c] = w.map(|w| attributes.of(w));
+                let best = &best[m.group as usize * width..][..width];
+                let own = [a, b, c][k];
+                let mut sum = 0f32;
+                for i in 0..width {
+                    let error = along[0] * a[i] + along[1] * b[i] + along[2] * c[i] + own[i] - best[i];
+                    sum += attributes.weights[i] * error * error;
                 }
-            }
-            for (ring, at_v, from, step) in [(ru, false, x, y), (rv, true, z, y - d)] {
-                for r in ring {
-                    let (f, k) = (r.corner.face(), r.corner.k());
-                    let Some(m) = members.iter().find(|m| m.at_v == at_v && m.wedge == wedges[f][k]) else {
-                        continue;
-                    };
-                    let g = Gradients::new(corners(from, self.store.p(r.a), self.store.p(r.b), k));
-                    let s = wedges[f].map(|w| attributes.values[w.index() * width + i]);
-                    let error = g.slope(s).dot(step) + s[k] - best[m.group as usize];
-                    cost += attributes.weights[i] * g.area * error * error;
-                }
+                cost += g.area * sum;
             }
         }
         cost
@@ -356,7 +438,7 @@ impl<M: Metric> Engine<M> {
     /// that has lines on all sides.
     pub(crate) fn ask_seams(&self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Result<(), Refusal> {
         let (ku, kv) = (self.store.v[u.index()].kind, self.store.v[v.index()].kind);
-        if !(ku.is_seam() || kv.is_seam()) || !(ku.has_lines() && kv.has_lines()) {
+        if self.loose_seams || !(ku.is_seam() || kv.is_seam()) || !(ku.has_lines() && kv.has_lines()) {
             return Ok(());
         }
         if self.line_weight(ru, v, true) == 0.0 {
@@ -404,21 +486,20 @@ impl<M: Metric> Engine<M> {
                     self.store.v[r.b.index()].p,
                     k,
                 ));
-                for (j, o) in [((k + 1) % 3, r.a), ((k + 2) % 3, r.b)] {
-                    let tensor = M::tensor(&mut self.store.v[o.index()].q);
-                    attributes.account(&g, wedges[f], j, -1.0, tensor);
+                let sum = attributes.account(&g, wedges[f], -1.0, [(k + 1) % 3, (k + 2) % 3]);
+                for o in [r.a, r.b] {
+                    M::tensor(&mut self.store.v[o.index()].q).add(&sum);
                 }
             }
         }
         // New values; the first of a group gives its number.
         let t = (y.dot(d) / d.length_squared().max(1e-37)).clamp(0.0, 1.0);
         let width = attributes.width;
-        let mut values = vec![0f32; width];
-        for first in members.iter().filter(|m| m.group as usize == index_of(members, m)) {
+        let mut values = std::mem::take(&mut self.best);
+        values.resize(width, 0.0);
+        for first in members.iter().filter(|m| is_first(members, m)) {
             let group = first.group;
-            for (i, value) in values.iter_mut().enumerate() {
-                *value = attributes.best(members, group, i, d, y);
-            }
+            attributes.best(members, group, d, y, &mut values[..width]);
             for &at in &attributes.directions {
                 let n = Vec3::from_slice(&values[at..at + 3]);
                 let length = n.length();
@@ -431,10 +512,11 @@ impl<M: Metric> Engine<M> {
                 attributes.pulls[first.wedge.index()] = pulls;
             }
             let w = first.wedge.index();
-            attributes.values[w * width..][..width].copy_from_slice(&values);
+            attributes.values[w * width..][..width].copy_from_slice(&values[..width]);
             attributes.areas[w] = 0.0;
             attributes.slopes[w * width..][..width].fill(Vec3::ZERO);
         }
+        self.best = values;
         // The corners of both ends take them.
         for (ring, at_v) in [(ru, false), (rv, true)] {
             for r in ring {
@@ -450,11 +532,11 @@ impl<M: Metric> Engine<M> {
                 let (f, k) = (r.corner.face(), r.corner.k());
                 let g =
                     Gradients::new(corners(at, self.store.v[r.a.index()].p, self.store.v[r.b.index()].p, k));
-                for (j, o) in [((k + 1) % 3, r.a), ((k + 2) % 3, r.b)] {
-                    let tensor = M::tensor(&mut self.store.v[o.index()].q);
-                    attributes.account(&g, wedges[f], j, 1.0, tensor);
+                let sum = attributes.account(&g, wedges[f], 1.0, [0, 1, 2]);
+                for o in [r.a, r.b] {
+                    M::tensor(&mut self.store.v[o.index()].q).add(&sum);
                 }
-                attributes.account(&g, wedges[f], k, 1.0, &mut own);
+                own.add(&sum);
             }
         }
         own
@@ -464,9 +546,9 @@ impl<M: Metric> Engine<M> {
 /// Wedges at the ends of one edge that are looked at.
 const MOST_MEMBERS: usize = 24;
 
-/// Where a member stands.
-fn index_of(members: &[Member], m: &Member) -> usize {
-    members.iter().position(|x| x.wedge == m.wedge && x.at_v == m.at_v).unwrap_or(0)
+/// Whether a member gives its group the number.
+fn is_first(members: &[Member], m: &Member) -> bool {
+    members.get(m.group as usize).is_some_and(|x| x.wedge == m.wedge && x.at_v == m.at_v)
 }
 
 /// The corners of a triangle in their order, where the centre of the star is corner `k`.

@@ -177,7 +177,9 @@ impl<M: Metric> Engine<M> {
             }
         }
         if M::MEMORYLESS && self.attributes.is_some() {
-            cost += self.attribute_cost(u, v, y, ru, rv);
+            let mut best = std::mem::take(&mut self.best);
+            cost += self.attribute_cost(u, v, y, ru, rv, &mut best);
+            self.best = best;
         }
         if M::MEMORYLESS {
             let peak_weight = self.peak_weight();

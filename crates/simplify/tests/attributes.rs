@@ -1,0 +1,165 @@
+//! Normals, texture coordinates, colours and the rest through a simplification.
+
+use lodsmith::core::{Attribute, Morphed, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes};
+use lodsmith::{NoControl, SimplifyOptions, Stop, simplify};
+
+fn lighter(mesh: &TriMesh, ratio: f64) -> TriMesh {
+    simplify(mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap().mesh
+}
+
+fn place(mesh: &TriMesh, w: WedgeId) -> [f64; 3] {
+    mesh.positions().view().get(mesh.vertex_of(w))
+}
+
+fn wedges(mesh: &TriMesh) -> impl Iterator<Item = WedgeId> + use<> {
+    (0..mesh.wedge_count() as u32).map(WedgeId)
+}
+
+/// A grid whose left and right half have textures of their own: two wedges at each vertex of the middle line.
+fn two_charts(n: u32) -> TriMesh {
+    let plain = shapes::wavy_sheet(n);
+    let bounds = plain.positions().view().bounds().unwrap();
+    let middle = 0.5 * (bounds.min[0] + bounds.max[0]);
+    let is_right = |t: &[WedgeId; 3]| t.iter().map(|&w| place(&plain, w)[0]).sum::<f64>() / 3.0 > middle;
+    let count = plain.vertex_count() as u32;
+    // Wedge v for the left side, v + count for the right.
+    let vertex_of = (0..2 * count).map(|w| VertexId(w % count)).collect();
+    let triangles = plain
+        .triangles()
+        .iter()
+        .map(|t| t.map(|w| WedgeId(w.0 + if is_right(t) { count } else { 0 })))
+        .collect();
+    let mut mesh = TriMesh::with_wedges(plain.positions().clone(), vertex_of, triangles).unwrap();
+    let uv = |w: WedgeId| {
+        let p = place(&mesh, w);
+        [p[0] as f32 + if w.0 >= count { 10.0 } else { 0.0 }, p[1] as f32]
+    };
+    let uvs = wedges(&mesh).map(uv).collect();
+    mesh.set_uvs(Some(uvs)).unwrap();
+    lodsmith::core::mesh::compact::compact(&mesh).mesh
+}
+
+#[test]
+fn what_is_linear_in_space_stays_so() {
+    let mut mesh = shapes::blob(4, 3);
+    let linear = |p: [f64; 3]| [(0.5 * p[0] + p[1]) as f32, (p[2] - 0.25 * p[0]) as f32];
+    let uvs = wedges(&mesh).map(|w| linear(place(&mesh, w))).collect();
+    mesh.set_uvs(Some(uvs)).unwrap();
+    let diagonal = mesh.positions().view().bounds().unwrap().diagonal();
+    let got = lighter(&mesh, 0.2);
+    let uvs = got.uvs().unwrap();
+    for w in wedges(&got) {
+        let (wanted, is) = (linear(place(&got, w)), uvs[w.index()]);
+        let off = f64::from((wanted[0] - is[0]).hypot(wanted[1] - is[1]));
+        assert!(off < 0.01 * diagonal, "{w}: {is:?} for {wanted:?}");
+    }
+}
+
+#[test]
+fn a_seam_stays_a_seam() {
+    let mesh = two_charts(24);
+    let got = lighter(&mesh, 0.2);
+    assert!(got.face_count() <= mesh.face_count() / 5 + 1);
+    let uvs = got.uvs().unwrap();
+    let mut sides = [0, 0];
+    for t in got.triangles() {
+        let right = t.map(|w| uvs[w.index()][0] > 5.0);
+        assert!(right.iter().all(|&r| r == right[0]), "a face with corners on both charts");
+        sides[usize::from(right[0])] += 1;
+    }
+    assert!(sides[0] > 10 && sides[1] > 10, "{sides:?}");
+    // Two wedges along the seam, on the vertices that both charts share.
+    assert!(got.wedge_count() > got.vertex_count());
+    let before = Topology::new(&mesh.surface()).counts().border_edge_count;
+    let topology = Topology::new(&got.surface()).counts();
+    assert!(topology.border_edge_count <= before && topology.non_manifold_edge_count == 0);
+    // Each side reads its own chart: u is x, or x + 10.
+    for w in wedges(&got) {
+        let u = uvs[w.index()][0];
+        let x = f64::from(if u > 5.0 { u - 10.0 } else { u });
+        assert!((x - place(&got, w)[0]).abs() < 0.05, "{u} at {}", place(&got, w)[0]);
+    }
+}
+
+#[test]
+fn regions_keep_their_border() {
+    let mut mesh = shapes::grid(32);
+    let bounds = mesh.positions().view().bounds().unwrap();
+    let middle = 0.5 * (bounds.min[0] + bounds.max[0]);
+    let centre = |m: &TriMesh, t: &[WedgeId; 3]| t.iter().map(|&w| place(m, w)[0]).sum::<f64>() / 3.0;
+    let region = |m: &TriMesh, t| RegionId(if centre(m, t) > middle { 7 } else { 3 });
+    let regions: Vec<_> = mesh.triangles().iter().map(|t| region(&mesh, t)).collect();
+    mesh.set_regions(Some(regions)).unwrap();
+    let got = lighter(&mesh, 0.02);
+    let regions = got.regions().unwrap();
+    let width = bounds.max[0] - bounds.min[0];
+    for (t, r) in got.triangles().iter().zip(regions) {
+        for &w in t {
+            let x = place(&got, w)[0] - middle;
+            let beyond = if *r == RegionId(7) { -x } else { x };
+            assert!(beyond < 1e-3 * width, "region {r} reaches {beyond} beyond its border");
+        }
+    }
+    assert!(regions.contains(&RegionId(3)) && regions.contains(&RegionId(7)));
+}
+
+#[test]
+fn what_is_the_same_everywhere_stays_exact() {
+    let mut mesh = shapes::blob(3, 1);
+    let color = [0.1, 0.7, 1.0 / 3.0, 1.0];
+    mesh.set_colors(Some(vec![color; mesh.wedge_count()])).unwrap();
+    let mut rest = mesh.clone();
+    rest.set_colors(None).unwrap();
+    let got = lighter(&mesh, 0.3);
+    assert!(got.colors().unwrap().iter().all(|c| *c == color));
+    // It has no say in the shape.
+    assert_eq!(got.positions(), lighter(&rest, 0.3).positions());
+}
+
+#[test]
+fn normals_are_unit_and_follow_the_surface() {
+    let mut mesh = shapes::icosphere(4);
+    let unit = |p: [f64; 3]| {
+        let l = p.iter().map(|x| x * x).sum::<f64>().sqrt();
+        p.map(|x| (x / l) as f32)
+    };
+    let normals = wedges(&mesh).map(|w| unit(place(&mesh, w))).collect();
+    mesh.set_normals(Some(normals)).unwrap();
+    let got = lighter(&mesh, 0.1);
+    for w in wedges(&got) {
+        let (n, wanted) = (got.normals().unwrap()[w.index()], unit(place(&got, w)));
+        let dot: f32 = n.iter().zip(wanted).map(|(a, b)| a * b).sum();
+        assert!((n.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-4 && dot > 0.98, "{n:?} {wanted:?}");
+    }
+}
+
+#[test]
+fn skins_stay_whole_and_the_rest_comes_along() {
+    let mut mesh = shapes::cylinder(24, 40);
+    let bounds = mesh.positions().view().bounds().unwrap();
+    let height = |w| ((place(&mesh, w)[2] - bounds.min[2]) / (bounds.max[2] - bounds.min[2])) as f32;
+    let weights: Vec<f32> = wedges(&mesh).flat_map(|w| [1.0 - height(w), height(w), 0.0, 0.0]).collect();
+    let joints: Vec<f32> = wedges(&mesh).flat_map(|_| [4.0, 9.0, 0.0, 0.0]).collect();
+    let bent: Vec<f32> = wedges(&mesh).flat_map(|w| [height(w) * height(w), 0.0, 0.0]).collect();
+    let tangents: Vec<f32> = wedges(&mesh).flat_map(|_| [0.0, 0.0, 1.0, -1.0]).collect();
+    let add = |mesh: &mut TriMesh, semantic, width, values| {
+        mesh.add_attribute(Attribute { semantic, width, values }).unwrap();
+    };
+    add(&mut mesh, Semantic::Joints(0), 4, joints);
+    add(&mut mesh, Semantic::Weights(0), 4, weights);
+    add(&mut mesh, Semantic::Morph { target: 0, of: Morphed::Position }, 3, bent);
+    add(&mut mesh, Semantic::Tangent, 4, tangents);
+    let got = lighter(&mesh, 0.2);
+    let of = |s: &Semantic| got.further_attributes().iter().find(|a| a.semantic == *s).unwrap();
+    let (joints, weights) = (of(&Semantic::Joints(0)), of(&Semantic::Weights(0)));
+    let morph = of(&Semantic::Morph { target: 0, of: Morphed::Position });
+    for w in wedges(&got) {
+        let sum: f32 = weights.of(w).iter().sum();
+        assert!((sum - 1.0).abs() < 1e-5);
+        let high = joints.of(w).iter().zip(weights.of(w)).filter(|x| *x.0 == 9.0).map(|x| x.1).sum::<f32>();
+        let z = ((place(&got, w)[2] - bounds.min[2]) / (bounds.max[2] - bounds.min[2])) as f32;
+        assert!((high - z).abs() < 0.15, "joint 9 pulls {high} at {z}");
+        assert!((morph.of(w)[0] - z * z).abs() < 0.1, "the key pose is {} at {z}", morph.of(w)[0]);
+        assert!(of(&Semantic::Tangent).of(w) == [0.0, 0.0, 1.0, -1.0]);
+    }
+}
