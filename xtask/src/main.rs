@@ -12,7 +12,7 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context, Result, bail, ensure};
 
 const HELP: &str = "\
-cargo xtask bench [rivals|io_speed|memory|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
+cargo xtask bench [rivals|attributes|io_speed|memory|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
 cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR through the release command
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed

@@ -1,5 +1,7 @@
 //! Attributes beside meshoptimizer: time, and errors of shape, normals, texture coordinates and colours, in one run.
 
+#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+
 use std::path::PathBuf;
 use std::time::Instant;
 

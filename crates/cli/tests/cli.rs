@@ -275,19 +275,32 @@ fn threads_do_not_change_the_result() {
 fn dropped_attributes_are_warnings_and_strict_makes_them_faults() {
     let desk = Desk::new();
     desk.put("cube.ply", &coloured_cube());
-    let ran = desk.run("simplify cube.ply -o low.ply --ratio 1").with_status(0);
-    assert_eq!(ran.stderr, "warning: cube.ply: colors dropped: simplify does not carry them yet\n");
-    let ran = desk.run("simplify cube.ply -o low.ply --ratio 1 --json").with_status(0);
-    assert_eq!(
-        ran.objects()[0]["warnings"].to_string(),
-        r#"["colors dropped: simplify does not carry them yet"]"#
+    let ran = desk.run("simplify cube.ply -o low.stl --ratio 1").with_status(0);
+    assert!(
+        ran.stderr.starts_with("warning: cube.ply: ") && ran.stderr.contains("colours"),
+        "{}",
+        ran.stderr
     );
+    let ran = desk.run("simplify cube.ply -o low.stl --ratio 1 --json").with_status(0);
+    assert_eq!(ran.objects()[0]["warnings"].as_array().map(Vec::len), Some(1));
     assert_eq!(ran.stderr, "");
-    fs::remove_file(desk.path("low.ply")).expect("it was written");
+    fs::remove_file(desk.path("low.stl")).expect("it was written");
     let ran =
-        desk.run("simplify cube.ply -o low.ply --ratio 1 --strict --quiet").with_status(3).with_one_error();
+        desk.run("simplify cube.ply -o low.stl --ratio 1 --strict --quiet").with_status(3).with_one_error();
     assert!(ran.stdout.is_empty());
-    assert_eq!(desk.faces("low.ply"), 12, "the result is written all the same");
+    assert_eq!(desk.faces("low.stl"), 12, "the result is written all the same");
+}
+
+#[test]
+fn attributes_come_along() {
+    let desk = Desk::new();
+    desk.put("cube.ply", &coloured_cube());
+    let ran = desk.run("simplify cube.ply -o low.ply --faces 8 --strict --weight color=2").with_status(0);
+    assert_eq!(ran.stderr, "");
+    assert_eq!(desk.info("low.ply")["attributes"].to_string(), r#"["colors"]"#);
+    for wrong in ["--weight color", "--weight colour=1", "--weight color=-1"] {
+        desk.run(&format!("simplify cube.ply -o low.ply --faces 8 {wrong}")).with_status(2);
+    }
 }
 
 #[test]

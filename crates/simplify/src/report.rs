@@ -145,6 +145,8 @@ pub struct Report {
     pub collapses: u64,
     /// Whole parts that went because the target could not be met otherwise.
     pub parts_removed: usize,
+    /// Whether vertices on seams were merged across them, because nothing else was left to do.
+    pub seams_relaxed: bool,
     /// What was mended first.
     pub cleanup: Cleanup,
     /// Attributes that the result does not carry, though the input did: `normals`, `uvs`, `colors`.

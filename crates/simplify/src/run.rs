@@ -61,6 +61,7 @@ struct Outcome {
     refusals: [u64; Refusal::ALL.len()],
     collapses: u64,
     parts_removed: usize,
+    seams_relaxed: bool,
     duplicate_faces: usize,
 }
 
@@ -159,6 +160,7 @@ fn run_with<M: Metric>(
         refusals: Refusal::ALL.into_iter().zip(outcome.refusals).filter(|r| r.1 > 0).collect(),
         collapses: outcome.collapses,
         parts_removed: outcome.parts_removed,
+        seams_relaxed: outcome.seams_relaxed,
         cleanup,
         dropped,
         fitted: outcome.fitted,
@@ -364,6 +366,7 @@ impl Run<'_, '_> {
             refusals: engine.refusals,
             collapses: engine.collapses,
             parts_removed: engine.parts_removed,
+            seams_relaxed: engine.loose_seams,
             duplicate_faces,
             mesh: self.result(&engine, rows.as_ref())?,
         })

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use lodsmith::{Guards, Measure, SimplifyOptions, Stop};
+use lodsmith::{AttributeWeights, Guards, Measure, SimplifyOptions, Stop};
 use lodsmith_io::Format;
 use serde_json::{Map, Value};
 
@@ -50,7 +50,7 @@ pub(crate) struct SimplifyArgs {
     pub(crate) from: Option<Format>,
     #[command(flatten)]
     pub(crate) writing: Writing,
-    /// Normals of the result: the input's (not carried yet, which is a warning), new ones, or none
+    /// Normals of the result: the input's, blended with their vertices; new ones; or none
     #[arg(long, value_name = "NORMALS", value_enum, default_value = "keep", help_heading = "Writing")]
     pub(crate) normals: Normals,
     /// Report without writing
@@ -134,6 +134,9 @@ struct How {
     /// Topology: no new defects, nothing changes at all, no care
     #[arg(long, value_name = "CARE", value_enum, default_value_t)]
     topology: TopologyChoice,
+    /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph or other; may be repeated
+    #[arg(long, value_name = "NAME=W", value_parser = values::weight)]
+    weight: Vec<(AttributeName, f64)>,
     /// Join vertices closer than this first; equal ones always are
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     weld: Option<TypedLength>,
@@ -174,6 +177,36 @@ enum Bound {
     TwoSided,
 }
 
+/// An attribute that `--weight` names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum AttributeName {
+    Normal,
+    Uv,
+    Color,
+    Morph,
+    Other,
+}
+
+impl AttributeName {
+    pub(crate) const ALL: [(&str, Self); 5] = [
+        ("normal", Self::Normal),
+        ("uv", Self::Uv),
+        ("color", Self::Color),
+        ("morph", Self::Morph),
+        ("other", Self::Other),
+    ];
+
+    fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
+        match self {
+            Self::Normal => &mut weights.normal,
+            Self::Uv => &mut weights.uv,
+            Self::Color => &mut weights.color,
+            Self::Morph => &mut weights.morph,
+            Self::Other => &mut weights.other,
+        }
+    }
+}
+
 /// Normals of the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Normals {
@@ -192,6 +225,9 @@ impl SimplifyArgs {
         options.placement = how.placement.into();
         options.border = how.border.into();
         options.topology = how.topology.into();
+        for (name, weight) in &how.weight {
+            *name.of(&mut options.weights) = *weight;
+        }
         options.weld = how.weld.as_ref().map(|d| d.length);
         options.guards = Guards {
             max_normal_deg: guards.max_normal,

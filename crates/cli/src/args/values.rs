@@ -7,6 +7,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lodsmith::Length;
 use lodsmith_io::Format;
 
+use super::simplify::AttributeName;
+
 /// A length as typed: `0.5` in the units of the file, `0.1%` of the diagonal.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct TypedLength {
@@ -52,6 +54,18 @@ impl FromStr for TypedLength {
         let length = if is_share { Length::OfDiagonal(x / 100.0) } else { Length::Units(x) };
         Ok(Self { length, typed: text.to_owned() })
     }
+}
+
+/// An attribute and its weight.
+pub(crate) fn weight(text: &str) -> Result<(AttributeName, f64), String> {
+    let wanted = || {
+        let names: Vec<_> = AttributeName::ALL.iter().map(|(name, _)| *name).collect();
+        format!("a weight is NAME=W with a W of 0 or more; names are {}", names.join(", "))
+    };
+    let (name, number) = text.split_once('=').ok_or_else(wanted)?;
+    let found = AttributeName::ALL.into_iter().find(|(known, _)| *known == name).ok_or_else(wanted)?;
+    let weight: f64 = number.parse().map_err(|_| wanted())?;
+    if weight.is_finite() && weight >= 0.0 { Ok((found.1, weight)) } else { Err(wanted()) }
 }
 
 /// A length that is not zero.

@@ -84,6 +84,9 @@ fn simplify_one(job: &Job, args: &SimplifyArgs, progress: &Progress) -> anyhow::
     };
     drop(loaded.mesh);
     warnings.extend(dropped(&report, args.normals));
+    if report.seams_relaxed {
+        warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
+    }
 
     bar.write();
     clock.enter("write");
@@ -108,7 +111,8 @@ fn simplify_one(job: &Job, args: &SimplifyArgs, progress: &Progress) -> anyhow::
 /// What the engine does not carry, unless it was not wanted or is made anew.
 fn dropped(report: &Report, normals: Normals) -> impl Iterator<Item = Warning> {
     let is_missed = move |name: &&&str| **name != "normals" || normals == Normals::Keep;
-    let lost = |name: &&str| Warning::lost(format!("{name} dropped: simplify does not carry them yet"));
+    let lost =
+        |name: &&str| Warning::lost(format!("{name} dropped: --placement endpoint does not carry them"));
     report.dropped.iter().filter(is_missed).map(lost)
 }
 
@@ -235,6 +239,7 @@ impl Done {
             "seconds": seconds,
             "collapses": r.collapses,
             "parts_removed": r.parts_removed,
+            "seams_relaxed": r.seams_relaxed,
             "cleanup": cleanup,
         });
         if args.dry_run {
