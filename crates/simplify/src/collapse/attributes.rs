@@ -10,6 +10,7 @@
 
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
+use wide::f32x4;
 
 use super::Engine;
 use super::kind::faces_at;
@@ -320,6 +321,61 @@ impl<M: Metric> Engine<M> {
         attributes.add_to(&members[..n], d, form);
     }
 
+    /// The wedge of a vertex that has one.
+    #[inline(always)]
+    fn only_wedge(&self, u: VertexId) -> WedgeId {
+        let alive = |c: &&Corner| self.store.t[c.face()][0] != NONE;
+        match (&self.store.wedges, self.store.listed(u).iter().find(alive)) {
+            (Some(wedges), Some(&corner)) => self.store.wedge_at(wedges, corner),
+            _ => WedgeId(0),
+        }
+    }
+
+    /// Adds the attributes' part to the forms of up to four edges whose ends have one wedge each, side by side.
+    #[inline(never)]
+    pub(crate) fn add_attributes_to_four(
+        &self,
+        u: VertexId,
+        ends: &[VertexId],
+        d: &[f32x4; 3],
+        a: &mut [f32x4; 6],
+        h: &mut [f32x4; 3],
+        c: &mut f32x4,
+    ) {
+        let Some(attributes) = &self.attributes else { return };
+        let width = attributes.width;
+        let own = self.only_wedge(u);
+        let lane = |i: usize| self.only_wedge(ends[i.min(ends.len() - 1)]);
+        let others = [lane(0), lane(1), lane(2), lane(3)];
+        let area = f32x4::new(others.map(|w| attributes.areas[w.index()]));
+        let per_area = f32x4::ONE / (area + attributes.areas[own.index()]).fast_max(f32x4::splat(1e-30));
+        let (values, slopes) = (attributes.of(own), attributes.slopes_of(own));
+        let (their_values, their_slopes) =
+            (others.map(|w| attributes.of(w)), others.map(|w| attributes.slopes_of(w)));
+        for i in 0..width {
+            let weight = attributes.weights[i];
+            let off = f32x4::new(their_values.map(|v| v[i])) - f32x4::splat(values[i]);
+            let theirs = their_slopes.map(|s| s[i]);
+            let slope: [f32x4; 3] = [
+                f32x4::new(theirs.map(|s| s.x)),
+                f32x4::new(theirs.map(|s| s.y)),
+                f32x4::new(theirs.map(|s| s.z)),
+            ];
+            let along = slope[0] * d[0] + slope[1] * d[1] + slope[2] * d[2];
+            let b = [slope[0] + slopes[i].x, slope[1] + slopes[i].y, slope[2] + slopes[i].z];
+            let c0 = area * off - along;
+            let scale = per_area * weight;
+            let scaled = b.map(|b| b * scale);
+            for (sum, (j, k)) in a.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
+                *sum -= scaled[j] * b[k];
+            }
+            for k in 0..3 {
+                h[k] += scaled[k] * c0 - slope[k] * off * weight;
+            }
+            *c += off * (area * off - along * 2.0) * weight - c0 * c0 * scale;
+        }
+    }
+
     /// The wedges at both ends of an edge, in groups that become one. Returns how many; wedges beyond the room are left
     /// out, so that a vertex of very many charts cannot stall a run.
     fn gather(&self, u: VertexId, v: VertexId, members: &mut [Member; MOST_MEMBERS]) -> usize {
@@ -328,9 +384,7 @@ impl<M: Metric> Engine<M> {
         if !is_seam(u) && !is_seam(v) {
             // One wedge at each end.
             for (m, (end, at_v)) in members.iter_mut().zip([(u, false), (v, true)]) {
-                let alive = |c: &&Corner| self.store.t[c.face()][0] != NONE;
-                let Some(&corner) = self.store.listed(end).iter().find(alive) else { return 0 };
-                *m = Member { wedge: self.store.wedge_at(wedges, corner), at_v, group: 0 };
+                *m = Member { wedge: self.only_wedge(end), at_v, group: 0 };
             }
             return 2;
         }

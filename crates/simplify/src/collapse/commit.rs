@@ -176,7 +176,8 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        if M::MEMORYLESS && self.attributes.is_some() {
+        // What is too dear already need not be known to the last digit.
+        if M::MEMORYLESS && self.attributes.is_some() && (cost <= tau || probe) {
             let mut best = std::mem::take(&mut self.best);
             cost += self.attribute_cost(u, v, y, ru, rv, &mut best);
             self.best = best;

@@ -34,12 +34,15 @@ impl<M: Metric> Engine<M> {
         mut take: impl FnMut(Candidate),
     ) -> u64 {
         let mut stuck = 0;
-        let plain = M::MEMORYLESS
-            && self.attributes.is_none()
-            && self.rules.placement == Placement::Optimal
-            && self.store.v[u.index()].kind.is_free();
+        // A vertex on a seam has several wedges.
+        let carries = self.attributes.is_some();
+        let is_plain = |w: VertexId| {
+            let kind = self.store.v[w.index()].kind;
+            kind.is_free() && !(carries && kind.is_seam())
+        };
+        let plain = M::MEMORYLESS && self.rules.placement == Placement::Optimal && is_plain(u);
         for four in owned.chunks(4) {
-            if plain && four.len() > 1 && four.iter().all(|w| self.store.v[w.index()].kind.is_free()) {
+            if plain && four.len() > 1 && four.iter().all(|&w| is_plain(w)) {
                 let (cost, step, solved) = self.evaluate_four(u, four);
                 for (i, &w) in four.iter().enumerate() {
                     if solved & (1 << i) != 0 {
@@ -72,9 +75,12 @@ impl<M: Metric> Engine<M> {
         let t = [0, 1, 2, 3, 4, 5].map(|k| f32x4::new([t[0][k], t[1][k], t[2][k], t[3][k]]));
         let axis = |k: usize| f32x4::new(z.map(|z| z.p[k])) - f32x4::splat(x.p[k]);
         let d = [axis(0), axis(1), axis(2)];
-        let h = times(&t, &d);
-        let c = dot(&d, &h);
-        let a: [f32x4; 6] = std::array::from_fn(|k| s[k] + t[k]);
+        let mut h = times(&t, &d);
+        let mut c = dot(&d, &h);
+        let mut a: [f32x4; 6] = std::array::from_fn(|k| s[k] + t[k]);
+        if self.attributes.is_some() {
+            self.add_attributes_to_four(u, ends, &d, &mut a, &mut h, &mut c);
+        }
         let trace = a[0] + a[1] + a[2];
         let r = trace * CENTRE;
         let (m0, m1, m2) = (a[0] + r, a[1] + r, a[2] + r);
