@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use lodsmith::core::measure::{CompareOptions, Comparison, compare};
 use lodsmith::core::spatial::{Bvh, Hint};
 use lodsmith::core::{TriMesh, VertexId};
-use lodsmith_io::{Format, Loaded};
+use lodsmith_io::{Format, Loaded, WriteOptions};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
@@ -48,7 +48,9 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
             Some(path) => {
                 bar.write();
                 let (map, red) = heatmap(&reference.mesh, &candidate.mesh)?;
-                file::write(&map, &Sink::Path(path.clone()), Format::Ply, false, false)?;
+                let mut options = WriteOptions::default();
+                options.format = Some(Format::Ply);
+                file::write(&map, &Sink::Path(path.clone()), Format::Ply, &options, false)?;
                 Some(red)
             }
         };
