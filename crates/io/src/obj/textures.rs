@@ -25,6 +25,9 @@ pub enum Textures {
     None,
 }
 
+/// A library that names so many textures in vain was made to keep the system busy. Guessed.
+const MOST_MISSING: usize = 10_000;
+
 /// What was written beside an OBJ.
 #[derive(Debug, Default)]
 pub(crate) struct Beside {
@@ -128,15 +131,19 @@ fn path_from(
     missing: &mut Missing,
     beside: &mut Beside,
 ) -> Result<Vec<u8>, WriteError> {
-    let source = match library.find_texture(old) {
-        Ok(source) => source,
+    if missing.count >= MOST_MISSING {
+        missing.add(old, "is not looked for");
+        return Ok(old.to_vec());
+    }
+    let found = match library.find_texture(old) {
+        Ok(found) => found,
         Err(why) => {
             missing.add(old, why);
             return Ok(old.to_vec());
         }
     };
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let (source, real_folder) = (real(&source), real(folder));
+    let (source, real_folder) = (real(&found), real(folder));
     let is_right = |path: PathBuf| !path.is_absolute() && real(&folder.join(path)) == source;
     if is_right(path_of(old)) || is_right(path_of(&with_slashes(old))) {
         return Ok(old.to_vec());
@@ -151,7 +158,8 @@ fn path_from(
             return Ok(old.to_vec());
         }
     };
-    let name = copy_into(folder, &source, file, beside)?;
+    // A link is copied under its own name, not that of the file which it leads to.
+    let name = copy_into(folder, &found, file, beside)?;
     Ok(bytes_of(Path::new(&name)))
 }
 
