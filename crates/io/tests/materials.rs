@@ -305,6 +305,17 @@ fn very_many_missing_textures_are_told_in_few_words() {
     assert_eq!(shop.text("out/chair.mtl"), format!("# Lodsmith\n{many}"));
 }
 
+#[test]
+fn a_group_for_each_face_under_a_long_name_takes_no_square_time() {
+    let mut text = format!("{SQUARE}o {}\n", "x".repeat(1_000_000));
+    (0..100_000).for_each(|i| text.push_str(&format!("g {i}\nf 1 2 3\n")));
+    let loaded = read_bytes(text.as_bytes(), &ReadOptions::default()).unwrap();
+    assert_eq!(loaded.regions.len(), 100_000);
+    let written = text_of(&loaded);
+    assert_eq!(written.matches("\no x").count(), 1);
+    assert!(written.ends_with("g 99999\nf 1 2 3\n"));
+}
+
 /// Pieces of which lines of an OBJ or of a library may be made.
 fn words() -> impl Strategy<Value = String> {
     let word = prop::sample::select(vec![

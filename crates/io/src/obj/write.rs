@@ -127,7 +127,12 @@ impl Over<'_> {
     fn lines(&self, out: &mut TextOut<'_>, from: Region<'_>, to: Region<'_>) -> io::Result<()> {
         for heading in Heading::ALL {
             let name = to.name(heading);
-            if name == from.name(heading) || (heading == Heading::Material && !self.with_materials) {
+            // The table has every name once; long ones are not compared letter by letter for each region.
+            let is_same = match (from.name(heading), name) {
+                (Some(before), Some(now)) => std::ptr::eq(before, now),
+                (before, now) => before.is_none() && now.is_none(),
+            };
+            if is_same || (heading == Heading::Material && !self.with_materials) {
                 continue;
             }
             out.text(heading.keyword());
