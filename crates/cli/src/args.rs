@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use lodsmith_io::Format;
 
+pub(crate) use choice::TexturesChoice;
 pub(crate) use simplify::{Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
@@ -81,6 +82,9 @@ pub(crate) struct Writing {
     /// Text instead of binary (PLY, STL)
     #[arg(long)]
     pub(crate) ascii: bool,
+    /// Files of materials and textures (OBJ): copied beside the output, linked from there, or dropped
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t)]
+    pub(crate) textures: TexturesChoice,
     /// Multiply every coordinate of the output
     #[arg(long, value_name = "F", value_parser = values::above_zero)]
     pub(crate) scale: Option<f64>,

@@ -5,12 +5,14 @@ use std::fmt;
 use std::fs;
 use std::io::{self, ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::anyhow;
 use lodsmith::core::TriMesh;
 use lodsmith_io::sniff::hint_of;
-use lodsmith_io::{Format, Loaded, ReadError, ReadOptions, Warning, WriteError, WriteOptions};
+use lodsmith_io::{Format, Loaded, ReadError, ReadOptions, Regions, Warning, WriteError, WriteOptions};
 
+use crate::args::Writing;
 use crate::exit;
 
 /// What is read.
@@ -92,6 +94,16 @@ pub(crate) fn at_most_one_stdin<'a>(sources: impl IntoIterator<Item = &'a Source
     Ok(())
 }
 
+/// How a mesh is written whose regions stand for these.
+pub(crate) fn options(writing: &Writing, format: Format, regions: Regions) -> WriteOptions {
+    let mut options = WriteOptions::default();
+    options.format = Some(format);
+    options.ascii = writing.ascii;
+    options.textures = writing.textures.into();
+    options.regions = Some(Arc::new(regions));
+    options
+}
+
 /// The format that a sink is written in: the one asked for, or that of its ending.
 pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Format> {
     let hint = match sink {
@@ -122,14 +134,11 @@ pub(crate) fn write(
     mesh: &TriMesh,
     sink: &Sink,
     format: Format,
-    ascii: bool,
+    options: &WriteOptions,
     force: bool,
 ) -> anyhow::Result<Vec<Warning>> {
-    let mut options = WriteOptions::default();
-    options.format = Some(format);
-    options.ascii = ascii;
     match sink {
-        Sink::Stdout => match lodsmith_io::write_to(mesh, format, &options, &mut io::stdout().lock()) {
+        Sink::Stdout => match lodsmith_io::write_to(mesh, format, options, &mut io::stdout().lock()) {
             Err(WriteError::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => Ok(Vec::new()),
             Err(WriteError::Io { source, .. }) => Err(anyhow!("cannot write to standard output: {source}")),
             result => result.map_err(told),
@@ -140,19 +149,16 @@ pub(crate) fn write(
             let _guard =
                 if about.as_ref().is_none_or(fs::Metadata::is_file) { Some(exit::writing()?) } else { None };
             if force && about.is_some_and(|a| a.is_file() && a.permissions().readonly()) {
-                return replace(mesh, path, &options);
+                return replace(mesh, path, options);
             }
-            lodsmith_io::write_path(mesh, path, &options).map_err(told)
+            lodsmith_io::write_path(mesh, path, options).map_err(told)
         }
     }
 }
 
 /// What the format could not carry, without writing anything.
-pub(crate) fn losses(mesh: &TriMesh, format: Format, ascii: bool) -> anyhow::Result<Vec<Warning>> {
-    let mut options = WriteOptions::default();
-    options.format = Some(format);
-    options.ascii = ascii;
-    lodsmith_io::write_to(mesh, format, &options, &mut io::sink()).map_err(told)
+pub(crate) fn losses(mesh: &TriMesh, format: Format, options: &WriteOptions) -> anyhow::Result<Vec<Warning>> {
+    lodsmith_io::write_to(mesh, format, options, &mut io::sink()).map_err(told)
 }
 
 /// Puts a new file in the place of one that may not be written to, by way of a neighbour.
@@ -161,7 +167,9 @@ fn replace(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> anyhow::Resul
     let mut name = OsString::from(format!(".lodsmith-{}-", std::process::id()));
     name.push(target.file_name().unwrap_or_default());
     let neighbour = target.with_file_name(name);
-    let written = lodsmith_io::write_path(mesh, &neighbour, options).map_err(told);
+    let mut options = options.clone();
+    options.beside = Some(path.to_owned());
+    let written = lodsmith_io::write_path(mesh, &neighbour, &options).map_err(told);
     let moved = written.and_then(|warnings| {
         fs::rename(&neighbour, &target).map_err(|e| anyhow!("{}: cannot write: {e}", path.display()))?;
         Ok(warnings)

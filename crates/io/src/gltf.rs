@@ -46,7 +46,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     contents.polygons = mesh.face_count();
     warnings.extend(told);
     let format = if document.is_glb { Format::Glb } else { Format::Gltf };
-    Ok(Loaded { mesh, format, contents, warnings })
+    Ok(Loaded::new(mesh, format, contents, warnings))
 }
 
 /// Writes a mesh as glTF 2.0: as JSON with its buffer inside if the format of the options is [`Format::Gltf`], else GLB.

@@ -23,5 +23,6 @@ pub mod write;
 pub use error::{ReadError, Warning, WriteError};
 pub use format::Format;
 pub use limits::Limits;
+pub use obj::{Regions, Textures};
 pub use read::{Contents, Loaded, ReadOptions, read_bytes, read_path};
 pub use write::{WriteOptions, write_path, write_to};

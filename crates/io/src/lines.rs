@@ -1,5 +1,7 @@
 //! A walk through lines of words and numbers, which knows the number of its line.
 
+use std::borrow::Cow;
+
 use crate::error::ReadError;
 use crate::excerpt::excerpt_of_bytes;
 use crate::numbers::{Decimal, decimal, whole};
@@ -111,10 +113,20 @@ impl<'a> Lines<'a> {
         &ahead[..ahead.iter().position(|b| b" \t\r\n".contains(b)).unwrap_or(ahead.len())]
     }
 
-    /// What is left of this line, without blanks around it.
-    pub(crate) fn rest(&self) -> &'a [u8] {
-        let ahead = self.ahead();
-        ahead[..memchr::memchr(b'\n', ahead).unwrap_or(ahead.len())].trim_ascii()
+    /// What is left of this line and of those in which it goes on, without blanks around it.
+    pub(crate) fn rest_with_continuations(&self) -> Cow<'a, [u8]> {
+        let mut end = self.clone();
+        end.next_line_of_its_own();
+        let line = self.bytes[self.at..end.at].trim_ascii();
+        if !line.contains(&b'\n') {
+            return Cow::Borrowed(line);
+        }
+        let without_end = |line: &'a [u8]| {
+            let line = line.strip_suffix(b"\r").unwrap_or(line);
+            line.strip_suffix(b"\\").unwrap_or(line)
+        };
+        let parts: Vec<&[u8]> = line.split(|&b| b == b'\n').map(without_end).collect();
+        Cow::Owned(parts.join(&b' '))
     }
 
     /// Reads a number; the caller has passed the blanks before it.
@@ -185,6 +197,14 @@ mod tests {
         assert!(lines.ends() && lines.is_over());
         lines.next_line();
         assert!(lines.is_over());
+    }
+
+    #[test]
+    fn the_rest_of_a_line_may_stand_in_the_next() {
+        let rest = |text: &'static str| Lines::new(text.as_bytes()).rest_with_continuations();
+        assert_eq!(&*rest("g a \r\nb"), b"g a");
+        assert_eq!(&*rest("g a\\\nb\\\r\n c\nd"), b"g a b  c");
+        assert_eq!(&*rest("g a\\"), b"g a\\");
     }
 
     #[test]

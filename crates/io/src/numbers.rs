@@ -265,6 +265,9 @@ impl<'a> TextOut<'a> {
     pub(crate) fn text(&mut self, text: &str) {
         self.buffer.extend_from_slice(text.as_bytes());
     }
+    pub(crate) fn bytes(&mut self, bytes: &[u8]) {
+        self.buffer.extend_from_slice(bytes);
+    }
     pub(crate) fn byte(&mut self, byte: u8) {
         self.buffer.push(byte);
     }

@@ -1,17 +1,28 @@
 //! Wavefront OBJ.
 //!
 //! Read: `v` (with colours behind the position), `vt`, `vn`, `f` with any number of corners and with negative indices,
-//! counted `o`, `usemtl`. Lines and points are dropped with a warning; materials, and groups where there are several, are
-//! not carried. A large file is read in pieces and never held as a whole.
+//! `o`, `g`, `usemtl` and `s`, which make regions of the faces, and `mtllib`. Lines and points are dropped with a warning.
+//! A large file is read in pieces and never held as a whole.
+//!
+//! Libraries of materials (MTL) are read along, but only to know the textures: on the way out they are written beside
+//! the OBJ as they were, with paths that are right there ([`Textures`]).
 //!
 //! Positions are kept in double precision where any coordinate of the file needs it: it has at least 8 significant
 //! digits, and the nearest `f32` printed with as many digits would be another number.
 
+mod materials;
 mod read;
+mod regions;
 mod stream;
+mod textures;
 mod wedges;
 mod write;
 
+pub use materials::Library;
 pub use read::read;
+pub use regions::{Region, Regions};
 pub(crate) use stream::read_file;
+pub use textures::Textures;
+pub(crate) use textures::write_beside;
 pub use write::write;
+pub(crate) use write::{drops_materials, write_naming};

@@ -101,7 +101,7 @@ fn assemble(header: &Header, body: Body) -> Result<Loaded, ReadError> {
     if header.texture_files > 0 {
         warnings.push(Warning::not_carried("names of texture files"));
     }
-    Ok(Loaded { mesh, format: Format::Ply, contents, warnings })
+    Ok(Loaded::new(mesh, Format::Ply, contents, warnings))
 }
 
 /// Triangles, and texture coordinates of their corners if the polygons had them.

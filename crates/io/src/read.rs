@@ -10,6 +10,7 @@ use lodsmith_core::TriMesh;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::limits::Limits;
+use crate::obj::Regions;
 use crate::sniff::{self, hint_of, is_binary_stl, looks_like_text, sniff};
 
 /// How to read.
@@ -20,7 +21,8 @@ pub struct ReadOptions {
     pub format: Option<Format>,
     /// What a file may ask of the machine.
     pub limits: Limits,
-    /// Folder in which files named by the file are looked for (glTF buffers); none are read where it is `None`.
+    /// Folder in which files named by the file are looked for (glTF buffers, libraries of OBJ materials); none are read
+    /// where it is `None`.
     pub folder: Option<PathBuf>,
 }
 
@@ -32,9 +34,9 @@ pub struct Contents {
     pub meshes: usize,
     /// Faces as the file has them, n-gons counted once.
     pub polygons: usize,
-    /// Materials.
+    /// Materials; of an OBJ those that it or its libraries name.
     pub materials: usize,
-    /// Textures or images.
+    /// Textures or images; of an OBJ the paths that its libraries name.
     pub textures: usize,
     /// Skins.
     pub skins: usize,
@@ -57,6 +59,15 @@ pub struct Loaded {
     pub contents: Contents,
     /// What the user should know.
     pub warnings: Vec<Warning>,
+    /// What the regions of the mesh stand for; empty where the format has none.
+    pub regions: Regions,
+}
+
+impl Loaded {
+    /// A mesh from a format without regions.
+    pub(crate) fn new(mesh: TriMesh, format: Format, contents: Contents, warnings: Vec<Warning>) -> Self {
+        Self { mesh, format, contents, warnings, regions: Regions::default() }
+    }
 }
 
 /// Reads a file; `.gz` opens by itself, content decides the format.
@@ -68,12 +79,13 @@ pub struct Loaded {
 /// [`ReadError::File`] with the path and the reason. A mesh without faces is [`ReadError::NoFaces`].
 pub fn read_path(path: &Path, options: &ReadOptions) -> Result<Loaded, ReadError> {
     let read = || {
+        let folder = options.folder.clone().or_else(|| Some(folder_of(path)));
+        let options = &ReadOptions { folder, ..options.clone() };
         if let Some(loaded) = read_in_pieces(path, options)? {
             return with_hint(loaded, hint_of(path), options);
         }
         let bytes = bytes_of(path, options.limits)?;
-        let folder = options.folder.clone().or_else(|| Some(folder_of(path)));
-        read_hinted(&bytes, hint_of(path), &ReadOptions { folder, ..options.clone() })
+        read_hinted(&bytes, hint_of(path), options)
     };
     read().map_err(|e| e.at(path))
 }
@@ -106,7 +118,7 @@ fn read_in_pieces(path: &Path, options: &ReadOptions) -> Result<Option<Loaded>, 
         && front.first().is_some_and(u8::is_ascii)
         && front.contains(&b'\n')
         && !front.starts_with(&GZIP_MAGIC);
-    if is_obj && is_plain { crate::obj::read_file(path, about.len()) } else { Ok(None) }
+    if is_obj && is_plain { crate::obj::read_file(path, about.len(), options) } else { Ok(None) }
 }
 
 fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Result<Loaded, ReadError> {
@@ -196,7 +208,7 @@ fn gunzip(bytes: &[u8], limits: Limits) -> Result<Vec<u8>, ReadError> {
 }
 
 /// Text as the readers of text want it: UTF-8 without a mark at its front, lines that end in `\n`.
-fn utf8_of(bytes: &[u8]) -> Cow<'_, [u8]> {
+pub(crate) fn utf8_of(bytes: &[u8]) -> Cow<'_, [u8]> {
     let utf16 = |unit: fn([u8; 2]) -> u16| {
         let units = bytes[2..].chunks_exact(2).map(|b| unit([b[0], b[1]]));
         let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));

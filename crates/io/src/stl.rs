@@ -48,7 +48,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let contents =
         Contents { meshes: soup.solids.max(1), polygons: soup.triangles.len(), ..Contents::default() };
     let mesh = TriMesh::new(Positions::F32(positions), bytemuck::allocation::cast_vec(soup.triangles))?;
-    Ok(Loaded { mesh, format: Format::Stl, contents, warnings: soup.warnings })
+    Ok(Loaded::new(mesh, Format::Stl, contents, soup.warnings))
 }
 
 /// Writes a mesh as STL: binary, or text if the options ask for it.

@@ -3,13 +3,16 @@
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use lodsmith_core::TriMesh;
+use tempfile::NamedTempFile;
 
 use crate::error::{Warning, WriteError};
 use crate::format::Format;
+use crate::obj::{Regions, Textures};
 use crate::sniff::hint_of;
 
 /// How to write.
@@ -20,6 +23,12 @@ pub struct WriteOptions {
     pub format: Option<Format>,
     /// Text instead of binary, for the formats that have both (PLY, STL).
     pub ascii: bool,
+    /// What the regions of the mesh stand for, as its reader had it.
+    pub regions: Option<Arc<Regions>>,
+    /// What becomes of materials and textures, for the formats that have them in files of their own.
+    pub textures: Textures,
+    /// The path that such files are named after and lie beside, where it is not that of the mesh itself.
+    pub beside: Option<PathBuf>,
 }
 
 /// Writes a mesh to a file: to a temporary one beside it, which is then renamed. An existing file survives a failure.
@@ -28,6 +37,10 @@ pub struct WriteOptions {
 /// has the permissions of any new file, an overwritten one keeps its own. Data are handed to the system, which may put
 /// them on the disk later. Returns what the format could not carry.
 ///
+/// Beside an OBJ whose table of regions has materials, a library `NAME.mtl` is written, and textures are copied, as the
+/// options say. A file that is there already and says something else is left alone, and the new one gets a number; only
+/// a library of ours is replaced.
+///
 /// # Errors
 /// [`WriteError`], which names the path; nothing is left behind.
 pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result<Vec<Warning>, WriteError> {
@@ -35,17 +48,39 @@ pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result
         .format
         .or_else(|| hint_of(path))
         .ok_or_else(|| WriteError::UnknownFormat { path: path.to_owned() })?;
-    write_file(path, |out| {
+    let mut beside = None;
+    if let (Format::Obj, Some(regions)) = (format, &options.regions)
+        && !crate::obj::drops_materials(mesh, regions)
+    {
+        let target = options.beside.as_deref().unwrap_or(path);
+        beside = Some(crate::obj::write_beside(regions, target, options.textures)?);
+    }
+    let libraries = beside.as_ref().map(|beside| &*beside.libraries);
+    let written = write_file(path, |out| {
         if !is_gz(path) {
-            return write_format(mesh, format, options, out);
+            return write_format(mesh, format, options, libraries, out);
         }
         // The header holds no time, so that the same mesh gives the same bytes.
         let mut gz = GzEncoder::new(out, COMPRESSION);
-        let warnings = write_format(mesh, format, options, &mut BufWriter::with_capacity(BUFFER, &mut gz))?;
+        let mut buffer = BufWriter::with_capacity(BUFFER, &mut gz);
+        let warnings = write_format(mesh, format, options, libraries, &mut buffer)?;
+        drop(buffer);
         gz.finish()?;
         Ok(warnings)
-    })
-    .map_err(|e| named(e, path))
+    });
+    match (written, beside) {
+        (Ok(warnings), None) => Ok(warnings),
+        (Ok(warnings), Some(mut beside)) => {
+            beside.warnings.extend(warnings);
+            Ok(beside.warnings)
+        }
+        (Err(error), beside) => {
+            if let Some(beside) = beside {
+                beside.remove();
+            }
+            Err(named(error, path))
+        }
+    }
 }
 
 /// Writes a mesh to a stream in a format. Returns what the format could not carry.
@@ -61,7 +96,7 @@ pub fn write_to(
     out: &mut dyn Write,
 ) -> Result<Vec<Warning>, WriteError> {
     let mut out = BufWriter::with_capacity(BUFFER, out);
-    let result = write_format(mesh, format, options, &mut out);
+    let result = write_format(mesh, format, options, None, &mut out);
     if result.is_err() {
         // What is still held back belongs to a file that failed.
         let _ = out.into_parts();
@@ -80,10 +115,11 @@ fn write_format(
     mesh: &TriMesh,
     format: Format,
     options: &WriteOptions,
+    libraries: Option<&[Vec<u8>]>,
     out: &mut dyn Write,
 ) -> io::Result<Vec<Warning>> {
-    let warnings = match format {
-        Format::Obj => crate::obj::write(mesh, options, out),
+    let mut warnings = match format {
+        Format::Obj => crate::obj::write_naming(mesh, options, libraries, out),
         Format::Off => crate::off::write(mesh, options, out),
         Format::Ply => crate::ply::write(mesh, options, out),
         Format::Stl => crate::stl::write(mesh, options, out),
@@ -93,11 +129,24 @@ fn write_format(
         }
     }?;
     out.flush()?;
+    let regions = options.regions.as_deref();
+    let with_materials = options.textures != Textures::None;
+    if format != Format::Obj
+        && let Some(lost) = regions.and_then(|regions| regions.what_is_lost(with_materials))
+    {
+        warnings.push(Warning::lost(format!("{} cannot carry {lost}: dropped", format.title())));
+    }
+    if !with_materials && regions.is_some_and(Regions::has_materials) {
+        warnings.push(Warning::note("materials dropped: --textures none"));
+    }
     Ok(warnings)
 }
 
 /// Makes the file at `path` hold what `write` writes, or leaves things as they were.
-fn write_file<T>(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<T>) -> io::Result<T> {
+pub(crate) fn write_file<T>(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
+) -> io::Result<T> {
     // A link stays a link: what it points to is replaced.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     let existing = match fs::metadata(&target) {
@@ -127,15 +176,7 @@ fn write_file<T>(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<T
         let text = format!("there is no folder {}", folder.display());
         return Err(io::Error::new(io::ErrorKind::NotFound, text));
     }
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".lodsmith-").suffix(".part");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // What a new file has before the user's mask is taken off.
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    let temporary = builder.tempfile_in(&folder)?;
+    let temporary = temporary_in(&folder)?;
     let mut out = BufWriter::with_capacity(BUFFER, temporary.as_file());
     let value = write(&mut out)?;
     out.flush()?;
@@ -145,6 +186,19 @@ fn write_file<T>(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<T
     }
     temporary.persist(&target).map_err(|e| e.error)?;
     Ok(value)
+}
+
+/// A file that goes away unless it gets a name.
+pub(crate) fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".lodsmith-").suffix(".part");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // What a new file has before the user's mask is taken off.
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder)
 }
 
 fn is_gz(path: &Path) -> bool {

@@ -1,7 +1,8 @@
-//! Words for the enums of the engine. Which one is the default is read off the engine's own default.
+//! Words for the enums of the libraries. Which one is the default is read off their own default.
 
 use clap::ValueEnum;
 use lodsmith::{BorderPolicy, Fit, Method, Placement, TopologyPolicy};
+use lodsmith_io::Textures;
 
 macro_rules! choice {
     ($name:ident of $engine:ident { $($variant:ident),+ }) => {
@@ -39,6 +40,7 @@ choice!(FitChoice of Fit { Auto, On, Off });
 choice!(PlacementChoice of Placement { Optimal, Endpoint, Midpoint });
 choice!(BorderChoice of BorderPolicy { Keep, Slide, Lock, Free });
 choice!(TopologyChoice of TopologyPolicy { Relaxed, Preserve, Free });
+choice!(TexturesChoice of Textures { Copy, Link, None });
 
 impl MethodChoice {
     /// The word for it, as typed.

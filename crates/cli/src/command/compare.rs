@@ -8,7 +8,7 @@ use lodsmith::core::measure::{
 };
 use lodsmith::core::spatial::{Bvh, Hint};
 use lodsmith::core::{TriMesh, VertexId};
-use lodsmith_io::{Format, Loaded};
+use lodsmith_io::{Format, Loaded, WriteOptions};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
@@ -51,7 +51,9 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
             Some(path) => {
                 bar.write();
                 let (map, red) = heatmap(&reference.mesh, &candidate.mesh)?;
-                file::write(&map, &Sink::Path(path.clone()), Format::Ply, false, false)?;
+                let mut options = WriteOptions::default();
+                options.format = Some(Format::Ply);
+                file::write(&map, &Sink::Path(path.clone()), Format::Ply, &options, false)?;
                 Some(red)
             }
         };

@@ -27,7 +27,8 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
         let mut loaded = file::read(&args.input, args.from)?;
         bar.write();
         orient(&mut loaded.mesh, writing);
-        let lost = file::write(&loaded.mesh, &args.output, format, writing.ascii, args.force)?;
+        let options = file::options(writing, format, std::mem::take(&mut loaded.regions));
+        let lost = file::write(&loaded.mesh, &args.output, format, &options, args.force)?;
         loaded.warnings.extend(lost);
         Ok(loaded)
     });

@@ -97,10 +97,10 @@ fn simplify_one(job: &Job, args: &SimplifyArgs, progress: &Progress) -> anyhow::
         Normals::None => mesh.set_normals(None)?,
     }
     if let Some((sink, format)) = &job.output {
-        let ascii = args.writing.ascii;
+        let options = file::options(&args.writing, *format, loaded.regions);
         warnings.extend(match args.dry_run {
-            true => file::losses(&mesh, *format, ascii)?,
-            false => file::write(&mesh, sink, *format, ascii, args.force)?,
+            true => file::losses(&mesh, *format, &options)?,
+            false => file::write(&mesh, sink, *format, &options, args.force)?,
         });
     }
     clock.end();

@@ -4,13 +4,13 @@
 //! section cannot know (how many positions came before it, on which line it begins) is added then. If anything is
 //! wrong the file is read once more as one section, so that the error names the first wrong line.
 
-use std::collections::BTreeSet;
-
 use lodsmith_core::mesh::MeshError;
 use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{Positions, TriMesh, VertexId};
 use rayon::prelude::*;
 
+use super::materials::look_up;
+use super::regions::{Heading, Headings, Place};
 use super::stream::ends_line;
 use super::wedges::{Indices, NONE, number_wedges};
 use crate::attributes::{NO_ALPHA, NO_COLOR, unit_colors, unit_normals};
@@ -32,7 +32,7 @@ use crate::read::{Contents, Loaded, ReadOptions};
 /// # Errors
 /// [`ReadError::Malformed`] with the line: a word that is no number, a position with fewer than three coordinates, an
 /// index that is 0 or beyond what the file holds. [`ReadError::Mesh`] if there is more than 32-bit ids can name.
-pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
+pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let sections_or_whole = |precise: bool| match read_sections(bytes, precise) {
         Some(section) => Ok(section),
@@ -46,7 +46,7 @@ pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
         let named = Section::read(bytes, section.counts(), true, true).err();
         return Err(named.unwrap_or_else(|| ReadError::file("a face names what is not there")));
     }
-    section.finish()
+    section.finish(options)
 }
 
 /// Reads the sections of a file at the same time; `None` where one of them cannot do without those before it, be it for
@@ -106,6 +106,7 @@ pub(super) struct Section {
     is_first: bool,
     line_count: usize,
     notes: Notes,
+    headings: Headings,
 }
 
 /// How the indices of one kind are kept.
@@ -132,10 +133,6 @@ struct Polygon {
 #[derive(Default)]
 struct Notes {
     objects: usize,
-    materials: BTreeSet<Vec<u8>>,
-    has_materials: bool,
-    /// Of `g`, `o` and `s`.
-    groups: [Group; 3],
     colored: usize,
     small_faces: usize,
     lines_and_points: usize,
@@ -161,6 +158,7 @@ impl Section {
             is_first,
             line_count: 0,
             notes: Notes::default(),
+            headings: Headings::default(),
         }
     }
 
@@ -237,6 +235,8 @@ impl Section {
         self.uvs.append(&mut next.uvs);
         self.normals.append(&mut next.normals);
         let before = self.triangles[0].len();
+        let place = Place { triangles: before, polygons: self.polygons.len() };
+        self.headings.append(std::mem::take(&mut next.headings), place);
         for kind in 1..3 {
             if self.triangles[0].is_empty() {
                 self.storage[kind] = next.storage[kind];
@@ -449,20 +449,15 @@ impl Section {
     fn other(&mut self, lines: &Lines<'_>) {
         let word = lines.word();
         let notes = &mut self.notes;
+        let heading = Heading::ALL.into_iter().find(|heading| heading.keyword().as_bytes() == word);
+        if let Some(heading) = heading {
+            notes.objects += usize::from(heading == Heading::Object);
+            let at = Place { triangles: self.triangles[0].len(), polygons: self.polygons.len() };
+            self.headings.meet(heading, &lines.rest_with_continuations()[word.len()..], at);
+            return;
+        }
         match word {
-            b"g" | b"o" | b"s" => {
-                notes.objects += usize::from(word == b"o");
-                let name = lines.rest()[1..].trim_ascii();
-                notes.groups[usize::from(word == b"o") + 2 * usize::from(word == b"s")].meet(name);
-            }
-            b"usemtl" => {
-                notes.has_materials = true;
-                let name = lines.rest()[word.len()..].trim_ascii();
-                if !notes.materials.contains(name) {
-                    notes.materials.insert(name.to_vec());
-                }
-            }
-            b"mtllib" => notes.has_materials = true,
+            b"mtllib" => self.headings.meet_libraries(&lines.rest_with_continuations()[word.len()..]),
             b"l" | b"p" => notes.lines_and_points += 1,
             b"vp" | b"cstype" | b"deg" | b"bmat" | b"step" | b"curv" | b"curv2" | b"surf" | b"parm"
             | b"trim" | b"hole" | b"scrv" | b"sp" | b"end" | b"con" => notes.free_forms += 1,
@@ -525,7 +520,7 @@ impl Section {
         take(&mut self.triangles, old[0].len());
     }
 
-    pub(super) fn finish(mut self) -> Result<Loaded, ReadError> {
+    pub(super) fn finish(mut self, options: &ReadOptions) -> Result<Loaded, ReadError> {
         let polygons = self.triangles[0].len() + self.polygons.len();
         self.cut_polygons();
         let [mut triangles, uv_of, normal_of] = std::mem::take(&mut self.triangles);
@@ -534,6 +529,8 @@ impl Section {
             return Err(MeshError::TooLarge { what: "triangles", count: triangles.len() }.into());
         }
         let mut warnings = self.notes.warnings();
+        let sizes = self.polygons.iter().map(|p| p.size);
+        let (regions, of_faces) = std::mem::take(&mut self.headings).resolve(sizes, triangles.len());
         let vertex_count = self.positions.len();
         unit_normals(&mut self.normals);
         if !self.colors.is_empty() {
@@ -592,43 +589,18 @@ impl Section {
         mesh.set_uvs(uvs)?;
         mesh.set_normals(normals)?;
         mesh.set_colors(colors)?;
+        mesh.set_regions(of_faces)?;
         let present = [("normals", mesh.normals().is_some()), ("uvs", mesh.uvs().is_some())];
         let present = present.into_iter().chain([("colors", mesh.colors().is_some())]);
         let contents = Contents {
             meshes: self.notes.objects.max(1),
             polygons,
-            materials: self.notes.materials.len(),
             attributes: present.filter(|(_, is)| *is).map(|(name, _)| name.to_owned()).collect(),
             ..Contents::default()
         };
-        Ok(Loaded { mesh, format: Format::Obj, contents, warnings })
-    }
-}
-
-/// Whether the faces are divided. A lone group says nothing.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-enum Group {
-    #[default]
-    None,
-    One(Vec<u8>),
-    Several,
-}
-
-impl Group {
-    fn meet(&mut self, name: &[u8]) {
-        match self {
-            Self::None => *self = Self::One(name.to_vec()),
-            Self::One(first) if first != name => *self = Self::Several,
-            Self::One(_) | Self::Several => {}
-        }
-    }
-
-    fn append(&mut self, next: Self) {
-        match next {
-            Self::None => {}
-            Self::One(name) => self.meet(&name),
-            Self::Several => *self = Self::Several,
-        }
+        let mut loaded = Loaded { regions, ..Loaded::new(mesh, Format::Obj, contents, warnings) };
+        look_up(&mut loaded, options.folder.as_deref(), options.limits);
+        Ok(loaded)
     }
 }
 
@@ -636,11 +608,6 @@ impl Notes {
     /// Adds the notes of a section with so many lines before it.
     fn append(&mut self, next: Self, lines: usize) {
         self.objects += next.objects;
-        self.materials.extend(next.materials);
-        self.has_materials |= next.has_materials;
-        for (all, these) in self.groups.iter_mut().zip(next.groups) {
-            all.append(these);
-        }
         self.colored += next.colored;
         self.small_faces += next.small_faces;
         self.lines_and_points += next.lines_and_points;
@@ -654,9 +621,6 @@ impl Notes {
 
     fn warnings(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();
-        if self.has_materials || self.groups.contains(&Group::Several) {
-            warnings.push(Warning::not_carried("materials and groups"));
-        }
         if self.lines_and_points > 0 {
             warnings.push(Warning::lost(format!(
                 "{} elements of lines or points: dropped",
@@ -738,6 +702,8 @@ fn bad_index(lines: &Lines<'_>, number: i64, kind: usize, have: [usize; 3], coun
 
 #[cfg(test)]
 mod tests {
+    use lodsmith_core::RegionId;
+
     use super::*;
 
     fn read_text(text: &str) -> Result<Loaded, ReadError> {
@@ -829,18 +795,17 @@ mod tests {
     }
 
     #[test]
-    fn groups_are_told_of_where_there_are_several() {
-        for (lines, said) in [
-            ("o a\ng b\ns off\n", false),
-            ("g a\ng a\n", false),
-            ("g\ng a\n", true),
-            ("o a\no b\n", true),
-            ("s 1\ns 2\n", true),
-        ] {
-            let got = read_text(&format!("{lines}{SQUARE}f 1 2 3\n")).unwrap();
-            let wanted: &[Warning] = if said { &[Warning::not_carried("materials and groups")] } else { &[] };
-            assert_eq!(got.warnings, wanted, "{lines}");
-        }
+    fn each_triangle_of_a_polygon_has_its_region() {
+        let got = read_text(&format!(
+            "{SQUARE}f 1 2 3\ng a b\nusemtl my \\\n wood\nf 1 2 3 4\nf 1 2 4\ns 1\n\\\nf 1 2 3\n"
+        ));
+        let got = got.unwrap();
+        let ids: Vec<u32> = got.mesh.regions().unwrap().iter().map(|r| r.0).collect();
+        assert_eq!(ids, [0, 1, 1, 1, 2]);
+        let last = got.regions.get(RegionId(2)).unwrap();
+        assert_eq!((last.groups, last.material), (Some(&b"a b"[..]), Some(&b"my   wood"[..])));
+        assert_eq!((last.object, last.smoothing), (None, Some(&b"1"[..])));
+        assert!(got.warnings.is_empty());
     }
 
     #[test]
@@ -850,11 +815,11 @@ mod tests {
         ));
         let got = got.unwrap();
         assert_eq!(got.contents.materials, 2);
+        assert_eq!(got.regions.libraries()[0].name(), b"a.mtl");
         let texts: Vec<&str> = got.warnings.iter().map(|w| w.text.as_str()).collect();
         assert_eq!(
             texts,
             [
-                "materials and groups are not carried by this version",
                 "1 elements of lines or points: dropped",
                 "1 lines begin with a word that OBJ does not have, such as `hello` in line 12: passed over",
             ]

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::read::{SMALL, Section, UNKNOWN};
 use crate::error::ReadError;
-use crate::read::Loaded;
+use crate::read::{Loaded, ReadOptions};
 
 /// Bytes that are read at once. Guessed: enough for a call to the system, and within the cache of a core.
 const PIECE: usize = 1 << 18;
@@ -22,7 +22,7 @@ const PIECE: usize = 1 << 18;
 ///
 /// # Errors
 /// [`ReadError::Mesh`] as the reader of a whole file.
-pub(crate) fn read_file(path: &Path, size: u64) -> Result<Option<Loaded>, ReadError> {
+pub(crate) fn read_file(path: &Path, size: u64, options: &ReadOptions) -> Result<Option<Loaded>, ReadError> {
     let Ok(Some(ranges)) = ranges(path, size) else { return Ok(None) };
     let read_all = |precise: bool| {
         let last = ranges.len() - 1;
@@ -38,7 +38,7 @@ pub(crate) fn read_file(path: &Path, size: u64) -> Result<Option<Loaded>, ReadEr
         other => other,
     };
     match section {
-        Some(section) if section.is_sound() => section.finish().map(Some),
+        Some(section) if section.is_sound() => section.finish(options).map(Some),
         _ => Ok(None),
     }
 }
@@ -109,8 +109,9 @@ pub(super) fn ends_line(before: &[u8]) -> bool {
 mod tests {
     use std::fmt::Write as _;
 
+    use lodsmith_core::RegionId;
+
     use super::*;
-    use crate::read::ReadOptions;
 
     /// Many vertices, then faces; every seventh line goes on in the next one.
     fn text(side: usize, extra: &str) -> String {
@@ -132,18 +133,24 @@ mod tests {
         let path = folder.path().join("a.obj");
         std::fs::write(&path, text).unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| read_file(&path, text.len() as u64))
+        pool.install(|| read_file(&path, text.len() as u64, &ReadOptions::default()))
     }
 
     #[test]
     fn pieces_give_what_the_whole_gives() {
-        let text = text(400, "vn 0 0 1\nvn 0 1 0\nusemtl a\nwhat is this\n");
+        let mut text = text(400, "vn 0 0 1\nvn 0 1 0\nusemtl a\nwhat is this\n");
+        // Regions that begin within the later pieces, with faces of the earlier ones before them.
+        let half = text.rfind("f 150001").unwrap();
+        text.insert_str(half, "usemtl b\ns 1\n");
+        text.push_str("g z\nf 1//1 2//1 3//1\n");
         assert!(text.len() > 2 * SMALL, "{}", text.len());
         let whole = super::super::read(text.as_bytes(), &ReadOptions::default()).unwrap();
+        assert_eq!((whole.regions.len(), whole.mesh.regions().unwrap().last()), (3, Some(&RegionId(2))));
         for threads in [1, 3] {
             let got = streamed(&text, threads).unwrap().unwrap();
             assert_eq!(got.mesh, whole.mesh);
             assert_eq!((got.contents, got.warnings), (whole.contents.clone(), whole.warnings.clone()));
+            assert_eq!(got.regions, whole.regions);
         }
     }
 

@@ -3,8 +3,10 @@
 use std::collections::HashMap;
 use std::io::{self, Write};
 
-use lodsmith_core::{Positions, TriMesh};
+use lodsmith_core::{Positions, TriMesh, WedgeId};
 
+use super::regions::{Heading, Region, Regions, listed};
+use super::textures::{Textures, names_of};
 use crate::error::Warning;
 use crate::numbers::TextOut;
 use crate::write::WriteOptions;
@@ -16,13 +18,38 @@ use crate::write::WriteOptions;
 /// they belong to vertices there, so where the wedges of a vertex differ the first one's is written, and alpha has no
 /// place: both are warned of.
 ///
+/// With the table of regions in the options, faces stand in the order of their regions, in that of the mesh within
+/// each, under lines `o`, `g`, `usemtl` and `s`. Where the mesh has no regions but the table has several, only that is
+/// written in which all of them agree, which is warned of. Libraries of materials are named as their source has them.
+///
 /// # Errors
 /// What the stream answers.
-pub fn write(mesh: &TriMesh, _options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
+pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
+    write_naming(mesh, options, None, out)
+}
+
+/// As [`write()`], with these names of libraries.
+pub(crate) fn write_naming(
+    mesh: &TriMesh,
+    options: &WriteOptions,
+    libraries: Option<&[Vec<u8>]>,
+    out: &mut dyn Write,
+) -> io::Result<Vec<Warning>> {
+    let none = Regions::default();
+    let regions = options.regions.as_deref().unwrap_or(&none);
+    let over = Over { regions, with_materials: options.textures != Textures::None };
     let mut warnings = Vec::new();
+    warnings.extend(over.warning(mesh));
     let colors = mesh.colors().map(|colors| vertex_colors(mesh, colors, &mut warnings));
     let mut out = TextOut::new(out);
     out.text("# Lodsmith\n");
+    if over.with_materials && !drops_materials(mesh, regions) {
+        for name in libraries.unwrap_or(&names_of(regions)) {
+            out.text("mtllib ");
+            out.bytes(name);
+            out.end_line()?;
+        }
+    }
     for vertex in 0..mesh.vertex_count() {
         out.byte(b'v');
         match mesh.positions() {
@@ -37,7 +64,7 @@ pub fn write(mesh: &TriMesh, _options: &WriteOptions, out: &mut dyn Write) -> io
     let has_map = mesh.vertex_map().is_some();
     let uv_of = mesh.uvs().map(|uvs| write_once(&mut out, "vt", uvs, has_map)).transpose()?;
     let normal_of = mesh.normals().map(|normals| write_once(&mut out, "vn", normals, has_map)).transpose()?;
-    for triangle in mesh.triangles() {
+    let face = |out: &mut TextOut<'_>, triangle: &[WedgeId; 3]| {
         out.byte(b'f');
         for &wedge in triangle {
             out.byte(b' ');
@@ -58,10 +85,78 @@ pub fn write(mesh: &TriMesh, _options: &WriteOptions, out: &mut dyn Write) -> io
                 }
             }
         }
-        out.end_line()?;
+        out.end_line()
+    };
+    match mesh.regions().filter(|_| !regions.is_empty()) {
+        None => {
+            over.lines(&mut out, Region::default(), regions.shared())?;
+            mesh.triangles().iter().try_for_each(|triangle| face(&mut out, triangle))?;
+        }
+        Some(ids) => {
+            let mut faces: Vec<u32> = (0..mesh.face_count() as u32).collect();
+            faces.sort_by_key(|&f| ids[f as usize]);
+            let (mut present, mut names) = (None, Region::default());
+            for f in faces {
+                let id = ids[f as usize];
+                if present != Some(id) {
+                    let next = regions.get(id).unwrap_or_default();
+                    over.lines(&mut out, names, next)?;
+                    (present, names) = (Some(id), next);
+                }
+                face(&mut out, &mesh.triangles()[f as usize])?;
+            }
+        }
     }
     out.finish()?;
     Ok(warnings)
+}
+
+/// Whether a mesh cannot say any more which of several materials its faces have.
+pub(crate) fn drops_materials(mesh: &TriMesh, regions: &Regions) -> bool {
+    mesh.regions().is_none() && regions.differing().any(|heading| heading == Heading::Material)
+}
+
+/// What stands over the faces.
+struct Over<'a> {
+    regions: &'a Regions,
+    with_materials: bool,
+}
+
+impl Over<'_> {
+    /// Writes what changes from one region to the next.
+    fn lines(&self, out: &mut TextOut<'_>, from: Region<'_>, to: Region<'_>) -> io::Result<()> {
+        for heading in Heading::ALL {
+            let name = to.name(heading);
+            // The table has every name once; long ones are not compared letter by letter for each region.
+            let is_same = match (from.name(heading), name) {
+                (Some(before), Some(now)) => std::ptr::eq(before, now),
+                (before, now) => before.is_none() && now.is_none(),
+            };
+            if is_same || (heading == Heading::Material && !self.with_materials) {
+                continue;
+            }
+            out.text(heading.keyword());
+            // Nothing stands over faces again only in a table that is not from a file.
+            let nothing: &[u8] = if heading == Heading::Smoothing { b"off" } else { b"" };
+            let name = name.unwrap_or(nothing);
+            if !name.is_empty() {
+                out.byte(b' ');
+                out.bytes(name);
+            }
+            out.end_line()?;
+        }
+        Ok(())
+    }
+
+    /// Says what the faces cannot be put under.
+    fn warning(&self, mesh: &TriMesh) -> Option<Warning> {
+        if mesh.regions().is_some() {
+            return None;
+        }
+        let is_ours = |heading: &Heading| self.with_materials || *heading != Heading::Material;
+        let lost = listed(self.regions.differing().filter(is_ours))?;
+        Some(Warning::lost(format!("{lost} dropped: the mesh does not say which faces have which")))
+    }
 }
 
 /// Which line each wedge names, counted from 1.

@@ -311,7 +311,7 @@ fn finish(
         contents.attributes.push("colors".to_owned());
         mesh.set_colors(Some(vertices.colors))?;
     }
-    Ok(Loaded { mesh, format: Format::Off, contents, warnings })
+    Ok(Loaded::new(mesh, Format::Off, contents, warnings))
 }
 
 #[cfg(test)]

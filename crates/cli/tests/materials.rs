@@ -1,0 +1,132 @@
+//! OBJ with materials from end to end: what the command writes beside its output, and what it says of it.
+
+use std::fs;
+use std::path::PathBuf;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A folder with a table of two materials, their library and a texture of one pixel.
+struct Desk {
+    folder: TempDir,
+}
+
+/// Status, standard output and standard error of a run.
+type Ran = (i32, String, String);
+
+const LIBRARY: &str = "newmtl wood\nKd 1 1 1\nmap_Kd -clamp on tex\\grain.ppm\nnewmtl iron\nNs 20\n";
+
+impl Desk {
+    fn new() -> Self {
+        let desk = Self { folder: TempDir::new().expect("there is room for a folder") };
+        for folder in ["in/tex", "out"] {
+            fs::create_dir_all(desk.path(folder)).expect("there is room for a folder");
+        }
+        let places = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+        let faces = "g top\nusemtl wood\nf 1/1 2/2 3/3\ng rim\nusemtl iron\nf 1/1 3/3 4/4\n";
+        desk.put("in/table.obj", &format!("mtllib table.mtl\no table\n{places}{faces}"));
+        desk.put("in/table.mtl", LIBRARY);
+        desk.put("in/tex/grain.ppm", "P3 1 1 255 120 80 40");
+        desk
+    }
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+    fn put(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).expect("there is room for a file");
+    }
+    fn text(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).expect("the file is there")
+    }
+    fn names(&self, folder: &str) -> Vec<String> {
+        let entries = fs::read_dir(self.path(folder)).expect("the folder is there");
+        let name = |e: fs::DirEntry| e.file_name().to_string_lossy().into_owned();
+        let mut names: Vec<_> = entries.map(|e| name(e.expect("it can be listed"))).collect();
+        names.sort();
+        names
+    }
+    fn run(&self, words: &str) -> Ran {
+        let output = Command::cargo_bin("lodsmith")
+            .expect("the command is built")
+            .args(words.split_whitespace())
+            .current_dir(self.folder.path())
+            .output()
+            .expect("it runs");
+        let text = |bytes| String::from_utf8(bytes).expect("it is text");
+        (output.status.code().expect("it ends by itself"), text(output.stdout), text(output.stderr))
+    }
+    fn info(&self, name: &str) -> Value {
+        let (status, out, _) = self.run(&format!("info --json {name}"));
+        assert_eq!(status, 0);
+        serde_json::from_str(&out).expect("it is JSON")
+    }
+}
+
+#[test]
+fn convert_brings_library_and_texture_along() {
+    let desk = Desk::new();
+    let (status, _, told) = desk.run("convert in/table.obj out/desk.obj --strict");
+    assert_eq!((status, told.as_str()), (0, ""));
+    assert_eq!(desk.names("out"), ["desk.mtl", "desk.obj", "grain.ppm"]);
+    assert_eq!(desk.text("out/desk.mtl"), format!("# Lodsmith\n{}", LIBRARY.replace("tex\\", "")));
+    let text = desk.text("out/desk.obj");
+    assert!(text.starts_with("# Lodsmith\nmtllib desk.mtl\n"), "{text}");
+    assert!(text.contains("o table\ng top\nusemtl wood\nf 1/1 2/2 3/3\ng rim\nusemtl iron\nf "), "{text}");
+    for name in ["in/table.obj", "out/desk.obj"] {
+        let info = desk.info(name);
+        assert_eq!((&info["materials"], &info["textures"]), (&2.into(), &1.into()), "{name}");
+    }
+}
+
+#[test]
+fn textures_may_be_linked_or_left() {
+    let desk = Desk::new();
+    assert_eq!(desk.run("convert in/table.obj out/a.obj --textures link").0, 0);
+    assert_eq!(desk.names("out"), ["a.mtl", "a.obj"]);
+    assert!(desk.text("out/a.mtl").contains("map_Kd -clamp on ../in/tex/grain.ppm\n"));
+    let (status, _, told) = desk.run("convert in/table.obj out/b.obj --textures none --strict");
+    assert_eq!((status, told.as_str()), (0, "warning: in/table.obj: materials dropped: --textures none\n"));
+    assert_eq!(desk.names("out"), ["a.mtl", "a.obj", "b.obj"]);
+    assert!(!desk.text("out/b.obj").contains("mtl"));
+    assert_eq!(desk.run("convert in/table.obj out/b.obj --textures maybe").0, 2);
+}
+
+#[test]
+fn formats_without_materials_say_so_once() {
+    let desk = Desk::new();
+    let (status, _, told) = desk.run("convert in/table.obj out/a.ply --strict");
+    assert_eq!(status, 3);
+    assert_eq!(told, "error: in/table.obj: PLY cannot carry groups, materials: dropped\n");
+    desk.put("in/plain.obj", "o a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
+    let (status, _, told) = desk.run("convert in/plain.obj out/a.ply --strict");
+    assert_eq!((status, told.as_str()), (0, ""));
+}
+
+#[test]
+fn simplify_writes_a_library_too_and_a_dry_run_does_not() {
+    let desk = Desk::new();
+    let lines = desk.text("in/table.obj").replace("g rim\nusemtl iron\n", "");
+    desk.put("in/table.obj", &lines);
+    let words = "simplify in/table.obj -o out/low.obj --ratio 1 --placement endpoint";
+    assert_eq!(desk.run(&format!("{words} --dry-run")).0, 0);
+    assert!(desk.names("out").is_empty());
+    let (status, _, told) = desk.run(words);
+    assert_eq!((status, told.as_str()), (0, ""));
+    assert_eq!(desk.names("out"), ["grain.ppm", "low.mtl", "low.obj"]);
+    assert!(desk.text("out/low.obj").contains("o table\ng top\nusemtl wood\nf "));
+}
+
+#[test]
+fn a_protected_output_replaced_by_force_keeps_its_name_for_the_library() {
+    let desk = Desk::new();
+    desk.put("out/a.obj", "old");
+    let mut permissions = fs::metadata(desk.path("out/a.obj")).expect("it was written").permissions();
+    permissions.set_readonly(true);
+    fs::set_permissions(desk.path("out/a.obj"), permissions).expect("it is ours");
+    assert_eq!(desk.run("convert in/table.obj out/a.obj").0, 1);
+    assert_eq!(desk.names("out"), ["a.obj"]);
+    assert_eq!(desk.run("convert in/table.obj out/a.obj --force").0, 0);
+    assert_eq!(desk.names("out"), ["a.mtl", "a.obj", "grain.ppm"]);
+    assert!(desk.text("out/a.obj").contains("mtllib a.mtl\n"));
+}

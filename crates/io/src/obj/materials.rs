@@ -1,0 +1,287 @@
+//! The libraries that describe the materials of an OBJ (MTL): where they are, and what in them names a texture.
+//!
+//! Nothing of a library is understood beyond that; whoever writes one keeps every other byte.
+
+use std::borrow::Cow;
+use std::collections::HashSet;
+use std::fs::{self, File};
+use std::io::Read;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::regions::{Regions, unquoted};
+use crate::error::Warning;
+use crate::excerpt::excerpt_of_bytes;
+use crate::limits::Limits;
+use crate::read::{Loaded, utf8_of};
+
+/// Bytes of all libraries of one file. Guessed: some hundred thousand materials.
+const MOST_BYTES: u64 = 64 << 20;
+
+/// A library of materials that an OBJ names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Library {
+    name: Arc<[u8]>,
+    text: Option<Arc<[u8]>>,
+    /// Where its textures are looked for: its own folder, then that of the OBJ.
+    folders: Vec<PathBuf>,
+}
+
+impl Library {
+    pub(super) fn named(name: Arc<[u8]>) -> Self {
+        Self { name, text: None, folders: Vec::new() }
+    }
+    /// The name, as the OBJ has it.
+    pub fn name(&self) -> &[u8] {
+        &self.name
+    }
+    /// What it says; `None` where it was not there or not looked for.
+    pub fn text(&self) -> Option<&[u8]> {
+        self.text.as_deref()
+    }
+
+    /// The file of a texture that it names.
+    ///
+    /// # Errors
+    /// Why there is none: a sentence's end for people.
+    pub(super) fn find_texture(&self, path: &[u8]) -> Result<PathBuf, &'static str> {
+        find(&self.folders, path)
+    }
+}
+
+/// Reads the libraries that an OBJ names, as far as they are there, and counts what is in them.
+pub(super) fn look_up(loaded: &mut Loaded, folder: Option<&Path>, limits: Limits) {
+    if let Some(folder) = folder {
+        let mut left = limits.bytes.min(MOST_BYTES);
+        for library in &mut loaded.regions.libraries {
+            if let Err(why) = read_library(library, folder, &mut left) {
+                let name = excerpt_of_bytes(&library.name);
+                let text = format!("material library {name} {why}: its materials are not known");
+                loaded.warnings.push(Warning::note(text));
+            }
+        }
+    }
+    (loaded.contents.materials, loaded.contents.textures) = counts(&loaded.regions);
+}
+
+fn read_library(library: &mut Library, folder: &Path, left: &mut u64) -> Result<(), &'static str> {
+    let path = find(&[folder.to_owned()], &library.name)?;
+    let mut bytes = Vec::new();
+    let file = File::open(&path).map_err(|_| "cannot be read")?;
+    file.take(*left + 1).read_to_end(&mut bytes).map_err(|_| "cannot be read")?;
+    *left = left.checked_sub(bytes.len() as u64).ok_or("is too large")?;
+    library.text = Some(utf8_of(&bytes).into());
+    library.folders = path.parent().map(Path::to_owned).into_iter().collect();
+    if library.folders.iter().all(|own| own != folder) {
+        library.folders.push(folder.to_owned());
+    }
+    Ok(())
+}
+
+/// How many materials the file or its libraries name, and how many textures the libraries do.
+fn counts(regions: &Regions) -> (usize, usize) {
+    let mut materials: HashSet<&[u8]> = regions.materials().collect();
+    let mut textures = HashSet::new();
+    for text in regions.libraries.iter().filter_map(Library::text) {
+        for line in lines_of(text) {
+            if let Some(path) = texture_in(line) {
+                textures.insert(with_slashes(&line[path]));
+            } else if let Some(name) = material_in(line) {
+                materials.insert(name);
+            }
+        }
+    }
+    (materials.len(), textures.len())
+}
+
+/// Lines with the ends that they have.
+pub(super) fn lines_of(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    text.split_inclusive(|&b| b == b'\n')
+}
+
+/// The material that begins in this line.
+fn material_in(line: &[u8]) -> Option<&[u8]> {
+    let (word, rest) = next_word(line)?;
+    line[word].eq_ignore_ascii_case(b"newmtl").then(|| line[rest..].trim_ascii())
+}
+
+/// Options that may stand before the path of a texture: the name, and how many words belong to it at most. Those that
+/// take several take only numbers.
+const OPTIONS: [(&[u8], usize); 14] = [
+    (b"-blendu", 1),
+    (b"-blendv", 1),
+    (b"-bm", 1),
+    (b"-boost", 1),
+    (b"-cc", 1),
+    (b"-clamp", 1),
+    (b"-colorspace", 1),
+    (b"-imfchan", 1),
+    (b"-mm", 2),
+    (b"-o", 3),
+    (b"-s", 3),
+    (b"-t", 3),
+    (b"-texres", 1),
+    (b"-type", 1),
+];
+
+/// Where in this line the path of a texture stands, without blanks and quotation marks round it.
+pub(super) fn texture_in(line: &[u8]) -> Option<Range<usize>> {
+    let (word, mut at) = next_word(line)?;
+    let keyword = line[word].to_ascii_lowercase();
+    let is_texture = (keyword.starts_with(b"map_") && keyword != b"map_aat")
+        || [&b"bump"[..], b"disp", b"decal", b"refl", b"norm"].contains(&&*keyword);
+    if !is_texture {
+        return None;
+    }
+    while let Some((word, after)) = next_word(&line[at..]) {
+        let name = &line[at + word.start..at + word.end];
+        let Some((_, most)) = OPTIONS.iter().find(|(option, _)| name.eq_ignore_ascii_case(option)) else {
+            break;
+        };
+        at += after;
+        for _ in 0..*most {
+            let Some((word, after)) = next_word(&line[at..]) else { break };
+            if *most > 1 && !is_number(&line[at + word.start..at + word.end]) {
+                break;
+            }
+            at += after;
+        }
+    }
+    let rest = &line[at..];
+    let begin = at + (rest.len() - rest.trim_ascii_start().len());
+    let path = unquoted(rest.trim_ascii());
+    if path.is_empty() {
+        return None;
+    }
+    let begin = begin + usize::from(line[begin] == b'"' && path.len() < rest.trim_ascii().len());
+    Some(begin..begin + path.len())
+}
+
+fn is_number(word: &[u8]) -> bool {
+    std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok())
+}
+
+/// Where the next word stands, and where it ends.
+fn next_word(text: &[u8]) -> Option<(Range<usize>, usize)> {
+    let begin = text.iter().position(|b| !b.is_ascii_whitespace())?;
+    let length = text[begin..].iter().position(u8::is_ascii_whitespace).unwrap_or(text.len() - begin);
+    Some((begin..begin + length, begin + length))
+}
+
+/// Windows writes paths with backslashes; everybody reads these.
+pub(super) fn with_slashes(path: &[u8]) -> Cow<'_, [u8]> {
+    if !path.contains(&b'\\') {
+        return Cow::Borrowed(path);
+    }
+    path.iter().map(|&b| if b == b'\\' { b'/' } else { b }).collect()
+}
+
+/// The file that a path in a file of these folders means.
+///
+/// First as it stands, then with slashes for backslashes, without a comment behind it, and at last by its bare name: a
+/// path from another machine leads nowhere, but its file often lies beside.
+fn find(folders: &[PathBuf], path: &[u8]) -> Result<PathBuf, &'static str> {
+    let slashed = with_slashes(path);
+    let before_comment = |path: &[u8]| {
+        let end = path.windows(2).position(|w| w[0].is_ascii_whitespace() && w[1] == b'#');
+        end.map_or(path.len(), |end| path[..end].trim_ascii_end().len())
+    };
+    let plain = &slashed[..before_comment(&slashed)];
+    let bare = plain.rsplit(|&b| b == b'/').next().unwrap_or_default();
+    let mut why = "is not there";
+    for candidate in [path, &slashed, plain, bare].into_iter().filter(|c| !c.is_empty()) {
+        for folder in folders {
+            let path = folder.join(path_of(candidate));
+            match fs::metadata(&path) {
+                Ok(about) if about.is_file() => return Ok(path),
+                Ok(_) => why = "is no regular file",
+                Err(_) => {}
+            }
+        }
+    }
+    Err(why)
+}
+
+/// The path that bytes of a file mean: these very bytes where the system takes any, else as UTF-8.
+pub(super) fn path_of(bytes: &[u8]) -> PathBuf {
+    #[cfg(unix)]
+    {
+        use std::os::unix::ffi::OsStrExt;
+        std::ffi::OsStr::from_bytes(bytes).into()
+    }
+    #[cfg(not(unix))]
+    {
+        String::from_utf8_lossy(bytes).into_owned().into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texture(line: &str) -> Option<&str> {
+        texture_in(line.as_bytes()).map(|path| &line[path])
+    }
+
+    #[test]
+    fn paths_of_textures_are_found_behind_options() {
+        for (line, wanted) in [
+            ("map_Kd a.png\n", "a.png"),
+            ("  MAP_KD\t-s 1 1 1 -o 0.5 my wood.png \r\n", "my wood.png"),
+            ("map_Bump -bm 0.5 .\\tex\\b.jpg", ".\\tex\\b.jpg"),
+            ("bump -clamp on -imfchan r \"two words.png\"\n", "two words.png"),
+            ("norm -mm 0 1 -s 2 2 3.png", "3.png"),
+            ("map_Ks -type sphere C:\\tex\\a.png", "C:\\tex\\a.png"),
+            ("disp -unknown.png", "-unknown.png"),
+            ("map_Pr ../r.png # rough", "../r.png # rough"),
+        ] {
+            assert_eq!(texture(line), Some(wanted), "{line}");
+        }
+    }
+
+    #[test]
+    fn other_lines_and_broken_ones_name_no_texture() {
+        for line in [
+            "",
+            "\n",
+            "newmtl map_Kd",
+            "Kd 1 1 1",
+            "# map_Kd a.png",
+            "map_aat on",
+            "map_Kd",
+            "map_Kd -s",
+            "map_Kd -s 1 ",
+            "map_Kd -bm 0.5\n",
+            "map_Kd \"\"",
+            "\u{1}",
+            "bumpy a.png",
+            "-s 1 1 1 a.png",
+        ] {
+            assert_eq!(texture(line), None, "{line}");
+        }
+        assert_eq!(texture("map_Kd \""), Some("\""));
+        assert_eq!(material_in(b" newmtl  a b \r\n"), Some(&b"a b"[..]));
+    }
+
+    #[test]
+    fn files_are_found_in_many_a_spelling() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = [folder.path().to_owned()];
+        fs::create_dir(folder.path().join("tex")).unwrap();
+        for name in ["a b.png", "tex/c.png"] {
+            fs::write(folder.path().join(name), name).unwrap();
+        }
+        let name = |path: &str| {
+            let found = find(&folders, path.as_bytes())?;
+            Ok(found.strip_prefix(folder.path()).unwrap().to_string_lossy().replace('\\', "/"))
+        };
+        assert_eq!(name("a b.png"), Ok("a b.png".to_owned()));
+        assert_eq!(name("tex\\c.png"), Ok("tex/c.png".to_owned()));
+        assert_eq!(name("D:\\old\\a b.png # mine"), Ok("a b.png".to_owned()));
+        assert_eq!(name("../nowhere/a b.png"), Ok("a b.png".to_owned()));
+        assert_eq!(name("none.png"), Err("is not there"));
+        assert_eq!(name("tex"), Err("is no regular file"));
+        assert_eq!(name("a\0b"), Err("is not there"));
+    }
+}

@@ -1,0 +1,429 @@
+//! What the regions of an OBJ stand for: the object, the groups, the material and the smoothing group of their faces.
+//!
+//! A line `o`, `g`, `usemtl` or `s` holds for the faces below it until the next of its kind. Sections of a file note
+//! where such lines stand ([`Headings`]); what they come to for each face is known when all sections are together.
+
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+
+use lodsmith_core::RegionId;
+
+use super::materials::Library;
+
+/// No name: no such line stands above.
+const NONE: u32 = u32::MAX;
+
+/// The lines that hold for the faces below them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Heading {
+    Object,
+    Groups,
+    Material,
+    Smoothing,
+}
+
+impl Heading {
+    pub(super) const ALL: [Self; 4] = [Self::Object, Self::Groups, Self::Material, Self::Smoothing];
+
+    /// The word that the line begins with.
+    pub(super) const fn keyword(self) -> &'static str {
+        ["o", "g", "usemtl", "s"][self as usize]
+    }
+    /// What it is called for people.
+    pub(super) const fn title(self) -> &'static str {
+        ["objects", "groups", "materials", "smoothing groups"][self as usize]
+    }
+}
+
+/// What all faces of a region stand under. Names are as the file has them, in its encoding; `None` where no such line
+/// stands above the faces.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Region<'a> {
+    /// The object (`o`).
+    pub object: Option<&'a [u8]>,
+    /// The groups (`g`), several with blanks between them.
+    pub groups: Option<&'a [u8]>,
+    /// The material (`usemtl`).
+    pub material: Option<&'a [u8]>,
+    /// The smoothing group (`s`): a number, or `off`.
+    pub smoothing: Option<&'a [u8]>,
+}
+
+impl<'a> Region<'a> {
+    pub(super) fn name(&self, heading: Heading) -> Option<&'a [u8]> {
+        match heading {
+            Heading::Object => self.object,
+            Heading::Groups => self.groups,
+            Heading::Material => self.material,
+            Heading::Smoothing => self.smoothing,
+        }
+    }
+}
+
+/// What the regions of a mesh stand for, by their ids; and where their materials are described.
+///
+/// A region is a distinct combination of object, groups, material and smoothing group; ids follow the faces.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Regions {
+    names: Vec<Arc<[u8]>>,
+    /// A name, or [`NONE`], for each [`Heading`].
+    entries: Vec<[u32; 4]>,
+    /// The names of all materials that the file asks for, by their numbers.
+    materials: Vec<u32>,
+    pub(super) libraries: Vec<Library>,
+}
+
+impl Regions {
+    /// How many there are; 0 where the file has no such lines.
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+    /// What a region stands for.
+    pub fn get(&self, id: RegionId) -> Option<Region<'_>> {
+        self.entries.get(id.index()).map(|&entry| self.region(entry))
+    }
+    /// All regions, in the order of their ids.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Region<'_>> {
+        self.entries.iter().map(|&entry| self.region(entry))
+    }
+    /// Names of all materials that faces ask for, or would if there were any, in the order of their appearance.
+    pub fn materials(&self) -> impl ExactSizeIterator<Item = &[u8]> {
+        self.materials.iter().map(|&name| &*self.names[name as usize])
+    }
+    /// The libraries that describe the materials (`mtllib`), in their order.
+    pub fn libraries(&self) -> &[Library] {
+        &self.libraries
+    }
+
+    /// Whether the file speaks of materials.
+    pub(crate) fn has_materials(&self) -> bool {
+        !self.materials.is_empty() || !self.libraries.is_empty()
+    }
+
+    /// What tells regions from each other.
+    pub(super) fn differing(&self) -> impl Iterator<Item = Heading> {
+        let differs = |&h: &Heading| self.entries.windows(2).any(|w| w[0][h as usize] != w[1][h as usize]);
+        Heading::ALL.into_iter().filter(differs)
+    }
+
+    /// What a mesh without regions can say all the same: that in which all regions agree.
+    pub(super) fn shared(&self) -> Region<'_> {
+        let mut entry = self.entries.first().copied().unwrap_or([NONE; 4]);
+        self.differing().for_each(|heading| entry[heading as usize] = NONE);
+        self.region(entry)
+    }
+
+    /// What is lost where a format knows nothing of this, for people; `None` if that is nothing. A lone group says
+    /// nothing, a lone material does.
+    pub(crate) fn what_is_lost(&self, with_materials: bool) -> Option<String> {
+        let is_lost = |heading: &Heading| match heading {
+            Heading::Material => with_materials && self.has_materials(),
+            other => self.differing().any(|h| h == *other),
+        };
+        listed(Heading::ALL.into_iter().filter(is_lost))
+    }
+
+    fn region(&self, entry: [u32; 4]) -> Region<'_> {
+        let name = |heading: Heading| self.names.get(entry[heading as usize] as usize).map(|n| &**n);
+        Region {
+            object: name(Heading::Object),
+            groups: name(Heading::Groups),
+            material: name(Heading::Material),
+            smoothing: name(Heading::Smoothing),
+        }
+    }
+}
+
+/// Titles with commas between them; `None` if there are none.
+pub(super) fn listed(headings: impl Iterator<Item = Heading>) -> Option<String> {
+    let titles: Vec<_> = headings.map(Heading::title).collect();
+    (!titles.is_empty()).then(|| titles.join(", "))
+}
+
+/// Where a section of a file says under what its faces stand.
+#[derive(Debug, Default)]
+pub(super) struct Headings {
+    names: Names,
+    changes: Vec<Change>,
+    materials: Materials,
+    libraries: Vec<Arc<[u8]>>,
+}
+
+/// Lines that stand between the same two faces; the last of a kind counts.
+#[derive(Debug)]
+struct Change {
+    at: Place,
+    /// A name for each [`Heading`], [`NONE`] where there is no such line.
+    names: [u32; 4],
+}
+
+/// A place between faces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    /// How many faces of three corners stand before it.
+    pub(super) triangles: usize,
+    /// How many of more corners.
+    pub(super) polygons: usize,
+}
+
+/// Names of materials, once each, in the order of their appearance.
+#[derive(Debug, Default)]
+struct Materials {
+    all: Vec<u32>,
+    seen: HashSet<u32>,
+}
+
+impl Materials {
+    fn meet(&mut self, name: u32) {
+        if self.seen.insert(name) {
+            self.all.push(name);
+        }
+    }
+}
+
+impl Headings {
+    /// A line of this kind stands here.
+    pub(super) fn meet(&mut self, heading: Heading, name: &[u8], at: Place) {
+        let name = self.names.number_of(clean(name));
+        if heading == Heading::Material {
+            self.materials.meet(name);
+        }
+        self.change_at(at)[heading as usize] = name;
+    }
+
+    /// A line names libraries of materials.
+    pub(super) fn meet_libraries(&mut self, names: &[u8]) {
+        for name in library_names(clean(names)) {
+            // A file that names more than this describes nothing. Guessed.
+            if self.libraries.len() < 256 && !self.libraries.iter().any(|l| **l == *name) {
+                self.libraries.push(name.into());
+            }
+        }
+    }
+
+    /// Puts the headings of the section that follows behind these; so many faces are before it.
+    pub(super) fn append(&mut self, next: Self, before: Place) {
+        let numbers: Vec<u32> = next.names.texts.iter().map(|text| self.names.number_of(text)).collect();
+        for change in next.changes {
+            let at = Place {
+                triangles: before.triangles + change.at.triangles,
+                polygons: before.polygons + change.at.polygons,
+            };
+            let names = self.change_at(at);
+            for (name, next) in names.iter_mut().zip(change.names) {
+                *name = numbers.get(next as usize).copied().unwrap_or(*name);
+            }
+        }
+        next.materials.all.iter().for_each(|&name| self.materials.meet(numbers[name as usize]));
+        for library in next.libraries {
+            if self.libraries.len() < 256 && !self.libraries.contains(&library) {
+                self.libraries.push(library);
+            }
+        }
+    }
+
+    fn change_at(&mut self, at: Place) -> &mut [u32; 4] {
+        if self.changes.last().is_none_or(|last| last.at != at) {
+            self.changes.push(Change { at, names: [NONE; 4] });
+        }
+        let last = self.changes.len() - 1;
+        &mut self.changes[last].names
+    }
+
+    /// The table, and the region of each face where there is more than one.
+    ///
+    /// `polygon_sizes` are the corners of the larger faces in their order, each cut into two triangles fewer.
+    /// Cost: O(faces + lines).
+    pub(super) fn resolve(
+        self,
+        polygon_sizes: impl IntoIterator<Item = usize>,
+        face_count: usize,
+    ) -> (Regions, Option<Vec<RegionId>>) {
+        let mut regions = Regions {
+            names: self.names.texts,
+            entries: Vec::new(),
+            materials: self.materials.all,
+            libraries: self.libraries.into_iter().map(Library::named).collect(),
+        };
+        if self.changes.is_empty() {
+            return (regions, None);
+        }
+        let mut numbers: HashMap<[u32; 4], u32> = HashMap::new();
+        let mut ids = Vec::new();
+        let mut sizes = polygon_sizes.into_iter();
+        let (mut begin, mut polygons, mut from_polygons) = (0, 0, 0);
+        let mut present = [NONE; 4];
+        let ends = self.changes.iter().map(Some).chain([None]);
+        for change in ends {
+            let end = change.map_or(face_count, |change| {
+                let more = change.at.polygons - polygons;
+                from_polygons += sizes.by_ref().take(more).map(|size| size - 2).sum::<usize>();
+                polygons = change.at.polygons;
+                change.at.triangles + from_polygons
+            });
+            if end > begin {
+                let entries = &mut regions.entries;
+                let id = *numbers.entry(present).or_insert_with(|| {
+                    entries.push(present);
+                    entries.len() as u32 - 1
+                });
+                // As long as there is one region, nobody has to be told.
+                if regions.entries.len() > 1 {
+                    ids.resize(begin, RegionId(0));
+                    ids.resize(end, RegionId(id));
+                }
+                begin = end;
+            }
+            for (name, new) in present.iter_mut().zip(change.map_or([NONE; 4], |c| c.names)) {
+                *name = if new == NONE { *name } else { new };
+            }
+        }
+        if regions.entries == [[NONE; 4]] {
+            regions.entries.clear();
+        }
+        let is_one = regions.entries.len() < 2;
+        (regions, (!is_one).then_some(ids))
+    }
+}
+
+/// Texts, each with a number; the same text gets the same one.
+#[derive(Debug, Default)]
+struct Names {
+    texts: Vec<Arc<[u8]>>,
+    numbers: HashMap<Arc<[u8]>, u32>,
+}
+
+impl Names {
+    fn number_of(&mut self, text: &[u8]) -> u32 {
+        if let Some(&number) = self.numbers.get(text) {
+            return number;
+        }
+        let (text, number): (Arc<[u8]>, _) = (text.into(), self.texts.len() as u32);
+        self.texts.push(text.clone());
+        self.numbers.insert(text, number);
+        number
+    }
+}
+
+/// Without what would swallow the next line when it is written.
+fn clean(mut name: &[u8]) -> &[u8] {
+    name = name.trim_ascii();
+    while let Some(shorter) = name.strip_suffix(b"\\") {
+        name = shorter.trim_ascii_end();
+    }
+    name
+}
+
+/// The names of a line `mtllib`. Blanks stand between names and, in many a file, within one: a name goes on to `.mtl`.
+fn library_names(line: &[u8]) -> Vec<&[u8]> {
+    let mut names = Vec::new();
+    let mut rest = line;
+    while !rest.is_empty() {
+        let is_end = |&i: &usize| {
+            i >= 4
+                && rest[i - 4..i].eq_ignore_ascii_case(b".mtl")
+                && rest.get(i).is_none_or(u8::is_ascii_whitespace)
+        };
+        let end = memchr::memchr2_iter(b'l', b'L', rest).map(|i| i + 1).find(is_end).unwrap_or(rest.len());
+        names.push(unquoted(rest[..end].trim_ascii()));
+        rest = rest[end..].trim_ascii_start();
+    }
+    names
+}
+
+/// Without the quotation marks that some programs put round a name.
+pub(super) fn unquoted(name: &[u8]) -> &[u8] {
+    match name {
+        [b'"', inner @ .., b'"'] => inner,
+        _ => name,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(triangles: usize, polygons: usize) -> Place {
+        Place { triangles, polygons }
+    }
+
+    fn ids(regions: Option<Vec<RegionId>>) -> Vec<u32> {
+        regions.unwrap().into_iter().map(|r| r.0).collect()
+    }
+
+    #[test]
+    fn faces_stand_under_the_last_line_of_each_kind() {
+        let mut headings = Headings::default();
+        headings.meet(Heading::Groups, b"a", at(1, 0));
+        headings.meet(Heading::Material, b"wood", at(1, 0));
+        // A face of five corners in between, then back to what was.
+        headings.meet(Heading::Groups, b" b c ", at(1, 1));
+        headings.meet(Heading::Groups, b"unused", at(2, 1));
+        headings.meet(Heading::Groups, b"a", at(2, 1));
+        let (regions, of_faces) = headings.resolve([5], 6);
+        assert_eq!(ids(of_faces), [0, 1, 1, 1, 2, 1]);
+        let names: Vec<_> = regions.iter().map(|r| (r.groups, r.material)).collect();
+        let wood = Some(&b"wood"[..]);
+        assert_eq!(names, [(None, None), (Some(&b"a"[..]), wood), (Some(&b"b c"[..]), wood)]);
+        assert_eq!(listed(regions.differing()).unwrap(), "groups, materials");
+        assert_eq!(regions.shared(), Region::default());
+    }
+
+    #[test]
+    fn one_region_needs_no_ids_and_keeps_its_names() {
+        let mut headings = Headings::default();
+        headings.meet(Heading::Object, b"chair", at(0, 0));
+        headings.meet(Heading::Smoothing, b"off", at(9, 0));
+        let (regions, of_faces) = headings.resolve([], 9);
+        assert_eq!((regions.len(), of_faces), (1, None));
+        assert_eq!(regions.shared().object, Some(&b"chair"[..]));
+        let mut late = Headings::default();
+        late.meet(Heading::Object, b"none", at(9, 0));
+        assert!(late.resolve([], 9).0.is_empty());
+    }
+
+    #[test]
+    fn sections_go_on_from_those_before_them() {
+        let mut first = Headings::default();
+        first.meet(Heading::Material, b"x", at(0, 0));
+        first.meet(Heading::Groups, b"a", at(2, 0));
+        let mut second = Headings::default();
+        second.meet(Heading::Material, b"y", at(0, 0));
+        second.meet(Heading::Material, b"x", at(1, 0));
+        first.append(second, at(2, 0));
+        let (regions, of_faces) = first.resolve([], 4);
+        assert_eq!(ids(of_faces), [0, 0, 1, 2]);
+        assert_eq!(regions.materials().collect::<Vec<_>>(), [b"x", b"y"]);
+        assert_eq!(regions.iter().nth(1).unwrap().groups, Some(&b"a"[..]));
+    }
+
+    #[test]
+    fn a_group_for_each_face_is_no_trouble() {
+        let mut headings = Headings::default();
+        let count = 200_000;
+        let long = "x".repeat(10_000);
+        headings.meet(Heading::Object, long.as_bytes(), at(0, 0));
+        for face in 0..count {
+            headings.meet(Heading::Groups, face.to_string().as_bytes(), at(face, 0));
+        }
+        let (regions, of_faces) = headings.resolve([], count);
+        assert_eq!((regions.len(), of_faces.unwrap()[count - 1]), (count, RegionId(count as u32 - 1)));
+    }
+
+    #[test]
+    fn names_of_libraries_may_hold_blanks() {
+        let names = |line: &'static str| library_names(clean(line.as_bytes()));
+        assert_eq!(names("a.mtl b.MTL"), [&b"a.mtl"[..], b"b.MTL"]);
+        assert_eq!(names("my chair.mtl"), [b"my chair.mtl"]);
+        assert_eq!(names("\"my chair.mtl\""), [b"my chair.mtl"]);
+        assert_eq!(names("chair \\"), [b"chair"]);
+        assert_eq!(names("é.mtl.old x"), ["é.mtl.old x".as_bytes()]);
+        assert!(names("  ").is_empty());
+        assert_eq!(clean(b" a \\ \\"), b"a");
+    }
+}

@@ -1,0 +1,377 @@
+//! Groups, materials and smoothing groups of OBJ: what is written reads back the same, and libraries and textures go
+//! along.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use lodsmith_core::{RegionId, TriMesh, WedgeId};
+use lodsmith_io::{
+    Format, Loaded, ReadOptions, Textures, Warning, WriteOptions, read_bytes, read_path, write_path, write_to,
+};
+use proptest::prelude::*;
+
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+
+/// A chair whose faces come back to what they were under before.
+fn chair() -> String {
+    format!(
+        "mtllib chair.mtl\no chair\n{SQUARE}g legs left\nusemtl my wood\ns 1\nf 1/1 2/2 3/3\n\
+         g seat\nusemtl cloth\nf 1/1 2/2 3/3 4/4\ng legs left\nusemtl my wood\nf 1/2 3/3 4/4\ns off\nf 1 2 4\n"
+    )
+}
+
+const LIBRARY: &str = "# by hand\r\nnewmtl my wood\r\nKd 1 1 1\nmap_Kd -s 1 1 1 -bm 0.5 tex\\wood grain.png\r\n\
+                       map_Bump -clamp on tex/wood grain.png\nspecial 1 2 3\n\
+                       newmtl cloth\nmap_Kd cloth.png\nnorm gone.png\nmap_aat on";
+
+fn read(path: &Path) -> Loaded {
+    read_path(path, &ReadOptions::default()).unwrap()
+}
+
+fn options_of(loaded: &Loaded, textures: Textures) -> WriteOptions {
+    let mut options = WriteOptions::default();
+    options.regions = Some(Arc::new(loaded.regions.clone()));
+    options.textures = textures;
+    options
+}
+
+fn text_of(loaded: &Loaded) -> String {
+    let mut bytes = Vec::new();
+    let options = options_of(loaded, Textures::Copy);
+    assert_eq!(write_to(&loaded.mesh, Format::Obj, &options, &mut bytes).unwrap(), []);
+    String::from_utf8(bytes).unwrap()
+}
+
+/// All names and the corners under them.
+type Headed = (Vec<Option<Vec<u8>>>, Vec<[u64; 3]>);
+
+/// Faces with what they stand under, in the order in which they are written.
+fn faces(loaded: &Loaded) -> Vec<Headed> {
+    let mesh: &TriMesh = &loaded.mesh;
+    let place = |w: &WedgeId| mesh.positions().view().get(mesh.vertex_of(*w)).map(f64::to_bits);
+    let id = |face: usize| mesh.regions().map_or(RegionId(0), |ids| ids[face]);
+    let mut order: Vec<usize> = (0..mesh.face_count()).collect();
+    order.sort_by_key(|&face| id(face));
+    let face = |face: usize| {
+        let r = loaded.regions.get(id(face)).unwrap_or_default();
+        let names = [r.object, r.groups, r.material, r.smoothing].map(|n| n.map(<[u8]>::to_vec));
+        (names.to_vec(), mesh.triangles()[face].iter().map(place).collect())
+    };
+    order.into_iter().map(face).collect()
+}
+
+/// A folder with a chair, its library and two textures.
+struct Workshop {
+    folder: tempfile::TempDir,
+}
+
+impl Workshop {
+    fn new() -> Self {
+        let shop = Self { folder: tempfile::tempdir().unwrap() };
+        fs::create_dir_all(shop.path("in/tex")).unwrap();
+        fs::create_dir(shop.path("out")).unwrap();
+        shop.put("in/chair.obj", &chair());
+        shop.put("in/chair.mtl", LIBRARY);
+        shop.put("in/tex/wood grain.png", "wood");
+        shop.put("in/cloth.png", "cloth");
+        shop
+    }
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+    fn put(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).unwrap();
+    }
+    fn text(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).unwrap()
+    }
+    fn names(&self, folder: &str) -> Vec<String> {
+        let name = |e: std::io::Result<fs::DirEntry>| e.unwrap().file_name().to_string_lossy().into_owned();
+        let mut names: Vec<_> = fs::read_dir(self.path(folder)).unwrap().map(name).collect();
+        names.sort();
+        names
+    }
+    fn convert(&self, from: &str, to: &str, textures: Textures) -> Vec<String> {
+        let loaded = read(&self.path(from));
+        let warnings = write_path(&loaded.mesh, &self.path(to), &options_of(&loaded, textures)).unwrap();
+        warnings.iter().map(ToString::to_string).collect()
+    }
+}
+
+#[test]
+fn faces_are_written_by_region_and_lines_only_where_they_change() {
+    let loaded = read_bytes(chair().as_bytes(), &ReadOptions::default()).unwrap();
+    assert_eq!(loaded.warnings.len(), 1, "corners without texture coordinates");
+    assert_eq!((loaded.regions.len(), loaded.contents.materials, loaded.contents.textures), (3, 2, 0));
+    let text = text_of(&loaded);
+    let lines: Vec<&str> = text.lines().filter(|l| !l.starts_with('v') && !l.starts_with('#')).collect();
+    let shown: Vec<&str> = lines.iter().map(|l| if l.starts_with('f') { "f" } else { l }).collect();
+    assert_eq!(
+        shown,
+        [
+            "mtllib chair.mtl",
+            "o chair",
+            "g legs left",
+            "usemtl my wood",
+            "s 1",
+            "f",
+            "f",
+            "g seat",
+            "usemtl cloth",
+            "f",
+            "f",
+            "g legs left",
+            "usemtl my wood",
+            "s off",
+            "f"
+        ]
+    );
+    let again = read_bytes(text.as_bytes(), &ReadOptions::default()).unwrap();
+    assert_eq!(faces(&again), faces(&loaded));
+    assert_eq!(text_of(&again), text);
+    // Equal texture coordinates are written once.
+    assert_eq!(text.lines().filter(|l| l.starts_with("vt ")).count(), 4);
+}
+
+#[test]
+fn a_lone_region_keeps_its_names_and_none_writes_as_ever() {
+    let plain = read_bytes(format!("{SQUARE}f 1 2 3\n").as_bytes(), &ReadOptions::default()).unwrap();
+    let mut bytes = Vec::new();
+    write_to(&plain.mesh, Format::Obj, &WriteOptions::default(), &mut bytes).unwrap();
+    assert_eq!(text_of(&plain).as_bytes(), bytes);
+    let text = format!("o a\ng\n{SQUARE}usemtl x\ns 3\nf 1 2 3\n");
+    let one = read_bytes(text.as_bytes(), &ReadOptions::default()).unwrap();
+    assert!(one.mesh.regions().is_none());
+    assert!(text_of(&one).contains("o a\ng\nusemtl x\ns 3\nf "));
+}
+
+#[test]
+fn what_regions_share_is_left_where_the_mesh_has_none() {
+    let mut loaded = read_bytes(chair().as_bytes(), &ReadOptions::default()).unwrap();
+    loaded.mesh.set_regions(None).unwrap();
+    let mut bytes = Vec::new();
+    let warnings =
+        write_to(&loaded.mesh, Format::Obj, &options_of(&loaded, Textures::Copy), &mut bytes).unwrap();
+    let lost = "groups, materials, smoothing groups dropped: the mesh does not say which faces have which";
+    assert_eq!(warnings, [Warning::lost(lost)]);
+    let text = String::from_utf8(bytes).unwrap();
+    assert!(text.contains("\no chair\nf ") && !text.contains("mtl"), "{text}");
+}
+
+#[test]
+fn other_formats_say_what_they_lose() {
+    for (lines, lost) in [
+        ("o a\ng b\ns off\n", None),
+        ("usemtl a\n", Some("materials")),
+        ("mtllib a.mtl\n", Some("materials")),
+        ("g a\nf 1 2 3\ng b\no c\n", Some("objects, groups")),
+        ("s 1\nf 1 2 3\nusemtl a\ns 2\n", Some("materials, smoothing groups")),
+    ] {
+        let text = format!("{SQUARE}{lines}f 1 2 3\n");
+        let loaded = read_bytes(text.as_bytes(), &ReadOptions::default()).unwrap();
+        let got = write_to(&loaded.mesh, Format::Stl, &options_of(&loaded, Textures::Copy), &mut Vec::new());
+        let lost = lost.map(|lost| Warning::lost(format!("STL cannot carry {lost}: dropped")));
+        assert_eq!(got.unwrap(), Vec::from_iter(lost), "{lines}");
+    }
+}
+
+#[test]
+fn libraries_and_textures_are_counted() {
+    let shop = Workshop::new();
+    let loaded = read(&shop.path("in/chair.obj"));
+    assert_eq!((loaded.contents.materials, loaded.contents.textures), (2, 3));
+    let text = format!("mtllib my lib.mtl none.mtl\n{SQUARE}usemtl x\nf 1 2 3\n");
+    shop.put("in/two.obj", &text);
+    shop.put("in/my lib.mtl", "newmtl x\nmap_Kd a.png\nnewmtl y\nmap_Kd a.png");
+    let loaded = read(&shop.path("in/two.obj"));
+    assert_eq!((loaded.contents.materials, loaded.contents.textures), (2, 1));
+    let told = "material library none.mtl is not there: its materials are not known";
+    assert_eq!(loaded.warnings, [Warning::note(told)]);
+}
+
+#[test]
+fn copies_lie_beside_the_output_and_the_rest_is_kept() {
+    let shop = Workshop::new();
+    let warnings = shop.convert("in/chair.obj", "out/my seat.obj", Textures::Copy);
+    assert_eq!(warnings, ["texture gone.png is not there: its name is kept"]);
+    assert_eq!(shop.names("out"), ["cloth.png", "my seat.mtl", "my seat.obj", "wood grain.png"]);
+    let wanted = LIBRARY.replace("tex\\wood", "wood").replace("tex/wood", "wood");
+    assert_eq!(shop.text("out/my seat.mtl"), format!("# Lodsmith\n{wanted}"));
+    assert!(shop.text("out/my seat.obj").starts_with("# Lodsmith\nmtllib my seat.mtl\n"));
+    assert_eq!(shop.text("out/wood grain.png"), "wood");
+    let [before, after] = ["in/chair.obj", "out/my seat.obj"].map(|name| read(&shop.path(name)));
+    assert_eq!(faces(&before), faces(&after));
+    assert_eq!(after.contents.materials, 2);
+    // Once more, and onwards: nothing new but what is new.
+    shop.convert("in/chair.obj", "out/my seat.obj", Textures::Copy);
+    shop.convert("out/my seat.obj", "out/b.obj.gz", Textures::Copy);
+    let names = ["b.mtl", "b.obj.gz", "cloth.png", "my seat.mtl", "my seat.obj", "wood grain.png"];
+    assert_eq!(shop.names("out"), names);
+    assert_eq!(shop.text("out/b.mtl"), shop.text("out/my seat.mtl"));
+}
+
+#[test]
+fn other_files_of_the_same_name_are_left_alone() {
+    let shop = Workshop::new();
+    shop.put("out/cloth.png", "silk!");
+    shop.put("out/cloth_1.png", "cloth");
+    shop.put("out/wood grain.png", "oak");
+    shop.put("out/chair.mtl", "newmtl somebody else's");
+    shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!(shop.text("out/cloth.png"), "silk!");
+    assert_eq!(shop.text("out/chair.mtl"), "newmtl somebody else's");
+    let library = shop.text("out/chair_1.mtl");
+    assert!(library.contains("map_Kd cloth_1.png\n"), "{library}");
+    assert!(library.contains("map_Kd -s 1 1 1 -bm 0.5 wood grain_1.png\r\n"), "{library}");
+    assert!(shop.text("out/chair.obj").contains("mtllib chair_1.mtl\n"));
+    assert_eq!(shop.names("out").len(), 7);
+}
+
+#[test]
+fn in_its_own_folder_everything_stays_where_it_is() {
+    let shop = Workshop::new();
+    let before = shop.names("in");
+    shop.convert("in/chair.obj", "in/chair.obj", Textures::Copy);
+    assert_eq!(shop.names("in"), before);
+    assert_eq!(shop.text("in/chair.mtl"), LIBRARY);
+    shop.convert("in/chair.obj", "in/low.obj", Textures::Copy);
+    let library = shop.text("in/low.mtl");
+    assert_eq!(library, format!("# Lodsmith\n{LIBRARY}"));
+    assert_eq!(shop.names("in").len(), before.len() + 2);
+}
+
+#[test]
+fn links_lead_back_and_none_is_none() {
+    let shop = Workshop::new();
+    shop.convert("in/chair.obj", "out/linked.obj", Textures::Link);
+    assert_eq!(shop.names("out"), ["linked.mtl", "linked.obj"]);
+    let library = shop.text("out/linked.mtl");
+    assert!(library.contains("map_Kd -s 1 1 1 -bm 0.5 ../in/tex/wood grain.png\r\n"), "{library}");
+    assert!(library.contains("map_Kd ../in/cloth.png\nnorm gone.png\n"), "{library}");
+    let told = shop.convert("in/chair.obj", "out/bare.obj", Textures::None);
+    assert_eq!(told, ["materials dropped: --textures none"]);
+    let text = shop.text("out/bare.obj");
+    assert!(!text.contains("mtl") && text.contains("g seat\n"), "{text}");
+    assert_eq!(shop.names("out"), ["bare.obj", "linked.mtl", "linked.obj"]);
+}
+
+#[test]
+fn names_of_what_is_missing_are_kept() {
+    let shop = Workshop::new();
+    fs::remove_file(shop.path("in/chair.mtl")).unwrap();
+    let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert!(told.is_empty(), "{told:?}");
+    let text = shop.text("out/chair.obj");
+    assert!(text.contains("mtllib chair.mtl\n") && text.contains("usemtl my wood\n"), "{text}");
+    assert_eq!(shop.names("out"), ["chair.obj"]);
+}
+
+#[test]
+fn only_files_are_copied_and_a_failure_leaves_nothing() {
+    let shop = Workshop::new();
+    fs::remove_file(shop.path("in/cloth.png")).unwrap();
+    fs::create_dir(shop.path("in/cloth.png")).unwrap();
+    let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!(told[0], "texture cloth.png is no regular file: its name is kept");
+    let loaded = read(&shop.path("in/chair.obj"));
+    fs::create_dir(shop.path("out/folder.obj")).unwrap();
+    for (name, wanted) in [("none/a.obj", "there is no folder"), ("out/folder.obj", "it is a folder")] {
+        let options = options_of(&loaded, Textures::Copy);
+        let error = write_path(&loaded.mesh, &shop.path(name), &options).unwrap_err().to_string();
+        assert!(error.contains(wanted), "{error}");
+    }
+    assert_eq!(shop.names("out"), ["chair.mtl", "chair.obj", "folder.obj", "wood grain.png"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_is_copied_under_its_own_name() {
+    let shop = Workshop::new();
+    fs::rename(shop.path("in/cloth.png"), shop.path("in/tex/0f3a")).unwrap();
+    std::os::unix::fs::symlink("tex/0f3a", shop.path("in/cloth.png")).unwrap();
+    shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!(shop.names("out"), ["chair.mtl", "chair.obj", "cloth.png", "wood grain.png"]);
+    assert!(fs::symlink_metadata(shop.path("out/cloth.png")).unwrap().is_file());
+}
+
+#[test]
+fn very_many_missing_textures_are_told_in_few_words() {
+    let shop = Workshop::new();
+    let many: String = (0..20_000).map(|i| format!("map_Kd {i}.png\n")).collect();
+    shop.put("in/chair.mtl", &many);
+    let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!((told.len(), told[16].as_str()), (17, "19984 more textures cannot be brought along"));
+    assert_eq!(shop.text("out/chair.mtl"), format!("# Lodsmith\n{many}"));
+}
+
+#[test]
+fn a_group_for_each_face_under_a_long_name_takes_no_square_time() {
+    let mut text = format!("{SQUARE}o {}\n", "x".repeat(1_000_000));
+    (0..100_000).for_each(|i| text.push_str(&format!("g {i}\nf 1 2 3\n")));
+    let loaded = read_bytes(text.as_bytes(), &ReadOptions::default()).unwrap();
+    assert_eq!(loaded.regions.len(), 100_000);
+    let written = text_of(&loaded);
+    assert_eq!(written.matches("\no x").count(), 1);
+    assert!(written.ends_with("g 99999\nf 1 2 3\n"));
+}
+
+/// Pieces of which lines of an OBJ or of a library may be made.
+fn words() -> impl Strategy<Value = String> {
+    let word = prop::sample::select(vec![
+        "o",
+        "g",
+        "s",
+        "usemtl",
+        "mtllib",
+        "newmtl",
+        "map_Kd",
+        "bump",
+        "-s",
+        "-bm",
+        "-mm",
+        "1",
+        "0.5",
+        "on",
+        "a",
+        "b.mtl",
+        "c.png",
+        "\\",
+        "\\\n",
+        "\n",
+        "\r\n",
+        " ",
+        "\t",
+        "\"",
+        "#",
+        "\u{0}",
+        "ü",
+        "f 1 2 3\n",
+        "f 1 2 3 4\n",
+    ]);
+    prop::collection::vec(word, 0..60).prop_map(|words| words.join(" "))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// Whatever stands between faces and in libraries, reading and writing go well and agree.
+    #[test]
+    fn lines_of_any_kind_do_no_harm(obj in words(), library in words()) {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("b.mtl"), &library).unwrap();
+        fs::write(folder.path().join("c.png"), "c").unwrap();
+        fs::create_dir(folder.path().join("out")).unwrap();
+        let text = format!("mtllib b.mtl\n{SQUARE}f 1 2 3\n{obj}\nf 1 2 3\n");
+        let mut options = ReadOptions::default();
+        options.folder = Some(folder.path().to_owned());
+        // Control characters make no text, and the content would not decide.
+        options.format = Some(Format::Obj);
+        let loaded = read_bytes(text.as_bytes(), &options).unwrap();
+        let out = folder.path().join("out/a.obj");
+        write_path(&loaded.mesh, &out, &options_of(&loaded, Textures::Copy)).unwrap();
+        options.folder = None;
+        let again = read_path(&out, &options).unwrap();
+        prop_assert_eq!(faces(&again), faces(&loaded));
+    }
+}
