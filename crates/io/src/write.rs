@@ -10,6 +10,7 @@ use lodsmith_core::TriMesh;
 
 use crate::error::{Warning, WriteError};
 use crate::format::Format;
+use crate::gltf::Scene;
 use crate::sniff::hint_of;
 
 /// How to write.
@@ -31,17 +32,43 @@ pub struct WriteOptions {
 /// # Errors
 /// [`WriteError`], which names the path; nothing is left behind.
 pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result<Vec<Warning>, WriteError> {
+    write_path_with(path, options, |format, out| write_format(mesh, format, options, out))
+}
+
+/// Writes a whole scene to a file, with some meshes replaced; see [`Scene::write`]. In all else as [`write_path`].
+///
+/// # Errors
+/// [`WriteError`], which names the path; nothing is left behind.
+pub fn write_scene_path(
+    scene: &Scene,
+    replaced: &[Option<TriMesh>],
+    path: &Path,
+    options: &WriteOptions,
+    relink: &dyn Fn(&str) -> Option<String>,
+) -> Result<Vec<Warning>, WriteError> {
+    write_path_with(path, options, |format, out| {
+        let warnings = scene.write(replaced, format, relink, out)?;
+        out.flush()?;
+        Ok(warnings)
+    })
+}
+
+fn write_path_with(
+    path: &Path,
+    options: &WriteOptions,
+    write: impl FnOnce(Format, &mut dyn Write) -> io::Result<Vec<Warning>>,
+) -> Result<Vec<Warning>, WriteError> {
     let format = options
         .format
         .or_else(|| hint_of(path))
         .ok_or_else(|| WriteError::UnknownFormat { path: path.to_owned() })?;
     write_file(path, |out| {
         if !is_gz(path) {
-            return write_format(mesh, format, options, out);
+            return write(format, out);
         }
         // The header holds no time, so that the same mesh gives the same bytes.
         let mut gz = GzEncoder::new(out, COMPRESSION);
-        let warnings = write_format(mesh, format, options, &mut BufWriter::with_capacity(BUFFER, &mut gz))?;
+        let warnings = write(format, &mut BufWriter::with_capacity(BUFFER, &mut gz))?;
         gz.finish()?;
         Ok(warnings)
     })
@@ -60,8 +87,35 @@ pub fn write_to(
     options: &WriteOptions,
     out: &mut dyn Write,
 ) -> Result<Vec<Warning>, WriteError> {
+    write_stream(out, |out| write_format(mesh, format, options, out))
+}
+
+/// Writes a whole scene to a stream, with some meshes replaced; see [`Scene::write`].
+///
+/// The stream gets large pieces and is flushed at the end.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn write_scene_to(
+    scene: &Scene,
+    replaced: &[Option<TriMesh>],
+    format: Format,
+    relink: &dyn Fn(&str) -> Option<String>,
+    out: &mut dyn Write,
+) -> Result<Vec<Warning>, WriteError> {
+    write_stream(out, |out| {
+        let warnings = scene.write(replaced, format, relink, out)?;
+        out.flush()?;
+        Ok(warnings)
+    })
+}
+
+fn write_stream(
+    out: &mut dyn Write,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<Vec<Warning>>,
+) -> Result<Vec<Warning>, WriteError> {
     let mut out = BufWriter::with_capacity(BUFFER, out);
-    let result = write_format(mesh, format, options, &mut out);
+    let result = write(&mut out);
     if result.is_err() {
         // What is still held back belongs to a file that failed.
         let _ = out.into_parts();

@@ -339,6 +339,54 @@ fn files_outside_are_named_and_linked_anew() {
 }
 
 #[test]
+fn an_image_of_its_own_is_taken_in() {
+    let (mut json, bin) = everything();
+    json["images"]
+        .as_array_mut()
+        .unwrap()
+        .extend([json!({"name": "n", "uri": "x.jpg"}), json!({"uri": "x.jpg"})]);
+    let mut scene = scene_of(&glb(&json, &bin));
+    assert!(!scene.embed("y.jpg", PNG.to_vec()));
+    assert!(!scene.embed("x.jpg", b"no image".to_vec()));
+    assert!(scene.embed("x.jpg", PNG.to_vec()));
+    assert!(scene.outside_files().is_empty());
+    let same = Some(scene.meshes()[0].mesh.clone());
+    let (got, bytes, _) = written(&scene, &[same], Format::Glb);
+    assert_eq!(keys(&got["images"][1]), ["name", "bufferView", "mimeType"]);
+    assert_eq!(got["images"][1]["mimeType"], "image/png");
+    for i in 0..3 {
+        assert_eq!(view(&got, &bytes, got["images"][i]["bufferView"].as_u64().unwrap() as usize), PNG);
+    }
+}
+
+#[test]
+fn a_file_of_another_format_is_no_scene() {
+    let obj = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    assert!(lodsmith_io::read_scene_bytes(obj, &ReadOptions::default()).unwrap().is_none());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, obj).unwrap();
+    assert!(lodsmith_io::read_scene_path(&path, &ReadOptions::default()).unwrap().is_none());
+
+    // Content decides, and packed files open by themselves.
+    let (json, bin) = everything();
+    let scene = scene_of(&glb(&json, &bin));
+    let path = folder.path().join("b.glb.gz");
+    let relink = |_: &str| None;
+    lodsmith_io::write_scene_path(&scene, &[], &path, &lodsmith_io::WriteOptions::default(), &relink)
+        .unwrap();
+    let again = lodsmith_io::read_scene_path(&path, &ReadOptions::default()).unwrap().unwrap();
+    assert_eq!(written(&again, &[], Format::Glb), written(&scene, &[], Format::Glb));
+    let path = folder.path().join("c.ply");
+    std::fs::write(&path, gltf(&json, &bin)).unwrap();
+    let again = lodsmith_io::read_scene_path(&path, &ReadOptions::default()).unwrap().unwrap();
+    assert!(again.warnings()[0].text.starts_with("the ending says PLY"));
+    std::fs::write(&path, b"glTF\x02").unwrap();
+    let error = lodsmith_io::read_scene_path(&path, &ReadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("c.ply: the GLB is cut off"), "{error}");
+}
+
+#[test]
 fn several_buffers_become_one() {
     let (mut json, bin) = everything();
     let at = bin.len() / 2 / 8 * 8;

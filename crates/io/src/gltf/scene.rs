@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use lodsmith_core::TriMesh;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::accessors::Accessor;
 use super::buffers::{Buffers, relative_path};
@@ -148,6 +148,35 @@ impl Scene {
         replace::write(self, replaced, format, relink, out)
     }
 
+    /// Takes an image that is a file of its own into the scene: `bytes` are those of the file that `uri` names. Whether
+    /// an image of a known type has that name; if none has, nothing changes.
+    pub fn embed(&mut self, uri: &str, bytes: Vec<u8>) -> bool {
+        let named = |i: &Value| i["uri"] == uri && is_file(uri);
+        let Some(first) = list(&self.json, "images").iter().find(|i| named(i)) else { return false };
+        let said = first["mimeType"].as_str().map(str::to_owned);
+        let Some(kind) = said.or_else(|| image_type(&bytes).map(str::to_owned)) else { return false };
+        if bytes.is_empty() {
+            return false;
+        }
+        let buffer = append(&mut self.json, "buffers", json!({ "byteLength": bytes.len() }));
+        let view =
+            append(&mut self.json, "bufferViews", json!({ "buffer": buffer, "byteLength": bytes.len() }));
+        for image in list_mut(&mut self.json, "images").iter_mut().filter(|i| named(i)) {
+            if let Some(image) = image.as_object_mut() {
+                image.shift_remove("uri");
+                image.insert("bufferView".to_owned(), view.into());
+                image.insert("mimeType".to_owned(), kind.clone().into());
+            }
+        }
+        self.buffers.push(Arc::new(bytes));
+        true
+    }
+
+    /// Adds something to say.
+    pub(crate) fn warn(&mut self, warning: Warning) {
+        self.warnings.push(warning);
+    }
+
     /// The files that the scene names beside its buffers, as `uri` names them: images above all. Addresses on the
     /// network are not among them. Each stands here once.
     pub fn outside_files(&self) -> Vec<String> {
@@ -158,6 +187,29 @@ impl Scene {
             }
         });
         found
+    }
+}
+
+/// Adds an entry to a list of the file; its number.
+fn append(json: &mut Value, name: &str, entry: Value) -> usize {
+    if !json[name].is_array() {
+        json[name] = json!([]);
+    }
+    let all = json[name].as_array_mut();
+    all.map_or(0, |all| {
+        all.push(entry);
+        all.len() - 1
+    })
+}
+
+/// The type of an image, by its first bytes.
+fn image_type(bytes: &[u8]) -> Option<&'static str> {
+    match bytes {
+        [0x89, b'P', b'N', b'G', ..] => Some("image/png"),
+        [0xff, 0xd8, 0xff, ..] => Some("image/jpeg"),
+        [0xab, b'K', b'T', b'X', b' ', b'2', b'0', ..] => Some("image/ktx2"),
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Some("image/webp"),
+        _ => None,
     }
 }
 
