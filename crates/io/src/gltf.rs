@@ -48,7 +48,7 @@ use container::Document;
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let document = Document::parse(bytes)?;
     document.check_version()?;
-    document.check_extensions()?;
+    document.check_extensions(false)?;
     let buffers = buffers::Buffers::new(&document, options);
     let placements = placements::placements(&document.json)?;
     let (mut contents, mut warnings) = inventory::take(&document.json, &placements);

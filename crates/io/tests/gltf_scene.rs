@@ -414,7 +414,7 @@ fn instances_of_an_extension_are_counted() {
     let places = pack.positions(&[[0.0; 3]; 5]);
     let scales = pack.positions(&[[1.0; 3], [1.0, 4.0, 1.0], [1.0; 3], [1.0; 3], [1.0; 3]]);
     let json = pack.json(json!({
-        "extensionsUsed": ["EXT_mesh_gpu_instancing"],
+        "extensionsUsed": ["EXT_mesh_gpu_instancing"], "extensionsRequired": ["EXT_mesh_gpu_instancing"],
         "meshes": [{"primitives": [{"attributes": {"POSITION": positions}}]}],
         "nodes": [{"mesh": 0, "scale": [2, 2, 2], "extensions": {"EXT_mesh_gpu_instancing": {"attributes":
             {"TRANSLATION": places, "SCALE": scales}}}}],

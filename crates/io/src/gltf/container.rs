@@ -34,6 +34,16 @@ pub(super) const HARMLESS: [&str; 9] = [
     "KHR_xmp",
 ];
 
+/// Extensions that place meshes, or describe them by attributes: a scene that stays whole keeps them.
+const KEPT_IN_SCENES: [&str; 6] = [
+    "EXT_instance_features",
+    "EXT_mesh_features",
+    "EXT_mesh_gpu_instancing",
+    "EXT_structural_metadata",
+    "KHR_node_visibility",
+    "MSFT_lod",
+];
+
 impl<'a> Document<'a> {
     pub(super) fn parse(bytes: &'a [u8]) -> Result<Self, ReadError> {
         let is_glb = bytes.starts_with(b"glTF");
@@ -68,11 +78,14 @@ impl<'a> Document<'a> {
         }
     }
 
-    pub(super) fn check_extensions(&self) -> Result<(), ReadError> {
+    /// Refuses what cannot be read without an extension that is not known; `is_scene` is for a file that stays whole.
+    pub(super) fn check_extensions(&self, is_scene: bool) -> Result<(), ReadError> {
         for name in list(&self.json, "extensionsRequired") {
             let name = name.as_str().unwrap_or("(no name)");
-            let fine =
-                UNDERSTOOD.contains(&name) || HARMLESS.contains(&name) || name.starts_with("KHR_materials_");
+            let fine = UNDERSTOOD.contains(&name)
+                || HARMLESS.contains(&name)
+                || name.starts_with("KHR_materials_")
+                || (is_scene && KEPT_IN_SCENES.contains(&name));
             if !fine {
                 return Err(unsupported(name));
             }

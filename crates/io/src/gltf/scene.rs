@@ -66,7 +66,7 @@ impl Scene {
     pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Self, ReadError> {
         let document = Document::parse(bytes)?;
         document.check_version()?;
-        document.check_extensions()?;
+        document.check_extensions(true)?;
         let format = if document.is_glb { Format::Glb } else { Format::Gltf };
         let buffers = Buffers::new(&document, options).load_all()?;
         let mut json = document.json;
