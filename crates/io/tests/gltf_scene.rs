@@ -224,6 +224,7 @@ fn attributes_that_are_gone_are_named_and_new_ones_come_along() {
     for name in ["NORMAL", "JOINTS_0", "_HEAT", "targets[0].POSITION"] {
         assert!(lost.contains(name), "{lost}");
     }
+    assert!(got["nodes"][0]["skin"].is_null() && got["nodes"][2]["skin"].is_null());
     // The number of morph targets is that of the mesh's weights: they stay, and move nothing.
     let again = scene_of(&glb(&got, &bytes));
     let morphs = again.meshes()[0].mesh.further_attributes();

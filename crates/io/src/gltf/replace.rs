@@ -128,6 +128,16 @@ struct Spot {
     part: Part,
 }
 
+impl Spot {
+    /// The attribute that is named here.
+    fn attribute(&self) -> Option<String> {
+        match &self.part {
+            Part::Attribute(name) => Some(name.clone()),
+            Part::Indices | Part::Target(..) => None,
+        }
+    }
+}
+
 enum Part {
     Indices,
     Attribute(String),
@@ -295,6 +305,7 @@ impl<'s> Edit<'s> {
         let at = |part: Part| Spot { mesh, primitive: p, part };
         let no_attributes = Map::new();
         let attributes = source["attributes"].as_object().unwrap_or(&no_attributes);
+        let first = self.pieces.len();
         let weights = self.weights(task, attributes, &used);
         for (key, old) in attributes {
             let slot = Slot::of(None, key);
@@ -319,26 +330,28 @@ impl<'s> Edit<'s> {
             let encoded = encode(&values, width, kind, matches!(slot, Slot::Further(Semantic::Joints(_))));
             self.dense(at(Part::Attribute(name)), None, encoded, Some(VERTICES));
         }
+        // A target can only move what the primitive has.
+        let names: HashSet<String> = self.pieces[first..].iter().filter_map(|p| p.spot.attribute()).collect();
         for (t, target) in list(source, "targets").iter().enumerate() {
+            let before = self.pieces.len();
             for (key, old) in target.as_object().into_iter().flatten() {
                 let slot = Slot::of(Some(t), key);
                 let width = self.width_of(old);
                 let spot = at(Part::Target(t, key.clone()));
-                match task.gather(&slot, width, &used) {
-                    Some((width, values)) => {
-                        let kind = settled(&slot, self.kind_of(old), &values);
-                        let encoded = encode(&values, width, kind, false);
-                        self.target(spot, number(old), encoded, &values);
-                    }
-                    None => {
-                        // All primitives have the same number of targets, and animations count on it.
-                        task.lost.insert(format!("targets[{t}].{key}"));
-                        let width = width.unwrap_or(3);
-                        let values = vec![0.0; width * used.len()];
-                        let encoded = encode(&values, width, Kind::FLOAT, false);
-                        self.nowhere(spot, number(old), encoded, used.len());
-                    }
+                let gathered = task.gather(&slot, width, &used).filter(|_| names.contains(key));
+                if let Some((width, values)) = gathered {
+                    let kind = settled(&slot, self.kind_of(old), &values);
+                    let encoded = encode(&values, width, kind, false);
+                    self.target(spot, number(old), encoded, &values);
+                } else {
+                    task.lost.insert(format!("targets[{t}].{key}"));
                 }
+            }
+            if self.pieces.len() == before {
+                // All primitives have the same number of targets, and animations count on it: this one moves nothing.
+                let encoded = encode(&vec![0.0; 3 * used.len()], 3, Kind::FLOAT, false);
+                let old = number(&target["POSITION"]);
+                self.nowhere(at(Part::Target(t, "POSITION".to_owned())), old, encoded, used.len());
             }
         }
         let indices: Vec<u32> = faces.as_flattened().iter().map(|w| task.local[w.index()]).collect();
@@ -670,13 +683,30 @@ impl<'s> Edit<'s> {
                 if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) {
                     drop_nulls(attributes);
                 }
+                let targets = primitive.get_mut("targets").and_then(Value::as_array_mut);
+                targets.into_iter().flatten().filter_map(Value::as_object_mut).for_each(drop_nulls);
                 if primitive.get("indices").is_some_and(Value::is_null) {
                     primitive.shift_remove("indices");
                 }
             }
         }
+        self.remove_skins();
         if !emptied.is_empty() {
             self.remove_meshes(&emptied);
+        }
+    }
+
+    /// Takes the skin off nodes whose mesh has lost its joints.
+    fn remove_skins(&mut self) {
+        let has_joints =
+            |mesh: &Value| list(mesh, "primitives").iter().any(|p| !p["attributes"]["JOINTS_0"].is_null());
+        let meshes = list(self.source, "meshes").iter().zip(list(&self.json, "meshes"));
+        let stiff: Vec<bool> = meshes.map(|(before, now)| has_joints(before) && !has_joints(now)).collect();
+        for node in list_mut(&mut self.json, "nodes").iter_mut().filter_map(Value::as_object_mut) {
+            let mesh = node.get("mesh").and_then(number);
+            if mesh.is_some_and(|m| stiff.get(m) == Some(&true)) {
+                node.shift_remove("skin");
+            }
         }
     }
 
