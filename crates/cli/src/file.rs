@@ -173,7 +173,7 @@ pub(crate) fn write(
     )
 }
 
-/// Writes a scene as it is, with other names for the files that it refers to; in all else as [`write`].
+/// Writes a scene as it is, with other names for the files that it refers to; in all else as [`write()`].
 pub(crate) fn write_scene(
     scene: &Scene,
     relink: &dyn Fn(&str) -> Option<String>,
