@@ -1,5 +1,6 @@
 //! What is held of every reader.
 
+use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Limits, ReadOptions, WriteOptions, read_bytes, write_to};
 
 /// Reads the bytes as a format. Whatever is read is a mesh by its own constructors; it must be no larger than bytes can
@@ -13,6 +14,18 @@ pub fn check(bytes: &[u8], format: Format) {
     options.limits = limits;
     // Four bytes name a face at the least, in a strip one byte does. A glTF scene may place one mesh many times.
     let most = bytes.len().saturating_mul(2);
+    if matches!(format, Format::Gltf | Format::Glb)
+        && let Ok(scene) = Scene::read(bytes, &options)
+    {
+        // Whatever becomes of its meshes, a scene that is read is written and read again.
+        let same: Vec<_> = scene.meshes().iter().map(|m| Some(m.mesh.clone())).collect();
+        let mut out = Vec::new();
+        scene.write(&same, format, &|_| None, &mut out).expect("memory takes all bytes");
+        let back = Scene::read(&out, &ReadOptions::default()).expect("what we write, we read");
+        for (before, after) in scene.meshes().iter().zip(back.meshes()) {
+            assert_eq!(before.mesh.face_count(), after.mesh.face_count());
+        }
+    }
     let Ok(loaded) = read_bytes(bytes, &options) else { return };
     if !matches!(format, Format::Gltf | Format::Glb) && !bytes.starts_with(&[0x1f, 0x8b]) {
         assert!(

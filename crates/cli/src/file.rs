@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use anyhow::anyhow;
 use lodsmith::core::TriMesh;
+use lodsmith_io::gltf::Scene;
 use lodsmith_io::sniff::hint_of;
 use lodsmith_io::{Format, Loaded, ReadError, ReadOptions, Regions, Warning, WriteError, WriteOptions};
 
@@ -75,10 +76,46 @@ pub(crate) fn read(source: &Source, format: Option<Format>) -> anyhow::Result<Lo
             lodsmith_io::read_bytes(&bytes, &options)
         }
     };
-    loaded.map_err(|e| match e {
+    loaded.map_err(unnamed)
+}
+
+/// What a file is read as.
+pub(crate) enum Input {
+    /// One mesh of all that is placed.
+    Mesh(Box<Loaded>),
+    /// All of a glTF file.
+    Scene(Box<Scene>),
+}
+
+/// Reads a glTF file as a scene, and any other as a mesh. The error does not name the source.
+pub(crate) fn read_scene(source: &Source, format: Option<Format>) -> anyhow::Result<Input> {
+    let mut options = ReadOptions::default();
+    options.format = format;
+    let scene = match source {
+        Source::Path(path) => lodsmith_io::read_scene_path(path, &options).map_err(unnamed)?,
+        Source::Stdin => {
+            let mut bytes = Vec::new();
+            io::stdin().lock().read_to_end(&mut bytes)?;
+            let scene = lodsmith_io::read_scene_bytes(&bytes, &options).map_err(unnamed)?;
+            if scene.is_none() {
+                let mesh = lodsmith_io::read_bytes(&bytes, &options).map_err(unnamed)?;
+                return Ok(Input::Mesh(Box::new(mesh)));
+            }
+            scene
+        }
+    };
+    Ok(match scene {
+        Some(scene) => Input::Scene(Box::new(scene)),
+        None => Input::Mesh(Box::new(read(source, format)?)),
+    })
+}
+
+/// The error without the name of the file, which the caller has.
+fn unnamed(error: ReadError) -> anyhow::Error {
+    match error {
         ReadError::File { source, .. } => told(*source),
         e => told(e),
-    })
+    }
 }
 
 /// An error whose words already hold those of its cause: the chain of causes would say them twice.
@@ -137,8 +174,44 @@ pub(crate) fn write(
     options: &WriteOptions,
     force: bool,
 ) -> anyhow::Result<Vec<Warning>> {
+    write_with(
+        sink,
+        force,
+        |out| lodsmith_io::write_to(mesh, format, options, out),
+        |path, beside| {
+            let mut options = options.clone();
+            options.beside = beside.map(Path::to_owned);
+            lodsmith_io::write_path(mesh, path, &options)
+        },
+    )
+}
+
+/// Writes a scene as it is, with other names for the files that it refers to; in all else as [`write()`].
+pub(crate) fn write_scene(
+    scene: &Scene,
+    relink: &dyn Fn(&str) -> Option<String>,
+    sink: &Sink,
+    format: Format,
+    force: bool,
+) -> anyhow::Result<Vec<Warning>> {
+    let mut options = WriteOptions::default();
+    options.format = Some(format);
+    write_with(
+        sink,
+        force,
+        |out| lodsmith_io::write_scene_to(scene, &[], format, relink, out),
+        |path, _| lodsmith_io::write_scene_path(scene, &[], path, &options, relink),
+    )
+}
+
+fn write_with(
+    sink: &Sink,
+    force: bool,
+    to_stream: impl FnOnce(&mut dyn io::Write) -> Result<Vec<Warning>, WriteError>,
+    to_path: impl FnOnce(&Path, Option<&Path>) -> Result<Vec<Warning>, WriteError>,
+) -> anyhow::Result<Vec<Warning>> {
     match sink {
-        Sink::Stdout => match lodsmith_io::write_to(mesh, format, options, &mut io::stdout().lock()) {
+        Sink::Stdout => match to_stream(&mut io::stdout().lock()) {
             Err(WriteError::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => Ok(Vec::new()),
             Err(WriteError::Io { source, .. }) => Err(anyhow!("cannot write to standard output: {source}")),
             result => result.map_err(told),
@@ -149,9 +222,9 @@ pub(crate) fn write(
             let _guard =
                 if about.as_ref().is_none_or(fs::Metadata::is_file) { Some(exit::writing()?) } else { None };
             if force && about.is_some_and(|a| a.is_file() && a.permissions().readonly()) {
-                return replace(mesh, path, options);
+                return replace(path, to_path);
             }
-            lodsmith_io::write_path(mesh, path, options).map_err(told)
+            to_path(path, None).map_err(told)
         }
     }
 }
@@ -162,14 +235,15 @@ pub(crate) fn losses(mesh: &TriMesh, format: Format, options: &WriteOptions) -> 
 }
 
 /// Puts a new file in the place of one that may not be written to, by way of a neighbour.
-fn replace(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> anyhow::Result<Vec<Warning>> {
+fn replace(
+    path: &Path,
+    write: impl FnOnce(&Path, Option<&Path>) -> Result<Vec<Warning>, WriteError>,
+) -> anyhow::Result<Vec<Warning>> {
     let target = fs::canonicalize(path)?;
     let mut name = OsString::from(format!(".lodsmith-{}-", std::process::id()));
     name.push(target.file_name().unwrap_or_default());
     let neighbour = target.with_file_name(name);
-    let mut options = options.clone();
-    options.beside = Some(path.to_owned());
-    let written = lodsmith_io::write_path(mesh, &neighbour, &options).map_err(told);
+    let written = write(&neighbour, Some(path)).map_err(told);
     let moved = written.and_then(|warnings| {
         fs::rename(&neighbour, &target).map_err(|e| anyhow!("{}: cannot write: {e}", path.display()))?;
         Ok(warnings)

@@ -7,6 +7,7 @@ mod args;
 mod command;
 mod exit;
 mod file;
+mod images;
 mod in_order;
 mod normals;
 mod numbers;

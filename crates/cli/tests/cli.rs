@@ -620,6 +620,73 @@ fn convert_keeps_what_fits_and_warns_of_the_rest() {
     desk.run("convert cube.ply cube.doc").with_status(2).with_one_error();
 }
 
+/// A triangle with an outside image, an animated node and an extension that nobody knows.
+const SCENE: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[1]}],
+"nodes":[{"name":"leaf","mesh":0},{"name":"root","children":[0],"scale":[2,2,2],"extras":{"z":1,"a":0.1}}],
+"meshes":[{"name":"kite","primitives":[{"material":0,"attributes":{"POSITION":0}}]}],
+"materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}},"extensions":{"ACME_shine":{"b":2,"a":1}}}],
+"textures":[{"source":0}],"images":[{"name":"skin","uri":"a%20b.png"}],"extensionsUsed":["ACME_shine"],
+"animations":[{"channels":[{"sampler":0,"target":{"node":1,"path":"translation"}}],"samplers":[{"input":1,"output":2}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]},
+{"bufferView":1,"componentType":5126,"count":1,"type":"SCALAR","min":[0],"max":[0]},
+{"bufferView":1,"componentType":5126,"count":1,"type":"VEC3"}],
+"bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":12}],
+"buffers":[{"byteLength":48,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAAAA"}]}"#;
+
+#[test]
+fn convert_keeps_a_whole_scene() {
+    let desk = Desk::new();
+    for folder in ["in", "out"] {
+        fs::create_dir(desk.path(folder)).expect("there is room for a folder");
+    }
+    desk.put("in/a.gltf", SCENE);
+    let image = b"\x89PNG, or nearly";
+    fs::write(desk.path("in/a b.png"), image).expect("there is room for a file");
+    let source: Value = serde_json::from_str(SCENE).expect("it is JSON");
+    let kept =
+        ["asset", "scene", "scenes", "nodes", "meshes", "materials", "textures", "animations", "accessors"];
+    let json_of = |name: &str| {
+        let bytes = fs::read(desk.path(name)).expect("it was written");
+        let json = match bytes.strip_prefix(b"glTF") {
+            None => bytes,
+            Some(_) => bytes[20..]
+                [..u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize]
+                .to_vec(),
+        };
+        let json: Value = serde_json::from_slice(&json).expect("it is JSON");
+        kept.iter()
+            .for_each(|key| assert_eq!(json[key].to_string(), source[key].to_string(), "{name}: {key}"));
+        json
+    };
+
+    // Into one file, the image too.
+    let ran = desk.run("convert in/a.gltf out/a.glb --strict").with_status(0);
+    assert_eq!(ran.stderr, "");
+    let glb = json_of("out/a.glb");
+    assert_eq!(glb["images"].to_string(), r#"[{"name":"skin","bufferView":2,"mimeType":"image/png"}]"#);
+    let bytes = fs::read(desk.path("out/a.glb")).expect("it was written");
+    assert!(bytes.windows(image.len()).any(|w| w == image));
+    // And back; from standard input too.
+    desk.run("convert out/a.glb out/b.gltf --strict").with_status(0);
+    assert_eq!(json_of("out/b.gltf")["images"], glb["images"]);
+    let ran = desk.run_with("convert - - --to glb --quiet", bytes.clone()).with_status(0);
+    assert_eq!(ran.stdout, bytes);
+
+    // Another folder: the image is where it was.
+    let ran = desk.run("convert in/a.gltf out/c.gltf --strict").with_status(0);
+    assert!(ran.stderr.contains("still those in the folder of the input: a%20b.png"), "{}", ran.stderr);
+    assert_eq!(json_of("out/c.gltf")["images"][0]["uri"], "../in/a%20b.png");
+    let ran = desk.run("convert in/a.gltf in/d.gltf --strict").with_status(0);
+    assert_eq!(ran.stderr, "");
+    assert_eq!(json_of("in/d.gltf")["images"], source["images"]);
+
+    // Another format, or a turn, takes the mesh alone, and says so.
+    let ran = desk.run("convert in/a.gltf out/a.ply").with_status(0);
+    assert!(ran.stderr.contains("animations are not carried"), "{}", ran.stderr);
+    desk.run("convert in/a.gltf out/e.glb --up z --strict").with_status(3);
+    assert_eq!(desk.faces("out/e.glb"), 1);
+}
+
 // --------------------------------------------------------------- the rest
 
 #[test]

@@ -1,15 +1,25 @@
 //! glTF 2.0: a scene as JSON, with buffers inside, beside it, or in one binary file (GLB).
 //!
 //! The JSON is kept as it is and walked; what a mesh needs is looked up by index, and every index, offset and count is
-//! held against what is there.
+//! held against what is there. [`read`] and [`write`](fn@write) are for one mesh; [`Scene`] keeps the whole file.
 
 mod accessors;
 mod buffers;
 mod container;
+mod encode;
 mod geometry;
 mod inventory;
+mod mesh;
+mod placements;
+mod primitive;
+mod references;
+mod repack;
+mod replace;
 mod scene;
+mod slot;
 mod write;
+
+pub use scene::{Scene, SceneMesh, outside_path};
 
 use std::io::{self, Write};
 
@@ -38,9 +48,9 @@ use container::Document;
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let document = Document::parse(bytes)?;
     document.check_version()?;
-    document.check_extensions()?;
+    document.check_extensions(false)?;
     let buffers = buffers::Buffers::new(&document, options);
-    let placements = scene::placements(&document.json)?;
+    let placements = placements::placements(&document.json)?;
     let (mut contents, mut warnings) = inventory::take(&document.json, &placements);
     let (mesh, told) = geometry::gather(&document.json, &buffers, &placements, bytes.len())?;
     contents.polygons = mesh.face_count();

@@ -24,5 +24,5 @@ pub use error::{ReadError, Warning, WriteError};
 pub use format::Format;
 pub use limits::Limits;
 pub use obj::{Regions, Textures};
-pub use read::{Contents, Loaded, ReadOptions, read_bytes, read_path};
-pub use write::{WriteOptions, write_path, write_to};
+pub use read::{Contents, Loaded, ReadOptions, read_bytes, read_path, read_scene_bytes, read_scene_path};
+pub use write::{WriteOptions, write_path, write_scene_path, write_scene_to, write_to};

@@ -9,6 +9,7 @@ use lodsmith_core::TriMesh;
 
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
+use crate::gltf::Scene;
 use crate::limits::Limits;
 use crate::obj::Regions;
 use crate::sniff::{self, hint_of, is_binary_stl, looks_like_text, sniff};
@@ -99,6 +100,63 @@ pub fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadErr
     read_hinted(bytes, None, options)
 }
 
+/// Reads a file as a whole scene, if it is glTF or GLB; `None`, and hardly anything read, if its content is not.
+///
+/// As [`read_path`] in all else, but a scene without faces is no error.
+///
+/// # Errors
+/// [`ReadError::File`] with the path and the reason.
+pub fn read_scene_path(path: &Path, options: &ReadOptions) -> Result<Option<Scene>, ReadError> {
+    let read = || {
+        // A pipe can be read once only, so its first bytes cannot be looked at; its name has to do.
+        let is_file = std::fs::metadata(path).is_ok_and(|about| about.is_file());
+        let mut front = Vec::new();
+        if is_file {
+            File::open(path)?.take(sniff::FRONT as u64).read_to_end(&mut front)?;
+        }
+        let is_packed = front.starts_with(&GZIP_MAGIC);
+        let guess = if is_file && !is_packed { sniff(&front, hint_of(path)) } else { hint_of(path) };
+        if !is_scene(options.format.or(guess)) {
+            return Ok(None);
+        }
+        let bytes = bytes_of(path, options.limits)?;
+        let folder = options.folder.clone().or_else(|| Some(folder_of(path)));
+        scene_hinted(&bytes, hint_of(path), &ReadOptions { folder, ..options.clone() })
+    };
+    read().map_err(|e: ReadError| e.at(path))
+}
+
+/// Reads bytes as a whole scene, if they are glTF or GLB.
+///
+/// # Errors
+/// As [`read_scene_path`], without a path.
+pub fn read_scene_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Option<Scene>, ReadError> {
+    check_size("the input", bytes.len() as u64, options.limits)?;
+    scene_hinted(bytes, None, options)
+}
+
+fn is_scene(format: Option<Format>) -> bool {
+    matches!(format, Some(Format::Gltf | Format::Glb))
+}
+
+fn scene_hinted(
+    bytes: &[u8],
+    hint: Option<Format>,
+    options: &ReadOptions,
+) -> Result<Option<Scene>, ReadError> {
+    let bytes = unpacked(bytes, options.limits)?;
+    let text = utf8_of(&bytes);
+    let format = options.format.or_else(|| sniff(&bytes, hint)).or_else(|| sniff(&text, hint));
+    if !is_scene(format) {
+        return Ok(None);
+    }
+    let mut scene = Scene::read(if format == Some(Format::Gltf) { &text } else { &bytes }, options)?;
+    if let Some(warning) = contradiction(scene.format(), hint, options) {
+        scene.warn(warning);
+    }
+    Ok(Some(scene))
+}
+
 /// Reads a large OBJ without holding it in memory; `None` for all other files, and for one in which something is wrong.
 fn read_in_pieces(path: &Path, options: &ReadOptions) -> Result<Option<Loaded>, ReadError> {
     // Guessed: smaller files gain nothing.
@@ -122,11 +180,7 @@ fn read_in_pieces(path: &Path, options: &ReadOptions) -> Result<Option<Loaded>, 
 }
 
 fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Result<Loaded, ReadError> {
-    let bytes = if bytes.starts_with(&GZIP_MAGIC) {
-        Cow::Owned(gunzip(bytes, options.limits)?)
-    } else {
-        Cow::Borrowed(bytes)
-    };
+    let bytes = unpacked(bytes, options.limits)?;
     if bytes.is_empty() {
         return Err(ReadError::Unknown("the file is empty".to_owned()));
     }
@@ -151,14 +205,26 @@ fn with_hint(mut loaded: Loaded, hint: Option<Format>, options: &ReadOptions) ->
     if loaded.mesh.face_count() == 0 {
         return Err(ReadError::NoFaces { vertices: loaded.mesh.vertex_count() });
     }
-    if let (None, Some(hint)) = (options.format, hint)
-        && hint != loaded.format
-    {
-        let [hint, format] = [hint, loaded.format].map(Format::title);
-        let text = format!("the ending says {hint}, the content is {format}: read as {format}");
-        loaded.warnings.insert(0, Warning::note(text));
+    if let Some(warning) = contradiction(loaded.format, hint, options) {
+        loaded.warnings.insert(0, warning);
     }
     Ok(loaded)
+}
+
+/// What to say where the ending of the path names another format.
+fn contradiction(format: Format, hint: Option<Format>, options: &ReadOptions) -> Option<Warning> {
+    let hint = hint.filter(|&hint| options.format.is_none() && hint != format)?;
+    let [hint, format] = [hint, format].map(Format::title);
+    Some(Warning::note(format!("the ending says {hint}, the content is {format}: read as {format}")))
+}
+
+/// The bytes, out of their gzip if they are in one.
+fn unpacked(bytes: &[u8], limits: Limits) -> Result<Cow<'_, [u8]>, ReadError> {
+    if bytes.starts_with(&GZIP_MAGIC) {
+        gunzip(bytes, limits).map(Cow::Owned)
+    } else {
+        Ok(Cow::Borrowed(bytes))
+    }
 }
 
 /// First bytes of a gzip file: its magic, and the only method that there is.

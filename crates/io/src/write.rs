@@ -12,6 +12,7 @@ use tempfile::NamedTempFile;
 
 use crate::error::{Warning, WriteError};
 use crate::format::Format;
+use crate::gltf::Scene;
 use crate::obj::{Regions, Textures};
 use crate::sniff::hint_of;
 
@@ -44,10 +45,7 @@ pub struct WriteOptions {
 /// # Errors
 /// [`WriteError`], which names the path; nothing is left behind.
 pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result<Vec<Warning>, WriteError> {
-    let format = options
-        .format
-        .or_else(|| hint_of(path))
-        .ok_or_else(|| WriteError::UnknownFormat { path: path.to_owned() })?;
+    let format = format_of(path, options)?;
     let mut beside = None;
     if let (Format::Obj, Some(regions)) = (format, &options.regions)
         && !crate::obj::drops_materials(mesh, regions)
@@ -56,31 +54,59 @@ pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result
         beside = Some(crate::obj::write_beside(regions, target, options.textures)?);
     }
     let libraries = beside.as_ref().map(|beside| &*beside.libraries);
-    let written = write_file(path, |out| {
-        if !is_gz(path) {
-            return write_format(mesh, format, options, libraries, out);
-        }
-        // The header holds no time, so that the same mesh gives the same bytes.
-        let mut gz = GzEncoder::new(out, COMPRESSION);
-        let mut buffer = BufWriter::with_capacity(BUFFER, &mut gz);
-        let warnings = write_format(mesh, format, options, libraries, &mut buffer)?;
-        drop(buffer);
-        gz.finish()?;
-        Ok(warnings)
-    });
+    let written = write_path_with(path, |out| write_format(mesh, format, options, libraries, out));
     match (written, beside) {
-        (Ok(warnings), None) => Ok(warnings),
+        (written, None) => written,
         (Ok(warnings), Some(mut beside)) => {
             beside.warnings.extend(warnings);
             Ok(beside.warnings)
         }
-        (Err(error), beside) => {
-            if let Some(beside) = beside {
-                beside.remove();
-            }
-            Err(named(error, path))
+        (Err(error), Some(beside)) => {
+            beside.remove();
+            Err(error)
         }
     }
+}
+
+fn format_of(path: &Path, options: &WriteOptions) -> Result<Format, WriteError> {
+    let format = options.format.or_else(|| hint_of(path));
+    format.ok_or_else(|| WriteError::UnknownFormat { path: path.to_owned() })
+}
+
+/// Writes a whole scene to a file, with some meshes replaced; see [`Scene::write`]. In all else as [`write_path`].
+///
+/// # Errors
+/// [`WriteError`], which names the path; nothing is left behind.
+pub fn write_scene_path(
+    scene: &Scene,
+    replaced: &[Option<TriMesh>],
+    path: &Path,
+    options: &WriteOptions,
+    relink: &dyn Fn(&str) -> Option<String>,
+) -> Result<Vec<Warning>, WriteError> {
+    let format = format_of(path, options)?;
+    write_path_with(path, |out| {
+        let warnings = scene.write(replaced, format, relink, out)?;
+        out.flush()?;
+        Ok(warnings)
+    })
+}
+
+fn write_path_with(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<Vec<Warning>>,
+) -> Result<Vec<Warning>, WriteError> {
+    write_file(path, |out| {
+        if !is_gz(path) {
+            return write(out);
+        }
+        // The header holds no time, so that the same mesh gives the same bytes.
+        let mut gz = GzEncoder::new(out, COMPRESSION);
+        let warnings = write(&mut BufWriter::with_capacity(BUFFER, &mut gz))?;
+        gz.finish()?;
+        Ok(warnings)
+    })
+    .map_err(|e| named(e, path))
 }
 
 /// Writes a mesh to a stream in a format. Returns what the format could not carry.
@@ -95,8 +121,35 @@ pub fn write_to(
     options: &WriteOptions,
     out: &mut dyn Write,
 ) -> Result<Vec<Warning>, WriteError> {
+    write_stream(out, |out| write_format(mesh, format, options, None, out))
+}
+
+/// Writes a whole scene to a stream, with some meshes replaced; see [`Scene::write`].
+///
+/// The stream gets large pieces and is flushed at the end.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn write_scene_to(
+    scene: &Scene,
+    replaced: &[Option<TriMesh>],
+    format: Format,
+    relink: &dyn Fn(&str) -> Option<String>,
+    out: &mut dyn Write,
+) -> Result<Vec<Warning>, WriteError> {
+    write_stream(out, |out| {
+        let warnings = scene.write(replaced, format, relink, out)?;
+        out.flush()?;
+        Ok(warnings)
+    })
+}
+
+fn write_stream(
+    out: &mut dyn Write,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<Vec<Warning>>,
+) -> Result<Vec<Warning>, WriteError> {
     let mut out = BufWriter::with_capacity(BUFFER, out);
-    let result = write_format(mesh, format, options, None, &mut out);
+    let result = write(&mut out);
     if result.is_err() {
         // What is still held back belongs to a file that failed.
         let _ = out.into_parts();

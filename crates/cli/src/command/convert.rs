@@ -2,10 +2,13 @@
 
 use std::time::Instant;
 
+use lodsmith_io::Format;
+
 use super::show_warnings;
 use crate::args::ConvertArgs;
 use crate::exit::Status;
-use crate::file::{self, Sink};
+use crate::file::{self, Input, Sink};
+use crate::images;
 use crate::in_order;
 use crate::numbers::{counted, seconds};
 use crate::orient::orient;
@@ -21,25 +24,45 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
     let begin = Instant::now();
+    // A scene stays whole where both sides can hold one. To turn or scale it would take a change of its nodes.
+    let is_whole =
+        matches!(format, Format::Gltf | Format::Glb) && writing.scale.is_none() && writing.up.is_none();
     let converted = in_order::pool(args.run.threads())?.install(|| {
         let bar = progress.file(&path);
         bar.read();
-        let mut loaded = file::read(&args.input, args.from)?;
+        let input = if is_whole {
+            file::read_scene(&args.input, args.from)?
+        } else {
+            Input::Mesh(Box::new(file::read(&args.input, args.from)?))
+        };
         bar.write();
-        orient(&mut loaded.mesh, writing);
-        let options = file::options(writing, format, std::mem::take(&mut loaded.regions));
-        let lost = file::write(&loaded.mesh, &args.output, format, &options, args.force)?;
-        loaded.warnings.extend(lost);
-        Ok(loaded)
+        match input {
+            Input::Mesh(mut loaded) => {
+                orient(&mut loaded.mesh, writing);
+                let options = file::options(writing, format, std::mem::take(&mut loaded.regions));
+                let lost = file::write(&loaded.mesh, &args.output, format, &options, args.force)?;
+                loaded.warnings.extend(lost);
+                Ok((loaded.mesh.face_count(), loaded.format, loaded.warnings))
+            }
+            Input::Scene(mut scene) => {
+                let images = images::Move::new(&args.input, &args.output);
+                let mut warnings =
+                    if format == Format::Glb { images.embed(&mut scene) } else { images.told(&scene) };
+                let relink = |uri: &str| images.uri(uri);
+                warnings.splice(0..0, scene.warnings().iter().cloned());
+                warnings.extend(file::write_scene(&scene, &relink, &args.output, format, args.force)?);
+                Ok((scene.contents().polygons, scene.format(), warnings))
+            }
+        }
     });
     progress.finish();
-    let loaded = converted.map_err(|e: anyhow::Error| e.context(path.clone()))?;
-    let is_lossy = show_warnings(&out, &path, &loaded.warnings, args.strict);
+    let (faces, from, warnings) = converted.map_err(|e: anyhow::Error| e.context(path.clone()))?;
+    let is_lossy = show_warnings(&out, &path, &warnings, args.strict);
     out.line(&format!(
         "{path} → {}: {}, {} → {}, {}",
         args.output,
-        counted(loaded.mesh.face_count(), "face", "faces"),
-        loaded.format.name(),
+        counted(faces, "face", "faces"),
+        from.name(),
         format.name(),
         seconds(begin.elapsed().as_secs_f64())
     ));

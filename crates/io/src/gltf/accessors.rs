@@ -19,7 +19,7 @@ pub(super) enum Component {
 }
 
 impl Component {
-    fn from_code(code: usize) -> Option<Self> {
+    pub(super) fn from_code(code: usize) -> Option<Self> {
         Some(match code {
             5120 => Self::I8,
             5121 => Self::U8,
@@ -31,7 +31,44 @@ impl Component {
         })
     }
 
-    const fn size(self) -> usize {
+    /// Its number in the format.
+    pub(super) const fn code(self) -> u32 {
+        match self {
+            Self::I8 => 5120,
+            Self::U8 => 5121,
+            Self::I16 => 5122,
+            Self::U16 => 5123,
+            Self::U32 => 5125,
+            Self::F32 => 5126,
+        }
+    }
+
+    /// The number that stands for 1 where integers are parts of one.
+    pub(super) const fn one(self) -> f32 {
+        match self {
+            Self::I8 => 127.0,
+            Self::U8 => 255.0,
+            Self::I16 => 32767.0,
+            Self::U16 => 65535.0,
+            Self::U32 => 4_294_967_295.0,
+            Self::F32 => 1.0,
+        }
+    }
+
+    /// The first number of some bytes.
+    #[inline]
+    fn number(self, b: &[u8]) -> f32 {
+        match self {
+            Self::I8 => f32::from(b[0] as i8),
+            Self::U8 => f32::from(b[0]),
+            Self::I16 => f32::from(i16::from_le_bytes([b[0], b[1]])),
+            Self::U16 => f32::from(u16::from_le_bytes([b[0], b[1]])),
+            Self::U32 => u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as f32,
+            Self::F32 => f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
+        }
+    }
+
+    pub(super) const fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -72,7 +109,7 @@ pub(super) struct Accessor<'b> {
     pub(super) kind: Component,
     /// Components of an element.
     pub(super) width: usize,
-    normalized: bool,
+    pub(super) normalized: bool,
     /// `None`: all zero.
     elements: Option<Elements<'b>>,
     sparse: Option<Sparse<'b>>,
@@ -156,6 +193,62 @@ impl<'b> Accessor<'b> {
         }
     }
 
+    /// Some of its elements as floats, each with `width` numbers of `out`; numbers that it does not have stay as they
+    /// are there. Integers go to 0..1 or -1..1 if the accessor or the caller says so.
+    ///
+    /// # Panics
+    /// If there is no such element, which callers have checked.
+    pub(super) fn pick(
+        &self,
+        chosen: &[u32],
+        normalized: bool,
+        width: usize,
+        out: &mut [f32],
+    ) -> Result<(), ReadError> {
+        let used = self.width.min(width);
+        let size = self.kind.size();
+        let unit = (normalized || self.normalized) && self.kind != Component::F32;
+        let one = self.kind.one();
+        let fill = |element: &mut [f32], bytes: &[u8]| {
+            for (k, x) in element[..used].iter_mut().enumerate() {
+                let number = self.kind.number(&bytes[k * size..]);
+                *x = if unit { (number / one).max(-1.0) } else { number };
+            }
+        };
+        for (element, &i) in out.chunks_exact_mut(width).zip(chosen) {
+            assert!((i as usize) < self.count, "callers choose among the elements that are there");
+            match &self.elements {
+                Some(e) => fill(element, &e.bytes[i as usize * e.stride..]),
+                None => element[..used].fill(0.0),
+            }
+        }
+        let Some(sparse) = &self.sparse else { return Ok(()) };
+        // Of two values for one element the later one holds.
+        let mut replaced = Vec::new();
+        for k in 0..sparse.count {
+            let i = sparse.index(k);
+            if i >= self.count {
+                return Err(self.sparse_beyond(i));
+            }
+            replaced.push((i, k));
+        }
+        replaced.sort_unstable();
+        for (element, &i) in out.chunks_exact_mut(width).zip(chosen) {
+            let after = replaced.partition_point(|&(j, _)| j <= i as usize);
+            if let Some(&(j, k)) = after.checked_sub(1).and_then(|at| replaced.get(at))
+                && j == i as usize
+            {
+                fill(element, &sparse.values.bytes[k * sparse.values.stride..]);
+            }
+        }
+        Ok(())
+    }
+
+    fn sparse_beyond(&self, i: usize) -> ReadError {
+        let count = self.count;
+        ReadError::element(self.name.as_str(), format!("the sparse index {i} is beyond the {count} elements"))
+    }
+
     /// Its elements as indices.
     pub(super) fn indices(&self) -> Result<Vec<u32>, ReadError> {
         if self.width != 1 {
@@ -201,13 +294,7 @@ impl<'b> Accessor<'b> {
         if let Some(sparse) = &self.sparse {
             for k in 0..sparse.count {
                 let i = sparse.index(k);
-                let count = self.count;
-                let place = out.get_mut(i).ok_or_else(|| {
-                    ReadError::element(
-                        self.name.as_str(),
-                        format!("the sparse index {i} is beyond the {count} elements"),
-                    )
-                })?;
+                let place = out.get_mut(i).ok_or_else(|| self.sparse_beyond(i))?;
                 let at = k * sparse.values.stride;
                 *place = element(&sparse.values.bytes[at..at + size]);
             }

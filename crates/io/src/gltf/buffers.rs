@@ -2,7 +2,9 @@
 
 use std::borrow::Cow;
 use std::cell::OnceCell;
+use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 
 use base64::Engine;
 use base64::alphabet;
@@ -41,6 +43,41 @@ impl<'a> Buffers<'a> {
         }
     }
 
+    /// Buffers whose bytes are all there.
+    pub(super) fn loaded(json: &'a Value, bytes: &'a [Arc<Vec<u8>>]) -> Self {
+        let cell = |b: &'a Arc<Vec<u8>>| OnceCell::from(Cow::Borrowed(b.as_slice()));
+        Self { json, bin: None, folder: None, limit: 0, loaded: bytes.iter().map(cell).collect() }
+    }
+
+    /// The bytes of every buffer.
+    pub(super) fn load_all(&self) -> Result<Vec<Arc<Vec<u8>>>, ReadError> {
+        // Many buffers may name one file.
+        let mut known: HashMap<(&str, &Value), Arc<Vec<u8>>> = HashMap::new();
+        let (mut all, mut total) = (Vec::new(), 0u64);
+        for (i, buffer) in list(self.json, "buffers").iter().enumerate() {
+            let key = buffer["uri"].as_str().map(|uri| (uri, &buffer["byteLength"]));
+            let bytes = match key.and_then(|key| known.get(&key)) {
+                Some(bytes) => bytes.clone(),
+                None => {
+                    let bytes = self.bytes(i, "the file").map_err(|e| match fallback(buffer) {
+                        Some(extension) => unsupported(extension),
+                        None => e,
+                    })?;
+                    total = total.saturating_add(bytes.len() as u64);
+                    Arc::new(bytes.to_vec())
+                }
+            };
+            if total > self.limit {
+                return Err(ReadError::Limit { what: "size of all buffers", size: total, limit: self.limit });
+            }
+            if let Some(key) = key {
+                known.insert(key, bytes.clone());
+            }
+            all.push(bytes);
+        }
+        Ok(all)
+    }
+
     /// Bytes of all buffers that have been opened.
     pub(super) fn total(&self) -> usize {
         self.loaded.iter().filter_map(OnceCell::get).map(|b| b.len()).sum()
@@ -55,9 +92,7 @@ impl<'a> Buffers<'a> {
         let offset = whole(view, "byteOffset", &name)?.unwrap_or(0);
         let length = whole(view, "byteLength", &name)?
             .ok_or_else(|| ReadError::element(name.as_str(), "byteLength is missing"))?;
-        let compression = ["EXT_meshopt_compression", "KHR_meshopt_compression"]
-            .into_iter()
-            .find(|e| !view["extensions"][e].is_null());
+        let compression = fallback(view);
         let bytes = self.bytes(buffer, &name).map_err(|e| match compression {
             // The buffer for readers without the extension may be left out.
             Some(extension) => unsupported(extension),
@@ -143,6 +178,13 @@ impl<'a> Buffers<'a> {
     }
 }
 
+/// Extensions of a buffer or a view whose bytes are for readers without the extension, and may be left out.
+pub(super) const COMPRESSED: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+fn fallback(element: &Value) -> Option<&'static str> {
+    COMPRESSED.into_iter().find(|e| !element["extensions"][e].is_null())
+}
+
 /// The bytes of a `data:` uri, without that word.
 fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
     // Some programs leave the padding out.
@@ -161,7 +203,7 @@ fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
 }
 
 /// The path that a uri names, if it stays within the folder of the file.
-fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
+pub(super) fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
     let scheme = uri.split_once(':').map(|(s, _)| s);
     // A drive's letter passes for a scheme, and is refused for the same reason.
     if scheme

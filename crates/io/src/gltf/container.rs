@@ -1,5 +1,7 @@
 //! The JSON and the binary chunk of a file.
 
+use std::io::{self, Write};
+
 use serde_json::Value;
 
 use crate::error::ReadError;
@@ -30,6 +32,16 @@ pub(super) const HARMLESS: [&str; 9] = [
     "KHR_animation_pointer",
     "KHR_xmp_json_ld",
     "KHR_xmp",
+];
+
+/// Extensions that place meshes, or describe them by attributes: a scene that stays whole keeps them.
+const KEPT_IN_SCENES: [&str; 6] = [
+    "EXT_instance_features",
+    "EXT_mesh_features",
+    "EXT_mesh_gpu_instancing",
+    "EXT_structural_metadata",
+    "KHR_node_visibility",
+    "MSFT_lod",
 ];
 
 impl<'a> Document<'a> {
@@ -66,11 +78,14 @@ impl<'a> Document<'a> {
         }
     }
 
-    pub(super) fn check_extensions(&self) -> Result<(), ReadError> {
+    /// Refuses what cannot be read without an extension that is not known; `is_scene` is for a file that stays whole.
+    pub(super) fn check_extensions(&self, is_scene: bool) -> Result<(), ReadError> {
         for name in list(&self.json, "extensionsRequired") {
             let name = name.as_str().unwrap_or("(no name)");
-            let fine =
-                UNDERSTOOD.contains(&name) || HARMLESS.contains(&name) || name.starts_with("KHR_materials_");
+            let fine = UNDERSTOOD.contains(&name)
+                || HARMLESS.contains(&name)
+                || name.starts_with("KHR_materials_")
+                || (is_scene && KEPT_IN_SCENES.contains(&name));
             if !fine {
                 return Err(unsupported(name));
             }
@@ -138,9 +153,47 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ReadError> {
     json.map(|json| (json, bin)).ok_or_else(|| ReadError::byte(12, "the GLB has no JSON chunk"))
 }
 
+/// Writes a file: JSON that holds its bytes already, or a GLB with them behind it.
+pub(super) fn emit(json: &Value, bytes: &[u8], glb: bool, out: &mut dyn Write) -> io::Result<()> {
+    if !glb {
+        serde_json::to_writer(&mut *out, json)?;
+        return out.write_all(b"\n");
+    }
+    let mut text = serde_json::to_vec(json)?;
+    while !text.len().is_multiple_of(4) {
+        text.push(b' ');
+    }
+    let padding = bytes.len().next_multiple_of(4) - bytes.len();
+    let chunk = if bytes.is_empty() { 0 } else { 8 + bytes.len() + padding };
+    let total = 12 + 8 + text.len() + chunk;
+    let size = |n: usize| {
+        let problem = || format!("a GLB cannot hold {total} bytes; its sizes have 32 bits");
+        u32::try_from(n).map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, problem()))
+    };
+    let total = size(total)?;
+    out.write_all(b"glTF")?;
+    for number in [2, total, size(text.len())?] {
+        out.write_all(&number.to_le_bytes())?;
+    }
+    out.write_all(b"JSON")?;
+    out.write_all(&text)?;
+    if bytes.is_empty() {
+        return Ok(());
+    }
+    out.write_all(&size(bytes.len() + padding)?.to_le_bytes())?;
+    out.write_all(b"BIN\0")?;
+    out.write_all(bytes)?;
+    out.write_all(&[0; 3][..padding])
+}
+
 /// The entries of a list of an object; none if it is not there.
 pub(super) fn list<'v>(object: &'v Value, name: &str) -> &'v [Value] {
     object[name].as_array().map_or(&[], Vec::as_slice)
+}
+
+/// The same, to be changed.
+pub(super) fn list_mut<'v>(object: &'v mut Value, name: &str) -> &'v mut [Value] {
+    object.get_mut(name).and_then(Value::as_array_mut).map_or(&mut [], Vec::as_mut_slice)
 }
 
 /// A property that is a whole number from 0; `None` if it is not there.
@@ -149,14 +202,18 @@ pub(super) fn whole(object: &Value, name: &str, at: &str) -> Result<Option<usize
     if value.is_null() {
         return Ok(None);
     }
-    // Some programs write whole numbers as `3.0`.
-    let from_float =
-        || value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..=9e15).contains(x)).map(|x| x as u64);
-    let number = value.as_u64().or_else(from_float).and_then(|n| usize::try_from(n).ok());
-    number.map(Some).ok_or_else(|| {
+    number(value).map(Some).ok_or_else(|| {
         let shown = excerpt(&value.to_string());
         ReadError::element(at, format!("{name} is {shown}, not a whole number from 0"))
     })
+}
+
+/// A whole number from 0.
+pub(super) fn number(value: &Value) -> Option<usize> {
+    // Some programs write whole numbers as `3.0`.
+    let from_float =
+        || value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..=9e15).contains(x)).map(|x| x as u64);
+    value.as_u64().or_else(from_float).and_then(|n| usize::try_from(n).ok())
 }
 
 /// The entry with this index, with its name for messages.

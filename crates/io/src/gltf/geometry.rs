@@ -6,7 +6,9 @@ use serde_json::Value;
 use super::accessors::{Accessor, Component};
 use super::buffers::Buffers;
 use super::container::{entry, list, unsupported, whole};
-use super::scene::{Affine, Placement};
+use super::mesh::TYPES;
+use super::placements::{Affine, Placement};
+use super::primitive::Primitive;
 use crate::error::{ReadError, Warning};
 
 /// Faces and vertices that the nodes of one file may place: a small file can place a large mesh very often. Guessed: room
@@ -121,31 +123,6 @@ struct Group {
     primitives: Vec<Primitive>,
 }
 
-struct Primitive {
-    name: String,
-    mode: Mode,
-    /// The accessor; without one, the vertices stand in order.
-    indices: Option<usize>,
-    /// Number of corners in order.
-    corners: usize,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Mode {
-    Triangles,
-    Strip,
-    Fan,
-}
-
-impl Primitive {
-    fn most_faces(&self) -> usize {
-        match self.mode {
-            Mode::Triangles => self.corners / 3,
-            Mode::Strip | Mode::Fan => self.corners.saturating_sub(2),
-        }
-    }
-}
-
 /// Looks at every mesh that is placed, and checks its accessors. Nothing is decoded.
 fn plan(
     json: &Value,
@@ -165,18 +142,10 @@ fn plan(
         let mut known = std::collections::HashMap::new();
         for (i, primitive) in list(mesh, "primitives").iter().enumerate() {
             let name = format!("{mesh_name}.primitives[{i}]");
-            let mode = match whole(primitive, "mode", &name)?.unwrap_or(4) {
-                4 => Mode::Triangles,
-                5 => Mode::Strip,
-                6 => Mode::Fan,
-                0..=3 => {
-                    told.points_or_lines += 1;
-                    continue;
-                }
-                other => {
-                    return Err(ReadError::element(name, format!("mode {other} is not known: 0 to 6 are")));
-                }
-            };
+            if !Primitive::has_faces(primitive, &name)? {
+                told.points_or_lines += 1;
+                continue;
+            }
             let attributes = &primitive["attributes"];
             let attribute = |what: &str| whole(attributes, what, &name);
             let Some(positions) = attribute("POSITION")? else {
@@ -193,20 +162,12 @@ fn plan(
                 }
             };
             let group = &mut groups[group];
-            let indices = whole(primitive, "indices", &name)?;
-            let corners = match indices {
-                None => group.vertices,
-                Some(index) => Accessor::new(json, buffers, index, &name)?.count,
-            };
-            group.primitives.push(Primitive { name, mode, indices, corners });
+            group.primitives.push(Primitive::new(json, buffers, primitive, name, group.vertices)?);
         }
         *plan = Some(groups);
     }
     Ok(plans)
 }
-
-/// Names of types by their number of components.
-const TYPES: [&str; 5] = ["nothing", "SCALAR", "VEC2", "VEC3", "VEC4"];
 
 /// Accessors of positions, normals, texture coordinates and colours.
 type Key = (usize, Option<usize>, Option<usize>, Option<usize>);
@@ -368,48 +329,13 @@ impl Out {
             return Err(MeshError::TooLarge { what: "vertices", count: beyond }.into());
         }
         let shift = base as u32;
-        let mut corners = match primitive.indices {
-            None => (0..count as u32).collect(),
-            Some(index) => {
-                let accessor = Accessor::new(json, buffers, index, &primitive.name)?;
-                let indices = accessor.indices()?;
-                if indices.iter().max().is_some_and(|&i| i as usize >= count) {
-                    let at = indices.iter().position(|&i| i as usize >= count).unwrap_or(0);
-                    return Err(ReadError::element(
-                        accessor.name,
-                        format!(
-                            "entry {at} is the index {}, but {} has {count} vertices",
-                            indices[at], primitive.name
-                        ),
-                    ));
-                }
-                indices
-            }
-        };
+        let (mut more, is_ragged) = primitive.triangles(json, buffers, count)?;
+        told.ragged += usize::from(is_ragged);
         if shift > 0 {
-            corners.iter_mut().for_each(|c| *c += shift);
+            more.as_flattened_mut().iter_mut().for_each(|c| *c += shift);
         }
         let first = self.triangles.len();
-        match primitive.mode {
-            Mode::Triangles => {
-                let (triangles, rest) = corners.as_chunks::<3>();
-                told.ragged += usize::from(!rest.is_empty());
-                self.triangles.extend_from_slice(triangles);
-            }
-            // Strips turn every other triangle; those that name a vertex twice are stitches.
-            Mode::Strip => self.triangles.extend(
-                corners
-                    .windows(3)
-                    .enumerate()
-                    .map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] })
-                    .filter(|[a, b, c]| a != b && b != c && c != a),
-            ),
-            Mode::Fan => {
-                if let Some((&hub, rim)) = corners.split_first() {
-                    self.triangles.extend(rim.windows(2).map(|w| [w[0], w[1], hub]));
-                }
-            }
-        }
+        append(&mut self.triangles, more);
         if mirrored {
             self.triangles[first..].iter_mut().for_each(|t| t.swap(1, 2));
         }

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::container::{HARMLESS, list};
-use super::scene::Placement;
+use super::placements::Placement;
 use crate::error::Warning;
 use crate::excerpt::excerpt;
 use crate::read::Contents;

@@ -7,6 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use lodsmith_core::{Bounds, Positions, TriMesh, VertexId, WedgeId};
 use serde_json::{Value, json};
 
+use super::container::emit;
 use crate::attributes::rounding;
 use crate::error::Warning;
 
@@ -206,28 +207,6 @@ impl File {
             "bufferViews": self.views,
             "buffers": [buffer],
         });
-        if !glb {
-            serde_json::to_writer(&mut *out, &json)?;
-            return out.write_all(b"\n");
-        }
-        let mut text = serde_json::to_vec(&json)?;
-        while !text.len().is_multiple_of(4) {
-            text.push(b' ');
-        }
-        let total = 12 + 8 + text.len() + 8 + self.bytes.len();
-        let size = |n: usize| {
-            let problem = || format!("a GLB cannot hold {total} bytes; its sizes have 32 bits");
-            u32::try_from(n).map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, problem()))
-        };
-        let total = size(total)?;
-        out.write_all(b"glTF")?;
-        for number in [2, total, size(text.len())?] {
-            out.write_all(&number.to_le_bytes())?;
-        }
-        out.write_all(b"JSON")?;
-        out.write_all(&text)?;
-        out.write_all(&size(self.bytes.len())?.to_le_bytes())?;
-        out.write_all(b"BIN\0")?;
-        out.write_all(&self.bytes)
+        emit(&json, &self.bytes, glb, out)
     }
 }

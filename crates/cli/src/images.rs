@@ -1,0 +1,118 @@
+//! Files that a glTF scene refers to, when it moves to another folder.
+
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use lodsmith_io::Warning;
+use lodsmith_io::gltf::{Scene, outside_path};
+
+use crate::file::{Sink, Source};
+
+/// From where to where a scene moves.
+pub(crate) struct Move {
+    /// Folder of the input, if it has one.
+    from: Option<PathBuf>,
+    /// The way from the folder of the output to that of the input, as a uri that ends in a slash; empty if they are the
+    /// same. `None` if there is no way, or nobody knows it.
+    way: Option<String>,
+}
+
+impl Move {
+    pub(crate) fn new(input: &Source, output: &Sink) -> Self {
+        let from = match input {
+            Source::Path(path) => folder(path),
+            Source::Stdin => None,
+        };
+        let to = match output {
+            Sink::Path(path) => folder(path),
+            Sink::Stdout => None,
+        };
+        let way = from.as_deref().zip(to.as_deref()).and_then(|(from, to)| way(to, from));
+        Self { from, way }
+    }
+
+    /// What a file is called from the folder of the output; `None` leaves it as it is.
+    pub(crate) fn uri(&self, uri: &str) -> Option<String> {
+        // From a root there is one way only.
+        if uri.starts_with(['/', '\\']) || uri.contains(':') {
+            return None;
+        }
+        let way = self.way.as_ref().filter(|way| !way.is_empty())?;
+        Some(format!("{way}{uri}"))
+    }
+
+    /// Takes images into the scene. Returns what there is to say of those that stay outside.
+    pub(crate) fn embed(&self, scene: &mut Scene) -> Vec<Warning> {
+        for uri in scene.outside_files() {
+            let path = self.from.as_ref().zip(outside_path(&uri)).map(|(folder, path)| folder.join(path));
+            // What cannot be read stays a reference, as it was.
+            if let Some(bytes) = path.filter(|p| p.is_file()).and_then(|p| fs::read(p).ok()) {
+                scene.embed(&uri, bytes);
+            }
+        }
+        self.told(scene)
+    }
+
+    /// What there is to say of files that stay outside: those that are not there, and those that nobody can follow.
+    pub(crate) fn told(&self, scene: &Scene) -> Vec<Warning> {
+        let outside = scene.outside_files();
+        let Some(first) = outside.first() else { return Vec::new() };
+        let others =
+            if outside.len() > 1 { format!(" and {} more", outside.len() - 1) } else { String::new() };
+        let text = match &self.way {
+            None => "looked for beside the output",
+            Some(way) if !way.is_empty() => "still those in the folder of the input",
+            Some(_) => return Vec::new(),
+        };
+        vec![Warning::note(format!("files that the scene refers to are {text}: {first}{others}"))]
+    }
+}
+
+/// The folder of a file, without links and dots.
+fn folder(path: &Path) -> Option<PathBuf> {
+    let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    fs::canonicalize(parent).ok()
+}
+
+/// The way from one folder to another, as a uri that ends in a slash, or is empty.
+fn way(from: &Path, to: &Path) -> Option<String> {
+    let shared = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
+    let (up, down) = (from.components().skip(shared), to.components().skip(shared));
+    let mut uri = "../".repeat(up.count());
+    for part in down {
+        // Another drive cannot be reached.
+        let Component::Normal(part) = part else { return None };
+        for byte in part.to_str()?.bytes() {
+            if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
+                uri.push(byte.into());
+            } else {
+                uri.push_str(&format!("%{byte:02X}"));
+            }
+        }
+        uri.push('/');
+    }
+    Some(uri)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_way_between_folders() {
+        let way = |a: &str, b: &str| super::way(Path::new(a), Path::new(b)).unwrap();
+        assert_eq!(way("/a/b", "/a/b"), "");
+        assert_eq!(way("/a/b", "/a"), "../");
+        assert_eq!(way("/a/b", "/a/c d/ü"), "../c%20d/%C3%BC/");
+    }
+
+    #[test]
+    fn relative_names_are_linked_anew() {
+        let step = Move { from: None, way: Some("../in/".to_owned()) };
+        assert_eq!(step.uri("x.png").as_deref(), Some("../in/x.png"));
+        assert_eq!(step.uri("../x.png").as_deref(), Some("../in/../x.png"));
+        assert_eq!(step.uri("/x.png"), None);
+        assert_eq!(step.uri("c:x.png"), None);
+        assert_eq!(Move { from: None, way: None }.uri("x.png"), None);
+    }
+}

@@ -1,0 +1,118 @@
+//! The triangles of one primitive: its corners in order, and what its mode makes of them.
+
+use serde_json::Value;
+
+use super::accessors::Accessor;
+use super::buffers::Buffers;
+use super::container::whole;
+use crate::error::ReadError;
+
+/// How corners become triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    Triangles,
+    Strip,
+    Fan,
+}
+
+/// A primitive of triangles; nothing is decoded.
+pub(super) struct Primitive {
+    pub(super) name: String,
+    mode: Mode,
+    /// The accessor; without one, the vertices stand in order.
+    indices: Option<usize>,
+    /// Number of corners in order.
+    pub(super) corners: usize,
+}
+
+impl Primitive {
+    /// Whether these are triangles, and not points or lines.
+    pub(super) fn has_faces(primitive: &Value, name: &str) -> Result<bool, ReadError> {
+        mode(primitive, name).map(|m| m.is_some())
+    }
+
+    /// A primitive that has faces, with this many vertices.
+    pub(super) fn new(
+        json: &Value,
+        buffers: &Buffers<'_>,
+        primitive: &Value,
+        name: String,
+        vertices: usize,
+    ) -> Result<Self, ReadError> {
+        let mode = mode(primitive, &name)?.unwrap_or(Mode::Triangles);
+        let indices = whole(primitive, "indices", &name)?;
+        let corners = match indices {
+            None => vertices,
+            Some(index) => Accessor::new(json, buffers, index, &name)?.count,
+        };
+        Ok(Self { name, mode, indices, corners })
+    }
+
+    pub(super) fn most_faces(&self) -> usize {
+        match self.mode {
+            Mode::Triangles => self.corners / 3,
+            Mode::Strip | Mode::Fan => self.corners.saturating_sub(2),
+        }
+    }
+
+    /// Its triangles over its own vertices, of which there are `count`; and whether one or two corners are left over.
+    pub(super) fn triangles(
+        &self,
+        json: &Value,
+        buffers: &Buffers<'_>,
+        count: usize,
+    ) -> Result<(Vec<[u32; 3]>, bool), ReadError> {
+        let corners = match self.indices {
+            None => (0..count as u32).collect(),
+            Some(index) => {
+                let accessor = Accessor::new(json, buffers, index, &self.name)?;
+                let indices = accessor.indices()?;
+                if indices.iter().max().is_some_and(|&i| i as usize >= count) {
+                    let at = indices.iter().position(|&i| i as usize >= count).unwrap_or(0);
+                    return Err(ReadError::element(
+                        accessor.name,
+                        format!(
+                            "entry {at} is the index {}, but {} has {count} vertices",
+                            indices[at], self.name
+                        ),
+                    ));
+                }
+                indices
+            }
+        };
+        Ok(match self.mode {
+            Mode::Triangles => {
+                let (triangles, rest) = corners.as_chunks::<3>();
+                (triangles.to_vec(), !rest.is_empty())
+            }
+            // Strips turn every other triangle; those that name a vertex twice are stitches.
+            Mode::Strip => {
+                let triangles = corners
+                    .windows(3)
+                    .enumerate()
+                    .map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] })
+                    .filter(|[a, b, c]| a != b && b != c && c != a);
+                (triangles.collect(), false)
+            }
+            Mode::Fan => {
+                let around = |(&hub, rim): (&u32, &[u32])| {
+                    rim.windows(2).map(|w| [w[0], w[1], hub]).collect::<Vec<_>>()
+                };
+                (corners.split_first().map(around).unwrap_or_default(), false)
+            }
+        })
+    }
+}
+
+/// How the corners become triangles; `None` for points and lines.
+fn mode(primitive: &Value, name: &str) -> Result<Option<Mode>, ReadError> {
+    Ok(Some(match whole(primitive, "mode", name)?.unwrap_or(4) {
+        4 => Mode::Triangles,
+        5 => Mode::Strip,
+        6 => Mode::Fan,
+        0..=3 => return Ok(None),
+        other => {
+            return Err(ReadError::element(name, format!("mode {other} is not known: 0 to 6 are")));
+        }
+    }))
+}

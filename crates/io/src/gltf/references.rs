@@ -1,0 +1,108 @@
+//! Everything in a file that names an accessor or a view by its number.
+
+use serde_json::Value;
+
+/// What is named.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Named {
+    Accessor,
+    View,
+}
+
+/// Calls for each reference; what is no number is left to the callee.
+///
+/// Extensions are looked through for `accessor` and `bufferView`, which is what they call them by custom, and for what is
+/// known of some; a reference under another name is not seen.
+pub(super) fn each_reference(json: &mut Value, visit: &mut dyn FnMut(Named, &mut Value)) {
+    for mesh in entries(json, "meshes") {
+        for primitive in entries(mesh, "primitives") {
+            values(primitive.get_mut("attributes"), Named::Accessor, visit);
+            one(primitive, "indices", Named::Accessor, visit);
+            entries(primitive, "targets").for_each(|t| values(Some(t), Named::Accessor, visit));
+        }
+    }
+    for animation in entries(json, "animations") {
+        for sampler in entries(animation, "samplers") {
+            one(sampler, "input", Named::Accessor, visit);
+            one(sampler, "output", Named::Accessor, visit);
+        }
+    }
+    entries(json, "skins").for_each(|s| one(s, "inverseBindMatrices", Named::Accessor, visit));
+    for accessor in entries(json, "accessors") {
+        views_of(accessor, visit);
+    }
+    entries(json, "images").for_each(|i| one(i, "bufferView", Named::View, visit));
+    extensions(json, false, visit);
+}
+
+/// Calls for each view that an accessor names.
+pub(super) fn views_of(accessor: &mut Value, visit: &mut dyn FnMut(Named, &mut Value)) {
+    one(accessor, "bufferView", Named::View, visit);
+    for part in ["indices", "values"] {
+        if let Some(part) = accessor.get_mut("sparse").and_then(|s| s.get_mut(part)) {
+            one(part, "bufferView", Named::View, visit);
+        }
+    }
+}
+
+/// Whether any extension of this name is somewhere.
+pub(super) fn has_extension(json: &Value, name: &str) -> bool {
+    match json {
+        Value::Object(object) => {
+            object.get("extensions").is_some_and(|e| e.get(name).is_some())
+                || object.iter().any(|(key, v)| key != "extras" && has_extension(v, name))
+        }
+        Value::Array(values) => values.iter().any(|v| has_extension(v, name)),
+        _ => false,
+    }
+}
+
+/// The entries of a list.
+fn entries<'v>(object: &'v mut Value, name: &str) -> impl Iterator<Item = &'v mut Value> {
+    object.get_mut(name).and_then(Value::as_array_mut).into_iter().flatten()
+}
+
+fn one(object: &mut Value, name: &str, named: Named, visit: &mut dyn FnMut(Named, &mut Value)) {
+    if let Some(value) = object.get_mut(name) {
+        visit(named, value);
+    }
+}
+
+fn values(object: Option<&mut Value>, named: Named, visit: &mut dyn FnMut(Named, &mut Value)) {
+    let all = object.and_then(Value::as_object_mut).into_iter().flat_map(|o| o.values_mut());
+    all.for_each(|v| visit(named, v));
+}
+
+/// Looks through extensions, wherever they are. Extras may mean anything, and are left alone.
+fn extensions(value: &mut Value, is_inside: bool, visit: &mut dyn FnMut(Named, &mut Value)) {
+    match value {
+        Value::Object(object) => {
+            for (key, inner) in object.iter_mut() {
+                match key.as_str() {
+                    "extras" => {}
+                    "accessor" if is_inside && inner.is_number() => visit(Named::Accessor, inner),
+                    "bufferView" if is_inside && inner.is_number() => visit(Named::View, inner),
+                    "EXT_mesh_gpu_instancing" if is_inside => {
+                        values(inner.get_mut("attributes"), Named::Accessor, visit);
+                    }
+                    "CESIUM_primitive_outline" if is_inside => {
+                        one(inner, "indices", Named::Accessor, visit);
+                    }
+                    "EXT_structural_metadata" if is_inside => {
+                        for table in entries(inner, "propertyTables") {
+                            let all = table.get_mut("properties").and_then(Value::as_object_mut);
+                            for property in all.into_iter().flat_map(|p| p.values_mut()) {
+                                for name in ["values", "arrayOffsets", "stringOffsets"] {
+                                    one(property, name, Named::View, visit);
+                                }
+                            }
+                        }
+                    }
+                    _ => extensions(inner, is_inside || key == "extensions", visit),
+                }
+            }
+        }
+        Value::Array(values) => values.iter_mut().for_each(|v| extensions(v, is_inside, visit)),
+        _ => {}
+    }
+}

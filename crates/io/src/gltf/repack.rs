@@ -1,0 +1,170 @@
+//! The bytes of several buffers in one, without those that nothing needs any more.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Some bytes of a buffer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Span {
+    pub(super) buffer: usize,
+    pub(super) bytes: Range<usize>,
+}
+
+/// All buffers one after another, and where each byte went.
+#[derive(Debug)]
+pub(super) struct Repacked {
+    pub(super) bytes: Vec<u8>,
+    buffers: Vec<Cut>,
+}
+
+/// A buffer among the others.
+#[derive(Debug)]
+struct Cut {
+    /// Where it begins now.
+    begin: usize,
+    /// Its length before.
+    length: usize,
+    /// What was cut out of it, in order, each with the sum of all before it.
+    cuts: Vec<(Range<usize>, usize)>,
+}
+
+/// Bytes move by multiples of this, so that numbers of any type stay where they may be.
+const STEP: usize = 8;
+
+impl Repacked {
+    /// Cuts out what is freed and not kept; bytes that are neither stay.
+    pub(super) fn new(buffers: &[Arc<Vec<u8>>], kept: &[Span], freed: &[Span]) -> Self {
+        let mut out = Self { bytes: Vec::new(), buffers: Vec::new() };
+        let by_buffer = |spans: &[Span]| {
+            let mut all = vec![Vec::new(); buffers.len()];
+            for span in spans {
+                if let (Some(list), Some(buffer)) = (all.get_mut(span.buffer), buffers.get(span.buffer)) {
+                    list.push(span.bytes.start.min(buffer.len())..span.bytes.end.min(buffer.len()));
+                }
+            }
+            all
+        };
+        for ((buffer, kept), freed) in buffers.iter().zip(by_buffer(kept)).zip(by_buffer(freed)) {
+            // Zeros between two spans are there for alignment alone.
+            let is_padding = |gap: Range<usize>| gap.len() < STEP && buffer[gap].iter().all(|b| *b == 0);
+            let mut freed = joined(freed, is_padding);
+            // So are those before the end.
+            if let Some(last) = freed.last_mut().filter(|last| is_padding(last.end..buffer.len())) {
+                last.end = buffer.len();
+            }
+            let kept = joined(kept, |gap| gap.is_empty());
+            let (mut cuts, mut gone) = (Vec::new(), 0);
+            for cut in without(&freed, &kept) {
+                let length = if cut.end == buffer.len() { cut.len() } else { cut.len() / STEP * STEP };
+                if length > 0 {
+                    cuts.push((cut.start..cut.start + length, gone));
+                    gone += length;
+                }
+            }
+            out.bytes.resize(out.bytes.len().next_multiple_of(STEP), 0);
+            let begin = out.bytes.len();
+            let mut from = 0;
+            for (cut, _) in &cuts {
+                out.bytes.extend_from_slice(&buffer[from..cut.start]);
+                from = cut.end;
+            }
+            out.bytes.extend_from_slice(&buffer[from..]);
+            out.buffers.push(Cut { begin, length: buffer.len(), cuts });
+        }
+        out
+    }
+
+    /// Where a byte of a buffer is now; `None` for a buffer that is not there.
+    pub(super) fn place(&self, buffer: usize, offset: usize) -> Option<usize> {
+        let Cut { begin, length, cuts } = self.buffers.get(buffer)?;
+        let offset = offset.min(*length);
+        let before = cuts.partition_point(|(cut, _)| cut.start < offset);
+        let last = before.checked_sub(1).and_then(|at| cuts.get(at));
+        let gone = last.map_or(0, |(cut, sum)| sum + (cut.end.min(offset) - cut.start));
+        Some(begin + (offset - gone))
+    }
+}
+
+/// The spans in order, those that touch or whose gap may go as one.
+fn joined(mut spans: Vec<Range<usize>>, may_go: impl Fn(Range<usize>) -> bool) -> Vec<Range<usize>> {
+    spans.retain(|s| s.start < s.end);
+    spans.sort_unstable_by_key(|s| (s.start, s.end));
+    let mut out: Vec<Range<usize>> = Vec::new();
+    for span in spans {
+        match out.last_mut() {
+            Some(last) if span.start <= last.end || may_go(last.end..span.start) => {
+                last.end = last.end.max(span.end);
+            }
+            _ => out.push(span),
+        }
+    }
+    out
+}
+
+/// What of `spans` is not in `kept`; both are in order and apart.
+fn without(spans: &[Range<usize>], kept: &[Range<usize>]) -> Vec<Range<usize>> {
+    let mut out = Vec::new();
+    let mut next = 0;
+    for span in spans {
+        let mut from = span.start;
+        while next < kept.len() && kept[next].end <= from {
+            next += 1;
+        }
+        let mut at = next;
+        while at < kept.len() && kept[at].start < span.end {
+            if from < kept[at].start {
+                out.push(from..kept[at].start);
+            }
+            from = from.max(kept[at].end);
+            at += 1;
+        }
+        if from < span.end {
+            out.push(from..span.end);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn span(buffer: usize, bytes: Range<usize>) -> Span {
+        Span { buffer, bytes }
+    }
+
+    #[test]
+    fn what_is_kept_stays_in_step() {
+        let buffer = Arc::new((1..=100u8).collect::<Vec<_>>());
+        let kept = [span(0, 40..60), span(0, 50..64), span(0, 90..1000)];
+        let got = Repacked::new(std::slice::from_ref(&buffer), &kept, &[span(0, 3..70), span(0, 61..99)]);
+        // 3..40 is cut to 32 bytes, 64..90 to 24.
+        assert_eq!(got.bytes.len(), 100 - 32 - 24);
+        for span in &kept {
+            let to = got.place(0, span.bytes.start).unwrap();
+            assert_eq!(to % STEP, span.bytes.start % STEP);
+            let end = span.bytes.end.min(100);
+            assert_eq!(got.bytes[to..to + end - span.bytes.start], buffer[span.bytes.start..end]);
+        }
+        assert_eq!(got.bytes[..3], [1, 2, 3]);
+        assert_eq!(got.place(1, 0), None);
+        assert!(got.place(0, usize::MAX).is_some());
+    }
+
+    #[test]
+    fn nothing_freed_nothing_changed() {
+        let buffers = [Arc::new(vec![1u8, 2, 3]), Arc::new(vec![4u8, 5])];
+        let got = Repacked::new(&buffers, &[], &[]);
+        assert_eq!(got.bytes, [1, 2, 3, 0, 0, 0, 0, 0, 4, 5]);
+        assert_eq!(got.place(1, 1), Some(9));
+    }
+
+    #[test]
+    fn padding_goes_with_what_it_pads() {
+        let mut bytes = vec![7u8; 32];
+        bytes[13..16].fill(0);
+        bytes[29..].fill(0);
+        let got = Repacked::new(&[Arc::new(bytes)], &[], &[span(0, 0..13), span(0, 16..29)]);
+        assert!(got.bytes.is_empty());
+    }
+}
