@@ -186,9 +186,11 @@ pub(crate) fn write(
     )
 }
 
-/// Writes a scene as it is, with other names for the files that it refers to; in all else as [`write()`].
+/// Writes a scene with some meshes replaced, and other names for the files that it refers to; in all else as
+/// [`write()`].
 pub(crate) fn write_scene(
     scene: &Scene,
+    replaced: &[Option<TriMesh>],
     relink: &dyn Fn(&str) -> Option<String>,
     sink: &Sink,
     format: Format,
@@ -199,8 +201,8 @@ pub(crate) fn write_scene(
     write_with(
         sink,
         force,
-        |out| lodsmith_io::write_scene_to(scene, &[], format, relink, out),
-        |path, _| lodsmith_io::write_scene_path(scene, &[], path, &options, relink),
+        |out| lodsmith_io::write_scene_to(scene, replaced, format, relink, out),
+        |path, _| lodsmith_io::write_scene_path(scene, replaced, path, &options, relink),
     )
 }
 
@@ -232,6 +234,16 @@ fn write_with(
 /// What the format could not carry, without writing anything.
 pub(crate) fn losses(mesh: &TriMesh, format: Format, options: &WriteOptions) -> anyhow::Result<Vec<Warning>> {
     lodsmith_io::write_to(mesh, format, options, &mut io::sink()).map_err(told)
+}
+
+/// What a scene loses, without writing anything.
+pub(crate) fn scene_losses(
+    scene: &Scene,
+    replaced: &[Option<TriMesh>],
+    relink: &dyn Fn(&str) -> Option<String>,
+    format: Format,
+) -> anyhow::Result<Vec<Warning>> {
+    lodsmith_io::write_scene_to(scene, replaced, format, relink, &mut io::sink()).map_err(told)
 }
 
 /// Puts a new file in the place of one that may not be written to, by way of a neighbour.

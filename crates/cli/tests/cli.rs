@@ -687,6 +687,31 @@ fn convert_keeps_a_whole_scene() {
     assert_eq!(desk.faces("out/e.glb"), 1);
 }
 
+#[test]
+fn simplify_keeps_a_whole_scene() {
+    let desk = Desk::new();
+    desk.put("a.gltf", SCENE);
+    let source: Value = serde_json::from_str(SCENE).expect("it is JSON");
+    let ran = desk.run("simplify a.gltf -o b.gltf --faces 1 --strict --json").with_status(0);
+    let report = &ran.objects()[0];
+    assert_eq!((&report["input"]["faces"], &report["output"]["faces"]), (&1.into(), &1.into()));
+    // The diagonal is that of the scene, where a node makes the mesh twice as large.
+    let diagonal = report["error"]["diagonal"].as_f64().expect("it is a number");
+    assert!((diagonal - 8f64.sqrt()).abs() < 1e-6, "{diagonal}");
+    let text = fs::read_to_string(desk.path("b.gltf")).expect("it was written");
+    let json: Value = serde_json::from_str(&text).expect("it is JSON");
+    for key in ["asset", "scene", "scenes", "nodes", "materials", "textures", "images", "animations"] {
+        assert_eq!(json[key].to_string(), source[key].to_string(), "{key}");
+    }
+    // Several triangles: the mesh is lighter, its node stays.
+    desk.put("hills.ply", &hills(10));
+    desk.run("convert hills.ply hills.glb").with_status(0);
+    desk.run("simplify hills.glb -o low.glb --ratio 0.2 --strict").with_status(0);
+    assert!(desk.faces("low.glb") <= 40);
+    desk.run("simplify hills.glb -o low.ply --ratio 0.2").with_status(0);
+    assert!(desk.faces("low.ply") <= 40);
+}
+
 // --------------------------------------------------------------- the rest
 
 #[test]

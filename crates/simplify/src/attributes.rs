@@ -237,8 +237,11 @@ impl Column {
         });
         (mesh.wedge_count() > 0 && same).then_some(first)
     }
+    fn is_of(&self, a: &Attribute, semantic: &Semantic) -> bool {
+        a.semantic == *semantic && a.width == self.width
+    }
     fn is_direction(&self) -> bool {
-        matches!(self.of, Of::Normals | Of::Further(Semantic::Tangent))
+        matches!(self.of, Of::Normals | Of::Further(Semantic::Tangent)) && self.width >= 3
     }
     fn read(&self, mesh: &TriMesh, w: WedgeId, out: &mut [f32]) {
         let i = w.index();
@@ -247,7 +250,7 @@ impl Column {
             Of::Uvs => out.copy_from_slice(&mesh.uvs().map_or([0.0; 2], |t| t[i])),
             Of::Colors => out.copy_from_slice(&mesh.colors().map_or([0.0; 4], |c| c[i])),
             Of::Further(semantic) => {
-                if let Some(a) = mesh.further_attributes().iter().find(|a| a.semantic == *semantic) {
+                if let Some(a) = mesh.further_attributes().iter().find(|a| self.is_of(a, semantic)) {
                     out.copy_from_slice(a.of(w));
                 }
             }

@@ -9,6 +9,7 @@ mod metric;
 pub mod options;
 pub mod report;
 mod run;
+pub mod scene;
 mod tensor;
 mod triangle;
 
@@ -20,6 +21,8 @@ pub use options::{
     TopologyPolicy,
 };
 pub use report::{Cleanup, ErrorReport, Refusal, Report, StoppedBy};
+
+pub use scene::{Part, SimplifiedScene, simplify_scene};
 
 /// Why a mesh could not be simplified.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

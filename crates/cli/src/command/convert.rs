@@ -50,7 +50,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
                     if format == Format::Glb { images.embed(&mut scene) } else { images.told(&scene) };
                 let relink = |uri: &str| images.uri(uri);
                 warnings.splice(0..0, scene.warnings().iter().cloned());
-                warnings.extend(file::write_scene(&scene, &relink, &args.output, format, args.force)?);
+                warnings.extend(file::write_scene(&scene, &[], &relink, &args.output, format, args.force)?);
                 Ok((scene.contents().polygons, scene.format(), warnings))
             }
         }

@@ -4,21 +4,23 @@ use std::fs;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use lodsmith::core::TriMesh;
 use lodsmith::core::measure::{Comparison, TwoWay};
-use lodsmith::{Control, Report, Simplified, SimplifyError, Stage, Verdict};
-use lodsmith_io::{Format, Warning};
+use lodsmith::{Control, Part, Report, Simplified, SimplifiedScene, SimplifyError, Stage, Verdict};
+use lodsmith_io::gltf::{Scene, SceneMesh};
+use lodsmith_io::{Format, Loaded, Warning};
 use serde_json::{Map, Value, json};
 
 use super::{show_warnings, texts};
 use crate::args::{Normals, SimplifyArgs};
 use crate::exit::{self, Interrupted, Status};
-use crate::file::{self, Sink};
+use crate::file::{self, Input, Sink};
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::plan::{self, Job};
 use crate::progress::{FileProgress, Progress};
-use crate::{in_order, normals};
+use crate::{images, in_order, normals};
 
 /// Makes every input lighter.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
@@ -72,40 +74,120 @@ fn simplify_one(job: &Job, args: &SimplifyArgs, progress: &Progress) -> anyhow::
 
     bar.read();
     clock.enter("read");
-    let loaded = file::read(&job.source, args.from)?;
-    let mut warnings = loaded.warnings;
-
-    clock.enter(Stage::Prepare.name());
-    let mut watch = Watch { clock: &mut clock, bar: &bar, stage: Stage::Prepare, deadline };
-    let Simplified { mut mesh, report } = match lodsmith::simplify(&loaded.mesh, &args.options(), &mut watch)
-    {
-        Err(SimplifyError::Cancelled) if exit::interrupted() => return Err(Interrupted.into()),
-        result => result?,
+    // A scene stays whole where both sides can hold one. To turn or scale it would take a change of its nodes.
+    let whole = job.output.as_ref().filter(|(_, format)| {
+        matches!(format, Format::Gltf | Format::Glb)
+            && args.writing.scale.is_none()
+            && args.writing.up.is_none()
+    });
+    let done = |mut clock: Clock, input_format, (report, warnings)| {
+        clock.end();
+        bar.end();
+        Done { input_format, report, warnings, threads: rayon::current_num_threads(), clock }
     };
-    drop(loaded.mesh);
-    warnings.extend(dropped(&report, args.normals));
+    let loaded = match whole {
+        None => Box::new(file::read(&job.source, args.from)?),
+        Some((sink, format)) => match file::read_scene(&job.source, args.from)? {
+            Input::Mesh(loaded) => loaded,
+            Input::Scene(scene) => {
+                let from = scene.format();
+                let mut watch = Watch::new(&mut clock, &bar, deadline);
+                let told = simplify_scene(*scene, job, (sink, *format), args, &mut watch)?;
+                return Ok(done(clock, from, told));
+            }
+        },
+    };
+    let from = loaded.format;
+    let told = simplify_mesh(*loaded, job, args, &mut Watch::new(&mut clock, &bar, deadline))?;
+    Ok(done(clock, from, told))
+}
+
+/// Makes a mesh lighter and writes it. Says what was done and what there is to say.
+fn simplify_mesh(
+    loaded: Loaded,
+    job: &Job,
+    args: &SimplifyArgs,
+    watch: &mut Watch<'_>,
+) -> anyhow::Result<(Report, Vec<Warning>)> {
+    let Loaded { mesh, regions, mut warnings, .. } = loaded;
+    let done = lodsmith::simplify(&mesh, &args.options(), watch);
+    let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
+    drop(mesh);
+    warnings.extend(told(&report, args.normals));
+
+    watch.write();
+    orient(&mut lighter, &args.writing);
+    set_normals(&mut lighter, args.normals)?;
+    if let Some((sink, format)) = &job.output {
+        let options = file::options(&args.writing, *format, regions);
+        warnings.extend(match args.dry_run {
+            true => file::losses(&lighter, *format, &options)?,
+            false => file::write(&lighter, sink, *format, &options, args.force)?,
+        });
+    }
+    Ok((report, warnings))
+}
+
+/// The same for all meshes of a scene under one budget; the rest of it stays as it is.
+fn simplify_scene(
+    mut scene: Scene,
+    job: &Job,
+    (sink, format): (&Sink, Format),
+    args: &SimplifyArgs,
+    watch: &mut Watch<'_>,
+) -> anyhow::Result<(Report, Vec<Warning>)> {
+    let part = |m: &'_ SceneMesh| (m.mesh.clone(), m.instances, m.scale);
+    let meshes: Vec<_> = scene.meshes().iter().map(part).collect();
+    let parts: Vec<_> = meshes
+        .iter()
+        .map(|(mesh, instances, scale)| Part { mesh, instances: *instances, scale: *scale })
+        .collect();
+    let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
+    let done = lodsmith::simplify_scene(&parts, diagonal, &args.options(), watch);
+    let SimplifiedScene { meshes: mut lighter, report } = not_interrupted(done)?;
+
+    watch.write();
+    for mesh in &mut lighter {
+        set_normals(mesh, args.normals)?;
+    }
+    // What had no faces to begin with stays as it was.
+    let replaced: Vec<_> =
+        lighter.into_iter().zip(&meshes).map(|(new, old)| (old.0.face_count() > 0).then_some(new)).collect();
+    let images = images::Move::new(&job.source, sink);
+    let mut warnings: Vec<_> = scene.warnings().to_vec();
+    warnings.extend(told(&report, args.normals));
+    warnings.extend(if format == Format::Glb { images.embed(&mut scene) } else { images.told(&scene) });
+    let relink = |uri: &str| images.uri(uri);
+    warnings.extend(match args.dry_run {
+        true => file::scene_losses(&scene, &replaced, &relink, format)?,
+        false => file::write_scene(&scene, &replaced, &relink, sink, format, args.force)?,
+    });
+    Ok((report, warnings))
+}
+
+fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
+    match result {
+        Err(SimplifyError::Cancelled) if exit::interrupted() => Err(Interrupted.into()),
+        result => Ok(result?),
+    }
+}
+
+fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result<()> {
+    match wanted {
+        Normals::Keep => {}
+        Normals::Recompute => normals::recompute(mesh),
+        Normals::None => mesh.set_normals(None)?,
+    }
+    Ok(())
+}
+
+/// What the user should know of a run.
+fn told(report: &Report, normals: Normals) -> Vec<Warning> {
+    let mut warnings: Vec<_> = dropped(report, normals).collect();
     if report.seams_relaxed {
         warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
     }
-
-    bar.write();
-    clock.enter("write");
-    orient(&mut mesh, &args.writing);
-    match args.normals {
-        Normals::Keep => {}
-        Normals::Recompute => normals::recompute(&mut mesh),
-        Normals::None => mesh.set_normals(None)?,
-    }
-    if let Some((sink, format)) = &job.output {
-        let options = file::options(&args.writing, *format, loaded.regions);
-        warnings.extend(match args.dry_run {
-            true => file::losses(&mesh, *format, &options)?,
-            false => file::write(&mesh, sink, *format, &options, args.force)?,
-        });
-    }
-    clock.end();
-    bar.end();
-    Ok(Done { input_format: loaded.format, report, warnings, threads: rayon::current_num_threads(), clock })
+    warnings
 }
 
 /// What the engine does not carry, unless it was not wanted or is made anew.
@@ -307,6 +389,19 @@ struct Watch<'a> {
     bar: &'a FileProgress<'a>,
     stage: Stage,
     deadline: Option<Instant>,
+}
+
+impl<'a> Watch<'a> {
+    /// Ready for the engine.
+    fn new(clock: &'a mut Clock, bar: &'a FileProgress<'a>, deadline: Option<Instant>) -> Self {
+        clock.enter(Stage::Prepare.name());
+        Self { clock, bar, stage: Stage::Prepare, deadline }
+    }
+    /// The engine has ended, writing begins.
+    fn write(&mut self) {
+        self.bar.write();
+        self.clock.enter("write");
+    }
 }
 
 impl Control for Watch<'_> {

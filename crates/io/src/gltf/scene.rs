@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use lodsmith_core::TriMesh;
+use lodsmith_core::{Bounds, TriMesh};
 use serde_json::{Value, json};
 
 use super::accessors::Accessor;
@@ -28,6 +28,7 @@ pub struct Scene {
     pub(super) json: Value,
     pub(super) buffers: Vec<Arc<Vec<u8>>>,
     meshes: Vec<SceneMesh>,
+    bounds: Option<Bounds>,
     contents: Contents,
     warnings: Vec<Warning>,
     format: Format,
@@ -101,12 +102,18 @@ impl Scene {
         contents.meshes = meshes.iter().fold(0, |n, m| m.instances.saturating_add(n));
         let placed_faces = |m: &SceneMesh| m.instances.saturating_mul(m.mesh.face_count());
         contents.polygons = meshes.iter().fold(0, |n, m| placed_faces(m).saturating_add(n));
-        Ok(Self { json, buffers, meshes, contents, warnings, format })
+        let bounds = bounds(&placed, &meshes);
+        Ok(Self { json, buffers, meshes, bounds, contents, warnings, format })
     }
 
     /// The meshes, in the order of the file.
     pub fn meshes(&self) -> &[SceneMesh] {
         &self.meshes
+    }
+
+    /// A box round all that is placed, from the boxes of the meshes: as large as the scene, or somewhat larger.
+    pub fn bounds(&self) -> Option<Bounds> {
+        self.bounds
     }
 
     /// What the file holds; meshes and faces count as often as nodes place them.
@@ -264,6 +271,24 @@ pub(super) fn relink(json: &mut Value, depth: usize, new: &dyn Fn(&str) -> Optio
 /// Whether a uri names a file, and not data or an address on the network.
 fn is_file(uri: &str) -> bool {
     !uri.is_empty() && !uri.starts_with("data:") && !uri.contains("://")
+}
+
+/// The box round the corners of the meshes' boxes where they are placed.
+fn bounds(placed: &[placements::Placement], meshes: &[SceneMesh]) -> Option<Bounds> {
+    let mut all: Option<Bounds> = None;
+    for placement in placed {
+        let Some(own) = meshes.get(placement.mesh).and_then(|m| m.mesh.positions().view().bounds()) else {
+            continue;
+        };
+        for corner in 0..8 {
+            let p = [0, 1, 2].map(|k| if corner >> k & 1 == 0 { own.min[k] } else { own.max[k] });
+            let p = placement.world_from_mesh.point(p);
+            let b = all.get_or_insert(Bounds { min: p, max: p });
+            b.min = [0, 1, 2].map(|k| b.min[k].min(p[k]));
+            b.max = [0, 1, 2].map(|k| b.max[k].max(p[k]));
+        }
+    }
+    all
 }
 
 /// Says of each mesh how often, how large and how it is placed.

@@ -273,6 +273,13 @@ impl<M: Metric> Store<M> {
         wedges[corner.face()][corner.k()]
     }
 
+    /// Whether faces of several regions meet in a star.
+    fn meets_regions(&self, ring: &[Spoke]) -> bool {
+        let Some(regions) = &self.regions else { return false };
+        let of = |r: &Spoke| regions[r.corner.face()];
+        ring.iter().any(|r| of(r) != of(&ring[0]))
+    }
+
     /// Whether wedges or regions differ on the two sides of the edge from the centre of a star to `w`.
     pub(crate) fn is_seam_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
         let Some(wedges) = &self.wedges else { return false };
@@ -488,15 +495,17 @@ impl<M: Metric> Engine<M> {
         tensor
     }
 
-    /// Whether the lines of seams allow the collapse: two vertices on lines merge along a line only, and no face goes
-    /// that has lines on all sides.
+    /// Whether seams and regions allow the collapse: two vertices on the borders of regions merge along one only, and no
+    /// face goes that has lines on all sides. (Two vertices on other seams may merge across: their lines say at what
+    /// cost. Refusing that too cost CesiumMan its limbs at 10 %, for nothing else was left.)
     pub(crate) fn ask_seams(&self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Result<(), Refusal> {
         let (ku, kv) = (self.store.v[u.index()].kind, self.store.v[v.index()].kind);
         if self.loose_seams || !(ku.is_seam() || kv.is_seam()) || !(ku.has_lines() && kv.has_lines()) {
             return Ok(());
         }
         if self.line_weight(ru, v, true) == 0.0 {
-            return Err(Refusal::Seam);
+            let both = self.store.meets_regions(ru) && self.store.meets_regions(rv);
+            return if both { Err(Refusal::Seam) } else { Ok(()) };
         }
         for r in ru.iter().filter(|r| r.has(v)) {
             let apex = if r.a == v { r.b } else { r.a };

@@ -1,0 +1,303 @@
+//! The meshes of a scene under one budget: triangles go where they cost least, whichever mesh that is.
+//!
+//! All meshes are laid beside each other in one, in the sizes that they have in the scene, and simplified in one run: its
+//! threshold is the same for all. A mesh that stands in several places saves as many triangles by each collapse as it
+//! makes errors, so instances change nothing but the count.
+
+use std::collections::BTreeMap;
+
+use lodsmith_core::{
+    Attribute, MeshError, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId,
+};
+
+use crate::control::Control;
+use crate::options::{Length, SimplifyOptions};
+use crate::report::Report;
+use crate::{SimplifyError, simplify};
+
+/// A mesh of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Part<'a> {
+    /// The mesh, in its own coordinates.
+    pub mesh: &'a TriMesh,
+    /// How often it stands in the scene. One that stands nowhere counts once.
+    pub instances: usize,
+    /// How much larger it is in the scene.
+    pub scale: f64,
+}
+
+/// The lighter meshes of a scene, and what was done.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimplifiedScene {
+    /// As many meshes as parts, in their order; one may have lost all its faces.
+    pub meshes: Vec<TriMesh>,
+    /// Counts are of all instances, lengths those of the scene.
+    pub report: Report,
+}
+
+/// Gap between meshes laid side by side, in sizes of the largest.
+const GAP: f64 = 0.25;
+
+/// Runs in search of a count of all instances, at most.
+const CORRECTIONS: usize = 6;
+/// The search ends with a count within the goal and above this share of it.
+const CLOSE: f64 = 0.97;
+
+/// Makes the meshes of a scene lighter under one budget.
+///
+/// Counts of the stop are of all instances together; `diagonal` is that of the scene's bounding box, which lengths given
+/// as shares refer to. Attributes, regions and the rest are those of each part.
+///
+/// # Errors
+/// As [`simplify`].
+pub fn simplify_scene(
+    parts: &[Part<'_>],
+    diagonal: f64,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<SimplifiedScene, SimplifyError> {
+    let layout = Layout::new(parts);
+    let (mesh, table) = layout.together(parts)?;
+    let count = |of: &dyn Fn(&Part<'_>) -> usize| parts.iter().map(of).sum::<usize>();
+    let placed = count(&|p| p.mesh.face_count().saturating_mul(p.instances.max(1)));
+    let share = mesh.face_count() as f64 / placed.max(1) as f64;
+    let units = |length: Length| Length::Units(length.in_units(diagonal));
+    let mut options = options.clone();
+    options.stop.error = options.stop.error.map(units);
+    options.weld = options.weld.map(units);
+    options.guards.max_edge = options.guards.max_edge.map(units);
+    let instances = |of: fn(&TriMesh) -> usize, meshes: &[TriMesh]| {
+        meshes.iter().zip(parts).map(|(m, p)| of(m).saturating_mul(p.instances.max(1))).sum::<usize>()
+    };
+    // Which meshes give their triangles shows in the run: where instances differ, the count of one is corrected for the
+    // next.
+    let by_ratio = options.stop.ratio.map(|r| ((placed as f64 * r).round() as usize).max(1));
+    let goal = options.stop.faces.into_iter().chain(by_ratio).max();
+    let vertices = options.stop.vertices;
+    let same = parts.windows(2).all(|p| p[0].instances.max(1) == p[1].instances.max(1));
+    let most = parts.iter().map(|p| p.instances.max(1)).max().unwrap_or(1) as f64;
+    let mut wanted = goal.map(|n| n as f64 * share);
+    let mut before: Option<(f64, f64)> = None;
+    let mut best: Option<(crate::Simplified, Vec<TriMesh>, usize)> = None;
+    for _ in 0..if same || goal.is_none() { 1 } else { CORRECTIONS } {
+        let own = |n: f64| (n.floor() as usize).max(1);
+        options.stop.faces = wanted.map(own);
+        options.stop.vertices = vertices.map(|n| own(n as f64 * share));
+        options.stop.ratio = None;
+        let done = simplify(&mesh, &options, control)?;
+        let meshes = layout.apart(parts, &done.mesh, &table)?;
+        let got = instances(TriMesh::face_count, &meshes);
+        let is_within = |got: usize| goal.is_none_or(|goal| got <= goal);
+        // The most within the goal; without one, the fewest.
+        let is_better = best.as_ref().is_none_or(|b| match (is_within(b.2), is_within(got)) {
+            (true, true) => got > b.2,
+            (within_before, within_now) => within_now || !within_before && got < b.2,
+        });
+        let reached = done.report.reached;
+        if is_better {
+            best = Some((done, meshes, got));
+        }
+        let (Some(goal), Some(asked)) = (goal, wanted) else { break };
+        if !reached || (got <= goal && got as f64 > CLOSE * goal as f64) {
+            break;
+        }
+        // So many triangles of the scene for each of the run: between one and the instances of a mesh.
+        let slope = before
+            .filter(|(x, _)| (asked - x).abs() >= 1.0)
+            .map_or(1.0 / share, |(x, y)| (got as f64 - y) / (asked - x))
+            .clamp(1.0, most);
+        before = Some((asked, got as f64));
+        // A little below, for being within counts.
+        let aim = goal as f64 * (1.0 + CLOSE) / 2.0;
+        wanted = Some((asked + (aim - got as f64) / slope).max(1.0));
+    }
+    let Some((done, meshes, _)) = best else { return Err(SimplifyError::NoFaces { faces: placed }) };
+    let mut report = done.report;
+    report.input_faces = placed;
+    report.input_vertices = count(&|p| p.mesh.vertex_count().saturating_mul(p.instances.max(1)));
+    report.faces = instances(TriMesh::face_count, &meshes);
+    report.vertices = instances(TriMesh::vertex_count, &meshes);
+    report.error.diagonal = diagonal;
+    Ok(SimplifiedScene { meshes, report })
+}
+
+/// Where each part lies: scaled, then moved.
+struct Layout {
+    places: Vec<Place>,
+}
+
+#[derive(Clone, Copy)]
+struct Place {
+    scale: f64,
+    by: [f64; 3],
+}
+
+impl Place {
+    fn there(self, p: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|k| p[k] * self.scale + self.by[k])
+    }
+    fn back(self, p: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|k| (p[k] - self.by[k]) / self.scale)
+    }
+}
+
+/// What a region of the whole is: a part, and the region that its faces had.
+type Table = Vec<(usize, Option<RegionId>)>;
+
+impl Layout {
+    fn new(parts: &[Part<'_>]) -> Self {
+        let scale = |p: &Part<'_>| if p.scale.is_finite() && p.scale > 0.0 { p.scale } else { 1.0 };
+        let bounds: Vec<_> = parts.iter().map(|p| p.mesh.positions().view().bounds()).collect();
+        let largest = parts.iter().zip(&bounds).filter_map(|(p, b)| Some((p, b.as_ref()?)));
+        let largest = largest
+            .flat_map(|(p, b)| [0, 1, 2].map(|k| (b.max[k] - b.min[k]) * scale(p)))
+            .fold(0f64, f64::max);
+        let cell = if largest.is_finite() && largest > 0.0 { largest * (1.0 + GAP) } else { 1.0 };
+        let side = (1..).find(|n: &usize| n * n * n >= parts.len()).unwrap_or(1);
+        let place = |(i, (p, b)): (usize, (&Part<'_>, &Option<lodsmith_core::Bounds>))| {
+            let min = b.as_ref().map_or([0.0; 3], |b| b.min);
+            let at = [i % side, i / side % side, i / side / side];
+            // One alone stays where it is.
+            let by = |k: usize| if parts.len() > 1 { at[k] as f64 * cell - min[k] * scale(p) } else { 0.0 };
+            Place { scale: scale(p), by: [by(0), by(1), by(2)] }
+        };
+        Self { places: parts.iter().zip(&bounds).enumerate().map(place).collect() }
+    }
+
+    /// All parts as one mesh, whose regions say which face is whose.
+    fn together(&self, parts: &[Part<'_>]) -> Result<(TriMesh, Table), MeshError> {
+        let (mut positions, mut vertex_of, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut regions, mut table) = (Vec::new(), Table::new());
+        for (i, (part, place)) in parts.iter().zip(&self.places).enumerate() {
+            let mesh = part.mesh;
+            let (first_vertex, first_wedge) = (positions.len() as u32, vertex_of.len() as u32);
+            positions.extend(mesh.positions().view().iter().map(|p| place.there(p)));
+            let wedges = (0..mesh.wedge_count() as u32).map(WedgeId);
+            vertex_of.extend(wedges.map(|w| VertexId(mesh.vertex_of(w).0 + first_vertex)));
+            triangles.extend(mesh.triangles().iter().map(|t| t.map(|w| WedgeId(w.0 + first_wedge))));
+            let mut known: BTreeMap<Option<RegionId>, RegionId> = BTreeMap::new();
+            for f in 0..mesh.face_count() {
+                let own = mesh.regions().map(|r| r[f]);
+                let id = *known.entry(own).or_insert_with(|| {
+                    table.push((i, own));
+                    RegionId::new(table.len() - 1)
+                });
+                regions.push(id);
+            }
+        }
+        let mut all = TriMesh::with_wedges(Positions::F64(positions), vertex_of, triangles)?;
+        all.set_regions(Some(regions))?;
+        let any = |has: fn(&TriMesh) -> bool| parts.iter().any(|p| has(p.mesh));
+        if any(|m| m.normals().is_some()) {
+            all.set_normals(Some(joined(parts, TriMesh::normals, [0.0; 3])))?;
+        }
+        if any(|m| m.uvs().is_some()) {
+            all.set_uvs(Some(joined(parts, TriMesh::uvs, [0.0; 2])))?;
+        }
+        if any(|m| m.colors().is_some()) {
+            all.set_colors(Some(joined(parts, TriMesh::colors, [1.0; 4])))?;
+        }
+        // A name may stand for different widths in different parts: each is an attribute of its own.
+        let mut kinds: Vec<(&Semantic, usize)> = Vec::new();
+        for a in parts.iter().flat_map(|p| p.mesh.further_attributes()) {
+            if !kinds.contains(&(&a.semantic, a.width)) {
+                kinds.push((&a.semantic, a.width));
+            }
+        }
+        for (semantic, width) in kinds {
+            let mut values = Vec::new();
+            for (part, place) in parts.iter().zip(&self.places) {
+                let scale = length_scale(semantic, place.scale);
+                match find(part.mesh, semantic, width) {
+                    Some(a) => values.extend(a.values.iter().map(|x| (f64::from(*x) * scale) as f32)),
+                    None => values.resize(values.len() + part.mesh.wedge_count() * width, 0.0),
+                }
+            }
+            all.add_attribute(Attribute { semantic: semantic.clone(), width, values })?;
+        }
+        Ok((all, table))
+    }
+
+    /// The parts of a result again, each with what it had.
+    fn apart(&self, parts: &[Part<'_>], all: &TriMesh, table: &Table) -> Result<Vec<TriMesh>, MeshError> {
+        let mut faces_of: Vec<Vec<usize>> = vec![Vec::new(); parts.len()];
+        let regions = all.regions().unwrap_or_default();
+        for (f, r) in regions.iter().enumerate() {
+            faces_of[table[r.index()].0].push(f);
+        }
+        let mut number_of_wedge = vec![u32::MAX; all.wedge_count()];
+        let mut number_of_vertex = vec![u32::MAX; all.vertex_count()];
+        let view = all.positions().view();
+        let mut meshes = Vec::with_capacity(parts.len());
+        for ((part, place), faces) in parts.iter().zip(&self.places).zip(&faces_of) {
+            let (mut wedges, mut vertices) = (Vec::new(), Vec::new());
+            for w in faces.iter().flat_map(|&f| all.triangles()[f]) {
+                if number_of_wedge[w.index()] == u32::MAX {
+                    number_of_wedge[w.index()] = wedges.len() as u32;
+                    wedges.push(w);
+                    let v = all.vertex_of(w);
+                    if number_of_vertex[v.index()] == u32::MAX {
+                        number_of_vertex[v.index()] = vertices.len() as u32;
+                        vertices.push(v);
+                    }
+                }
+            }
+            let places = vertices.iter().map(|&v| place.back(view.get(v)));
+            let positions = match part.mesh.positions() {
+                Positions::F32(_) => Positions::F32(places.map(|p| p.map(|x| x as f32)).collect()),
+                Positions::F64(_) => Positions::F64(places.collect()),
+            };
+            let vertex_of = wedges.iter().map(|&w| VertexId(number_of_vertex[all.vertex_of(w).index()]));
+            let triangles =
+                faces.iter().map(|&f| all.triangles()[f].map(|w| WedgeId(number_of_wedge[w.index()])));
+            let mut mesh = TriMesh::with_wedges(positions, vertex_of.collect(), triangles.collect())?;
+            if part.mesh.regions().is_some() {
+                let own = faces.iter().map(|&f| table[regions[f].index()].1.unwrap_or_default());
+                mesh.set_regions(Some(own.collect()))?;
+            }
+            if part.mesh.normals().is_some() {
+                mesh.set_normals(all.normals().map(|n| wedges.iter().map(|w| n[w.index()]).collect()))?;
+            }
+            if part.mesh.uvs().is_some() {
+                mesh.set_uvs(all.uvs().map(|t| wedges.iter().map(|w| t[w.index()]).collect()))?;
+            }
+            if part.mesh.colors().is_some() {
+                mesh.set_colors(all.colors().map(|c| wedges.iter().map(|w| c[w.index()]).collect()))?;
+            }
+            for a in part.mesh.further_attributes() {
+                let Some(source) = find(all, &a.semantic, a.width) else { continue };
+                let scale = length_scale(&a.semantic, place.scale);
+                let values =
+                    wedges.iter().flat_map(|&w| source.of(w)).map(|x| (f64::from(*x) / scale) as f32);
+                mesh.add_attribute(Attribute { values: values.collect(), ..a.clone() })?;
+            }
+            meshes.push(mesh);
+        }
+        Ok(meshes)
+    }
+}
+
+/// An attribute of all parts, wedge after wedge; `blank` where a part has none.
+fn joined<'a, const N: usize>(
+    parts: &[Part<'a>],
+    of: impl Fn(&'a TriMesh) -> Option<&'a [[f32; N]]>,
+    blank: [f32; N],
+) -> Vec<[f32; N]> {
+    let mut all = Vec::new();
+    for part in parts {
+        match of(part.mesh) {
+            Some(values) => all.extend_from_slice(values),
+            None => all.resize(all.len() + part.mesh.wedge_count(), blank),
+        }
+    }
+    all
+}
+
+fn find<'a>(mesh: &'a TriMesh, semantic: &Semantic, width: usize) -> Option<&'a Attribute> {
+    mesh.further_attributes().iter().find(|a| a.semantic == *semantic && a.width == width)
+}
+
+/// By how much values grow with the mesh: displacements are lengths.
+fn length_scale(semantic: &Semantic, scale: f64) -> f64 {
+    if matches!(semantic, Semantic::Morph { of: Morphed::Position, .. }) { scale } else { 1.0 }
+}

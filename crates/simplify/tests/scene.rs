@@ -1,0 +1,50 @@
+//! Meshes of a scene under one budget.
+
+use lodsmith::core::measure::{CompareOptions, compare};
+use lodsmith::core::{RegionId, TriMesh, shapes};
+use lodsmith::{NoControl, Part, SimplifyOptions, Stop, simplify_scene};
+
+fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
+    Part { mesh, instances, scale }
+}
+
+#[test]
+fn triangles_go_where_they_cost_least() {
+    // A flat grid needs two triangles, a blob all that it can get.
+    let (flat, round) = (shapes::grid(32), shapes::blob(4, 1));
+    let parts = [part(&flat, 1, 1.0), part(&round, 1, 1.0)];
+    let options = SimplifyOptions::new(Stop::ratio(0.3));
+    let got = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
+    assert!(got.report.reached && got.report.faces == got.meshes.iter().map(TriMesh::face_count).sum());
+    assert!(got.meshes[0].face_count() < 10, "{} for the grid", got.meshes[0].face_count());
+    assert!(got.meshes[1].face_count() * 10 > round.face_count() * 3);
+    assert!(got.report.error.diagonal == 4.0);
+}
+
+#[test]
+fn each_comes_back_to_its_place_with_what_it_had() {
+    let mut a = shapes::blob(4, 1);
+    a.map_positions(|p| [p[0] + 100.0, p[1], p[2] - 7.0]);
+    let normals = vec![[0.0, 0.0, 1.0]; a.wedge_count()];
+    a.set_normals(Some(normals)).unwrap();
+    let regions = vec![RegionId(0); a.face_count()];
+    a.set_regions(Some(regions)).unwrap();
+    let b = shapes::torus(24, 16);
+    let empty = TriMesh::new(lodsmith::core::Positions::F32(Vec::new()), Vec::new()).unwrap();
+    let parts = [part(&a, 1, 0.01), part(&b, 3, 20.0), part(&empty, 0, 1.0)];
+    let options = SimplifyOptions::new(Stop::ratio(0.5));
+    let got = simplify_scene(&parts, 50.0, &options, &mut NoControl).unwrap();
+    assert_eq!(got.meshes.len(), 3);
+    assert!(got.meshes[0].normals().is_some() && got.meshes[1].normals().is_none());
+    assert!(got.meshes[0].regions().is_some() && got.meshes[1].regions().is_none());
+    assert_eq!(got.meshes[2].face_count(), 0);
+    let torus = got.meshes[1].surface();
+    let distance = compare(&b.surface(), &torus, &CompareOptions::default()).unwrap();
+    assert!(distance.hausdorff.symmetric < 0.05 * distance.diagonal);
+    // All instances count: one blob and three tori.
+    let placed = a.face_count() + 3 * b.face_count();
+    assert_eq!(got.report.input_faces, placed);
+    let left = got.meshes[0].face_count() + 3 * got.meshes[1].face_count();
+    assert_eq!(got.report.faces, left);
+    assert!(left * 2 <= placed && left * 20 > placed * 9, "{left} of {placed}");
+}
