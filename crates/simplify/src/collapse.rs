@@ -39,7 +39,7 @@ use crate::metric::Metric;
 use crate::options::Placement;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
-use attributes::Attributes;
+use attributes::{Attributes, Looseness};
 use bound::Histogram;
 use commit::{BORDER, Candidate, Outcome, Wing};
 use kind::{Kind, distinct};
@@ -109,8 +109,7 @@ pub(crate) struct Engine<M: Metric> {
     /// Sum of the costs of parts that went, in the same measure.
     lost: f64,
     wings: Vec<Wing>,
-    /// Seams no longer refuse, because nothing else is left.
-    pub(crate) loose_seams: bool,
+    looseness: Looseness,
     /// Best values of the wedges of an edge.
     best: Vec<f32>,
     /// Ends of lines around the edge that goes: whether at the kept end, and the line's weight.
@@ -141,7 +140,7 @@ impl<M: Metric> Engine<M> {
             spent: 0.0,
             lost: 0.0,
             wings: Vec::new(),
-            loose_seams: false,
+            looseness: Looseness::None,
             best: Vec::new(),
             rim: Vec::new(),
         };
@@ -467,9 +466,11 @@ impl<M: Metric> Engine<M> {
             }
             let histogram = Histogram::of(&self.store.bound);
             if histogram.known() == 0 {
-                if probed && self.attributes.is_some() && !self.loose_seams {
+                if let (true, true, Some(looser)) =
+                    (probed, self.attributes.is_some(), self.looseness.looser())
+                {
                     // Better a seam out of place than a whole part gone.
-                    self.loose_seams = true;
+                    self.looseness = looser;
                     (probe, probed) = (true, true);
                     continue;
                 }
@@ -502,6 +503,11 @@ impl<M: Metric> Engine<M> {
         }
         self.store.finish();
         end
+    }
+
+    /// Whether seams had to give way.
+    pub(crate) fn has_relaxed_seams(&self) -> bool {
+        self.looseness != Looseness::None
     }
 
     /// The RMS distance of the result, in the unit frame: from that of the fit, or from the costs paid. A collapse that

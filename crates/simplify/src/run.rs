@@ -366,7 +366,7 @@ impl Run<'_, '_> {
             refusals: engine.refusals,
             collapses: engine.collapses,
             parts_removed: engine.parts_removed,
-            seams_relaxed: engine.loose_seams,
+            seams_relaxed: engine.has_relaxed_seams(),
             duplicate_faces,
             mesh: self.result(&engine, rows.as_ref())?,
         })

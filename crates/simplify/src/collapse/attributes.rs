@@ -48,6 +48,28 @@ pub(crate) struct Attributes {
 /// Joints and weights, the strongest first.
 pub(crate) type Pulls = Vec<(u32, f32)>;
 
+/// Which lines no longer refuse, because nothing else was left to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Looseness {
+    /// All hold.
+    None,
+    /// Seams give way.
+    Seams,
+    /// The borders of regions too: a material may lose its last face.
+    Regions,
+}
+
+impl Looseness {
+    /// The next step, if there is one.
+    pub(crate) fn looser(self) -> Option<Self> {
+        match self {
+            Self::None => Some(Self::Seams),
+            Self::Seams => Some(Self::Regions),
+            Self::Regions => None,
+        }
+    }
+}
+
 /// A wedge at one of the ends of an edge.
 #[derive(Clone, Copy, Debug)]
 struct Member {
@@ -271,6 +293,14 @@ impl<M: Metric> Store<M> {
     #[inline(always)]
     fn wedge_at(&self, wedges: &[[WedgeId; 3]], corner: Corner) -> WedgeId {
         wedges[corner.face()][corner.k()]
+    }
+
+    /// Whether regions differ on the two sides of the edge from the centre of a star to `w`.
+    fn is_region_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
+        let Some(regions) = &self.regions else { return false };
+        let mut sides = ring.iter().filter(|r| r.has(w)).map(|r| regions[r.corner.face()]);
+        let first = sides.next();
+        sides.any(|side| Some(side) != first)
     }
 
     /// Whether faces of several regions meet in a star.
@@ -500,16 +530,23 @@ impl<M: Metric> Engine<M> {
     /// cost. Refusing that too cost CesiumMan its limbs at 10 %, for nothing else was left.)
     pub(crate) fn ask_seams(&self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Result<(), Refusal> {
         let (ku, kv) = (self.store.v[u.index()].kind, self.store.v[v.index()].kind);
-        if self.loose_seams || !(ku.is_seam() || kv.is_seam()) || !(ku.has_lines() && kv.has_lines()) {
+        if self.looseness == Looseness::Regions
+            || !(ku.is_seam() || kv.is_seam())
+            || !(ku.has_lines() && kv.has_lines())
+        {
             return Ok(());
         }
-        if self.line_weight(ru, v, true) == 0.0 {
+        let is_line = |ring: &Ring, w| match self.looseness {
+            Looseness::None => self.line_weight(ring, w, true) > 0.0,
+            _ => faces_at(ring, w) != 2 || self.store.is_region_edge(ring, w),
+        };
+        if !is_line(ru, v) {
             let both = self.store.meets_regions(ru) && self.store.meets_regions(rv);
             return if both { Err(Refusal::Seam) } else { Ok(()) };
         }
         for r in ru.iter().filter(|r| r.has(v)) {
             let apex = if r.a == v { r.b } else { r.a };
-            if self.line_weight(ru, apex, true) > 0.0 && self.line_weight(rv, apex, true) > 0.0 {
+            if is_line(ru, apex) && is_line(rv, apex) {
                 return Err(Refusal::Seam);
             }
         }
