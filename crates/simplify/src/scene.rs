@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use lodsmith_core::{
-    Attribute, MeshError, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId,
+    Attribute, Bounds, MeshError, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId,
 };
 
 use crate::control::Control;
@@ -20,10 +20,14 @@ use crate::{SimplifyError, simplify};
 pub struct Part<'a> {
     /// The mesh, in its own coordinates.
     pub mesh: &'a TriMesh,
-    /// How often it stands in the scene. One that stands nowhere counts once.
+    /// How often it stands in the scene. One that stands nowhere is worked on all the same, and not counted, unless all
+    /// stand nowhere.
     pub instances: usize,
     /// How much larger it is in the scene.
     pub scale: f64,
+    /// A number for the system of coordinates that it lies in, if it stands there once. Parts of one system that touch
+    /// stay together; others keep their borders by themselves.
+    pub system: Option<usize>,
 }
 
 /// The lighter meshes of a scene, and what was done.
@@ -38,6 +42,8 @@ pub struct SimplifiedScene {
 /// Gap between meshes laid side by side, in sizes of the largest.
 const GAP: f64 = 0.25;
 
+/// What single precision rounds coordinates of a scene by, as a share of its diagonal, four times over.
+const ROUNDING: f64 = 2.5e-7;
 /// Runs in search of a count of all instances, at most.
 const CORRECTIONS: usize = 6;
 /// The search ends with a count within the goal and above this share of it.
@@ -57,25 +63,32 @@ pub fn simplify_scene(
     control: &mut dyn Control,
 ) -> Result<SimplifiedScene, SimplifyError> {
     let layout = Layout::new(parts);
+    let is_placed = parts.iter().any(|p| p.instances > 0);
+    let times = |p: &Part<'_>| if is_placed { p.instances } else { 1 };
     let (mesh, table) = layout.together(parts)?;
     let count = |of: &dyn Fn(&Part<'_>) -> usize| parts.iter().map(of).sum::<usize>();
-    let placed = count(&|p| p.mesh.face_count().saturating_mul(p.instances.max(1)));
+    let placed = count(&|p| p.mesh.face_count().saturating_mul(times(p)));
     let share = mesh.face_count() as f64 / placed.max(1) as f64;
     let units = |length: Length| Length::Units(length.in_units(diagonal));
     let mut options = options.clone();
     options.stop.error = options.stop.error.map(units);
-    options.weld = options.weld.map(units);
+    // Parts of one system were often one mesh once, and differ in the last digits where they touched.
+    let rounding = ROUNDING * diagonal;
+    options.weld = match options.weld {
+        Some(weld) => Some(Length::Units(weld.in_units(diagonal).max(rounding))),
+        None => layout.has_neighbours.then_some(Length::Units(rounding)),
+    };
     options.guards.max_edge = options.guards.max_edge.map(units);
     let instances = |of: fn(&TriMesh) -> usize, meshes: &[TriMesh]| {
-        meshes.iter().zip(parts).map(|(m, p)| of(m).saturating_mul(p.instances.max(1))).sum::<usize>()
+        meshes.iter().zip(parts).map(|(m, p)| of(m).saturating_mul(times(p))).sum::<usize>()
     };
     // Which meshes give their triangles shows in the run: where instances differ, the count of one is corrected for the
     // next.
     let by_ratio = options.stop.ratio.map(|r| ((placed as f64 * r).round() as usize).max(1));
     let goal = options.stop.faces.into_iter().chain(by_ratio).max();
     let vertices = options.stop.vertices;
-    let same = parts.windows(2).all(|p| p[0].instances.max(1) == p[1].instances.max(1));
-    let most = parts.iter().map(|p| p.instances.max(1)).max().unwrap_or(1) as f64;
+    let same = parts.windows(2).all(|p| times(&p[0]) == times(&p[1]));
+    let most = parts.iter().map(times).max().unwrap_or(1).max(1) as f64;
     let mut wanted = goal.map(|n| n as f64 * share);
     let mut before: Option<(f64, f64)> = None;
     let mut best: Option<(crate::Simplified, Vec<TriMesh>, usize)> = None;
@@ -101,11 +114,11 @@ pub fn simplify_scene(
         if !reached || (got <= goal && got as f64 > CLOSE * goal as f64) {
             break;
         }
-        // So many triangles of the scene for each of the run: between one and the instances of a mesh.
+        // So many triangles of the scene for each of the run: at most the instances of a mesh.
         let slope = before
             .filter(|(x, _)| (asked - x).abs() >= 1.0)
             .map_or(1.0 / share, |(x, y)| (got as f64 - y) / (asked - x))
-            .clamp(1.0, most);
+            .clamp(0.01, most);
         before = Some((asked, got as f64));
         // A little below, for being within counts.
         let aim = goal as f64 * (1.0 + CLOSE) / 2.0;
@@ -114,7 +127,7 @@ pub fn simplify_scene(
     let Some((done, meshes, _)) = best else { return Err(SimplifyError::NoFaces { faces: placed }) };
     let mut report = done.report;
     report.input_faces = placed;
-    report.input_vertices = count(&|p| p.mesh.vertex_count().saturating_mul(p.instances.max(1)));
+    report.input_vertices = count(&|p| p.mesh.vertex_count().saturating_mul(times(p)));
     report.faces = instances(TriMesh::face_count, &meshes);
     report.vertices = instances(TriMesh::vertex_count, &meshes);
     report.error.diagonal = diagonal;
@@ -124,6 +137,8 @@ pub fn simplify_scene(
 /// Where each part lies: scaled, then moved.
 struct Layout {
     places: Vec<Place>,
+    /// Whether several parts lie in one system of coordinates.
+    has_neighbours: bool,
 }
 
 #[derive(Clone, Copy)]
@@ -147,21 +162,44 @@ type Table = Vec<(usize, Option<RegionId>)>;
 impl Layout {
     fn new(parts: &[Part<'_>]) -> Self {
         let scale = |p: &Part<'_>| if p.scale.is_finite() && p.scale > 0.0 { p.scale } else { 1.0 };
-        let bounds: Vec<_> = parts.iter().map(|p| p.mesh.positions().view().bounds()).collect();
-        let largest = parts.iter().zip(&bounds).filter_map(|(p, b)| Some((p, b.as_ref()?)));
-        let largest = largest
-            .flat_map(|(p, b)| [0, 1, 2].map(|k| (b.max[k] - b.min[k]) * scale(p)))
-            .fold(0f64, f64::max);
+        // Which group each part is of, and the box round each group.
+        let mut groups: BTreeMap<usize, usize> = BTreeMap::new();
+        let mut boxes: Vec<Option<Bounds>> = Vec::new();
+        let mut scale_of: Vec<f64> = Vec::new();
+        let mut group_of = Vec::with_capacity(parts.len());
+        for p in parts {
+            let mut fresh = || {
+                boxes.push(None);
+                scale_of.push(scale(p));
+                boxes.len() - 1
+            };
+            let group = match p.system {
+                Some(system) => *groups.entry(system).or_insert_with(fresh),
+                None => fresh(),
+            };
+            group_of.push(group);
+            // One scale for a system, to the bit.
+            let scale = scale_of[group];
+            if let Some(own) = p.mesh.positions().view().bounds() {
+                let (min, max) = (own.min.map(|x| x * scale), own.max.map(|x| x * scale));
+                let all = boxes[group].get_or_insert(Bounds { min, max });
+                all.min = [0, 1, 2].map(|k| all.min[k].min(min[k]));
+                all.max = [0, 1, 2].map(|k| all.max[k].max(max[k]));
+            }
+        }
+        let extents = boxes.iter().flatten().flat_map(|b| [0, 1, 2].map(|k| b.max[k] - b.min[k]));
+        let largest = extents.fold(0f64, f64::max);
         let cell = if largest.is_finite() && largest > 0.0 { largest * (1.0 + GAP) } else { 1.0 };
-        let side = (1..).find(|n: &usize| n * n * n >= parts.len()).unwrap_or(1);
-        let place = |(i, (p, b)): (usize, (&Part<'_>, &Option<lodsmith_core::Bounds>))| {
-            let min = b.as_ref().map_or([0.0; 3], |b| b.min);
-            let at = [i % side, i / side % side, i / side / side];
+        let side = (1..).find(|n: &usize| n * n * n >= boxes.len()).unwrap_or(1);
+        let offset = |group: usize| {
+            let min = boxes[group].map_or([0.0; 3], |b| b.min);
+            let at = [group % side, group / side % side, group / side / side];
             // One alone stays where it is.
-            let by = |k: usize| if parts.len() > 1 { at[k] as f64 * cell - min[k] * scale(p) } else { 0.0 };
-            Place { scale: scale(p), by: [by(0), by(1), by(2)] }
+            [0, 1, 2].map(|k| if boxes.len() > 1 { at[k] as f64 * cell - min[k] } else { 0.0 })
         };
-        Self { places: parts.iter().zip(&bounds).enumerate().map(place).collect() }
+        let place = |&group: &usize| Place { scale: scale_of[group], by: offset(group) };
+        let has_neighbours = boxes.len() < parts.len();
+        Self { places: group_of.iter().map(place).collect(), has_neighbours }
     }
 
     /// All parts as one mesh, whose regions say which face is whose.
@@ -272,6 +310,9 @@ impl Layout {
                 mesh.add_attribute(Attribute { values: values.collect(), ..a.clone() })?;
             }
             meshes.push(mesh);
+            // Parts that touch share vertices, and each counts its own.
+            wedges.iter().for_each(|w| number_of_wedge[w.index()] = u32::MAX);
+            vertices.iter().for_each(|v| number_of_vertex[v.index()] = u32::MAX);
         }
         Ok(meshes)
     }

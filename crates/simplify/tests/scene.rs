@@ -1,11 +1,13 @@
 //! Meshes of a scene under one budget.
 
+use std::collections::BTreeSet;
+
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::{RegionId, TriMesh, shapes};
 use lodsmith::{NoControl, Part, SimplifyOptions, Stop, simplify_scene};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
-    Part { mesh, instances, scale }
+    Part { mesh, instances, scale, system: None }
 }
 
 #[test]
@@ -47,4 +49,25 @@ fn each_comes_back_to_its_place_with_what_it_had() {
     let left = got.meshes[0].face_count() + 3 * got.meshes[1].face_count();
     assert_eq!(got.report.faces, left);
     assert!(left * 2 <= placed && left * 20 > placed * 9, "{left} of {placed}");
+}
+
+#[test]
+fn parts_that_touch_stay_together() {
+    // Two sheets side by side, with the same height along the edge that they share.
+    let left = shapes::wavy_sheet(16);
+    let bounds = left.positions().view().bounds().unwrap();
+    let mut right = left.clone();
+    right.map_positions(|p| [2.0 * bounds.max[0] - p[0], p[1], p[2]]);
+    let at = |mesh| Part { mesh, instances: 1, scale: 1.0, system: Some(5) };
+    let options = SimplifyOptions::new(Stop::ratio(0.2));
+    let got = simplify_scene(&[at(&left), at(&right)], 3.0, &options, &mut NoControl).unwrap();
+    // What both have is what they share: the line between them is one, to the bit.
+    let places = |mesh: &TriMesh| -> BTreeSet<[u64; 3]> {
+        mesh.positions().view().iter().map(|p| p.map(f64::to_bits)).collect()
+    };
+    let shared = places(&got.meshes[0]).intersection(&places(&got.meshes[1])).count();
+    let near = |mesh: &TriMesh| {
+        mesh.positions().view().iter().filter(|p| (p[0] - bounds.max[0]).abs() < 1e-2).count()
+    };
+    assert!(shared >= 3 && shared == near(&got.meshes[0]), "{shared} of {}", near(&got.meshes[0]));
 }

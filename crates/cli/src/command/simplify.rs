@@ -136,12 +136,30 @@ fn simplify_scene(
     args: &SimplifyArgs,
     watch: &mut Watch<'_>,
 ) -> anyhow::Result<(Report, Vec<Warning>)> {
-    let part = |m: &'_ SceneMesh| (m.mesh.clone(), m.instances, m.scale);
-    let meshes: Vec<_> = scene.meshes().iter().map(part).collect();
-    let parts: Vec<_> = meshes
-        .iter()
-        .map(|(mesh, instances, scale)| Part { mesh, instances: *instances, scale: *scale })
-        .collect();
+    let meshes = scene.meshes().to_vec();
+    let mut systems = Vec::new();
+    let mut system_of = |m: &SceneMesh| {
+        let matrix = m.world_from_mesh?;
+        // Equal but for rounding: products of the same matrices in another order.
+        let size = matrix.as_flattened().iter().fold(0f64, |m, x| m.max(x.abs()));
+        let near = |s: &[[f64; 4]; 3]| {
+            let pairs = s.as_flattened().iter().zip(matrix.as_flattened());
+            pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-6 * size)
+        };
+        let known = systems.iter().position(near);
+        Some(known.unwrap_or_else(|| {
+            systems.push(matrix);
+            systems.len() - 1
+        }))
+    };
+    let mut parts = Vec::with_capacity(meshes.len());
+    // What stands nowhere in the scene stays as it is, unless nothing stands anywhere.
+    let is_placed = meshes.iter().any(|m| m.instances > 0);
+    let taken: Vec<usize> = (0..meshes.len()).filter(|&i| !is_placed || meshes[i].instances > 0).collect();
+    for m in taken.iter().map(|&i| &meshes[i]) {
+        let system = system_of(m);
+        parts.push(Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system });
+    }
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let done = lodsmith::simplify_scene(&parts, diagonal, &args.options(), watch);
     let SimplifiedScene { meshes: mut lighter, report } = not_interrupted(done)?;
@@ -150,9 +168,11 @@ fn simplify_scene(
     for mesh in &mut lighter {
         set_normals(mesh, args.normals)?;
     }
-    // What had no faces to begin with stays as it was.
-    let replaced: Vec<_> =
-        lighter.into_iter().zip(&meshes).map(|(new, old)| (old.0.face_count() > 0).then_some(new)).collect();
+    let mut replaced = vec![None; meshes.len()];
+    for (&i, mesh) in taken.iter().zip(lighter) {
+        // What had no faces to begin with stays too.
+        replaced[i] = (meshes[i].mesh.face_count() > 0).then_some(mesh);
+    }
     let images = images::Move::new(&job.source, sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     warnings.extend(told(&report, args.normals));

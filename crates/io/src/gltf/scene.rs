@@ -51,6 +51,9 @@ pub struct SceneMesh {
     /// The largest factor by which a node that places it makes lengths longer; 1 if none does. What joints do to a
     /// skinned mesh is left out.
     pub scale: f64,
+    /// The rows of the matrix by which it is placed, if it is placed once. Meshes with equal ones lie in one system of
+    /// coordinates.
+    pub world_from_mesh: Option<[[f64; 4]; 3]>,
     /// Whether a node places it with a skin.
     pub skinned: bool,
 }
@@ -89,7 +92,14 @@ impl Scene {
                 let (mesh_in_file, more) = mesh::read(&json, &opened, mesh, &name, &mut budget)?;
                 ragged += more;
                 let name = mesh["name"].as_str().map_or(name, str::to_owned);
-                meshes.push(SceneMesh { name, mesh: mesh_in_file, instances: 0, scale: 1.0, skinned: false });
+                meshes.push(SceneMesh {
+                    name,
+                    mesh: mesh_in_file,
+                    instances: 0,
+                    scale: 1.0,
+                    world_from_mesh: None,
+                    skinned: false,
+                });
             }
             if ragged > 0 {
                 warnings.push(Warning::note(format!(
@@ -326,6 +336,8 @@ fn count_instances(
             }
         }
         let mesh = &mut meshes[place.mesh];
+        let is_first = mesh.instances == 0 && count == 1 && attributes.is_null();
+        mesh.world_from_mesh = is_first.then_some(place.world_from_mesh.0);
         mesh.instances = mesh.instances.saturating_add(count);
         let scale = place.world_from_mesh.largest_scale() * factor;
         scales[place.mesh] = scales[place.mesh].max(scale);
