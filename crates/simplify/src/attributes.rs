@@ -163,21 +163,7 @@ impl Rows {
         faces: &[[VertexId; 3]],
         wedges: &[[WedgeId; 3]],
     ) -> Result<TriMesh, lodsmith_core::MeshError> {
-        let mut pairs: Vec<(VertexId, WedgeId)> =
-            faces.iter().flatten().copied().zip(wedges.iter().flatten().copied()).collect();
-        pairs.sort_unstable();
-        pairs.dedup();
-        let number = |v: VertexId, w: WedgeId| match pairs.binary_search(&(v, w)) {
-            Ok(i) | Err(i) => WedgeId(i as u32),
-        };
-        let triangles: Vec<_> =
-            faces.iter().zip(wedges).map(|(t, w)| [0, 1, 2].map(|k| number(t[k], w[k]))).collect();
-        let plain = pairs.len() == positions.len() && pairs.iter().enumerate().all(|(i, p)| p.0.index() == i);
-        let mut mesh = if plain {
-            TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?
-        } else {
-            TriMesh::with_wedges(positions, pairs.iter().map(|p| p.0).collect(), triangles)?
-        };
+        let (mut mesh, pairs) = with_wedges(positions, faces, wedges)?;
         for c in &self.layout {
             let parts = || {
                 pairs.iter().map(|p| match (&c.constant, attributes) {
@@ -224,6 +210,30 @@ impl Rows {
         }
         Ok(mesh)
     }
+}
+
+/// A mesh whose wedges are the distinct pairs of vertex and given wedge, in order, and those pairs.
+pub(crate) fn with_wedges(
+    positions: Positions,
+    faces: &[[VertexId; 3]],
+    wedges: &[[WedgeId; 3]],
+) -> Result<(TriMesh, Vec<(VertexId, WedgeId)>), lodsmith_core::MeshError> {
+    let mut pairs: Vec<(VertexId, WedgeId)> =
+        faces.iter().flatten().copied().zip(wedges.iter().flatten().copied()).collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    let number = |v: VertexId, w: WedgeId| match pairs.binary_search(&(v, w)) {
+        Ok(i) | Err(i) => WedgeId(i as u32),
+    };
+    let triangles: Vec<_> =
+        faces.iter().zip(wedges).map(|(t, w)| [0, 1, 2].map(|k| number(t[k], w[k]))).collect();
+    let plain = pairs.len() == positions.len() && pairs.iter().enumerate().all(|(i, p)| p.0.index() == i);
+    let mesh = if plain {
+        TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?
+    } else {
+        TriMesh::with_wedges(positions, pairs.iter().map(|p| p.0).collect(), triangles)?
+    };
+    Ok((mesh, pairs))
 }
 
 impl Column {

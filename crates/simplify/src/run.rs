@@ -6,7 +6,7 @@ use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::mesh::weld;
 use lodsmith_core::{Positions, PositionsView, RegionId, Surface, TriMesh, VertexId, WedgeId};
 
-use crate::attributes::{Ground, Rows};
+use crate::attributes::{Ground, Rows, with_wedges};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
@@ -476,21 +476,7 @@ fn with_attributes(
     faces: &[[VertexId; 3]],
     wedges: &[[WedgeId; 3]],
 ) -> Result<TriMesh, SimplifyError> {
-    let mut pairs: Vec<(VertexId, WedgeId)> =
-        faces.iter().flatten().copied().zip(wedges.iter().flatten().copied()).collect();
-    pairs.sort_unstable();
-    pairs.dedup();
-    let number = |v: VertexId, w: WedgeId| match pairs.binary_search(&(v, w)) {
-        Ok(i) | Err(i) => WedgeId(i as u32),
-    };
-    let triangles =
-        faces.iter().zip(wedges).map(|(t, w)| [0, 1, 2].map(|k| number(t[k], w[k]))).collect::<Vec<_>>();
-    let plain = pairs.len() == positions.len() && pairs.iter().enumerate().all(|(i, p)| p.0.index() == i);
-    let mut result = if plain {
-        TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?
-    } else {
-        TriMesh::with_wedges(positions, pairs.iter().map(|p| p.0).collect(), triangles)?
-    };
+    let (mut result, pairs) = with_wedges(positions, faces, wedges)?;
     result.set_normals(mesh.normals().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
     result.set_uvs(mesh.uvs().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
     result.set_colors(mesh.colors().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
