@@ -156,7 +156,12 @@ fn run_with<M: Metric>(
         vertices,
         reached,
         stopped_by,
-        error: ErrorReport { estimate: outcome.estimate, measured, diagonal: ordered.diagonal },
+        // Costs along borders are not of an area: on needles their share of it knows no end.
+        error: ErrorReport {
+            estimate: outcome.estimate.min(ordered.diagonal),
+            measured,
+            diagonal: ordered.diagonal,
+        },
         refusals: Refusal::ALL.into_iter().zip(outcome.refusals).filter(|r| r.1 > 0).collect(),
         collapses: outcome.collapses,
         parts_removed: outcome.parts_removed,

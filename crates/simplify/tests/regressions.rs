@@ -5,8 +5,8 @@ mod support;
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
 use lodsmith::{
-    Control, Length, Method, NoControl, Simplified, SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy,
-    TopologyPolicy, Verdict, simplify,
+    Control, Fit, Length, Method, NoControl, Placement, Simplified, SimplifyError, SimplifyOptions, Stage,
+    Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use support::{complaints, counts, topology_complaints};
 
@@ -298,5 +298,27 @@ fn a_vertex_of_a_thousand_edges_goes() {
         options.method = method;
         let done = sound(&mesh, &options);
         assert!(done.report.reached, "{:?}", done.report.refusals);
+    }
+}
+
+/// Needles as long as their box and without area to speak of: what the collapses cost along borders, shared out over the
+/// area, made an estimate of 1e83 in a box of 1e26.
+#[test]
+fn the_estimate_of_needles_stays_within_their_box() {
+    let points = [
+        [-1.0, -1.0, 1e26],
+        [1.0, 1.6277406, -0.33379468],
+        [2.5515351, -2.0, 2.0],
+        [0.0, 0.0, 1.0],
+        [-0.7118398, 5.891573e25, 0.4929403],
+        [-1.0, 1.848137, 0.0],
+        [0.0, -1.1479498, 0.0],
+        [0.0, 1e21, 7.151109e-29],
+    ];
+    let needles = mesh(&points, &[[5, 4, 3], [3, 4, 2], [5, 1, 6], [3, 5, 0]]);
+    for placement in [Placement::Optimal, Placement::Midpoint, Placement::Endpoint] {
+        let mut options = SimplifyOptions::new(Stop::vertices(4));
+        (options.placement, options.fit) = (placement, Fit::Off);
+        sound(&needles, &options);
     }
 }
