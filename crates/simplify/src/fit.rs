@@ -40,6 +40,9 @@ const MAX_TURN: f32 = 0.25;
 const LEEWAY: f32 = 0.04;
 /// Weight of a border edge's line against the samples, so that borders stay on their curve.
 const BORDER: f32 = 1.0;
+/// Least determinant that is divided by: that of faces with edges of a millionth of the box, which single precision
+/// hardly tells from points.
+const MIN_DET: f32 = 1e-36;
 /// Stars kept ready. Samples come in Morton order, so a home is almost always among the last few hundred.
 const READY: usize = 512;
 
@@ -405,7 +408,7 @@ fn solve<M: Metric>(store: &Store<M>, loads: &mut [Load]) -> Vec<Vec3> {
         }
         let trace = a.trace();
         let (c, det) = a.damped(DAMPING * trace).adjugate();
-        if det > 1e-9 * trace * trace * trace {
+        if det > (1e-9 * trace * trace * trace).max(MIN_DET) {
             inverse[u] = Tensor(c.0.map(|x| x * (1.0 / det)));
             delta[u] = inverse[u].times(g);
             lift(store.listed(id), loads, delta[u]);

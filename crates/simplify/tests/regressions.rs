@@ -5,8 +5,8 @@ mod support;
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
 use lodsmith::{
-    Control, Fit, Length, Method, NoControl, Placement, Simplified, SimplifyError, SimplifyOptions, Stage,
-    Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
+    BorderPolicy, Control, Fit, Length, Method, NoControl, Placement, Simplified, SimplifyError,
+    SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use support::{complaints, counts, topology_complaints};
 
@@ -320,5 +320,38 @@ fn the_estimate_of_needles_stays_within_their_box() {
         let mut options = SimplifyOptions::new(Stop::vertices(4));
         (options.placement, options.fit) = (placement, Fit::Off);
         sound(&needles, &options);
+    }
+}
+
+/// Vertices of one place for all that single precision tells, under a box of 1e14: the fit had nothing to divide by.
+#[test]
+fn the_fit_of_what_has_no_extent_stays_finite() {
+    let points = [
+        [1.4659123, -6.747858e13, 0.001],
+        [-2.0, -0.32035092, -0.004809264],
+        [-7269931.0, 0.001, 0.0],
+        [-9.8821145e10, -0.7198917, -1.0],
+        [0.0, 0.94974816, 0.0],
+        [2.0, 0.0, 2.0],
+        [0.0, -2.0, 0.0],
+        [1.0, 0.15891615, -0.98118883],
+        [-2.0, 0.0, -31756822.0],
+        [4.2596396e-14, 0.0, 1e10],
+    ];
+    let faces = [[3, 5, 0], [0, 8, 4], [0, 4, 8], [1, 3, 2], [4, 0, 9], [3, 1, 4], [5, 4, 8]];
+    for border in [BorderPolicy::Keep, BorderPolicy::Slide, BorderPolicy::Lock, BorderPolicy::Free] {
+        for method in METHODS {
+            for placement in [Placement::Optimal, Placement::Midpoint] {
+                let mut options = SimplifyOptions::new(Stop {
+                    faces: Some(6),
+                    vertices: Some(5),
+                    ratio: Some(0.3),
+                    error: None,
+                });
+                (options.placement, options.fit, options.method, options.border) =
+                    (placement, Fit::On, method, border);
+                sound(&mesh(&points, &faces), &options);
+            }
+        }
     }
 }
