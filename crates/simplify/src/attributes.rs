@@ -6,7 +6,7 @@ use glam::Vec3;
 use lodsmith_core::{Attribute, Morphed, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
 use crate::collapse::attributes::{Attributes, Pulls};
-use crate::collapse::order::Frame;
+use crate::collapse::order::{Frame, NONE};
 use crate::options::AttributeWeights;
 
 /// What an error of 1 in a normal or of the full range in a colour counts: this share of the edge length of the result.
@@ -88,12 +88,7 @@ impl Rows {
         let pulls_of = |w: WedgeId| pulls(mesh, &skin_sets, w);
 
         // Wedges by vertex, then by value: equal ones get one row, in the order of the vertices.
-        let mut order: Vec<(VertexId, WedgeId)> = (0..mesh.wedge_count() as u32)
-            .map(WedgeId)
-            .map(|w| (place(w), w))
-            .filter(|x| x.0 != crate::collapse::order::NONE)
-            .collect();
-        order.sort_unstable();
+        let order = by_place(mesh.wedge_count(), place);
         let mut values: Vec<f32> = Vec::new();
         let mut all_pulls: Vec<Pulls> = Vec::new();
         let mut wedge_rows = vec![WedgeId(0); mesh.wedge_count()];
@@ -125,33 +120,31 @@ impl Rows {
         let unit_colors = mesh.colors().is_none_or(|c| c.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
         let directions =
             layout.iter().filter(|c| c.is_direction() && c.constant.is_none()).map(|c| c.at).collect();
-        let attributes = Attributes::new(count, width, directions, values, all_pulls);
+        let attributes = Attributes::new(count, width, directions, &values, all_pulls);
         Some((Self { layout, skin_sets, wedge_rows, unit_colors }, attributes))
     }
 
     /// Sets what each value counts in the cost.
     pub(crate) fn weigh(&self, attributes: &mut Attributes, weights: &AttributeWeights, on: &Ground<'_>) {
         let Ground { frame, edge, .. } = *on;
+        let gradients = attributes.mean_square_gradients(on.faces, on.wedges, on.points);
         for c in self.layout.iter().filter(|c| c.constant.is_none()) {
             let range = c.at..c.at + c.width;
             // Root of the mean square gradient of a value.
-            let gradient = |range: std::ops::Range<usize>| {
-                attributes.mean_gradient(range, on.faces, on.wedges, on.points).max(1e-12)
-            };
+            let gradient = (gradients[range.clone()].iter().sum::<f64>() / c.width as f64).sqrt().max(1e-12);
             let weight = match &c.of {
                 Of::Normals => weights.normal * NORMAL * edge,
                 Of::Colors => weights.color * COLOR * edge,
-                Of::Uvs => weights.uv * UV / gradient(range.clone()),
-                Of::Further(Semantic::Uv(_)) => weights.uv * UV / gradient(range.clone()),
+                Of::Uvs | Of::Further(Semantic::Uv(_)) => weights.uv * UV / gradient,
                 Of::Further(Semantic::Color(_)) => weights.color * COLOR * edge,
                 Of::Further(Semantic::Morph { of: Morphed::Position, .. }) => {
                     weights.morph * frame.unit_length(1.0)
                 }
                 Of::Further(Semantic::Morph { of: Morphed::Normal, .. }) => weights.normal * NORMAL * edge,
-                Of::Further(Semantic::Custom(_)) => weights.other * UV / gradient(range.clone()),
+                Of::Further(Semantic::Custom(_)) => weights.other * UV / gradient,
                 Of::Further(_) => 0.0,
             };
-            attributes.weights[range].fill((weight * weight) as f32);
+            attributes.weights_mut()[range].fill((weight * weight) as f32);
         }
     }
 
@@ -218,12 +211,25 @@ pub(crate) fn with_wedges(
     faces: &[[VertexId; 3]],
     wedges: &[[WedgeId; 3]],
 ) -> Result<(TriMesh, Vec<(VertexId, WedgeId)>), lodsmith_core::MeshError> {
-    let mut pairs: Vec<(VertexId, WedgeId)> =
-        faces.iter().flatten().copied().zip(wedges.iter().flatten().copied()).collect();
+    let corners = || faces.as_flattened().iter().copied().zip(wedges.as_flattened().iter().copied());
+    let count = wedges.as_flattened().iter().map(|w| w.index() + 1).max().unwrap_or(0);
+    let mut last = vec![NONE; count];
+    let mut pairs: Vec<(VertexId, WedgeId)> = Vec::new();
+    for (v, w) in corners() {
+        if std::mem::replace(&mut last[w.index()], v) != v {
+            pairs.push((v, w));
+        }
+    }
     pairs.sort_unstable();
     pairs.dedup();
-    let number = |v: VertexId, w: WedgeId| match pairs.binary_search(&(v, w)) {
-        Ok(i) | Err(i) => WedgeId(i as u32),
+    let mut at = vec![0; count];
+    for (i, p) in pairs.iter().enumerate() {
+        at[p.1.index()] = i;
+    }
+    // A wedge belongs to one vertex, almost always.
+    let number = |v: VertexId, w: WedgeId| match at[w.index()] {
+        i if pairs[i] == (v, w) => WedgeId(i as u32),
+        _ => pairs.binary_search(&(v, w)).map_or(WedgeId(0), |i| WedgeId(i as u32)),
     };
     let triangles: Vec<_> =
         faces.iter().zip(wedges).map(|(t, w)| [0, 1, 2].map(|k| number(t[k], w[k]))).collect();
@@ -234,6 +240,25 @@ pub(crate) fn with_wedges(
         TriMesh::with_wedges(positions, pairs.iter().map(|p| p.0).collect(), triangles)?
     };
     Ok((mesh, pairs))
+}
+
+/// The wedges below `count` in the order of their vertices, each with its vertex; those without one are left out.
+fn by_place(count: usize, place: impl Fn(WedgeId) -> VertexId) -> Vec<(VertexId, WedgeId)> {
+    let wedges = || (0..count as u32).map(WedgeId).map(|w| (place(w), w)).filter(|x| x.0 != NONE);
+    let vertices = wedges().map(|x| x.0.index() + 1).max().unwrap_or(0);
+    let mut at = vec![0; vertices + 1];
+    for (v, _) in wedges() {
+        at[v.index() + 1] += 1;
+    }
+    for i in 0..vertices {
+        at[i + 1] += at[i];
+    }
+    let mut order = vec![(NONE, WedgeId(0)); at[vertices]];
+    for (v, w) in wedges() {
+        order[at[v.index()]] = (v, w);
+        at[v.index()] += 1;
+    }
+    order
 }
 
 impl Column {

@@ -25,8 +25,11 @@ mod evaluate;
 pub(crate) mod kind;
 mod late;
 mod link_condition;
+mod merge;
 pub(crate) mod order;
 mod parts;
+mod seams;
+mod star;
 pub(crate) mod store;
 mod wedges;
 
@@ -39,12 +42,14 @@ use crate::metric::Metric;
 use crate::options::Placement;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
-use attributes::{Attributes, Looseness};
+use attributes::{Attributes, Member};
 use bound::Histogram;
 use commit::{BORDER, Candidate, Outcome, Wing};
 use kind::{Kind, distinct};
 use late::Late;
+use merge::Merge;
 use parts::Parts;
+use seams::Looseness;
 use store::{Facing, Ring, Store};
 pub(crate) use wedges::Wedges;
 
@@ -110,8 +115,7 @@ pub(crate) struct Engine<M: Metric> {
     lost: f64,
     wings: Vec<Wing>,
     looseness: Looseness,
-    /// Best values of the wedges of an edge.
-    best: Vec<f32>,
+    merge: Merge,
     /// Ends of lines around the edge that goes: whether at the kept end, and the line's weight.
     rim: Vec<(VertexId, bool, f32)>,
 }
@@ -141,7 +145,7 @@ impl<M: Metric> Engine<M> {
             lost: 0.0,
             wings: Vec::new(),
             looseness: Looseness::None,
-            best: Vec::new(),
+            merge: Merge::default(),
             rim: Vec::new(),
         };
         // Before the corner lists, so that both need not have room at once.
@@ -158,6 +162,7 @@ impl<M: Metric> Engine<M> {
 
     /// Kinds of all vertices; drops faces that stand twice.
     fn classify(&mut self) -> usize {
+        self.chain_wedges();
         let (mut ring, mut duplicates) = (Vec::new(), Vec::new());
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             self.store.ring(u, &mut ring);
@@ -166,7 +171,7 @@ impl<M: Metric> Engine<M> {
                 let twice = |i: usize| ring[..i].iter().any(|r| (r.a, r.b) == (ring[i].a, ring[i].b));
                 duplicates.extend((0..ring.len()).filter(|&i| twice(i)).map(|i| ring[i].corner.face()));
             }
-            self.store.v[u.index()].kind = self.with_seams(kind, &ring);
+            self.store.v[u.index()].kind = self.with_seams(kind, u, &ring);
         }
         if duplicates.is_empty() {
             return 0;
@@ -230,8 +235,8 @@ impl<M: Metric> Engine<M> {
     }
 
     /// A kind with what the wedges and regions of the star add to it.
-    fn with_seams(&self, kind: Kind, ring: &Ring) -> Kind {
-        if self.attributes.is_none() && self.store.regions.is_none() {
+    fn with_seams(&self, kind: Kind, u: VertexId, ring: &Ring) -> Kind {
+        if self.attributes.is_none() && self.store.regions.is_none() || self.is_far_from_seams(ring, u) {
             return kind;
         }
         kind.on_seam(distinct(ring).any(|w| self.store.is_seam_edge(ring, w)))
@@ -242,7 +247,7 @@ impl<M: Metric> Engine<M> {
         self.store.ring(u, ring);
         let old = self.store.v[u.index()].kind;
         let kind = Kind::of(ring, self.rules.border).moved(old.is_moved());
-        self.store.v[u.index()].kind = self.with_seams(kind, ring);
+        self.store.v[u.index()].kind = self.with_seams(kind, u, ring);
         if !M::MEMORYLESS {
             return;
         }
@@ -268,12 +273,12 @@ impl<M: Metric> Engine<M> {
         let step = self.store.v.len().div_ceil(FIRST_LOOK).max(1);
         let mut bounds = Vec::with_capacity(FIRST_LOOK);
         for u in (0..self.store.v.len()).step_by(step).map(|i| VertexId(i as u32)) {
-            let Scratch { ru, rv, owned, .. } = scratch;
+            let Scratch { ru, rv, owned, members, .. } = scratch;
             self.store.ring(u, ru);
             owned.clear();
             owned.extend(distinct(ru).filter(|&w| w > u));
             let mut best: Option<Candidate> = None;
-            self.evaluate_owned(u, owned, |c| {
+            self.evaluate_owned(u, owned, ru, members, |c| {
                 if best.is_none_or(|b| c.cost < b.cost) {
                     best = Some(c);
                 }
@@ -303,7 +308,7 @@ impl<M: Metric> Engine<M> {
 
     /// Evaluates the edges that u owns, collapses the cheapest that costs at most tau and can, renews `bound[u]`.
     fn visit(&mut self, u: VertexId, tau: f32, probe: bool, scratch: &mut Scratch) {
-        let Scratch { ru, rv, owned, found } = scratch;
+        let Scratch { ru, rv, owned, found, members } = scratch;
         self.store.ring(u, ru);
         found.clear();
         let mut least = f32::INFINITY;
@@ -328,7 +333,7 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        let stuck = self.evaluate_owned(u, owned, |c| {
+        let stuck = self.evaluate_owned(u, owned, ru, members, |c| {
             if c.cost <= tau {
                 found.push(c);
             } else {
@@ -352,7 +357,7 @@ impl<M: Metric> Engine<M> {
                 Outcome::Later(cost) => least = least.min(cost),
                 Outcome::Refused(why) => {
                     self.refuse(why);
-                    if let Some(other) = self.at_an_end(u, &candidate, why, tau) {
+                    if let Some(other) = self.at_an_end(u, &candidate, why, tau, ru, members) {
                         found.push(other);
                         continue;
                     }
@@ -368,7 +373,15 @@ impl<M: Metric> Engine<M> {
 
     /// Where faces would turn or vanish at the best place, one of the ends may do, the kept one first, if it does
     /// not cost too much.
-    fn at_an_end(&self, u: VertexId, refused: &Candidate, why: Refusal, tau: f32) -> Option<Candidate> {
+    fn at_an_end(
+        &self,
+        u: VertexId,
+        refused: &Candidate,
+        why: Refusal,
+        tau: f32,
+        ru: &Ring,
+        members: &mut Vec<Member>,
+    ) -> Option<Candidate> {
         let v = refused.removed;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let turned = matches!(why, Refusal::NormalFlip | Refusal::Quality);
@@ -381,7 +394,7 @@ impl<M: Metric> Engine<M> {
             Vec3::ZERO => d,
             _ => Vec3::ZERO,
         };
-        let other = Candidate { step, cost: self.cost_at(u, v, step), ..*refused };
+        let other = Candidate { step, cost: self.cost_at(u, v, step, ru, members), ..*refused };
         (other.cost <= tau).then_some(other)
     }
 
@@ -528,4 +541,5 @@ struct Scratch {
     rv: Ring,
     owned: Vec<VertexId>,
     found: Vec<Candidate>,
+    members: Vec<Member>,
 }

@@ -330,7 +330,7 @@ impl Run<'_, '_> {
         if !M::MEMORYLESS
             && let Some((_, Some(attributes))) = &mut rows
         {
-            attributes.weights.fill(0.0);
+            attributes.weights_mut().fill(0.0);
         }
         let (rows, attributes) = rows.unzip();
         let attributes = attributes.flatten();
@@ -399,8 +399,14 @@ impl Run<'_, '_> {
             let endpoints = Wedges { uvs, normals: mesh.normals().map(<[_]>::to_vec) };
             return Corners { wedges: Some(wedges), endpoints: Some(endpoints), rows: None };
         }
-        let place = |w: WedgeId| self.ordered.rank[mesh.vertex_of(w).index()];
-        let Some((rows, mut attributes)) = Rows::new(mesh, place) else { return none };
+        // By the corners of the surface: a weld may have joined vertices of the mesh.
+        let mut place = vec![NONE; mesh.wedge_count()];
+        for (w, v) in
+            mesh.triangles().as_flattened().iter().zip(self.input.surface.triangles().as_flattened())
+        {
+            place[w.index()] = self.ordered.rank[v.index()];
+        }
+        let Some((rows, mut attributes)) = Rows::new(mesh, |w| place[w.index()]) else { return none };
         for w in wedges.iter_mut().flatten() {
             *w = rows.wedge_rows[w.index()];
         }

@@ -1,7 +1,9 @@
 //! Normals, texture coordinates, colours and the rest through a simplification.
 
-use lodsmith::core::{Attribute, Morphed, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes};
-use lodsmith::{NoControl, SimplifyOptions, Stop, simplify};
+use lodsmith::core::{
+    Attribute, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
+};
+use lodsmith::{Length, NoControl, SimplifyOptions, Stop, simplify};
 
 fn lighter(mesh: &TriMesh, ratio: f64) -> TriMesh {
     simplify(mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap().mesh
@@ -78,6 +80,31 @@ fn a_seam_stays_a_seam() {
         let u = uvs[w.index()][0];
         let x = f64::from(if u > 5.0 { u - 10.0 } else { u });
         assert!((x - place(&got, w)[0]).abs() < 0.05, "{u} at {}", place(&got, w)[0]);
+    }
+}
+
+/// Vertices that were joined with others had the values of the first wedge of all.
+#[test]
+fn a_weld_keeps_the_attributes_of_what_it_joins() {
+    let mut soup = two_charts(8);
+    let corners: Vec<[f64; 3]> = soup.triangles().iter().flatten().map(|&w| place(&soup, w)).collect();
+    let uvs = soup.uvs().unwrap();
+    let uvs: Vec<[f32; 2]> = soup.triangles().iter().flatten().map(|w| uvs[w.index()]).collect();
+    // Every triangle by itself, a little apart.
+    let apart = |(i, p): (usize, &[f64; 3])| p.map(|x| (x + 1e-4 * (i % 3) as f64) as f32);
+    let positions = Positions::F32(corners.iter().enumerate().map(apart).collect());
+    let triangles = (0..corners.len() as u32 / 3).map(|t| [0, 1, 2].map(|k| VertexId(3 * t + k))).collect();
+    soup = TriMesh::new(positions, triangles).unwrap();
+    soup.set_uvs(Some(uvs)).unwrap();
+    let mut options = SimplifyOptions::new(Stop::ratio(0.9));
+    options.weld = Some(Length::Units(1e-3));
+    let done = simplify(&soup, &options, &mut NoControl).unwrap();
+    assert!(done.report.cleanup.welded_vertices > 100);
+    let uvs = done.mesh.uvs().unwrap();
+    for w in wedges(&done.mesh) {
+        let (p, [u, v]) = (place(&done.mesh, w), uvs[w.index()]);
+        let x = f64::from(if u > 5.0 { u - 10.0 } else { u });
+        assert!((x - p[0]).abs() < 0.05 && (f64::from(v) - p[1]).abs() < 0.05, "{u} {v} at {p:?}");
     }
 }
 

@@ -32,14 +32,14 @@ const FOLD: f32 = -0.8;
 
 /// A triangle of the star of a collapsing edge, before and after.
 pub(crate) struct Wing {
-    corner: Corner,
+    pub(crate) corner: Corner,
     pub(crate) a: VertexId,
     pub(crate) b: VertexId,
     /// Normal before, of double length, and its length.
-    normal: Vec3,
-    length: f32,
+    pub(crate) normal: Vec3,
+    pub(crate) length: f32,
     /// Normal after, of double length.
-    after: Vec3,
+    pub(crate) after: Vec3,
     /// It has both ends, and goes.
     pub(crate) both: bool,
 }
@@ -178,9 +178,8 @@ impl<M: Metric> Engine<M> {
         }
         // What is too dear already need not be known to the last digit.
         if M::MEMORYLESS && self.attributes.is_some() && (cost <= tau || probe) {
-            let mut best = std::mem::take(&mut self.best);
-            cost += self.attribute_cost(u, v, y, ru, rv, &mut best);
-            self.best = best;
+            self.prepare_merge(u, v, y, ru);
+            cost += self.attribute_cost(u, v, y, ru.len());
         }
         if M::MEMORYLESS {
             let peak_weight = self.peak_weight();
@@ -209,6 +208,9 @@ impl<M: Metric> Engine<M> {
         if let Err(why) = self.hand_over_wedges(u, v, y, off, ru, rv) {
             return Outcome::Refused(why);
         }
+        if !M::MEMORYLESS {
+            self.prepare_merge(u, v, y, ru);
+        }
         self.spent += f64::from(plain);
         self.change(u, v, y, shared, ru, rv);
         Outcome::Done
@@ -220,7 +222,7 @@ impl<M: Metric> Engine<M> {
         let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
         let at = merged_position(x.p, z.p, y);
         let kind = x.kind.union(z.kind);
-        let own = self.merge_wedges(u, v, y, at, ru, rv);
+        let own = self.merge_wedges(u, v, y, at, ru);
         let q = if M::MEMORYLESS {
             // The vertices around swap old planes for new ones; u starts afresh.
             let mut q = M::Memory::default();

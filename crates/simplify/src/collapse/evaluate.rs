@@ -5,7 +5,9 @@ use lodsmith_core::VertexId;
 use wide::f32x4;
 
 use super::Engine;
+use super::attributes::Member;
 use super::commit::{Candidate, TIE};
+use super::store::Ring;
 use crate::metric::{Form, Metric};
 use crate::options::Placement;
 
@@ -31,30 +33,27 @@ impl<M: Metric> Engine<M> {
         &self,
         u: VertexId,
         owned: &[VertexId],
+        ru: &Ring,
+        members: &mut Vec<Member>,
         mut take: impl FnMut(Candidate),
     ) -> u64 {
         let mut stuck = 0;
-        // A vertex on a seam has several wedges.
-        let carries = self.attributes.is_some();
-        let is_plain = |w: VertexId| {
-            let kind = self.store.v[w.index()].kind;
-            kind.is_free() && !(carries && kind.is_seam())
-        };
+        let is_plain = |w: VertexId| self.store.v[w.index()].kind.is_free();
         let plain = M::MEMORYLESS && self.rules.placement == Placement::Optimal && is_plain(u);
         for four in owned.chunks(4) {
             if plain && four.len() > 1 && four.iter().all(|&w| is_plain(w)) {
-                let (cost, step, solved) = self.evaluate_four(u, four);
+                let (cost, step, solved) = self.evaluate_four(u, four, ru, members);
                 for (i, &w) in four.iter().enumerate() {
                     if solved & (1 << i) != 0 {
                         take(Candidate { cost: cost[i], removed: w, step: step[i] });
-                    } else if let Some(candidate) = self.evaluate_edge(u, w) {
+                    } else if let Some(candidate) = self.evaluate_edge(u, w, ru, members) {
                         take(candidate);
                     }
                 }
                 continue;
             }
             for &w in four {
-                match self.evaluate_edge(u, w) {
+                match self.evaluate_edge(u, w, ru, members) {
                     Some(candidate) => take(candidate),
                     None => stuck += 1,
                 }
@@ -66,7 +65,13 @@ impl<M: Metric> Engine<M> {
     /// Up to four edges of free ends side by side, for vector instructions: costs, steps, and a bit for each edge whose
     /// system could be solved. The same as [`Self::evaluate_edge`] does one by one.
     #[inline(never)]
-    fn evaluate_four(&self, u: VertexId, ends: &[VertexId]) -> ([f32; 4], [Vec3; 4], u32) {
+    fn evaluate_four(
+        &self,
+        u: VertexId,
+        ends: &[VertexId],
+        ru: &Ring,
+        members: &mut Vec<Member>,
+    ) -> ([f32; 4], [Vec3; 4], u32) {
         let x = &self.store.v[u.index()];
         let lane = |i: usize| &self.store.v[ends[i.min(ends.len() - 1)].index()];
         let z = [lane(0), lane(1), lane(2), lane(3)];
@@ -79,7 +84,7 @@ impl<M: Metric> Engine<M> {
         let mut c = dot(&d, &h);
         let mut a: [f32x4; 6] = std::array::from_fn(|k| s[k] + t[k]);
         if self.attributes.is_some() {
-            self.add_attributes_to_four(u, ends, &d, &mut a, &mut h, &mut c);
+            self.add_attributes_to_four(u, ends, &d, (&mut a, &mut h, &mut c), ru, members);
         }
         let trace = a[0] + a[1] + a[2];
         let r = trace * CENTRE;
@@ -128,19 +133,26 @@ impl<M: Metric> Engine<M> {
     }
 
     /// The cost of merging `v` into `u` at the place of `u` + `step`.
-    pub(crate) fn cost_at(&self, u: VertexId, v: VertexId, step: Vec3) -> f32 {
-        let (form, d) = self.form(u, v);
+    pub(crate) fn cost_at(
+        &self,
+        u: VertexId,
+        v: VertexId,
+        step: Vec3,
+        ru: &Ring,
+        members: &mut Vec<Member>,
+    ) -> f32 {
+        let (form, d) = self.form(u, v, ru, members);
         self.cost_of(&form, d, step)
     }
 
     /// The form of an edge, attributes included, and the way to its other end.
     #[inline(always)]
-    fn form(&self, u: VertexId, v: VertexId) -> (Form, Vec3) {
+    fn form(&self, u: VertexId, v: VertexId, ru: &Ring, members: &mut Vec<Member>) -> (Form, Vec3) {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let d = z.p - x.p;
         let mut form = M::form(&x.q, &z.q, d);
         if self.attributes.is_some() {
-            self.add_attributes(u, v, d, &mut form);
+            self.add_attributes(u, v, d, ru, members, &mut form);
         }
         (form, d)
     }
@@ -148,9 +160,15 @@ impl<M: Metric> Engine<M> {
     /// Cost of the collapse of u and v, and the best place of the merged vertex relative to u; `None` if neither end
     /// may move.
     #[inline(never)]
-    fn evaluate_edge(&self, u: VertexId, v: VertexId) -> Option<Candidate> {
+    fn evaluate_edge(
+        &self,
+        u: VertexId,
+        v: VertexId,
+        ru: &Ring,
+        members: &mut Vec<Member>,
+    ) -> Option<Candidate> {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
-        let (form, d) = self.form(u, v);
+        let (form, d) = self.form(u, v, ru, members);
         let Form { a, h, .. } = form;
         let trace = a.trace();
         let cost = |y: Vec3| self.cost_of(&form, d, y);

@@ -6,10 +6,12 @@
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
+use wide::f32x4;
 
 use super::Engine;
+use super::commit::Wing;
+use super::star::Star;
 use crate::metric::Metric;
-use crate::triangle;
 
 /// Live triangles under which the phase begins, at targets ...
 pub(crate) const BEGIN: usize = 2000;
@@ -55,21 +57,23 @@ pub(crate) struct Late {
     bag_of: Vec<u32>,
     bags: Vec<Bag>,
     merged: Vec<Sample>,
-    star: Vec<[Vec3; 2]>,
+    star: Star,
 }
 
-/// What samples lose against the triangles of `at` and these pairs, which one is farthest, and its squared distance.
-/// Stops once the loss passes `most`.
-fn measure(samples: &[Sample], at: Vec3, star: &[[Vec3; 2]], most: f32) -> (f32, usize, f32) {
+/// What samples lose against a star, which one is farthest, and its squared distance. Stops once the loss passes `most`.
+fn measure(samples: &[Sample], star: &Star, most: f32) -> (f32, usize, f32) {
     let (mut loss, mut worst, mut far) = (0f32, 0f32, 0);
-    for (i, s) in samples.iter().enumerate() {
-        let mut nearest = f32::INFINITY;
-        for t in star {
-            nearest = nearest.min(triangle::closest(s.p, at, t[0], t[1]).0);
-        }
-        loss += s.weight * nearest;
-        if nearest > worst {
-            (worst, far) = (nearest, i);
+    for (i, four) in samples.chunks(4).enumerate() {
+        // A lane that is not used repeats the last sample, and weighs nothing.
+        let lane = |k: usize| four[k.min(four.len() - 1)].p;
+        let axis = |j: usize| f32x4::new([lane(0)[j], lane(1)[j], lane(2)[j], lane(3)[j]]);
+        let weight = |k: usize| four.get(k).map_or(0.0, |s| s.weight);
+        let nearest = star.distance_sq([axis(0), axis(1), axis(2)]);
+        loss += (nearest * f32x4::new([weight(0), weight(1), weight(2), weight(3)])).reduce_add();
+        for (k, nearest) in nearest.to_array().into_iter().enumerate() {
+            if nearest > worst {
+                (worst, far) = (nearest, 4 * i + k.min(four.len() - 1));
+            }
         }
         if loss > most {
             break;
@@ -101,13 +105,12 @@ impl<M: Metric> Engine<M> {
             }
         }
         let mut ring = Vec::new();
-        let mut star = Vec::new();
+        let mut star = Star::default();
         for (u, bag) in bags.iter_mut().enumerate() {
             let u = VertexId(u as u32);
             self.store.ring(u, &mut ring);
-            star.clear();
-            star.extend(ring.iter().map(|r| [self.store.p(r.a), self.store.p(r.b)]));
-            bag.loss = measure(&bag.samples, self.store.p(u), &star, f32::INFINITY).0;
+            star.set(self.store.p(u), ring.iter().map(|r| [r.a, r.b].map(|w| (w, self.store.p(w)))));
+            bag.loss = measure(&bag.samples, &star, f32::INFINITY).0;
         }
         let mut bag_of = vec![u32::MAX; points.len()];
         for (i, x) in self.store.v.iter().enumerate() {
@@ -129,16 +132,14 @@ impl<M: Metric> Engine<M> {
     ) -> f32 {
         let Some(late) = &mut self.late else { return cost };
         let [u, v] = [kept, removed].map(|x| late.bag_of[x.index()] as usize);
-        late.star.clear();
-        late.star.extend(
-            self.wings.iter().filter(|w| !w.both).map(|w| [w.a, w.b].map(|o| self.store.v[o.index()].p)),
-        );
+        let rim = |w: &Wing| [w.a, w.b].map(|o| (o, self.store.v[o.index()].p));
+        late.star.set(at, self.wings.iter().filter(|w| !w.both).map(rim));
         late.merged.clear();
         late.merged.extend_from_slice(&late.bags[u].samples);
         late.merged.extend_from_slice(&late.bags[v].samples);
         let before = late.bags[u].loss + late.bags[v].loss;
         let most = if probe { f32::INFINITY } else { before + (tau - cost) / CHARGE };
-        let (loss, far, worst) = measure(&late.merged, at, &late.star, most);
+        let (loss, far, worst) = measure(&late.merged, &late.star, most);
         let cost = cost + CHARGE * (loss - before).max(0.0) + FARTHEST * self.area * worst;
         if cost > tau || probe {
             return cost;

@@ -91,6 +91,8 @@ pub(crate) struct Store<M: Metric> {
     pub(crate) t: Vec<[VertexId; 3]>,
     /// The wedge of each corner, where the run carries attributes.
     pub(crate) wedges: Option<Vec<[WedgeId; 3]>>,
+    /// The first wedge of each vertex, from which the others are found, where the cost counts attributes; else empty.
+    pub(crate) first_wedge: Vec<WedgeId>,
     /// The region of each face, where there are several.
     pub(crate) regions: Option<Vec<RegionId>>,
     corners: Vec<Corner>,
@@ -142,6 +144,7 @@ impl<M: Metric> Store<M> {
             v,
             t: faces,
             wedges,
+            first_wedge: Vec::new(),
             regions,
             stamp: 0,
         }
@@ -196,11 +199,15 @@ impl<M: Metric> Store<M> {
             if *new != NONE {
                 *new = VertexId(n as u32);
                 (self.v[n], self.bound[n]) = (self.v[i], self.bound[i]);
+                if let Some(&first) = self.first_wedge.get(i) {
+                    self.first_wedge[n] = first;
+                }
                 n += 1;
             }
         }
         self.v.truncate(n);
         self.bound.truncate(n);
+        self.first_wedge.truncate(n);
         for t in &mut self.t {
             *t = t.map(|w| map[w.index()]);
         }

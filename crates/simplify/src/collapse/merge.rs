@@ -1,0 +1,289 @@
+//! Wedges through collapses: which become one, what that costs, and the change itself.
+//!
+//! Which wedges become one is said by the triangles on the edge: the two wedges that such a triangle has at the ends go
+//! together. A wedge that no such triangle has stays by itself, on its own side of the seam.
+
+use glam::Vec3;
+use lodsmith_core::{VertexId, WedgeId};
+use wide::f32x4;
+
+use super::Engine;
+use super::attributes::{Attributes, Head, Member, NO_WEDGE, Slopes, firsts};
+use super::store::{Ring, Spoke};
+use crate::metric::{Form, Metric};
+use crate::tensor::Tensor;
+
+/// Wedges at the ends of one edge that an evaluation looks at, so that a vertex of very many charts cannot stall a run.
+const MOST_MEMBERS: usize = 24;
+
+/// The wedges of the edge that is looked at, their best values, and the sums that the merged ones will have.
+#[derive(Default)]
+pub(super) struct Merge {
+    members: Vec<Member>,
+    best: Vec<f32x4>,
+    own: Vec<f32x4>,
+    heads: Vec<Head>,
+}
+
+impl<M: Metric> Engine<M> {
+    /// Makes the chains of wedges of all vertices.
+    pub(super) fn chain_wedges(&mut self) {
+        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
+        attributes.heads.fill(Head::default());
+        self.store.first_wedge = vec![NO_WEDGE; self.store.v.len()];
+        for (v, w) in self.store.t.as_flattened().iter().zip(wedges.as_flattened()) {
+            let head = &mut attributes.heads[w.index()];
+            if head.faces == 0 {
+                head.next = std::mem::replace(&mut self.store.first_wedge[v.index()], *w);
+            }
+            head.faces += 1;
+        }
+    }
+
+    /// Whether no edge of a star can be a seam, as most stars show at a glance.
+    pub(super) fn is_far_from_seams(&self, ring: &[Spoke], u: VertexId) -> bool {
+        let Some(attributes) = &self.attributes else { return false };
+        let is_alone = |w: VertexId| attributes.is_alone(self.store.first_wedge[w.index()]);
+        is_alone(u) && ring.iter().all(|r| is_alone(r.a) && is_alone(r.b)) && !self.store.meets_regions(ring)
+    }
+
+    /// Sums of all wedges, and what attributes add to the tensors.
+    pub(super) fn weigh_attributes(&mut self) {
+        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
+        for (t, w) in self.store.t.iter().zip(wedges) {
+            let s = Slopes::new(t.map(|v| self.store.v[v.index()].p));
+            let sum = attributes.account(&s, *w);
+            for v in t {
+                M::tensor(&mut self.store.v[v.index()].q).add(&sum);
+            }
+        }
+    }
+
+    /// What attributes add to the tensor of a vertex.
+    pub(super) fn attribute_tensor(&self, u: VertexId, ring: &[Spoke]) -> Tensor {
+        let mut tensor = Tensor::default();
+        let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) else { return tensor };
+        for r in ring {
+            let s = Slopes::new([self.store.p(u), self.store.p(r.a), self.store.p(r.b)]);
+            let corners = from_corner(wedges[r.corner.face()], r.corner.k());
+            tensor.add(&attributes.tensor(&s, corners.map(|w| attributes.values(w))));
+        }
+        tensor
+    }
+
+    /// Adds the attributes' part to the form of an edge, of whose kept end the ring is given.
+    pub(super) fn add_attributes(
+        &self,
+        u: VertexId,
+        v: VertexId,
+        d: Vec3,
+        ru: &[Spoke],
+        members: &mut Vec<Member>,
+        form: &mut Form,
+    ) {
+        let Some(attributes) = self.attributes.as_ref().filter(|_| M::MEMORYLESS) else { return };
+        if attributes.lanes() > 0 {
+            self.gather(attributes, u, v, ru, MOST_MEMBERS, members);
+            attributes.add_to(members, d, form);
+        }
+    }
+
+    /// Adds the attributes' part to the forms of up to four edges from one vertex, side by side.
+    #[inline(never)]
+    pub(super) fn add_attributes_to_four(
+        &self,
+        u: VertexId,
+        ends: &[VertexId],
+        d: &[f32x4; 3],
+        (a, h, c): (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
+        ru: &[Spoke],
+        members: &mut Vec<Member>,
+    ) {
+        let Some(attributes) = self.attributes.as_ref().filter(|a| a.lanes() > 0) else { return };
+        let lane = |i: usize| self.store.first_wedge[ends[i.min(ends.len() - 1)].index()];
+        let (own, others) = (self.store.first_wedge[u.index()], [lane(0), lane(1), lane(2), lane(3)]);
+        if attributes.is_alone(own) && others.iter().all(|&w| attributes.is_alone(w)) {
+            attributes.add_four_to(own, others, d, (a, h, c));
+            return;
+        }
+        let (mut lanes, d) = ([[0f32; 4]; 10], d.map(|d| d.to_array()));
+        for (i, &w) in ends.iter().enumerate() {
+            let mut form = Form { a: Tensor::default(), h: Vec3::ZERO, c: 0.0 };
+            self.gather(attributes, u, w, ru, MOST_MEMBERS, members);
+            attributes.add_to(members, Vec3::new(d[0][i], d[1][i], d[2][i]), &mut form);
+            for (lane, x) in
+                lanes.iter_mut().zip(form.a.0.into_iter().chain(form.h.to_array()).chain([form.c]))
+            {
+                lane[i] = x;
+            }
+        }
+        for (sum, lane) in a.iter_mut().chain(h.iter_mut()).chain([c]).zip(lanes) {
+            *sum += f32x4::new(lane);
+        }
+    }
+
+    /// The wedges at both ends of an edge, in groups that become one; those on the edge come first.
+    fn gather(
+        &self,
+        attributes: &Attributes,
+        u: VertexId,
+        v: VertexId,
+        ru: &[Spoke],
+        most: usize,
+        members: &mut Vec<Member>,
+    ) {
+        members.clear();
+        let Some(wedges) = &self.store.wedges else { return };
+        let (first_u, first_v) = (self.store.first_wedge[u.index()], self.store.first_wedge[v.index()]);
+        if attributes.is_alone(first_u) && attributes.is_alone(first_v) {
+            members.push(Member { wedge: first_u, at_v: false, group: 0 });
+            members.push(Member { wedge: first_v, at_v: true, group: 0 });
+            return;
+        }
+        for r in ru {
+            let (w, k) = (wedges[r.corner.face()], r.corner.k());
+            let far = if r.a == v {
+                (k + 1) % 3
+            } else if r.b == v {
+                (k + 2) % 3
+            } else {
+                continue;
+            };
+            let [i, j] = [(w[k], false), (w[far], true)].map(|(wedge, at_v)| add(members, wedge, at_v));
+            let (low, high) =
+                (members[i].group.min(members[j].group), members[i].group.max(members[j].group));
+            members.iter_mut().filter(|m| m.group == high).for_each(|m| m.group = low);
+        }
+        for (first, at_v) in [(first_u, false), (first_v, true)] {
+            for wedge in attributes.chain(first).take(most) {
+                if members.len() < most {
+                    add(members, wedge, at_v);
+                }
+            }
+        }
+    }
+
+    /// Finds which wedges of `u` and `v` become one, and their best values at `u` + `y`.
+    pub(super) fn prepare_merge(&mut self, u: VertexId, v: VertexId, y: Vec3, ru: &[Spoke]) {
+        let mut merge = std::mem::take(&mut self.merge);
+        if let Some(attributes) = &self.attributes {
+            self.gather(attributes, u, v, ru, usize::MAX, &mut merge.members);
+            let (members, lanes) = (&merge.members, attributes.lanes());
+            let d = self.store.p(v) - self.store.p(u);
+            merge.best.clear();
+            merge.best.resize(members.len() * lanes, f32x4::ZERO);
+            for (group, _) in firsts(members) {
+                attributes.best(members, group, d, y, &mut merge.best[group * lanes..][..lanes]);
+            }
+        }
+        self.merge = merge;
+    }
+
+    /// What the attributes lose by the merger that was prepared, from the triangles of the wings, `at_u` of which are the
+    /// kept end's: squares of small numbers, not small differences of squares.
+    pub(super) fn attribute_cost(&self, u: VertexId, v: VertexId, y: Vec3, at_u: usize) -> f32 {
+        let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) else { return 0.0 };
+        if !attributes.counts() {
+            return 0.0;
+        }
+        let (x, z, lanes) = (self.store.p(u), self.store.p(v), attributes.lanes());
+        let mut cost = 0f32;
+        for (i, wing) in self.wings.iter().enumerate() {
+            let (from, step) = if i < at_u { (x, y) } else { (z, y - (z - x)) };
+            let corners = from_corner(wedges[wing.corner.face()], wing.corner.k());
+            let Some(group) = group_of(&self.merge.members, corners[0], i >= at_u) else { continue };
+            let (a, b) = (self.store.p(wing.a), self.store.p(wing.b));
+            let s = Slopes::with_normal([from, a, b], wing.normal, wing.length);
+            let error = attributes.error(&s, corners, step, &self.merge.best[group * lanes..][..lanes]);
+            // A triangle at both ends counts twice, as in the evaluation.
+            cost += if wing.both { 2.0 * error } else { error };
+        }
+        cost
+    }
+
+    /// Merges the wedges as prepared, before the triangles change; the merged vertex goes to the kept end + `y`, the
+    /// place `at`. Says what the new triangles add to its tensor.
+    pub(super) fn merge_wedges(&mut self, u: VertexId, v: VertexId, y: Vec3, at: Vec3, ru: &Ring) -> Tensor {
+        let mut tensor = Tensor::default();
+        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
+            return tensor;
+        };
+        let Merge { members, best, own, heads } = &mut self.merge;
+        let lanes = attributes.lanes();
+        let (x, z) = (self.store.v[u.index()].p, self.store.v[v.index()].p);
+        own.clear();
+        own.resize(members.len() * 3 * lanes, f32x4::ZERO);
+        heads.clear();
+        heads.resize(members.len(), Head::default());
+        for (group, _) in firsts(members) {
+            attributes.normalize(&mut best[group * lanes..][..lanes]);
+        }
+        for (i, wing) in self.wings.iter().enumerate() {
+            let from = if i < ru.len() { x } else { z };
+            let (face, k) = (wing.corner.face(), wing.corner.k());
+            let [o, a, b] = from_corner(wedges[face], k);
+            let Some(group) = group_of(members, o, i >= ru.len()) else { continue };
+            let (pa, pb) = (self.store.v[wing.a.index()].p, self.store.v[wing.b.index()].p);
+            let old = Slopes::with_normal([from, pa, pb], wing.normal, wing.length);
+            let new =
+                (!wing.both).then(|| Slopes::with_normal([at, pa, pb], wing.after, wing.after.length()));
+            let values = &best[group * lanes..][..lanes];
+            let sums = &mut own[group * 3 * lanes..][..3 * lanes];
+            let new = new.as_ref().map(|s| (s, values));
+            let [gone, come] = attributes.replace((&old, o), new, [a, b], sums);
+            let mut change = come;
+            change.sub(&gone);
+            for w in [wing.a, wing.b] {
+                M::tensor(&mut self.store.v[w.index()].q).add(&change);
+            }
+            tensor.add(&come);
+            match new {
+                Some((s, _)) => {
+                    heads[group].area += s.area;
+                    heads[group].faces += 1;
+                    wedges[face][k] = members[group].wedge;
+                }
+                None => {
+                    let (apex, wedge) = if wing.a == v { (wing.b, b) } else { (wing.a, a) };
+                    if attributes.heads[wedge.index()].faces == 0 {
+                        attributes.unlink(&mut self.store.first_wedge[apex.index()], wedge);
+                    }
+                }
+            }
+        }
+        let t = (y.dot(z - x) / (z - x).length_squared().max(1e-37)).clamp(0.0, 1.0);
+        let mut first = NO_WEDGE;
+        for (group, m) in firsts(members).filter(|(group, _)| heads[*group].faces > 0) {
+            if !attributes.pulls.is_empty() {
+                attributes.pulls[m.wedge.index()] = attributes.blended_pulls(members, group, t);
+            }
+            let head = Head { next: first, ..heads[group] };
+            let sums = &own[group * 3 * lanes..][..3 * lanes];
+            attributes.set(m.wedge, &best[group * lanes..][..lanes], sums, head);
+            first = m.wedge;
+        }
+        self.store.first_wedge[u.index()] = first;
+        tensor
+    }
+}
+
+/// The wedges of a triangle, that of corner `k` first. (By a table: a branch on k could not be foretold.)
+#[inline(always)]
+fn from_corner(wedges: [WedgeId; 3], k: usize) -> [WedgeId; 3] {
+    const ORDER: [[usize; 3]; 4] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 1, 2]];
+    ORDER[k & 3].map(|i| wedges[i])
+}
+
+#[inline(always)]
+fn group_of(members: &[Member], wedge: WedgeId, at_v: bool) -> Option<usize> {
+    members.iter().find(|m| m.wedge == wedge && m.at_v == at_v).map(|m| m.group)
+}
+
+/// The index of a wedge among the members, which it joins as a group of its own if need be.
+fn add(members: &mut Vec<Member>, wedge: WedgeId, at_v: bool) -> usize {
+    let known = members.iter().position(|m| m.wedge == wedge && m.at_v == at_v);
+    known.unwrap_or_else(|| {
+        members.push(Member { wedge, at_v, group: members.len() });
+        members.len() - 1
+    })
+}

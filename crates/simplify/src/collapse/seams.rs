@@ -1,0 +1,108 @@
+//! Seams: edges whose two sides differ in wedges or regions. What they weigh, and what they refuse.
+
+use lodsmith_core::{RegionId, VertexId, WedgeId};
+
+use super::Engine;
+use super::kind::faces_at;
+use super::store::{Ring, Spoke, Store};
+use crate::metric::Metric;
+use crate::report::Refusal;
+
+/// Weight of the line of a seam edge against the planes of faces: a seam that leaves its line shows what lies beyond the
+/// chart. (Guessed, a fifth of a border's.)
+pub(crate) const SEAM: f32 = 2.0;
+
+/// Which lines no longer refuse, because nothing else was left to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Looseness {
+    /// All hold.
+    None,
+    /// Seams give way.
+    Seams,
+    /// The borders of regions too: a material may lose its last face.
+    Regions,
+}
+
+impl Looseness {
+    /// The next step, if there is one.
+    pub(crate) fn looser(self) -> Option<Self> {
+        match self {
+            Self::None => Some(Self::Seams),
+            Self::Seams => Some(Self::Regions),
+            Self::Regions => None,
+        }
+    }
+}
+
+impl<M: Metric> Store<M> {
+    /// Whether regions differ on the two sides of the edge from the centre of a star to `w`.
+    fn is_region_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
+        let Some(regions) = &self.regions else { return false };
+        let mut sides = ring.iter().filter(|r| r.has(w)).map(|r| regions[r.corner.face()]);
+        let first = sides.next();
+        sides.any(|side| Some(side) != first)
+    }
+
+    /// Whether faces of several regions meet in a star.
+    pub(crate) fn meets_regions(&self, ring: &[Spoke]) -> bool {
+        let Some(regions) = &self.regions else { return false };
+        let of = |r: &Spoke| regions[r.corner.face()];
+        ring.iter().any(|r| of(r) != of(&ring[0]))
+    }
+
+    /// Whether wedges or regions differ on the two sides of the edge from the centre of a star to `w`.
+    pub(crate) fn is_seam_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
+        let Some(wedges) = &self.wedges else { return false };
+        let mut first: Option<(WedgeId, WedgeId, Option<RegionId>)> = None;
+        for r in ring.iter().filter(|r| r.has(w)) {
+            let (f, k) = (r.corner.face(), r.corner.k());
+            let other = if r.a == w { (k + 1) % 3 } else { (k + 2) % 3 };
+            let side = (wedges[f][k], wedges[f][other], self.regions.as_ref().map(|x| x[f]));
+            match first {
+                None => first = Some(side),
+                Some(s) if s != side => return true,
+                Some(_) => {}
+            }
+        }
+        false
+    }
+}
+
+impl<M: Metric> Engine<M> {
+    /// Weight of the line along the edge from the centre of a star to `w`; 0 for an edge inside.
+    #[inline]
+    pub(crate) fn line_weight(&self, ring: &[Spoke], w: VertexId, seams: bool) -> f32 {
+        if faces_at(ring, w) != 2 {
+            return super::BORDER;
+        }
+        if seams && self.store.is_seam_edge(ring, w) { SEAM } else { 0.0 }
+    }
+
+    /// Whether seams and regions allow the collapse: two vertices on the borders of regions merge along one only, and no
+    /// face goes that has lines on all sides. (Two vertices on other seams may merge across: their lines say at what
+    /// cost. Refusing that too cost CesiumMan its limbs at 10 %, for nothing else was left.)
+    pub(crate) fn ask_seams(&self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Result<(), Refusal> {
+        let (ku, kv) = (self.store.v[u.index()].kind, self.store.v[v.index()].kind);
+        if self.looseness == Looseness::Regions
+            || !(ku.is_seam() || kv.is_seam())
+            || !(ku.has_lines() && kv.has_lines())
+        {
+            return Ok(());
+        }
+        let is_line = |ring: &Ring, w| match self.looseness {
+            Looseness::None => self.line_weight(ring, w, true) > 0.0,
+            _ => faces_at(ring, w) != 2 || self.store.is_region_edge(ring, w),
+        };
+        if !is_line(ru, v) {
+            let both = self.store.meets_regions(ru) && self.store.meets_regions(rv);
+            return if both { Err(Refusal::Seam) } else { Ok(()) };
+        }
+        for r in ru.iter().filter(|r| r.has(v)) {
+            let apex = if r.a == v { r.b } else { r.a };
+            if is_line(ru, apex) && is_line(rv, apex) {
+                return Err(Refusal::Seam);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,132 @@
+//! Squared distances to the star of a vertex, four points side by side.
+
+use glam::Vec3;
+use lodsmith_core::VertexId;
+use wide::f32x4;
+
+/// The triangles around a place, made ready. A point is nearest to the inside of one of them, to an edge of the rim, or to
+/// a spoke, which two triangles share.
+#[derive(Debug, Default)]
+pub(super) struct Star {
+    centre: Vec3,
+    triangles: Vec<Triangle>,
+    /// The rim's vertices, each once, as seen from the centre.
+    spokes: Vec<(VertexId, Segment)>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Triangle {
+    /// Unit normal.
+    normal: Vec3,
+    /// Gradients of the barycentric coordinates on the rim.
+    a: Vec3,
+    b: Vec3,
+    from: Vec3,
+    rim: Segment,
+}
+
+/// From a point along a vector.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    along: Vec3,
+    /// The vector over its squared length.
+    per_length: Vec3,
+}
+
+impl Segment {
+    fn new(along: Vec3) -> Self {
+        Self { along, per_length: along * (1.0 / along.length_squared().max(1e-37)) }
+    }
+
+    /// Squared distances of points, as seen from the beginning.
+    #[inline(always)]
+    fn distance_sq(&self, q: &[f32x4; 3]) -> f32x4 {
+        let t = dot(q, self.per_length).fast_max(f32x4::ZERO).fast_min(f32x4::ONE);
+        let r = [0, 1, 2].map(|k| q[k] - t * self.along[k]);
+        r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    }
+}
+
+impl Star {
+    /// The star of `centre` with these rim edges, each as the two vertices and their places.
+    pub(super) fn set(&mut self, centre: Vec3, rim: impl Iterator<Item = [(VertexId, Vec3); 2]>) {
+        self.centre = centre;
+        self.triangles.clear();
+        self.spokes.clear();
+        for [a, b] in rim {
+            for (w, p) in [a, b] {
+                if !self.spokes.iter().any(|s| s.0 == w) {
+                    self.spokes.push((w, Segment::new(p - centre)));
+                }
+            }
+            let (to_a, to_b) = (a.1 - centre, b.1 - centre);
+            let normal = to_a.cross(to_b);
+            let per_area = 1.0 / normal.length().max(1e-30);
+            let normal = normal * per_area;
+            let slope = normal * per_area;
+            let rim = Segment::new(to_b - to_a);
+            self.triangles.push(Triangle {
+                normal,
+                a: to_b.cross(slope),
+                b: slope.cross(to_a),
+                from: to_a,
+                rim,
+            });
+        }
+    }
+
+    /// Squared distances of four points; infinite where there is no triangle.
+    #[inline(always)]
+    pub(super) fn distance_sq(&self, points: [f32x4; 3]) -> f32x4 {
+        let q = [0, 1, 2].map(|k| points[k] - f32x4::splat(self.centre[k]));
+        let mut least = f32x4::splat(f32::INFINITY);
+        for (_, spoke) in &self.spokes {
+            least = least.fast_min(spoke.distance_sq(&q));
+        }
+        for t in &self.triangles {
+            let from = [0, 1, 2].map(|k| q[k] - f32x4::splat(t.from[k]));
+            least = least.fast_min(t.rim.distance_sq(&from));
+            let (a, b, height) = (dot(&q, t.a), dot(&q, t.b), dot(&q, t.normal));
+            let inside = a.simd_gt(f32x4::ZERO) & b.simd_gt(f32x4::ZERO) & (a + b).simd_lt(f32x4::ONE);
+            least = inside.bitselect((height * height).fast_min(least), least);
+        }
+        least
+    }
+}
+
+#[inline(always)]
+fn dot(q: &[f32x4; 3], d: Vec3) -> f32x4 {
+    q[0] * d.x + q[1] * d.y + q[2] * d.z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::triangle;
+
+    #[test]
+    fn distances_are_those_to_the_nearest_triangle() {
+        let mut x = 0x9E37_79B9u32;
+        let mut random = move || {
+            x ^= x << 13;
+            x ^= x >> 17;
+            x ^= x << 5;
+            x as f32 / u32::MAX as f32 - 0.5
+        };
+        let mut point = || Vec3::new(random(), random(), random());
+        for n in [1, 3, 7] {
+            let (centre, rim) = (point(), std::iter::repeat_with(&mut point).take(n + 1).collect::<Vec<_>>());
+            let mut star = Star::default();
+            star.set(centre, (0..n).map(|i| [i, i + 1].map(|j| (VertexId(j as u32), rim[j]))));
+            for _ in 0..200 {
+                let four = [point() * 3.0, point() * 3.0, point(), point()];
+                let found = star.distance_sq([0, 1, 2].map(|k| f32x4::new(four.map(|p| p[k]))));
+                for (q, found) in four.into_iter().zip(found.to_array()) {
+                    let near = |i: usize| triangle::closest(q, centre, rim[i], rim[i + 1]).0;
+                    let wanted = (0..n).map(near).fold(f32::INFINITY, f32::min);
+                    assert!((wanted - found).abs() < 1e-5 * wanted.max(1e-2), "{q}: {wanted} {found}");
+                }
+            }
+        }
+    }
+}
