@@ -5,6 +5,8 @@
 //! are kept, because a vertex moves the surface at barycentric coordinates b by b_k n·delta; then a few Gauss-Seidel
 //! sweeps of 3×3 systems. (docs/decisions/0006)
 
+mod values;
+
 use glam::Vec3;
 use lodsmith_core::VertexId;
 use wide::f32x8;
@@ -15,6 +17,7 @@ use crate::collapse::store::{Corner, Store};
 use crate::metric::Metric;
 use crate::tensor::Tensor;
 use crate::triangle;
+pub(crate) use values::{Originals, Values};
 
 /// Samples for a final triangle, at most. (More brings less than 1 %.)
 const SAMPLES: usize = 16;
@@ -152,6 +155,15 @@ impl Face {
     }
 }
 
+/// Where a sample came to count.
+#[derive(Clone, Copy)]
+struct Placed {
+    face: usize,
+    /// Barycentric coordinates.
+    b: Vec3,
+    weight: f32,
+}
+
 struct Sampler<'a, M: Metric> {
     store: &'a Store<M>,
     faces: &'a [Face],
@@ -244,23 +256,22 @@ impl<M: Metric> Sampler<'_, M> {
         }
     }
 
-    /// Gives a sample to a face if it lies above or below it. Says whether.
+    /// Gives a sample to a face if it lies above or below it.
     #[inline(always)]
-    fn place_on(&mut self, face: usize, p: Vec3, weight: f32) -> bool {
+    fn place_on(&mut self, face: usize, p: Vec3, weight: f32) -> Option<Placed> {
         let f = &self.faces[face];
         let q = p - self.store.p(self.store.t[face][0]);
         let (v, w) = (f.gradients[0].dot(q), f.gradients[1].dot(q));
         let u = 1.0 - v - w;
         if u < 0.0 || v < 0.0 || w < 0.0 {
-            return false;
+            return None;
         }
         let height = f.normal.dot(q);
-        self.add(face, Vec3::new(u, v, w), height, height * height, weight);
-        true
+        Some(self.add(face, Vec3::new(u, v, w), height, height * height, weight))
     }
 
     #[inline(always)]
-    fn add(&mut self, face: usize, b: Vec3, height: f32, distance_sq: f32, weight: f32) {
+    fn add(&mut self, face: usize, b: Vec3, height: f32, distance_sq: f32, weight: f32) -> Placed {
         let load = &mut self.loads[face];
         let height_sq = height * height;
         self.rr += f64::from(weight * height_sq);
@@ -269,12 +280,13 @@ impl<M: Metric> Sampler<'_, M> {
         load.bb.add(&Tensor::outer(b, weight));
         load.rb = (Vec3::from(load.rb) + b * (weight * height)).to_array();
         load.worst = load.worst.max(distance_sq);
+        Placed { face, b, weight }
     }
 
     /// Gives a sample to the nearest triangle that faces its way: in the star of its home, then, if it lies beside that
     /// star, in the star of the nearer corner of the triangle found.
     #[inline(always)]
-    fn place(&mut self, p: Vec3, normal: Vec3, weight: f32, home: VertexId) {
+    fn place(&mut self, p: Vec3, normal: Vec3, weight: f32, home: VertexId) -> Option<Placed> {
         let mut best = Nearest {
             distance_sq: f32::INFINITY,
             beside: 0.0,
@@ -286,7 +298,7 @@ impl<M: Metric> Sampler<'_, M> {
         let slot = self.star(home);
         self.nearest(slot, p - self.store.p(home), normal, &mut best);
         if best.distance_sq == f32::INFINITY {
-            return;
+            return None;
         }
         if best.beside != 0.0 {
             let (t, k) = (self.store.t[best.corner.face()], best.corner.k());
@@ -295,7 +307,7 @@ impl<M: Metric> Sampler<'_, M> {
             self.nearest(slot, p - self.store.p(next), normal, &mut best);
         }
         if best.beside * best.beside > BESIDE * best.height * best.height {
-            return;
+            return None;
         }
         let (v, w) = (best.second.max(0.0), best.third.max(0.0));
         let scale = 1.0 / (v + w).max(1.0);
@@ -303,7 +315,7 @@ impl<M: Metric> Sampler<'_, M> {
         let u = 1.0 - v - w;
         let (k, mut b) = (best.corner.k(), [u; 3]);
         (b[(k + 1) % 3], b[(k + 2) % 3]) = (v, w);
-        self.add(best.corner.face(), b.into(), best.height, best.distance_sq, weight);
+        Some(self.add(best.corner.face(), b.into(), best.height, best.distance_sq, weight))
     }
 }
 
@@ -314,12 +326,13 @@ fn min(a: f32, b: f32) -> f32 {
 }
 
 /// Moves the vertices of a compact store towards the original, given as the ordered input, from which it is about `away`
-/// (RMS) far.
+/// (RMS) far. The samples are shown to `values`, if there are any.
 pub(crate) fn fit<M: Metric>(
     store: &mut Store<M>,
     points: &[Vec3],
     faces: &[[VertexId; 3]],
     away: f64,
+    mut values: Option<&mut Values<'_>>,
 ) -> Fitted {
     if store.t.is_empty() {
         return Fitted::default();
@@ -358,14 +371,22 @@ pub(crate) fn fit<M: Metric>(
         let area = n.length();
         let n = n / area.max(1e-30);
         let centre = (a + (b + c)) * (1.0 / 3.0);
-        if !survivor.is_some_and(|face| sampler.place_on(face, centre, 9.0 * area)) {
-            sampler.place(centre, n, 9.0 * area, u);
+        let placed = survivor.and_then(|face| sampler.place_on(face, centre, 9.0 * area));
+        let placed = placed.or_else(|| sampler.place(centre, n, 9.0 * area, u));
+        if let (Some(values), Some(placed)) = (&mut values, placed) {
+            values.add_centre(i, placed.face, placed.b, placed.weight);
         }
         if i % (2 * stride) == 0 && homes[0] != NONE {
             if sampler.store.p(homes[0]) == a {
                 sampler.place_at_home(6.0 * area, homes[0]);
+                if let Some(values) = &mut values {
+                    values.add_at_home(i, sampler.store.listed(homes[0]), 6.0 * area);
+                }
             } else {
-                sampler.place(a, n, 6.0 * area, homes[0]);
+                let placed = sampler.place(a, n, 6.0 * area, homes[0]);
+                if let (Some(values), Some(placed)) = (&mut values, placed) {
+                    values.add_corner(i, placed.face, placed.b, placed.weight);
+                }
             }
         }
     }

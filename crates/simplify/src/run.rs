@@ -334,6 +334,12 @@ impl Run<'_, '_> {
         }
         let (rows, attributes) = rows.unzip();
         let attributes = attributes.flatten();
+        let originals = match (&attributes, &wedges) {
+            (Some(attributes), Some(wedges)) if self.wants_fit::<M>() && attributes.lanes() > 0 => {
+                Some(fit::Originals::new(attributes, wedges))
+            }
+            _ => None,
+        };
         let store = Store::<M>::new(points, faces, wedges, regions);
         let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
 
@@ -346,13 +352,8 @@ impl Run<'_, '_> {
         if end == End::Cancel {
             return Err(SimplifyError::Cancelled);
         }
-        let wants_fit = match options.fit {
-            Fit::Off => false,
-            Fit::On => options.placement != Placement::Endpoint,
-            Fit::Auto => M::MEMORYLESS && options.placement == Placement::Optimal,
-        };
         let mut fitted = None;
-        let wants_fit = wants_fit && engine.collapses > 0;
+        let wants_fit = self.wants_fit::<M>() && engine.collapses > 0;
         if wants_fit {
             control.stage(Stage::Fit);
             if control.progress(0.0) == Verdict::Cancel {
@@ -360,9 +361,26 @@ impl Run<'_, '_> {
             }
             // What the costs say is too much by about 1.8, as measured on eight models at 50 to 1 %.
             let away = engine.estimate(None);
+            let mut values = match (&originals, &mut engine.attributes, &engine.store.wedges) {
+                (Some(originals), Some(attributes), Some(wedges)) => {
+                    Some(fit::Values::new(originals, attributes, wedges.clone(), away))
+                }
+                _ => None,
+            };
+            let before: Vec<Vec3> = match &values {
+                Some(_) => engine.store.v.iter().map(|x| x.p).collect(),
+                None => Vec::new(),
+            };
             source.with(&mut |points, faces| {
-                fitted = Some(fit::fit(&mut engine.store, points, faces, away).rms)
+                fitted = Some(fit::fit(&mut engine.store, points, faces, away, values.as_mut()).rms);
             });
+            if let Some(values) = values {
+                let store = &engine.store;
+                values.solve(|face, k| {
+                    let v = store.t[face][k];
+                    store.p(v) - before[v.index()]
+                });
+            }
         }
         Ok(Outcome {
             estimate: frame.user_length(engine.estimate(fitted)),
@@ -384,6 +402,14 @@ impl Run<'_, '_> {
             .iter()
             .any(|r| *r != regions[0])
             .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i], RegionId(0)))
+    }
+
+    fn wants_fit<M: Metric>(&self) -> bool {
+        match self.options.fit {
+            Fit::Off => false,
+            Fit::On => self.options.placement != Placement::Endpoint,
+            Fit::Auto => M::MEMORYLESS && self.options.placement == Placement::Optimal,
+        }
     }
 
     /// The wedges of the ordered faces, where there are attributes or regions.

@@ -1,9 +1,10 @@
 //! Normals, texture coordinates, colours and the rest through a simplification.
 
+use lodsmith::core::measure::{CompareOptions, compare_attributes};
 use lodsmith::core::{
     Attribute, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
 };
-use lodsmith::{Length, NoControl, SimplifyOptions, Stop, simplify};
+use lodsmith::{Fit, Length, NoControl, SimplifyOptions, Stop, simplify};
 
 fn lighter(mesh: &TriMesh, ratio: f64) -> TriMesh {
     simplify(mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap().mesh
@@ -189,4 +190,31 @@ fn skins_stay_whole_and_the_rest_comes_along() {
         assert!((morph.of(w)[0] - z * z).abs() < 0.1, "the key pose is {} at {z}", morph.of(w)[0]);
         assert!(of(&Semantic::Tangent).of(w) == [0.0, 0.0, 1.0, -1.0]);
     }
+}
+
+#[test]
+fn the_fit_brings_values_closer() {
+    let mut mesh = shapes::blob(5, 3);
+    let bent = |p: [f64; 3]| [(2.0 * p[0]).sin() as f32, (p[1] * p[2]) as f32];
+    let uvs = wedges(&mesh).map(|w| bent(place(&mesh, w))).collect();
+    mesh.set_uvs(Some(uvs)).unwrap();
+    let error = |fit: Fit| {
+        let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+        options.fit = fit;
+        let got = simplify(&mesh, &options, &mut NoControl).unwrap().mesh;
+        let found = compare_attributes(&mesh, &got, &CompareOptions::default()).unwrap();
+        found.uvs.unwrap().rms.symmetric
+    };
+    let (with, without) = (error(Fit::On), error(Fit::Off));
+    assert!(with < 0.95 * without, "{with} with the fit, {without} without");
+}
+
+#[test]
+fn the_fit_keeps_charts_apart() {
+    // Each chart has one value of its own: whatever crosses the seam shows.
+    let mut mesh = two_charts(24);
+    let sides: Vec<[f32; 2]> = mesh.uvs().unwrap().iter().map(|uv| [f32::from(uv[0] > 5.0), 0.25]).collect();
+    mesh.set_uvs(Some(sides)).unwrap();
+    let got = lighter(&mesh, 0.1);
+    assert!(got.uvs().unwrap().iter().all(|uv| *uv == [0.0, 0.25] || *uv == [1.0, 0.25]));
 }

@@ -153,9 +153,33 @@ impl Attributes {
     pub(crate) fn weights_mut(&mut self) -> &mut [f32] {
         bytemuck::cast_slice_mut(&mut self.weights)
     }
+    /// Vectors of four in the values of a wedge.
     #[inline(always)]
-    pub(super) fn lanes(&self) -> usize {
+    pub(crate) fn lanes(&self) -> usize {
         self.lanes
+    }
+    /// What the squares of the errors of four values count.
+    #[inline(always)]
+    pub(crate) fn weight(&self, lane: usize) -> f32x4 {
+        self.weights[lane]
+    }
+    /// Wedges, with those that are gone.
+    pub(crate) fn count(&self) -> usize {
+        self.heads.len()
+    }
+    /// The values of all wedges.
+    pub(crate) fn all_values(&self) -> Vec<f32x4> {
+        (0..self.count() as u32).flat_map(|w| self.values(WedgeId(w))).copied().collect()
+    }
+    /// Changes the values of a wedge, and lets them follow its vertex along their gradients; directions stay unit vectors.
+    pub(crate) fn shift(&mut self, w: WedgeId, by: &[f32x4], moved: Vec3) {
+        let at = w.index() * 4 * self.lanes;
+        let per_area = 1.0 / self.heads[w.index()].area.max(1e-30);
+        let [values, x, y, z] = self.parts(w);
+        let mut row: Vec<f32x4> =
+            (0..self.lanes).map(|i| values[i] + by[i] + dot(&[x[i], y[i], z[i]], moved) * per_area).collect();
+        self.normalize(&mut row);
+        self.rows[at..][..self.lanes].copy_from_slice(&row);
     }
     #[inline(always)]
     fn row(&self, w: WedgeId) -> &[f32x4] {
@@ -163,7 +187,7 @@ impl Attributes {
         &self.rows[w.index() * n..][..n]
     }
     #[inline(always)]
-    pub(super) fn values(&self, w: WedgeId) -> &[f32x4] {
+    pub(crate) fn values(&self, w: WedgeId) -> &[f32x4] {
         &self.rows[w.index() * 4 * self.lanes..][..self.lanes]
     }
     /// The row of a wedge: values, and what they gain along x, y and z.
