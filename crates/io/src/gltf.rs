@@ -9,7 +9,9 @@ mod container;
 mod encode;
 mod geometry;
 mod inventory;
+mod lists;
 mod mesh;
+mod meshopt;
 mod placements;
 mod primitive;
 mod references;
@@ -17,6 +19,7 @@ mod repack;
 mod replace;
 mod scene;
 mod slot;
+mod unpack;
 mod write;
 
 pub use scene::{Scene, SceneMesh, outside_path};
@@ -30,6 +33,7 @@ use crate::format::Format;
 use crate::read::{Loaded, ReadOptions};
 use crate::write::WriteOptions;
 
+use buffers::Buffers;
 use container::Document;
 
 /// Reads a glTF 2.0 file, JSON or GLB.
@@ -46,10 +50,18 @@ use container::Document;
 ///
 /// Source: Khronos, "glTF 2.0 Specification" (2.0.1, 2021).
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
-    let document = Document::parse(bytes)?;
+    let mut document = Document::parse(bytes)?;
     document.check_version()?;
     document.check_extensions(false)?;
-    let buffers = buffers::Buffers::new(&document, options);
+    let opened;
+    let buffers = if unpack::is_needed(&document.json) {
+        let mut all = Buffers::new(&document, options).load_all()?;
+        let unpacked = unpack::unpack(&mut document.json, &mut all, options.limits.bytes)?;
+        opened = all;
+        Buffers::loaded(&document.json, &opened, unpacked)
+    } else {
+        Buffers::new(&document, options)
+    };
     let placements = placements::placements(&document.json)?;
     let (mut contents, mut warnings) = inventory::take(&document.json, &placements);
     let (mesh, told) = geometry::gather(&document.json, &buffers, &placements, bytes.len())?;
