@@ -151,7 +151,7 @@ mod tests {
         let work = |x: &u64, turn: &Turn<'_>| {
             std::thread::sleep(std::time::Duration::from_micros(100 * x));
             // Who waits for nobody does not keep others.
-            if x % 3 > 0 {
+            if !x.is_multiple_of(3) {
                 turn.wait();
                 order.lock().unwrap().push(*x);
             }
