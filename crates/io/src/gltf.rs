@@ -22,6 +22,7 @@ mod slot;
 mod unpack;
 mod write;
 
+pub(crate) use scene::image_type;
 pub use scene::{Scene, SceneMesh, outside_path};
 
 use std::io::{self, Write};
@@ -30,6 +31,7 @@ use lodsmith_core::TriMesh;
 
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
+use crate::obj::{Textures, looks};
 use crate::read::{Loaded, ReadOptions};
 use crate::write::WriteOptions;
 
@@ -77,8 +79,18 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
 /// positions far from the origin are stored relative to the centre of their box, which becomes the node's translation.
 /// Returns notes on what was changed.
 ///
+/// Materials of an OBJ come along, if the options have the table of its regions: colour, alpha, emission, and images of
+/// colours and normals, which are read from their files and lie inside, unless textures are to be none. Each material
+/// has a primitive of its own.
+///
 /// # Errors
 /// What the stream answers; [`io::ErrorKind::InvalidInput`] beyond the 4 GiB of a GLB.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
-    write::write(mesh, options.format != Some(Format::Gltf), out)
+    let looks = options
+        .regions
+        .as_deref()
+        .filter(|_| options.textures != Textures::None)
+        .and_then(|regions| looks(mesh, regions))
+        .unwrap_or_default();
+    write::write(mesh, looks, options.format != Some(Format::Gltf), out)
 }
