@@ -1,8 +1,10 @@
 //! Several files at once, answers in the order of the files.
 
+use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context as _;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -20,28 +22,33 @@ pub(crate) fn pool(threads: usize) -> anyhow::Result<ThreadPool> {
 /// Does some work on each item and hands the answers over in the order of the items, each as soon as it can be.
 ///
 /// At most `threads` items are in work at once, which bounds memory. Each worker has a pool of its own with its share of
-/// the threads: in a common pool, one item would wait within the other, and no time would be its own.
+/// the threads: in a common pool, one item would wait within the other, and no time would be its own. What must not
+/// depend on which item is faster waits for its [`Turn`].
 ///
 /// # Errors
 /// When threads cannot be started.
 pub(crate) fn each<T: Sync, R: Send>(
     items: &[T],
     threads: usize,
-    work: impl Fn(&T) -> R + Sync,
+    work: impl Fn(&T, &Turn<'_>) -> R + Sync,
     mut answer: impl FnMut(usize, R),
 ) -> anyhow::Result<()> {
     let workers = items.len().min(threads).max(1);
     let pools: Vec<ThreadPool> =
         (0..workers).map(|w| pool(share(threads, workers, w))).collect::<Result<_, _>>()?;
     let next = AtomicUsize::new(0);
+    let ended = Ended::default();
     let (send, receive) = mpsc::channel();
     std::thread::scope(|scope| {
         for pool in &pools {
-            let (send, next, work) = (send.clone(), &next, &work);
+            let (send, next, ended, work) = (send.clone(), &next, &ended, &work);
             scope.spawn(move || {
                 while let Some((i, item)) = take(items, next) {
+                    let turn = Turn { index: i, ended };
+                    let result = pool.install(|| work(item, &turn));
+                    drop(turn);
                     // The receiver lives until every worker has ended.
-                    let _ = send.send((i, pool.install(|| work(item))));
+                    let _ = send.send((i, result));
                 }
             });
         }
@@ -57,6 +64,58 @@ pub(crate) fn each<T: Sync, R: Send>(
         }
     });
     Ok(())
+}
+
+/// The place of an item among the others, until its work has ended.
+pub(crate) struct Turn<'e> {
+    index: usize,
+    ended: &'e Ended,
+}
+
+impl Turn<'_> {
+    /// Waits until the work on all items before this one has ended. It has begun, since items are taken in their order.
+    pub(crate) fn wait(&self) {
+        let guard = self.ended.lock();
+        let is_open = |state: &mut State| state.all_before < self.index;
+        drop(self.ended.changed.wait_while(guard, is_open).unwrap_or_else(PoisonError::into_inner));
+    }
+}
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        self.ended.lock().end(self.index);
+        self.ended.changed.notify_all();
+    }
+}
+
+/// Which items are done.
+#[derive(Default)]
+struct Ended {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+impl Ended {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[derive(Default)]
+struct State {
+    /// All items before this one.
+    all_before: usize,
+    /// Others, out of their order.
+    others: BTreeSet<usize>,
+}
+
+impl State {
+    fn end(&mut self, index: usize) {
+        self.others.insert(index);
+        while self.others.remove(&self.all_before) {
+            self.all_before += 1;
+        }
+    }
 }
 
 fn take<'a, T>(items: &'a [T], next: &AtomicUsize) -> Option<(usize, &'a T)> {
@@ -77,7 +136,7 @@ mod tests {
     fn answers_come_in_the_order_of_the_items() {
         let items: Vec<u64> = (0..20).rev().collect();
         let mut got = Vec::new();
-        let work = |x: &u64| {
+        let work = |x: &u64, _: &Turn<'_>| {
             std::thread::sleep(std::time::Duration::from_micros(100 * x));
             *x
         };
@@ -86,10 +145,26 @@ mod tests {
     }
 
     #[test]
+    fn turns_come_in_the_order_of_the_items() {
+        let items: Vec<u64> = (0..12).rev().collect();
+        let order = Mutex::new(Vec::new());
+        let work = |x: &u64, turn: &Turn<'_>| {
+            std::thread::sleep(std::time::Duration::from_micros(100 * x));
+            // Who waits for nobody does not keep others.
+            if !x.is_multiple_of(3) {
+                turn.wait();
+                order.lock().unwrap().push(*x);
+            }
+        };
+        each(&items, 4, work, |_, ()| {}).unwrap();
+        assert_eq!(order.into_inner().unwrap(), [11, 10, 8, 7, 5, 4, 2, 1]);
+    }
+
+    #[test]
     fn threads_are_shared_out_without_rest() {
         assert_eq!((0..3).map(|w| share(8, 3, w)).collect::<Vec<_>>(), [3, 3, 2]);
         let mut seen = 0;
-        each(&[()], 3, |()| rayon::current_num_threads(), |_, n| seen = n).unwrap();
+        each(&[()], 3, |(), _| rayon::current_num_threads(), |_, n| seen = n).unwrap();
         assert_eq!(seen, 3);
     }
 }

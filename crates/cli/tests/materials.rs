@@ -130,3 +130,32 @@ fn a_protected_output_replaced_by_force_keeps_its_name_for_the_library() {
     assert_eq!(desk.names("out"), ["a.mtl", "a.obj", "grain.ppm"]);
     assert!(desk.text("out/a.obj").contains("mtllib a.mtl\n"));
 }
+
+#[test]
+fn of_two_textures_with_one_name_the_first_input_keeps_it() {
+    let desk = Desk::new();
+    for folder in ["slow/tex", "fast"] {
+        fs::create_dir_all(desk.path(folder)).expect("there is room for a folder");
+    }
+    // Much more work than the table, and yet the first.
+    let n = 120;
+    let mut text = "mtllib sheet.mtl\nusemtl wood\n".to_owned();
+    for i in 0..n * n {
+        text.push_str(&format!("v {} {} {}\n", i % n, i / n, (i * 7919) % 13));
+    }
+    for j in 0..n - 1 {
+        for i in 1..n {
+            let a = j * n + i;
+            text.push_str(&format!("f {a} {} {} {}\n", a + 1, a + n + 1, a + n));
+        }
+    }
+    desk.put("slow/sheet.obj", &text);
+    desk.put("slow/sheet.mtl", LIBRARY);
+    desk.put("slow/tex/grain.ppm", "P3 1 1 255 1 2 3");
+    let (status, ..) =
+        desk.run("simplify slow/sheet.obj in/table.obj -O out --ratio 0.2 --threads 2 --placement endpoint");
+    assert_eq!(status, 0);
+    assert_eq!(desk.text("out/grain.ppm"), "P3 1 1 255 1 2 3");
+    assert_eq!(desk.text("out/grain_1.ppm"), "P3 1 1 255 120 80 40");
+    assert!(desk.text("out/table_low.mtl").contains("grain_1.ppm"));
+}

@@ -9,7 +9,9 @@ mod container;
 mod encode;
 mod geometry;
 mod inventory;
+mod lists;
 mod mesh;
+mod meshopt;
 mod placements;
 mod primitive;
 mod references;
@@ -17,8 +19,10 @@ mod repack;
 mod replace;
 mod scene;
 mod slot;
+mod unpack;
 mod write;
 
+pub(crate) use scene::image_type;
 pub use scene::{Scene, SceneMesh, outside_path};
 
 use std::io::{self, Write};
@@ -27,9 +31,11 @@ use lodsmith_core::TriMesh;
 
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
+use crate::obj::{Textures, looks};
 use crate::read::{Loaded, ReadOptions};
 use crate::write::WriteOptions;
 
+use buffers::Buffers;
 use container::Document;
 
 /// Reads a glTF 2.0 file, JSON or GLB.
@@ -46,10 +52,18 @@ use container::Document;
 ///
 /// Source: Khronos, "glTF 2.0 Specification" (2.0.1, 2021).
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
-    let document = Document::parse(bytes)?;
+    let mut document = Document::parse(bytes)?;
     document.check_version()?;
     document.check_extensions(false)?;
-    let buffers = buffers::Buffers::new(&document, options);
+    let opened;
+    let buffers = if unpack::is_needed(&document.json) {
+        let mut all = Buffers::new(&document, options).load_all()?;
+        let unpacked = unpack::unpack(&mut document.json, &mut all, options.limits.bytes)?;
+        opened = all;
+        Buffers::loaded(&document.json, &opened, unpacked)
+    } else {
+        Buffers::new(&document, options)
+    };
     let placements = placements::placements(&document.json)?;
     let (mut contents, mut warnings) = inventory::take(&document.json, &placements);
     let (mesh, told) = geometry::gather(&document.json, &buffers, &placements, bytes.len())?;
@@ -65,8 +79,18 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
 /// positions far from the origin are stored relative to the centre of their box, which becomes the node's translation.
 /// Returns notes on what was changed.
 ///
+/// Materials of an OBJ come along, if the options have the table of its regions: colour, alpha, emission, and images of
+/// colours and normals, which are read from their files and lie inside, unless textures are to be none. Each material
+/// has a primitive of its own.
+///
 /// # Errors
 /// What the stream answers; [`io::ErrorKind::InvalidInput`] beyond the 4 GiB of a GLB.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
-    write::write(mesh, options.format != Some(Format::Gltf), out)
+    let looks = options
+        .regions
+        .as_deref()
+        .filter(|_| options.textures != Textures::None)
+        .and_then(|regions| looks(mesh, regions))
+        .unwrap_or_default();
+    write::write(mesh, looks, options.format != Some(Format::Gltf), out)
 }

@@ -10,6 +10,7 @@
 //! Positions are kept in double precision where any coordinate of the file needs it: it has at least 8 significant
 //! digits, and the nearest `f32` printed with as many digits would be another number.
 
+mod looks;
 mod materials;
 mod read;
 mod regions;
@@ -18,6 +19,7 @@ mod textures;
 mod wedges;
 mod write;
 
+pub(crate) use looks::{Look, Looks, looks};
 pub use materials::Library;
 pub use read::read;
 pub use regions::{Region, Regions};

@@ -185,7 +185,11 @@ fn write_format(
     let regions = options.regions.as_deref();
     let with_materials = options.textures != Textures::None;
     if format != Format::Obj
-        && let Some(lost) = regions.and_then(|regions| regions.what_is_lost(with_materials))
+        && let Some(lost) = regions.and_then(|regions| {
+            let is_carried =
+                matches!(format, Format::Gltf | Format::Glb) && !crate::obj::drops_materials(mesh, regions);
+            regions.what_is_lost(with_materials && !is_carried)
+        })
     {
         warnings.push(Warning::lost(format!("{} cannot carry {lost}: dropped", format.title())));
     }

@@ -26,7 +26,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
     in_order::each(
         &args.inputs,
         args.run.threads(),
-        |source| exit::guarded(|| look(source, args, &progress)),
+        |source, _| exit::guarded(|| look(source, args, &progress)),
         |i, outcome| {
             let path = args.inputs[i].to_string();
             progress.aside(|| match outcome {

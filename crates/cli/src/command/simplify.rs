@@ -15,6 +15,7 @@ use super::{show_warnings, texts};
 use crate::args::{Normals, SimplifyArgs};
 use crate::exit::{self, Interrupted, Status};
 use crate::file::{self, Input, Sink};
+use crate::in_order::Turn;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
@@ -36,7 +37,7 @@ pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
     in_order::each(
         &jobs,
         args.run.threads(),
-        |job| exit::guarded(|| simplify_one(job, args, &progress)),
+        |job, turn| exit::guarded(|| simplify_one(job, args, &progress, turn)),
         |i, outcome| {
             let path = jobs[i].source.to_string();
             let own = progress.aside(|| show(&out, &path, outcome, &jobs[i], args));
@@ -63,7 +64,12 @@ struct Done {
     clock: Clock,
 }
 
-fn simplify_one(job: &Job, args: &SimplifyArgs, progress: &Progress) -> anyhow::Result<Done> {
+fn simplify_one(
+    job: &Job,
+    args: &SimplifyArgs,
+    progress: &Progress,
+    turn: &Turn<'_>,
+) -> anyhow::Result<Done> {
     if exit::interrupted() {
         return Err(Interrupted.into());
     }
@@ -98,7 +104,7 @@ fn simplify_one(job: &Job, args: &SimplifyArgs, progress: &Progress) -> anyhow::
         },
     };
     let from = loaded.format;
-    let told = simplify_mesh(*loaded, job, args, &mut Watch::new(&mut clock, &bar, deadline))?;
+    let told = simplify_mesh(*loaded, job, args, &mut Watch::new(&mut clock, &bar, deadline), turn)?;
     Ok(done(clock, from, told))
 }
 
@@ -108,6 +114,7 @@ fn simplify_mesh(
     job: &Job,
     args: &SimplifyArgs,
     watch: &mut Watch<'_>,
+    turn: &Turn<'_>,
 ) -> anyhow::Result<(Report, Vec<Warning>)> {
     let Loaded { mesh, regions, mut warnings, .. } = loaded;
     let done = lodsmith::simplify(&mesh, &args.options(), watch);
@@ -119,6 +126,10 @@ fn simplify_mesh(
     orient(&mut lighter, &args.writing);
     set_normals(&mut lighter, args.normals)?;
     if let Some((sink, format)) = &job.output {
+        // Of two textures with one name, that of the earlier input keeps it.
+        if *format == Format::Obj && !regions.libraries().is_empty() && !args.dry_run {
+            turn.wait();
+        }
         let options = file::options(&args.writing, *format, regions);
         warnings.extend(match args.dry_run {
             true => file::losses(&lighter, *format, &options)?,

@@ -102,6 +102,38 @@ struct Sparse<'b> {
     values: Elements<'b>,
 }
 
+/// What an accessor claims to hold.
+pub(super) struct Shape {
+    pub(super) count: usize,
+    pub(super) kind: Component,
+    /// Components of an element.
+    pub(super) width: usize,
+}
+
+impl Shape {
+    pub(super) fn new(accessor: &Value, at: &str) -> Result<Self, ReadError> {
+        let Some(count) = whole(accessor, "count", at)? else {
+            return Err(ReadError::element(at, "count is missing"));
+        };
+        let kind = component(accessor, at)?;
+        let width = match accessor["type"].as_str() {
+            Some("SCALAR") => 1,
+            Some("VEC2") => 2,
+            Some("VEC3") => 3,
+            Some("VEC4") => 4,
+            // Matrices are for skins, which are not read.
+            other => {
+                let other = excerpt(other.unwrap_or("missing"));
+                return Err(ReadError::element(
+                    at,
+                    format!("the type is {other}; SCALAR or VEC2 to VEC4 is needed"),
+                ));
+            }
+        };
+        Ok(Self { count, kind, width })
+    }
+}
+
 /// An accessor whose bounds have been checked.
 pub(super) struct Accessor<'b> {
     pub(super) name: String,
@@ -129,24 +161,7 @@ impl<'b> Accessor<'b> {
     ) -> Result<Self, ReadError> {
         let (accessor, name) = entry(json, "accessors", index, from)?;
         let at = name.as_str();
-        let Some(count) = whole(accessor, "count", at)? else {
-            return Err(ReadError::element(at, "count is missing"));
-        };
-        let kind = component(accessor, at)?;
-        let width = match accessor["type"].as_str() {
-            Some("SCALAR") => 1,
-            Some("VEC2") => 2,
-            Some("VEC3") => 3,
-            Some("VEC4") => 4,
-            // Matrices are for skins, which are not read.
-            other => {
-                let other = excerpt(other.unwrap_or("missing"));
-                return Err(ReadError::element(
-                    at,
-                    format!("the type is {other}; SCALAR or VEC2 to VEC4 is needed"),
-                ));
-            }
-        };
+        let Shape { count, kind, width } = Shape::new(accessor, at)?;
         let size = kind.size() * width;
         let offset = whole(accessor, "byteOffset", at)?.unwrap_or(0);
         let elements = match whole(accessor, "bufferView", at)? {
@@ -247,6 +262,27 @@ impl<'b> Accessor<'b> {
     fn sparse_beyond(&self, i: usize) -> ReadError {
         let count = self.count;
         ReadError::element(self.name.as_str(), format!("the sparse index {i} is beyond the {count} elements"))
+    }
+
+    /// The least and the greatest number of each component, as they are stored; replacements are left out. Numbers that
+    /// are none count as zero, and so do all where there is no element.
+    pub(super) fn bounds(&self) -> (Vec<Value>, Vec<Value>) {
+        let (size, no_bounds) = (self.kind.size(), (f32::INFINITY, f32::NEG_INFINITY));
+        let mut bounds = vec![no_bounds; self.width];
+        for i in 0..self.count {
+            for (k, (min, max)) in bounds.iter_mut().enumerate() {
+                let at = |e: &Elements<'_>| self.kind.number(&e.bytes[i * e.stride + k * size..]);
+                let number = self.elements.as_ref().map_or(0.0, at);
+                let number = if number.is_finite() { number } else { 0.0 };
+                (*min, *max) = (min.min(number), max.max(number));
+            }
+        }
+        let shown = |x: f32| match self.kind {
+            Component::F32 => Value::from(f64::from(x)),
+            _ => Value::from(x as i64),
+        };
+        let bounds = bounds.into_iter().map(|b| if b == no_bounds { (0.0, 0.0) } else { b });
+        bounds.map(|(min, max)| (shown(min), shown(max))).unzip()
     }
 
     /// Its elements as indices.

@@ -11,7 +11,8 @@ use base64::alphabet;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use serde_json::Value;
 
-use super::container::{Document, entry, list, unsupported, whole};
+use super::container::{Document, entry, list, whole};
+use super::unpack;
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
 use crate::read::ReadOptions;
@@ -23,6 +24,8 @@ pub(super) struct Buffers<'a> {
     folder: Option<&'a Path>,
     limit: u64,
     loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
+    /// How many bytes came out of compressed streams.
+    unpacked: usize,
 }
 
 /// A piece of a buffer.
@@ -40,29 +43,32 @@ impl<'a> Buffers<'a> {
             folder: options.folder.as_deref(),
             limit: options.limits.bytes,
             loaded: list(&document.json, "buffers").iter().map(|_| OnceCell::new()).collect(),
+            unpacked: 0,
         }
     }
 
-    /// Buffers whose bytes are all there.
-    pub(super) fn loaded(json: &'a Value, bytes: &'a [Arc<Vec<u8>>]) -> Self {
+    /// Buffers whose bytes are all there; some of them came out of compressed streams.
+    pub(super) fn loaded(json: &'a Value, bytes: &'a [Arc<Vec<u8>>], unpacked: usize) -> Self {
         let cell = |b: &'a Arc<Vec<u8>>| OnceCell::from(Cow::Borrowed(b.as_slice()));
-        Self { json, bin: None, folder: None, limit: 0, loaded: bytes.iter().map(cell).collect() }
+        Self { json, bin: None, folder: None, limit: 0, loaded: bytes.iter().map(cell).collect(), unpacked }
     }
 
-    /// The bytes of every buffer.
+    /// The bytes of every buffer; none for those that are for readers without an extension.
     pub(super) fn load_all(&self) -> Result<Vec<Arc<Vec<u8>>>, ReadError> {
         // Many buffers may name one file.
         let mut known: HashMap<(&str, &Value), Arc<Vec<u8>>> = HashMap::new();
         let (mut all, mut total) = (Vec::new(), 0u64);
+        let fallbacks = unpack::fallbacks(self.json);
         for (i, buffer) in list(self.json, "buffers").iter().enumerate() {
+            if fallbacks.contains(&i) {
+                all.push(Arc::default());
+                continue;
+            }
             let key = buffer["uri"].as_str().map(|uri| (uri, &buffer["byteLength"]));
             let bytes = match key.and_then(|key| known.get(&key)) {
                 Some(bytes) => bytes.clone(),
                 None => {
-                    let bytes = self.bytes(i, "the file").map_err(|e| match fallback(buffer) {
-                        Some(extension) => unsupported(extension),
-                        None => e,
-                    })?;
+                    let bytes = self.bytes(i, "the file")?;
                     total = total.saturating_add(bytes.len() as u64);
                     Arc::new(bytes.to_vec())
                 }
@@ -78,9 +84,11 @@ impl<'a> Buffers<'a> {
         Ok(all)
     }
 
-    /// Bytes of all buffers that have been opened.
+    /// Bytes of all buffers that have been opened, as a measure of what the file may ask for: sixteen that came out of a
+    /// compressed stream count as one.
     pub(super) fn total(&self) -> usize {
-        self.loaded.iter().filter_map(OnceCell::get).map(|b| b.len()).sum()
+        let all: usize = self.loaded.iter().filter_map(OnceCell::get).map(|b| b.len()).sum();
+        all.saturating_sub(self.unpacked) + self.unpacked / 16
     }
 
     /// `bufferViews[index]`, which `from` asks for.
@@ -92,12 +100,7 @@ impl<'a> Buffers<'a> {
         let offset = whole(view, "byteOffset", &name)?.unwrap_or(0);
         let length = whole(view, "byteLength", &name)?
             .ok_or_else(|| ReadError::element(name.as_str(), "byteLength is missing"))?;
-        let compression = fallback(view);
-        let bytes = self.bytes(buffer, &name).map_err(|e| match compression {
-            // The buffer for readers without the extension may be left out.
-            Some(extension) => unsupported(extension),
-            None => e,
-        })?;
+        let bytes = self.bytes(buffer, &name)?;
         let end = offset.checked_add(length);
         let slice = end.and_then(|end| bytes.get(offset..end)).ok_or_else(|| {
             ReadError::element(
@@ -176,13 +179,6 @@ impl<'a> Buffers<'a> {
         std::fs::read(&full)
             .map_err(|e| ReadError::element(name, format!("cannot read the file {shown}: {e}")))
     }
-}
-
-/// Extensions of a buffer or a view whose bytes are for readers without the extension, and may be left out.
-pub(super) const COMPRESSED: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
-
-fn fallback(element: &Value) -> Option<&'static str> {
-    COMPRESSED.into_iter().find(|e| !element["extensions"][e].is_null())
 }
 
 /// The bytes of a `data:` uri, without that word.

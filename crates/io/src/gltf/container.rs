@@ -19,7 +19,12 @@ const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
 const BIN_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
 
 /// Extensions that change where the numbers of a mesh come from, or what types they have, and that are understood.
-const UNDERSTOOD: [&str; 1] = ["KHR_mesh_quantization"];
+const UNDERSTOOD: [&str; 4] = [
+    "KHR_mesh_quantization",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
+    "KHR_draco_mesh_compression",
+];
 
 /// Extensions that say how things look or behave, which is not read anyway; those that begin with `KHR_materials_` too.
 pub(super) const HARMLESS: [&str; 9] = [
@@ -87,23 +92,14 @@ impl<'a> Document<'a> {
                 || name.starts_with("KHR_materials_")
                 || (is_scene && KEPT_IN_SCENES.contains(&name));
             if !fine {
-                return Err(unsupported(name));
+                let name = excerpt(name);
+                return Err(ReadError::Unsupported(format!(
+                    "the file requires the extension {name}: it is not known here"
+                )));
             }
         }
         Ok(())
     }
-}
-
-/// An extension without which the file cannot be read.
-pub(super) fn unsupported(extension: &str) -> ReadError {
-    let extension = excerpt(extension);
-    let advice = match extension.as_str() {
-        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-            "compressed geometry is not decoded here; store the file without compression"
-        }
-        _ => "it is not known here",
-    };
-    ReadError::Unsupported(format!("the file requires the extension {extension}: {advice}"))
 }
 
 /// Splits a GLB into its JSON and its binary chunk.

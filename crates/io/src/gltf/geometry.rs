@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::accessors::{Accessor, Component};
 use super::buffers::Buffers;
-use super::container::{entry, list, unsupported, whole};
+use super::container::{entry, list, whole};
 use super::mesh::TYPES;
 use super::placements::{Affine, Placement};
 use super::primitive::Primitive;
@@ -157,7 +157,7 @@ fn plan(
                 Some(&at) => at,
                 None => {
                     known.insert(key, groups.len());
-                    groups.push(group(json, buffers, primitive, key, &name)?);
+                    groups.push(group(json, buffers, key, &name)?);
                     groups.len() - 1
                 }
             };
@@ -176,15 +176,10 @@ type Key = (usize, Option<usize>, Option<usize>, Option<usize>);
 fn group(
     json: &Value,
     buffers: &Buffers<'_>,
-    primitive: &Value,
     (positions, normals, uvs, colors): Key,
     name: &str,
 ) -> Result<Group, ReadError> {
     let accessor = Accessor::new(json, buffers, positions, name)?;
-    // The accessors of compressed primitives may have nothing to read.
-    if !accessor.has_data() && !primitive["extensions"]["KHR_draco_mesh_compression"].is_null() {
-        return Err(unsupported("KHR_draco_mesh_compression"));
-    }
     let vertices = accessor.count;
     for (what, index, widths) in [
         ("POSITION", Some(positions), 3..=3),

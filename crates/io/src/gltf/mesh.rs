@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::accessors::{Accessor, Component};
 use super::buffers::Buffers;
-use super::container::{list, unsupported, whole};
+use super::container::{list, whole};
 use super::primitive::Primitive;
 use super::slot::Slot;
 use crate::distinct::Distinct;
@@ -150,13 +150,6 @@ fn part(
     let mut vertices = None;
     for (slot, index) in &attributes {
         let accessor = Accessor::new(json, buffers, *index, &name)?;
-        // The accessors of compressed primitives may have nothing to read.
-        if *slot == Slot::Position
-            && !accessor.has_data()
-            && !primitive["extensions"]["KHR_draco_mesh_compression"].is_null()
-        {
-            return Err(unsupported("KHR_draco_mesh_compression"));
-        }
         check(&accessor, slot, &name)?;
         let count = *vertices.get_or_insert(accessor.count);
         if accessor.count != count {

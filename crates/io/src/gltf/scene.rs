@@ -11,9 +11,10 @@ use serde_json::{Value, json};
 use super::accessors::Accessor;
 use super::buffers::{Buffers, relative_path};
 use super::container::{Document, list, list_mut, whole};
+use super::lists::append;
 use super::mesh::{self, Budget};
 use super::placements;
-use super::{inventory, replace};
+use super::{inventory, replace, unpack};
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::read::{Contents, ReadOptions};
@@ -72,8 +73,9 @@ impl Scene {
         document.check_version()?;
         document.check_extensions(true)?;
         let format = if document.is_glb { Format::Glb } else { Format::Gltf };
-        let buffers = Buffers::new(&document, options).load_all()?;
+        let mut buffers = Buffers::new(&document, options).load_all()?;
         let mut json = document.json;
+        let unpacked = unpack::unpack(&mut json, &mut buffers, options.limits.bytes)?;
         for buffer in list_mut(&mut json, "buffers") {
             if let Some(uri) = buffer.get_mut("uri") {
                 *uri = "".into();
@@ -84,7 +86,7 @@ impl Scene {
         let (mut contents, _) = inventory::take(&json, &placed);
         let mut warnings = Vec::new();
         let meshes = {
-            let opened = Buffers::loaded(&json, &buffers);
+            let opened = Buffers::loaded(&json, &buffers, unpacked);
             let mut budget = Budget::new(bytes.len().max(opened.total()));
             let (mut meshes, mut ragged) = (Vec::new(), 0);
             for (i, mesh) in list(&json, "meshes").iter().enumerate() {
@@ -207,20 +209,8 @@ impl Scene {
     }
 }
 
-/// Adds an entry to a list of the file; its number.
-fn append(json: &mut Value, name: &str, entry: Value) -> usize {
-    if !json[name].is_array() {
-        json[name] = json!([]);
-    }
-    let all = json[name].as_array_mut();
-    all.map_or(0, |all| {
-        all.push(entry);
-        all.len() - 1
-    })
-}
-
 /// The type of an image, by its first bytes.
-fn image_type(bytes: &[u8]) -> Option<&'static str> {
+pub(crate) fn image_type(bytes: &[u8]) -> Option<&'static str> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => Some("image/png"),
         [0xff, 0xd8, 0xff, ..] => Some("image/jpeg"),

@@ -1,5 +1,6 @@
 //! From a mesh to a glTF file.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
 
 use base64::Engine;
@@ -10,6 +11,7 @@ use serde_json::{Value, json};
 use super::container::emit;
 use crate::attributes::rounding;
 use crate::error::Warning;
+use crate::obj::{Look, Looks};
 
 /// Numbers that the format gives to types and uses.
 const U8: u32 = 5121;
@@ -19,8 +21,13 @@ const F32: u32 = 5126;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-pub(super) fn write(mesh: &TriMesh, glb: bool, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
-    let mut warnings = Vec::new();
+pub(super) fn write(
+    mesh: &TriMesh,
+    mut looks: Looks,
+    glb: bool,
+    out: &mut dyn Write,
+) -> io::Result<Vec<Warning>> {
+    let mut warnings = std::mem::take(&mut looks.warnings);
     let mut file = File::default();
     // Without attributes, wedges say nothing: the vertices are written as they are.
     let split = mesh.has_attributes() && mesh.vertex_map().is_some();
@@ -57,10 +64,70 @@ pub(super) fn write(mesh: &TriMesh, glb: bool, out: &mut dyn Write) -> io::Resul
     if let Some(colors) = mesh.colors() {
         attributes["COLOR_0"] = file.colors(colors).into();
     }
-    let indices = file.indices(triangles, count);
-    let primitive = json!({ "attributes": attributes, "indices": indices, "mode": 4 });
-    file.finish(primitive, center, glb, out)?;
+    if mesh.uvs().is_none() && !looks.images.is_empty() {
+        let text = "textures are left out: the mesh has no texture coordinates";
+        warnings.push(Warning::lost(text));
+        looks.images.clear();
+        looks.all.iter_mut().for_each(|look| (look.color_image, look.normal_image) = (None, None));
+    }
+    let mut primitives = Vec::new();
+    for (look, triangles) in by_look(mesh, &looks, triangles) {
+        let indices = file.indices(&triangles, count);
+        let mut primitive = json!({ "attributes": attributes, "indices": indices, "mode": 4 });
+        if let Some(look) = look {
+            primitive["material"] = look.into();
+        }
+        primitives.push(primitive);
+    }
+    file.finish(primitives, &looks, center, glb, out)?;
     Ok(warnings)
+}
+
+/// A material, if there is one, and the triangles that have it.
+type Group<'t> = (Option<usize>, Cow<'t, [[u32; 3]]>);
+
+/// The triangles of each material, in the order of the file; materials in the order in which they first appear.
+fn by_look<'t>(mesh: &TriMesh, looks: &Looks, triangles: &'t [[u32; 3]]) -> Vec<Group<'t>> {
+    let of_region = |region: usize| looks.of_region.get(region).copied().flatten();
+    let Some(regions) = mesh.regions().filter(|_| looks.all.len() > 1 || looks.of_region.contains(&None))
+    else {
+        return vec![(of_region(0), Cow::Borrowed(triangles))];
+    };
+    // The last place is for faces without a material.
+    let mut groups: Vec<Vec<[u32; 3]>> = vec![Vec::new(); looks.all.len() + 1];
+    for (&triangle, region) in triangles.iter().zip(regions) {
+        groups[of_region(region.index()).unwrap_or(looks.all.len())].push(triangle);
+    }
+    let look = |at: usize| (at < looks.all.len()).then_some(at);
+    let all = groups.into_iter().enumerate().filter(|(_, g)| !g.is_empty());
+    let mut all: Vec<Group<'t>> = all.map(|(at, g)| (look(at), Cow::Owned(g))).collect();
+    if all.is_empty() {
+        all.push((None, Cow::Borrowed(triangles)));
+    }
+    all
+}
+
+/// A material as glTF has it.
+fn material(look: &Look) -> Value {
+    let [r, g, b] = if look.color_image.is_some() { [1.0; 3] } else { look.color };
+    let mut surface = json!({ "metallicFactor": look.metalness, "roughnessFactor": look.roughness });
+    if [r, g, b, look.alpha] != [1.0; 4] {
+        surface["baseColorFactor"] = json!([r, g, b, look.alpha]);
+    }
+    if let Some(image) = look.color_image {
+        surface["baseColorTexture"] = json!({ "index": image });
+    }
+    let mut material = json!({ "name": look.name, "pbrMetallicRoughness": surface });
+    if let Some(image) = look.normal_image {
+        material["normalTexture"] = json!({ "index": image });
+    }
+    if look.emission != [0.0; 3] {
+        material["emissiveFactor"] = json!(look.emission);
+    }
+    if look.alpha < 1.0 {
+        material["alphaMode"] = "BLEND".into();
+    }
+    material
 }
 
 /// What the node's translation takes from double positions: the middle of their box, if that is far out for its size.
@@ -182,8 +249,9 @@ impl File {
     }
 
     fn finish(
-        self,
-        primitive: Value,
+        mut self,
+        primitives: Vec<Value>,
+        looks: &Looks,
         center: Option<[f64; 3]>,
         glb: bool,
         out: &mut dyn Write,
@@ -192,21 +260,37 @@ impl File {
         if let Some(center) = center {
             node["translation"] = json!(center);
         }
+        let mut images = Vec::new();
+        for image in &looks.images {
+            let start = self.bytes.len();
+            self.bytes.extend_from_slice(&image.bytes);
+            self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+            images
+                .push(json!({ "name": image.name, "mimeType": image.kind, "bufferView": self.views.len() }));
+            self.views.push(json!({ "buffer": 0, "byteOffset": start, "byteLength": image.bytes.len() }));
+        }
         let mut buffer = json!({ "byteLength": self.bytes.len() });
         if !glb {
             buffer["uri"] =
                 format!("data:application/octet-stream;base64,{}", STANDARD.encode(&self.bytes)).into();
         }
-        let json = json!({
+        let mut json = json!({
             "asset": { "version": "2.0", "generator": "lodsmith" },
             "scene": 0,
             "scenes": [{ "nodes": [0] }],
             "nodes": [node],
-            "meshes": [{ "primitives": [primitive] }],
+            "meshes": [{ "primitives": primitives }],
             "accessors": self.accessors,
             "bufferViews": self.views,
             "buffers": [buffer],
         });
+        if !looks.all.is_empty() {
+            json["materials"] = looks.all.iter().map(material).collect();
+        }
+        if !images.is_empty() {
+            json["textures"] = (0..images.len()).map(|image| json!({ "source": image })).collect();
+            json["images"] = images.into();
+        }
         emit(&json, &self.bytes, glb, out)
     }
 }

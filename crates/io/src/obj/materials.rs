@@ -158,12 +158,12 @@ pub(super) fn texture_in(line: &[u8]) -> Option<Range<usize>> {
     Some(begin..begin + path.len())
 }
 
-fn is_number(word: &[u8]) -> bool {
+pub(super) fn is_number(word: &[u8]) -> bool {
     std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok())
 }
 
 /// Where the next word stands, and where it ends.
-fn next_word(text: &[u8]) -> Option<(Range<usize>, usize)> {
+pub(super) fn next_word(text: &[u8]) -> Option<(Range<usize>, usize)> {
     let begin = text.iter().position(|b| !b.is_ascii_whitespace())?;
     let length = text[begin..].iter().position(u8::is_ascii_whitespace).unwrap_or(text.len() - begin);
     Some((begin..begin + length, begin + length))

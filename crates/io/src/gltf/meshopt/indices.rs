@@ -1,0 +1,229 @@
+//! Indices: of triangles that lie near one another, and of any kind.
+
+use super::{ENDS, Input, zigzag};
+
+/// Entries that the last sixteen remember.
+const MEMORY: usize = 16;
+
+const UNKNOWN: &str = "is damaged: a triangle refers to more than came before it";
+
+/// The last sixteen of something, the latest first.
+struct Latest<T> {
+    entries: [Option<T>; MEMORY],
+    next: usize,
+}
+
+impl<T: Copy> Latest<T> {
+    const fn new() -> Self {
+        Self { entries: [None; MEMORY], next: 0 }
+    }
+
+    fn push(&mut self, entry: T) {
+        self.entries[self.next] = Some(entry);
+        self.next = (self.next + 1) % MEMORY;
+    }
+
+    /// The entry before so many others.
+    fn get(&self, back: u8) -> Result<T, &'static str> {
+        let at = (self.next + 2 * MEMORY - 1 - usize::from(back)) % MEMORY;
+        self.entries[at].ok_or(UNKNOWN)
+    }
+}
+
+/// What is known after each triangle.
+struct State<'b> {
+    data: Input<'b>,
+    edges: Latest<[u32; 2]>,
+    vertices: Latest<u32>,
+    /// The first index that has not been used.
+    next: u32,
+    /// The last one that stood in the data.
+    last: u32,
+}
+
+impl State<'_> {
+    fn fresh(&mut self) -> u32 {
+        self.next = self.next.wrapping_add(1);
+        self.next.wrapping_sub(1)
+    }
+
+    fn explicit(&mut self) -> Result<u32, &'static str> {
+        self.last = self.last.wrapping_add(zigzag(self.data.number()?));
+        Ok(self.last)
+    }
+
+    /// A corner: a fresh index for 0, one of the data for 15, else one of the latest. Whether it is new to these.
+    fn corner(&mut self, code: u8) -> Result<(u32, bool), &'static str> {
+        Ok(match code {
+            0 => (self.fresh(), true),
+            15 => (self.explicit()?, true),
+            n => (self.vertices.get(n - 1)?, false),
+        })
+    }
+
+    /// A triangle beside one of the latest edges.
+    fn beside(&mut self, edge: u8, code: u8) -> Result<[u32; 3], &'static str> {
+        let [a, b] = self.edges.get(edge)?;
+        let (c, is_new) = match code {
+            0 => (self.fresh(), true),
+            1..=12 => (self.vertices.get(code)?, false),
+            15 => (self.explicit()?, true),
+            near => {
+                let step = if near == 13 { u32::MAX } else { 1 };
+                self.last = self.last.wrapping_add(step);
+                (self.last, true)
+            }
+        };
+        self.edges.push([c, b]);
+        self.edges.push([a, c]);
+        if is_new {
+            self.vertices.push(c);
+        }
+        Ok([a, b, c])
+    }
+
+    /// A triangle whose first corner is fresh, or stands in the data.
+    fn alone(&mut self, first: u8, others: u8) -> Result<[u32; 3], &'static str> {
+        let (a, _) = self.corner(first)?;
+        let (b, b_is_new) = self.corner(others >> 4)?;
+        let (c, c_is_new) = self.corner(others & 15)?;
+        [[b, a], [c, b], [a, c]].into_iter().for_each(|edge| self.edges.push(edge));
+        for (corner, _) in [(a, true), (b, b_is_new), (c, c_is_new)].into_iter().filter(|(_, is_new)| *is_new)
+        {
+            self.vertices.push(corner);
+        }
+        Ok([a, b, c])
+    }
+}
+
+/// The indices of `count` triangles.
+pub(super) fn triangles(stream: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
+    let (codes, rest) = after_header(stream, 0xe1)?.split_at_checked(count).ok_or(ENDS)?;
+    let (data, table) = rest.split_last_chunk::<16>().ok_or(ENDS)?;
+    if table[14..] != [0, 0] || table.iter().any(|t| t >> 4 == 15 || t & 15 == 15) {
+        return Err("is damaged: the table at the end of its compressed bytes is none");
+    }
+    let mut state = State {
+        data: Input { bytes: data },
+        edges: Latest::new(),
+        vertices: Latest::new(),
+        next: 0,
+        last: 0,
+    };
+    let mut out = Vec::with_capacity(3 * codes.len());
+    for code in codes {
+        let triangle = match (code >> 4, code & 15) {
+            (15, how @ 14..) => {
+                let others = state.data.byte()?;
+                if others == 0 {
+                    state.next = 0;
+                }
+                state.alone(if how == 14 { 0 } else { 15 }, others)?
+            }
+            (15, at) => state.alone(0, table[usize::from(at)])?,
+            (edge, third) => state.beside(edge, third)?,
+        };
+        out.extend(triangle);
+    }
+    state.data.end()?;
+    Ok(out)
+}
+
+/// `count` indices of any kind.
+pub(super) fn sequence(stream: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
+    // Zeros at the end let a decoder read on.
+    let (body, _) = after_header(stream, 0xd1)?.split_last_chunk::<4>().ok_or(ENDS)?;
+    if count > body.len() {
+        return Err(ENDS);
+    }
+    let mut input = Input { bytes: body };
+    let mut last = [0u32; 2];
+    let mut out = Vec::with_capacity(count);
+    for _ in 0..count {
+        let number = input.number()?;
+        let base = &mut last[(number & 1) as usize];
+        *base = base.wrapping_add(zigzag(number >> 1));
+        out.push(*base);
+    }
+    input.end()?;
+    Ok(out)
+}
+
+fn after_header(stream: &[u8], header: u8) -> Result<&[u8], &'static str> {
+    match stream.split_first() {
+        Some((first, rest)) if *first == header => Ok(rest),
+        Some(_) => Err("is damaged: its compressed bytes begin with no known version"),
+        None => Err(ENDS),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::GOES_ON;
+    use super::*;
+
+    fn stream(codes: &[u8], data: &[u8]) -> Vec<u8> {
+        let mut table = [0u8; 16];
+        table[1] = 0x10;
+        [&[0xe1], codes, data, &table].concat()
+    }
+
+    #[test]
+    fn triangles_of_all_kinds() {
+        let codes = [
+            0xf0, // three fresh ones: 0 1 2
+            0x00, // beside the edge (0, 2), fresh 3: the edges (3, 2) and (0, 3)
+            0x02, // beside (0, 3), the third of the latest vertices: 1
+            0xf1, // fresh 4, the latest vertex 3, fresh 5
+            0x0f, // beside (4, 5), 20 out of the data
+            0x0d, // beside (4, 20), 19
+            0x0e, // beside (4, 19), 20
+            0xfe, // others of the data: fresh 6, 7 out of the data, the second latest vertex: 19
+            0xff, // 9 out of the data, and the sequence from the begin: 0, 1
+        ];
+        let data = [40, 0xf2, 25, 0x00, 4];
+        let got = triangles(&stream(&codes, &data), codes.len()).unwrap();
+        let wanted = [
+            [0, 1, 2],
+            [0, 2, 3],
+            [0, 3, 1],
+            [4, 3, 5],
+            [4, 5, 20],
+            [4, 20, 19],
+            [4, 19, 20],
+            [6, 7, 19],
+            [9, 0, 1],
+        ];
+        assert_eq!(got, wanted.as_flattened());
+    }
+
+    #[test]
+    fn what_was_not_there_before() {
+        for codes in [&[0x00][..], &[0xf1], &[0xf0, 0x30], &[0xf0, 0x04]] {
+            assert_eq!(triangles(&stream(codes, &[]), codes.len()), Err(UNKNOWN), "{codes:x?}");
+        }
+    }
+
+    #[test]
+    fn too_short_and_too_long() {
+        let whole = stream(&[0xf0, 0x0f], &[4]);
+        assert_eq!(triangles(&whole, 2).unwrap(), [0, 1, 2, 0, 2, 2]);
+        assert_eq!(triangles(&whole, usize::MAX), Err(ENDS));
+        assert!(triangles(&whole, 1).is_err());
+        assert!((0..whole.len()).all(|end| triangles(&whole[..end], 2).is_err()));
+        assert_eq!(triangles(&stream(&[0xf0], &[7]), 1), Err(GOES_ON));
+        let mut odd = whole;
+        *odd.last_mut().unwrap() = 1;
+        assert!(triangles(&odd, 2).unwrap_err().contains("table"));
+    }
+
+    #[test]
+    fn two_sequences_in_one() {
+        // 1000 above the second base, 3 and -2 above the first.
+        let bytes = [0xd1, 0xa1, 0x1f, 0x0c, 0x06, 0, 0, 0, 0];
+        assert_eq!(sequence(&bytes, 3).unwrap(), [1000, 3, 1]);
+        assert_eq!(sequence(&bytes, 2), Err(GOES_ON));
+        assert_eq!(sequence(&bytes, 4), Err(ENDS));
+        assert!((0..bytes.len()).all(|end| sequence(&bytes[..end], 3).is_err()));
+    }
+}

@@ -1,0 +1,166 @@
+//! New accessors and their bytes, until they have a place in the file.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::ops::Range;
+
+use serde_json::Value;
+
+use super::super::accessors::Component;
+use super::super::container::list;
+use super::super::encode::{Encoded, Kind};
+use super::{Edit, INDICES, VERTICES};
+
+/// A new accessor.
+pub(super) struct Piece {
+    pub(super) spot: Spot,
+    /// The accessor that stood there.
+    pub(super) old: Option<usize>,
+    pub(super) kind: Kind,
+    pub(super) width: usize,
+    pub(super) count: usize,
+    pub(super) min: Vec<Value>,
+    pub(super) max: Vec<Value>,
+    pub(super) data: Data,
+}
+
+/// Where an accessor is named.
+pub(super) struct Spot {
+    pub(super) mesh: usize,
+    pub(super) primitive: usize,
+    pub(super) part: Part,
+}
+
+impl Spot {
+    /// The attribute that is named here.
+    pub(super) fn attribute(&self) -> Option<String> {
+        match &self.part {
+            Part::Attribute(name) => Some(name.clone()),
+            Part::Indices | Part::Target(..) => None,
+        }
+    }
+}
+
+pub(super) enum Part {
+    Indices,
+    Attribute(String),
+    Target(usize, String),
+}
+
+/// Where the numbers of an accessor are.
+pub(super) enum Data {
+    /// All are zero.
+    Nowhere,
+    /// In this earlier piece, which takes the place of the same accessor.
+    Shared(usize),
+    Dense(Stretch),
+    /// Those that are not zero: how many, the type of their indices, these, and the numbers.
+    Sparse(usize, Component, [Stretch; 2]),
+}
+
+/// Some of the new bytes: a view.
+pub(super) struct Stretch {
+    pub(super) bytes: Range<usize>,
+    pub(super) stride: Option<usize>,
+    pub(super) target: Option<u32>,
+}
+
+impl Edit<'_> {
+    /// Appends bytes, on a step of 4.
+    fn append(&mut self, bytes: &[u8]) -> Range<usize> {
+        let start = self.fresh.len().next_multiple_of(4);
+        self.fresh.resize(start, 0);
+        self.fresh.extend_from_slice(bytes);
+        start..self.fresh.len()
+    }
+
+    pub(super) fn dense(&mut self, spot: Spot, old: Option<usize>, encoded: Encoded, target: Option<u32>) {
+        let tight = encoded.kind.component.size() * encoded.width;
+        let bytes = self.append(&encoded.bytes);
+        let stride = (encoded.stride != tight).then_some(encoded.stride);
+        let count = bytes.len() / encoded.stride;
+        self.piece(spot, old, encoded, count, Data::Dense(Stretch { bytes, stride, target }));
+    }
+
+    pub(super) fn nowhere(&mut self, spot: Spot, old: Option<usize>, encoded: Encoded, count: usize) {
+        self.piece(spot, old, encoded, count, Data::Nowhere);
+    }
+
+    /// What a morph target adds: sparse where it was so and still few are not zero.
+    pub(super) fn target(&mut self, spot: Spot, old: Option<usize>, encoded: Encoded, values: &[f32]) {
+        let width = encoded.width;
+        let count = values.len() / width;
+        let before = old.and_then(|i| list(self.source, "accessors").get(i)).unwrap_or(&Value::Null);
+        let was_sparse = before["bufferView"].is_null();
+        let is_tight = encoded.stride == encoded.kind.component.size() * width;
+        let moved: Vec<usize> =
+            (0..count).filter(|i| values[i * width..][..width].iter().any(|x| *x != 0.0)).collect();
+        // Guessed: beyond a third, the indices cost as much as they save.
+        if !was_sparse || !is_tight || moved.len() * 3 > count {
+            return self.dense(spot, old, encoded, Some(VERTICES));
+        }
+        if moved.is_empty() {
+            return self.nowhere(spot, old, encoded, count);
+        }
+        let is_small = count <= usize::from(u16::MAX);
+        let mut indices = Vec::new();
+        for &i in &moved {
+            if is_small {
+                indices.extend_from_slice(&(i as u16).to_le_bytes());
+            } else {
+                indices.extend_from_slice(&(i as u32).to_le_bytes());
+            }
+        }
+        let stride = encoded.stride;
+        let numbers: Vec<u8> =
+            moved.iter().flat_map(|i| encoded.bytes[i * stride..][..stride].iter().copied()).collect();
+        let views = [indices, numbers].map(|bytes| {
+            let bytes = self.append(&bytes);
+            Stretch { bytes, stride: None, target: None }
+        });
+        let component = if is_small { Component::U16 } else { Component::U32 };
+        self.piece(spot, old, encoded, count, Data::Sparse(moved.len(), component, views));
+    }
+
+    pub(super) fn indices(&mut self, spot: Spot, old: Option<usize>, indices: &[u32], vertices: usize) {
+        // The largest number of a type is not an index.
+        let is_small = vertices <= usize::from(u16::MAX);
+        let component = if is_small { Component::U16 } else { Component::U32 };
+        let mut bytes = Vec::with_capacity(indices.len() * component.size());
+        for i in indices {
+            if is_small {
+                bytes.extend_from_slice(&(*i as u16).to_le_bytes());
+            } else {
+                bytes.extend_from_slice(&i.to_le_bytes());
+            }
+        }
+        let bound = |x: Option<&u32>| vec![x.copied().unwrap_or(0).into()];
+        let (min, max) = (bound(indices.iter().min()), bound(indices.iter().max()));
+        let kind = Kind { component, normalized: false };
+        let bytes = self.append(&bytes);
+        let data = Data::Dense(Stretch { bytes, stride: None, target: Some(INDICES) });
+        self.push(Piece { spot, old, kind, width: 1, count: indices.len(), min, max, data });
+    }
+
+    fn piece(&mut self, spot: Spot, old: Option<usize>, encoded: Encoded, count: usize, data: Data) {
+        let Encoded { kind, width, min, max, .. } = encoded;
+        self.push(Piece { spot, old, kind, width, count, min, max, data });
+    }
+
+    /// Adds a piece whose bytes were appended last. What primitives shared and is still equal, they share again.
+    fn push(&mut self, mut piece: Piece) {
+        let next = self.pieces.len();
+        if let (Some(old), Data::Dense(stretch)) = (piece.old, &piece.data) {
+            let mut hasher = DefaultHasher::new();
+            self.fresh[stretch.bytes.clone()].hash(&mut hasher);
+            let twin = *self.known.entry((old, hasher.finish())).or_insert(next);
+            if let Some(Piece { kind, width, data: Data::Dense(other), .. }) = self.pieces.get(twin)
+                && (*kind, *width) == (piece.kind, piece.width)
+                && self.fresh[other.bytes.clone()] == self.fresh[stretch.bytes.clone()]
+            {
+                self.fresh.truncate(stretch.bytes.start);
+                piece.data = Data::Shared(twin);
+            }
+        }
+        self.pieces.push(piece);
+    }
+}

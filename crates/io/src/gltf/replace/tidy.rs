@@ -1,0 +1,122 @@
+//! What has become empty goes: attributes, primitives, meshes and what refers to them.
+
+use std::collections::{BTreeSet, HashSet};
+
+use serde_json::Value;
+
+use super::super::container::{list, list_mut, number};
+use super::super::lists::{drop_nulls, retain, take_extension};
+use super::Edit;
+use crate::error::Warning;
+
+/// Some of many names, and how many there are beside these.
+fn first_few(names: &[String]) -> String {
+    // Guessed: enough to know which part of a scene it is.
+    const SHOWN: usize = 3;
+    let shown = names[..names.len().min(SHOWN)].join(", ");
+    match names.len().saturating_sub(SHOWN) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
+impl Edit<'_> {
+    /// Takes away what is still empty: attributes, primitives, meshes.
+    pub(super) fn tidy(&mut self) {
+        match self.emptied.as_slice() {
+            [] => {}
+            [name] => {
+                let text = format!("{name} has no face any more: left out, with its material");
+                self.warnings.push(Warning::lost(text));
+            }
+            names => self.warnings.push(Warning::lost(format!(
+                "{} primitives have no face any more: left out, with their materials: {}",
+                names.len(),
+                first_few(names)
+            ))),
+        }
+        let mut emptied = BTreeSet::new();
+        for (m, mesh) in list_mut(&mut self.json, "meshes").iter_mut().enumerate() {
+            let Some(primitives) = mesh.get_mut("primitives").and_then(Value::as_array_mut) else { continue };
+            let before = primitives.len();
+            primitives.retain(|p| !p.is_null());
+            if primitives.is_empty() && before > 0 {
+                emptied.insert(m);
+            }
+            for primitive in primitives.iter_mut().filter_map(Value::as_object_mut) {
+                if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) {
+                    drop_nulls(attributes);
+                }
+                let targets = primitive.get_mut("targets").and_then(Value::as_array_mut);
+                targets.into_iter().flatten().filter_map(Value::as_object_mut).for_each(drop_nulls);
+                if primitive.get("indices").is_some_and(Value::is_null) {
+                    primitive.shift_remove("indices");
+                }
+            }
+        }
+        self.remove_skins();
+        if !emptied.is_empty() {
+            self.remove_meshes(&emptied);
+        }
+    }
+
+    /// Takes the skin off nodes whose mesh has lost its joints.
+    fn remove_skins(&mut self) {
+        let has_joints =
+            |mesh: &Value| list(mesh, "primitives").iter().any(|p| !p["attributes"]["JOINTS_0"].is_null());
+        let meshes = list(self.source, "meshes").iter().zip(list(&self.json, "meshes"));
+        let stiff: Vec<bool> = meshes.map(|(before, now)| has_joints(before) && !has_joints(now)).collect();
+        for node in list_mut(&mut self.json, "nodes").iter_mut().filter_map(Value::as_object_mut) {
+            let mesh = node.get("mesh").and_then(number);
+            if mesh.is_some_and(|m| stiff.get(m) == Some(&true)) {
+                node.shift_remove("skin");
+            }
+        }
+    }
+
+    /// Takes meshes without primitives away, and all that nodes and animations say of them.
+    fn remove_meshes(&mut self, emptied: &BTreeSet<usize>) {
+        let names: Vec<String> = emptied.iter().map(|m| format!("meshes[{m}]")).collect();
+        self.warnings.push(Warning::lost(match names.as_slice() {
+            [name] => format!("{name} has no face any more: left out, and its nodes are empty"),
+            _ => format!(
+                "{} meshes have no face any more: left out, and their nodes are empty: {}",
+                names.len(),
+                first_few(&names)
+            ),
+        }));
+        let mut bare = HashSet::new();
+        for (n, node) in list_mut(&mut self.json, "nodes").iter_mut().enumerate() {
+            let Some(mesh) = node.get("mesh").and_then(number) else { continue };
+            if !emptied.contains(&mesh) {
+                node["mesh"] = (mesh - emptied.range(..mesh).count()).into();
+                continue;
+            }
+            bare.insert(n);
+            take_extension(node, "EXT_mesh_gpu_instancing");
+            if let Some(node) = node.as_object_mut() {
+                ["mesh", "skin", "weights"].iter().for_each(|key| drop(node.shift_remove(*key)));
+            }
+        }
+        // Nothing is left that such a channel could morph.
+        let is_idle = |channel: &Value| {
+            let target = &channel["target"];
+            target["path"] == "weights" && number(&target["node"]).is_some_and(|n| bare.contains(&n))
+        };
+        for animation in list_mut(&mut self.json, "animations") {
+            if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
+                let before = channels.len();
+                channels.retain(|c| !is_idle(c));
+                if channels.is_empty() && before > 0 {
+                    *animation = Value::Null;
+                }
+            }
+        }
+        for (name, is_gone) in [
+            ("meshes", &(|i: usize, _: &Value| emptied.contains(&i)) as &dyn Fn(usize, &Value) -> bool),
+            ("animations", &|_, v| v.is_null()),
+        ] {
+            retain(&mut self.json, name, is_gone);
+        }
+    }
+}

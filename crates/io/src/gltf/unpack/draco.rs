@@ -1,0 +1,310 @@
+//! Primitives whose vertices and triangles are a stream of Draco.
+
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::sync::Arc;
+
+use draco_core::{DecodeLimits, DecoderBuffer, Mesh, MeshDecoder};
+use serde_json::{Map, Value, json};
+
+use super::super::accessors::{Component, Shape};
+use super::super::buffers::Buffers;
+use super::super::container::{entry, list, list_mut, number, whole};
+use super::super::encode::{Encoded, Kind, encode, settle_weights};
+use super::super::lists::{append, put, renumber, span, take_extension};
+use super::super::mesh::TYPES;
+use super::super::references::{Named, each_reference, views_of};
+use super::{DRACO, Fresh, Room};
+use crate::error::ReadError;
+
+/// What views are for.
+const VERTICES: u32 = 34962;
+const INDICES: u32 = 34963;
+
+/// A compressed primitive.
+struct Job {
+    mesh: usize,
+    primitive: usize,
+    /// For messages.
+    name: String,
+    view: usize,
+    /// Attributes in the stream: names, their accessors and their numbers there.
+    attributes: Vec<(String, usize, u32)>,
+    indices: Option<usize>,
+}
+
+/// A part of a stream: the indices, or the attribute of this number.
+type Part = (usize, Option<u32>);
+
+/// Decodes the primitives that are compressed.
+pub(super) fn unpack(
+    json: &mut Value,
+    buffers: &mut Vec<Arc<Vec<u8>>>,
+    room: &mut Room,
+) -> Result<(), ReadError> {
+    let mut jobs = Vec::new();
+    for (m, mesh) in list(json, "meshes").iter().enumerate() {
+        for (p, primitive) in list(mesh, "primitives").iter().enumerate() {
+            if !primitive["extensions"][DRACO].is_null() {
+                jobs.push(Job::new(primitive, (m, p))?);
+            }
+        }
+    }
+    if jobs.is_empty() {
+        return Ok(());
+    }
+    // Primitives that share a stream stand together.
+    jobs.sort_by_key(|job| job.view);
+
+    let mut out = Out::new(json, &jobs);
+    let mut latest: Option<(usize, Mesh)> = None;
+    for job in &jobs {
+        let mesh = match latest.take() {
+            Some((view, mesh)) if view == job.view => mesh,
+            _ => decode(json, buffers, job, room)?,
+        };
+        out.add(json, job, &mesh, room)?;
+        latest = Some((job.view, mesh));
+    }
+    out.finish(json, buffers);
+    Ok(())
+}
+
+impl Job {
+    fn new(primitive: &Value, (mesh, at): (usize, usize)) -> Result<Self, ReadError> {
+        let name = format!("meshes[{mesh}].primitives[{at}]");
+        let extension = &primitive["extensions"][DRACO];
+        let mode = whole(primitive, "mode", &name)?.unwrap_or(4);
+        if mode != 4 && mode != 5 {
+            let problem = format!("the mode is {mode}; {DRACO} is for triangles (4) and strips (5)");
+            return Err(ReadError::element(name, problem));
+        }
+        let Some(view) = whole(extension, "bufferView", &name)? else {
+            return Err(ReadError::element(name, format!("{DRACO} names no bufferView")));
+        };
+        let mut attributes = Vec::new();
+        for (key, _) in primitive["attributes"].as_object().into_iter().flatten() {
+            let id = whole(&extension["attributes"], key, &name)?.map(u32::try_from);
+            if let (Some(Ok(id)), Some(accessor)) = (id, whole(&primitive["attributes"], key, &name)?) {
+                attributes.push((key.clone(), accessor, id));
+            }
+        }
+        let indices = whole(primitive, "indices", &name)?;
+        Ok(Self { mesh, primitive: at, name, view, attributes, indices })
+    }
+}
+
+/// The mesh of a stream, within what may still be decoded.
+fn decode(json: &Value, buffers: &[Arc<Vec<u8>>], job: &Job, room: &Room) -> Result<Mesh, ReadError> {
+    let opened = Buffers::loaded(json, buffers, 0);
+    let view = opened.view(job.view, &job.name)?;
+    let limits = DecodeLimits::default()
+        .with_max_faces(room.left() / 12)
+        .with_max_points(room.left() / 4)
+        .with_max_decoded_bytes(room.left());
+    let mut mesh = Mesh::new();
+    let mut stream = DecoderBuffer::new(view.bytes).with_limits(limits);
+    MeshDecoder::new()
+        .decode(&mut stream, &mut mesh)
+        .map_err(|e| ReadError::element(view.name, format!("its Draco stream cannot be decoded: {e}")))?;
+    Ok(mesh)
+}
+
+/// The file as it grows plain.
+struct Out {
+    fresh: Fresh,
+    /// The accessor of each part that has one.
+    known: HashMap<(Part, usize), usize>,
+    /// Accessors that parts have taken, and those that something else names.
+    taken: HashSet<usize>,
+    plain: HashSet<usize>,
+    /// Views that may have become free.
+    loose: BTreeSet<usize>,
+}
+
+impl Out {
+    fn new(json: &Value, jobs: &[Job]) -> Self {
+        let mut others = json.clone();
+        for job in jobs {
+            let primitive = &mut others["meshes"][job.mesh]["primitives"][job.primitive];
+            primitive["indices"] = Value::Null;
+            for (key, ..) in &job.attributes {
+                primitive["attributes"][key] = Value::Null;
+            }
+        }
+        let mut plain = HashSet::new();
+        each_reference(&mut others, &mut |named, value| {
+            if named == Named::Accessor {
+                plain.extend(number(value));
+            }
+        });
+        let loose = jobs.iter().map(|job| job.view).collect();
+        Self { fresh: Fresh::default(), known: HashMap::new(), taken: HashSet::new(), plain, loose }
+    }
+
+    /// Makes accessors of what a primitive has in a stream.
+    fn add(&mut self, json: &mut Value, job: &Job, mesh: &Mesh, room: &mut Room) -> Result<(), ReadError> {
+        let vertices = mesh.num_points();
+        let mut weights = weights(json, job, mesh);
+        for (key, accessor, id) in &job.attributes {
+            let part = (job.view, Some(*id));
+            let at = match self.known.get(&(part, *accessor)) {
+                Some(at) => *at,
+                None => {
+                    let (source, name) = entry(json, "accessors", *accessor, &job.name)?;
+                    let shape = Shape::new(source, &name)?;
+                    // A stream splits vertices at seams, so there may be more than the accessor claims.
+                    if shape.count > vertices {
+                        let problem = format!(
+                            "claims {} elements, but the Draco stream of {} has {vertices} vertices",
+                            shape.count, job.name
+                        );
+                        return Err(ReadError::element(name, problem));
+                    }
+                    let Some(attribute) = mesh.attribute_by_unique_id(*id) else {
+                        let problem =
+                            format!("{key} is said to be attribute {id} of the Draco stream, which has none");
+                        return Err(ReadError::element(job.name.as_str(), problem));
+                    };
+                    let width = usize::from(attribute.num_components());
+                    if width != shape.width {
+                        let type_name = TYPES[shape.width];
+                        let problem =
+                            format!("is of type {type_name}, but the Draco stream has {width} numbers");
+                        return Err(ReadError::element(name, problem));
+                    }
+                    room.take((vertices as u64).saturating_mul(width as u64 * 4))?;
+                    let kind = Kind { component: shape.kind, normalized: false };
+                    let settled = weights.remove(key);
+                    let values = settled.unwrap_or_else(|| attribute.read_f32s(vertices, width));
+                    let encoded = encode(&values, width, kind, true);
+                    let tight = shape.kind.size() * width;
+                    let stride = (encoded.stride != tight).then_some(encoded.stride);
+                    let view = json!({ "buffer": 0, "byteLength": encoded.bytes.len(), "target": VERTICES });
+                    self.accessor(json, (part, *accessor), view, stride, encoded, vertices)
+                }
+            };
+            json["meshes"][job.mesh]["primitives"][job.primitive]["attributes"][key] = at.into();
+        }
+        let at = self.indices(json, job, mesh, room)?;
+        let primitive = &mut json["meshes"][job.mesh]["primitives"][job.primitive];
+        primitive["indices"] = at.into();
+        // Strips are triangles in the stream.
+        if !primitive["mode"].is_null() {
+            primitive["mode"] = 4.into();
+        }
+        take_extension(primitive, DRACO);
+        Ok(())
+    }
+
+    fn indices(
+        &mut self,
+        json: &mut Value,
+        job: &Job,
+        mesh: &Mesh,
+        room: &mut Room,
+    ) -> Result<usize, ReadError> {
+        let part = (job.view, None);
+        let accessor = match job.indices {
+            Some(accessor) => accessor,
+            None => {
+                let plain = json!({ "componentType": Component::U32.code(), "count": 0, "type": "SCALAR" });
+                append(json, "accessors", plain)
+            }
+        };
+        if let Some(at) = self.known.get(&(part, accessor)) {
+            return Ok(*at);
+        }
+        let (source, name) = entry(json, "accessors", accessor, &job.name)?;
+        let shape = Shape::new(source, &name)?;
+        room.take((mesh.num_faces() as u64).saturating_mul(12))?;
+        let corners: Vec<u32> = mesh.faces().iter().flatten().map(|point| point.0).collect();
+        let most = corners.iter().max().copied().unwrap_or(0);
+        let component = match shape.kind {
+            // The largest number of a type is not an index.
+            Component::U8 if most < u8::MAX.into() => Component::U8,
+            Component::U8 | Component::U16 if most < u16::MAX.into() => Component::U16,
+            _ => Component::U32,
+        };
+        let size = component.size();
+        let bytes: Vec<u8> = corners.iter().flat_map(|i| i.to_le_bytes().into_iter().take(size)).collect();
+        let bound = |x: Option<&u32>| vec![x.copied().unwrap_or(0).into()];
+        let (min, max) = (bound(corners.iter().min()), bound(corners.iter().max()));
+        let kind = Kind { component, normalized: false };
+        let encoded = Encoded { kind, width: 1, stride: size, bytes, min, max };
+        let view = json!({ "buffer": 0, "byteLength": encoded.bytes.len(), "target": INDICES });
+        Ok(self.accessor(json, (part, accessor), view, None, encoded, corners.len()))
+    }
+
+    /// Puts a part in the place of an accessor, or behind all if others need that one as it is; its number.
+    fn accessor(
+        &mut self,
+        json: &mut Value,
+        (part, accessor): (Part, usize),
+        mut view: Value,
+        stride: Option<usize>,
+        encoded: Encoded,
+        count: usize,
+    ) -> usize {
+        if let Some(stride) = stride {
+            view["byteStride"] = stride.into();
+        }
+        let view = append(json, "bufferViews", view);
+        self.fresh.push(view, &encoded.bytes);
+        let is_free = !self.plain.contains(&accessor) && self.taken.insert(accessor);
+        let mut object = list(json, "accessors")[accessor].as_object().cloned().unwrap_or_default();
+        if is_free {
+            let mut old = Value::Object(object.clone());
+            views_of(&mut old, &mut |_, value| self.loose.extend(number(value)));
+        }
+        fill(&mut object, view, encoded, count);
+        let at = put(json, "accessors", is_free.then_some(accessor), object);
+        self.known.insert((part, accessor), at);
+        at
+    }
+
+    /// Lets go of the streams, and of views that are there for readers without the extension.
+    fn finish(mut self, json: &mut Value, buffers: &mut Vec<Arc<Vec<u8>>>) {
+        let mut named = BTreeSet::new();
+        each_reference(json, &mut |kind, value| {
+            if kind == Named::View {
+                named.extend(number(value));
+            }
+        });
+        for &i in self.loose.difference(&named) {
+            if let Some(view) = list_mut(json, "bufferViews").get_mut(i) {
+                self.fresh.freed.extend(span(view));
+                *view = Value::Null;
+            }
+        }
+        self.fresh.finish(json, buffers);
+        renumber(json);
+    }
+}
+
+/// The weights of a primitive, where they are floats: the stream has rounded them, and they sum to one again.
+fn weights(json: &Value, job: &Job, mesh: &Mesh) -> HashMap<String, Vec<f32>> {
+    let (mut keys, mut sets) = (Vec::new(), Vec::new());
+    for (key, accessor, id) in &job.attributes {
+        let is_float = json["accessors"][*accessor]["componentType"] == Component::F32.code();
+        let attribute = mesh.attribute_by_unique_id(*id).filter(|a| a.num_components() == 4);
+        if let Some(attribute) = attribute.filter(|_| is_float && key.starts_with("WEIGHTS_")) {
+            keys.push(key.clone());
+            sets.push(attribute.read_f32s(mesh.num_points(), 4));
+        }
+    }
+    settle_weights(&mut sets, None);
+    keys.into_iter().zip(sets).collect()
+}
+
+/// What an accessor says of its new bytes.
+fn fill(object: &mut Map<String, Value>, view: usize, encoded: Encoded, count: usize) {
+    let Encoded { kind, min, max, .. } = encoded;
+    ["byteOffset", "sparse"].iter().for_each(|key| drop(object.shift_remove(*key)));
+    object.insert("bufferView".to_owned(), view.into());
+    object.insert("componentType".to_owned(), kind.component.code().into());
+    object.insert("count".to_owned(), count.into());
+    if object.contains_key("min") || object.contains_key("max") {
+        object.insert("min".to_owned(), min.into());
+        object.insert("max".to_owned(), max.into());
+    }
+}

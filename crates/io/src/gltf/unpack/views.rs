@@ -1,0 +1,135 @@
+//! Views whose bytes are streams of meshopt.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use super::super::accessors::Accessor;
+use super::super::buffers::Buffers;
+use super::super::container::{list, list_mut, number, whole};
+use super::super::lists::take_extension;
+use super::super::meshopt::{Filter, Layout, Mode, decode};
+use super::super::repack::Span;
+use super::{Fresh, Room};
+use crate::error::ReadError;
+use crate::excerpt::excerpt;
+
+/// The names of the extension: the ratified one says more, in the same way.
+pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+/// The extension of a view or a buffer.
+pub(super) fn extension(element: &Value) -> Option<(&'static str, &Value)> {
+    MESHOPT.into_iter().map(|name| (name, &element["extensions"][name])).find(|(_, e)| !e.is_null())
+}
+
+/// Decodes the views that are compressed.
+pub(super) fn unpack(
+    json: &mut Value,
+    buffers: &mut Vec<Arc<Vec<u8>>>,
+    room: &mut Room,
+) -> Result<(), ReadError> {
+    let is_used = |name: &str| list(json, name).iter().any(|e| extension(e).is_some());
+    if !is_used("bufferViews") && !is_used("buffers") {
+        return Ok(());
+    }
+    let mut fresh = Fresh::default();
+    let mut rounded = HashSet::new();
+    for (i, view) in list(json, "bufferViews").iter().enumerate() {
+        let Some((name, extension)) = extension(view) else { continue };
+        let at = format!("bufferViews[{i}]");
+        let (layout, source) = layout(extension, &format!("{at}.{name}"))?;
+        layout.check().map_err(|problem| ReadError::element(at.as_str(), problem))?;
+        let Layout { count, stride, filter, .. } = layout;
+        let length = whole(view, "byteLength", &at)?;
+        let size = count.checked_mul(stride).filter(|size| Some(*size) == length).ok_or_else(|| {
+            let shown = length.map_or("missing".to_owned(), |n| n.to_string());
+            let problem = format!("byteLength is {shown}, but it holds {count} elements of {stride} bytes");
+            ReadError::element(at.as_str(), problem)
+        })?;
+        room.take(size as u64)?;
+        let Span { buffer, bytes } = &source;
+        let Some(whole_buffer) = buffers.get(*buffer) else {
+            let problem = format!("names buffers[{buffer}], but the file has {}", buffers.len());
+            return Err(ReadError::element(at, problem));
+        };
+        let stream = whole_buffer.get(bytes.clone()).ok_or_else(|| {
+            let (from, to, length) = (bytes.start, bytes.end, whole_buffer.len());
+            let problem =
+                format!("its bytes {from} to {to} reach beyond buffers[{buffer}] of {length} bytes");
+            ReadError::element(at.as_str(), problem)
+        })?;
+        let decoded = decode(stream, layout).map_err(|problem| ReadError::element(at.as_str(), problem))?;
+        fresh.push(i, &decoded);
+        fresh.freed.push(source);
+        if filter != Filter::None {
+            rounded.insert(i);
+        }
+    }
+    for view in list_mut(json, "bufferViews") {
+        MESHOPT.iter().for_each(|name| drop(take_extension(view, name)));
+    }
+    fresh.finish(json, buffers);
+    bounds(json, buffers, &rounded)
+}
+
+/// How a stream is laid out, and where it is.
+fn layout(extension: &Value, at: &str) -> Result<(Layout, Span), ReadError> {
+    let needed = |name: &str| {
+        whole(extension, name, at)?.ok_or_else(|| ReadError::element(at, format!("{name} is missing")))
+    };
+    let word = |name: &str| match &extension[name] {
+        Value::Null => Ok(None),
+        Value::String(word) => Ok(Some(word.as_str())),
+        other => {
+            Err(ReadError::element(at, format!("{name} is {}, not a word", excerpt(&other.to_string()))))
+        }
+    };
+    let unknown = |name: &str, word: &str| {
+        ReadError::Unsupported(format!("{at}: the {name} {} is not known here", excerpt(word)))
+    };
+    let mode = match word("mode")? {
+        Some("ATTRIBUTES") => Mode::Attributes,
+        Some("TRIANGLES") => Mode::Triangles,
+        Some("INDICES") => Mode::Indices,
+        Some(other) => return Err(unknown("mode", other)),
+        None => return Err(ReadError::element(at, "mode is missing")),
+    };
+    let filter = match word("filter")? {
+        None | Some("NONE") => Filter::None,
+        Some("OCTAHEDRAL") => Filter::Octahedral,
+        Some("QUATERNION") => Filter::Quaternion,
+        Some("EXPONENTIAL") => Filter::Exponential,
+        Some("COLOR") => Filter::Color,
+        Some(other) => return Err(unknown("filter", other)),
+    };
+    let start = whole(extension, "byteOffset", at)?.unwrap_or(0);
+    let end = start.saturating_add(needed("byteLength")?);
+    let source = Span { buffer: needed("buffer")?, bytes: start..end };
+    Ok((Layout { mode, filter, count: needed("count")?, stride: needed("byteStride")? }, source))
+}
+
+/// Says anew between what bounds the numbers are, where a filter has rounded them: writers may have said it before.
+fn bounds(json: &mut Value, buffers: &[Arc<Vec<u8>>], rounded: &HashSet<usize>) -> Result<(), ReadError> {
+    let mut found = Vec::new();
+    {
+        let opened = Buffers::loaded(json, buffers, 0);
+        for (i, accessor) in list(json, "accessors").iter().enumerate() {
+            let is_rounded = number(&accessor["bufferView"]).is_some_and(|view| rounded.contains(&view));
+            let has_bounds = !accessor["min"].is_null() || !accessor["max"].is_null();
+            if is_rounded && has_bounds && accessor["sparse"].is_null() {
+                let name = format!("accessors[{i}]");
+                found.push((i, Accessor::new(json, &opened, i, &name)?.bounds()));
+            }
+        }
+    }
+    for (i, (min, max)) in found {
+        let accessor = &mut list_mut(json, "accessors")[i];
+        for (name, bound) in [("min", min), ("max", max)] {
+            if !accessor[name].is_null() {
+                accessor[name] = bound.into();
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,227 @@
+//! What libraries say of materials, as far as glTF can say it too.
+
+use std::collections::{BTreeSet, HashMap};
+use std::fs::File;
+use std::io::Read;
+use std::path::PathBuf;
+
+use lodsmith_core::TriMesh;
+
+use super::materials::{Library, is_number, lines_of, next_word, texture_in};
+use super::regions::{Region, Regions};
+use super::write::drops_materials;
+use crate::error::Warning;
+use crate::excerpt::excerpt_of_bytes;
+use crate::gltf::image_type;
+
+/// Bytes of all images of one file. Guessed: half of what a GLB can hold.
+const MOST_BYTES: u64 = 2 << 30;
+
+/// How a material looks.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Look {
+    pub(crate) name: String,
+    pub(crate) color: [f64; 3],
+    pub(crate) alpha: f64,
+    pub(crate) emission: [f64; 3],
+    pub(crate) metalness: f64,
+    pub(crate) roughness: f64,
+    /// Images, by their numbers.
+    pub(crate) color_image: Option<usize>,
+    pub(crate) normal_image: Option<usize>,
+}
+
+/// An image that goes into a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Image {
+    pub(crate) name: String,
+    pub(crate) kind: &'static str,
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// The materials of a mesh.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Looks {
+    pub(crate) all: Vec<Look>,
+    pub(crate) images: Vec<Image>,
+    /// The material of each region; one entry for a mesh without regions.
+    pub(crate) of_region: Vec<Option<usize>>,
+    pub(crate) warnings: Vec<Warning>,
+}
+
+/// The materials that the regions of a mesh have, with their images; `None` where nothing is known of them.
+pub(crate) fn looks(mesh: &TriMesh, regions: &Regions) -> Option<Looks> {
+    if !regions.has_materials() || drops_materials(mesh, regions) {
+        return None;
+    }
+    let mut looks = Looks::default();
+    let mut numbers: HashMap<&[u8], usize> = HashMap::new();
+    let shared = [regions.shared()];
+    let of_regions: Vec<Region<'_>> =
+        if mesh.regions().is_some() { regions.iter().collect() } else { shared.to_vec() };
+    for region in of_regions {
+        let at = region.material.map(|name| {
+            *numbers.entry(name).or_insert_with(|| {
+                looks.all.push(Look::plain(name));
+                looks.all.len() - 1
+            })
+        });
+        looks.of_region.push(at);
+    }
+    let mut seen = Seen::default();
+    for library in regions.libraries() {
+        seen.read(library, &numbers, &mut looks);
+    }
+    looks.warnings.extend(seen.warnings());
+    Some(looks)
+}
+
+impl Look {
+    /// What a material is of which nothing is said.
+    fn plain(name: &[u8]) -> Self {
+        Self {
+            name: String::from_utf8_lossy(name).into_owned(),
+            color: [1.0; 3],
+            alpha: 1.0,
+            emission: [0.0; 3],
+            metalness: 0.0,
+            roughness: 1.0,
+            color_image: None,
+            normal_image: None,
+        }
+    }
+}
+
+/// What was met in the libraries.
+#[derive(Default)]
+struct Seen {
+    /// Images by their files; `None` for those that do not go along.
+    images: HashMap<PathBuf, Option<usize>>,
+    bytes: u64,
+    /// Materials that are described: of two descriptions the first holds.
+    described: BTreeSet<usize>,
+    /// Statements that glTF has no word for.
+    unsaid: BTreeSet<String>,
+    /// Images that stay behind, and why.
+    missing: Vec<String>,
+}
+
+impl Seen {
+    fn read(&mut self, library: &Library, numbers: &HashMap<&[u8], usize>, looks: &mut Looks) {
+        let mut present = None;
+        for line in lines_of(library.text().unwrap_or_default()) {
+            let Some((word, rest)) = next_word(line) else { continue };
+            let keyword = String::from_utf8_lossy(&line[word]).to_ascii_lowercase();
+            if keyword == "newmtl" {
+                let at = numbers.get(line[rest..].trim_ascii()).copied();
+                present = at.filter(|at| self.described.insert(*at));
+                continue;
+            }
+            let Some(at) = present else { continue };
+            let numbers: Vec<f64> = String::from_utf8_lossy(&line[rest..])
+                .split_ascii_whitespace()
+                .map_while(|word| word.parse().ok())
+                .filter(|x: &f64| x.is_finite())
+                .map(|x| x.clamp(0.0, 1.0))
+                .collect();
+            let triple = match *numbers.as_slice() {
+                [x] => Some([x; 3]),
+                [r, g, b, ..] => Some([r, g, b]),
+                _ => None,
+            };
+            match keyword.as_str() {
+                "map_kd" | "norm" | "map_bump" | "bump" => {
+                    let Some(path) = texture_in(line) else { continue };
+                    for option in line[rest..path.start].split(u8::is_ascii_whitespace) {
+                        if option.first() == Some(&b'-') && !is_number(option) {
+                            self.leave_out(&format!("{keyword} {}", excerpt_of_bytes(option)));
+                        }
+                    }
+                    let image = self.image(library, &line[path], &mut looks.images);
+                    let look = &mut looks.all[at];
+                    match keyword.as_str() {
+                        "map_kd" => look.color_image = image,
+                        // A map of normals is one, one of heights often is too.
+                        "norm" => look.normal_image = image.or(look.normal_image),
+                        _ => look.normal_image = look.normal_image.or(image),
+                    }
+                }
+                "kd" => looks.all[at].color = triple.unwrap_or([1.0; 3]),
+                "ke" => looks.all[at].emission = triple.unwrap_or_default(),
+                "d" => looks.all[at].alpha = numbers.first().copied().unwrap_or(1.0),
+                "tr" => looks.all[at].alpha = 1.0 - numbers.first().copied().unwrap_or(0.0),
+                "pm" => looks.all[at].metalness = numbers.first().copied().unwrap_or(0.0),
+                "pr" => looks.all[at].roughness = numbers.first().copied().unwrap_or(1.0),
+                // The light that comes from nowhere, and hints for other ways to shade.
+                "ka" | "illum" | "ni" | "tf" => {}
+                other if other.starts_with('#') => {}
+                other => self.leave_out(&excerpt_of_bytes(other.as_bytes())),
+            }
+        }
+    }
+
+    fn leave_out(&mut self, statement: &str) {
+        // A library may hold words without end; a warning needs no more.
+        if self.unsaid.len() < 16 {
+            self.unsaid.insert(statement.to_owned());
+        }
+    }
+
+    /// The number of an image; `None` if it does not go along.
+    fn image(&mut self, library: &Library, path: &[u8], images: &mut Vec<Image>) -> Option<usize> {
+        let shown = excerpt_of_bytes(path);
+        let file = match library.find_texture(path) {
+            Ok(file) => file,
+            Err(why) => {
+                self.missing.push(format!("{shown} {why}"));
+                return None;
+            }
+        };
+        if let Some(known) = self.images.get(&file) {
+            return *known;
+        }
+        let mut bytes = Vec::new();
+        let left = MOST_BYTES - self.bytes;
+        let read = File::open(&file).and_then(|f| f.take(left + 1).read_to_end(&mut bytes));
+        let kind = image_type(&bytes).filter(|kind| ["image/png", "image/jpeg"].contains(kind));
+        let problem = match (read, kind) {
+            (Err(error), _) => Some(format!("cannot be read: {error}")),
+            (Ok(_), _) if bytes.len() as u64 > left => Some("is too large".to_owned()),
+            (Ok(_), None) => Some("is neither PNG nor JPEG".to_owned()),
+            (Ok(_), Some(_)) => None,
+        };
+        let number = match (problem, kind) {
+            (None, Some(kind)) => {
+                self.bytes += bytes.len() as u64;
+                let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                images.push(Image { name, kind, bytes });
+                Some(images.len() - 1)
+            }
+            (problem, _) => {
+                self.missing.push(format!("{shown} {}", problem.unwrap_or_default()));
+                None
+            }
+        };
+        self.images.insert(file, number);
+        number
+    }
+
+    fn warnings(self) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        // More would help nobody. Guessed.
+        const SHOWN: usize = 16;
+        let more = self.missing.len().saturating_sub(SHOWN);
+        for text in self.missing.into_iter().take(SHOWN) {
+            warnings.push(Warning::lost(format!("texture {text}: left out")));
+        }
+        if more > 0 {
+            warnings.push(Warning::lost(format!("{more} more textures are left out")));
+        }
+        if !self.unsaid.is_empty() {
+            let words: Vec<String> = self.unsaid.into_iter().collect();
+            let text = format!("glTF has no word for these of the materials: {}", words.join(", "));
+            warnings.push(Warning::lost(text));
+        }
+        warnings
+    }
+}
