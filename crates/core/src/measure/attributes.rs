@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::geometry::triangle::weights_at;
 use crate::ids::WedgeId;
 use crate::mesh::TriMesh;
 use crate::sampling::Sampler;
@@ -153,24 +154,6 @@ impl<'a> Side<'a> {
             }
         }
         all
-    }
-}
-
-/// Barycentric coordinates of a point on a triangle; those of the nearest corner where it has no area.
-fn weights_at(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
-    let n = (b - a).cross(c - a);
-    let area = n.length_squared();
-    if area > 0.0 {
-        let (u, v) = ((c - b).cross(p - b).dot(n) / area, (a - c).cross(p - c).dot(n) / area);
-        return [u, v, 1.0 - u - v].map(|x| x.clamp(0.0, 1.0));
-    }
-    let d = [a, b, c].map(|q| (p - q).length_squared());
-    if d[0] <= d[1] && d[0] <= d[2] {
-        [1.0, 0.0, 0.0]
-    } else if d[1] <= d[2] {
-        [0.0, 1.0, 0.0]
-    } else {
-        [0.0, 0.0, 1.0]
     }
 }
 
