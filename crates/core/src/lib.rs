@@ -1,9 +1,10 @@
-//! What a triangle mesh is, and how far two of them differ.
+//! What a triangle mesh is, how far two of them differ, and where one comes from on the other.
 //!
 //! Nouns only: data, queries and measures. No files, no clocks, no printing, no simplification.
 
 #[cfg(feature = "proptest")]
 pub mod arbitrary;
+pub mod correspondence;
 pub mod geometry;
 pub mod ids;
 pub mod measure;
@@ -14,6 +15,7 @@ pub mod shapes;
 pub mod spatial;
 pub mod topology;
 
+pub use correspondence::{Correspondence, Source, correspondence};
 pub use ids::{FaceId, HalfEdgeId, RegionId, VertexId, WedgeId};
 pub use mesh::{Attribute, Bounds, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh};
 pub use topology::Topology;

@@ -4,7 +4,7 @@
 //! [`Prepared`] and calls [`compare_prepared`].
 
 mod attributes;
-mod chunks;
+pub(crate) mod chunks;
 mod one_way;
 mod prepared;
 

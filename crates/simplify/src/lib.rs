@@ -63,6 +63,27 @@ pub struct Simplified {
 
 /// Makes a mesh lighter.
 ///
+/// Attributes of the mesh come along by themselves. For data that it does not hold,
+/// [`correspondence`](lodsmith_core::correspondence::correspondence) says where each wedge of the result comes from:
+///
+/// ```
+/// use lodsmith::core::{correspondence, shapes};
+/// use lodsmith::{NoControl, SimplifyOptions, Stop, simplify};
+///
+/// let mesh = shapes::icosphere(4);
+/// // Whatever an engine keeps at vertices: here the height, as a stand-in for light that was baked.
+/// let light: Vec<f32> = mesh.positions().view().iter().map(|p| p[2] as f32).collect();
+///
+/// let lighter = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.2)), &mut NoControl)?.mesh;
+/// let carried = correspondence(&mesh, &lighter)?.carry(&light, 1)?;
+///
+/// assert_eq!(carried.len(), lighter.wedge_count());
+/// for (p, light) in lighter.positions().view().iter().zip(carried) {
+///     assert!((light - p[2] as f32).abs() < 0.01);
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// [`SimplifyError::NoFaces`], [`SimplifyError::BadOption`], [`SimplifyError::Cancelled`].
 pub fn simplify(

@@ -149,7 +149,8 @@ pub struct Report {
     pub seams_relaxed: bool,
     /// What was mended first.
     pub cleanup: Cleanup,
-    /// Attributes that the result does not carry, though the input did: `normals`, `uvs`, `colors`.
+    /// Attributes that the result does not carry, though the input did: joints without weights of the same set, or weights
+    /// without joints.
     pub dropped: Vec<&'static str>,
     /// Whether the fit ran.
     pub fitted: bool,

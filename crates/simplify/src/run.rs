@@ -4,7 +4,7 @@ use glam::Vec3;
 use lodsmith_core::measure::{self, CompareOptions, Comparison};
 use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::mesh::weld;
-use lodsmith_core::{Positions, PositionsView, RegionId, Surface, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{Attribute, Positions, PositionsView, RegionId, Surface, TriMesh, VertexId, WedgeId};
 
 use crate::attributes::{Ground, Rows, with_wedges};
 use crate::collapse::attributes::Attributes;
@@ -144,11 +144,7 @@ fn run_with<M: Metric>(
         StoppedBy::Refusals => goal.faces.is_none() && goal.vertices.is_none() && limit.is_some_and(within),
         _ => true,
     };
-    let dropped = match input.mesh {
-        // The best place of a wedge is a blend; the ends alone have all that stands on them.
-        Some(mesh) if options.placement == Placement::Endpoint => names_of_further(mesh),
-        _ => Vec::new(),
-    };
+    let dropped = input.mesh.map_or_else(Vec::new, |mesh| names_of_dropped(mesh, &outcome.mesh));
     let report = Report {
         input_faces,
         input_vertices: surface.positions().len(),
@@ -517,12 +513,20 @@ fn with_attributes(
     result.set_normals(mesh.normals().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
     result.set_uvs(mesh.uvs().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
     result.set_colors(mesh.colors().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
+    for a in mesh.further_attributes() {
+        let values = pairs.iter().flat_map(|p| a.of(p.1)).copied().collect();
+        result.add_attribute(Attribute { semantic: a.semantic.clone(), width: a.width, values })?;
+    }
     Ok(result)
 }
 
-/// What `endpoint` does not carry.
-fn names_of_further(mesh: &TriMesh) -> Vec<&'static str> {
-    let mut names: Vec<_> = mesh.further_attributes().iter().map(|a| a.semantic.title()).collect();
+/// What the input has and the result has not: joints without weights of the same set, or weights without joints.
+fn names_of_dropped(input: &TriMesh, result: &TriMesh) -> Vec<&'static str> {
+    let is_there = |a: &&Attribute| {
+        result.further_attributes().iter().any(|b| (&b.semantic, b.width) == (&a.semantic, a.width))
+    };
+    let gone = input.further_attributes().iter().filter(|a| !is_there(a));
+    let mut names: Vec<_> = gone.map(|a| a.semantic.title()).collect();
     names.dedup();
     names
 }

@@ -218,3 +218,45 @@ fn the_fit_keeps_charts_apart() {
     let got = lighter(&mesh, 0.1);
     assert!(got.uvs().unwrap().iter().all(|uv| *uv == [0.0, 0.25] || *uv == [1.0, 0.25]));
 }
+
+#[test]
+fn endpoints_carry_every_attribute_as_it_was() {
+    let mut mesh = shapes::blob(3, 1);
+    let count = mesh.wedge_count();
+    let values = |width: usize| (0..count * width).map(|i| i as f32).collect::<Vec<_>>();
+    let kinds = [
+        (Semantic::Custom("number".into()), 1),
+        (Semantic::Uv(1), 2),
+        (Semantic::Joints(0), 4),
+        (Semantic::Weights(0), 4),
+        (Semantic::Morph { target: 0, of: Morphed::Position }, 3),
+    ];
+    for (semantic, width) in kinds {
+        mesh.add_attribute(Attribute { semantic, width, values: values(width) }).unwrap();
+    }
+    let mut options = SimplifyOptions::new(Stop::ratio(0.3));
+    options.placement = lodsmith::Placement::Endpoint;
+    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    assert!(done.report.dropped.is_empty() && done.mesh.face_count() < mesh.face_count() / 3 + 2);
+    let got = done.mesh.further_attributes();
+    let shape = |a: &Attribute| (a.semantic.clone(), a.width);
+    assert!(got.iter().map(shape).eq(mesh.further_attributes().iter().map(shape)));
+    for w in wedges(&done.mesh) {
+        // The first attribute says which wedge it was.
+        let was = WedgeId(got[0].of(w)[0] as u32);
+        assert_eq!(place(&done.mesh, w), place(&mesh, was));
+        for (a, b) in got.iter().zip(mesh.further_attributes()) {
+            assert_eq!(a.of(w), b.of(was), "{:?}", a.semantic);
+        }
+    }
+}
+
+#[test]
+fn half_a_skin_is_dropped_and_told() {
+    let mut mesh = shapes::blob(2, 1);
+    let values = vec![1.0; mesh.wedge_count() * 4];
+    mesh.add_attribute(Attribute { semantic: Semantic::Joints(0), width: 4, values }).unwrap();
+    let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.5)), &mut NoControl).unwrap();
+    assert!(done.mesh.further_attributes().is_empty());
+    assert_eq!(done.report.dropped, ["joints"]);
+}

@@ -120,7 +120,7 @@ fn simplify_mesh(
     let done = lodsmith::simplify(&mesh, &args.options(), watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
-    warnings.extend(told(&report, args.normals));
+    warnings.extend(told(&report));
 
     watch.write();
     orient(&mut lighter, &args.writing);
@@ -186,7 +186,7 @@ fn simplify_scene(
     }
     let images = images::Move::new(&job.source, sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
-    warnings.extend(told(&report, args.normals));
+    warnings.extend(told(&report));
     warnings.extend(if format == Format::Glb { images.embed(&mut scene) } else { images.told(&scene) });
     let relink = |uri: &str| images.uri(uri);
     warnings.extend(match args.dry_run {
@@ -213,20 +213,19 @@ fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result<()> {
 }
 
 /// What the user should know of a run.
-fn told(report: &Report, normals: Normals) -> Vec<Warning> {
-    let mut warnings: Vec<_> = dropped(report, normals).collect();
+fn told(report: &Report) -> Vec<Warning> {
+    let mut warnings: Vec<_> = dropped(report).collect();
     if report.seams_relaxed {
         warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
     }
     warnings
 }
 
-/// What the engine does not carry, unless it was not wanted or is made anew.
-fn dropped(report: &Report, normals: Normals) -> impl Iterator<Item = Warning> {
-    let is_missed = move |name: &&&str| **name != "normals" || normals == Normals::Keep;
+/// What the engine does not carry.
+fn dropped(report: &Report) -> impl Iterator<Item = Warning> {
     let lost =
-        |name: &&str| Warning::lost(format!("{name} dropped: --placement endpoint does not carry them"));
-    report.dropped.iter().filter(is_missed).map(lost)
+        |name: &&str| Warning::lost(format!("{name} dropped: a skin has joints and weights, or nothing"));
+    report.dropped.iter().map(lost)
 }
 
 /// Prints the outcome of one input; returns the status that it alone would end with.

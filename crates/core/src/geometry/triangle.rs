@@ -103,6 +103,24 @@ pub fn double_area_normal(corners: [DVec3; 3]) -> DVec3 {
     if normal.length() > 1e-14 * longest_sq { normal } else { DVec3::ZERO }
 }
 
+/// Barycentric coordinates of a point on a triangle; those of the nearest corner where it has no area.
+pub fn weights_at(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
+    let n = (b - a).cross(c - a);
+    let area = n.length_squared();
+    if area > 0.0 {
+        let (u, v) = ((c - b).cross(p - b).dot(n) / area, (a - c).cross(p - c).dot(n) / area);
+        return [u, v, 1.0 - u - v].map(|x| x.clamp(0.0, 1.0));
+    }
+    let d = [a, b, c].map(|q| (p - q).length_squared());
+    if d[0] <= d[1] && d[0] <= d[2] {
+        [1.0, 0.0, 0.0]
+    } else if d[1] <= d[2] {
+        [0.0, 1.0, 0.0]
+    } else {
+        [0.0, 0.0, 1.0]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,7 +6,7 @@ use std::ops::Range;
 const CHUNK: usize = 2048;
 
 /// Calls `work` for each piece of `0..count`; results in the order of the pieces.
-pub(super) fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+pub(crate) fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
     let piece = |k: usize| work(k * CHUNK..((k + 1) * CHUNK).min(count));
     let pieces = 0..count.div_ceil(CHUNK);
     #[cfg(feature = "rayon")]
@@ -19,7 +19,7 @@ pub(super) fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync
 }
 
 /// The mean of numbers; 0 of none. Summed by pieces, so that millions of small terms keep their digits.
-pub(super) fn mean(numbers: &[f64]) -> f64 {
+pub(crate) fn mean(numbers: &[f64]) -> f64 {
     let sum: f64 = numbers.chunks(CHUNK).map(|part| part.iter().sum::<f64>()).sum();
     if numbers.is_empty() { 0.0 } else { sum / numbers.len() as f64 }
 }

@@ -240,8 +240,24 @@ impl Bvh {
         let mut best = SlotHit { slot: u32::MAX, distance_sq: bound_sq };
         let slot = if (hint.0 as usize) < self.corners.len() { hint.0 } else { 0 };
         self.try_slot(p, slot, &mut best);
+        let bound_sq = best.distance_sq;
+        self.visit(p, bound_sq, |slot| self.try_slot(p, slot, &mut best).then_some(best.distance_sq));
+        if best.slot == u32::MAX {
+            return None;
+        }
+        *hint = Hint(best.slot);
+        Some(best)
+    }
+
+    /// Calls `look` for the slots whose box lies within a squared distance of a point of the unit frame; what it returns
+    /// is the squared distance from then on. Near boxes come early.
+    #[inline(always)]
+    pub(crate) fn visit(&self, p: DVec3, bound_sq: f64, mut look: impl FnMut(u32) -> Option<f64>) {
+        if self.is_empty() {
+            return;
+        }
         let query = Query::new(p);
-        let mut bound = bound_of(best.distance_sq);
+        let mut bound = bound_of(bound_sq);
 
         // A squared distance above 0 has the order of its bits, so one number holds it and the node, ready to compare.
         let mut stack = [0u64; STACK];
@@ -265,8 +281,8 @@ impl Bvh {
                     if f32::from_bits((entry >> 32) as u32) >= bound {
                         break;
                     }
-                    if self.try_slot(p, entry as u32, &mut best) {
-                        bound = bound_of(best.distance_sq);
+                    if let Some(bound_sq) = look(entry as u32) {
+                        bound = bound_of(bound_sq);
                     }
                 }
             } else {
@@ -276,11 +292,6 @@ impl Bvh {
                 }
             }
         }
-        if best.slot == u32::MAX {
-            return None;
-        }
-        *hint = Hint(best.slot);
-        Some(best)
     }
 
     #[inline]
@@ -293,6 +304,11 @@ impl Bvh {
         nearer
     }
 
+    /// The face in a slot.
+    #[inline]
+    pub(crate) fn slot_face(&self, slot: u32) -> FaceId {
+        self.faces[slot as usize]
+    }
     /// The corners of the face in a slot, in the unit frame.
     #[inline]
     pub(crate) fn slot_corners(&self, slot: u32) -> [DVec3; 3] {

@@ -1,0 +1,88 @@
+//! Data that the mesh knows nothing of, carried from the original to the result.
+
+use lodsmith::core::{Source, TriMesh, VertexId, WedgeId, correspondence, shapes};
+use lodsmith::{Fit, Length, Method, NoControl, Placement, SimplifyOptions, Stop, simplify};
+
+fn place(mesh: &TriMesh, w: WedgeId) -> [f64; 3] {
+    mesh.positions().view().get(mesh.vertex_of(w))
+}
+
+fn wedges(mesh: &TriMesh) -> impl Iterator<Item = WedgeId> + use<> {
+    (0..mesh.wedge_count() as u32).map(WedgeId)
+}
+
+/// A wavy sheet whose left and right half have textures of their own, far from each other.
+fn two_charts(n: u32) -> TriMesh {
+    let plain = shapes::wavy_sheet(n);
+    let bounds = plain.positions().view().bounds().unwrap();
+    let middle = 0.5 * (bounds.min[0] + bounds.max[0]);
+    let is_right = |t: &[WedgeId; 3]| t.iter().map(|&w| place(&plain, w)[0]).sum::<f64>() / 3.0 > middle;
+    let count = plain.vertex_count() as u32;
+    let vertex_of = (0..2 * count).map(|w| VertexId(w % count)).collect();
+    let shifted = |t: &[WedgeId; 3]| t.map(|w| WedgeId(w.0 + if is_right(t) { count } else { 0 }));
+    let triangles = plain.triangles().iter().map(shifted).collect();
+    let mut mesh = TriMesh::with_wedges(plain.positions().clone(), vertex_of, triangles).unwrap();
+    let uv = |w: WedgeId| {
+        let p = place(&mesh, w);
+        [p[0] as f32 + if w.0 >= count { 10.0 } else { 0.0 }, p[1] as f32]
+    };
+    let uvs = wedges(&mesh).map(uv).collect();
+    mesh.set_uvs(Some(uvs)).unwrap();
+    mesh
+}
+
+#[test]
+fn sources_lie_on_the_side_of_their_wedge_also_after_the_fit() {
+    let mesh = two_charts(24);
+    let is_right = |w: WedgeId| mesh.uvs().unwrap()[w.index()][0] > 5.0;
+    for ratio in [0.5, 0.2, 0.05] {
+        let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap();
+        assert!(done.report.fitted);
+        let found = correspondence(&mesh, &done.mesh).unwrap();
+        for w in wedges(&done.mesh) {
+            let uv = done.mesh.uvs().unwrap()[w.index()];
+            let sides = found.blend(w).unwrap().map(|part| is_right(part.0));
+            assert_eq!(sides, [uv[0] > 5.0; 3], "{ratio}: {w} has {uv:?}");
+        }
+    }
+}
+
+#[test]
+fn what_is_carried_is_what_the_run_carries() {
+    let mut mesh = shapes::icosphere(5);
+    let normals: Vec<[f32; 3]> = mesh.positions().view().iter().map(|p| p.map(|x| x as f32)).collect();
+    let flat = normals.as_flattened().to_vec();
+    mesh.set_normals(Some(normals)).unwrap();
+    for (ratio, most_deg) in [(0.5, 1.5), (0.1, 4.0)] {
+        let got = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap().mesh;
+        let carried = correspondence(&mesh, &got).unwrap().carry(&flat, 3).unwrap();
+        for (own, from) in got.normals().unwrap().iter().zip(carried.as_chunks::<3>().0) {
+            let dot: f32 = own.iter().zip(from).map(|(a, b)| a * b).sum();
+            let length = from.iter().map(|x| x * x).sum::<f32>().sqrt();
+            assert!((dot / length).clamp(-1.0, 1.0).acos().to_degrees() < most_deg, "{own:?} {from:?}");
+        }
+    }
+}
+
+#[test]
+fn endpoints_are_kept_and_ids_are_those_of_the_input() {
+    // Vertices of their own for every face, and some joined first: the run numbers anew, the answer does not.
+    let smooth = shapes::blob(3, 2);
+    let surface = smooth.surface();
+    let corners: Vec<[f64; 3]> =
+        surface.triangles().iter().flatten().map(|&v| surface.positions().get(v)).collect();
+    let triangles = (0..corners.len() as u32 / 3).map(|f| [0, 1, 2].map(|k| VertexId(3 * f + k))).collect();
+    let soup = TriMesh::new(lodsmith::core::Positions::F64(corners), triangles).unwrap();
+    for method in [Method::Memoryless, Method::Quadric] {
+        let mut options = SimplifyOptions::new(Stop::ratio(0.3));
+        options.method = method;
+        options.placement = Placement::Endpoint;
+        options.fit = Fit::Off;
+        options.weld = Some(Length::OfDiagonal(1e-9));
+        let got = simplify(&soup, &options, &mut NoControl).unwrap().mesh;
+        for (w, source) in wedges(&got).zip(correspondence(&soup, &got).unwrap().sources()) {
+            let Source::Wedge(from) = *source else { panic!("{w} is not kept: {source:?}") };
+            assert_eq!(place(&got, w), place(&soup, from));
+        }
+    }
+}
