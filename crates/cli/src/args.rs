@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use lodsmith_io::Format;
 
-pub(crate) use choice::TexturesChoice;
+pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use simplify::{Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 

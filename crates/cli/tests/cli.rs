@@ -321,6 +321,28 @@ fn a_target_out_of_reach_says_what_stopped_it() {
     let report = &desk.run(&format!("{words} --strict --json")).with_status(3).objects()[0];
     assert_eq!(report["reached"], false);
     assert_eq!(report["stopped_by"], "refusals");
+    assert_eq!(report["refusals"].to_string(), r#"{"border":10}"#);
+}
+
+#[test]
+fn a_target_out_of_reach_says_what_would_help() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(10));
+    let words = "simplify hills.ply -o low.ply --faces 2";
+    let ran = desk.run(&format!("{words} --border lock")).with_status(0);
+    assert!(ran.stderr.ends_with("; --border slide (now lock) would go further\n"), "{}", ran.stderr);
+    let report = &desk.run(&format!("{words} --border lock --json")).with_status(0).objects()[0];
+    let changes = &report["proposals"][0]["changes"];
+    assert_eq!(changes.to_string(), r#"[{"option":"border","now":"lock","to":"slide"}]"#);
+    assert!(report["proposals"][0]["gain"].as_u64() > Some(0));
+    let ran = desk.run(&format!("{words} --max-edge 20%")).with_status(0);
+    assert!(ran.stderr.ends_with("; a higher --max-edge (now 20%) would go further\n"), "{}", ran.stderr);
+    // Nothing stands in the way but the shape: a closed surface needs four.
+    desk.put("cube.ply", &coloured_cube());
+    let ran = desk.run("simplify cube.ply -o low.ply --faces 1").with_status(0);
+    assert!(ran.stderr.ends_with("; no option would go further\n"), "{}", ran.stderr);
+    let report = &desk.run("simplify cube.ply -o low.ply --faces 1 --json").with_status(0).objects()[0];
+    assert_eq!(report["proposals"].to_string(), "[]");
 }
 
 #[test]

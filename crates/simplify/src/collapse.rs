@@ -28,6 +28,7 @@ mod link_condition;
 pub(crate) mod order;
 mod parts;
 pub(crate) mod store;
+mod stuck;
 mod wedges;
 
 use glam::Vec3;
@@ -237,12 +238,16 @@ impl<M: Metric> Engine<M> {
         kind.on_seam(distinct(ring).any(|w| self.store.is_seam_edge(ring, w)))
     }
 
+    /// The kind of a vertex afresh from its star.
+    fn kind_now(&self, u: VertexId, ring: &Ring) -> Kind {
+        let old = self.store.v[u.index()].kind;
+        self.with_seams(Kind::of(ring, self.rules.border).moved(old.is_moved()), ring)
+    }
+
     /// Kind and, where the metric is memoryless, tensor of a vertex afresh from its star.
     fn refresh(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
-        let old = self.store.v[u.index()].kind;
-        let kind = Kind::of(ring, self.rules.border).moved(old.is_moved());
-        self.store.v[u.index()].kind = self.with_seams(kind, ring);
+        self.store.v[u.index()].kind = self.kind_now(u, ring);
         if !M::MEMORYLESS {
             return;
         }
@@ -335,7 +340,9 @@ impl<M: Metric> Engine<M> {
                 least = least.min(c.cost);
             }
         });
-        self.refusals[Refusal::NonManifold as usize] += stuck;
+        let is_border = self.store.v[u.index()].kind.is_border();
+        let why = if is_border { Refusal::Border } else { Refusal::NonManifold };
+        self.refusals[why as usize] += stuck;
         while let Some(i) = (0..found.len()).min_by(|&i, &j| found[i].cost.total_cmp(&found[j].cost)) {
             let candidate = found.swap_remove(i);
             // A vertex that was not looked at yet owns edges of unknown cost; they are looked at in the next sweep.

@@ -7,6 +7,7 @@ mod fit;
 mod guard;
 mod metric;
 pub mod options;
+pub mod proposal;
 pub mod report;
 mod run;
 pub mod scene;
@@ -20,6 +21,7 @@ pub use options::{
     AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, Placement, SimplifyOptions, Stop,
     TopologyPolicy,
 };
+pub use proposal::{Change, Proposal};
 pub use report::{Cleanup, ErrorReport, Refusal, Report, StoppedBy};
 
 pub use scene::{Part, SimplifiedScene, simplify_scene};

@@ -2,6 +2,8 @@
 
 use lodsmith_core::measure::Comparison;
 
+use crate::proposal::Proposal;
+
 /// Why a collapse was not done. Each is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
@@ -153,4 +155,7 @@ pub struct Report {
     pub dropped: Vec<&'static str>,
     /// Whether the fit ran.
     pub fitted: bool,
+    /// What would let the run go on, where it is stuck above its target ([`StoppedBy::Refusals`]); the change that sets
+    /// most free first. Empty where no option helps.
+    pub proposals: Vec<Proposal>,
 }

@@ -16,6 +16,7 @@ use crate::fit;
 use crate::guard::Rules;
 use crate::metric::{Memoryless, Metric, Quadric};
 use crate::options::{Fit, Measure, Method, Placement, SimplifyOptions};
+use crate::proposal::Proposal;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
 use crate::{Simplified, SimplifyError};
 
@@ -63,6 +64,7 @@ struct Outcome {
     parts_removed: usize,
     seams_relaxed: bool,
     duplicate_faces: usize,
+    proposals: Vec<Proposal>,
 }
 
 /// Runs with the options' method.
@@ -164,6 +166,7 @@ fn run_with<M: Metric>(
         cleanup,
         dropped,
         fitted: outcome.fitted,
+        proposals: outcome.proposals,
     };
     Ok(Simplified { mesh: outcome.mesh, report })
 }
@@ -341,6 +344,12 @@ impl Run<'_, '_> {
         if end == End::Cancel {
             return Err(SimplifyError::Cancelled);
         }
+        // A first pass in which parts went is not the last one; a search for an error has its own end.
+        let is_last = parts_go || engine.parts_removed == 0;
+        let proposals = match end == End::Stuck && is_last && !again {
+            true => engine.proposals(options, |o| Rules::new(o, frame, self.ordered.diagonal)),
+            false => Vec::new(),
+        };
         let wants_fit = match options.fit {
             Fit::Off => false,
             Fit::On => options.placement != Placement::Endpoint,
@@ -368,6 +377,7 @@ impl Run<'_, '_> {
             parts_removed: engine.parts_removed,
             seams_relaxed: engine.has_relaxed_seams(),
             duplicate_faces,
+            proposals,
             mesh: self.result(&engine, rows.as_ref())?,
         })
     }

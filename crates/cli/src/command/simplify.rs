@@ -20,7 +20,7 @@ use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::plan::{self, Job};
 use crate::progress::{FileProgress, Progress};
-use crate::{images, in_order, normals};
+use crate::{images, in_order, normals, proposals};
 
 /// Makes every input lighter.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
@@ -235,7 +235,7 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
     }
     let mut is_fault = show_warnings(out, path, &done.warnings, args.strict);
     if !done.report.reached {
-        let text = format!("{path}: {}", not_reached(&done.report));
+        let text = format!("{path}: {}", not_reached(&done.report, args));
         if args.strict {
             output::error(&text)
         } else {
@@ -246,15 +246,17 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
     if is_fault { Status::Strict } else { Status::Done }
 }
 
-/// Why the target was not met.
-fn not_reached(report: &Report) -> String {
+/// Why the target was not met, and what would help.
+fn not_reached(report: &Report, args: &SimplifyArgs) -> String {
+    let mut text = format!("target not reached, stopped by {}", report.stopped_by.name().replace('_', " "));
     let refusals = refusals(report);
-    let stop = report.stopped_by.name().replace('_', " ");
-    if refusals.is_empty() {
-        format!("target not reached, stopped by {stop}")
-    } else {
-        format!("target not reached, stopped by {stop}; refused: {refusals}")
+    if !refusals.is_empty() {
+        text += &format!("; refused: {refusals}");
     }
+    if let Some(help) = proposals::text(report, &args.options(), args.time_limit) {
+        text += &format!("; {help}");
+    }
+    text
 }
 
 fn refusals(report: &Report) -> String {
@@ -342,6 +344,7 @@ impl Done {
             "collapses": r.collapses,
             "parts_removed": r.parts_removed,
             "seams_relaxed": r.seams_relaxed,
+            "proposals": proposals::to_json(r, &args.options()),
             "cleanup": cleanup,
         });
         if args.dry_run {

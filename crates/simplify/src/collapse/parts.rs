@@ -109,6 +109,11 @@ impl<M: Metric> Engine<M> {
         self.store.compact();
     }
 
+    /// How many parts there are in a compact store.
+    pub(crate) fn part_count(&self) -> usize {
+        self.label_parts().into_iter().max().map_or(0, |m| m as usize + 1)
+    }
+
     /// The part of each vertex of a compact store, and the parts in the order of their first vertex.
     fn find_parts(&self) -> (Vec<u32>, Vec<Part>) {
         let label = self.label_parts();
