@@ -1,6 +1,7 @@
 //! What can be typed. Options become [`lodsmith::SimplifyOptions`]; defaults come from there and stand nowhere else.
 
 mod choice;
+mod scope;
 mod simplify;
 mod values;
 

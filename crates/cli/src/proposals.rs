@@ -1,10 +1,11 @@
 //! Words for what would let a run go further that ended above its target.
 
 use clap::ValueEnum;
-use lodsmith::{Change, Length, Proposal, Report, SimplifyOptions, StoppedBy};
+use lodsmith::{Change, Escalation, Length, Proposal, Report, SimplifyOptions, StoppedBy};
 use serde_json::{Value, json};
 
 use crate::args::{BorderChoice, PlacementChoice, TopologyChoice};
+use crate::numbers::grouped;
 
 /// An option, what it is now, and what it would have to be.
 struct Words {
@@ -17,10 +18,6 @@ struct Words {
 
 impl Words {
     fn of(change: Change, options: &SimplifyOptions) -> Self {
-        fn word<C: ValueEnum + Copy, E: From<C> + PartialEq>(value: E) -> String {
-            let choice = C::value_variants().iter().find(|c| E::from(**c) == value);
-            choice.and_then(C::to_possible_value).map_or_else(String::new, |w| w.get_name().to_owned())
-        }
         let policy = |option, now: String, to| Self { option, now: now.into(), to, is_value: true };
         let guard = |option, now, to: &str| Self { option, now, to: to.to_owned(), is_value: false };
         let guards = &options.guards;
@@ -62,6 +59,32 @@ impl Words {
             false => format!("a {to} --{option} (now {now})"),
         }
     }
+}
+
+/// The word for a value of an option.
+fn word<C: ValueEnum + Copy, E: From<C> + PartialEq>(value: E) -> String {
+    let choice = C::value_variants().iter().find(|c| E::from(**c) == value);
+    choice.and_then(C::to_possible_value).map_or_else(String::new, |w| w.get_name().to_owned())
+}
+
+/// What an escalation did, for people.
+pub(crate) fn step_text(step: &Escalation) -> String {
+    let Escalation { change, before, after, .. } = *step;
+    let words = Words::of(change, &SimplifyOptions::default());
+    let came = match after < before {
+        true => format!("{} → {} faces", grouped(before), grouped(after)),
+        false => format!("no fewer than {} faces", grouped(before)),
+    };
+    format!("escalated to --{} {}: {came}", words.option, words.to)
+}
+
+/// What escalations did, for programs.
+pub(crate) fn steps_json(report: &Report) -> Value {
+    let of = |step: &Escalation| {
+        let words = Words::of(step.change, &SimplifyOptions::default());
+        json!({ "option": words.option, "to": words.to, "before": step.before, "after": step.after })
+    };
+    report.escalated.iter().map(of).collect()
 }
 
 /// What would go further, for people; what to say where nothing does.

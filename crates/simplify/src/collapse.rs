@@ -11,7 +11,8 @@
 //!         done if it costs at most tau; bound[u] = what is left
 //!     compact when much is dead                            (store)
 //!     at extreme targets charge true distances             (late)
-//!     when nothing can go any more, whole parts may        (parts)
+//!     when nothing can go any more, necks are cut if they
+//!     may be, and whole parts go                           (cut, parts)
 //! ```
 //!
 //! There is no queue, and nothing is re-evaluated for a collapse: an edge belongs to its lower end, `bound[u]` is the
@@ -21,6 +22,7 @@
 pub(crate) mod attributes;
 mod bound;
 mod commit;
+mod cut;
 mod evaluate;
 pub(crate) mod kind;
 mod late;
@@ -37,7 +39,7 @@ use lodsmith_core::VertexId;
 use crate::control::{Control, Verdict};
 use crate::guard::Rules;
 use crate::metric::Metric;
-use crate::options::Placement;
+use crate::options::{Placement, TopologyPolicy};
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 use attributes::{Attributes, Looseness};
@@ -105,6 +107,9 @@ pub(crate) struct Engine<M: Metric> {
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
     pub(crate) parts_removed: usize,
+    /// Whether a collapse that would pinch the surface may cut it there instead.
+    pub(crate) cuts_necks: bool,
+    pub(crate) necks_cut: usize,
     /// Sum of the costs paid: twice an area times a squared distance.
     spent: f64,
     /// Sum of the costs of parts that went, in the same measure.
@@ -138,6 +143,8 @@ impl<M: Metric> Engine<M> {
             refusals: [0; Refusal::ALL.len()],
             collapses: 0,
             parts_removed: 0,
+            cuts_necks: false,
+            necks_cut: 0,
             spent: 0.0,
             lost: 0.0,
             wings: Vec::new(),
@@ -478,6 +485,11 @@ impl<M: Metric> Engine<M> {
                 {
                     // Better a seam out of place than a whole part gone.
                     self.looseness = looser;
+                    (probe, probed) = (true, true);
+                    continue;
+                }
+                if probed && self.rules.topology == TopologyPolicy::Free && !self.cuts_necks {
+                    self.cuts_necks = true;
                     (probe, probed) = (true, true);
                     continue;
                 }

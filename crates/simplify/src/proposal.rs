@@ -63,8 +63,11 @@ impl Change {
             BorderPolicy::Keep | BorderPolicy::Free => Vec::new(),
         });
         all.push(match options.topology {
-            TopologyPolicy::Preserve => vec![Self::Topology(TopologyPolicy::Relaxed)],
-            TopologyPolicy::Relaxed | TopologyPolicy::Free => Vec::new(),
+            TopologyPolicy::Preserve => {
+                vec![Self::Topology(TopologyPolicy::Relaxed), Self::Topology(TopologyPolicy::Free)]
+            }
+            TopologyPolicy::Relaxed => vec![Self::Topology(TopologyPolicy::Free)],
+            TopologyPolicy::Free => Vec::new(),
         });
         all.push(match options.placement {
             Placement::Optimal => Vec::new(),

@@ -80,24 +80,27 @@ fn what_is_proposed_goes_further() {
 
 #[test]
 fn what_stands_in_the_way_is_named() {
-    let torus = shapes::torus(24, 16);
-    let ask = |change: &dyn Fn(&mut SimplifyOptions)| {
+    let (blob, torus) = (shapes::blob(4, 1), shapes::torus(24, 16));
+    let asked = |mesh: &TriMesh, change: &dyn Fn(&mut SimplifyOptions)| {
         let mut options = SimplifyOptions::new(Stop::faces(2));
         change(&mut options);
-        let report = run(&torus, &options).report;
+        let report = run(mesh, &options).report;
         report.proposals.into_iter().map(|p| p.changes).collect::<Vec<_>>()
     };
-    assert_eq!(ask(&|o| o.guards.min_quality = Some(0.5)), [[Change::MinQuality]]);
+    let ask = |change: &dyn Fn(&mut SimplifyOptions)| asked(&blob, change);
+    assert_eq!(ask(&|o| o.guards.min_quality = Some(0.95)), [[Change::MinQuality]]);
     assert_eq!(ask(&|o| o.guards.max_valence = Some(6)), [[Change::MaxValence]]);
     // Each of these two alone changes little.
     let both =
-        Guards { min_quality: Some(0.9), max_edge: Some(Length::OfDiagonal(0.05)), ..Guards::default() };
+        Guards { min_quality: Some(0.95), max_edge: Some(Length::OfDiagonal(0.02)), ..Guards::default() };
     assert_eq!(ask(&|o| o.guards = both), [[Change::MinQuality, Change::MaxEdge]]);
-    // A ring cannot become two faces, whatever one allows; a border policy has no border here.
+    // A ring is held by its handle.
+    assert_eq!(asked(&torus, &|_| {}), [[Change::Topology(TopologyPolicy::Free)]]);
+    // A closed surface cannot become two faces, whatever one allows; a border policy has no border here.
     assert_eq!(ask(&|_| {}), [[]; 0]);
     assert_eq!(ask(&|o| o.border = BorderPolicy::Lock), [[]; 0]);
     // Nothing is proposed where the target is met.
     let mut options = SimplifyOptions::new(Stop::ratio(0.5));
     options.guards.min_quality = Some(0.01);
-    assert_eq!(run(&torus, &options).report.proposals, []);
+    assert_eq!(run(&blob, &options).report.proposals, []);
 }

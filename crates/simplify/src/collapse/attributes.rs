@@ -142,6 +142,18 @@ impl Attributes {
         &self.slopes[w.index() * self.width..][..self.width]
     }
 
+    /// A wedge with the values of another, without triangles so far.
+    fn copy_of(&mut self, w: WedgeId) -> WedgeId {
+        let copy = WedgeId(self.areas.len() as u32);
+        self.values.extend_from_within(w.index() * self.width..(w.index() + 1) * self.width);
+        if !self.pulls.is_empty() {
+            self.pulls.push(self.pulls[w.index()].clone());
+        }
+        self.areas.push(0.0);
+        self.slopes.resize(self.slopes.len() + self.width, Vec3::ZERO);
+        copy
+    }
+
     /// Adds a triangle to the sums of its wedges at some corners, or takes it away (`sign` −1). Says what that adds to the
     /// tensors of their vertices.
     #[inline(always)]
@@ -551,6 +563,22 @@ impl<M: Metric> Engine<M> {
             }
         }
         Ok(())
+    }
+
+    /// Gives a vertex whose triangles share one wedge a wedge of its own, with the same values.
+    pub(crate) fn split_wedge(&mut self, u: VertexId, ring: &mut Ring) {
+        self.store.ring(u, ring);
+        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else { return };
+        let Some(first) = ring.first().map(|r| wedges[r.corner.face()][r.corner.k()]) else { return };
+        let own = attributes.copy_of(first);
+        for r in ring.iter() {
+            wedges[r.corner.face()][r.corner.k()] = own;
+        }
+        for r in ring.iter() {
+            let (f, k) = (r.corner.face(), r.corner.k());
+            let [at, a, b] = [u, r.a, r.b].map(|w| self.store.v[w.index()].p);
+            attributes.account(&Gradients::new(corners(at, a, b, k)), wedges[f], 1.0, [k]);
+        }
     }
 
     /// Merges wedges with their vertices, before the triangles change; the merged vertex goes to the kept end + `y`, the

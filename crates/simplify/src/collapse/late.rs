@@ -78,6 +78,27 @@ fn measure(samples: &[Sample], at: Vec3, star: &[[Vec3; 2]], most: f32) -> (f32,
     (loss, far, worst)
 }
 
+impl Late {
+    /// Deals the samples of the first of two vertices at one place to both, each to the nearer star.
+    pub(crate) fn share(&mut self, origins: [VertexId; 2], stars: &[Vec<[Vec3; 2]>; 2], at: Vec3) {
+        let first = self.bag_of[origins[0].index()] as usize;
+        let mut bags = [Bag::default(), Bag::default()];
+        for s in std::mem::take(&mut self.bags[first].samples) {
+            let [a, b] = [0, 1].map(|i| measure(&[s], at, &stars[i], f32::INFINITY).0);
+            bags[usize::from(b < a)].samples.push(s);
+        }
+        for (bag, star) in bags.iter_mut().zip(stars) {
+            bag.loss = measure(&bag.samples, at, star, f32::INFINITY).0;
+        }
+        let [own, other] = bags;
+        self.bags[first] = own;
+        let length = self.bag_of.len().max(origins[1].index() + 1);
+        self.bag_of.resize(length, u32::MAX);
+        self.bag_of[origins[1].index()] = self.bags.len() as u32;
+        self.bags.push(other);
+    }
+}
+
 impl<M: Metric> Engine<M> {
     /// Gives every vertex its samples: centres of the original faces (3/4 of the weight) and vertices.
     pub(crate) fn begin_late(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
@@ -109,7 +130,7 @@ impl<M: Metric> Engine<M> {
             star.extend(ring.iter().map(|r| [self.store.p(r.a), self.store.p(r.b)]));
             bag.loss = measure(&bag.samples, self.store.p(u), &star, f32::INFINITY).0;
         }
-        let mut bag_of = vec![u32::MAX; points.len()];
+        let mut bag_of = vec![u32::MAX; self.store.merged_into.len()];
         for (i, x) in self.store.v.iter().enumerate() {
             bag_of[x.origin.index()] = i as u32;
         }

@@ -11,6 +11,11 @@ use super::{Engine, Goal};
 use crate::metric::Metric;
 use crate::options::TopologyPolicy;
 
+/// How much dearer a piece is that was cut off than a part that always lay apart: it was held at one end, so what it
+/// leaves bare is as far away as it is long. (At 1 the RMS distance of brain_mri at 1 % is 1.1 times as large, at 1000
+/// faces 1.2, that of heptoroid at 50 faces 1.9; other values were not tried.)
+const PIECE: f32 = 8.0;
+
 /// A connected part of the mesh.
 #[derive(Clone, Copy)]
 struct Part {
@@ -36,6 +41,10 @@ pub(crate) struct Parts {
     /// By number in the ordered input.
     part_of: Vec<u32>,
     cost: Vec<f32>,
+    /// Whether it was cut off another.
+    is_piece: Vec<bool>,
+    /// Necks that were cut before the parts were looked for.
+    necks_cut: usize,
 }
 
 impl<M: Metric> Engine<M> {
@@ -55,18 +64,38 @@ impl<M: Metric> Engine<M> {
         self.needed(goal) == Some(0)
     }
 
-    /// Lets parts go in the order of costs from here on.
+    /// Lets parts go in the order of costs from here on. The store is compact.
     pub(crate) fn watch_parts(&mut self) {
         let (label, parts) = self.find_parts();
+        let mut is_piece = vec![false; parts.len()];
+        if let Some(before) = self.parts.take() {
+            // Which part each was of, and how many pieces that has now.
+            let mut whole = vec![0; parts.len()];
+            for (x, &l) in self.store.v.iter().zip(&label) {
+                whole[l as usize] = before.part_of[self.store.place_of(x.origin).index()] as usize;
+            }
+            let mut pieces = vec![0u32; before.cost.len()];
+            whole.iter().for_each(|&w| pieces[w] += 1);
+            for (is_piece, &whole) in is_piece.iter_mut().zip(&whole) {
+                *is_piece = pieces[whole] > 1 || before.is_piece[whole];
+            }
+        }
+        let weight = |is_piece: bool| if is_piece { PIECE } else { 1.0 };
+        let cost = parts.iter().zip(&is_piece).map(|(p, &is_piece)| p.cost() * weight(is_piece)).collect();
         let mut part_of = vec![0; self.store.merged_into.len()];
         for (x, &l) in self.store.v.iter().zip(&label) {
             part_of[x.origin.index()] = l;
         }
-        self.parts = Some(Parts { part_of, cost: parts.iter().map(Part::cost).collect() });
+        self.parts = Some(Parts { part_of, cost, is_piece, necks_cut: self.necks_cut });
     }
 
     /// Drops the parts of which a face is not dearer than `tau` for a collapse, which takes two.
     pub(crate) fn drop_cheap_parts(&mut self, goal: &Goal, tau: f32) {
+        if self.parts.as_ref().is_some_and(|p| p.necks_cut != self.necks_cut) {
+            // What was cut off is a part of its own now.
+            self.store.compact();
+            self.watch_parts();
+        }
         let Some(parts) = self.parts.take() else { return };
         let mut faces = vec![0usize; parts.cost.len()];
         for t in self.store.t.iter().filter(|t| t[0] != NONE) {

@@ -27,13 +27,14 @@ impl<M: Metric> Engine<M> {
             return Vec::new();
         }
         let kinds: Vec<Kind> = self.store.v.iter().map(|x| x.kind).collect();
-        let own = self.rules;
+        let (own, cuts_necks) = (self.rules, self.cuts_necks);
         let part_count = self.part_count();
         // Some look possible as it is, until their wedges are handed over.
         let base = self.possible();
         let mut gain = |changes: &[Change]| {
             let changed = changes.iter().fold(options.clone(), |o, c| c.applied(&o));
             self.rules = rules(&changed);
+            self.cuts_necks = changed.topology == TopologyPolicy::Free;
             if changed.border != options.border {
                 self.classify_again();
             }
@@ -42,7 +43,7 @@ impl<M: Metric> Engine<M> {
                 options.topology == TopologyPolicy::Preserve && changed.topology != TopologyPolicy::Preserve;
             let parts = if parts_go { part_count - 1 } else { 0 };
             let gain = self.possible().saturating_sub(base) + parts;
-            self.rules = own;
+            (self.rules, self.cuts_necks) = (own, cuts_necks);
             for (x, &kind) in self.store.v.iter_mut().zip(&kinds) {
                 x.kind = kind;
             }
