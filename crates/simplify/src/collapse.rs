@@ -11,8 +11,8 @@
 //!         done if it costs at most tau; bound[u] = what is left
 //!     compact when much is dead                            (store)
 //!     at extreme targets charge true distances             (late)
-//!     when nothing can go any more, necks are cut if they
-//!     may be, and whole parts go                           (cut, parts)
+//!     when nothing can go any more, whole parts may        (parts)
+//! where the topology may change, necks are cut instead of pinched, and parts go in the order of costs (cut, parts)
 //! ```
 //!
 //! There is no queue, and nothing is re-evaluated for a collapse: an edge belongs to its lower end, `bound[u]` is the
@@ -39,7 +39,7 @@ use lodsmith_core::VertexId;
 use crate::control::{Control, Verdict};
 use crate::guard::Rules;
 use crate::metric::Metric;
-use crate::options::{Placement, TopologyPolicy};
+use crate::options::Placement;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 use attributes::{Attributes, Looseness};
@@ -485,11 +485,6 @@ impl<M: Metric> Engine<M> {
                 {
                     // Better a seam out of place than a whole part gone.
                     self.looseness = looser;
-                    (probe, probed) = (true, true);
-                    continue;
-                }
-                if probed && self.rules.topology == TopologyPolicy::Free && !self.cuts_necks {
-                    self.cuts_necks = true;
                     (probe, probed) = (true, true);
                     continue;
                 }

@@ -59,8 +59,8 @@ pub enum TopologyPolicy {
     Relaxed,
     /// Manifold stays manifold; holes, handles and parts stay.
     Preserve,
-    /// Where the target cannot be met otherwise, handles and necks are cut too, cheapest first, and each is counted. The
-    /// two sides of a cut may touch.
+    /// Handles and necks are cut and whole parts go wherever that is cheapest, and each is counted. The two sides of a cut
+    /// may touch.
     Free,
 }
 

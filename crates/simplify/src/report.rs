@@ -147,9 +147,10 @@ pub struct Report {
     pub refusals: Vec<(Refusal, u64)>,
     /// Collapses done.
     pub collapses: u64,
-    /// Whole parts that went because the target could not be met otherwise.
+    /// Whole parts that went because the target could not be met otherwise, or, where topology is free, because they were
+    /// the cheapest to go.
     pub parts_removed: usize,
-    /// Necks that were cut because the target could not be met otherwise: three edges round a thin place each. Only with
+    /// Necks that were cut: three edges round a handle or a thin place each. Only with
     /// [`TopologyPolicy::Free`](crate::TopologyPolicy::Free).
     pub necks_cut: usize,
     /// Whether vertices on seams were merged across them, because nothing else was left to do.

@@ -332,16 +332,14 @@ impl Run<'_, '_> {
         step: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
-        let first = self.single_pass::<M>(&goal, step, false, control)?;
-        // Cut early, a surface may go on that is stuck when it is cut late.
-        let is_stuck = first.end == End::Stuck && self.options.topology == TopologyPolicy::Free;
-        if first.parts_removed + first.necks_cut == 0 && !is_stuck || first.end == End::Finish {
+        // Where the topology may change, parts and necks go in their turn from the start.
+        let is_free = self.options.topology == TopologyPolicy::Free;
+        let first = self.single_pass::<M>(&goal, step, is_free, control)?;
+        if is_free || first.parts_removed == 0 || first.end == End::Finish {
             return Ok(first);
         }
-        // Parts or necks have to go: let them go in their turn.
-        let second = self.single_pass::<M>(&goal, step, true, control)?;
-        let is_worse = is_stuck && second.mesh.face_count() > first.mesh.face_count();
-        Ok(if is_worse { first } else { second })
+        // Parts have to go: let them go in their turn.
+        self.single_pass::<M>(&goal, step, true, control)
     }
 
     fn single_pass<M: Metric>(
@@ -387,8 +385,8 @@ impl Run<'_, '_> {
 
         control.stage(Stage::Collapse);
         if parts_go {
-            engine.watch_parts();
             engine.cuts_necks = options.topology == TopologyPolicy::Free;
+            engine.watch_parts();
         }
         let source = Source { surface, ordered: self.ordered, is_kept: keep };
         let end = engine.sweep(goal, &source, control);
@@ -396,7 +394,7 @@ impl Run<'_, '_> {
             return Err(SimplifyError::Cancelled);
         }
         // A first pass in which parts went is not the last one; a search for an error has its own end.
-        let is_last = parts_go || engine.parts_removed + engine.necks_cut == 0;
+        let is_last = parts_go || engine.parts_removed == 0;
         let proposals = match end == End::Stuck && is_last && !again {
             true => engine.proposals(options, |o| Rules::new(o, frame, self.ordered.diagonal)),
             false => Vec::new(),

@@ -134,7 +134,7 @@ struct How {
     /// Open borders: held in place, moved along themselves, untouched, no care
     #[arg(long, value_name = "CARE", value_enum, default_value_t)]
     border: BorderChoice,
-    /// Topology: no new defects; nothing changes at all; handles and necks may be cut too, where nothing else helps
+    /// Topology: no new defects; nothing changes at all; handles are cut and parts go where that is cheapest
     #[arg(long, value_name = "CARE", value_enum, default_value_t)]
     topology: TopologyChoice,
     /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph or other; may be repeated
