@@ -117,12 +117,16 @@ fn indices(vertices: usize, random: &mut Xorshift) -> (Stream, Vec<u32>) {
         // Some near the last one, some anywhere.
         let last = all[all.len() - 1];
         let near = (last + (random.next() % 7) as u32).saturating_sub(3).min(vertices as u32 - 1);
-        all.push(if random.next() % 4 > 0 { near } else { (random.next() % vertices as u64) as u32 });
+        all.push(if !random.next().is_multiple_of(4) {
+            near
+        } else {
+            (random.next() % vertices as u64) as u32
+        });
     }
     while !all.len().is_multiple_of(3) {
         all.push(0);
     }
-    let is_list = random.next() % 2 == 0;
+    let is_list = random.next().is_multiple_of(2);
     let (bytes, mode) = if is_list {
         (meshopt::encode_index_buffer(&all, vertices).unwrap(), "TRIANGLES")
     } else {
@@ -133,7 +137,7 @@ fn indices(vertices: usize, random: &mut Xorshift) -> (Stream, Vec<u32>) {
         let turned = meshopt::decode_index_buffer::<u32>(&bytes, all.len()).unwrap();
         all.copy_from_slice(&turned);
     }
-    let stride = if vertices < 65535 && random.next() % 2 == 0 { 2 } else { 4 };
+    let stride = if vertices < 65535 && random.next().is_multiple_of(2) { 2 } else { 4 };
     (Stream { bytes, mode, filter: "NONE", count: all.len(), stride }, all)
 }
 
@@ -142,19 +146,20 @@ fn elements<const STRIDE: usize>(random: &mut Xorshift) {
         for version in [0, 1] {
             // The highest level alone turns the bits of a channel.
             for level in [0, 2, 3] {
-                let mut data = vec![[0u8; STRIDE]; vertices];
+                let mut data: Vec<[u8; STRIDE]> = Vec::with_capacity(vertices);
                 for i in 0..vertices {
-                    for k in 0..STRIDE {
-                        let before = if i > 0 { data[i - 1][k] } else { 7 };
+                    let before = data.last().copied().unwrap_or([7; STRIDE]);
+                    data.push(std::array::from_fn(|k| {
+                        let before = before[k];
                         // Bytes that stay, that move a little, and any.
-                        data[i][k] = match (k / 4 + i / 40) % 5 {
+                        match (k / 4 + i / 40) % 5 {
                             0 => before,
                             1 => before.wrapping_add((random.next() % 3) as u8),
                             2 => before.wrapping_add((random.next() % 16) as u8).wrapping_sub(8),
                             3 if k % 4 == 1 => (random.next() % 4) as u8,
                             _ => random.next() as u8,
-                        };
-                    }
+                        }
+                    }));
                 }
                 let bytes = meshopt::encode_vertex_buffer_level(&data, level, Some(version)).unwrap();
                 let stream =

@@ -1,6 +1,7 @@
 //! What can be typed. Options become [`lodsmith::SimplifyOptions`]; defaults come from there and stand nowhere else.
 
 mod choice;
+mod scope;
 mod simplify;
 mod values;
 
@@ -10,7 +11,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use lodsmith_io::Format;
 
-pub(crate) use choice::TexturesChoice;
+pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use simplify::{Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 

@@ -15,6 +15,7 @@ mod orient;
 mod output;
 mod plan;
 mod progress;
+mod proposals;
 
 use std::process::ExitCode;
 

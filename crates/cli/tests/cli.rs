@@ -255,7 +255,7 @@ fn every_option_reaches_the_engine() {
     desk.put("hills.ply", &hills(10));
     let words = "simplify hills.ply -o low.obj --ratio 0.5 --fit off --placement endpoint --border lock \
                  --topology preserve --max-normal 60 --min-quality 0.01 --max-valence 12 --max-edge 50% --weld 0.001 \
-                 --seed 7 --threads 1 --time-limit 60 --method memoryless --normals recompute";
+                 --seed 7 --threads 1 --time-limit 60 --prune 1e-9 --escalate --per-mesh --method memoryless --normals recompute";
     desk.run(words).with_status(0);
     assert!(desk.faces("low.obj") <= 200);
     assert_eq!(desk.info("low.obj")["attributes"].to_string(), r#"["normals"]"#);
@@ -321,6 +321,88 @@ fn a_target_out_of_reach_says_what_stopped_it() {
     let report = &desk.run(&format!("{words} --strict --json")).with_status(3).objects()[0];
     assert_eq!(report["reached"], false);
     assert_eq!(report["stopped_by"], "refusals");
+    assert_eq!(report["refusals"].to_string(), r#"{"border":10}"#);
+}
+
+#[test]
+fn a_target_out_of_reach_says_what_would_help() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(10));
+    let words = "simplify hills.ply -o low.ply --faces 2";
+    let ran = desk.run(&format!("{words} --border lock")).with_status(0);
+    assert!(ran.stderr.ends_with("; --border slide (now lock) would go further\n"), "{}", ran.stderr);
+    let report = &desk.run(&format!("{words} --border lock --json")).with_status(0).objects()[0];
+    let changes = &report["proposals"][0]["changes"];
+    assert_eq!(changes.to_string(), r#"[{"option":"border","now":"lock","to":"slide"}]"#);
+    assert!(report["proposals"][0]["gain"].as_u64() > Some(0));
+    let ran = desk.run(&format!("{words} --max-edge 20%")).with_status(0);
+    assert!(ran.stderr.ends_with("; a higher --max-edge (now 20%) would go further\n"), "{}", ran.stderr);
+    // Nothing stands in the way but the shape: a closed surface needs four.
+    desk.put("cube.ply", &coloured_cube());
+    let ran = desk.run("simplify cube.ply -o low.ply --faces 1").with_status(0);
+    assert!(ran.stderr.ends_with("; no option would go further\n"), "{}", ran.stderr);
+    let report = &desk.run("simplify cube.ply -o low.ply --faces 1 --json").with_status(0).objects()[0];
+    assert_eq!(report["proposals"].to_string(), "[]");
+}
+
+/// A ring of so many quads around and across.
+fn ring(around: usize, across: usize) -> String {
+    let (mut vertices, mut faces) = (String::new(), String::new());
+    let turn = |i: usize, n: usize| i as f64 / n as f64 * std::f64::consts::TAU;
+    for i in 0..around {
+        for k in 0..across {
+            let (a, b) = (turn(i, around), turn(k, across));
+            let r = 1.0 + 0.4 * b.cos();
+            vertices += &format!("{} {} {}\n", r * a.cos(), r * a.sin(), 0.4 * b.sin());
+            let at = |i: usize, k: usize| i % around * across + k % across;
+            let [p, q, r, s] = [at(i, k), at(i + 1, k), at(i + 1, k + 1), at(i, k + 1)];
+            faces += &format!("3 {p} {q} {r}\n3 {p} {r} {s}\n");
+        }
+    }
+    ply("", around * across, 2 * around * across, &vertices, &faces)
+}
+
+#[test]
+fn an_escalation_says_what_it_did() {
+    let desk = Desk::new();
+    desk.put("ring.ply", &ring(32, 12));
+    let words = "simplify ring.ply -o low.ply --faces 4 --topology preserve --escalate";
+    let ran = desk.run(&format!("{words} --strict -v")).with_status(0);
+    assert!(ran.stderr.contains("escalated to --topology relaxed: no fewer than "), "{}", ran.stderr);
+    assert!(ran.stderr.contains("escalated to --topology free: ") && ran.stderr.contains(" → 4 faces"));
+    let report = &desk.run(&format!("{words} --json")).with_status(0).objects()[0];
+    assert_eq!(report["reached"], true);
+    assert!(report["necks_cut"].as_u64() > Some(0));
+    let steps: Vec<_> = report["escalated"].as_array().expect("a list").iter().map(|s| &s["to"]).collect();
+    assert_eq!(steps, ["relaxed", "free"]);
+    // Without it, the report proposes the step.
+    let report = &desk.run("simplify ring.ply -o low.ply --faces 4 --json").with_status(0).objects()[0];
+    assert_eq!(report["proposals"][0]["changes"][0]["to"], "free");
+}
+
+#[test]
+fn small_parts_are_pruned_and_counted() {
+    let desk = Desk::new();
+    // Tetrahedra of sizes 1, 2 and 4, apart.
+    let (mut vertices, mut faces) = (String::new(), String::new());
+    for (i, size) in [1, 2, 4].into_iter().enumerate() {
+        let (x, n) = (10 * i, 4 * i);
+        vertices += &format!("{x} 0 0\n{} 0 0\n{x} {size} 0\n{x} 0 {size}\n", x + size);
+        for [a, b, c] in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+            faces += &format!("3 {} {} {}\n", a + n, b + n, c + n);
+        }
+    }
+    desk.put("parts.ply", &ply("", 12, 12, &vertices, &faces));
+    let words = "simplify parts.ply -o low.ply --ratio 1 --json --prune";
+    let report = &desk.run(&format!("{words} 4")).with_status(0).objects()[0];
+    assert_eq!(report["pruned"].to_string(), r#"{"parts":2,"faces":8}"#);
+    assert_eq!((&report["warnings"], desk.faces("low.ply")), (&Value::Array(Vec::new()), 4));
+    let report = &desk.run(&format!("{words} 10%")).with_status(0).objects()[0];
+    assert_eq!(report["pruned"]["parts"], 1);
+    let report = &desk.run(&format!("{words} 99")).with_status(0).objects()[0];
+    assert_eq!(report["warnings"][0], "all parts are smaller than --prune: the largest was kept");
+    assert_eq!(desk.faces("low.ply"), 4);
+    desk.run("simplify parts.ply -o low.ply --ratio 1 --prune 0").with_status(2);
 }
 
 #[test]
@@ -710,6 +792,11 @@ fn simplify_keeps_a_whole_scene() {
     assert!(desk.faces("low.glb") <= 40);
     desk.run("simplify hills.glb -o low.ply --ratio 0.2").with_status(0);
     assert!(desk.faces("low.ply") <= 40);
+    let words = "simplify hills.glb -o low.glb --ratio 0.2 --per-mesh --json";
+    let meshes = &desk.run(words).with_status(0).objects()[0]["meshes"];
+    assert_eq!((&meshes[0]["instances"], &meshes[0]["input"]["faces"]), (&1.into(), &200.into()));
+    assert_eq!(meshes[0]["output"]["faces"].as_u64(), Some(desk.faces("low.glb")));
+    assert_eq!(meshes[0]["reached"], true);
 }
 
 // --------------------------------------------------------------- the rest

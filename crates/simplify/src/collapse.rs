@@ -12,6 +12,7 @@
 //!     compact when much is dead                            (store)
 //!     at extreme targets charge true distances             (late)
 //!     when nothing can go any more, whole parts may        (parts)
+//! where the topology may change, necks are cut instead of pinched, and parts go in the order of costs (cut, parts)
 //! ```
 //!
 //! There is no queue, and nothing is re-evaluated for a collapse: an edge belongs to its lower end, `bound[u]` is the
@@ -21,6 +22,7 @@
 pub(crate) mod attributes;
 mod bound;
 mod commit;
+mod cut;
 mod evaluate;
 pub(crate) mod kind;
 mod late;
@@ -31,6 +33,7 @@ mod parts;
 mod seams;
 mod star;
 pub(crate) mod store;
+mod stuck;
 mod wedges;
 
 use glam::Vec3;
@@ -109,6 +112,9 @@ pub(crate) struct Engine<M: Metric> {
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
     pub(crate) parts_removed: usize,
+    /// Whether a collapse that would pinch the surface may cut it there instead.
+    pub(crate) cuts_necks: bool,
+    pub(crate) necks_cut: usize,
     /// Sum of the costs paid: twice an area times a squared distance.
     spent: f64,
     /// Sum of the costs of parts that went, in the same measure.
@@ -141,6 +147,8 @@ impl<M: Metric> Engine<M> {
             refusals: [0; Refusal::ALL.len()],
             collapses: 0,
             parts_removed: 0,
+            cuts_necks: false,
+            necks_cut: 0,
             spent: 0.0,
             lost: 0.0,
             wings: Vec::new(),
@@ -242,12 +250,16 @@ impl<M: Metric> Engine<M> {
         kind.on_seam(distinct(ring).any(|w| self.store.is_seam_edge(ring, w)))
     }
 
+    /// The kind of a vertex afresh from its star.
+    fn kind_now(&self, u: VertexId, ring: &Ring) -> Kind {
+        let old = self.store.v[u.index()].kind;
+        self.with_seams(Kind::of(ring, self.rules.border).moved(old.is_moved()), u, ring)
+    }
+
     /// Kind and, where the metric is memoryless, tensor of a vertex afresh from its star.
     fn refresh(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
-        let old = self.store.v[u.index()].kind;
-        let kind = Kind::of(ring, self.rules.border).moved(old.is_moved());
-        self.store.v[u.index()].kind = self.with_seams(kind, u, ring);
+        self.store.v[u.index()].kind = self.kind_now(u, ring);
         if !M::MEMORYLESS {
             return;
         }
@@ -340,7 +352,9 @@ impl<M: Metric> Engine<M> {
                 least = least.min(c.cost);
             }
         });
-        self.refusals[Refusal::NonManifold as usize] += stuck;
+        let is_border = self.store.v[u.index()].kind.is_border();
+        let why = if is_border { Refusal::Border } else { Refusal::NonManifold };
+        self.refusals[why as usize] += stuck;
         while let Some(i) = (0..found.len()).min_by(|&i, &j| found[i].cost.total_cmp(&found[j].cost)) {
             let candidate = found.swap_remove(i);
             // A vertex that was not looked at yet owns edges of unknown cost; they are looked at in the next sweep.

@@ -3,10 +3,13 @@
 mod attributes;
 mod collapse;
 pub mod control;
+mod escalate;
 mod fit;
 mod guard;
 mod metric;
 pub mod options;
+pub mod proposal;
+mod prune;
 pub mod report;
 mod run;
 pub mod scene;
@@ -14,15 +17,18 @@ mod tensor;
 mod triangle;
 
 pub use control::{Control, NoControl, Stage, Verdict};
+pub use escalate::Escalation;
 pub use lodsmith_core as core;
 use lodsmith_core::{MeshError, Surface, TriMesh};
 pub use options::{
     AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, Placement, SimplifyOptions, Stop,
     TopologyPolicy,
 };
+pub use proposal::{Change, Proposal};
+pub use prune::Pruned;
 pub use report::{Cleanup, ErrorReport, Refusal, Report, StoppedBy};
 
-pub use scene::{Part, SimplifiedScene, simplify_scene};
+pub use scene::{MeshCounts, Part, SimplifiedScene, simplify_scene};
 
 /// Why a mesh could not be simplified.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

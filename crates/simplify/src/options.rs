@@ -59,7 +59,8 @@ pub enum TopologyPolicy {
     Relaxed,
     /// Manifold stays manifold; holes, handles and parts stay.
     Preserve,
-    /// It may change. In this release nothing uses that leave: results are those of `Relaxed`.
+    /// Handles and necks are cut and whole parts go wherever that is cheapest, and each is counted. The two sides of a cut
+    /// may touch.
     Free,
 }
 
@@ -182,6 +183,13 @@ pub struct SimplifyOptions {
     pub measure: Measure,
     /// Vertices closer than this are joined first. Equal positions always are.
     pub weld: Option<Length>,
+    /// Connected parts whose bounding box has a diagonal below this go first; the largest stays in any case. What is
+    /// measured is the distance from what is left. A share is of the whole input's diagonal.
+    pub prune: Option<Length>,
+    /// Whether looser topology policies are tried in turn when the target is out of reach. Borders and guards stay.
+    pub escalate: bool,
+    /// In a scene: whether the stop holds for each mesh by itself, instead of all instances of all together.
+    pub per_mesh: bool,
     /// Seed of whatever is drawn by chance: equal seeds give equal bytes.
     pub seed: u64,
 }

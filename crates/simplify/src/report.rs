@@ -2,6 +2,10 @@
 
 use lodsmith_core::measure::Comparison;
 
+use crate::escalate::Escalation;
+use crate::proposal::Proposal;
+use crate::prune::Pruned;
+
 /// Why a collapse was not done. Each is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
@@ -143,8 +147,12 @@ pub struct Report {
     pub refusals: Vec<(Refusal, u64)>,
     /// Collapses done.
     pub collapses: u64,
-    /// Whole parts that went because the target could not be met otherwise.
+    /// Whole parts that went because the target could not be met otherwise, or, where topology is free, because they were
+    /// the cheapest to go.
     pub parts_removed: usize,
+    /// Necks that were cut: three edges round a handle or a thin place each. Only with
+    /// [`TopologyPolicy::Free`](crate::TopologyPolicy::Free).
+    pub necks_cut: usize,
     /// Whether vertices on seams were merged across them, because nothing else was left to do.
     pub seams_relaxed: bool,
     /// What was mended first.
@@ -154,4 +162,11 @@ pub struct Report {
     pub dropped: Vec<&'static str>,
     /// Whether the fit ran.
     pub fitted: bool,
+    /// What would let the run go on, where it is stuck above its target ([`StoppedBy::Refusals`]); the change that sets
+    /// most free first. Empty where no option helps.
+    pub proposals: Vec<Proposal>,
+    /// The steps that were tried after the first run, with [`SimplifyOptions::escalate`](crate::SimplifyOptions).
+    pub escalated: Vec<Escalation>,
+    /// Small parts that went first. Distances are from what was left.
+    pub pruned: Pruned,
 }

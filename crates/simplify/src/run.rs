@@ -15,9 +15,11 @@ use crate::control::{Control, Stage, Verdict};
 use crate::fit;
 use crate::guard::Rules;
 use crate::metric::{Memoryless, Metric, Quadric};
-use crate::options::{Fit, Measure, Method, Placement, SimplifyOptions};
+use crate::options::{Fit, Length, Measure, Method, Placement, SimplifyOptions, TopologyPolicy};
+use crate::proposal::Proposal;
+use crate::prune::Pruned;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
-use crate::{Simplified, SimplifyError};
+use crate::{Simplified, SimplifyError, escalate, prune};
 
 /// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
 /// again when it comes to it, which takes some percent more time and 18 bytes a face less.
@@ -61,17 +63,60 @@ struct Outcome {
     refusals: [u64; Refusal::ALL.len()],
     collapses: u64,
     parts_removed: usize,
+    necks_cut: usize,
     seams_relaxed: bool,
     duplicate_faces: usize,
+    proposals: Vec<Proposal>,
 }
 
-/// Runs with the options' method.
+/// Runs with the options' method, after welding and pruning; once more with looser ones if that is wanted and needed.
 pub(crate) fn run(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
     check(options)?;
+    escalate::escalated(options, |options| run_pruned(input, options, control))
+}
+
+/// Leaves small parts out, and runs on what is left.
+fn run_pruned(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<Simplified, SimplifyError> {
+    let Some(size) = options.prune else { return run_welded(input, options, control) };
+    let diagonal = prune::diagonal(&input.surface);
+    // Shares are of the whole input, small parts and all.
+    let units = |length: Length| Length::Units(length.in_units(diagonal));
+    let mut options = options.clone();
+    (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
+    options.guards.max_edge = options.guards.max_edge.map(units);
+    let near = options.weld.map(|d| d.in_units(diagonal));
+    let small = prune::small_parts(&input.surface, size.in_units(diagonal), near);
+    if small.pruned.parts == 0 {
+        let mut done = run_welded(input, &options, control)?;
+        done.report.pruned = small.pruned;
+        return Ok(done);
+    }
+    let (triangles, unused) = prune::without(&input.surface, &small.is_small);
+    let surface = Surface::with_triangles(input.surface.positions(), triangles)?;
+    let mut done = run_welded(&Input { surface, mesh: input.mesh }, &options, control)?;
+    let report = &mut done.report;
+    report.pruned = small.pruned;
+    report.error.diagonal = diagonal;
+    let cleanup = &mut report.cleanup;
+    cleanup.degenerate_faces = cleanup.degenerate_faces.saturating_sub(small.pruned.faces);
+    cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(unused);
+    Ok(done)
+}
+
+/// Joins near vertices if asked, and runs.
+fn run_welded(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<Simplified, SimplifyError> {
     let Some(distance) = options.weld else { return run_by_method(input, options, control) };
     let positions = input.surface.positions();
     let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
@@ -161,10 +206,14 @@ fn run_with<M: Metric>(
         refusals: Refusal::ALL.into_iter().zip(outcome.refusals).filter(|r| r.1 > 0).collect(),
         collapses: outcome.collapses,
         parts_removed: outcome.parts_removed,
+        necks_cut: outcome.necks_cut,
         seams_relaxed: outcome.seams_relaxed,
         cleanup,
         dropped,
         fitted: outcome.fitted,
+        proposals: outcome.proposals,
+        escalated: Vec::new(),
+        pruned: Pruned::default(),
     };
     Ok(Simplified { mesh: outcome.mesh, report })
 }
@@ -284,8 +333,10 @@ impl Run<'_, '_> {
         step: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
-        let first = self.single_pass::<M>(&goal, step, false, control)?;
-        if first.parts_removed == 0 || first.end == End::Finish {
+        // Where the topology may change, parts and necks go in their turn from the start.
+        let is_free = self.options.topology == TopologyPolicy::Free;
+        let first = self.single_pass::<M>(&goal, step, is_free, control)?;
+        if is_free || first.parts_removed == 0 || first.end == End::Finish {
             return Ok(first);
         }
         // Parts have to go: let them go in their turn.
@@ -341,6 +392,7 @@ impl Run<'_, '_> {
 
         control.stage(Stage::Collapse);
         if parts_go {
+            engine.cuts_necks = options.topology == TopologyPolicy::Free;
             engine.watch_parts();
         }
         let source = Source { surface, ordered: self.ordered, is_kept: keep };
@@ -348,6 +400,12 @@ impl Run<'_, '_> {
         if end == End::Cancel {
             return Err(SimplifyError::Cancelled);
         }
+        // A first pass in which parts went is not the last one; a search for an error has its own end.
+        let is_last = parts_go || engine.parts_removed == 0;
+        let proposals = match end == End::Stuck && is_last && !again {
+            true => engine.proposals(options, |o| Rules::new(o, frame, self.ordered.diagonal)),
+            false => Vec::new(),
+        };
         let mut fitted = None;
         let wants_fit = self.wants_fit::<M>() && engine.collapses > 0;
         if wants_fit {
@@ -385,8 +443,10 @@ impl Run<'_, '_> {
             refusals: engine.refusals,
             collapses: engine.collapses,
             parts_removed: engine.parts_removed,
+            necks_cut: engine.necks_cut,
             seams_relaxed: engine.has_relaxed_seams(),
             duplicate_faces,
+            proposals,
             mesh: self.result(&engine, rows.as_ref())?,
         })
     }
@@ -469,7 +529,11 @@ impl Run<'_, '_> {
         let frame = self.ordered.frame;
         let place = |i: usize| {
             let x = &store.v[i];
-            if x.kind.is_moved() { frame.user(x.p) } else { input_positions.get(first[x.origin.index()]) }
+            if x.kind.is_moved() {
+                frame.user(x.p)
+            } else {
+                input_positions.get(first[store.place_of(x.origin).index()])
+            }
         };
         let places = (0..store.v.len()).map(place);
         let positions = match input_positions {
@@ -572,6 +636,9 @@ fn check(options: &SimplifyOptions) -> Result<(), SimplifyError> {
     }
     if let Some(x) = guards.max_edge.map(length).filter(|x| !(x.is_finite() && *x > 0.0)) {
         return bad("max-edge", "a length above 0", x);
+    }
+    if let Some(x) = options.prune.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
+        return bad("prune", "a length of 0 or more", x);
     }
     if let Some(x) = options.weld.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
         return bad("weld", "a distance of 0 or more", x);

@@ -4,6 +4,8 @@
 //! threshold is the same for all. A mesh that stands in several places saves as many triangles by each collapse as it
 //! makes errors, so instances change nothing but the count.
 
+mod per_mesh;
+
 use std::collections::BTreeMap;
 
 use lodsmith_core::{
@@ -13,7 +15,7 @@ use lodsmith_core::{
 use crate::control::Control;
 use crate::options::{Length, SimplifyOptions};
 use crate::report::Report;
-use crate::{SimplifyError, simplify};
+use crate::{SimplifyError, prune, simplify};
 
 /// A mesh of a scene.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +39,39 @@ pub struct SimplifiedScene {
     pub meshes: Vec<TriMesh>,
     /// Counts are of all instances, lengths those of the scene.
     pub report: Report,
+    /// What became of each mesh, in the same order.
+    pub counts: Vec<MeshCounts>,
+}
+
+/// What became of one mesh of a scene; counted once, however often it stands there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct MeshCounts {
+    /// How often it stands in the scene.
+    pub instances: usize,
+    /// Triangles of the input.
+    pub input_faces: usize,
+    /// Vertices of the input.
+    pub input_vertices: usize,
+    /// Triangles of the result.
+    pub faces: usize,
+    /// Vertices of the result.
+    pub vertices: usize,
+    /// Whether its stop was met: that of the scene, if all meshes share one.
+    pub reached: bool,
+}
+
+impl MeshCounts {
+    fn new(part: &Part<'_>, result: &TriMesh, reached: bool) -> Self {
+        Self {
+            instances: part.instances,
+            input_faces: part.mesh.face_count(),
+            input_vertices: part.mesh.vertex_count(),
+            faces: result.face_count(),
+            vertices: result.vertex_count(),
+            reached,
+        }
+    }
 }
 
 /// Gap between meshes laid side by side, in sizes of the largest.
@@ -52,7 +87,8 @@ const CLOSE: f64 = 0.97;
 /// Makes the meshes of a scene lighter under one budget.
 ///
 /// Counts of the stop are of all instances together; `diagonal` is that of the scene's bounding box, which lengths given
-/// as shares refer to. Attributes, regions and the rest are those of each part.
+/// as shares refer to. Attributes, regions and the rest are those of each part. With `per_mesh` each part is worked on by
+/// itself, and the stop holds for each, counted once; parts that touch then do not stay together.
 ///
 /// # Errors
 /// As [`simplify`].
@@ -62,6 +98,9 @@ pub fn simplify_scene(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<SimplifiedScene, SimplifyError> {
+    if options.per_mesh {
+        return per_mesh::simplify_each(parts, diagonal, options, control);
+    }
     let layout = Layout::new(parts);
     let is_placed = parts.iter().any(|p| p.instances > 0);
     let times = |p: &Part<'_>| if is_placed { p.instances } else { 1 };
@@ -79,6 +118,7 @@ pub fn simplify_scene(
         None => layout.has_neighbours.then_some(Length::Units(rounding)),
     };
     options.guards.max_edge = options.guards.max_edge.map(units);
+    options.prune = options.prune.map(units);
     let instances = |of: fn(&TriMesh) -> usize, meshes: &[TriMesh]| {
         meshes.iter().zip(parts).map(|(m, p)| of(m).saturating_mul(times(p))).sum::<usize>()
     };
@@ -131,7 +171,17 @@ pub fn simplify_scene(
     report.faces = instances(TriMesh::face_count, &meshes);
     report.vertices = instances(TriMesh::vertex_count, &meshes);
     report.error.diagonal = diagonal;
-    Ok(SimplifiedScene { meshes, report })
+    if let Some(size) = options.prune.filter(|_| report.pruned.parts > 0) {
+        let near = options.weld.map(|d| d.in_units(diagonal));
+        let small = prune::small_parts(&mesh.surface(), size.in_units(diagonal), near);
+        let regions = mesh.regions().unwrap_or_default();
+        let times_of = |f: usize| times(&parts[table[regions[f].index()].0]);
+        report.pruned.parts = small.first_faces.iter().map(|&f| times_of(f)).sum();
+        let gone = (0..small.is_small.len()).filter(|&f| small.is_small[f]);
+        report.pruned.faces = gone.map(times_of).sum();
+    }
+    let counts = parts.iter().zip(&meshes).map(|(p, m)| MeshCounts::new(p, m, report.reached)).collect();
+    Ok(SimplifiedScene { meshes, report, counts })
 }
 
 /// Where each part lies: scaled, then moved.

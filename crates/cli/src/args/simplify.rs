@@ -8,6 +8,7 @@ use lodsmith_io::Format;
 use serde_json::{Map, Value};
 
 use super::choice::{BorderChoice, FitChoice, MethodChoice, PlacementChoice, TopologyChoice};
+use super::scope::Scope;
 use super::{Run, TypedLength, Writing, values};
 use crate::file::{Sink, Source};
 
@@ -41,6 +42,8 @@ pub(crate) struct SimplifyArgs {
     pub(crate) target: Target,
     #[command(flatten)]
     how: How,
+    #[command(flatten)]
+    scope: Scope,
     #[command(flatten)]
     guards: GuardArgs,
     #[command(flatten)]
@@ -131,7 +134,7 @@ struct How {
     /// Open borders: held in place, moved along themselves, untouched, no care
     #[arg(long, value_name = "CARE", value_enum, default_value_t)]
     border: BorderChoice,
-    /// Topology: no new defects, nothing changes at all, no care
+    /// Topology: no new defects; nothing changes at all; handles are cut and parts go where that is cheapest
     #[arg(long, value_name = "CARE", value_enum, default_value_t)]
     topology: TopologyChoice,
     /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph or other; may be repeated
@@ -235,6 +238,7 @@ impl SimplifyArgs {
             max_valence: guards.max_valence,
             max_edge: guards.max_edge.as_ref().map(|d| d.length),
         };
+        self.scope.apply(&mut options);
         let is_measured = self.deviation.measure || self.is_bounded();
         options.measure = if is_measured { Measure::Always } else { Measure::default() };
         options.seed = self.seed;
@@ -244,6 +248,11 @@ impl SimplifyArgs {
     /// The word for the method.
     pub(crate) fn method(&self) -> &'static str {
         self.how.method.word()
+    }
+
+    /// Whether each mesh has a target of its own.
+    pub(crate) fn is_per_mesh(&self) -> bool {
+        self.scope.per_mesh
     }
 
     /// Whether the deviation is promised, not only estimated.

@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use lodsmith::core::TriMesh;
 use lodsmith::core::measure::{Comparison, TwoWay};
-use lodsmith::{Control, Part, Report, Simplified, SimplifiedScene, SimplifyError, Stage, Verdict};
+use lodsmith::{
+    Control, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError, Stage, Verdict,
+};
 use lodsmith_io::gltf::{Scene, SceneMesh};
 use lodsmith_io::{Format, Loaded, Warning};
 use serde_json::{Map, Value, json};
@@ -21,7 +23,7 @@ use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::plan::{self, Job};
 use crate::progress::{FileProgress, Progress};
-use crate::{images, in_order, normals};
+use crate::{images, in_order, normals, proposals};
 
 /// Makes every input lighter.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
@@ -60,8 +62,17 @@ struct Done {
     input_format: Format,
     report: Report,
     warnings: Vec<Warning>,
+    /// The meshes of a scene that stayed one, by name.
+    meshes: Vec<(String, MeshCounts)>,
     threads: usize,
     clock: Clock,
+}
+
+/// What there is to say of a result.
+struct Told {
+    report: Report,
+    warnings: Vec<Warning>,
+    meshes: Vec<(String, MeshCounts)>,
 }
 
 fn simplify_one(
@@ -86,10 +97,11 @@ fn simplify_one(
             && args.writing.scale.is_none()
             && args.writing.up.is_none()
     });
-    let done = |mut clock: Clock, input_format, (report, warnings)| {
+    let done = |mut clock: Clock, input_format, told: Told| {
         clock.end();
         bar.end();
-        Done { input_format, report, warnings, threads: rayon::current_num_threads(), clock }
+        let Told { report, warnings, meshes } = told;
+        Done { input_format, report, warnings, meshes, threads: rayon::current_num_threads(), clock }
     };
     let loaded = match whole {
         None => Box::new(file::read(&job.source, args.from)?),
@@ -115,8 +127,12 @@ fn simplify_mesh(
     args: &SimplifyArgs,
     watch: &mut Watch<'_>,
     turn: &Turn<'_>,
-) -> anyhow::Result<(Report, Vec<Warning>)> {
-    let Loaded { mesh, regions, mut warnings, .. } = loaded;
+) -> anyhow::Result<Told> {
+    let Loaded { mesh, regions, contents, mut warnings, .. } = loaded;
+    if args.is_per_mesh() && contents.meshes > 1 {
+        let text = "--per-mesh: the meshes become one on this way, and share the target";
+        warnings.push(Warning::note(text));
+    }
     let done = lodsmith::simplify(&mesh, &args.options(), watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
@@ -136,7 +152,7 @@ fn simplify_mesh(
             false => file::write(&lighter, sink, *format, &options, args.force)?,
         });
     }
-    Ok((report, warnings))
+    Ok(Told { report, warnings, meshes: Vec::new() })
 }
 
 /// The same for all meshes of a scene under one budget; the rest of it stays as it is.
@@ -146,7 +162,7 @@ fn simplify_scene(
     (sink, format): (&Sink, Format),
     args: &SimplifyArgs,
     watch: &mut Watch<'_>,
-) -> anyhow::Result<(Report, Vec<Warning>)> {
+) -> anyhow::Result<Told> {
     let meshes = scene.meshes().to_vec();
     let mut systems = Vec::new();
     let mut system_of = |m: &SceneMesh| {
@@ -173,7 +189,7 @@ fn simplify_scene(
     }
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let done = lodsmith::simplify_scene(&parts, diagonal, &args.options(), watch);
-    let SimplifiedScene { meshes: mut lighter, report } = not_interrupted(done)?;
+    let SimplifiedScene { meshes: mut lighter, report, counts } = not_interrupted(done)?;
 
     watch.write();
     for mesh in &mut lighter {
@@ -193,7 +209,8 @@ fn simplify_scene(
         true => file::scene_losses(&scene, &replaced, &relink, format)?,
         false => file::write_scene(&scene, &replaced, &relink, sink, format, args.force)?,
     });
-    Ok((report, warnings))
+    let meshes = taken.iter().map(|&i| meshes[i].name.clone()).zip(counts).collect();
+    Ok(Told { report, warnings, meshes })
 }
 
 fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
@@ -217,6 +234,10 @@ fn told(report: &Report) -> Vec<Warning> {
     let mut warnings: Vec<_> = dropped(report).collect();
     if report.seams_relaxed {
         warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
+    }
+    warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
+    if report.pruned.largest_kept {
+        warnings.push(Warning::note("all parts are smaller than --prune: the largest was kept"));
     }
     warnings
 }
@@ -245,7 +266,7 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
     }
     let mut is_fault = show_warnings(out, path, &done.warnings, args.strict);
     if !done.report.reached {
-        let text = format!("{path}: {}", not_reached(&done.report));
+        let text = format!("{path}: {}", not_reached(&done.report, args));
         if args.strict {
             output::error(&text)
         } else {
@@ -256,15 +277,17 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
     if is_fault { Status::Strict } else { Status::Done }
 }
 
-/// Why the target was not met.
-fn not_reached(report: &Report) -> String {
+/// Why the target was not met, and what would help.
+fn not_reached(report: &Report, args: &SimplifyArgs) -> String {
+    let mut text = format!("target not reached, stopped by {}", report.stopped_by.name().replace('_', " "));
     let refusals = refusals(report);
-    let stop = report.stopped_by.name().replace('_', " ");
-    if refusals.is_empty() {
-        format!("target not reached, stopped by {stop}")
-    } else {
-        format!("target not reached, stopped by {stop}; refused: {refusals}")
+    if !refusals.is_empty() {
+        text += &format!("; refused: {refusals}");
     }
+    if let Some(help) = proposals::text(report, &args.options(), args.time_limit) {
+        text += &format!("; {help}");
+    }
+    text
 }
 
 fn refusals(report: &Report) -> String {
@@ -314,6 +337,19 @@ impl Done {
         if r.parts_removed > 0 {
             lines.push(format!("  {} removed whole", counted(r.parts_removed, "part", "parts")));
         }
+        if r.necks_cut > 0 {
+            lines.push(format!("  {} cut", counted(r.necks_cut, "neck", "necks")));
+        }
+        if r.pruned.parts > 0 {
+            let parts = counted(r.pruned.parts, "small part", "small parts");
+            lines.push(format!("  {parts} pruned first, of {}", counted(r.pruned.faces, "face", "faces")));
+        }
+        if self.meshes.len() > 1 {
+            lines.extend(self.meshes.iter().map(|(name, m)| {
+                let times = counted(m.instances, "instance", "instances");
+                format!("  {name}: {} → {} faces, {times}", grouped(m.input_faces), grouped(m.faces))
+            }));
+        }
         lines
     }
 
@@ -351,14 +387,29 @@ impl Done {
             "seconds": seconds,
             "collapses": r.collapses,
             "parts_removed": r.parts_removed,
+            "necks_cut": r.necks_cut,
+            "pruned": { "parts": r.pruned.parts, "faces": r.pruned.faces },
             "seams_relaxed": r.seams_relaxed,
+            "proposals": proposals::to_json(r, &args.options()),
+            "escalated": proposals::steps_json(r),
             "cleanup": cleanup,
         });
+        if !self.meshes.is_empty() {
+            report["meshes"] = self.meshes.iter().map(mesh_json).collect();
+        }
         if args.dry_run {
             report["dry_run"] = true.into();
         }
         report
     }
+}
+
+fn mesh_json((name, m): &(String, MeshCounts)) -> Value {
+    json!({
+        "name": name, "instances": m.instances, "reached": m.reached,
+        "input": { "faces": m.input_faces, "vertices": m.input_vertices },
+        "output": { "faces": m.faces, "vertices": m.vertices },
+    })
 }
 
 fn measured_json(m: &Comparison) -> Value {

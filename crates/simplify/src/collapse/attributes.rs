@@ -33,6 +33,8 @@ pub(crate) struct Attributes {
     /// Joints that pull a wedge, with their weights; empty where there is no skin.
     pub(crate) pulls: Vec<Pulls>,
     pub(super) heads: Vec<Head>,
+    /// Which wedges the last ones were copied from.
+    copied: Vec<WedgeId>,
     /// For each wedge its values, then what they gain along x, y and z, as doubled area times gradient, summed over the
     /// present triangles: four times `lanes` vectors.
     rows: Vec<f32x4>,
@@ -135,7 +137,7 @@ impl Attributes {
             }
         }
         let heads = vec![Head::default(); count];
-        Self { lanes, weights: vec![f32x4::ZERO; lanes], directions, pulls, heads, rows }
+        Self { lanes, weights: vec![f32x4::ZERO; lanes], directions, pulls, heads, copied: Vec::new(), rows }
     }
     /// Whether no wedge carries anything.
     pub(crate) fn is_empty(&self) -> bool {
@@ -209,6 +211,25 @@ impl Attributes {
         std::iter::successors(known(first), move |w| known(self.heads[w.index()].next))
     }
 
+    /// A wedge with the values of another, without triangles so far.
+    pub(super) fn copy_of(&mut self, w: WedgeId) -> WedgeId {
+        let (copy, n) = (WedgeId(self.heads.len() as u32), 4 * self.lanes);
+        self.rows.extend_from_within(w.index() * n..(w.index() + 1) * n);
+        let at = copy.index() * n;
+        self.rows[at + self.lanes..].fill(f32x4::ZERO);
+        if !self.pulls.is_empty() {
+            self.pulls.push(self.pulls[w.index()].clone());
+        }
+        self.heads.push(Head::default());
+        self.copied.push(self.original(w));
+        copy
+    }
+    /// The wedge of the input that one is, or that it was copied from.
+    pub(crate) fn original(&self, w: WedgeId) -> WedgeId {
+        let given = self.heads.len() - self.copied.len();
+        w.index().checked_sub(given).map_or(w, |i| self.copied[i])
+    }
+
     /// Takes a wedge out of the chain that begins with `first`.
     pub(super) fn unlink(&mut self, first: &mut WedgeId, wedge: WedgeId) {
         let next = self.heads[wedge.index()].next;
@@ -273,6 +294,21 @@ impl Attributes {
             self.heads[w.index()].area += s.area;
         }
         tensor
+    }
+
+    /// Adds a triangle to the sums and the count of the wedge at the corner that `s` is seen from.
+    pub(super) fn account_first(&mut self, s: &Slopes, wedges: [WedgeId; 3]) {
+        let n = self.lanes;
+        let [at_o, at_a, at_b] = wedges.map(|w| w.index() * 4 * n);
+        for i in 0..n {
+            let o = self.rows[at_o + i];
+            let (a, b) = ((self.rows[at_a + i] - o) * s.area, (self.rows[at_b + i] - o) * s.area);
+            for k in 0..3 {
+                self.rows[at_o + (k + 1) * n + i] += a * s.a[k] + b * s.b[k];
+            }
+        }
+        let head = &mut self.heads[wedges[0].index()];
+        (head.area, head.faces) = (head.area + s.area, head.faces + 1);
     }
 
     /// Squared errors, weighted, times twice the area, of a triangle whose values at `step` from its first corner are to

@@ -69,7 +69,7 @@ pub(crate) struct Candidate {
 
 /// Where the merged vertex goes: exactly onto the removed end where the step leads there.
 #[inline(always)]
-fn merged_position(kept: Vec3, removed: Vec3, step: Vec3) -> Vec3 {
+pub(crate) fn merged_position(kept: Vec3, removed: Vec3, step: Vec3) -> Vec3 {
     if step == removed - kept { removed } else { kept + step }
 }
 
@@ -88,9 +88,12 @@ impl<M: Metric> Engine<M> {
     ) -> Outcome {
         let (v, y) = (candidate.removed, candidate.step);
         let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
-        let shared = match self.store.link_condition(u, v, ru, rv) {
-            Ok(shared) => shared,
-            Err(why) => return Outcome::Refused(why),
+        let (shared, neck) = match self.store.link_condition(u, v, ru, rv) {
+            Ok(shared) => (shared, None),
+            Err(why) => match self.neck(u, v, ru, rv) {
+                Some(neck) => (2, Some(neck)),
+                None => return Outcome::Refused(why),
+            },
         };
         if ru.len() + rv.len() == 2 * shared {
             return Outcome::Refused(Refusal::Component);
@@ -212,7 +215,10 @@ impl<M: Metric> Engine<M> {
             self.prepare_merge(u, v, y, ru);
         }
         self.spent += f64::from(plain);
-        self.change(u, v, y, shared, ru, rv);
+        match &neck {
+            None => self.change(u, v, y, shared, ru, rv),
+            Some(neck) => self.cut(u, v, y, neck, ru, rv),
+        }
         Outcome::Done
     }
 

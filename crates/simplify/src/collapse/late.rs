@@ -82,6 +82,27 @@ fn measure(samples: &[Sample], star: &Star, most: f32) -> (f32, usize, f32) {
     (loss, far, worst)
 }
 
+impl Late {
+    /// Deals the samples of the first of two vertices at one place to both, each to the nearer star.
+    pub(super) fn share(&mut self, origins: [VertexId; 2], stars: &[Star; 2]) {
+        let first = self.bag_of[origins[0].index()] as usize;
+        let mut bags = [Bag::default(), Bag::default()];
+        for s in std::mem::take(&mut self.bags[first].samples) {
+            let [a, b] = [0, 1].map(|i| measure(&[s], &stars[i], f32::INFINITY).0);
+            bags[usize::from(b < a)].samples.push(s);
+        }
+        for (bag, star) in bags.iter_mut().zip(stars) {
+            bag.loss = measure(&bag.samples, star, f32::INFINITY).0;
+        }
+        let [own, other] = bags;
+        self.bags[first] = own;
+        let length = self.bag_of.len().max(origins[1].index() + 1);
+        self.bag_of.resize(length, u32::MAX);
+        self.bag_of[origins[1].index()] = self.bags.len() as u32;
+        self.bags.push(other);
+    }
+}
+
 impl<M: Metric> Engine<M> {
     /// Gives every vertex its samples: centres of the original faces (3/4 of the weight) and vertices.
     pub(crate) fn begin_late(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
@@ -112,7 +133,7 @@ impl<M: Metric> Engine<M> {
             star.set(self.store.p(u), ring.iter().map(|r| [r.a, r.b].map(|w| (w, self.store.p(w)))));
             bag.loss = measure(&bag.samples, &star, f32::INFINITY).0;
         }
-        let mut bag_of = vec![u32::MAX; points.len()];
+        let mut bag_of = vec![u32::MAX; self.store.merged_into.len()];
         for (i, x) in self.store.v.iter().enumerate() {
             bag_of[x.origin.index()] = i as u32;
         }

@@ -201,6 +201,20 @@ impl<M: Metric> Engine<M> {
         cost
     }
 
+    /// Gives a vertex whose triangles share one wedge a wedge of its own, with the same values.
+    pub(super) fn split_wedge(&mut self, u: VertexId, ring: &mut Ring) {
+        self.store.ring(u, ring);
+        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else { return };
+        let Some(first) = ring.first().map(|r| wedges[r.corner.face()][r.corner.k()]) else { return };
+        let own = attributes.copy_of(first);
+        for r in ring.iter() {
+            wedges[r.corner.face()][r.corner.k()] = own;
+            let s = Slopes::new([u, r.a, r.b].map(|w| self.store.v[w.index()].p));
+            attributes.account_first(&s, from_corner(wedges[r.corner.face()], r.corner.k()));
+        }
+        self.store.first_wedge[u.index()] = own;
+    }
+
     /// Merges the wedges as prepared, before the triangles change; the merged vertex goes to the kept end + `y`, the
     /// place `at`. Says what the new triangles add to its tensor.
     pub(super) fn merge_wedges(&mut self, u: VertexId, v: VertexId, y: Vec3, at: Vec3, ru: &Ring) -> Tensor {

@@ -11,6 +11,12 @@ use super::{Engine, Goal};
 use crate::metric::Metric;
 use crate::options::TopologyPolicy;
 
+/// How much dearer parts are where the topology may change and they go with everything else: as dear as the collapses that
+/// would bring their far ends to the rest. (Half the size squared, times twice the area, is an eighth of what a collapse
+/// pays for a rod that is held at one end. Measured against 1: brain_mri at 1 % has 0.155 % RMS instead of 0.183, at
+/// 8,000 faces 0.119 instead of 0.138, heptoroid at 50 faces 7.3 instead of 13.9.)
+const IN_TURN: f32 = 8.0;
+
 /// A connected part of the mesh.
 #[derive(Clone, Copy)]
 struct Part {
@@ -36,6 +42,8 @@ pub(crate) struct Parts {
     /// By number in the ordered input.
     part_of: Vec<u32>,
     cost: Vec<f32>,
+    /// Necks that were cut before the parts were looked for.
+    necks_cut: usize,
 }
 
 impl<M: Metric> Engine<M> {
@@ -55,18 +63,25 @@ impl<M: Metric> Engine<M> {
         self.needed(goal) == Some(0)
     }
 
-    /// Lets parts go in the order of costs from here on.
+    /// Lets parts go in the order of costs from here on. The store is compact.
     pub(crate) fn watch_parts(&mut self) {
         let (label, parts) = self.find_parts();
+        let weight = if self.cuts_necks { IN_TURN } else { 1.0 };
+        let cost = parts.iter().map(|p| p.cost() * weight).collect();
         let mut part_of = vec![0; self.store.merged_into.len()];
         for (x, &l) in self.store.v.iter().zip(&label) {
             part_of[x.origin.index()] = l;
         }
-        self.parts = Some(Parts { part_of, cost: parts.iter().map(Part::cost).collect() });
+        self.parts = Some(Parts { part_of, cost, necks_cut: self.necks_cut });
     }
 
     /// Drops the parts of which a face is not dearer than `tau` for a collapse, which takes two.
     pub(crate) fn drop_cheap_parts(&mut self, goal: &Goal, tau: f32) {
+        if self.parts.as_ref().is_some_and(|p| p.necks_cut != self.necks_cut) {
+            // What was cut off is a part of its own now.
+            self.store.compact();
+            self.watch_parts();
+        }
         let Some(parts) = self.parts.take() else { return };
         let mut faces = vec![0usize; parts.cost.len()];
         for t in self.store.t.iter().filter(|t| t[0] != NONE) {
@@ -107,6 +122,11 @@ impl<M: Metric> Engine<M> {
             }
         }
         self.store.compact();
+    }
+
+    /// How many parts there are in a compact store.
+    pub(crate) fn part_count(&self) -> usize {
+        self.label_parts().into_iter().max().map_or(0, |m| m as usize + 1)
     }
 
     /// The part of each vertex of a compact store, and the parts in the order of their first vertex.

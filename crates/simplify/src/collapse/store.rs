@@ -1,5 +1,7 @@
 //! The mesh that is being collapsed: packed vertices, triangles, and a list of corners for each vertex.
 
+use std::collections::BTreeMap;
+
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 
@@ -100,6 +102,8 @@ pub(crate) struct Store<M: Metric> {
     pub(crate) live_vertices: usize,
     /// For each vertex of the ordered input the one that it was merged into, or itself.
     pub(crate) merged_into: Vec<VertexId>,
+    /// At which vertex' place of the ordered input others stand that were cut off from it.
+    places: BTreeMap<VertexId, VertexId>,
     pub(crate) stamp: u32,
     faces_at_compaction: usize,
 }
@@ -140,6 +144,7 @@ impl<M: Metric> Store<M> {
             live_vertices: v.len(),
             merged_into: (0..v.len() as u32).map(VertexId).collect(),
             corners: Vec::new(),
+            places: BTreeMap::new(),
             faces_at_compaction: faces.len(),
             v,
             t: faces,
@@ -302,6 +307,44 @@ impl<M: Metric> Store<M> {
         }
         let x = &mut self.v[u.index()];
         (x.head, x.room, x.count) = (head, room, n);
+    }
+
+    /// Lets `u` have these corners and no others.
+    pub(crate) fn hang(&mut self, u: VertexId, corners: &[Corner]) {
+        for corner in corners {
+            self.t[corner.face()][corner.k()] = u;
+        }
+        self.relist(u, u, corners.len(), corners.iter().copied());
+    }
+
+    /// A vertex at the place of another, without triangles so far.
+    pub(crate) fn twin_of(&mut self, u: VertexId) -> VertexId {
+        let x = self.v[u.index()];
+        let (twin, origin) = (VertexId(self.v.len() as u32), VertexId(self.merged_into.len() as u32));
+        self.v.push(Vertex { origin, head: 0, count: 0, room: 0, ..x });
+        self.bound.push(super::UNKNOWN);
+        self.first_wedge.extend(self.first_wedge.get(u.index()).copied());
+        self.merged_into.push(origin);
+        self.stands_for(origin, x.origin);
+        self.live_vertices += 1;
+        twin
+    }
+
+    /// Notes that a vertex stands at the place of another of the input.
+    pub(crate) fn stands_for(&mut self, origin: VertexId, other: VertexId) {
+        let place = self.place_of(other);
+        self.places.insert(origin, place);
+    }
+
+    /// The vertex of the ordered input at whose place the one of this number stands, unless it was moved.
+    pub(crate) fn place_of(&self, origin: VertexId) -> VertexId {
+        self.places.get(&origin).copied().unwrap_or(origin)
+    }
+
+    /// Takes a triangle away.
+    pub(crate) fn remove_face(&mut self, face: usize) {
+        self.t[face][0] = NONE;
+        self.live_faces -= 1;
     }
 
     /// A fresh stamp; the one after it is free as well.

@@ -134,7 +134,7 @@ impl<'a> Values<'a> {
 
     /// Adds the first corner of a face of the ordered input where a final vertex, with these corners, has its very place.
     pub(super) fn add_at_home(&mut self, of: usize, around: &[Corner], weight: f32) {
-        let chart = |w: WedgeId| self.originals.charts[w.index()];
+        let chart = |w: WedgeId| self.originals.charts[self.attributes.original(w).index()];
         let own = chart(self.originals.wedges[of][0]);
         if let Some(corner) = around.iter().find(|c| chart(self.wedges[c.face()][0]) == own) {
             let mut b = [0.0; 3];
@@ -146,7 +146,7 @@ impl<'a> Values<'a> {
     #[inline(always)]
     fn add<const N: usize>(&mut self, rows: [WedgeId; N], share: f32, face: usize, b: Vec3, weight: f32) {
         let finals = self.wedges[face];
-        let chart = |w: WedgeId| self.originals.charts[w.index()];
+        let chart = |w: WedgeId| self.originals.charts[self.attributes.original(w).index()];
         if chart(rows[0]) != chart(finals[0]) {
             return;
         }

@@ -49,6 +49,8 @@ pub(crate) fn told(options: &SimplifyOptions) -> String {
     word(options.topology != d.topology, format!("topology {:?}", options.topology));
     word(options.guards != d.guards, format!("{:?}", options.guards));
     word(options.weld.is_some(), format!("weld {:?}", options.weld));
+    word(options.prune.is_some(), format!("prune {:?}", options.prune));
+    word(options.escalate, "escalate".into());
     word(options.seed != d.seed, format!("seed {}", options.seed));
     words.join(", ")
 }
@@ -157,6 +159,9 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
         error.estimate.is_finite() && error.estimate >= 0.0 && error.estimate <= error.diagonal,
         format!("estimate {} of a diagonal {}", error.estimate, error.diagonal),
     );
+    if options.topology != TopologyPolicy::Free && !options.escalate {
+        check(report.necks_cut == 0, format!("{} necks cut", report.necks_cut));
+    }
     if options.topology == TopologyPolicy::Preserve {
         check(report.parts_removed == 0, format!("{} parts removed", report.parts_removed));
     }

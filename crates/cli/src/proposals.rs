@@ -1,0 +1,121 @@
+//! Words for what would let a run go further that ended above its target.
+
+use clap::ValueEnum;
+use lodsmith::{Change, Escalation, Length, Proposal, Report, SimplifyOptions, StoppedBy};
+use serde_json::{Value, json};
+
+use crate::args::{BorderChoice, PlacementChoice, TopologyChoice};
+use crate::numbers::grouped;
+
+/// An option, what it is now, and what it would have to be.
+struct Words {
+    option: &'static str,
+    now: Value,
+    to: String,
+    /// Whether `to` is a value of the option, not a direction.
+    is_value: bool,
+}
+
+impl Words {
+    fn of(change: Change, options: &SimplifyOptions) -> Self {
+        let policy = |option, now: String, to| Self { option, now: now.into(), to, is_value: true };
+        let guard = |option, now, to: &str| Self { option, now, to: to.to_owned(), is_value: false };
+        let guards = &options.guards;
+        match change {
+            Change::Border(to) => {
+                policy("border", word::<BorderChoice, _>(options.border), word::<BorderChoice, _>(to))
+            }
+            Change::Topology(to) => {
+                policy("topology", word::<TopologyChoice, _>(options.topology), word::<TopologyChoice, _>(to))
+            }
+            Change::Placement(to) => policy(
+                "placement",
+                word::<PlacementChoice, _>(options.placement),
+                word::<PlacementChoice, _>(to),
+            ),
+            Change::MaxNormal => guard("max-normal", json!(guards.max_normal_deg), "higher"),
+            Change::MinQuality => guard("min-quality", json!(guards.min_quality), "lower"),
+            Change::MaxValence => guard("max-valence", json!(guards.max_valence), "higher"),
+            Change::MaxEdge => {
+                let now = match guards.max_edge {
+                    Some(Length::Units(x)) => json!(x),
+                    Some(Length::OfDiagonal(x)) => json!(format!("{}%", 100.0 * x)),
+                    None => Value::Null,
+                };
+                guard("max-edge", now, "higher")
+            }
+        }
+    }
+
+    fn text(&self) -> String {
+        let Self { option, to, .. } = self;
+        let now = match &self.now {
+            Value::String(word) => word.clone(),
+            Value::Number(x) => x.as_f64().map_or_else(|| x.to_string(), |x| x.to_string()),
+            other => other.to_string(),
+        };
+        match self.is_value {
+            true => format!("--{option} {to} (now {now})"),
+            false => format!("a {to} --{option} (now {now})"),
+        }
+    }
+}
+
+/// The word for a value of an option.
+fn word<C: ValueEnum + Copy, E: From<C> + PartialEq>(value: E) -> String {
+    let choice = C::value_variants().iter().find(|c| E::from(**c) == value);
+    choice.and_then(C::to_possible_value).map_or_else(String::new, |w| w.get_name().to_owned())
+}
+
+/// What an escalation did, for people.
+pub(crate) fn step_text(step: &Escalation) -> String {
+    let Escalation { change, before, after, .. } = *step;
+    let words = Words::of(change, &SimplifyOptions::default());
+    let came = match after < before {
+        true => format!("{} → {} faces", grouped(before), grouped(after)),
+        false => format!("no fewer than {} faces", grouped(before)),
+    };
+    format!("escalated to --{} {}: {came}", words.option, words.to)
+}
+
+/// What escalations did, for programs.
+pub(crate) fn steps_json(report: &Report) -> Value {
+    let of = |step: &Escalation| {
+        let words = Words::of(step.change, &SimplifyOptions::default());
+        json!({ "option": words.option, "to": words.to, "before": step.before, "after": step.after })
+    };
+    report.escalated.iter().map(of).collect()
+}
+
+/// What would go further, for people; what to say where nothing does.
+pub(crate) fn text(report: &Report, options: &SimplifyOptions, time_limit: Option<f64>) -> Option<String> {
+    match (report.stopped_by, time_limit) {
+        (StoppedBy::Caller, Some(s)) => Some(format!("a higher --time-limit (now {s}) would go further")),
+        (StoppedBy::Refusals, _) if report.proposals.is_empty() => {
+            Some("no option would go further".to_owned())
+        }
+        (StoppedBy::Refusals, _) => {
+            let of = |p: &Proposal| {
+                p.changes
+                    .iter()
+                    .map(|c| Words::of(*c, options).text())
+                    .collect::<Vec<_>>()
+                    .join(" together with ")
+            };
+            let all: Vec<_> = report.proposals.iter().map(of).collect();
+            Some(format!("{} would go further", all.join(", or ")))
+        }
+        _ => None,
+    }
+}
+
+/// The same for programs.
+pub(crate) fn to_json(report: &Report, options: &SimplifyOptions) -> Value {
+    let change = |c: &Change| {
+        let words = Words::of(*c, options);
+        json!({ "option": words.option, "now": words.now, "to": words.to })
+    };
+    let of =
+        |p: &Proposal| json!({ "changes": p.changes.iter().map(change).collect::<Vec<_>>(), "gain": p.gain });
+    report.proposals.iter().map(of).collect()
+}

@@ -1,0 +1,185 @@
+//! Cutting a surface at its necks, where the topology may change.
+//!
+//! ```text
+//!      side 1   u          Three edges u-v, v-w, w-u go round a tube, and no face lies between them. To collapse u-v would
+//!        .-----/|\-----.   pinch the tube. Here it is cut along the three and closed on both sides with a triangle; the
+//!       (     w-+-      )  collapse then takes both triangles away. What is left are two ends that touch: u, w on one
+//!        '-----\|/-----'   side and two new vertices at the same places on the other. Each edge keeps two faces.
+//!               v   side 2
+//! ```
+//!
+//! A handle goes in that way, or a part falls in two, which then may go one by one.
+
+use glam::Vec3;
+use lodsmith_core::VertexId;
+
+use super::Engine;
+use super::commit::merged_position;
+use super::kind::distinct;
+use super::star::Star;
+use super::store::{Corner, Ring};
+use crate::metric::{Form, Metric};
+use crate::tensor::Tensor;
+
+/// The faces on the two sides of a neck, by the vertex that they hang on, without those on the edge that goes.
+pub(crate) struct Neck {
+    w: VertexId,
+    of_u: [Vec<Corner>; 2],
+    of_v: [Vec<Corner>; 2],
+    of_w: [Vec<Corner>; 2],
+}
+
+impl Neck {
+    fn new(w: VertexId, u: VertexId, v: VertexId, [ru, rv, rw]: [&Ring; 3]) -> Option<Self> {
+        Some(Self {
+            w,
+            of_u: [arc(ru, v, w, v)?, arc(ru, w, v, v)?],
+            of_v: [arc(rv, w, u, u)?, arc(rv, u, w, u)?],
+            of_w: [arc(rw, u, v, w)?, arc(rw, v, u, w)?],
+        })
+    }
+
+    /// Whether both sides are sound after the cut: enough faces, none twice, and no other neighbour that the ends still
+    /// share on one side.
+    fn is_sound(&self, common: &[VertexId], ru: &Ring, rv: &Ring) -> bool {
+        let is_at = |corners: &[Corner], ring: &Ring, w: VertexId| {
+            ring.iter().any(|r| r.has(w) && corners.contains(&r.corner))
+        };
+        let edges = |corners: &[Corner], ring: &Ring| -> Vec<[VertexId; 2]> {
+            let of = ring.iter().filter(|r| corners.contains(&r.corner));
+            of.map(|r| [r.a.min(r.b), r.a.max(r.b)]).collect()
+        };
+        (0..2).all(|i| {
+            let (of_u, of_v) = (&self.of_u[i], &self.of_v[i]);
+            let is_shared = |w: VertexId| w != self.w && is_at(of_u, ru, w) && is_at(of_v, rv, w);
+            let rims = (edges(of_u, ru), edges(of_v, rv));
+            of_u.len() + of_v.len() >= 3
+                && self.of_w[i].len() >= 3
+                && !common.iter().any(|&w| is_shared(w))
+                // Two faces on the same three vertices would lie back to back.
+                && !rims.0.iter().any(|e| rims.1.contains(e))
+        })
+    }
+}
+
+/// The corners of a closed fan from the neighbour `from` on to `to`, without faces that have `not`.
+fn arc(ring: &Ring, from: VertexId, to: VertexId, not: VertexId) -> Option<Vec<Corner>> {
+    let (mut at, mut corners) = (from, Vec::new());
+    for _ in 0..ring.len() {
+        let spoke = ring.iter().find(|r| r.a == at)?;
+        if !spoke.has(not) {
+            corners.push(spoke.corner);
+        }
+        at = spoke.b;
+        if at == to {
+            return Some(corners);
+        }
+    }
+    None
+}
+
+impl<M: Metric> Engine<M> {
+    /// The neck that refuses the collapse of u-v, if the surface may be cut there: closed fans all round, and at least
+    /// three faces left at each end of each side.
+    #[inline(never)]
+    pub(crate) fn neck(&mut self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Option<Neck> {
+        if !self.cuts_necks {
+            return None;
+        }
+        let is_plain = |engine: &Self, w: VertexId| {
+            let kind = engine.store.v[w.index()].kind;
+            kind.is_regular() && !kind.is_seam() && kind.is_free()
+        };
+        if !is_plain(self, u) || !is_plain(self, v) || ru.iter().filter(|r| r.has(v)).count() != 2 {
+            return None;
+        }
+        let is_apex = |w: VertexId| ru.iter().any(|r| r.has(v) && r.has(w));
+        let common: Vec<VertexId> =
+            distinct(ru).filter(|&w| w != v && !is_apex(w) && rv.iter().any(|r| r.has(w))).collect();
+        let mut rw = Ring::new();
+        for &w in &common {
+            if !is_plain(self, w) {
+                continue;
+            }
+            self.store.ring(w, &mut rw);
+            let neck = Neck::new(w, u, v, [ru, rv, &rw]);
+            if let Some(neck) = neck.filter(|n| n.is_sound(&common, ru, rv)) {
+                return Some(neck);
+            }
+        }
+        None
+    }
+
+    /// Collapses u-v and cuts the surface at the neck; the merged vertices go to the kept end + `y`. Wings
+    /// are at hand. On the second side `v` lives on.
+    pub(crate) fn cut(&mut self, u: VertexId, v: VertexId, y: Vec3, neck: &Neck, ru: &Ring, rv: &Ring) {
+        let w = neck.w;
+        let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
+        let at = merged_position(x.p, z.p, y);
+        self.merge_wedges(u, v, y, at, ru);
+        if M::MEMORYLESS {
+            for wing in &self.wings {
+                let mut change = Tensor::outer(wing.normal, -1.0 / wing.length.max(1e-30));
+                if !wing.both {
+                    change.add(&Tensor::plane(wing.after));
+                }
+                M::tensor(&mut self.store.v[wing.a.index()].q).add(&change);
+                M::tensor(&mut self.store.v[wing.b.index()].q).add(&change);
+            }
+        } else {
+            let form: Form = M::form(&x.q, &z.q, z.p - x.p);
+            let q = M::merged(&form, y);
+            (self.store.v[u.index()].q, self.store.v[v.index()].q) = (q, q);
+        }
+        // Who stands at whose place, to the bit.
+        let is_place_of_u = at == x.p && !x.kind.is_moved();
+        let is_place_of_v = !is_place_of_u && at == z.p && !z.kind.is_moved();
+        if is_place_of_u {
+            self.store.stands_for(z.origin, x.origin);
+        } else if is_place_of_v {
+            self.store.stands_for(x.origin, z.origin);
+        }
+        let is_moved = !(is_place_of_u || is_place_of_v);
+        for end in [u, v] {
+            let end = &mut self.store.v[end.index()];
+            (end.p, end.kind) = (at, end.kind.moved(is_moved));
+        }
+        for spoke in rv.iter().filter(|r| r.has(u)) {
+            self.store.remove_face(spoke.corner.face());
+        }
+        let other_w = self.store.twin_of(w);
+        let sides = |all: &[Vec<Corner>; 2], i: usize| all[i].clone();
+        for i in 0..2 {
+            let mut merged = sides(&neck.of_u, i);
+            merged.extend(sides(&neck.of_v, i));
+            self.store.hang([u, v][i], &merged);
+            self.store.hang([w, other_w][i], &neck.of_w[i]);
+        }
+        self.share_samples([u, v]);
+        self.share_samples([w, other_w]);
+        let mut ring = Ring::new();
+        for end in [u, v, w, other_w] {
+            self.split_wedge(end, &mut ring);
+        }
+        for end in [u, v, w, other_w] {
+            self.refresh(end, &mut ring);
+            self.store.bound[end.index()] = super::UNKNOWN;
+        }
+        self.collapses += 1;
+        self.necks_cut += 1;
+    }
+
+    /// Deals the samples of the first of two vertices at one place to both.
+    fn share_samples(&mut self, ends: [VertexId; 2]) {
+        let Some(mut late) = self.late.take() else { return };
+        let mut ring = Ring::new();
+        let stars = ends.map(|end| {
+            self.store.ring(end, &mut ring);
+            let mut star = Star::default();
+            star.set(self.store.p(end), ring.iter().map(|r| [r.a, r.b].map(|w| (w, self.store.p(w)))));
+            star
+        });
+        late.share(ends.map(|end| self.store.v[end.index()].origin), &stars);
+        self.late = Some(late);
+    }
+}

@@ -1,0 +1,123 @@
+//! What a run that is stuck would need: every edge that is left is tried again, with one rule after the other loosened.
+
+use lodsmith_core::VertexId;
+
+use super::attributes::Member;
+use super::kind::{Kind, distinct};
+use super::{Candidate, Engine, Outcome, Scratch};
+use crate::guard::Rules;
+use crate::metric::Metric;
+use crate::options::{SimplifyOptions, TopologyPolicy};
+use crate::proposal::{Change, Proposal};
+
+/// What sets less free than the best change by this factor is left out: another rule refuses nearly all, and by another
+/// path may refuse more. (Measured on all test shapes under twenty sets of options: at 3 each change that is left goes
+/// further when a run is made with it.)
+const LEAST_SHARE: usize = 3;
+
+impl<M: Metric> Engine<M> {
+    /// Changes of the options that would let this run go on, the one that sets most edges free first. Nothing is changed.
+    /// The store is finished. Cost: as a sweep over all that is left, for each option that could be another.
+    pub(crate) fn proposals(
+        &mut self,
+        options: &SimplifyOptions,
+        rules: impl Fn(&SimplifyOptions) -> Rules,
+    ) -> Vec<Proposal> {
+        let open = Change::open_to(options);
+        if open.is_empty() {
+            return Vec::new();
+        }
+        let kinds: Vec<Kind> = self.store.v.iter().map(|x| x.kind).collect();
+        let (own, cuts_necks) = (self.rules, self.cuts_necks);
+        let part_count = self.part_count();
+        // Some look possible as it is, until their wedges are handed over.
+        let base = self.possible();
+        let mut gain = |changes: &[Change]| {
+            let changed = changes.iter().fold(options.clone(), |o, c| c.applied(&o));
+            self.rules = rules(&changed);
+            self.cuts_necks = changed.topology == TopologyPolicy::Free;
+            if changed.border != options.border {
+                self.classify_again();
+            }
+            let base = if changed.placement == options.placement { base } else { 0 };
+            let parts_go =
+                options.topology == TopologyPolicy::Preserve && changed.topology != TopologyPolicy::Preserve;
+            let parts = if parts_go { part_count - 1 } else { 0 };
+            let gain = self.possible().saturating_sub(base) + parts;
+            (self.rules, self.cuts_necks) = (own, cuts_necks);
+            for (x, &kind) in self.store.v.iter_mut().zip(&kinds) {
+                x.kind = kind;
+            }
+            gain
+        };
+        let mut proposals = Vec::new();
+        for choices in &open {
+            let tried = choices.iter().map(|&c| (c, gain(&[c])));
+            proposals.extend(
+                tried.filter(|t| t.1 > 0).map(|(c, gain)| Proposal { changes: vec![c], gain }).next(),
+            );
+        }
+        // Where several refuse the same edges each alone does little: what of all, less those that do not matter?
+        let most = |proposals: &[Proposal]| proposals.iter().map(|p| p.gain).max().unwrap_or(0);
+        let mut all: Vec<Change> = open.iter().filter_map(|choices| choices.last().copied()).collect();
+        let gain_of_all = gain(&all);
+        if gain_of_all > LEAST_SHARE * most(&proposals) {
+            for i in (0..all.len()).rev() {
+                let less: Vec<Change> = all.iter().copied().filter(|c| *c != all[i]).collect();
+                if gain(&less) * LEAST_SHARE >= gain_of_all {
+                    all = less;
+                }
+            }
+            proposals.push(Proposal { gain: gain(&all), changes: all });
+        }
+        proposals.sort_by_key(|p| std::cmp::Reverse(p.gain));
+        let most = most(&proposals);
+        proposals.retain(|p| p.gain * LEAST_SHARE >= most);
+        proposals
+    }
+
+    /// Edges that could be collapsed at some cost.
+    fn possible(&mut self) -> usize {
+        let Scratch { mut ru, mut rv, mut owned, mut found, mut members } = Scratch::default();
+        let mut count = 0;
+        for u in (0..self.store.v.len() as u32).map(VertexId) {
+            self.store.ring(u, &mut ru);
+            owned.clear();
+            owned.extend(distinct(&ru).filter(|&w| w > u));
+            found.clear();
+            self.evaluate_owned(u, &owned, &ru, &mut members, |c| found.push(c));
+            for candidate in &found {
+                count += usize::from(self.is_possible(u, candidate, &ru, &mut rv, &mut members));
+            }
+        }
+        count
+    }
+
+    fn is_possible(
+        &mut self,
+        u: VertexId,
+        candidate: &Candidate,
+        ru: &super::Ring,
+        rv: &mut super::Ring,
+        members: &mut Vec<Member>,
+    ) -> bool {
+        self.store.ring(candidate.removed, rv);
+        let mut next = Some(*candidate);
+        while let Some(candidate) = next {
+            match self.collapse(u, &candidate, f32::MAX, true, ru, rv) {
+                Outcome::Done | Outcome::Later(_) => return true,
+                Outcome::Refused(why) => next = self.at_an_end(u, &candidate, why, f32::MAX, ru, members),
+            }
+        }
+        false
+    }
+
+    /// Kinds of all vertices under other rules.
+    fn classify_again(&mut self) {
+        let mut ring = Vec::new();
+        for u in (0..self.store.v.len() as u32).map(VertexId) {
+            self.store.ring(u, &mut ring);
+            self.store.v[u.index()].kind = self.kind_now(u, &ring);
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! What would let a run go on that is stuck above its target.
+
+use crate::options::{BorderPolicy, Placement, SimplifyOptions, TopologyPolicy};
+
+/// An option, and what it would have to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Another policy for borders.
+    Border(BorderPolicy),
+    /// Another policy for topology.
+    Topology(TopologyPolicy),
+    /// Another placement.
+    Placement(Placement),
+    /// A larger turn of a face.
+    MaxNormal,
+    /// A lower quality.
+    MinQuality,
+    /// More edges at a vertex.
+    MaxValence,
+    /// Longer edges.
+    MaxEdge,
+}
+
+/// Changes that together let a stuck run go on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Proposal {
+    /// One, or several where each alone would not do.
+    pub changes: Vec<Change>,
+    /// Edges of the result that could be collapsed then, and parts that could go.
+    pub gain: usize,
+}
+
+impl Change {
+    /// The options with this change. A guard is off then: where it lies best is for its owner to say.
+    pub fn applied(self, options: &SimplifyOptions) -> SimplifyOptions {
+        let mut options = options.clone();
+        match self {
+            Self::Border(border) => options.border = border,
+            Self::Topology(topology) => options.topology = topology,
+            Self::Placement(placement) => options.placement = placement,
+            Self::MaxNormal => options.guards.max_normal_deg = None,
+            Self::MinQuality => options.guards.min_quality = None,
+            Self::MaxValence => options.guards.max_valence = None,
+            Self::MaxEdge => options.guards.max_edge = None,
+        }
+        options
+    }
+
+    /// What is stricter in these options than need be: for each option the changes in their order, the gentlest first.
+    pub(crate) fn open_to(options: &SimplifyOptions) -> Vec<Vec<Self>> {
+        let guards = &options.guards;
+        let mut all: Vec<Vec<Self>> = Vec::new();
+        let mut guard = |is_on: bool, change| all.extend(is_on.then(|| vec![change]));
+        guard(guards.max_normal_deg.is_some(), Self::MaxNormal);
+        guard(guards.min_quality.is_some_and(|q| q > 0.0), Self::MinQuality);
+        guard(guards.max_valence.is_some(), Self::MaxValence);
+        guard(guards.max_edge.is_some(), Self::MaxEdge);
+        all.push(match options.border {
+            BorderPolicy::Lock => vec![Self::Border(BorderPolicy::Slide), Self::Border(BorderPolicy::Keep)],
+            BorderPolicy::Slide => vec![Self::Border(BorderPolicy::Keep)],
+            // These two differ in costs alone.
+            BorderPolicy::Keep | BorderPolicy::Free => Vec::new(),
+        });
+        all.push(match options.topology {
+            TopologyPolicy::Preserve => {
+                vec![Self::Topology(TopologyPolicy::Relaxed), Self::Topology(TopologyPolicy::Free)]
+            }
+            TopologyPolicy::Relaxed => vec![Self::Topology(TopologyPolicy::Free)],
+            TopologyPolicy::Free => Vec::new(),
+        });
+        all.push(match options.placement {
+            Placement::Optimal => Vec::new(),
+            Placement::Endpoint | Placement::Midpoint => vec![Self::Placement(Placement::Optimal)],
+        });
+        all.retain(|changes| !changes.is_empty());
+        all
+    }
+}

@@ -1,0 +1,167 @@
+//! Small parts, which go before anything else is done.
+
+use lodsmith_core::mesh::weld;
+use lodsmith_core::{Surface, VertexId};
+
+/// Parts that were too small. Counts of elements.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Pruned {
+    /// Parts that went.
+    pub parts: usize,
+    /// Triangles in them.
+    pub faces: usize,
+    /// Whether all were too small, and the largest was kept for that.
+    pub largest_kept: bool,
+}
+
+/// Which faces stand in parts that are too small.
+pub(crate) struct Small {
+    pub(crate) pruned: Pruned,
+    /// By face.
+    pub(crate) is_small: Vec<bool>,
+    /// A face of each part that goes.
+    pub(crate) first_faces: Vec<usize>,
+}
+
+/// A part: its box, and what lies in it.
+#[derive(Clone, Copy)]
+struct Extent {
+    min: [f64; 3],
+    max: [f64; 3],
+    first_face: usize,
+    faces: usize,
+}
+
+impl Extent {
+    fn widen(&mut self, p: [f64; 3]) {
+        self.min = [0, 1, 2].map(|k| self.min[k].min(p[k]));
+        self.max = [0, 1, 2].map(|k| self.max[k].max(p[k]));
+    }
+    fn diagonal(&self) -> f64 {
+        // Divided first: coordinates may be huge.
+        let extent = [0, 1, 2].map(|k| self.max[k] - self.min[k]);
+        let largest = extent.into_iter().fold(0f64, f64::max);
+        if largest == 0.0 {
+            0.0
+        } else {
+            largest * extent.map(|x| (x / largest).powi(2)).iter().sum::<f64>().sqrt()
+        }
+    }
+}
+
+/// The diagonal of the box round the finite vertices of all faces.
+pub(crate) fn diagonal(surface: &Surface<'_>) -> f64 {
+    let positions = surface.positions();
+    let mut all = Extent { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], first_face: 0, faces: 0 };
+    let corners = surface.triangles().iter().flatten().map(|&v| positions.get(v));
+    for p in corners.filter(|p| p.iter().all(|x| x.is_finite())) {
+        all.widen(p);
+    }
+    all.diagonal()
+}
+
+/// Finds the parts whose bounding box has a diagonal below `size`. Faces hang together across vertices at equal places, or
+/// within `near`; faces that have no extent or no place belong to none.
+///
+/// Cost: O(n).
+pub(crate) fn small_parts(surface: &Surface<'_>, size: f64, near: Option<f64>) -> Small {
+    let positions = surface.positions();
+    let weld = near.map_or_else(|| weld::weld(positions), |d| weld::weld_within(positions, d));
+    let triangles = surface.triangles();
+    let welded = |t: &[VertexId; 3]| {
+        let [a, b, c] = t.map(|v| weld.of(v));
+        let is_finite = t.iter().all(|&v| positions.get(v).iter().all(|x| x.is_finite()));
+        (is_finite && a != b && b != c && c != a).then_some([a, b, c])
+    };
+    let mut root: Vec<VertexId> = (0..positions.len() as u32).map(VertexId).collect();
+    for t in triangles.iter().filter_map(welded) {
+        let a = find(&mut root, t[0]);
+        let (b, c) = (find(&mut root, t[1]), find(&mut root, t[2]));
+        let least = a.min(b).min(c);
+        for x in [a, b, c] {
+            root[x.index()] = least;
+        }
+    }
+    let mut part_of = vec![None; positions.len()];
+    let mut parts: Vec<Extent> = Vec::new();
+    let mut of_face = vec![None; triangles.len()];
+    for (f, t) in triangles.iter().enumerate() {
+        let Some(ends) = welded(t) else { continue };
+        let part = *part_of[find(&mut root, ends[0]).index()].get_or_insert_with(|| {
+            parts.push(Extent {
+                min: [f64::INFINITY; 3],
+                max: [f64::NEG_INFINITY; 3],
+                first_face: f,
+                faces: 0,
+            });
+            parts.len() - 1
+        });
+        of_face[f] = Some(part);
+        let own = &mut parts[part];
+        own.faces += 1;
+        for p in t.map(|v| positions.get(v)) {
+            own.widen(p);
+        }
+    }
+    let mut goes: Vec<bool> = parts.iter().map(|p| p.diagonal() < size).collect();
+    let largest_kept = !goes.is_empty() && goes.iter().all(|g| *g);
+    if largest_kept {
+        // The first of equals.
+        let largest =
+            (0..parts.len()).rev().max_by(|&i, &j| parts[i].diagonal().total_cmp(&parts[j].diagonal()));
+        largest.into_iter().for_each(|i| goes[i] = false);
+    }
+    let gone = || parts.iter().zip(&goes).filter(|p| *p.1).map(|p| p.0);
+    Small {
+        pruned: Pruned { parts: gone().count(), faces: gone().map(|p| p.faces).sum(), largest_kept },
+        first_faces: gone().map(|p| p.first_face).collect(),
+        is_small: of_face.into_iter().map(|p| p.is_some_and(|p| goes[p])).collect(),
+    }
+}
+
+fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
+    while root[i.index()] != i {
+        root[i.index()] = root[root[i.index()].index()];
+        i = root[i.index()];
+    }
+    i
+}
+
+/// A surface whose small parts are without extent, and so are left out by whoever works on it, and how many vertices
+/// only they use. Faces keep their numbers.
+pub(crate) fn without(surface: &Surface<'_>, is_small: &[bool]) -> (Vec<[VertexId; 3]>, usize) {
+    let triangles = surface.triangles();
+    let positions = surface.positions();
+    let is_finite = |v: VertexId| positions.get(v).iter().all(|x| x.is_finite());
+    let mut used = vec![0u8; positions.len()];
+    for (t, &small) in triangles.iter().zip(is_small) {
+        for v in t {
+            used[v.index()] |= if small { 1 } else { 2 };
+        }
+    }
+    let unused = (0..used.len()).filter(|&i| used[i] == 1 && is_finite(VertexId(i as u32))).count();
+    let kept = triangles.iter().zip(is_small).find(|t| !t.1).map_or(VertexId(0), |t| t.0[0]);
+    let triangles = triangles.iter().zip(is_small).map(|(t, &small)| if small { [kept; 3] } else { *t });
+    (triangles.collect(), unused)
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::shapes;
+
+    use super::*;
+
+    #[test]
+    fn parts_are_measured_by_their_boxes() {
+        let mesh = shapes::two_far_parts();
+        let surface = mesh.surface();
+        let all = small_parts(&surface, 1e-12, None);
+        assert_eq!(all.pruned, Pruned::default());
+        // Larger than everything: the largest stays.
+        let none = small_parts(&surface, 1e9, None);
+        assert!(none.pruned.largest_kept && none.pruned.parts == 1 && none.first_faces.len() == 1);
+        assert!(none.pruned.faces > 0 && none.pruned.faces < mesh.face_count());
+        assert_eq!(none.is_small.iter().filter(|s| **s).count(), none.pruned.faces);
+    }
+}

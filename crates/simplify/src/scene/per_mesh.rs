@@ -1,0 +1,178 @@
+//! Each mesh of a scene by itself.
+
+use lodsmith_core::TriMesh;
+use lodsmith_core::measure::{Comparison, TwoWay};
+use lodsmith_core::topology::size_of;
+
+use super::{MeshCounts, Part, SimplifiedScene, simplify_scene};
+use crate::SimplifyError;
+use crate::control::{Control, Stage, Verdict};
+use crate::escalate::Escalation;
+use crate::options::SimplifyOptions;
+use crate::report::{Refusal, Report, StoppedBy};
+
+/// One of several runs, as a part of the whole.
+struct Share<'a> {
+    control: &'a mut dyn Control,
+    begin: f64,
+    length: f64,
+}
+
+impl Control for Share<'_> {
+    fn stage(&mut self, stage: Stage) {
+        self.control.stage(stage);
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        self.control.progress(self.begin + self.length * done)
+    }
+}
+
+/// A run in the sum of all.
+struct Run {
+    report: Report,
+    /// How often its mesh counts.
+    times: usize,
+    /// Area of the mesh in the scene, all instances together.
+    area: f64,
+}
+
+/// Makes each mesh lighter under the stop by itself. One without a face that has an area stays as it is.
+pub(super) fn simplify_each(
+    parts: &[Part<'_>],
+    diagonal: f64,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<SimplifiedScene, SimplifyError> {
+    let mut options = options.clone();
+    options.per_mesh = false;
+    let is_placed = parts.iter().any(|p| p.instances > 0);
+    let all: usize = parts.iter().map(|p| p.mesh.face_count()).sum();
+    let (mut meshes, mut counts, mut runs) = (Vec::new(), Vec::new(), Vec::new());
+    let mut begun = 0usize;
+    for part in parts {
+        let alone = Part { instances: 1, system: None, ..*part };
+        let share = |n: usize| n as f64 / all.max(1) as f64;
+        let mut own = Share { control, begin: share(begun), length: share(part.mesh.face_count()) };
+        begun += part.mesh.face_count();
+        let (mesh, reached) = match simplify_scene(&[alone], diagonal, &options, &mut own) {
+            Ok(SimplifiedScene { mut meshes, report, .. }) => {
+                let times = if is_placed { part.instances } else { 1 };
+                let area = size_of(&part.mesh.surface()).area * part.scale * part.scale * times as f64;
+                let reached = report.reached;
+                runs.push(Run { report, times, area });
+                (meshes.swap_remove(0), reached)
+            }
+            Err(SimplifyError::NoFaces { .. }) => (part.mesh.clone(), true),
+            Err(other) => return Err(other),
+        };
+        counts.push(MeshCounts::new(part, &mesh, reached));
+        meshes.push(mesh);
+    }
+    let faces = || parts.iter().map(|p| p.mesh.face_count()).sum();
+    let mut report = sum(runs, diagonal).ok_or_else(|| SimplifyError::NoFaces { faces: faces() })?;
+    let times = |p: &Part<'_>| if is_placed { p.instances } else { 1 };
+    let count =
+        |of: &dyn Fn(usize) -> usize| (0..parts.len()).map(|i| of(i).saturating_mul(times(&parts[i]))).sum();
+    report.input_faces = count(&|i| parts[i].mesh.face_count());
+    report.input_vertices = count(&|i| parts[i].mesh.vertex_count());
+    report.faces = count(&|i| TriMesh::face_count(&meshes[i]));
+    report.vertices = count(&|i| TriMesh::vertex_count(&meshes[i]));
+    Ok(SimplifiedScene { meshes, report, counts })
+}
+
+/// One report of all runs: sums, means over the area, and the first reason why one of them missed its target.
+fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
+    let total: f64 = runs.iter().map(|r| r.area).sum();
+    let weight = |r: &Run| if total > 0.0 { r.area / total } else { 1.0 / runs.len() as f64 };
+    let squares = runs.iter().map(|r| weight(r) * r.report.error.estimate.powi(2)).sum::<f64>();
+    let measured: Option<Vec<(f64, &Comparison)>> =
+        runs.iter().map(|r| Some((weight(r), r.report.error.measured.as_ref()?))).collect();
+    let measured = measured.and_then(|all| mean(&all, diagonal));
+    let lead = runs.iter().position(|r| !r.report.reached).unwrap_or(0);
+    let mut report = runs.get(lead)?.report.clone();
+    report.error.estimate = squares.sqrt();
+    report.error.measured = measured;
+    report.error.diagonal = diagonal;
+    let refused = |why: Refusal| {
+        let of = |r: &Run| r.report.refusals.iter().filter(|x| x.0 == why).map(|x| x.1).sum::<u64>();
+        runs.iter().map(of).sum::<u64>()
+    };
+    report.refusals = Refusal::ALL.into_iter().map(|r| (r, refused(r))).filter(|r| r.1 > 0).collect();
+    report.reached = runs.iter().all(|r| r.report.reached);
+    if report.reached && report.stopped_by == StoppedBy::Nothing {
+        // A mesh that was light enough already says nothing of the others.
+        let other = runs.iter().map(|r| r.report.stopped_by).find(|s| *s != StoppedBy::Nothing);
+        report.stopped_by = other.unwrap_or(StoppedBy::Nothing);
+    }
+    report.cleanup = Default::default();
+    report.pruned = Default::default();
+    (report.collapses, report.parts_removed, report.necks_cut) = (0, 0, 0);
+    (report.seams_relaxed, report.fitted) = (false, false);
+    report.dropped.clear();
+    report.escalated.clear();
+    for run in &runs {
+        let (r, times) = (&run.report, run.times);
+        report.collapses += r.collapses;
+        report.parts_removed += r.parts_removed;
+        report.necks_cut += r.necks_cut;
+        report.seams_relaxed |= r.seams_relaxed;
+        report.fitted |= r.fitted;
+        report.pruned.parts += times * r.pruned.parts;
+        report.pruned.faces += times * r.pruned.faces;
+        report.pruned.largest_kept |= r.pruned.largest_kept;
+        let (all, own) = (&mut report.cleanup, &r.cleanup);
+        all.welded_vertices += own.welded_vertices;
+        all.degenerate_faces += own.degenerate_faces;
+        all.duplicate_faces += own.duplicate_faces;
+        all.non_finite_faces += own.non_finite_faces;
+        all.unused_vertices += own.unused_vertices;
+        for step in &r.escalated {
+            let Escalation { change, before, after } = *step;
+            match report.escalated.iter_mut().find(|s| s.change == change) {
+                Some(all) => {
+                    (all.before, all.after) = (all.before + times * before, all.after + times * after)
+                }
+                None => {
+                    let step = Escalation { change, before: times * before, after: times * after };
+                    report.escalated.push(step);
+                }
+            }
+        }
+        for &name in &r.dropped {
+            if !report.dropped.contains(&name) {
+                report.dropped.push(name);
+            }
+        }
+    }
+    Some(report)
+}
+
+/// The largest of largest distances, means by weight.
+fn mean(all: &[(f64, &Comparison)], diagonal: f64) -> Option<Comparison> {
+    let mut sum = *all.first()?.1;
+    let largest = |of: fn(&Comparison) -> &TwoWay| {
+        let most = |of_way: fn(&TwoWay) -> f64| all.iter().map(|c| of_way(of(c.1))).fold(0f64, f64::max);
+        TwoWay {
+            forward: most(|t| t.forward),
+            backward: most(|t| t.backward),
+            symmetric: most(|t| t.symmetric),
+        }
+    };
+    let power = |of: fn(&Comparison) -> &TwoWay, p: i32| {
+        let mean = |of_way: fn(&TwoWay) -> f64| {
+            all.iter().map(|(w, c)| w * of_way(of(c)).powi(p)).sum::<f64>().powf(1.0 / f64::from(p))
+        };
+        TwoWay {
+            forward: mean(|t| t.forward),
+            backward: mean(|t| t.backward),
+            symmetric: mean(|t| t.symmetric),
+        }
+    };
+    (sum.hausdorff, sum.p99) = (largest(|c| &c.hausdorff), largest(|c| &c.p99));
+    (sum.mean, sum.rms) = (power(|c| &c.mean, 1), power(|c| &c.rms, 2));
+    sum.normal_mean_deg = all.iter().map(|(w, c)| w * c.normal_mean_deg).sum();
+    sum.normal_p95_deg = all.iter().map(|c| c.1.normal_p95_deg).fold(0f64, f64::max);
+    sum.samples = all.iter().map(|c| c.1.samples).sum();
+    sum.diagonal = diagonal;
+    Some(sum)
+}

@@ -1,0 +1,106 @@
+//! What a report proposes when the target is out of reach, and that it helps.
+
+mod support;
+
+use lodsmith::core::{TriMesh, shapes};
+use lodsmith::{
+    BorderPolicy, Change, Guards, Length, Method, NoControl, Placement, Simplified, SimplifyOptions, Stop,
+    TopologyPolicy, simplify,
+};
+use support::{Complaints, told};
+
+fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
+    simplify(mesh, options, &mut NoControl).unwrap()
+}
+
+/// Options that stand in the way, alone and together.
+fn strict() -> Vec<SimplifyOptions> {
+    let none = Guards::default();
+    let guards = [
+        Guards { max_normal_deg: Some(5.0), ..none },
+        Guards { min_quality: Some(0.6), ..none },
+        Guards { max_valence: Some(6), ..none },
+        Guards { max_edge: Some(Length::OfDiagonal(0.1)), ..none },
+        Guards { min_quality: Some(0.9), max_edge: Some(Length::OfDiagonal(0.05)), ..none },
+    ];
+    let mut all = Vec::new();
+    let mut add = |change: &dyn Fn(&mut SimplifyOptions)| {
+        for method in [Method::Memoryless, Method::Quadric] {
+            let mut options = SimplifyOptions::new(Stop::faces(1));
+            options.method = method;
+            change(&mut options);
+            all.push(options);
+        }
+    };
+    add(&|_| {});
+    for g in guards {
+        add(&|o| o.guards = g);
+        add(&|o| (o.guards, o.topology) = (g, TopologyPolicy::Preserve));
+    }
+    for border in [BorderPolicy::Lock, BorderPolicy::Slide, BorderPolicy::Free] {
+        add(&|o| o.border = border);
+        add(&|o| (o.border, o.guards.min_quality) = (border, Some(0.8)));
+    }
+    for placement in [Placement::Endpoint, Placement::Midpoint] {
+        add(&|o| (o.placement, o.topology) = (placement, TopologyPolicy::Preserve));
+        add(&|o| (o.placement, o.border) = (placement, BorderPolicy::Lock));
+    }
+    all
+}
+
+#[test]
+fn what_is_proposed_goes_further() {
+    let mut all = Complaints::default();
+    let mut followed = 0;
+    for (name, mesh) in shapes::all() {
+        for options in strict() {
+            let done = run(&mesh, &options);
+            let case = format!("{name}, {}", told(&options));
+            for proposal in &done.report.proposals {
+                followed += 1;
+                all.check(&case, !done.report.reached && proposal.gain > 0, "proposed without need");
+                let changed = proposal.changes.iter().fold(options.clone(), |o, c| c.applied(&o));
+                all.check(&case, changed != options, "nothing is changed");
+                let further = run(&mesh, &changed);
+                let (before, after) = (done.report.faces, further.report.faces);
+                all.check(
+                    &case,
+                    after < before,
+                    &format!(
+                        "{:?} (of {:?}) leads from {before} to {after} faces",
+                        proposal, done.report.proposals
+                    ),
+                );
+            }
+        }
+    }
+    assert!(followed > 100, "{followed} proposals were followed");
+    all.settle();
+}
+
+#[test]
+fn what_stands_in_the_way_is_named() {
+    let (blob, torus) = (shapes::blob(4, 1), shapes::torus(24, 16));
+    let asked = |mesh: &TriMesh, change: &dyn Fn(&mut SimplifyOptions)| {
+        let mut options = SimplifyOptions::new(Stop::faces(2));
+        change(&mut options);
+        let report = run(mesh, &options).report;
+        report.proposals.into_iter().map(|p| p.changes).collect::<Vec<_>>()
+    };
+    let ask = |change: &dyn Fn(&mut SimplifyOptions)| asked(&blob, change);
+    assert_eq!(ask(&|o| o.guards.min_quality = Some(0.95)), [[Change::MinQuality]]);
+    assert_eq!(ask(&|o| o.guards.max_valence = Some(6)), [[Change::MaxValence]]);
+    // Each of these two alone changes little.
+    let both =
+        Guards { min_quality: Some(0.95), max_edge: Some(Length::OfDiagonal(0.02)), ..Guards::default() };
+    assert_eq!(ask(&|o| o.guards = both), [[Change::MinQuality, Change::MaxEdge]]);
+    // A ring is held by its handle.
+    assert_eq!(asked(&torus, &|_| {}), [[Change::Topology(TopologyPolicy::Free)]]);
+    // A closed surface cannot become two faces, whatever one allows; a border policy has no border here.
+    assert_eq!(ask(&|_| {}), [[]; 0]);
+    assert_eq!(ask(&|o| o.border = BorderPolicy::Lock), [[]; 0]);
+    // Nothing is proposed where the target is met.
+    let mut options = SimplifyOptions::new(Stop::ratio(0.5));
+    options.guards.min_quality = Some(0.01);
+    assert_eq!(run(&blob, &options).report.proposals, []);
+}

@@ -1,0 +1,223 @@
+//! How far a run goes for its target: necks cut, steps tried in turn, small parts left out.
+
+mod support;
+
+use lodsmith::core::{Positions, Topology, TriMesh, VertexId, shapes};
+use lodsmith::{
+    BorderPolicy, Change, Fit, Guards, Length, Measure, Method, NoControl, Part, Placement, Simplified,
+    SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify, simplify_scene,
+};
+use support::{bytes, counts, places};
+
+fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
+    simplify(mesh, options, &mut NoControl).unwrap()
+}
+
+/// Several meshes in one, each moved along x.
+fn beside(meshes: &[(&TriMesh, f64, f64)]) -> TriMesh {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for (mesh, scale, x) in meshes {
+        let first = positions.len() as u32;
+        positions
+            .extend(mesh.positions().view().iter().map(|p| [p[0] * scale + x, p[1] * scale, p[2] * scale]));
+        let surface = mesh.surface();
+        triangles.extend(surface.triangles().iter().map(|t| t.map(|v| VertexId(v.0 + first))));
+    }
+    TriMesh::new(Positions::F64(positions), triangles).unwrap()
+}
+
+fn free(stop: Stop) -> SimplifyOptions {
+    let mut options = SimplifyOptions::new(stop);
+    options.topology = TopologyPolicy::Free;
+    options
+}
+
+#[test]
+fn a_ring_is_cut_where_its_target_needs_it() {
+    let torus = shapes::torus(48, 16);
+    for method in [Method::Memoryless, Method::Quadric] {
+        for placement in [Placement::Optimal, Placement::Endpoint, Placement::Midpoint] {
+            let mut options = free(Stop::faces(4));
+            (options.method, options.placement) = (method, placement);
+            let done = run(&torus, &options);
+            let case = format!("{method:?}, {placement:?}: {} faces", done.report.faces);
+            // (What is left of it may get stuck where vertices cannot move.)
+            let is_reached = done.report.reached || placement == Placement::Endpoint;
+            assert!(done.report.necks_cut > 0 && is_reached, "{case}");
+            // By index: the sides of a cut may touch.
+            let topology = Topology::unwelded(&done.mesh.surface()).counts();
+            assert!(topology.is_manifold() && topology.border_edge_count == 0, "{case}");
+            let is_kept = places(&done.mesh).is_subset(&places(&torus));
+            assert!(is_kept || placement != Placement::Endpoint, "{case}: a vertex that the input has not");
+            options.topology = TopologyPolicy::Relaxed;
+            let kept = run(&torus, &options);
+            assert!(!kept.report.reached && kept.report.necks_cut == 0, "{case}");
+            assert!(done.report.faces < kept.report.faces, "{case}, {} uncut", kept.report.faces);
+            let wanted = [Change::Topology(TopologyPolicy::Free)];
+            assert!(kept.report.proposals.iter().any(|p| p.changes == wanted), "{case}");
+        }
+    }
+}
+
+#[test]
+fn nothing_is_cut_without_need() {
+    let torus = shapes::torus(48, 16);
+    let done = run(&torus, &free(Stop::ratio(0.2)));
+    let relaxed = run(&torus, &SimplifyOptions::new(Stop::ratio(0.2)));
+    assert_eq!((bytes(&done.mesh), done.report.necks_cut), (bytes(&relaxed.mesh), 0));
+}
+
+#[test]
+fn what_is_cut_keeps_its_attributes() {
+    let mut torus = shapes::torus(48, 16);
+    let view = torus.positions().view();
+    let of_x = |p: [f64; 3]| [0.5 + 0.25 * p[0] as f32, 0.5, 0.5 - 0.25 * p[2] as f32, 1.0];
+    let colors = view.iter().map(of_x).collect();
+    torus.set_colors(Some(colors)).unwrap();
+    for fit in [Fit::Auto, Fit::Off] {
+        let mut options = free(Stop::faces(8));
+        options.fit = fit;
+        let done = run(&torus, &options);
+        assert!(done.report.necks_cut > 0 && done.report.reached);
+        // A colour that is linear in the place stays about that.
+        let (mesh, colors) = (&done.mesh, done.mesh.colors().unwrap());
+        let surface = mesh.surface();
+        for (t, own) in mesh.triangles().iter().zip(surface.triangles()) {
+            for k in 0..3 {
+                let (got, want) = (colors[t[k].index()], of_x(mesh.positions().view().get(own[k])));
+                assert!((got[0] - want[0]).abs() < 0.2, "{got:?} for {want:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn steps_are_tried_in_turn_until_one_reaches() {
+    let torus = shapes::torus(48, 16);
+    let mut options = SimplifyOptions::new(Stop::faces(4));
+    (options.topology, options.escalate) = (TopologyPolicy::Preserve, true);
+    let done = run(&torus, &options);
+    let steps: Vec<_> = done.report.escalated.iter().map(|s| s.change).collect();
+    let wanted = [TopologyPolicy::Relaxed, TopologyPolicy::Free].map(Change::Topology);
+    assert_eq!(steps, wanted);
+    let last = done.report.escalated[1];
+    assert!(done.report.reached && last.after == done.report.faces && last.after < last.before);
+    // The same as asked for at once.
+    assert_eq!(bytes(&done.mesh), bytes(&run(&torus, &free(Stop::faces(4))).mesh));
+    // No step without need.
+    options.stop = Stop::ratio(0.5);
+    assert_eq!(run(&torus, &options).report.escalated, []);
+}
+
+#[test]
+fn guards_and_borders_are_never_given_up() {
+    let sheet = shapes::wavy_sheet(16);
+    let mut options = SimplifyOptions::new(Stop::faces(2));
+    (options.border, options.escalate) = (BorderPolicy::Lock, true);
+    options.guards = Guards { min_quality: Some(0.5), ..Guards::default() };
+    let done = run(&sheet, &options);
+    assert!(!done.report.reached && !done.report.escalated.is_empty());
+    assert_eq!(counts(&done.mesh).border_edge_count, counts(&sheet).border_edge_count);
+    assert!(!done.report.proposals.is_empty());
+}
+
+#[test]
+fn small_parts_go_first_and_nothing_else_changes() {
+    let (large, small) = (shapes::blob(4, 1), shapes::icosphere(1));
+    let mesh = beside(&[(&small, 0.01, 5.0), (&large, 1.0, 0.0), (&small, 0.02, -5.0)]);
+    let mut options = SimplifyOptions::new(Stop::ratio(1.0));
+    options.prune = Some(Length::Units(0.5));
+    let done = run(&mesh, &options);
+    let pruned = done.report.pruned;
+    assert_eq!((pruned.parts, pruned.faces), (2, 2 * small.face_count()));
+    assert!(!pruned.largest_kept && done.report.parts_removed == 0);
+    assert_eq!(done.report.faces, large.face_count());
+    assert_eq!(done.report.input_faces, mesh.face_count());
+    assert_eq!(done.report.cleanup, run(&mesh, &SimplifyOptions::new(Stop::ratio(1.0))).report.cleanup);
+    assert!(places(&done.mesh).is_subset(&places(&mesh)));
+    // Between the two sizes one goes; shares are of the whole's diagonal.
+    let whole = done.report.error.diagonal;
+    assert!((10.0..13.0).contains(&whole), "{whole}");
+    options.prune = Some(Length::OfDiagonal(0.05 / whole));
+    assert_eq!(run(&mesh, &options).report.pruned.parts, 1);
+    // What is measured is the distance from what is left.
+    (options.prune, options.measure) = (Some(Length::Units(0.5)), Measure::Always);
+    let measured = run(&mesh, &options).report.error.measured.unwrap();
+    assert!(measured.hausdorff.symmetric < 1e-9 * whole);
+    // Nothing is small: the same bytes as without.
+    let mut plain = SimplifyOptions::new(Stop::ratio(0.3));
+    let without = run(&mesh, &plain);
+    plain.prune = Some(Length::Units(1e-6));
+    assert_eq!(bytes(&run(&mesh, &plain).mesh), bytes(&without.mesh));
+}
+
+#[test]
+fn the_largest_part_stays_in_any_case() {
+    let (a, b) = (shapes::icosphere(1), shapes::icosphere(2));
+    let mesh = beside(&[(&a, 1.0, 0.0), (&b, 2.0, 9.0), (&a, 1.0, 20.0)]);
+    let mut options = SimplifyOptions::new(Stop::ratio(1.0));
+    options.prune = Some(Length::Units(1000.0));
+    let report = run(&mesh, &options).report;
+    assert!(report.pruned.largest_kept && report.pruned.parts == 2);
+    assert_eq!(report.faces, b.face_count());
+    for bad in [f64::NAN, -1.0, f64::INFINITY] {
+        options.prune = Some(Length::Units(bad));
+        let refused = simplify(&mesh, &options, &mut NoControl);
+        assert!(matches!(refused, Err(SimplifyError::BadOption { option: "prune", .. })));
+    }
+}
+
+fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
+    Part { mesh, instances, scale, system: None }
+}
+
+#[test]
+fn small_parts_of_a_scene_are_counted_by_instance() {
+    let (large, small) = (shapes::blob(4, 1), shapes::icosphere(1));
+    let mixed = beside(&[(&large, 1.0, 0.0), (&small, 0.01, 5.0)]);
+    // Small by itself, large in the scene.
+    let parts = [part(&mixed, 3, 1.0), part(&small, 1, 10.0), part(&small, 2, 0.01)];
+    let mut options = SimplifyOptions::new(Stop::ratio(1.0));
+    options.prune = Some(Length::Units(0.5));
+    let got = simplify_scene(&parts, 30.0, &options, &mut NoControl).unwrap();
+    assert_eq!((got.report.pruned.parts, got.report.pruned.faces), (5, 5 * small.face_count()));
+    let faces: Vec<_> = got.meshes.iter().map(TriMesh::face_count).collect();
+    assert_eq!(faces, [large.face_count(), small.face_count(), 0]);
+}
+
+#[test]
+fn each_mesh_of_a_scene_may_have_the_target_by_itself() {
+    let (flat, round) = (shapes::grid(32), shapes::blob(4, 1));
+    let empty = TriMesh::new(Positions::F32(Vec::new()), Vec::new()).unwrap();
+    let parts = [part(&flat, 1, 1.0), part(&round, 4, 2.0), part(&empty, 1, 1.0)];
+    let mut options = SimplifyOptions::new(Stop::ratio(0.3));
+    (options.per_mesh, options.measure) = (true, Measure::Always);
+    let got = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
+    for (mesh, part) in got.meshes.iter().zip(&parts) {
+        let (most, faces) = (0.3 * part.mesh.face_count() as f64, mesh.face_count() as f64);
+        assert!(faces <= most.round() && faces >= most - 2.0, "{faces} of {most}");
+    }
+    assert!(got.report.reached && got.report.error.diagonal == 4.0);
+    assert_eq!(got.report.input_faces, flat.face_count() + 4 * round.face_count());
+    assert_eq!(got.report.faces, got.meshes[0].face_count() + 4 * got.meshes[1].face_count());
+    let counts = got.counts[1];
+    assert_eq!((counts.instances, counts.input_faces), (4, round.face_count()));
+    assert_eq!((counts.faces, counts.reached), (got.meshes[1].face_count(), true));
+    // Each is what it would be alone, in lengths of the scene.
+    let mut alone = SimplifyOptions::new(Stop::ratio(0.3));
+    alone.measure = Measure::Always;
+    let flat_alone = run(&flat, &alone);
+    assert_eq!(got.meshes[0].face_count(), flat_alone.mesh.face_count());
+    let largest = run(&round, &alone).report.error.measured.unwrap().hausdorff.symmetric;
+    let told = got.report.error.measured.unwrap().hausdorff.symmetric;
+    assert!((told / largest / 2.0 - 1.0).abs() < 0.2, "{told} for {largest}");
+    // A count is for each.
+    (options.stop, options.measure) = (Stop::faces(100), Measure::Auto);
+    let got = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
+    assert!(got.meshes[..2].iter().all(|m| (98..=100).contains(&m.face_count())));
+    // One that cannot: the whole has not, and says which.
+    options.stop = Stop::faces(2);
+    let got = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
+    assert!(!got.report.reached);
+    assert_eq!(got.counts.iter().map(|c| c.reached).collect::<Vec<_>>(), [true, false, true]);
+}
