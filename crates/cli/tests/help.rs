@@ -42,7 +42,7 @@ fn help_of_convert() {
 
 #[test]
 fn options_of_later_releases_are_not_known() {
-    for option in ["--preset", "--sharp", "--lock", "--per-mesh", "--cell", "--pairs", "--prune"] {
+    for option in ["--sharp", "--per-mesh", "--cell", "--pairs", "--prune"] {
         assert!(!help(&["simplify"]).contains(option), "{option}");
     }
 }

@@ -10,6 +10,7 @@ mod encode;
 mod geometry;
 mod inventory;
 mod mesh;
+mod names;
 mod placements;
 mod primitive;
 mod references;
@@ -19,6 +20,7 @@ mod scene;
 mod slot;
 mod write;
 
+pub use names::MeshNames;
 pub use scene::{Scene, SceneMesh, outside_path};
 
 use std::io::{self, Write};

@@ -25,6 +25,7 @@ mod evaluate;
 pub(crate) mod kind;
 mod late;
 mod link_condition;
+mod lock;
 pub(crate) mod order;
 mod parts;
 pub(crate) mod store;
@@ -101,6 +102,8 @@ pub(crate) struct Engine<M: Metric> {
     parts: Option<Parts>,
     wedge_data: Option<Wedges>,
     pub(crate) attributes: Option<Attributes>,
+    /// What costs count times, by number in the ordered input, where that differs.
+    pub(crate) prices: Option<Vec<f32>>,
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
     pub(crate) parts_removed: usize,
@@ -134,6 +137,7 @@ impl<M: Metric> Engine<M> {
             parts: None,
             wedge_data,
             attributes,
+            prices: None,
             refusals: [0; Refusal::ALL.len()],
             collapses: 0,
             parts_removed: 0,
@@ -166,7 +170,8 @@ impl<M: Metric> Engine<M> {
                 let twice = |i: usize| ring[..i].iter().any(|r| (r.a, r.b) == (ring[i].a, ring[i].b));
                 duplicates.extend((0..ring.len()).filter(|&i| twice(i)).map(|i| ring[i].corner.face()));
             }
-            self.store.v[u.index()].kind = self.with_seams(kind, &ring);
+            let is_locked = self.store.v[u.index()].kind.is_locked();
+            self.store.v[u.index()].kind = self.with_seams(kind, &ring).locked(is_locked);
         }
         if duplicates.is_empty() {
             return 0;
@@ -241,7 +246,7 @@ impl<M: Metric> Engine<M> {
     fn refresh(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
         let old = self.store.v[u.index()].kind;
-        let kind = Kind::of(ring, self.rules.border).moved(old.is_moved());
+        let kind = Kind::of(ring, self.rules.border).moved(old.is_moved()).locked(old.is_locked());
         self.store.v[u.index()].kind = self.with_seams(kind, ring);
         if !M::MEMORYLESS {
             return;
@@ -335,7 +340,9 @@ impl<M: Metric> Engine<M> {
                 least = least.min(c.cost);
             }
         });
-        self.refusals[Refusal::NonManifold as usize] += stuck;
+        let is_locked = self.store.v[u.index()].kind.is_locked();
+        let why = if is_locked { Refusal::Locked } else { Refusal::NonManifold };
+        self.refusals[why as usize] += stuck;
         while let Some(i) = (0..found.len()).min_by(|&i, &j| found[i].cost.total_cmp(&found[j].cost)) {
             let candidate = found.swap_remove(i);
             // A vertex that was not looked at yet owns edges of unknown cost; they are looked at in the next sweep.

@@ -1,6 +1,7 @@
 //! Makes triangle meshes lighter: the closest mesh for the count, at the speed of the fastest tool.
 
 mod attributes;
+mod care;
 mod collapse;
 pub mod control;
 mod fit;
@@ -44,6 +45,16 @@ pub enum SimplifyError {
         /// What it was.
         got: f64,
     },
+    /// A list has not one entry for each vertex.
+    #[error("{option} has {got} entries for {wanted} vertices")]
+    WrongLength {
+        /// The option.
+        option: &'static str,
+        /// The number of vertices.
+        wanted: usize,
+        /// Its length.
+        got: usize,
+    },
     /// The caller ended the run.
     #[error("cancelled")]
     Cancelled,
@@ -64,13 +75,15 @@ pub struct Simplified {
 /// Makes a mesh lighter.
 ///
 /// # Errors
-/// [`SimplifyError::NoFaces`], [`SimplifyError::BadOption`], [`SimplifyError::Cancelled`].
+/// [`SimplifyError::NoFaces`], [`SimplifyError::BadOption`], [`SimplifyError::WrongLength`],
+/// [`SimplifyError::Cancelled`].
 pub fn simplify(
     mesh: &TriMesh,
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
-    run::run(&run::Input { surface: mesh.surface(), mesh: Some(mesh) }, options, control)
+    run::run(&run::Input { surface: mesh.surface(), mesh: Some(mesh), joined: None }, options, control)
+        .map(|done| done.0)
 }
 
 /// The same from borrowed buffers, without attributes.
@@ -82,5 +95,6 @@ pub fn simplify_surface(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
-    run::run(&run::Input { surface: surface.clone(), mesh: None }, options, control)
+    run::run(&run::Input { surface: surface.clone(), mesh: None, joined: None }, options, control)
+        .map(|done| done.0)
 }

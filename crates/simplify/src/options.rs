@@ -1,5 +1,7 @@
 //! What a run is asked for. Nothing else holds defaults: command, viewer and bindings convert into these.
 
+use std::sync::Arc;
+
 /// How a mesh is simplified.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -182,6 +184,20 @@ pub struct SimplifyOptions {
     pub measure: Measure,
     /// Vertices closer than this are joined first. Equal positions always are.
     pub weld: Option<Length>,
+    /// Whether each vertex of the input is locked, where any is: in a scene, of all parts, one after the other.
+    ///
+    /// A locked vertex keeps its place and all that stands on it, to the bit, and a face whose vertices are all locked
+    /// stays. The faces around are simplified up to it and stay joined to it; a part with a locked vertex never goes.
+    /// Vertices at one place are locked together; a weld moves others onto locked ones, never those. Of faces that stand
+    /// twice one goes all the same. `Placement::Endpoint` drops what it drops everywhere.
+    pub locked: Option<Arc<[bool]>>,
+    /// How many times as many triangles as elsewhere a place of the same shape is to have, for each vertex of the input:
+    /// in a scene, of all parts, one after the other. 1 is as elsewhere; beyond 0.001 and 1000 counts as these.
+    ///
+    /// A collapse costs the third power of the larger of the two numbers times as much, since on a curved surface the
+    /// cost of a collapse falls with the third power of the density, and the merged vertex keeps the larger. What is
+    /// flat needs no triangles, however important it is. The total stays that of the stop.
+    pub importance: Option<Arc<[f32]>>,
     /// Seed of whatever is drawn by chance: equal seeds give equal bytes.
     pub seed: u64,
 }

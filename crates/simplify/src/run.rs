@@ -7,6 +7,7 @@ use lodsmith_core::mesh::weld;
 use lodsmith_core::{Positions, PositionsView, RegionId, Surface, TriMesh, VertexId, WedgeId};
 
 use crate::attributes::{Ground, Rows, with_wedges};
+use crate::care::{self, Care, Held, Known};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
@@ -33,6 +34,15 @@ const ERROR_CLOSE: f64 = 1.03;
 pub(crate) struct Input<'a> {
     pub(crate) surface: Surface<'a>,
     pub(crate) mesh: Option<&'a TriMesh>,
+    /// The vertex that each one was joined with, where a weld came first.
+    pub(crate) joined: Option<Vec<VertexId>>,
+}
+
+impl Input<'_> {
+    /// The vertex of the surface that a vertex of the mesh became.
+    fn joined(&self, v: VertexId) -> VertexId {
+        self.joined.as_ref().map_or(v, |joined| joined[v.index()])
+    }
 }
 
 /// The ordered input, kept or made again.
@@ -63,26 +73,30 @@ struct Outcome {
     parts_removed: usize,
     seams_relaxed: bool,
     duplicate_faces: usize,
+    held: Held,
 }
 
-/// Runs with the options' method.
+/// Runs with the options' method; says what was held at the corners of the result.
 pub(crate) fn run(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Simplified, SimplifyError> {
+) -> Result<(Simplified, Held), SimplifyError> {
     check(options)?;
+    care::check(options, input.surface.positions().len())?;
     let Some(distance) = options.weld else { return run_by_method(input, options, control) };
     let positions = input.surface.positions();
     let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
     let weld = weld::weld_within(positions, distance.in_units(diagonal));
-    let triangles = input.surface.triangles().iter().map(|t| t.map(|v| weld.of(v))).collect();
-    let welded = Input { surface: Surface::with_triangles(positions, triangles)?, mesh: input.mesh };
+    let (joined, merged) = care::weld_onto_locked(&weld, positions.len(), options);
+    let triangles = input.surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
+    let surface = Surface::with_triangles(positions, triangles)?;
+    let welded = Input { surface, mesh: input.mesh, joined: Some(joined) };
     let mut done = run_by_method(&welded, options, control)?;
     // The joined vertices have no face any more; they are counted as joined, not as unused.
-    let cleanup = &mut done.report.cleanup;
-    cleanup.welded_vertices += weld.merged_count();
-    cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(weld.merged_count());
+    let cleanup = &mut done.0.report.cleanup;
+    cleanup.welded_vertices += merged;
+    cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(merged);
     Ok(done)
 }
 
@@ -90,7 +104,7 @@ fn run_by_method(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Simplified, SimplifyError> {
+) -> Result<(Simplified, Held), SimplifyError> {
     match options.method {
         Method::Memoryless => run_with::<Memoryless>(input, options, control),
         Method::Quadric => run_with::<Quadric>(input, options, control),
@@ -101,7 +115,7 @@ fn run_with<M: Metric>(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Simplified, SimplifyError> {
+) -> Result<(Simplified, Held), SimplifyError> {
     control.stage(Stage::Prepare);
     if control.progress(0.0) == Verdict::Cancel {
         return Err(SimplifyError::Cancelled);
@@ -116,7 +130,8 @@ fn run_with<M: Metric>(
     }
     let goal = goal(options, input_faces);
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
-    let run = Run { input, options, ordered: &mut ordered, goal };
+    let care = Care::new(options, &ordered, |v| input.joined(v));
+    let run = Run { input, options, ordered: &mut ordered, goal, care: &care };
     let (outcome, measured, by_error) = match limit {
         Some(limit) => run.run_within_error::<M>(limit, control)?,
         None => run.run_to_goal::<M>(control)?,
@@ -160,12 +175,14 @@ fn run_with<M: Metric>(
         refusals: Refusal::ALL.into_iter().zip(outcome.refusals).filter(|r| r.1 > 0).collect(),
         collapses: outcome.collapses,
         parts_removed: outcome.parts_removed,
+        locked_vertices: care.locked_vertices(),
+        locked_faces: care.locked_faces(),
         seams_relaxed: outcome.seams_relaxed,
         cleanup,
         dropped,
         fitted: outcome.fitted,
     };
-    Ok(Simplified { mesh: outcome.mesh, report })
+    Ok((Simplified { mesh: outcome.mesh, report }, outcome.held))
 }
 
 struct Run<'a, 'b> {
@@ -173,6 +190,7 @@ struct Run<'a, 'b> {
     options: &'a SimplifyOptions,
     ordered: &'a mut Ordered,
     goal: Goal,
+    care: &'a Care,
 }
 
 type Finished = (Outcome, Option<Comparison>, bool);
@@ -329,8 +347,12 @@ impl Run<'_, '_> {
         }
         let (rows, attributes) = rows.unzip();
         let attributes = attributes.flatten();
-        let store = Store::<M>::new(points, faces, wedges, regions);
+        let mut store = Store::<M>::new(points, faces, wedges, regions);
+        if let Some(locked) = self.care.locked() {
+            store.lock(locked);
+        }
         let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
+        engine.prices = self.care.prices();
 
         control.stage(Stage::Collapse);
         if parts_go {
@@ -359,6 +381,11 @@ impl Run<'_, '_> {
                 fitted = Some(fit::fit(&mut engine.store, points, faces, away).rms)
             });
         }
+        let mut mesh = self.result(&engine, rows.as_ref())?;
+        let held = self.held(&engine, rows.as_ref());
+        if let Some(input) = self.input.mesh {
+            held.restore(&mut mesh, input);
+        }
         Ok(Outcome {
             estimate: frame.user_length(engine.estimate(fitted)),
             end,
@@ -368,7 +395,8 @@ impl Run<'_, '_> {
             parts_removed: engine.parts_removed,
             seams_relaxed: engine.has_relaxed_seams(),
             duplicate_faces,
-            mesh: self.result(&engine, rows.as_ref())?,
+            mesh,
+            held,
         })
     }
 
@@ -394,8 +422,7 @@ impl Run<'_, '_> {
             let endpoints = Wedges { uvs, normals: mesh.normals().map(<[_]>::to_vec) };
             return Corners { wedges: Some(wedges), endpoints: Some(endpoints), rows: None };
         }
-        let place = |w: WedgeId| self.ordered.rank[mesh.vertex_of(w).index()];
-        let Some((rows, mut attributes)) = Rows::new(mesh, place) else { return none };
+        let Some((rows, mut attributes)) = Rows::new(mesh, |w| self.place(mesh, w)) else { return none };
         for w in wedges.iter_mut().flatten() {
             *w = rows.wedge_rows[w.index()];
         }
@@ -420,6 +447,45 @@ impl Run<'_, '_> {
         let by_vertices = self.goal.vertices.map(|n| 2 * n);
         let count = self.goal.faces.or(by_vertices).unwrap_or(faces.len() / 10).clamp(1, faces.len().max(1));
         (area / (0.433 * count as f64)).sqrt()
+    }
+
+    /// Number of a wedge's vertex in the ordered input.
+    fn place(&self, mesh: &TriMesh, w: WedgeId) -> VertexId {
+        self.ordered.rank[self.input.joined(mesh.vertex_of(w)).index()]
+    }
+
+    /// What locked vertices had at the corners of the result.
+    fn held<M: Metric>(&self, engine: &Engine<M>, rows: Option<&Rows>) -> Held {
+        let (Some(locked), Some(mesh)) = (self.care.locked(), self.input.mesh) else {
+            return Held::default();
+        };
+        let store = &engine.store;
+        let carried = store.wedges.as_deref();
+        let rank_of = |w: WedgeId| self.place(mesh, w);
+        // What the engine calls a wedge, at a corner of the input: a row of values, or the wedge or vertex itself.
+        let name = |w: WedgeId| match (rows, carried) {
+            (Some(rows), Some(_)) => rows.wedge_rows[w.index()].0,
+            (None, Some(_)) => w.0,
+            (_, None) => rank_of(w).0,
+        };
+        let mut known = Known::default();
+        for (f, t) in mesh.triangles().iter().enumerate() {
+            let region = mesh.regions().map(|r| r[f]);
+            for &w in t {
+                let rank = rank_of(w);
+                if rank != NONE && locked[rank.index()] {
+                    known.add(name(w), region, w);
+                }
+            }
+        }
+        Held::new(store.t.iter().enumerate().map(|(f, t)| {
+            let region = store.regions.as_ref().map(|r| r[f]);
+            [0, 1, 2].map(|k| {
+                let x = &store.v[t[k].index()];
+                let name = carried.map_or(x.origin.0, |wedges| wedges[f][k].0);
+                x.kind.is_locked().then(|| known.get(name, region)).flatten()
+            })
+        }))
     }
 
     /// The mesh of a compact store. Vertices that kept their place have the bits of the input.

@@ -40,7 +40,7 @@ pub(crate) struct SimplifyArgs {
     #[command(flatten)]
     pub(crate) target: Target,
     #[command(flatten)]
-    how: How,
+    pub(crate) how: How,
     #[command(flatten)]
     guards: GuardArgs,
     #[command(flatten)]
@@ -118,7 +118,7 @@ impl Target {
 
 #[derive(Args, Debug)]
 #[command(next_help_heading = "How")]
-struct How {
+pub(crate) struct How {
     /// Method, see below
     #[arg(long, value_name = "METHOD", value_enum, default_value_t)]
     method: MethodChoice,
@@ -137,6 +137,14 @@ struct How {
     /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph or other; may be repeated
     #[arg(long, value_name = "NAME=W", value_parser = values::weight)]
     weight: Vec<(AttributeName, f64)>,
+    /// Leave this alone, to the bit: a material, group, object, mesh or node, or the vertices where this attribute is
+    /// not zero; may be repeated
+    #[arg(long, value_name = "NAME")]
+    pub(crate) lock: Vec<String>,
+    /// Keep more triangles where this attribute of vertices is large: at 1, or at the largest value if that is above 1,
+    /// STRENGTH times as many per area as at 0 [default STRENGTH: 4]
+    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = values::importance)]
+    pub(crate) importance: Option<Importance>,
     /// Join vertices closer than this first; equal ones always are
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     weld: Option<TypedLength>,
@@ -205,6 +213,13 @@ impl AttributeName {
             Self::Other => &mut weights.other,
         }
     }
+}
+
+/// An attribute of vertices, and how much denser the result is where it is 1.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Importance {
+    pub(crate) name: String,
+    pub(crate) strength: f32,
 }
 
 /// Normals of the result.

@@ -20,7 +20,7 @@ use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::plan::{self, Job};
 use crate::progress::{FileProgress, Progress};
-use crate::{images, in_order, normals};
+use crate::{care, images, in_order, normals};
 
 /// Makes every input lighter.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
@@ -86,8 +86,8 @@ fn simplify_one(job: &Job, args: &SimplifyArgs, progress: &Progress) -> anyhow::
         Done { input_format, report, warnings, threads: rayon::current_num_threads(), clock }
     };
     let loaded = match whole {
-        None => Box::new(file::read(&job.source, args.from)?),
-        Some((sink, format)) => match file::read_scene(&job.source, args.from)? {
+        None => Box::new(file::read_with(&job.source, args.from, care::properties(args))?),
+        Some((sink, format)) => match file::read_scene(&job.source, args.from, care::properties(args))? {
             Input::Mesh(loaded) => loaded,
             Input::Scene(scene) => {
                 let from = scene.format();
@@ -109,8 +109,10 @@ fn simplify_mesh(
     args: &SimplifyArgs,
     watch: &mut Watch<'_>,
 ) -> anyhow::Result<(Report, Vec<Warning>)> {
+    let mut options = args.options();
+    care::of_mesh(args, &loaded, &mut options)?;
     let Loaded { mesh, regions, mut warnings, .. } = loaded;
-    let done = lodsmith::simplify(&mesh, &args.options(), watch);
+    let done = lodsmith::simplify(&mesh, &options, watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
     warnings.extend(told(&report, args.normals));
@@ -161,7 +163,9 @@ fn simplify_scene(
         parts.push(Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system });
     }
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
-    let done = lodsmith::simplify_scene(&parts, diagonal, &args.options(), watch);
+    let mut options = args.options();
+    care::of_scene(args, &scene, &taken, &mut options)?;
+    let done = lodsmith::simplify_scene(&parts, diagonal, &options, watch);
     let SimplifiedScene { meshes: mut lighter, report } = not_interrupted(done)?;
 
     watch.write();
@@ -301,6 +305,10 @@ impl Done {
         if !mended.is_empty() {
             lines.push(format!("  mended first: {}", mended.join(", ").replace('_', " ")));
         }
+        if r.locked_vertices > 0 {
+            let faces = counted(r.locked_faces, "face", "faces");
+            lines.push(format!("  locked: {}, {faces}", counted(r.locked_vertices, "vertex", "vertices")));
+        }
         if r.parts_removed > 0 {
             lines.push(format!("  {} removed whole", counted(r.parts_removed, "part", "parts")));
         }
@@ -344,6 +352,9 @@ impl Done {
             "seams_relaxed": r.seams_relaxed,
             "cleanup": cleanup,
         });
+        if !args.how.lock.is_empty() {
+            report["locked"] = json!({ "vertices": r.locked_vertices, "faces": r.locked_faces });
+        }
         if args.dry_run {
             report["dry_run"] = true.into();
         }

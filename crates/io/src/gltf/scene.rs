@@ -12,6 +12,7 @@ use super::accessors::Accessor;
 use super::buffers::{Buffers, relative_path};
 use super::container::{Document, list, list_mut, whole};
 use super::mesh::{self, Budget};
+use super::names::MeshNames;
 use super::placements;
 use super::{inventory, replace};
 use crate::error::{ReadError, Warning};
@@ -119,6 +120,11 @@ impl Scene {
     /// The meshes, in the order of the file.
     pub fn meshes(&self) -> &[SceneMesh] {
         &self.meshes
+    }
+
+    /// What stands over each of [`Scene::meshes`] beside its own name, in their order.
+    pub fn names(&self) -> Vec<MeshNames> {
+        MeshNames::all(&self.json)
     }
 
     /// A box round all that is placed, from the boxes of the meshes: as large as the scene, or somewhat larger.

@@ -75,6 +75,7 @@ impl Looseness {
 struct Member {
     wedge: WedgeId,
     at_v: bool,
+    /// The index of the member that gives the group its number, and its values if it is at a locked end.
     group: u32,
 }
 
@@ -418,10 +419,12 @@ impl<M: Metric> Engine<M> {
     fn gather(&self, u: VertexId, v: VertexId, members: &mut [Member; MOST_MEMBERS]) -> usize {
         let Some(wedges) = &self.store.wedges else { return 0 };
         let is_seam = |w: VertexId| self.store.v[w.index()].kind.is_seam();
+        let is_locked = |w: VertexId| self.store.v[w.index()].kind.is_locked();
         if !is_seam(u) && !is_seam(v) {
             // One wedge at each end.
+            let group = u32::from(is_locked(v));
             for (m, (end, at_v)) in members.iter_mut().zip([(u, false), (v, true)]) {
-                *m = Member { wedge: self.only_wedge(end), at_v, group: 0 };
+                *m = Member { wedge: self.only_wedge(end), at_v, group };
             }
             return 2;
         }
@@ -459,7 +462,28 @@ impl<M: Metric> Engine<M> {
                 members[..n].iter_mut().filter(|m| m.group == high).for_each(|m| m.group = low);
             }
         }
+        if is_locked(v) {
+            for i in 0..n {
+                let group = members[i].group;
+                if members[i].at_v && !members[group as usize].at_v {
+                    members[..n].iter_mut().filter(|m| m.group == group).for_each(|m| m.group = i as u32);
+                }
+            }
+        }
         n
+    }
+
+    /// Whether each wedge of an end that is locked stays by itself through the merger of `u` and `v`, with no new one
+    /// beside it.
+    pub(crate) fn keeps_wedges(&self, u: VertexId, v: VertexId) -> bool {
+        if self.attributes.is_none() {
+            return true;
+        }
+        let mut members = [Member { wedge: WedgeId(0), at_v: false, group: 0 }; MOST_MEMBERS];
+        let n = self.gather(u, v, &mut members);
+        let locked_v = self.store.v[v.index()].kind.is_locked();
+        let of_locked = |g: u32| members[..n].iter().filter(|m| m.group == g && m.at_v == locked_v).count();
+        n < MOST_MEMBERS && members[..n].iter().all(|m| of_locked(m.group) == 1)
     }
 
     /// What the attributes lose by merging `v` into `u` at `u` + `y`, from the present triangles: squares of small numbers,
@@ -483,9 +507,15 @@ impl<M: Metric> Engine<M> {
         let (x, z) = (self.store.p(u), self.store.p(v));
         let d = z - x;
         let width = attributes.width;
+        let is_locked = self.is_either_locked(u, v);
         best.resize(n * width, 0.0);
         for m in members.iter().filter(|m| is_first(members, m)) {
-            attributes.best(members, m.group, d, y, &mut best[m.group as usize * width..][..width]);
+            let best = &mut best[m.group as usize * width..][..width];
+            if is_locked {
+                best.copy_from_slice(attributes.of(m.wedge));
+            } else {
+                attributes.best(members, m.group, d, y, best);
+            }
         }
         let mut cost = 0f32;
         for (ring, at_v, from, step) in [(ru, false, x, y), (rv, true, z, y - d)] {
@@ -571,6 +601,7 @@ impl<M: Metric> Engine<M> {
         let mut members = [Member { wedge: WedgeId(0), at_v: false, group: 0 }; MOST_MEMBERS];
         let n = self.gather(u, v, &mut members);
         let members = &members[..n];
+        let is_locked = self.is_either_locked(u, v);
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
             return own;
         };
@@ -599,7 +630,11 @@ impl<M: Metric> Engine<M> {
         values.resize(width, 0.0);
         for first in members.iter().filter(|m| is_first(members, m)) {
             let group = first.group;
-            attributes.best(members, group, d, y, &mut values[..width]);
+            if is_locked {
+                values[..width].copy_from_slice(attributes.of(first.wedge));
+            } else {
+                attributes.best(members, group, d, y, &mut values[..width]);
+            }
             for &at in &attributes.directions {
                 let n = Vec3::from_slice(&values[at..at + 3]);
                 let length = n.length();

@@ -88,6 +88,8 @@ impl<M: Metric> Engine<M> {
     ) -> Outcome {
         let (v, y) = (candidate.removed, candidate.step);
         let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
+        let price = self.price(x.origin, z.origin);
+        let tau = tau / price;
         let shared = match self.store.link_condition(u, v, ru, rv) {
             Ok(shared) => shared,
             Err(why) => return Outcome::Refused(why),
@@ -96,6 +98,9 @@ impl<M: Metric> Engine<M> {
             return Outcome::Refused(Refusal::Component);
         }
         if let Err(why) = self.ask_seams(u, v, ru, rv) {
+            return Outcome::Refused(why);
+        }
+        if let Err(why) = self.ask_locked(u, v) {
             return Outcome::Refused(why);
         }
         let d = z.p - x.p;
@@ -204,7 +209,7 @@ impl<M: Metric> Engine<M> {
             cost = self.charge(x.origin, z.origin, at, cost, tau, probe);
         }
         if cost > tau || probe {
-            return Outcome::Later(cost);
+            return Outcome::Later(cost * price);
         }
         if let Err(why) = self.hand_over_wedges(u, v, y, off, ru, rv) {
             return Outcome::Refused(why);
@@ -265,6 +270,7 @@ impl<M: Metric> Engine<M> {
         let kept_v = is_place_of(&z) && !is_place_of(&x);
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
         self.store.merged_into[merged.index()] = origin;
+        self.merge_prices(origin, merged);
         let unmoved = kept_v || (y == Vec3::ZERO && !x.kind.is_moved());
         let kept = &mut self.store.v[u.index()];
         if kept_v {
