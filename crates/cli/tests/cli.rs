@@ -231,7 +231,7 @@ fn targets_are_checked_at_the_command_line() {
         "--ratio 0.5 --time-limit 0",
         "--ratio 0.5 --scale 0",
         "--ratio 0.5 --method magic",
-        "--ratio 0.5 --preset scan",
+        "--ratio 0.5 --preset magic",
     ] {
         let ran = desk.run(&format!("simplify hills.ply -o low.ply {target}")).with_status(2);
         assert!(ran.stderr.starts_with("error: ") && ran.stdout.is_empty(), "{target}: {}", ran.stderr);
@@ -255,7 +255,8 @@ fn every_option_reaches_the_engine() {
     desk.put("hills.ply", &hills(10));
     let words = "simplify hills.ply -o low.obj --ratio 0.5 --fit off --placement endpoint --border lock \
                  --topology preserve --max-normal 60 --min-quality 0.01 --max-valence 12 --max-edge 50% --weld 0.001 \
-                 --seed 7 --threads 1 --time-limit 60 --method memoryless --normals recompute";
+                 --seed 7 --threads 1 --time-limit 60 --method memoryless --normals recompute --preset visual \
+                 --weight border=2";
     desk.run(words).with_status(0);
     assert!(desk.faces("low.obj") <= 200);
     assert_eq!(desk.info("low.obj")["attributes"].to_string(), r#"["normals"]"#);
@@ -321,6 +322,22 @@ fn a_target_out_of_reach_says_what_stopped_it() {
     let report = &desk.run(&format!("{words} --strict --json")).with_status(3).objects()[0];
     assert_eq!(report["reached"], false);
     assert_eq!(report["stopped_by"], "refusals");
+}
+
+#[test]
+fn a_preset_changes_the_result_and_what_is_typed_goes_before_it() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(20));
+    let of = |words: &str| {
+        desk.run(&format!("simplify hills.ply -o low.ply --ratio 0.2 {words}")).with_status(0);
+        fs::read(desk.path("low.ply")).expect("it was written")
+    };
+    assert!(of("--preset auto") == of(""));
+    let visual = of("--preset visual");
+    assert_eq!(desk.info("low.ply")["attributes"], serde_json::json!([]), "lent normals are not written");
+    assert!(visual != of(""));
+    assert!(of("--preset cad") == of("--border slide --topology preserve"));
+    assert!(of("--preset cad --border keep --topology relaxed") == of(""));
 }
 
 /// The hills as OBJ, the left half a group of its own with a material.

@@ -7,6 +7,7 @@ use crate::ids::{RegionId, VertexId, WedgeId};
 pub mod attributes;
 pub mod compact;
 pub mod defects;
+pub mod normals;
 pub mod weld;
 
 pub use attributes::{Attribute, Morphed, Semantic};

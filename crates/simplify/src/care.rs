@@ -9,7 +9,7 @@ use crate::SimplifyError;
 use crate::collapse::order::{NONE, Ordered};
 use crate::options::SimplifyOptions;
 
-/// Densities beyond these count as these. (The third power has to leave room in single precision.)
+/// Densities beyond these count as these. (What they cost has to leave room in single precision.)
 const DENSITIES: [f32; 2] = [1e-3, 1e3];
 
 /// What is asked for of each vertex, by number in the ordered input.
@@ -38,7 +38,7 @@ impl Care {
             for (i, place) in places() {
                 let density = own[i].clamp(DENSITIES[0], DENSITIES[1]);
                 let price = &mut prices[place.index()];
-                *price = price.max(density * density * density);
+                *price = price.max(density * density * density.sqrt());
             }
             // Only what costs more is found by what it costs; the unit does not matter.
             let least = prices.iter().copied().fold(f32::INFINITY, f32::min);

@@ -42,7 +42,7 @@ use crate::report::Refusal;
 use crate::tensor::Tensor;
 use attributes::{Attributes, Looseness};
 use bound::Histogram;
-use commit::{BORDER, Candidate, Outcome, Wing};
+use commit::{Candidate, Outcome, Wing};
 use kind::{Kind, distinct};
 use late::Late;
 use parts::Parts;

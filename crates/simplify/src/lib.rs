@@ -11,6 +11,7 @@ pub mod options;
 pub mod report;
 mod run;
 pub mod scene;
+mod shading;
 mod tensor;
 mod triangle;
 
@@ -18,8 +19,8 @@ pub use control::{Control, NoControl, Stage, Verdict};
 pub use lodsmith_core as core;
 use lodsmith_core::{MeshError, Surface, TriMesh};
 pub use options::{
-    AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, Placement, SimplifyOptions, Stop,
-    TopologyPolicy,
+    AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, Placement, Preset, SimplifyOptions,
+    Stop, TopologyPolicy,
 };
 pub use report::{Cleanup, ErrorReport, Refusal, Report, StoppedBy};
 

@@ -18,6 +18,7 @@ use crate::guard::Rules;
 use crate::metric::{Memoryless, Metric, Quadric};
 use crate::options::{Fit, Measure, Method, Placement, SimplifyOptions};
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
+use crate::shading;
 use crate::{Simplified, SimplifyError};
 
 /// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
@@ -84,6 +85,24 @@ pub(crate) fn run(
 ) -> Result<(Simplified, Held), SimplifyError> {
     check(options)?;
     care::check(options, input.surface.positions().len())?;
+    if options.shape_normals
+        && let Some(mesh) = shading::shaded(input)?
+    {
+        let lent = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
+        let (mut done, held) = run_welded(&lent, options, control)?;
+        done.mesh = shading::unshaded(done.mesh)?;
+        let has_seams = |m: &TriMesh| m.has_attributes() || m.regions().is_some();
+        done.report.seams_relaxed &= input.mesh.is_some_and(has_seams);
+        return Ok((done, held));
+    }
+    run_welded(input, options, control)
+}
+
+fn run_welded(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<(Simplified, Held), SimplifyError> {
     let Some(distance) = options.weld else { return run_by_method(input, options, control) };
     let positions = input.surface.positions();
     let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
@@ -597,6 +616,11 @@ fn check(options: &SimplifyOptions) -> Result<(), SimplifyError> {
     }
     if let Some(x) = guards.max_edge.map(length).filter(|x| !(x.is_finite() && *x > 0.0)) {
         return bad("max-edge", "a length above 0", x);
+    }
+    let w = &options.weights;
+    let weights = [w.normal, w.uv, w.color, w.morph, w.other, w.border];
+    if let Some(&x) = weights.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
+        return bad("weight", "0 or more", x);
     }
     if let Some(x) = options.weld.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
         return bad("weld", "a distance of 0 or more", x);

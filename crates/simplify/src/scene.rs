@@ -57,7 +57,7 @@ const CLOSE: f64 = 0.97;
 /// as shares refer to. Attributes, regions and the rest are those of each part.
 ///
 /// # Errors
-/// As [`simplify`].
+/// As [`simplify`](crate::simplify()).
 pub fn simplify_scene(
     parts: &[Part<'_>],
     diagonal: f64,

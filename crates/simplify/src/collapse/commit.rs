@@ -13,8 +13,6 @@ use crate::report::Refusal;
 use crate::tensor::Tensor;
 use crate::triangle;
 
-/// Weight of a border edge's line against the planes of faces. (docs/decisions/0001; 10 as in meshoptimizer.)
-pub(crate) const BORDER: f32 = 10.0;
 /// Weight of the largest squared distance, times the mean area of a triangle: protects small features. (Measured on 12 cases:
 /// 0.1, 0.2 and 0.3 have equal means within a percent; from 0.2 on the largest distances are a third lower.)
 const PEAK: f32 = 0.2;
