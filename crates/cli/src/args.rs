@@ -12,7 +12,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use lodsmith_io::Format;
 
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
-pub(crate) use simplify::{Normals, SimplifyArgs};
+pub(crate) use simplify::{Importance, Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
 use crate::file::{Sink, Source};

@@ -66,8 +66,18 @@ impl fmt::Display for Sink {
 
 /// Reads a mesh. The error does not name the source.
 pub(crate) fn read(source: &Source, format: Option<Format>) -> anyhow::Result<Loaded> {
+    read_with(source, format, Vec::new())
+}
+
+/// The same, with these properties of vertices beside the mesh.
+pub(crate) fn read_with(
+    source: &Source,
+    format: Option<Format>,
+    properties: Vec<String>,
+) -> anyhow::Result<Loaded> {
     let mut options = ReadOptions::default();
     options.format = format;
+    options.properties = properties;
     let loaded = match source {
         Source::Path(path) => lodsmith_io::read_path(path, &options),
         Source::Stdin => {
@@ -87,10 +97,16 @@ pub(crate) enum Input {
     Scene(Box<Scene>),
 }
 
-/// Reads a glTF file as a scene, and any other as a mesh. The error does not name the source.
-pub(crate) fn read_scene(source: &Source, format: Option<Format>) -> anyhow::Result<Input> {
+/// Reads a glTF file as a scene, and any other as a mesh with these properties of vertices beside it. The error does not
+/// name the source.
+pub(crate) fn read_scene(
+    source: &Source,
+    format: Option<Format>,
+    properties: Vec<String>,
+) -> anyhow::Result<Input> {
     let mut options = ReadOptions::default();
     options.format = format;
+    options.properties = properties.clone();
     let scene = match source {
         Source::Path(path) => lodsmith_io::read_scene_path(path, &options).map_err(unnamed)?,
         Source::Stdin => {
@@ -106,7 +122,7 @@ pub(crate) fn read_scene(source: &Source, format: Option<Format>) -> anyhow::Res
     };
     Ok(match scene {
         Some(scene) => Input::Scene(Box::new(scene)),
-        None => Input::Mesh(Box::new(read(source, format)?)),
+        None => Input::Mesh(Box::new(read_with(source, format, properties)?)),
     })
 }
 

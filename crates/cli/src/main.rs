@@ -4,6 +4,7 @@
 //! prints, [`exit`] says how a run ends. Nothing here knows how a mesh is simplified or how a format is laid out.
 
 mod args;
+mod care;
 mod command;
 mod exit;
 mod file;

@@ -1,56 +1,16 @@
 //! New normals for a mesh that has lost its own.
 
 use lodsmith::core::TriMesh;
+use lodsmith::core::mesh::normals::vertex_normals;
 
-/// Gives every wedge the normal of its vertex: the mean of the face normals round it, weighted by their angles there.
-///
-/// Faces without area count nothing; a vertex with no other faces gets the z axis. Cost: O(n).
-///
-/// Source: [Thürmer-Wüthrich 1998].
+/// Gives every wedge the normal of its vertex.
 pub(crate) fn recompute(mesh: &mut TriMesh) {
-    let mut sums = vec![[0f64; 3]; mesh.vertex_count()];
-    let surface = mesh.surface();
-    let positions = surface.positions();
-    for face in surface.triangles() {
-        let p = face.map(|v| positions.get(v));
-        // Each side as a direction: neither huge nor tiny coordinates leave the range of a double then.
-        let sides = [0, 1, 2].map(|k| unit(sub(p[(k + 1) % 3], p[k])));
-        let [Some(a), Some(b), Some(c)] = sides else { continue };
-        let Some(normal) = unit(cross(a, b)) else { continue };
-        for (corner, (out, back)) in [(a, c), (b, a), (c, b)].into_iter().enumerate() {
-            let angle = (-dot(out, back)).clamp(-1.0, 1.0).acos();
-            let sum = &mut sums[face[corner].index()];
-            *sum = [0, 1, 2].map(|k| sum[k] + angle * normal[k]);
-        }
-    }
-    let of_vertex = |sum: [f64; 3]| unit(sum).unwrap_or([0.0, 0.0, 1.0]).map(|x| x as f32);
+    let of_vertex = vertex_normals(&mesh.surface(), |v| v);
     let normals = match mesh.vertex_map() {
-        None => sums.into_iter().map(of_vertex).collect(),
-        Some(map) => map.iter().map(|v| of_vertex(sums[v.index()])).collect(),
+        None => of_vertex,
+        Some(map) => map.iter().map(|v| of_vertex[v.index()]).collect(),
     };
     mesh.set_normals(Some(normals)).expect("there is one for each wedge");
-}
-
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|k| a[k] - b[k])
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
-    let largest = v.iter().fold(0f64, |m, x| m.max(x.abs()));
-    if !(largest > 0.0 && largest.is_finite()) {
-        return None;
-    }
-    let v = v.map(|x| x / largest);
-    let length = dot(v, v).sqrt();
-    Some(v.map(|x| x / length))
 }
 
 #[cfg(test)]

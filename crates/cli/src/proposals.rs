@@ -44,6 +44,7 @@ impl Words {
                 };
                 guard("max-edge", now, "higher")
             }
+            Change::Locked => guard("lock", Value::Null, "less"),
         }
     }
 
@@ -55,6 +56,7 @@ impl Words {
             other => other.to_string(),
         };
         match self.is_value {
+            _ if self.now.is_null() => format!("{to} --{option}"),
             true => format!("--{option} {to} (now {now})"),
             false => format!("a {to} --{option} (now {now})"),
         }

@@ -231,7 +231,7 @@ fn targets_are_checked_at_the_command_line() {
         "--ratio 0.5 --time-limit 0",
         "--ratio 0.5 --scale 0",
         "--ratio 0.5 --method magic",
-        "--ratio 0.5 --preset scan",
+        "--ratio 0.5 --preset magic",
     ] {
         let ran = desk.run(&format!("simplify hills.ply -o low.ply {target}")).with_status(2);
         assert!(ran.stderr.starts_with("error: ") && ran.stdout.is_empty(), "{target}: {}", ran.stderr);
@@ -255,7 +255,8 @@ fn every_option_reaches_the_engine() {
     desk.put("hills.ply", &hills(10));
     let words = "simplify hills.ply -o low.obj --ratio 0.5 --fit off --placement endpoint --border lock \
                  --topology preserve --max-normal 60 --min-quality 0.01 --max-valence 12 --max-edge 50% --weld 0.001 \
-                 --seed 7 --threads 1 --time-limit 60 --prune 1e-9 --escalate --per-mesh --method memoryless --normals recompute";
+                 --seed 7 --threads 1 --time-limit 60 --prune 1e-9 --escalate --per-mesh --method memoryless --normals recompute \
+                 --preset visual --weight border=2";
     desk.run(words).with_status(0);
     assert!(desk.faces("low.obj") <= 200);
     assert_eq!(desk.info("low.obj")["attributes"].to_string(), r#"["normals"]"#);
@@ -403,6 +404,140 @@ fn small_parts_are_pruned_and_counted() {
     assert_eq!(report["warnings"][0], "all parts are smaller than --prune: the largest was kept");
     assert_eq!(desk.faces("low.ply"), 4);
     desk.run("simplify parts.ply -o low.ply --ratio 1 --prune 0").with_status(2);
+}
+
+#[test]
+fn a_preset_changes_the_result_and_what_is_typed_goes_before_it() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(20));
+    let of = |words: &str| {
+        desk.run(&format!("simplify hills.ply -o low.ply --ratio 0.2 {words}")).with_status(0);
+        fs::read(desk.path("low.ply")).expect("it was written")
+    };
+    assert!(of("--preset auto") == of(""));
+    let visual = of("--preset visual");
+    assert_eq!(desk.info("low.ply")["attributes"], serde_json::json!([]), "lent normals are not written");
+    assert!(visual != of(""));
+    assert!(of("--preset cad") == of("--border slide --topology preserve"));
+    assert!(of("--preset cad --border keep --topology relaxed") == of(""));
+}
+
+/// The hills as OBJ, the left half a group of its own with a material.
+fn hills_in_groups(n: usize) -> String {
+    let ply = hills(n);
+    let body = ply.split_once("end_header\n").expect("it has a header").1;
+    let (vertices, faces): (Vec<_>, Vec<_>) = body.lines().partition(|l| l.split(' ').count() == 3);
+    let numbers =
+        |l: &str| l.split(' ').skip(1).map(|i| i.parse::<usize>().expect("a number")).collect::<Vec<_>>();
+    let line =
+        |l: &&str| numbers(l).iter().fold("f".to_owned(), |text, i| format!("{text} {}", i + 1)) + "\n";
+    let is_left = |l: &&&str| numbers(l)[0] % (n + 1) < n / 2;
+    let (left, right): (Vec<&str>, Vec<&str>) = faces.iter().copied().partition(|l| is_left(&l));
+    let mut text: String = vertices.iter().map(|v| format!("v {v}\n")).collect();
+    text += "g left side\nusemtl grass\n";
+    text.extend(left.iter().map(line));
+    text += "g right\nusemtl rock\n";
+    text.extend(right.iter().map(line));
+    text
+}
+
+#[test]
+fn what_is_locked_by_name_stays() {
+    let desk = Desk::new();
+    desk.put("hills.obj", &hills_in_groups(20));
+    for name in ["left", "grass", "side"] {
+        let words = format!("simplify hills.obj -o low.obj --ratio 0.6 --lock {name} --json");
+        let report = &desk.run(&words).with_status(0).objects()[0];
+        assert_eq!(report["reached"], true);
+        assert_eq!(report["locked"]["faces"], 400, "{name}");
+        assert_eq!(report["locked"]["vertices"], 11 * 21);
+    }
+    // All that may go goes; the reasons name the lock.
+    let words = "simplify hills.obj -o low.obj --ratio 0.01 --lock left --lock rock --json";
+    let report = &desk.run(words).with_status(0).objects()[0];
+    assert_eq!((&report["reached"], &report["output"]["faces"]), (&false.into(), &800.into()));
+    assert!(report["refusals"]["locked"].as_u64().is_some_and(|n| n > 0), "{}", report["refusals"]);
+    let ran =
+        desk.run("simplify hills.obj -o low.obj --ratio 0.5 --lock middle").with_status(1).with_one_error();
+    assert!(
+        ran.stderr.contains("--lock middle") && ran.stderr.contains("grass, left side, left, side"),
+        "{}",
+        ran.stderr
+    );
+    let plain = desk.run("simplify hills.obj -o low.obj --ratio 0.6 --json").with_status(0);
+    assert!(!keys(&plain.objects()[0]).contains(&"locked"));
+}
+
+/// The hills with two more numbers at each vertex: where y is above a half, and y.
+fn marked_hills(n: usize) -> String {
+    let ply = hills(n);
+    let (header, body) = ply.split_once("element face").expect("it has faces");
+    let mut marked = String::new();
+    for line in body.lines() {
+        let y = line.split(' ').nth(1).and_then(|y| y.parse::<f64>().ok());
+        match (line.split(' ').count(), y) {
+            (3, Some(y)) if !line.contains("list") => {
+                writeln!(marked, "{line} {} {}", u8::from(y > 0.5), 200.0 * y).expect("text");
+            }
+            _ => writeln!(marked, "{line}").expect("text"),
+        }
+    }
+    format!("{header}property uchar lock\nproperty float rank\nelement face{marked}")
+}
+
+#[test]
+fn attributes_of_vertices_lock_and_weigh() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &marked_hills(20));
+    let ran = desk.run("simplify hills.ply -o low.ply --faces 1 --lock lock --json").with_status(0);
+    let report = &ran.objects()[0];
+    assert_eq!((&report["locked"]["vertices"], &report["locked"]["faces"]), (&210.into(), &360.into()));
+    let left = report["output"]["faces"].as_u64().expect("a count");
+    assert!((360..440).contains(&left), "{left}");
+
+    // With importance, the far side has more of the triangles.
+    let far = |name: &str| {
+        let text = fs::read_to_string(desk.path(name)).expect("it was written");
+        let y = |l: &&str| l.split(' ').nth(2).and_then(|y| y.parse::<f64>().ok()).is_some_and(|y| y > 0.5);
+        text.lines().filter(|l| l.starts_with("v ")).filter(y).count()
+    };
+    desk.run("simplify hills.ply -o plain.obj --faces 200").with_status(0);
+    desk.run("simplify hills.ply -o far.obj --faces 200 --importance rank=20").with_status(0);
+    assert!(far("far.obj") * 2 > far("plain.obj") * 3, "{} and {}", far("far.obj"), far("plain.obj"));
+    let ran =
+        desk.run("simplify hills.ply -o x.ply --faces 9 --importance heat").with_status(1).with_one_error();
+    assert!(ran.stderr.contains("--importance heat") && ran.stderr.contains("lock, rank"), "{}", ran.stderr);
+    desk.run("simplify hills.ply -o x.ply --faces 9 --importance rank=0").with_status(2);
+}
+
+#[test]
+fn a_part_of_a_scene_is_locked_by_its_names() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(10));
+    desk.run("convert hills.ply hills.gltf").with_status(0);
+    let text = fs::read_to_string(desk.path("hills.gltf")).expect("it was written");
+    let mut json: Value = serde_json::from_str(&text).expect("it is JSON");
+    json["nodes"][0]["name"] = "near".into();
+    json["nodes"].as_array_mut().expect("nodes").push(serde_json::json!({
+        "name": "far", "mesh": 1, "translation": [5, 0, 0]
+    }));
+    let mut mesh = json["meshes"][0].clone();
+    mesh["primitives"][0]["material"] = 0.into();
+    json["meshes"].as_array_mut().expect("meshes").push(mesh);
+    json["materials"] = serde_json::json!([{ "name": "stone" }]);
+    json["scenes"][0]["nodes"] = serde_json::json!([0, 1]);
+    desk.put("two.gltf", &json.to_string());
+    for name in ["far", "stone", "meshes[1]"] {
+        let words = format!("simplify two.gltf -o low.glb --ratio 0.1 --lock {name} --json");
+        let report = &desk.run(&words).with_status(0).objects()[0];
+        assert_eq!((&report["reached"], &report["locked"]["faces"]), (&false.into(), &200.into()), "{name}");
+        let left = report["output"]["faces"].as_u64().expect("a count");
+        assert!((200..220).contains(&left), "{left}");
+    }
+    let ran = desk.run("simplify two.gltf -o low.glb --ratio 0.1 --lock x").with_status(1).with_one_error();
+    assert!(["near", "far", "stone"].iter().all(|n| ran.stderr.contains(n)), "{}", ran.stderr);
+    let ran = desk.run("simplify two.gltf -o low.obj --ratio 0.1 --lock far").with_status(1).with_one_error();
+    assert!(ran.stderr.contains("only where the output is glTF"), "{}", ran.stderr);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use crate::ids::{RegionId, VertexId, WedgeId};
 pub mod attributes;
 pub mod compact;
 pub mod defects;
+pub mod normals;
 pub mod weld;
 
 pub use attributes::{Attribute, Morphed, Semantic};
@@ -352,6 +353,13 @@ impl TriMesh {
     /// The attributes beside normals, the first texture coordinates and the first colours.
     pub fn further_attributes(&self) -> &[Attribute] {
         &self.further
+    }
+    /// The values of one of [`TriMesh::further_attributes`], to be changed.
+    ///
+    /// # Panics
+    /// If there is no such attribute.
+    pub fn further_values_mut(&mut self, index: usize) -> &mut [f32] {
+        &mut self.further[index].values
     }
     /// The region of each face; `None` where all are one.
     pub fn regions(&self) -> Option<&[RegionId]> {

@@ -12,6 +12,7 @@ mod inventory;
 mod lists;
 mod mesh;
 mod meshopt;
+mod names;
 mod placements;
 mod primitive;
 mod references;
@@ -22,6 +23,7 @@ mod slot;
 mod unpack;
 mod write;
 
+pub use names::MeshNames;
 pub(crate) use scene::image_type;
 pub use scene::{Scene, SceneMesh, outside_path};
 

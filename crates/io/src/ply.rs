@@ -26,7 +26,8 @@ use header::Header;
 /// Vertices carry positions (double precision where the file has it), normals `nx ny nz`, colours `red green blue
 /// [alpha]` and texture coordinates `s t`, `u v` or `texture_u texture_v`; faces carry `vertex_indices` or `vertex_index`
 /// and texture coordinates for each corner (`texcoord`), which become wedges. Polygons are split into triangles;
-/// `tristrips` are unrolled. Everything else is dropped with a warning. Cost: O(bytes).
+/// `tristrips` are unrolled. Everything else is dropped with a warning; single numbers of vertices can be had beside the
+/// mesh ([`ReadOptions::properties`]). Cost: O(bytes).
 ///
 /// # Errors
 /// [`ReadError::Malformed`] with the line, the byte or the element; [`ReadError::NoFaces`] for clouds of points.
@@ -34,10 +35,9 @@ use header::Header;
 /// Source: G. Turk, "The PLY Polygon File Format" (1994), and what programs write today.
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     // The size of the file is held against the limits where it is opened; nothing here grows beyond it.
-    let _ = options;
     let header = Header::parse(bytes)?;
     header.check_size(bytes.len())?;
-    let body = Body::read(&header, bytes)?;
+    let body = Body::read(&header, bytes, &options.properties)?;
     assemble(&header, body)
 }
 
@@ -101,7 +101,8 @@ fn assemble(header: &Header, body: Body) -> Result<Loaded, ReadError> {
     if header.texture_files > 0 {
         warnings.push(Warning::not_carried("names of texture files"));
     }
-    Ok(Loaded::new(mesh, Format::Ply, contents, warnings))
+    let loaded = Loaded::new(mesh, Format::Ply, contents, warnings);
+    Ok(Loaded { properties: vertices.wanted, ..loaded })
 }
 
 /// Triangles, and texture coordinates of their corners if the polygons had them.

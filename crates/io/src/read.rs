@@ -25,6 +25,8 @@ pub struct ReadOptions {
     /// Folder in which files named by the file are looked for (glTF buffers, libraries of OBJ materials); none are read
     /// where it is `None`.
     pub folder: Option<PathBuf>,
+    /// Names of properties of vertices that are wanted beside the mesh; see [`Loaded::properties`].
+    pub properties: Vec<String>,
 }
 
 /// What a file holds beside the mesh: counts for reports.
@@ -62,12 +64,16 @@ pub struct Loaded {
     pub warnings: Vec<Warning>,
     /// What the regions of the mesh stand for; empty where the format has none.
     pub regions: Regions,
+    /// Those of the wanted properties that the file has and the mesh does not carry, with one number for each vertex of
+    /// the mesh. Only PLY has such properties; a list is none.
+    pub properties: Vec<(String, Vec<f32>)>,
 }
 
 impl Loaded {
     /// A mesh from a format without regions.
     pub(crate) fn new(mesh: TriMesh, format: Format, contents: Contents, warnings: Vec<Warning>) -> Self {
-        Self { mesh, format, contents, warnings, regions: Regions::default() }
+        let (regions, properties) = (Regions::default(), Vec::new());
+        Self { mesh, format, contents, warnings, regions, properties }
     }
 }
 

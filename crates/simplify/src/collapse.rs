@@ -27,6 +27,7 @@ mod evaluate;
 pub(crate) mod kind;
 mod late;
 mod link_condition;
+mod lock;
 mod merge;
 pub(crate) mod order;
 mod parts;
@@ -47,7 +48,7 @@ use crate::report::Refusal;
 use crate::tensor::Tensor;
 use attributes::{Attributes, Member};
 use bound::Histogram;
-use commit::{BORDER, Candidate, Outcome, Wing};
+use commit::{Candidate, Outcome, Wing};
 use kind::{Kind, distinct};
 use late::Late;
 use merge::Merge;
@@ -109,6 +110,8 @@ pub(crate) struct Engine<M: Metric> {
     parts: Option<Parts>,
     wedge_data: Option<Wedges>,
     pub(crate) attributes: Option<Attributes>,
+    /// What costs count times, by number in the ordered input, where that differs.
+    pub(crate) prices: Option<Vec<f32>>,
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
     pub(crate) parts_removed: usize,
@@ -144,6 +147,7 @@ impl<M: Metric> Engine<M> {
             parts: None,
             wedge_data,
             attributes,
+            prices: None,
             refusals: [0; Refusal::ALL.len()],
             collapses: 0,
             parts_removed: 0,
@@ -179,7 +183,8 @@ impl<M: Metric> Engine<M> {
                 let twice = |i: usize| ring[..i].iter().any(|r| (r.a, r.b) == (ring[i].a, ring[i].b));
                 duplicates.extend((0..ring.len()).filter(|&i| twice(i)).map(|i| ring[i].corner.face()));
             }
-            self.store.v[u.index()].kind = self.with_seams(kind, u, &ring);
+            let is_locked = self.store.v[u.index()].kind.is_locked();
+            self.store.v[u.index()].kind = self.with_seams(kind, u, &ring).locked(is_locked);
         }
         if duplicates.is_empty() {
             return 0;
@@ -253,7 +258,11 @@ impl<M: Metric> Engine<M> {
     /// The kind of a vertex afresh from its star.
     fn kind_now(&self, u: VertexId, ring: &Ring) -> Kind {
         let old = self.store.v[u.index()].kind;
-        self.with_seams(Kind::of(ring, self.rules.border).moved(old.is_moved()), u, ring)
+        self.with_seams(
+            Kind::of(ring, self.rules.border).moved(old.is_moved()).locked(old.is_locked()),
+            u,
+            ring,
+        )
     }
 
     /// Kind and, where the metric is memoryless, tensor of a vertex afresh from its star.
@@ -352,8 +361,12 @@ impl<M: Metric> Engine<M> {
                 least = least.min(c.cost);
             }
         });
-        let is_border = self.store.v[u.index()].kind.is_border();
-        let why = if is_border { Refusal::Border } else { Refusal::NonManifold };
+        let kind = self.store.v[u.index()].kind;
+        let why = match () {
+            () if kind.is_locked() => Refusal::Locked,
+            () if kind.is_border() => Refusal::Border,
+            () => Refusal::NonManifold,
+        };
         self.refusals[why as usize] += stuck;
         while let Some(i) = (0..found.len()).min_by(|&i, &j| found[i].cost.total_cmp(&found[j].cost)) {
             let candidate = found.swap_remove(i);

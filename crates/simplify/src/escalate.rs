@@ -1,5 +1,6 @@
 //! Looser topology, step by step, while the target is out of reach.
 
+use crate::care::Held;
 use crate::options::{SimplifyOptions, TopologyPolicy};
 use crate::proposal::Change;
 use crate::report::StoppedBy;
@@ -31,25 +32,25 @@ fn steps(options: &SimplifyOptions) -> &'static [TopologyPolicy] {
 /// is returned, the first of equals; its report tells all steps.
 pub(crate) fn escalated(
     options: &SimplifyOptions,
-    mut run: impl FnMut(&SimplifyOptions) -> Result<Simplified, SimplifyError>,
-) -> Result<Simplified, SimplifyError> {
+    mut run: impl FnMut(&SimplifyOptions) -> Result<(Simplified, Held), SimplifyError>,
+) -> Result<(Simplified, Held), SimplifyError> {
     let mut best = run(options)?;
     if !options.escalate {
         return Ok(best);
     }
     let mut tried = Vec::new();
     for &topology in steps(options) {
-        if best.report.reached || best.report.stopped_by != StoppedBy::Refusals {
+        if best.0.report.reached || best.0.report.stopped_by != StoppedBy::Refusals {
             break;
         }
         let change = Change::Topology(topology);
         let done = run(&change.applied(options))?;
-        let (before, after) = (best.report.faces, done.report.faces);
+        let (before, after) = (best.0.report.faces, done.0.report.faces);
         tried.push(Escalation { change, before, after });
-        if done.report.reached || after < before {
+        if done.0.report.reached || after < before {
             best = done;
         }
     }
-    best.report.escalated = tried;
+    best.0.report.escalated = tried;
     Ok(best)
 }

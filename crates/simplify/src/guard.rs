@@ -3,6 +3,8 @@
 use crate::collapse::order::Frame;
 use crate::options::{BorderPolicy, Placement, SimplifyOptions, TopologyPolicy};
 
+/// Weight of a border edge's line. (docs/decisions/0001; 10 as in meshoptimizer.)
+const BORDER: f32 = 10.0;
 /// Squared cosine of the largest turn of a face in one collapse: 78 degrees. (Prototype; larger turns fold.)
 const MAX_TURN: f32 = 0.04;
 
@@ -12,6 +14,8 @@ pub(crate) struct Rules {
     pub(crate) placement: Placement,
     pub(crate) border: BorderPolicy,
     pub(crate) topology: TopologyPolicy,
+    /// Weight of a border edge's line against the planes of faces.
+    pub(crate) border_weight: f32,
     /// Squared cosine of the largest turn of a face.
     pub(crate) max_turn: f32,
     /// Square of the least shape of a new face.
@@ -31,6 +35,7 @@ impl Rules {
             placement: options.placement,
             border: options.border,
             topology: options.topology,
+            border_weight: BORDER * options.weights.border as f32,
             max_turn: MAX_TURN.max(cos * cos),
             min_shape: guards.min_quality.map_or(0.0, |q| (q * q) as f32),
             max_valence: guards.max_valence.unwrap_or(usize::MAX),

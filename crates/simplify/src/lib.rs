@@ -1,6 +1,7 @@
 //! Makes triangle meshes lighter: the closest mesh for the count, at the speed of the fastest tool.
 
 mod attributes;
+mod care;
 mod collapse;
 pub mod control;
 mod escalate;
@@ -13,6 +14,7 @@ mod prune;
 pub mod report;
 mod run;
 pub mod scene;
+mod shading;
 mod tensor;
 mod triangle;
 
@@ -21,8 +23,8 @@ pub use escalate::Escalation;
 pub use lodsmith_core as core;
 use lodsmith_core::{MeshError, Surface, TriMesh};
 pub use options::{
-    AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, Placement, SimplifyOptions, Stop,
-    TopologyPolicy,
+    AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, Placement, Preset, SimplifyOptions,
+    Stop, TopologyPolicy,
 };
 pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
@@ -49,6 +51,16 @@ pub enum SimplifyError {
         wanted: &'static str,
         /// What it was.
         got: f64,
+    },
+    /// A list has not one entry for each vertex.
+    #[error("{option} has {got} entries for {wanted} vertices")]
+    WrongLength {
+        /// The option.
+        option: &'static str,
+        /// The number of vertices.
+        wanted: usize,
+        /// Its length.
+        got: usize,
     },
     /// The caller ended the run.
     #[error("cancelled")]
@@ -91,13 +103,15 @@ pub struct Simplified {
 /// ```
 ///
 /// # Errors
-/// [`SimplifyError::NoFaces`], [`SimplifyError::BadOption`], [`SimplifyError::Cancelled`].
+/// [`SimplifyError::NoFaces`], [`SimplifyError::BadOption`], [`SimplifyError::WrongLength`],
+/// [`SimplifyError::Cancelled`].
 pub fn simplify(
     mesh: &TriMesh,
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
-    run::run(&run::Input { surface: mesh.surface(), mesh: Some(mesh) }, options, control)
+    run::run(&run::Input { surface: mesh.surface(), mesh: Some(mesh), joined: None }, options, control)
+        .map(|done| done.0)
 }
 
 /// The same from borrowed buffers, without attributes.
@@ -109,5 +123,6 @@ pub fn simplify_surface(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
-    run::run(&run::Input { surface: surface.clone(), mesh: None }, options, control)
+    run::run(&run::Input { surface: surface.clone(), mesh: None, joined: None }, options, control)
+        .map(|done| done.0)
 }

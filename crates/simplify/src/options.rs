@@ -1,5 +1,7 @@
 //! What a run is asked for. Nothing else holds defaults: command, viewer and bindings convert into these.
 
+use std::sync::Arc;
+
 /// How a mesh is simplified.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -128,7 +130,7 @@ pub struct Guards {
     pub max_edge: Option<Length>,
 }
 
-/// How much attributes count in the cost, times what they count by default; 0 carries them without a say.
+/// How much attributes and borders count in the cost, times what they count by default; 0 gives them no say.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AttributeWeights {
     /// Normals.
@@ -141,12 +143,31 @@ pub struct AttributeWeights {
     pub morph: f64,
     /// Everything else.
     pub other: f64,
+    /// Open borders and non-manifold curves, unless [`BorderPolicy::Free`] leaves them out anyway.
+    pub border: f64,
 }
 
 impl Default for AttributeWeights {
     fn default() -> Self {
-        Self { normal: 1.0, uv: 1.0, color: 1.0, morph: 1.0, other: 1.0 }
+        Self { normal: 1.0, uv: 1.0, color: 1.0, morph: 1.0, other: 1.0, border: 1.0 }
     }
+}
+
+/// Options for a purpose, by name. (docs/decisions/0013)
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Preset {
+    /// Everything by default: the least distance.
+    #[default]
+    Auto,
+    /// Noisy scans: normals have no say, and vertices that rounding parted are joined.
+    Scan,
+    /// Machine parts: borders slide along themselves, holes and parts stay.
+    Cad,
+    /// For the eye: normals count more, also those of a surface without any.
+    Visual,
+    /// For printing: closed stays closed, holes and parts stay, attributes have no say.
+    Print,
 }
 
 /// What is promised of the deviation.
@@ -190,6 +211,24 @@ pub struct SimplifyOptions {
     pub escalate: bool,
     /// In a scene: whether the stop holds for each mesh by itself, instead of all instances of all together.
     pub per_mesh: bool,
+    /// Whether the normals that the surface itself has count in the cost where the mesh brings none. The result does not
+    /// carry them. (In a scene, where no mesh brings any.)
+    pub shape_normals: bool,
+    /// Whether each vertex of the input is locked, where any is: in a scene, of all parts, one after the other.
+    ///
+    /// A locked vertex keeps its place and all that stands on it, to the bit, and a face whose vertices are all locked
+    /// stays. The faces around are simplified up to it and stay joined to it; a part with a locked vertex never goes.
+    /// Vertices at one place are locked together; a weld moves others onto locked ones, never those. Of faces that stand
+    /// twice one goes all the same. `Placement::Endpoint` drops what it drops everywhere.
+    pub locked: Option<Arc<[bool]>>,
+    /// How many times as many triangles as elsewhere a place of the same shape is to have, for each vertex of the input:
+    /// in a scene, of all parts, one after the other. 1 is as elsewhere; beyond 0.001 and 1000 counts as these.
+    ///
+    /// A collapse costs so many times more, to the power 2.5, and the merged vertex keeps the larger number of its ends.
+    /// With the density of triangles, costs fall by its third power where the surface is smooth and by its square where
+    /// it is rough, so 4 means about 3 on the one and 6 on the other. What is flat needs no triangles, however important
+    /// it is. The total stays that of the stop. (docs/decisions/0013)
+    pub importance: Option<Arc<[f32]>>,
     /// Seed of whatever is drawn by chance: equal seeds give equal bytes.
     pub seed: u64,
 }
@@ -199,4 +238,35 @@ impl SimplifyOptions {
     pub fn new(stop: Stop) -> Self {
         Self { stop, ..Self::default() }
     }
+    /// What a preset stands for, with this stop. All can be changed afterwards.
+    pub fn preset(preset: Preset, stop: Stop) -> Self {
+        let mut options = Self::new(stop);
+        match preset {
+            Preset::Auto => {}
+            Preset::Scan => {
+                options.weights.normal = 0.0;
+                options.weld = Some(Length::OfDiagonal(SCAN_WELD));
+            }
+            Preset::Cad => {
+                options.border = BorderPolicy::Slide;
+                options.topology = TopologyPolicy::Preserve;
+            }
+            Preset::Visual => {
+                options.shape_normals = true;
+                options.weights.normal = VISUAL_NORMAL;
+            }
+            Preset::Print => {
+                options.topology = TopologyPolicy::Preserve;
+                let none =
+                    AttributeWeights { normal: 0.0, uv: 0.0, color: 0.0, ..AttributeWeights::default() };
+                options.weights = AttributeWeights { morph: 0.0, other: 0.0, ..none };
+            }
+        }
+        options
+    }
 }
+
+/// Vertices of scans closer than this share of the diagonal are one. (Guessed: about what single precision rounds by.)
+const SCAN_WELD: f64 = 1e-6;
+/// What normals count for the eye. (docs/decisions/0013)
+const VISUAL_NORMAL: f64 = 2.0;

@@ -19,6 +19,8 @@ pub enum Change {
     MaxValence,
     /// Longer edges.
     MaxEdge,
+    /// Fewer locked vertices.
+    Locked,
 }
 
 /// Changes that together let a stuck run go on.
@@ -43,6 +45,7 @@ impl Change {
             Self::MinQuality => options.guards.min_quality = None,
             Self::MaxValence => options.guards.max_valence = None,
             Self::MaxEdge => options.guards.max_edge = None,
+            Self::Locked => options.locked = None,
         }
         options
     }
@@ -56,6 +59,7 @@ impl Change {
         guard(guards.min_quality.is_some_and(|q| q > 0.0), Self::MinQuality);
         guard(guards.max_valence.is_some(), Self::MaxValence);
         guard(guards.max_edge.is_some(), Self::MaxEdge);
+        guard(options.locked.is_some(), Self::Locked);
         all.push(match options.border {
             BorderPolicy::Lock => vec![Self::Border(BorderPolicy::Slide), Self::Border(BorderPolicy::Keep)],
             BorderPolicy::Slide => vec![Self::Border(BorderPolicy::Keep)],

@@ -31,6 +31,7 @@ struct Extent {
     max: [f64; 3],
     first_face: usize,
     faces: usize,
+    is_locked: bool,
 }
 
 impl Extent {
@@ -53,7 +54,13 @@ impl Extent {
 /// The diagonal of the box round the finite vertices of all faces.
 pub(crate) fn diagonal(surface: &Surface<'_>) -> f64 {
     let positions = surface.positions();
-    let mut all = Extent { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], first_face: 0, faces: 0 };
+    let mut all = Extent {
+        min: [f64::INFINITY; 3],
+        max: [f64::NEG_INFINITY; 3],
+        first_face: 0,
+        faces: 0,
+        is_locked: false,
+    };
     let corners = surface.triangles().iter().flatten().map(|&v| positions.get(v));
     for p in corners.filter(|p| p.iter().all(|x| x.is_finite())) {
         all.widen(p);
@@ -62,10 +69,15 @@ pub(crate) fn diagonal(surface: &Surface<'_>) -> f64 {
 }
 
 /// Finds the parts whose bounding box has a diagonal below `size`. Faces hang together across vertices at equal places, or
-/// within `near`; faces that have no extent or no place belong to none.
+/// within `near`; faces that have no extent or no place belong to none. A part with a locked vertex is not small.
 ///
 /// Cost: O(n).
-pub(crate) fn small_parts(surface: &Surface<'_>, size: f64, near: Option<f64>) -> Small {
+pub(crate) fn small_parts(
+    surface: &Surface<'_>,
+    size: f64,
+    near: Option<f64>,
+    locked: Option<&[bool]>,
+) -> Small {
     let positions = surface.positions();
     let weld = near.map_or_else(|| weld::weld(positions), |d| weld::weld_within(positions, d));
     let triangles = surface.triangles();
@@ -94,17 +106,19 @@ pub(crate) fn small_parts(surface: &Surface<'_>, size: f64, near: Option<f64>) -
                 max: [f64::NEG_INFINITY; 3],
                 first_face: f,
                 faces: 0,
+                is_locked: false,
             });
             parts.len() - 1
         });
         of_face[f] = Some(part);
         let own = &mut parts[part];
         own.faces += 1;
+        own.is_locked |= locked.is_some_and(|l| t.iter().any(|v| l[v.index()]));
         for p in t.map(|v| positions.get(v)) {
             own.widen(p);
         }
     }
-    let mut goes: Vec<bool> = parts.iter().map(|p| p.diagonal() < size).collect();
+    let mut goes: Vec<bool> = parts.iter().map(|p| p.diagonal() < size && !p.is_locked).collect();
     let largest_kept = !goes.is_empty() && goes.iter().all(|g| *g);
     if largest_kept {
         // The first of equals.
@@ -156,10 +170,10 @@ mod tests {
     fn parts_are_measured_by_their_boxes() {
         let mesh = shapes::two_far_parts();
         let surface = mesh.surface();
-        let all = small_parts(&surface, 1e-12, None);
+        let all = small_parts(&surface, 1e-12, None, None);
         assert_eq!(all.pruned, Pruned::default());
         // Larger than everything: the largest stays.
-        let none = small_parts(&surface, 1e9, None);
+        let none = small_parts(&surface, 1e9, None, None);
         assert!(none.pruned.largest_kept && none.pruned.parts == 1 && none.first_faces.len() == 1);
         assert!(none.pruned.faces > 0 && none.pruned.faces < mesh.face_count());
         assert_eq!(none.is_small.iter().filter(|s| **s).count(), none.pruned.faces);

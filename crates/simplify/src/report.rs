@@ -30,11 +30,13 @@ pub enum Refusal {
     Seam,
     /// It costs more than the stop allows.
     Cost,
+    /// The vertices, or what stands on them, are locked.
+    Locked,
 }
 
 impl Refusal {
     /// All of them, in the order of reports.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::LinkCondition,
         Self::NormalFlip,
         Self::Quality,
@@ -45,6 +47,7 @@ impl Refusal {
         Self::Component,
         Self::Seam,
         Self::Cost,
+        Self::Locked,
     ];
     /// The word for it in reports, such as `link_condition`.
     pub const fn name(self) -> &'static str {
@@ -59,6 +62,7 @@ impl Refusal {
             Self::Component => "component",
             Self::Seam => "seam",
             Self::Cost => "cost",
+            Self::Locked => "locked",
         }
     }
 }
@@ -153,6 +157,10 @@ pub struct Report {
     /// Necks that were cut: three edges round a handle or a thin place each. Only with
     /// [`TopologyPolicy::Free`](crate::TopologyPolicy::Free).
     pub necks_cut: usize,
+    /// Vertices that were locked, those at one place counted once.
+    pub locked_vertices: usize,
+    /// Faces that stayed as they were because all their vertices were locked.
+    pub locked_faces: usize,
     /// Whether vertices on seams were merged across them, because nothing else was left to do.
     pub seams_relaxed: bool,
     /// What was mended first.

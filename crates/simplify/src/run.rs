@@ -7,6 +7,7 @@ use lodsmith_core::mesh::weld;
 use lodsmith_core::{Attribute, Positions, PositionsView, RegionId, Surface, TriMesh, VertexId, WedgeId};
 
 use crate::attributes::{Ground, Rows, with_wedges};
+use crate::care::{self, Care, Held, Known};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
@@ -19,7 +20,7 @@ use crate::options::{Fit, Length, Measure, Method, Placement, SimplifyOptions, T
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
-use crate::{Simplified, SimplifyError, escalate, prune};
+use crate::{Simplified, SimplifyError, escalate, prune, shading};
 
 /// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
 /// again when it comes to it, which takes some percent more time and 18 bytes a face less.
@@ -35,6 +36,15 @@ const ERROR_CLOSE: f64 = 1.03;
 pub(crate) struct Input<'a> {
     pub(crate) surface: Surface<'a>,
     pub(crate) mesh: Option<&'a TriMesh>,
+    /// The vertex that each one was joined with, where a weld came first.
+    pub(crate) joined: Option<Vec<VertexId>>,
+}
+
+impl Input<'_> {
+    /// The vertex of the surface that a vertex of the mesh became.
+    fn joined(&self, v: VertexId) -> VertexId {
+        self.joined.as_ref().map_or(v, |joined| joined[v.index()])
+    }
 }
 
 /// The ordered input, kept or made again.
@@ -67,15 +77,28 @@ struct Outcome {
     seams_relaxed: bool,
     duplicate_faces: usize,
     proposals: Vec<Proposal>,
+    held: Held,
 }
 
-/// Runs with the options' method, after welding and pruning; once more with looser ones if that is wanted and needed.
+/// Runs with the options' method, after welding and pruning; once more with looser ones if that is wanted and needed. Says
+/// what was held at the corners of the result.
 pub(crate) fn run(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Simplified, SimplifyError> {
+) -> Result<(Simplified, Held), SimplifyError> {
     check(options)?;
+    care::check(options, input.surface.positions().len())?;
+    if options.shape_normals
+        && let Some(mesh) = shading::shaded(input)?
+    {
+        let lent = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
+        let (mut done, held) = escalate::escalated(options, |options| run_pruned(&lent, options, control))?;
+        done.mesh = shading::unshaded(done.mesh)?;
+        let has_seams = |m: &TriMesh| m.has_attributes() || m.regions().is_some();
+        done.report.seams_relaxed &= input.mesh.is_some_and(has_seams);
+        return Ok((done, held));
+    }
     escalate::escalated(options, |options| run_pruned(input, options, control))
 }
 
@@ -84,7 +107,7 @@ fn run_pruned(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Simplified, SimplifyError> {
+) -> Result<(Simplified, Held), SimplifyError> {
     let Some(size) = options.prune else { return run_welded(input, options, control) };
     let diagonal = prune::diagonal(&input.surface);
     // Shares are of the whole input, small parts and all.
@@ -93,16 +116,16 @@ fn run_pruned(
     (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
     options.guards.max_edge = options.guards.max_edge.map(units);
     let near = options.weld.map(|d| d.in_units(diagonal));
-    let small = prune::small_parts(&input.surface, size.in_units(diagonal), near);
+    let small = prune::small_parts(&input.surface, size.in_units(diagonal), near, options.locked.as_deref());
     if small.pruned.parts == 0 {
         let mut done = run_welded(input, &options, control)?;
-        done.report.pruned = small.pruned;
+        done.0.report.pruned = small.pruned;
         return Ok(done);
     }
     let (triangles, unused) = prune::without(&input.surface, &small.is_small);
     let surface = Surface::with_triangles(input.surface.positions(), triangles)?;
-    let mut done = run_welded(&Input { surface, mesh: input.mesh }, &options, control)?;
-    let report = &mut done.report;
+    let mut done = run_welded(&Input { surface, mesh: input.mesh, joined: None }, &options, control)?;
+    let report = &mut done.0.report;
     report.pruned = small.pruned;
     report.error.diagonal = diagonal;
     let cleanup = &mut report.cleanup;
@@ -116,18 +139,20 @@ fn run_welded(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Simplified, SimplifyError> {
+) -> Result<(Simplified, Held), SimplifyError> {
     let Some(distance) = options.weld else { return run_by_method(input, options, control) };
     let positions = input.surface.positions();
     let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
     let weld = weld::weld_within(positions, distance.in_units(diagonal));
-    let triangles = input.surface.triangles().iter().map(|t| t.map(|v| weld.of(v))).collect();
-    let welded = Input { surface: Surface::with_triangles(positions, triangles)?, mesh: input.mesh };
+    let (joined, merged) = care::weld_onto_locked(&weld, positions.len(), options);
+    let triangles = input.surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
+    let surface = Surface::with_triangles(positions, triangles)?;
+    let welded = Input { surface, mesh: input.mesh, joined: Some(joined) };
     let mut done = run_by_method(&welded, options, control)?;
     // The joined vertices have no face any more; they are counted as joined, not as unused.
-    let cleanup = &mut done.report.cleanup;
-    cleanup.welded_vertices += weld.merged_count();
-    cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(weld.merged_count());
+    let cleanup = &mut done.0.report.cleanup;
+    cleanup.welded_vertices += merged;
+    cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(merged);
     Ok(done)
 }
 
@@ -135,7 +160,7 @@ fn run_by_method(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Simplified, SimplifyError> {
+) -> Result<(Simplified, Held), SimplifyError> {
     match options.method {
         Method::Memoryless => run_with::<Memoryless>(input, options, control),
         Method::Quadric => run_with::<Quadric>(input, options, control),
@@ -146,7 +171,7 @@ fn run_with<M: Metric>(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Simplified, SimplifyError> {
+) -> Result<(Simplified, Held), SimplifyError> {
     control.stage(Stage::Prepare);
     if control.progress(0.0) == Verdict::Cancel {
         return Err(SimplifyError::Cancelled);
@@ -161,7 +186,8 @@ fn run_with<M: Metric>(
     }
     let goal = goal(options, input_faces);
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
-    let run = Run { input, options, ordered: &mut ordered, goal };
+    let care = Care::new(options, &ordered, |v| input.joined(v));
+    let run = Run { input, options, ordered: &mut ordered, goal, care: &care };
     let (outcome, measured, by_error) = match limit {
         Some(limit) => run.run_within_error::<M>(limit, control)?,
         None => run.run_to_goal::<M>(control)?,
@@ -207,6 +233,8 @@ fn run_with<M: Metric>(
         collapses: outcome.collapses,
         parts_removed: outcome.parts_removed,
         necks_cut: outcome.necks_cut,
+        locked_vertices: care.locked_vertices(),
+        locked_faces: care.locked_faces(),
         seams_relaxed: outcome.seams_relaxed,
         cleanup,
         dropped,
@@ -215,7 +243,7 @@ fn run_with<M: Metric>(
         escalated: Vec::new(),
         pruned: Pruned::default(),
     };
-    Ok(Simplified { mesh: outcome.mesh, report })
+    Ok((Simplified { mesh: outcome.mesh, report }, outcome.held))
 }
 
 struct Run<'a, 'b> {
@@ -223,6 +251,7 @@ struct Run<'a, 'b> {
     options: &'a SimplifyOptions,
     ordered: &'a mut Ordered,
     goal: Goal,
+    care: &'a Care,
 }
 
 type Finished = (Outcome, Option<Comparison>, bool);
@@ -387,8 +416,12 @@ impl Run<'_, '_> {
             }
             _ => None,
         };
-        let store = Store::<M>::new(points, faces, wedges, regions);
+        let mut store = Store::<M>::new(points, faces, wedges, regions);
+        if let Some(locked) = self.care.locked() {
+            store.lock(locked);
+        }
         let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
+        engine.prices = self.care.prices();
 
         control.stage(Stage::Collapse);
         if parts_go {
@@ -432,9 +465,15 @@ impl Run<'_, '_> {
                 let store = &engine.store;
                 values.solve(|face, k| {
                     let v = store.t[face][k];
-                    store.p(v) - before[v.index()]
+                    let x = &store.v[v.index()];
+                    (!x.kind.is_locked()).then(|| x.p - before[v.index()])
                 });
             }
+        }
+        let mut mesh = self.result(&engine, rows.as_ref())?;
+        let held = self.held(&engine, rows.as_ref());
+        if let Some(input) = self.input.mesh {
+            held.restore(&mut mesh, input);
         }
         Ok(Outcome {
             estimate: frame.user_length(engine.estimate(fitted)),
@@ -447,7 +486,8 @@ impl Run<'_, '_> {
             seams_relaxed: engine.has_relaxed_seams(),
             duplicate_faces,
             proposals,
-            mesh: self.result(&engine, rows.as_ref())?,
+            mesh,
+            held,
         })
     }
 
@@ -481,14 +521,7 @@ impl Run<'_, '_> {
             let endpoints = Wedges { uvs, normals: mesh.normals().map(<[_]>::to_vec) };
             return Corners { wedges: Some(wedges), endpoints: Some(endpoints), rows: None };
         }
-        // By the corners of the surface: a weld may have joined vertices of the mesh.
-        let mut place = vec![NONE; mesh.wedge_count()];
-        for (w, v) in
-            mesh.triangles().as_flattened().iter().zip(self.input.surface.triangles().as_flattened())
-        {
-            place[w.index()] = self.ordered.rank[v.index()];
-        }
-        let Some((rows, mut attributes)) = Rows::new(mesh, |w| place[w.index()]) else { return none };
+        let Some((rows, mut attributes)) = Rows::new(mesh, |w| self.place(mesh, w)) else { return none };
         for w in wedges.iter_mut().flatten() {
             *w = rows.wedge_rows[w.index()];
         }
@@ -513,6 +546,45 @@ impl Run<'_, '_> {
         let by_vertices = self.goal.vertices.map(|n| 2 * n);
         let count = self.goal.faces.or(by_vertices).unwrap_or(faces.len() / 10).clamp(1, faces.len().max(1));
         (area / (0.433 * count as f64)).sqrt()
+    }
+
+    /// Number of a wedge's vertex in the ordered input.
+    fn place(&self, mesh: &TriMesh, w: WedgeId) -> VertexId {
+        self.ordered.rank[self.input.joined(mesh.vertex_of(w)).index()]
+    }
+
+    /// What locked vertices had at the corners of the result.
+    fn held<M: Metric>(&self, engine: &Engine<M>, rows: Option<&Rows>) -> Held {
+        let (Some(locked), Some(mesh)) = (self.care.locked(), self.input.mesh) else {
+            return Held::default();
+        };
+        let store = &engine.store;
+        let carried = store.wedges.as_deref();
+        let rank_of = |w: WedgeId| self.place(mesh, w);
+        // What the engine calls a wedge, at a corner of the input: a row of values, or the wedge or vertex itself.
+        let name = |w: WedgeId| match (rows, carried) {
+            (Some(rows), Some(_)) => rows.wedge_rows[w.index()].0,
+            (None, Some(_)) => w.0,
+            (_, None) => rank_of(w).0,
+        };
+        let mut known = Known::default();
+        for (f, t) in mesh.triangles().iter().enumerate() {
+            let region = mesh.regions().map(|r| r[f]);
+            for &w in t {
+                let rank = rank_of(w);
+                if rank != NONE && locked[rank.index()] {
+                    known.add(name(w), region, w);
+                }
+            }
+        }
+        Held::new(store.t.iter().enumerate().map(|(f, t)| {
+            let region = store.regions.as_ref().map(|r| r[f]);
+            [0, 1, 2].map(|k| {
+                let x = &store.v[t[k].index()];
+                let name = carried.map_or(x.origin.0, |wedges| wedges[f][k].0);
+                x.kind.is_locked().then(|| known.get(name, region)).flatten()
+            })
+        }))
     }
 
     /// The mesh of a compact store. Vertices that kept their place have the bits of the input.
@@ -639,6 +711,11 @@ fn check(options: &SimplifyOptions) -> Result<(), SimplifyError> {
     }
     if let Some(x) = options.prune.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
         return bad("prune", "a length of 0 or more", x);
+    }
+    let w = &options.weights;
+    let weights = [w.normal, w.uv, w.color, w.morph, w.other, w.border];
+    if let Some(&x) = weights.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
+        return bad("weight", "0 or more", x);
     }
     if let Some(x) = options.weld.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
         return bad("weld", "a distance of 0 or more", x);

@@ -12,10 +12,12 @@ use lodsmith_core::{
     Attribute, Bounds, MeshError, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId,
 };
 
+use crate::care::{self, Held};
 use crate::control::Control;
 use crate::options::{Length, SimplifyOptions};
 use crate::report::Report;
-use crate::{SimplifyError, prune, simplify};
+use crate::run::{self, Input};
+use crate::{Simplified, SimplifyError, prune};
 
 /// A mesh of a scene.
 #[derive(Clone, Copy, Debug)]
@@ -91,7 +93,7 @@ const CLOSE: f64 = 0.97;
 /// itself, and the stop holds for each, counted once; parts that touch then do not stay together.
 ///
 /// # Errors
-/// As [`simplify`].
+/// As [`simplify`](crate::simplify()).
 pub fn simplify_scene(
     parts: &[Part<'_>],
     diagonal: f64,
@@ -131,14 +133,15 @@ pub fn simplify_scene(
     let most = parts.iter().map(times).max().unwrap_or(1).max(1) as f64;
     let mut wanted = goal.map(|n| n as f64 * share);
     let mut before: Option<(f64, f64)> = None;
-    let mut best: Option<(crate::Simplified, Vec<TriMesh>, usize)> = None;
+    let mut best: Option<(Simplified, Vec<TriMesh>, usize)> = None;
     for _ in 0..if same || goal.is_none() { 1 } else { CORRECTIONS } {
         let own = |n: f64| (n.floor() as usize).max(1);
         options.stop.faces = wanted.map(own);
         options.stop.vertices = vertices.map(|n| own(n as f64 * share));
         options.stop.ratio = None;
-        let done = simplify(&mesh, &options, control)?;
-        let meshes = layout.apart(parts, &done.mesh, &table)?;
+        let input = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
+        let (done, held) = run::run(&input, &options, control)?;
+        let meshes = layout.apart(parts, &done.mesh, &table, &held)?;
         let got = instances(TriMesh::face_count, &meshes);
         let is_within = |got: usize| goal.is_none_or(|goal| got <= goal);
         // The most within the goal; without one, the fewest.
@@ -173,7 +176,8 @@ pub fn simplify_scene(
     report.error.diagonal = diagonal;
     if let Some(size) = options.prune.filter(|_| report.pruned.parts > 0) {
         let near = options.weld.map(|d| d.in_units(diagonal));
-        let small = prune::small_parts(&mesh.surface(), size.in_units(diagonal), near);
+        let small =
+            prune::small_parts(&mesh.surface(), size.in_units(diagonal), near, options.locked.as_deref());
         let regions = mesh.regions().unwrap_or_default();
         let times_of = |f: usize| times(&parts[table[regions[f].index()].0]);
         report.pruned.parts = small.first_faces.iter().map(|&f| times_of(f)).sum();
@@ -306,8 +310,14 @@ impl Layout {
         Ok((all, table))
     }
 
-    /// The parts of a result again, each with what it had.
-    fn apart(&self, parts: &[Part<'_>], all: &TriMesh, table: &Table) -> Result<Vec<TriMesh>, MeshError> {
+    /// The parts of a result again, each with what it had; locked vertices have the very bits of theirs.
+    fn apart(
+        &self,
+        parts: &[Part<'_>],
+        all: &TriMesh,
+        table: &Table,
+        held: &Held,
+    ) -> Result<Vec<TriMesh>, MeshError> {
         let mut faces_of: Vec<Vec<usize>> = vec![Vec::new(); parts.len()];
         let regions = all.regions().unwrap_or_default();
         for (f, r) in regions.iter().enumerate() {
@@ -317,23 +327,36 @@ impl Layout {
         let mut number_of_vertex = vec![u32::MAX; all.vertex_count()];
         let view = all.positions().view();
         let mut meshes = Vec::with_capacity(parts.len());
+        let mut first_wedge = 0;
         for ((part, place), faces) in parts.iter().zip(&self.places).zip(&faces_of) {
             let (mut wedges, mut vertices) = (Vec::new(), Vec::new());
-            for w in faces.iter().flat_map(|&f| all.triangles()[f]) {
+            // The wedge of the part that each one is, and the vertex, where they are locked.
+            let (mut own_wedges, mut own_vertices) = (Vec::new(), Vec::new());
+            for (f, k) in faces.iter().flat_map(|&f| [(f, 0), (f, 1), (f, 2)]) {
+                let w = all.triangles()[f][k];
                 if number_of_wedge[w.index()] == u32::MAX {
                     number_of_wedge[w.index()] = wedges.len() as u32;
                     wedges.push(w);
+                    let own = held.at(f, k).and_then(|h| h.index().checked_sub(first_wedge));
+                    let own = own.filter(|&i| i < part.mesh.wedge_count()).map(WedgeId::new);
+                    own_wedges.push(own);
                     let v = all.vertex_of(w);
                     if number_of_vertex[v.index()] == u32::MAX {
                         number_of_vertex[v.index()] = vertices.len() as u32;
                         vertices.push(v);
+                        own_vertices.push(own.map(|w| part.mesh.vertex_of(w)));
                     }
                 }
             }
-            let places = vertices.iter().map(|&v| place.back(view.get(v)));
+            first_wedge += part.mesh.wedge_count();
+            let places = vertices.iter().map(|&v| place.back(view.get(v))).zip(&own_vertices);
             let positions = match part.mesh.positions() {
-                Positions::F32(_) => Positions::F32(places.map(|p| p.map(|x| x as f32)).collect()),
-                Positions::F64(_) => Positions::F64(places.collect()),
+                Positions::F32(own) => Positions::F32(
+                    places.map(|(p, v)| v.map_or_else(|| p.map(|x| x as f32), |v| own[v.index()])).collect(),
+                ),
+                Positions::F64(own) => {
+                    Positions::F64(places.map(|(p, v)| v.map_or(p, |v| own[v.index()])).collect())
+                }
             };
             let vertex_of = wedges.iter().map(|&w| VertexId(number_of_vertex[all.vertex_of(w).index()]));
             let triangles =
@@ -358,6 +381,9 @@ impl Layout {
                 let values =
                     wedges.iter().flat_map(|&w| source.of(w)).map(|x| (f64::from(*x) / scale) as f32);
                 mesh.add_attribute(Attribute { values: values.collect(), ..a.clone() })?;
+            }
+            if own_wedges.iter().any(Option::is_some) {
+                care::restore(&mut mesh, part.mesh, &own_wedges);
             }
             meshes.push(mesh);
             // Parts that touch share vertices, and each counts its own.

@@ -1,7 +1,7 @@
 //! Words for the enums of the libraries. Which one is the default is read off their own default.
 
 use clap::ValueEnum;
-use lodsmith::{BorderPolicy, Fit, Method, Placement, TopologyPolicy};
+use lodsmith::{BorderPolicy, Fit, Method, Placement, Preset, TopologyPolicy};
 use lodsmith_io::Textures;
 
 macro_rules! choice {
@@ -40,6 +40,7 @@ choice!(FitChoice of Fit { Auto, On, Off });
 choice!(PlacementChoice of Placement { Optimal, Endpoint, Midpoint });
 choice!(BorderChoice of BorderPolicy { Keep, Slide, Lock, Free });
 choice!(TopologyChoice of TopologyPolicy { Relaxed, Preserve, Free });
+choice!(PresetChoice of Preset { Auto, Scan, Cad, Visual, Print });
 choice!(TexturesChoice of Textures { Copy, Link, None });
 
 impl MethodChoice {

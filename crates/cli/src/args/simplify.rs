@@ -7,7 +7,7 @@ use lodsmith::{AttributeWeights, Guards, Measure, SimplifyOptions, Stop};
 use lodsmith_io::Format;
 use serde_json::{Map, Value};
 
-use super::choice::{BorderChoice, FitChoice, MethodChoice, PlacementChoice, TopologyChoice};
+use super::choice::{BorderChoice, FitChoice, MethodChoice, PlacementChoice, PresetChoice, TopologyChoice};
 use super::scope::Scope;
 use super::{Run, TypedLength, Writing, values};
 use crate::file::{Sink, Source};
@@ -16,6 +16,13 @@ const AFTER: &str = "\
 Methods:
   memoryless  costs of the present surface alone, then a fit to the original [Lindstrom-Turk 1998]
   quadric     sums of plane quadrics that remember the original [Garland-Heckbert 1997]
+
+Presets:
+  auto        the least distance
+  scan        noisy surfaces: normals have no say, vertices that rounding parted are joined
+  cad         machine parts: --border slide --topology preserve
+  visual      for the eye: normals count more, also where the file has none
+  print       --topology preserve, attributes have no say
 
 Examples:
   lodsmith simplify bunny.obj -o small.glb --ratio 0.1
@@ -41,7 +48,7 @@ pub(crate) struct SimplifyArgs {
     #[command(flatten)]
     pub(crate) target: Target,
     #[command(flatten)]
-    how: How,
+    pub(crate) how: How,
     #[command(flatten)]
     scope: Scope,
     #[command(flatten)]
@@ -121,7 +128,10 @@ impl Target {
 
 #[derive(Args, Debug)]
 #[command(next_help_heading = "How")]
-struct How {
+pub(crate) struct How {
+    /// Options for a purpose, see below; what is typed beside it goes before it
+    #[arg(long, value_name = "PURPOSE", value_enum, default_value_t)]
+    preset: PresetChoice,
     /// Method, see below
     #[arg(long, value_name = "METHOD", value_enum, default_value_t)]
     method: MethodChoice,
@@ -131,15 +141,25 @@ struct How {
     /// Where a merged vertex goes; `endpoint` keeps a subset of the vertices
     #[arg(long, value_name = "WHERE", value_enum, default_value_t)]
     placement: PlacementChoice,
-    /// Open borders: held in place, moved along themselves, untouched, no care
-    #[arg(long, value_name = "CARE", value_enum, default_value_t)]
-    border: BorderChoice,
-    /// Topology: no new defects; nothing changes at all; handles are cut and parts go where that is cheapest
-    #[arg(long, value_name = "CARE", value_enum, default_value_t)]
-    topology: TopologyChoice,
-    /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph or other; may be repeated
+    /// Open borders: held in place, moved along themselves, untouched, no care [default: keep, or by preset]
+    #[arg(long, value_name = "CARE", value_enum)]
+    border: Option<BorderChoice>,
+    /// Topology: no new defects; nothing changes at all; handles are cut and parts go where that is cheapest [default:
+    /// relaxed, or by preset]
+    #[arg(long, value_name = "CARE", value_enum)]
+    topology: Option<TopologyChoice>,
+    /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph, other; or the
+    /// lines of open borders: border; may be repeated
     #[arg(long, value_name = "NAME=W", value_parser = values::weight)]
     weight: Vec<(AttributeName, f64)>,
+    /// Leave this alone, to the bit: a material, group, object, mesh or node, or the vertices where this attribute is
+    /// not zero; may be repeated
+    #[arg(long, value_name = "NAME")]
+    pub(crate) lock: Vec<String>,
+    /// Keep more triangles where this attribute of vertices is large: at 1, or at the largest value if that is above 1,
+    /// STRENGTH times as many per area as at 0 [default STRENGTH: 4]
+    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = values::importance)]
+    pub(crate) importance: Option<Importance>,
     /// Join vertices closer than this first; equal ones always are
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     weld: Option<TypedLength>,
@@ -180,7 +200,7 @@ enum Bound {
     TwoSided,
 }
 
-/// An attribute that `--weight` names.
+/// An attribute, or else, that `--weight` names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AttributeName {
     Normal,
@@ -188,15 +208,17 @@ pub(crate) enum AttributeName {
     Color,
     Morph,
     Other,
+    Border,
 }
 
 impl AttributeName {
-    pub(crate) const ALL: [(&str, Self); 5] = [
+    pub(crate) const ALL: [(&str, Self); 6] = [
         ("normal", Self::Normal),
         ("uv", Self::Uv),
         ("color", Self::Color),
         ("morph", Self::Morph),
         ("other", Self::Other),
+        ("border", Self::Border),
     ];
 
     fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
@@ -206,8 +228,16 @@ impl AttributeName {
             Self::Color => &mut weights.color,
             Self::Morph => &mut weights.morph,
             Self::Other => &mut weights.other,
+            Self::Border => &mut weights.border,
         }
     }
+}
+
+/// An attribute of vertices, and how much denser the result is where it is 1.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Importance {
+    pub(crate) name: String,
+    pub(crate) strength: f32,
 }
 
 /// Normals of the result.
@@ -222,16 +252,16 @@ impl SimplifyArgs {
     /// What the engine is told.
     pub(crate) fn options(&self) -> SimplifyOptions {
         let (how, guards) = (&self.how, &self.guards);
-        let mut options = SimplifyOptions::new(self.target.stop());
+        let mut options = SimplifyOptions::preset(how.preset.into(), self.target.stop());
         options.method = how.method.into();
         options.fit = how.fit.into();
         options.placement = how.placement.into();
-        options.border = how.border.into();
-        options.topology = how.topology.into();
+        options.border = how.border.map_or(options.border, Into::into);
+        options.topology = how.topology.map_or(options.topology, Into::into);
         for (name, weight) in &how.weight {
             *name.of(&mut options.weights) = *weight;
         }
-        options.weld = how.weld.as_ref().map(|d| d.length);
+        options.weld = how.weld.as_ref().map(|d| d.length).or(options.weld);
         options.guards = Guards {
             max_normal_deg: guards.max_normal,
             min_quality: guards.min_quality,
@@ -261,5 +291,51 @@ impl SimplifyArgs {
             Some(bound) => bound == Bound::TwoSided,
             None => self.target.error.is_some(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+    use lodsmith::{BorderPolicy, Length, Preset, TopologyPolicy};
+
+    use super::*;
+    use crate::args::{Cli, Command};
+
+    fn options(words: &str) -> SimplifyOptions {
+        let all = ["lodsmith", "simplify", "a.ply", "--dry-run", "--faces", "9"];
+        let cli = Cli::try_parse_from(all.into_iter().chain(words.split_whitespace())).unwrap();
+        let Command::Simplify(args) = cli.command else { unreachable!("simplify was typed") };
+        args.options()
+    }
+
+    #[test]
+    fn what_is_typed_goes_before_the_preset() {
+        let stop = Stop::faces(9);
+        assert_eq!(options(""), SimplifyOptions::new(stop));
+        assert_eq!(options("--preset auto"), SimplifyOptions::new(stop));
+        for (word, preset) in [
+            ("scan", Preset::Scan),
+            ("cad", Preset::Cad),
+            ("visual", Preset::Visual),
+            ("print", Preset::Print),
+        ] {
+            let wanted = SimplifyOptions::preset(preset, stop);
+            assert_eq!(options(&format!("--preset {word}")), wanted, "{word}");
+            assert_ne!(wanted, SimplifyOptions::new(stop), "{word}");
+        }
+        let mut wanted = SimplifyOptions::preset(Preset::Cad, stop);
+        wanted.border = BorderPolicy::Keep;
+        assert_eq!(options("--border keep --preset cad"), wanted);
+        let mut wanted = SimplifyOptions::preset(Preset::Print, stop);
+        (wanted.topology, wanted.weights.uv) = (TopologyPolicy::Relaxed, 2.0);
+        assert_eq!(options("--preset print --topology relaxed --weight uv=2"), wanted);
+        assert_eq!(options("--preset scan --weld 0.5").weld, Some(Length::Units(0.5)));
+    }
+
+    #[test]
+    fn defaults_in_the_help_are_those_of_the_engine() {
+        let words = [BorderChoice::default().to_string(), TopologyChoice::default().to_string()];
+        assert_eq!(words, ["keep", "relaxed"]);
     }
 }

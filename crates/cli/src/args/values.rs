@@ -7,7 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lodsmith::Length;
 use lodsmith_io::Format;
 
-use super::simplify::AttributeName;
+use super::simplify::{AttributeName, Importance};
 
 /// A length as typed: `0.5` in the units of the file, `0.1%` of the diagonal.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,6 +66,28 @@ pub(crate) fn weight(text: &str) -> Result<(AttributeName, f64), String> {
     let found = AttributeName::ALL.into_iter().find(|(known, _)| *known == name).ok_or_else(wanted)?;
     let weight: f64 = number.parse().map_err(|_| wanted())?;
     if weight.is_finite() && weight >= 0.0 { Ok((found.1, weight)) } else { Err(wanted()) }
+}
+
+/// Triangles per area where an attribute is 1, as against where it is 0. (Guessed: half as long edges.)
+const STRENGTH: f32 = 4.0;
+
+/// An attribute that says what is important, and how much.
+pub(crate) fn importance(text: &str) -> Result<Importance, String> {
+    let (name, strength) = match text.rsplit_once('=') {
+        None => (text, STRENGTH),
+        Some((name, typed)) => {
+            let wanted = "a strength from 0.001 to 1000";
+            (
+                name,
+                number(typed, |x| (1e-3..=1e3).contains(&x), wanted)
+                    .map_err(|_| format!("it wants {wanted}"))? as f32,
+            )
+        }
+    };
+    if name.is_empty() {
+        return Err("it wants the name of an attribute".to_owned());
+    }
+    Ok(Importance { name: name.to_owned(), strength })
 }
 
 /// A length that is not zero.
@@ -143,6 +165,16 @@ mod tests {
             assert!(bad.parse::<TypedLength>().is_err(), "{bad}");
         }
         assert!(some_length("0%").is_err());
+    }
+
+    #[test]
+    fn importance_has_a_strength() {
+        let of = |name: &str, strength| Ok(Importance { name: name.to_owned(), strength });
+        assert_eq!(importance("quality"), of("quality", STRENGTH));
+        assert_eq!(importance("color.r=9.5"), of("color.r", 9.5));
+        for bad in ["", "=2", "a=", "a=b", "a=0", "a=-1", "a=nan", "a=1e9"] {
+            assert!(importance(bad).is_err(), "{bad}");
+        }
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
         let bar = progress.file(&path);
         bar.read();
         let input = if is_whole {
-            file::read_scene(&args.input, args.from)?
+            file::read_scene(&args.input, args.from, Vec::new())?
         } else {
             Input::Mesh(Box::new(file::read(&args.input, args.from)?))
         };

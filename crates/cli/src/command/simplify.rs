@@ -23,7 +23,7 @@ use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::plan::{self, Job};
 use crate::progress::{FileProgress, Progress};
-use crate::{images, in_order, normals, proposals};
+use crate::{care, images, in_order, normals, proposals};
 
 /// Makes every input lighter.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
@@ -104,8 +104,8 @@ fn simplify_one(
         Done { input_format, report, warnings, meshes, threads: rayon::current_num_threads(), clock }
     };
     let loaded = match whole {
-        None => Box::new(file::read(&job.source, args.from)?),
-        Some((sink, format)) => match file::read_scene(&job.source, args.from)? {
+        None => Box::new(file::read_with(&job.source, args.from, care::properties(args))?),
+        Some((sink, format)) => match file::read_scene(&job.source, args.from, care::properties(args))? {
             Input::Mesh(loaded) => loaded,
             Input::Scene(scene) => {
                 let from = scene.format();
@@ -128,12 +128,14 @@ fn simplify_mesh(
     watch: &mut Watch<'_>,
     turn: &Turn<'_>,
 ) -> anyhow::Result<Told> {
+    let mut options = args.options();
+    care::of_mesh(args, &loaded, &mut options)?;
     let Loaded { mesh, regions, contents, mut warnings, .. } = loaded;
     if args.is_per_mesh() && contents.meshes > 1 {
         let text = "--per-mesh: the meshes become one on this way, and share the target";
         warnings.push(Warning::note(text));
     }
-    let done = lodsmith::simplify(&mesh, &args.options(), watch);
+    let done = lodsmith::simplify(&mesh, &options, watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
     warnings.extend(told(&report));
@@ -188,7 +190,9 @@ fn simplify_scene(
         parts.push(Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system });
     }
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
-    let done = lodsmith::simplify_scene(&parts, diagonal, &args.options(), watch);
+    let mut options = args.options();
+    care::of_scene(args, &scene, &taken, &mut options)?;
+    let done = lodsmith::simplify_scene(&parts, diagonal, &options, watch);
     let SimplifiedScene { meshes: mut lighter, report, counts } = not_interrupted(done)?;
 
     watch.write();
@@ -334,6 +338,10 @@ impl Done {
         if !mended.is_empty() {
             lines.push(format!("  mended first: {}", mended.join(", ").replace('_', " ")));
         }
+        if r.locked_vertices > 0 {
+            let faces = counted(r.locked_faces, "face", "faces");
+            lines.push(format!("  locked: {}, {faces}", counted(r.locked_vertices, "vertex", "vertices")));
+        }
         if r.parts_removed > 0 {
             lines.push(format!("  {} removed whole", counted(r.parts_removed, "part", "parts")));
         }
@@ -396,6 +404,9 @@ impl Done {
         });
         if !self.meshes.is_empty() {
             report["meshes"] = self.meshes.iter().map(mesh_json).collect();
+        }
+        if !args.how.lock.is_empty() {
+            report["locked"] = json!({ "vertices": r.locked_vertices, "faces": r.locked_faces });
         }
         if args.dry_run {
             report["dry_run"] = true.into();

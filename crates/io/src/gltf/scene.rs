@@ -13,6 +13,7 @@ use super::buffers::{Buffers, relative_path};
 use super::container::{Document, list, list_mut, whole};
 use super::lists::append;
 use super::mesh::{self, Budget};
+use super::names::MeshNames;
 use super::placements;
 use super::{inventory, replace, unpack};
 use crate::error::{ReadError, Warning};
@@ -121,6 +122,11 @@ impl Scene {
     /// The meshes, in the order of the file.
     pub fn meshes(&self) -> &[SceneMesh] {
         &self.meshes
+    }
+
+    /// What stands over each of [`Scene::meshes`] beside its own name, in their order.
+    pub fn names(&self) -> Vec<MeshNames> {
+        MeshNames::all(&self.json)
     }
 
     /// A box round all that is placed, from the boxes of the meshes: as large as the scene, or somewhat larger.

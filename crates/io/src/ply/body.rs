@@ -19,8 +19,10 @@ pub(super) struct Vertices {
     pub(super) normals: Option<Vec<[f32; 3]>>,
     pub(super) colors: Option<Vec<[f32; 4]>>,
     pub(super) uvs: Option<Vec<[f32; 2]>>,
-    /// Names of the properties that are not read.
+    /// Names of the properties that the mesh does not carry.
     pub(super) unknown: Vec<String>,
+    /// Those of them that are wanted all the same.
+    pub(super) wanted: Vec<(String, Vec<f32>)>,
 }
 
 /// Faces by vertex indices that have been checked.
@@ -39,15 +41,16 @@ pub(super) struct Corners {
 }
 
 impl Body {
-    pub(super) fn read(header: &Header, bytes: &[u8]) -> Result<Self, ReadError> {
+    /// Reads the records; `wanted` names properties of vertices that are to be had beside the mesh.
+    pub(super) fn read(header: &Header, bytes: &[u8], wanted: &[String]) -> Result<Self, ReadError> {
         match header.encoding {
-            Encoding::Ascii => Self::read_from(header, Text { bytes, at: header.body }),
-            Encoding::Little => Self::read_from(header, Binary::<false> { bytes, at: header.body }),
-            Encoding::Big => Self::read_from(header, Binary::<true> { bytes, at: header.body }),
+            Encoding::Ascii => Self::read_from(header, Text { bytes, at: header.body }, wanted),
+            Encoding::Little => Self::read_from(header, Binary::<false> { bytes, at: header.body }, wanted),
+            Encoding::Big => Self::read_from(header, Binary::<true> { bytes, at: header.body }, wanted),
         }
     }
 
-    fn read_from<S: Source>(header: &Header, mut source: S) -> Result<Self, ReadError> {
+    fn read_from<S: Source>(header: &Header, mut source: S, wanted: &[String]) -> Result<Self, ReadError> {
         let vertex_count = header
             .element("vertex")
             .ok_or_else(|| ReadError::file("the header declares no element vertex"))?
@@ -57,7 +60,9 @@ impl Body {
         let mut faces: Option<Faces> = None;
         for element in &header.elements {
             match element.name.as_str() {
-                "vertex" => vertices = Some(read_vertices(element, &mut source, &mut warnings)?),
+                "vertex" => {
+                    vertices = Some(read_vertices(element, wanted, &mut source, &mut warnings)?);
+                }
                 "face" => {
                     let more = read_faces(element, vertex_count, &mut source, &mut warnings)?;
                     faces = Some(join(faces, more));
@@ -123,6 +128,8 @@ enum Target {
     Normal(usize),
     Color(usize),
     Uv(usize),
+    /// Beside the mesh, in this place of a list.
+    Aside(usize),
     Nothing,
 }
 
@@ -141,8 +148,8 @@ const GROUPS: [Group; 8] = [
     (&["texture_u", "texture_v"], Target::Uv),
 ];
 
-/// What becomes of each property of the vertices.
-fn targets(element: &Element) -> Vec<Target> {
+/// What becomes of each property of the vertices, and the names of those that go beside the mesh.
+fn targets(element: &Element, wanted: &[String]) -> (Vec<Target>, Vec<String>) {
     let one =
         |name: &str| element.properties.iter().position(|p| p.name == name && matches!(p.kind, Kind::One(_)));
     let mut targets = vec![Target::Nothing; element.properties.len()];
@@ -157,7 +164,15 @@ fn targets(element: &Element) -> Vec<Target> {
     if let (true, Some(alpha)) = (targets.contains(&Target::Color(0)), one("alpha").or_else(|| one("a"))) {
         targets[alpha] = Target::Color(3);
     }
-    targets
+    let mut aside = Vec::new();
+    for (property, target) in element.properties.iter().zip(&mut targets) {
+        let is_one = *target == Target::Nothing && matches!(property.kind, Kind::One(_));
+        if is_one && wanted.contains(&property.name) && !aside.contains(&property.name) {
+            *target = Target::Aside(aside.len());
+            aside.push(property.name.clone());
+        }
+    }
+    (targets, aside)
 }
 
 /// Factor that takes a colour of this type to 0..1; integers wider than 16 bits hold bytes in practice.
@@ -171,10 +186,11 @@ fn color_scale(kind: Scalar) -> f32 {
 
 fn read_vertices<S: Source>(
     element: &Element,
+    wanted: &[String],
     source: &mut S,
     warnings: &mut Vec<Warning>,
 ) -> Result<Vertices, ReadError> {
-    let targets = targets(element);
+    let (targets, aside) = targets(element, wanted);
     if !targets.contains(&Target::Position(0)) {
         return Err(ReadError::element("element vertex", "lacks one of the properties x, y, z"));
     }
@@ -182,7 +198,7 @@ fn read_vertices<S: Source>(
         .properties
         .iter()
         .zip(&targets)
-        .filter(|(_, t)| **t == Target::Nothing)
+        .filter(|(_, t)| matches!(t, Target::Nothing | Target::Aside(_)))
         .map(|(p, _)| p.name.clone())
         .collect();
     if !unknown.is_empty() {
@@ -201,7 +217,8 @@ fn read_vertices<S: Source>(
     let mut normals = has(Target::Normal(0)).then(|| Vec::with_capacity(count));
     let mut colors = has(Target::Color(0)).then(|| Vec::with_capacity(count));
     let mut uvs = has(Target::Uv(0)).then(|| Vec::with_capacity(count));
-    let attributes = normals.is_some() || colors.is_some() || uvs.is_some();
+    let mut wanted: Vec<_> = aside.into_iter().map(|name| (name, Vec::with_capacity(count))).collect();
+    let attributes = normals.is_some() || colors.is_some() || uvs.is_some() || !wanted.is_empty();
 
     let ready = if wide { None } else { source.f32_positions(element, &targets) };
     let from_block = ready.is_some();
@@ -222,6 +239,7 @@ fn read_vertices<S: Source>(
                         Target::Normal(k) => n[k] = x as f32,
                         Target::Color(k) => c[k] = x as f32 / color_scale(kind),
                         Target::Uv(k) => uv[k] = x as f32,
+                        Target::Aside(k) => wanted[k].1.push(x as f32),
                         Target::Nothing => {}
                     }),
                     Kind::List { count, item } => source.skip_list(count, item),
@@ -239,7 +257,7 @@ fn read_vertices<S: Source>(
         }
     }
     let positions = if wide { Positions::F64(double) } else { Positions::F32(narrow) };
-    Ok(Vertices { positions, normals, colors, uvs, unknown })
+    Ok(Vertices { positions, normals, colors, uvs, unknown, wanted })
 }
 
 /// A normal of length one; what is none already (to a thousandth) or has no length stays as it is.

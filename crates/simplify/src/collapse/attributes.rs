@@ -60,7 +60,8 @@ impl Default for Head {
     }
 }
 
-/// A wedge at one of the ends of an edge; those of one group become one. The first of a group gives its index.
+/// A wedge at one of the ends of an edge; those of one group become one. One of a group gives it its index, and its values
+/// if it is at a locked end.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Member {
     pub(super) wedge: WedgeId,
@@ -68,7 +69,7 @@ pub(crate) struct Member {
     pub(super) group: usize,
 }
 
-/// The first member of each group, by index.
+/// The member of each group that gives its index, with that.
 pub(super) fn firsts(members: &[Member]) -> impl Iterator<Item = (usize, &Member)> {
     members.iter().enumerate().filter(|(i, m)| m.group == *i)
 }
@@ -389,10 +390,10 @@ impl Attributes {
     pub(super) fn add_to(&self, members: &[Member], d: Vec3, form: &mut Form) {
         let mut sum = Sum::default();
         for (group, first) in firsts(members) {
-            let mut others = of_group(members, group).skip(1);
+            let mut others = members.iter().enumerate().filter(|(i, m)| m.group == group && *i != group);
             match (others.next(), others.next()) {
                 (None, _) => self.add_single_to(first, d, &mut sum),
-                (Some(other), None) if !first.at_v && other.at_v => {
+                (Some((_, other)), None) if !first.at_v && other.at_v => {
                     self.add_pair_to(first.wedge, other.wedge, d, &mut sum);
                 }
                 _ => self.add_group_to(members, group, d, &mut sum),

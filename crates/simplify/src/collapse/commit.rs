@@ -13,8 +13,6 @@ use crate::report::Refusal;
 use crate::tensor::Tensor;
 use crate::triangle;
 
-/// Weight of a border edge's line against the planes of faces. (docs/decisions/0001; 10 as in meshoptimizer.)
-pub(crate) const BORDER: f32 = 10.0;
 /// Weight of the largest squared distance, times the mean area of a triangle: protects small features. (Measured on 12 cases:
 /// 0.1, 0.2 and 0.3 have equal means within a percent; from 0.2 on the largest distances are a third lower.)
 const PEAK: f32 = 0.2;
@@ -88,6 +86,8 @@ impl<M: Metric> Engine<M> {
     ) -> Outcome {
         let (v, y) = (candidate.removed, candidate.step);
         let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
+        let price = self.price(x.origin, z.origin);
+        let tau = tau / price;
         let (shared, neck) = match self.store.link_condition(u, v, ru, rv) {
             Ok(shared) => (shared, None),
             Err(why) => match self.neck(u, v, ru, rv) {
@@ -99,6 +99,9 @@ impl<M: Metric> Engine<M> {
             return Outcome::Refused(Refusal::Component);
         }
         if let Err(why) = self.ask_seams(u, v, ru, rv) {
+            return Outcome::Refused(why);
+        }
+        if let Err(why) = self.ask_locked(u, v, ru) {
             return Outcome::Refused(why);
         }
         let d = z.p - x.p;
@@ -206,7 +209,7 @@ impl<M: Metric> Engine<M> {
             cost = self.charge(x.origin, z.origin, at, cost, tau, probe);
         }
         if cost > tau || probe {
-            return Outcome::Later(cost);
+            return Outcome::Later(cost * price);
         }
         if let Err(why) = self.hand_over_wedges(u, v, y, off, ru, rv) {
             return Outcome::Refused(why);
@@ -273,6 +276,7 @@ impl<M: Metric> Engine<M> {
         let kept_v = is_place_of(&z) && !is_place_of(&x);
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
         self.store.merged_into[merged.index()] = origin;
+        self.merge_prices(origin, merged);
         let unmoved = kept_v || (y == Vec3::ZERO && !x.kind.is_moved());
         let kept = &mut self.store.v[u.index()];
         if kept_v {

@@ -148,6 +148,9 @@ impl<M: Metric> Engine<M> {
             self.store.remove_face(spoke.corner.face());
         }
         let other_w = self.store.twin_of(w);
+        self.copy_price(self.store.v[w.index()].origin);
+        self.merge_prices(x.origin, z.origin);
+        self.merge_prices(z.origin, x.origin);
         let sides = |all: &[Vec<Corner>; 2], i: usize| all[i].clone();
         for i in 0..2 {
             let mut merged = sides(&neck.of_u, i);

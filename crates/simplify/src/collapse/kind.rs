@@ -27,6 +27,8 @@ impl Kind {
     const GONE: u32 = 64;
     /// On an edge whose sides differ in wedges or regions.
     const SEAM: u32 = 128;
+    /// The caller wants it as it is.
+    const LOCKED: u32 = 256;
 
     /// The kind of a vertex with this star.
     pub(crate) fn of(ring: &[Spoke], border: BorderPolicy) -> Self {
@@ -92,12 +94,16 @@ impl Kind {
     }
     #[inline(always)]
     pub(crate) fn is_fixed(self) -> bool {
-        self.0 & Self::FIXED != 0
+        self.0 & (Self::FIXED | Self::LOCKED) != 0
+    }
+    #[inline(always)]
+    pub(crate) fn is_locked(self) -> bool {
+        self.0 & Self::LOCKED != 0
     }
     /// Whether it may move anywhere.
     #[inline(always)]
     pub(crate) fn is_free(self) -> bool {
-        self.0 & (Self::FIXED | Self::RAIL) == 0
+        self.0 & (Self::FIXED | Self::RAIL | Self::LOCKED) == 0
     }
     #[inline(always)]
     pub(crate) fn is_moved(self) -> bool {
@@ -118,6 +124,10 @@ impl Kind {
     #[inline(always)]
     pub(crate) fn on_seam(self, seam: bool) -> Self {
         Self(if seam { self.0 | Self::SEAM } else { self.0 & !Self::SEAM })
+    }
+    #[inline(always)]
+    pub(crate) fn locked(self, locked: bool) -> Self {
+        Self(if locked { self.0 | Self::LOCKED } else { self.0 & !Self::LOCKED })
     }
     #[inline(always)]
     pub(crate) fn gone(self) -> Self {

@@ -136,8 +136,9 @@ impl<M: Metric> Engine<M> {
         let Some(wedges) = &self.store.wedges else { return };
         let (first_u, first_v) = (self.store.first_wedge[u.index()], self.store.first_wedge[v.index()]);
         if attributes.is_alone(first_u) && attributes.is_alone(first_v) {
-            members.push(Member { wedge: first_u, at_v: false, group: 0 });
-            members.push(Member { wedge: first_v, at_v: true, group: 0 });
+            let group = usize::from(self.store.v[v.index()].kind.is_locked());
+            members.push(Member { wedge: first_u, at_v: false, group });
+            members.push(Member { wedge: first_v, at_v: true, group });
             return;
         }
         for r in ru {
@@ -161,6 +162,25 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
+        if self.store.v[v.index()].kind.is_locked() {
+            for i in 0..members.len() {
+                let group = members[i].group;
+                if members[i].at_v && !members[group].at_v {
+                    members.iter_mut().filter(|m| m.group == group).for_each(|m| m.group = i);
+                }
+            }
+        }
+    }
+
+    /// Whether each wedge of an end that is locked stays by itself through the merger of `u` and `v`, with no new one
+    /// beside it.
+    pub(super) fn keeps_wedges(&self, u: VertexId, v: VertexId, ru: &[Spoke]) -> bool {
+        let Some(attributes) = &self.attributes else { return true };
+        let mut members = Vec::new();
+        self.gather(attributes, u, v, ru, usize::MAX, &mut members);
+        let locked_v = self.store.v[v.index()].kind.is_locked();
+        let of_locked = |g: usize| members.iter().filter(|m| m.group == g && m.at_v == locked_v).count();
+        members.iter().all(|m| of_locked(m.group) == 1)
     }
 
     /// Finds which wedges of `u` and `v` become one, and their best values at `u` + `y`.
@@ -172,8 +192,14 @@ impl<M: Metric> Engine<M> {
             let d = self.store.p(v) - self.store.p(u);
             merge.best.clear();
             merge.best.resize(members.len() * lanes, f32x4::ZERO);
-            for (group, _) in firsts(members) {
-                attributes.best(members, group, d, y, &mut merge.best[group * lanes..][..lanes]);
+            let is_locked = self.is_either_locked(u, v);
+            for (group, first) in firsts(members) {
+                let best = &mut merge.best[group * lanes..][..lanes];
+                if is_locked {
+                    best.copy_from_slice(attributes.values(first.wedge));
+                } else {
+                    attributes.best(members, group, d, y, best);
+                }
             }
         }
         self.merge = merge;
@@ -219,6 +245,7 @@ impl<M: Metric> Engine<M> {
     /// place `at`. Says what the new triangles add to its tensor.
     pub(super) fn merge_wedges(&mut self, u: VertexId, v: VertexId, y: Vec3, at: Vec3, ru: &Ring) -> Tensor {
         let mut tensor = Tensor::default();
+        let is_locked = self.is_either_locked(u, v);
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
             return tensor;
         };
@@ -229,7 +256,7 @@ impl<M: Metric> Engine<M> {
         own.resize(members.len() * 3 * lanes, f32x4::ZERO);
         heads.clear();
         heads.resize(members.len(), Head::default());
-        for (group, _) in firsts(members) {
+        for (group, _) in firsts(members).filter(|_| !is_locked) {
             attributes.normalize(&mut best[group * lanes..][..lanes]);
         }
         for (i, wing) in self.wings.iter().enumerate() {
@@ -268,7 +295,7 @@ impl<M: Metric> Engine<M> {
         let t = (y.dot(z - x) / (z - x).length_squared().max(1e-37)).clamp(0.0, 1.0);
         let mut first = NO_WEDGE;
         for (group, m) in firsts(members).filter(|(group, _)| heads[*group].faces > 0) {
-            if !attributes.pulls.is_empty() {
+            if !attributes.pulls.is_empty() && !is_locked {
                 attributes.pulls[m.wedge.index()] = attributes.blended_pulls(members, group, t);
             }
             let head = Head { next: first, ..heads[group] };

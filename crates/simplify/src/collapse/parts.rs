@@ -22,18 +22,30 @@ const IN_TURN: f32 = 8.0;
 struct Part {
     faces: usize,
     area: f32,
+    /// What its absence counts times; without end if a vertex is locked.
+    price: f32,
     min: Vec3,
     max: Vec3,
 }
 
 impl Part {
-    const EMPTY: Self =
-        Self { faces: 0, area: 0.0, min: Vec3::splat(f32::INFINITY), max: Vec3::splat(f32::NEG_INFINITY) };
+    const EMPTY: Self = Self {
+        faces: 0,
+        area: 0.0,
+        price: 0.0,
+        min: Vec3::splat(f32::INFINITY),
+        max: Vec3::splat(f32::NEG_INFINITY),
+    };
 
     /// What its absence costs, in the measure of a collapse: its area (`area` holds it twice) times the square of half
     /// its size, as if the rest were that far away.
     fn cost(&self) -> f32 {
         self.area * 0.25 * (self.max - self.min).length_squared()
+    }
+
+    /// The same times its importance; without end if it must stay.
+    fn worth(&self) -> f32 {
+        if self.price < f32::INFINITY { self.price * self.cost() } else { f32::INFINITY }
     }
 }
 
@@ -42,6 +54,7 @@ pub(crate) struct Parts {
     /// By number in the ordered input.
     part_of: Vec<u32>,
     cost: Vec<f32>,
+    worth: Vec<f32>,
     /// Necks that were cut before the parts were looked for.
     necks_cut: usize,
 }
@@ -55,8 +68,9 @@ impl<M: Metric> Engine<M> {
         self.store.compact();
         let (part_of, parts) = self.find_parts();
         let mut order: Vec<usize> = (0..parts.len()).collect();
-        order.sort_by(|&i, &j| parts[i].cost().total_cmp(&parts[j].cost()).then(i.cmp(&j)));
+        order.sort_by(|&i, &j| parts[i].worth().total_cmp(&parts[j].worth()).then(i.cmp(&j)));
         order.pop(); // the dearest stays
+        order.retain(|&i| parts[i].price < f32::INFINITY);
         let faces: Vec<usize> = parts.iter().map(|p| p.faces).collect();
         let cost: Vec<f32> = parts.iter().map(Part::cost).collect();
         self.drop_parts(goal, &order, &faces, &cost, &part_of);
@@ -72,7 +86,8 @@ impl<M: Metric> Engine<M> {
         for (x, &l) in self.store.v.iter().zip(&label) {
             part_of[x.origin.index()] = l;
         }
-        self.parts = Some(Parts { part_of, cost, necks_cut: self.necks_cut });
+        let worth = parts.iter().map(|p| p.worth() * weight).collect();
+        self.parts = Some(Parts { part_of, cost, worth, necks_cut: self.necks_cut });
     }
 
     /// Drops the parts of which a face is not dearer than `tau` for a collapse, which takes two.
@@ -87,7 +102,7 @@ impl<M: Metric> Engine<M> {
         for t in self.store.t.iter().filter(|t| t[0] != NONE) {
             faces[parts.part_of[self.store.v[t[0].index()].origin.index()] as usize] += 1;
         }
-        let rate = |i: usize| 2.0 * parts.cost[i] / faces[i] as f32;
+        let rate = |i: usize| 2.0 * parts.worth[i] / faces[i] as f32;
         let mut order: Vec<usize> = (0..faces.len()).filter(|&i| faces[i] > 0).collect();
         order.sort_by(|&i, &j| rate(i).total_cmp(&rate(j)).then(i.cmp(&j)));
         order.pop(); // the dearest stays
@@ -136,6 +151,8 @@ impl<M: Metric> Engine<M> {
         for (x, &l) in self.store.v.iter().zip(&label) {
             let part = &mut parts[l as usize];
             (part.min, part.max) = (part.min.min(x.p), part.max.max(x.p));
+            let price = if x.kind.is_locked() { f32::INFINITY } else { self.price(x.origin, x.origin) };
+            part.price = part.price.max(price);
         }
         for t in &self.store.t {
             let [a, b, c] = t.map(|w| self.store.p(w));

@@ -73,7 +73,7 @@ impl<M: Metric> Engine<M> {
     #[inline]
     pub(crate) fn line_weight(&self, ring: &[Spoke], w: VertexId, seams: bool) -> f32 {
         if faces_at(ring, w) != 2 {
-            return super::BORDER;
+            return self.rules.border_weight;
         }
         if seams && self.store.is_seam_edge(ring, w) { SEAM } else { 0.0 }
     }

@@ -36,6 +36,9 @@ impl<M: Metric> Engine<M> {
             let changed = changes.iter().fold(options.clone(), |o, c| c.applied(&o));
             self.rules = rules(&changed);
             self.cuts_necks = changed.topology == TopologyPolicy::Free;
+            if changed.locked.is_none() {
+                self.store.v.iter_mut().for_each(|x| x.kind = x.kind.locked(false));
+            }
             if changed.border != options.border {
                 self.classify_again();
             }

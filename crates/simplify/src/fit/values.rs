@@ -178,8 +178,8 @@ impl<'a> Values<'a> {
     }
 
     /// Moves the values of all wedges to what the samples say. The samples spoke of the places before the fit; from there
-    /// the corners of a triangle went `moved`.
-    pub(crate) fn solve(self, moved: impl Fn(usize, usize) -> Vec3) {
+    /// the corners of a triangle went `moved`; those without a move are locked.
+    pub(crate) fn solve(self, moved: impl Fn(usize, usize) -> Option<Vec3>) {
         let lanes = self.lanes;
         let corners = by_wedge(&self.wedges, self.attributes.count());
         let mut shifts = vec![f32x4::ZERO; self.attributes.count() * lanes];
@@ -205,7 +205,8 @@ impl<'a> Values<'a> {
                         }
                     }
                 }
-                if own > 0.0 {
+                let corner = of_wedge[0].1 as usize;
+                if own > 0.0 && moved(corner >> 2, corner & 3).is_some() {
                     let scale = 1.0 / (own + held).max(1e-30);
                     let at = of_wedge[0].0.index() * lanes;
                     for (i, (sum, most)) in sum.iter().zip(&most).enumerate() {
@@ -216,8 +217,9 @@ impl<'a> Values<'a> {
         }
         for of_wedge in corners.chunk_by(|a, b| a.0 == b.0) {
             let (w, corner) = of_wedge[0];
-            let moved = moved(corner as usize >> 2, corner as usize & 3);
-            self.attributes.shift(w, &shifts[w.index() * lanes..][..lanes], moved);
+            if let Some(moved) = moved(corner as usize >> 2, corner as usize & 3) {
+                self.attributes.shift(w, &shifts[w.index() * lanes..][..lanes], moved);
+            }
         }
     }
 }

@@ -6,6 +6,7 @@ use lodsmith_core::topology::size_of;
 
 use super::{MeshCounts, Part, SimplifiedScene, simplify_scene};
 use crate::SimplifyError;
+use crate::care;
 use crate::control::{Control, Stage, Verdict};
 use crate::escalate::Escalation;
 use crate::options::SimplifyOptions;
@@ -48,12 +49,19 @@ pub(super) fn simplify_each(
     let is_placed = parts.iter().any(|p| p.instances > 0);
     let all: usize = parts.iter().map(|p| p.mesh.face_count()).sum();
     let (mut meshes, mut counts, mut runs) = (Vec::new(), Vec::new(), Vec::new());
-    let mut begun = 0usize;
+    let (mut begun, mut first) = (0usize, 0usize);
+    care::check(&options, parts.iter().map(|p| p.mesh.vertex_count()).sum())?;
+    let (locked, importance) = (options.locked.take(), options.importance.take());
     for part in parts {
         let alone = Part { instances: 1, system: None, ..*part };
         let share = |n: usize| n as f64 / all.max(1) as f64;
         let mut own = Share { control, begin: share(begun), length: share(part.mesh.face_count()) };
         begun += part.mesh.face_count();
+        // What is asked for of vertices lies part after part.
+        let own_vertices = first..first + part.mesh.vertex_count();
+        first = own_vertices.end;
+        options.locked = locked.as_deref().and_then(|l| l.get(own_vertices.clone())).map(Into::into);
+        options.importance = importance.as_deref().and_then(|l| l.get(own_vertices)).map(Into::into);
         let (mesh, reached) = match simplify_scene(&[alone], diagonal, &options, &mut own) {
             Ok(SimplifiedScene { mut meshes, report, .. }) => {
                 let times = if is_placed { part.instances } else { 1 };

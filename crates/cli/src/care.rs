@@ -1,0 +1,210 @@
+//! What `--lock` and `--importance` name, found in what was read.
+
+use std::sync::Arc;
+
+use anyhow::anyhow;
+use lodsmith::SimplifyOptions;
+use lodsmith::core::{RegionId, Semantic, TriMesh, WedgeId};
+use lodsmith_io::gltf::Scene;
+use lodsmith_io::{Format, Loaded};
+
+use crate::args::{Importance, SimplifyArgs};
+
+/// Names in an error, at most.
+const SHOWN: usize = 30;
+
+/// A mesh, and the names that stand over it.
+struct Named<'a> {
+    mesh: &'a TriMesh,
+    /// Names of the whole.
+    whole: Vec<String>,
+    /// Names of each region.
+    regions: Vec<Vec<String>>,
+    /// Numbers of vertices, beside the mesh.
+    properties: &'a [(String, Vec<f32>)],
+}
+
+/// Properties of vertices that have to be read beside the mesh.
+pub(crate) fn properties(args: &SimplifyArgs) -> Vec<String> {
+    let importance = args.how.importance.as_ref().map(|i| i.name.clone());
+    args.how.lock.iter().cloned().chain(importance).collect()
+}
+
+/// Says in the options what a mesh is asked for.
+///
+/// # Errors
+/// A name that nothing has; the error lists those that there are.
+pub(crate) fn of_mesh(
+    args: &SimplifyArgs,
+    loaded: &Loaded,
+    options: &mut SimplifyOptions,
+) -> anyhow::Result<()> {
+    let text = |name: &[u8]| String::from_utf8_lossy(name).into_owned();
+    let regions = loaded.regions.iter().map(|region| {
+        let groups = region.groups.into_iter().flat_map(|all| {
+            // Several with blanks between them, or one name with blanks in it.
+            std::iter::once(all).chain(all.split(|c| c.is_ascii_whitespace())).filter(|name| !name.is_empty())
+        });
+        let others = [region.object, region.material, region.smoothing].into_iter().flatten();
+        others.chain(groups).map(text).collect()
+    });
+    let named = Named {
+        mesh: &loaded.mesh,
+        whole: Vec::new(),
+        regions: regions.collect(),
+        properties: &loaded.properties,
+    };
+    let other = loaded.contents.attributes.iter().filter(|a| !PARTS.contains(&a.as_str()));
+    fill(args, &[named], other.cloned().collect(), options).map_err(|e| match loaded.format {
+        Format::Gltf | Format::Glb => {
+            anyhow!("{e} (names in a scene are known only where the output is glTF too)")
+        }
+        _ => e,
+    })
+}
+
+/// The same for the meshes of a scene that are worked on, by number.
+///
+/// # Errors
+/// As [`of_mesh`].
+pub(crate) fn of_scene(
+    args: &SimplifyArgs,
+    scene: &Scene,
+    taken: &[usize],
+    options: &mut SimplifyOptions,
+) -> anyhow::Result<()> {
+    let names = scene.names();
+    let all: Vec<_> = taken
+        .iter()
+        .map(|&i| {
+            let (mesh, names) = (&scene.meshes()[i], &names[i]);
+            let whole = std::iter::once(mesh.name.clone()).chain(names.nodes.iter().cloned()).collect();
+            let regions = names.materials.iter().map(|m| m.iter().cloned().collect()).collect();
+            Named { mesh: &mesh.mesh, whole, regions, properties: &[] }
+        })
+        .collect();
+    fill(args, &all, Vec::new(), options)
+}
+
+/// Words for attributes in lists of what a file holds, which have no single number for a vertex.
+const PARTS: [&str; 3] = ["normals", "uvs", "colors"];
+/// Channels of colours as they are typed.
+const CHANNELS: [&str; 4] = ["color.r", "color.g", "color.b", "color.a"];
+
+fn fill(
+    args: &SimplifyArgs,
+    all: &[Named<'_>],
+    other_names: Vec<String>,
+    options: &mut SimplifyOptions,
+) -> anyhow::Result<()> {
+    let unknown = |option: &str, name: &str, mut names: Vec<String>| {
+        names.extend(all.iter().flat_map(Named::values_names).chain(other_names.iter().cloned()));
+        let mut known = Vec::new();
+        names.into_iter().for_each(|name| {
+            if !known.contains(&name) {
+                known.push(name);
+            }
+        });
+        let what = match known.len() {
+            0 => "it has no names at all".to_owned(),
+            n if n > SHOWN => format!("there are {} and {} more", known[..SHOWN].join(", "), n - SHOWN),
+            _ => format!("there are {}", known.join(", ")),
+        };
+        anyhow!("{option} {name}: nothing has this name; {what}")
+    };
+    if !args.how.lock.is_empty() {
+        let mut locked: Vec<Vec<bool>> = all.iter().map(|n| vec![false; n.mesh.vertex_count()]).collect();
+        for name in &args.how.lock {
+            let mut found = false;
+            for (named, locked) in all.iter().zip(&mut locked) {
+                found |= named.lock(name, locked);
+            }
+            if !found {
+                let names = all.iter().flat_map(|n| n.whole.iter().chain(n.regions.iter().flatten()));
+                return Err(unknown("--lock", name, names.cloned().collect()));
+            }
+        }
+        options.locked = Some(locked.into_iter().flatten().collect());
+    }
+    if let Some(Importance { name, strength }) = &args.how.importance {
+        let values: Vec<_> = all.iter().map(|n| n.values(name)).collect();
+        if values.iter().all(Option::is_none) {
+            return Err(unknown("--importance", name, Vec::new()));
+        }
+        let largest = values.iter().flatten().flatten().fold(1f32, |m, x| m.max(*x));
+        let density = |x: f32| strength.powf(x.max(0.0) / largest);
+        let of_mesh = |(named, values): (&Named<'_>, Option<Vec<f32>>)| {
+            let count = named.mesh.vertex_count();
+            values.map_or_else(|| vec![1.0; count], |v| v.into_iter().map(density).collect())
+        };
+        let densities: Vec<f32> = all.iter().zip(values).flat_map(of_mesh).collect();
+        options.importance = Some(Arc::from(densities));
+    }
+    Ok(())
+}
+
+impl Named<'_> {
+    /// Locks what a name stands for; whether it stands for anything here.
+    fn lock(&self, name: &str, locked: &mut [bool]) -> bool {
+        let is = |other: &String| other == name;
+        let mut found = self.whole.iter().any(is);
+        if found {
+            locked.fill(true);
+        }
+        let regions: Vec<bool> = self.regions.iter().map(|names| names.iter().any(is)).collect();
+        if regions.contains(&true) {
+            found = true;
+            for (f, t) in self.mesh.triangles().iter().enumerate() {
+                let region = self.mesh.regions().map_or(RegionId(0), |r| r[f]);
+                if regions.get(region.index()) == Some(&true) {
+                    t.iter().for_each(|&w| locked[self.mesh.vertex_of(w).index()] = true);
+                }
+            }
+        }
+        if let Some(values) = self.values(name) {
+            found = true;
+            locked.iter_mut().zip(values).for_each(|(l, x)| *l |= x != 0.0);
+        }
+        found
+    }
+
+    /// The numbers of vertices that a name stands for: of several at a vertex the one farthest from 0. What is no number
+    /// is 0.
+    fn values(&self, name: &str) -> Option<Vec<f32>> {
+        if let Some((_, values)) = self.properties.iter().find(|p| p.0 == name) {
+            return Some(values.iter().map(|&x| if x.is_finite() { x } else { 0.0 }).collect());
+        }
+        let mesh = self.mesh;
+        if let (Some(channel), Some(colors)) = (CHANNELS.iter().position(|c| *c == name), mesh.colors()) {
+            return Some(self.farthest(|w| &colors[w.index()][channel..=channel]));
+        }
+        let is_meant = |s: &Semantic| match s {
+            // The underscore is glTF's.
+            Semantic::Custom(own) => own == name || own.strip_prefix('_') == Some(name),
+            _ => false,
+        };
+        let attribute = mesh.further_attributes().iter().find(|a| is_meant(&a.semantic))?;
+        Some(self.farthest(|w| attribute.of(w)))
+    }
+
+    fn farthest<'v>(&self, of: impl Fn(WedgeId) -> &'v [f32]) -> Vec<f32> {
+        let mut values = vec![0f32; self.mesh.vertex_count()];
+        for w in (0..self.mesh.wedge_count()).map(WedgeId::new) {
+            let own = &mut values[self.mesh.vertex_of(w).index()];
+            for &x in of(w).iter().filter(|x| x.is_finite()) {
+                *own = if x.abs() > own.abs() { x } else { *own };
+            }
+        }
+        values
+    }
+
+    /// What [`Named::values`] knows.
+    fn values_names(&self) -> Vec<String> {
+        let channels = if self.mesh.colors().is_some() { &CHANNELS[..] } else { &[] };
+        let further = self.mesh.further_attributes().iter().filter_map(|a| match &a.semantic {
+            Semantic::Custom(name) => Some(name.clone()),
+            _ => None,
+        });
+        channels.iter().map(|c| (*c).to_owned()).chain(further).collect()
+    }
+}

@@ -1,0 +1,81 @@
+//! Normals of vertices from the faces round them.
+
+use crate::ids::VertexId;
+use crate::mesh::Surface;
+
+/// The normal of each vertex: the mean of the face normals round it, weighted by their angles there.
+///
+/// `place` says which vertex stands for all at one place; the identity where vertices are joined already. Normals are
+/// of unit length. Faces without area count nothing; a vertex with no other faces gets the z axis. Cost: O(n).
+///
+/// Source: [Thürmer-Wüthrich 1998].
+pub fn vertex_normals(surface: &Surface<'_>, place: impl Fn(VertexId) -> VertexId) -> Vec<[f32; 3]> {
+    let positions = surface.positions();
+    let mut sums = vec![[0f64; 3]; positions.len()];
+    for face in surface.triangles() {
+        let p = face.map(|v| positions.get(v));
+        // Each side as a direction: neither huge nor tiny coordinates leave the range of a double then.
+        let sides = [0, 1, 2].map(|k| unit(sub(p[(k + 1) % 3], p[k])));
+        let [Some(a), Some(b), Some(c)] = sides else { continue };
+        let Some(normal) = unit(cross(a, b)) else { continue };
+        for (corner, (out, back)) in [(a, c), (b, a), (c, b)].into_iter().enumerate() {
+            let angle = (-dot(out, back)).clamp(-1.0, 1.0).acos();
+            let sum = &mut sums[place(face[corner]).index()];
+            *sum = [0, 1, 2].map(|k| sum[k] + angle * normal[k]);
+        }
+    }
+    let normal = |v: usize| unit(sums[place(VertexId::new(v)).index()]).unwrap_or([0.0, 0.0, 1.0]);
+    (0..positions.len()).map(|v| normal(v).map(|x| x as f32)).collect()
+}
+
+fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|k| a[k] - b[k])
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    let largest = v.iter().fold(0f64, |m, x| m.max(x.abs()));
+    if !(largest > 0.0 && largest.is_finite()) {
+        return None;
+    }
+    let v = v.map(|x| x / largest);
+    let length = dot(v, v).sqrt();
+    Some(v.map(|x| x / length))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::PositionsView;
+    use crate::mesh::weld::weld;
+    use crate::shapes;
+
+    #[test]
+    fn vertices_at_one_place_share_their_normal() {
+        // A ball as a soup: each corner has a vertex of its own.
+        let ball = shapes::icosphere(2);
+        let surface = ball.surface();
+        let points: Vec<[f64; 3]> =
+            surface.triangles().iter().flatten().map(|&v| surface.positions().get(v)).collect();
+        let faces: Vec<[VertexId; 3]> =
+            (0..points.len() as u32).step_by(3).map(|i| [0, 1, 2].map(|k| VertexId(i + k))).collect();
+        let soup = Surface::new(PositionsView::F64(&points), &faces).unwrap();
+        let joined = weld(soup.positions());
+        for (n, p) in vertex_normals(&soup, |v| joined.of(v)).iter().zip(&points) {
+            let along: f64 = n.iter().zip(p).map(|(a, b)| f64::from(*a) * b).sum();
+            let length = p.iter().map(|x| x * x).sum::<f64>().sqrt();
+            assert!(along > 0.999 * length, "{n:?} at {p:?}");
+        }
+        let flat = vertex_normals(&soup, |v| v);
+        assert!(
+            flat.chunks(3).all(|t| t[0] == t[1] || t[0].iter().zip(t[1]).all(|(a, b)| (a - b).abs() < 1e-6))
+        );
+    }
+}

@@ -1,0 +1,207 @@
+//! Where a run takes care: vertices that are locked, and places that are more important than others.
+
+use std::collections::HashMap;
+
+use lodsmith_core::mesh::weld::Weld;
+use lodsmith_core::{RegionId, TriMesh, VertexId, WedgeId};
+
+use crate::SimplifyError;
+use crate::collapse::order::{NONE, Ordered};
+use crate::options::SimplifyOptions;
+
+/// Densities beyond these count as these. (What they cost has to leave room in single precision.)
+const DENSITIES: [f32; 2] = [1e-3, 1e3];
+
+/// What is asked for of each vertex, by number in the ordered input.
+pub(crate) struct Care {
+    locked: Option<Vec<bool>>,
+    locked_faces: usize,
+    prices: Option<Vec<f32>>,
+}
+
+impl Care {
+    /// `joined` says which vertex each one was joined with before the input was ordered.
+    pub(crate) fn new(
+        options: &SimplifyOptions,
+        ordered: &Ordered,
+        joined: impl Fn(VertexId) -> VertexId,
+    ) -> Self {
+        let place = |i: usize| ordered.rank[joined(VertexId::new(i)).index()];
+        let places = || (0..ordered.rank.len()).map(|i| (i, place(i))).filter(|x| x.1 != NONE);
+        let locked = options.locked.as_ref().filter(|l| l.contains(&true)).map(|own| {
+            let mut locked = vec![false; ordered.point_count];
+            places().for_each(|(i, place)| locked[place.index()] |= own[i]);
+            locked
+        });
+        let prices = options.importance.as_ref().filter(|x| x.iter().any(|x| *x != 1.0)).map(|own| {
+            let mut prices = vec![0f32; ordered.point_count];
+            for (i, place) in places() {
+                let density = own[i].clamp(DENSITIES[0], DENSITIES[1]);
+                let price = &mut prices[place.index()];
+                *price = price.max(density * density * density.sqrt());
+            }
+            // Only what costs more is found by what it costs; the unit does not matter.
+            let least = prices.iter().copied().fold(f32::INFINITY, f32::min);
+            prices.iter_mut().for_each(|x| *x /= least);
+            prices
+        });
+        let locked_faces = locked
+            .as_ref()
+            .map_or(0, |locked| ordered.faces.iter().filter(|t| t.iter().all(|v| locked[v.index()])).count());
+        Self { locked, locked_faces, prices }
+    }
+
+    pub(crate) fn locked(&self) -> Option<&[bool]> {
+        self.locked.as_deref()
+    }
+    pub(crate) fn locked_vertices(&self) -> usize {
+        self.locked.as_ref().map_or(0, |locked| locked.iter().filter(|l| **l).count())
+    }
+    /// Faces all of whose vertices are locked.
+    pub(crate) fn locked_faces(&self) -> usize {
+        self.locked_faces
+    }
+    /// What costs count times, for a run that changes them.
+    pub(crate) fn prices(&self) -> Option<Vec<f32>> {
+        self.prices.clone()
+    }
+}
+
+/// Holds the lists of the options against the number of vertices.
+pub(crate) fn check(options: &SimplifyOptions, wanted: usize) -> Result<(), SimplifyError> {
+    let lists = [
+        ("locked", options.locked.as_ref().map(|x| x.len())),
+        ("importance", options.importance.as_ref().map(|x| x.len())),
+    ];
+    for (option, got) in lists {
+        if let Some(got) = got.filter(|&got| got != wanted) {
+            return Err(SimplifyError::WrongLength { option, wanted, got });
+        }
+    }
+    let bad = |x: &&f32| !(x.is_finite() && **x > 0.0);
+    if let Some(got) = options.importance.as_ref().and_then(|all| all.iter().find(bad)) {
+        let wanted = "a number above 0 for each vertex";
+        return Err(SimplifyError::BadOption { option: "importance", wanted, got: f64::from(*got) });
+    }
+    Ok(())
+}
+
+/// Which vertex each one is joined with: a locked one among them if there is any, and locked ones with none. Says how
+/// many are joined with another.
+pub(crate) fn weld_onto_locked(
+    weld: &Weld,
+    vertices: usize,
+    options: &SimplifyOptions,
+) -> (Vec<VertexId>, usize) {
+    let mut joined: Vec<VertexId> = (0..vertices as u32).map(|v| weld.of(VertexId(v))).collect();
+    if let Some(locked) = &options.locked {
+        let mut locked_at = vec![NONE; vertices];
+        for (v, place) in joined.iter().enumerate().rev().filter(|x| locked[x.0]) {
+            locked_at[place.index()] = VertexId(v as u32);
+        }
+        for (v, to) in joined.iter_mut().enumerate() {
+            *to = match locked_at[to.index()] {
+                _ if locked[v] => VertexId(v as u32),
+                NONE => *to,
+                held => held,
+            };
+        }
+    }
+    let merged = joined.iter().enumerate().filter(|(v, to)| *v != to.index()).count();
+    (joined, merged)
+}
+
+/// Wedges of locked vertices by what the engine calls them, and by the region of their face where possible.
+#[derive(Default)]
+pub(crate) struct Known(HashMap<(u32, Option<RegionId>), WedgeId>);
+
+impl Known {
+    pub(crate) fn add(&mut self, name: u32, region: Option<RegionId>, wedge: WedgeId) {
+        self.0.entry((name, region)).or_insert(wedge);
+        self.0.entry((name, None)).or_insert(wedge);
+    }
+    pub(crate) fn get(&self, name: u32, region: Option<RegionId>) -> Option<WedgeId> {
+        self.0.get(&(name, region)).or_else(|| self.0.get(&(name, None))).copied()
+    }
+}
+
+/// The wedge of the input at each corner of a result that belongs to a locked vertex; empty where none is locked.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Held(Vec<[Option<WedgeId>; 3]>);
+
+impl Held {
+    pub(crate) fn new(corners: impl Iterator<Item = [Option<WedgeId>; 3]>) -> Self {
+        Self(corners.collect())
+    }
+
+    /// What was held at a corner.
+    pub(crate) fn at(&self, face: usize, k: usize) -> Option<WedgeId> {
+        self.0.get(face)?[k]
+    }
+
+    /// Gives the wedges of locked vertices the very bits that they had.
+    pub(crate) fn restore(&self, result: &mut TriMesh, input: &TriMesh) {
+        if self.0.is_empty() {
+            return;
+        }
+        let mut source = vec![None; result.wedge_count()];
+        for (t, held) in result.triangles().iter().zip(&self.0) {
+            for (w, held) in t.iter().zip(held) {
+                source[w.index()] = held.or(source[w.index()]);
+            }
+        }
+        restore(result, input, &source);
+    }
+}
+
+/// Gives wedges the attributes of wedges of another mesh, where those have them.
+pub(crate) fn restore(result: &mut TriMesh, input: &TriMesh, source: &[Option<WedgeId>]) {
+    fn with<T: Copy>(own: Option<&[T]>, other: Option<&[T]>, source: &[Option<WedgeId>]) -> Option<Vec<T>> {
+        let mut own = own?.to_vec();
+        for (x, w) in own.iter_mut().zip(source) {
+            if let (Some(other), Some(w)) = (other, w) {
+                *x = other[w.index()];
+            }
+        }
+        Some(own)
+    }
+    let lengths = "there is one for each wedge, as before";
+    result.set_normals(with(result.normals(), input.normals(), source)).expect(lengths);
+    result.set_uvs(with(result.uvs(), input.uvs(), source)).expect(lengths);
+    result.set_colors(with(result.colors(), input.colors(), source)).expect(lengths);
+    for i in 0..result.further_attributes().len() {
+        let a = &result.further_attributes()[i];
+        let (semantic, width) = (a.semantic.clone(), a.width);
+        let same = |a: &&lodsmith_core::Attribute| a.semantic == semantic && a.width == width;
+        let Some(other) = input.further_attributes().iter().find(same) else { continue };
+        let values = result.further_values_mut(i).chunks_exact_mut(width);
+        for (own, w) in values.zip(source) {
+            if let Some(w) = w {
+                own.copy_from_slice(other.of(*w));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use lodsmith_core::PositionsView;
+    use lodsmith_core::mesh::weld;
+
+    use super::*;
+
+    #[test]
+    fn a_weld_goes_onto_locked_vertices() {
+        // 0 1 2 lie within the distance, 3 far away.
+        let points = [[0f32, 0.0, 0.0], [0.01, 0.0, 0.0], [0.02, 0.0, 0.0], [1.0, 0.0, 0.0]];
+        let weld = weld::weld_within(PositionsView::F32(&points), 0.05);
+        let mut options = SimplifyOptions::default();
+        let all = weld_onto_locked(&weld, 4, &options);
+        assert_eq!((all.0[1], all.0[2], all.1), (all.0[0], all.0[0], 2));
+        options.locked = Some(Arc::from([false, true, true, false]));
+        let (joined, merged) = weld_onto_locked(&weld, 4, &options);
+        assert_eq!((joined, merged), ([1, 1, 2, 3].map(VertexId).to_vec(), 1));
+    }
+}

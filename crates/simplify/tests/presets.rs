@@ -1,0 +1,84 @@
+//! Presets, and what they are made of.
+
+use lodsmith::core::measure::{CompareOptions, Comparison, compare};
+use lodsmith::core::{TriMesh, shapes};
+use lodsmith::{
+    BorderPolicy, Fit, NoControl, Preset, SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify,
+    simplify_surface,
+};
+
+fn run(mesh: &TriMesh, options: &SimplifyOptions) -> TriMesh {
+    simplify(mesh, options, &mut NoControl).unwrap().mesh
+}
+
+fn apart(reference: &TriMesh, candidate: &TriMesh) -> Comparison {
+    compare(&reference.surface(), &candidate.surface(), &CompareOptions::default()).unwrap()
+}
+
+#[test]
+fn presets_are_what_they_say() {
+    let stop = Stop::ratio(0.1);
+    let of = |preset| SimplifyOptions::preset(preset, stop);
+    assert_eq!(of(Preset::Auto), SimplifyOptions::new(stop));
+    assert_eq!(of(Preset::default()), SimplifyOptions::new(stop));
+    assert!(of(Preset::Scan).weights.normal == 0.0 && of(Preset::Scan).weld.is_some());
+    assert_eq!(of(Preset::Cad).border, BorderPolicy::Slide);
+    assert_eq!(of(Preset::Cad).topology, TopologyPolicy::Preserve);
+    assert!(of(Preset::Visual).shape_normals && of(Preset::Visual).weights.normal > 1.0);
+    assert_eq!(of(Preset::Print).topology, TopologyPolicy::Preserve);
+    assert_eq!(of(Preset::Print).weights.color, 0.0);
+    for preset in [Preset::Scan, Preset::Cad, Preset::Visual, Preset::Print] {
+        assert_eq!(of(preset).stop, stop);
+    }
+}
+
+#[test]
+fn the_normals_of_the_shape_count_and_are_not_carried() {
+    let mesh = shapes::blob(5, 4);
+    let stop = Stop::ratio(0.05);
+    let plain = run(&mesh, &SimplifyOptions::new(stop));
+    let options = SimplifyOptions::preset(Preset::Visual, stop);
+    let shaded = run(&mesh, &options);
+    assert!(!shaded.has_attributes() && shaded.vertex_map().is_none());
+    assert!(shaded.face_count() <= 1024 && shaded != plain);
+    let of_surface = simplify_surface(&mesh.surface(), &options, &mut NoControl).unwrap().mesh;
+    assert_eq!(of_surface, shaded, "buffers and meshes give the same");
+    let (near, plain) = (apart(&mesh, &shaded), apart(&mesh, &plain));
+    assert!(near.rms.symmetric < 2.0 * plain.rms.symmetric);
+
+    // Normals of the file are its own, and stay.
+    let mut own = mesh.clone();
+    own.set_normals(Some(vec![[0.0, 0.0, 1.0]; mesh.wedge_count()])).unwrap();
+    let got = run(&own, &options);
+    assert!(got.normals().is_some_and(|n| n.iter().all(|n| *n == [0.0, 0.0, 1.0])));
+
+    // Other attributes and what tells vertices from wedges come along.
+    let mut colored = mesh.clone();
+    let heights = mesh.positions().view().iter().map(|p| [0.5 + 0.1 * p[2] as f32, 0.0, 0.0, 1.0]).collect();
+    colored.set_colors(Some(heights)).unwrap();
+    let got = run(&colored, &options);
+    assert!(got.normals().is_none() && got.colors().is_some());
+}
+
+#[test]
+fn borders_count_as_much_as_they_are_told() {
+    let mesh = shapes::wavy_sheet(24);
+    // How far the sides of the square have drawn back, in all.
+    let off = |weight: f64| {
+        let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+        options.weights.border = weight;
+        // (The fit holds borders by a weight of its own.)
+        options.fit = Fit::Off;
+        let got = run(&mesh, &options).positions().view().bounds().unwrap();
+        let is = mesh.positions().view().bounds().unwrap();
+        (0..2).map(|k| (got.min[k] - is.min[k]).abs() + (got.max[k] - is.max[k]).abs()).sum::<f64>()
+    };
+    let (firm, usual, loose) = (off(100.0), off(1.0), off(0.001));
+    assert!(firm < usual && 2.0 * usual < loose, "{firm} {usual} {loose}");
+    for bad in [-1.0, f64::NAN, f64::INFINITY] {
+        let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+        options.weights.border = bad;
+        let got = simplify(&mesh, &options, &mut NoControl);
+        assert!(matches!(got, Err(SimplifyError::BadOption { option: "weight", .. })), "{got:?}");
+    }
+}
