@@ -22,7 +22,7 @@
 pub(crate) mod attributes;
 mod bound;
 mod commit;
-mod cut;
+pub(crate) mod cut;
 mod evaluate;
 pub(crate) mod kind;
 mod late;

@@ -55,8 +55,8 @@ pub enum BorderPolicy {
 /// What may happen to the topology.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TopologyPolicy {
-    /// Counts of non-manifold edges, border edges, flipped and duplicate faces do not rise; genus may fall; a whole part
-    /// goes only when the target cannot be met otherwise, cheapest first, and each is counted.
+    /// Counts of non-manifold edges, border edges, flipped and duplicate faces do not rise. Only when the target cannot be
+    /// met otherwise, handles and thin places are cut and whole parts go, cheapest first, and each is counted.
     #[default]
     Relaxed,
     /// Manifold stays manifold; holes, handles and parts stay.

@@ -154,8 +154,7 @@ pub struct Report {
     /// Whole parts that went because the target could not be met otherwise, or, where topology is free, because they were
     /// the cheapest to go.
     pub parts_removed: usize,
-    /// Necks that were cut: three edges round a handle or a thin place each. Only with
-    /// [`TopologyPolicy::Free`](crate::TopologyPolicy::Free).
+    /// Necks that were cut: three edges round a handle or a thin place each.
     pub necks_cut: usize,
     /// Vertices that were locked, those at one place counted once.
     pub locked_vertices: usize,

@@ -9,6 +9,7 @@ use lodsmith_core::{Attribute, Positions, PositionsView, RegionId, Surface, TriM
 use crate::attributes::{Ground, Rows, with_wedges};
 use crate::care::{self, Care, Held, Known};
 use crate::collapse::attributes::Attributes;
+use crate::collapse::cut::may_cut;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
 use crate::collapse::{End, Engine, Goal, Look, Original, Wedges};
@@ -64,6 +65,15 @@ impl Original for Source<'_> {
     }
 }
 
+/// What a pass may take away in the order of costs.
+#[derive(Clone, Copy)]
+struct Leave {
+    /// Whole parts.
+    parts: bool,
+    /// Handles and thin places, by cuts.
+    cuts: bool,
+}
+
 /// What one pass of the engine made.
 struct Outcome {
     mesh: TriMesh,
@@ -74,6 +84,8 @@ struct Outcome {
     collapses: u64,
     parts_removed: usize,
     necks_cut: usize,
+    /// Whether vertices that were cut apart stand at one place.
+    touches: bool,
     seams_relaxed: bool,
     duplicate_faces: usize,
     proposals: Vec<Proposal>,
@@ -364,19 +376,33 @@ impl Run<'_, '_> {
     ) -> Result<Outcome, SimplifyError> {
         // Where the topology may change, parts and necks go in their turn from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;
-        let first = self.single_pass::<M>(&goal, step, is_free, control)?;
-        if is_free || first.parts_removed == 0 || first.end == End::Finish {
+        let mut first =
+            self.single_pass::<M>(&goal, step, Leave { parts: is_free, cuts: is_free }, control)?;
+        let is_short = first.parts_removed > 0 || first.end == End::Stuck && step.is_none();
+        let may_change = self.options.topology == TopologyPolicy::Relaxed;
+        if !is_short || !may_change || first.end == End::Finish {
             return Ok(first);
         }
-        // Parts have to go: let them go in their turn.
-        self.single_pass::<M>(&goal, step, true, control)
+        // Parts and handles stand in the way: let them go in their turn.
+        let cuts = may_cut(self.options);
+        let mut second = self.single_pass::<M>(&goal, step, Leave { parts: true, cuts }, control)?;
+        if second.touches && second.end != End::Finish {
+            second = self.single_pass::<M>(&goal, step, Leave { parts: true, cuts: false }, control)?;
+        }
+        let faces = [&first, &second].map(|o| o.mesh.face_count());
+        let is_better = second.end != End::Stuck || faces[1] < faces[0] || first.parts_removed > 0;
+        if is_better {
+            return Ok(second);
+        }
+        first.proposals = second.proposals;
+        Ok(first)
     }
 
     fn single_pass<M: Metric>(
         &mut self,
         goal: &Goal,
         step: Option<f64>,
-        parts_go: bool,
+        leave: Leave,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
         let options = self.options;
@@ -424,8 +450,8 @@ impl Run<'_, '_> {
         engine.prices = self.care.prices();
 
         control.stage(Stage::Collapse);
-        if parts_go {
-            engine.cuts_necks = options.topology == TopologyPolicy::Free;
+        if leave.parts {
+            engine.cuts_necks = leave.cuts;
             engine.watch_parts();
         }
         let source = Source { surface, ordered: self.ordered, is_kept: keep };
@@ -433,8 +459,8 @@ impl Run<'_, '_> {
         if end == End::Cancel {
             return Err(SimplifyError::Cancelled);
         }
-        // A first pass in which parts went is not the last one; a search for an error has its own end.
-        let is_last = parts_go || engine.parts_removed == 0;
+        // Where parts may go, a first pass is not the last one; a search for an error has its own end.
+        let is_last = leave.parts || options.topology == TopologyPolicy::Preserve;
         let proposals = match end == End::Stuck && is_last && !again {
             true => engine.proposals(options, |o| Rules::new(o, frame, self.ordered.diagonal)),
             false => Vec::new(),
@@ -483,6 +509,7 @@ impl Run<'_, '_> {
             collapses: engine.collapses,
             parts_removed: engine.parts_removed,
             necks_cut: engine.necks_cut,
+            touches: engine.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0,
             seams_relaxed: engine.has_relaxed_seams(),
             duplicate_faces,
             proposals,

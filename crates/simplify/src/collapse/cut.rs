@@ -19,7 +19,18 @@ use super::kind::distinct;
 use super::star::Star;
 use super::store::{Corner, Ring};
 use crate::metric::{Form, Metric};
+use crate::options::{Placement, SimplifyOptions, TopologyPolicy};
 use crate::tensor::Tensor;
+
+/// Whether a run with these options may cut, at the latest when nothing else is left. (Vertices that cannot move leave the
+/// sides of a cut in touch, which only free topology allows.)
+pub(crate) fn may_cut(options: &SimplifyOptions) -> bool {
+    match options.topology {
+        TopologyPolicy::Preserve => false,
+        TopologyPolicy::Relaxed => options.placement != Placement::Endpoint,
+        TopologyPolicy::Free => true,
+    }
+}
 
 /// The faces on the two sides of a neck, by the vertex that they hang on, without those on the edge that goes.
 pub(crate) struct Neck {

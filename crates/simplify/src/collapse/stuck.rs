@@ -3,6 +3,7 @@
 use lodsmith_core::VertexId;
 
 use super::attributes::Member;
+use super::cut::may_cut;
 use super::kind::{Kind, distinct};
 use super::{Candidate, Engine, Outcome, Scratch};
 use crate::guard::Rules;
@@ -35,7 +36,7 @@ impl<M: Metric> Engine<M> {
         let mut gain = |changes: &[Change]| {
             let changed = changes.iter().fold(options.clone(), |o, c| c.applied(&o));
             self.rules = rules(&changed);
-            self.cuts_necks = changed.topology == TopologyPolicy::Free;
+            self.cuts_necks = may_cut(&changed);
             if changed.locked.is_none() {
                 self.store.v.iter_mut().for_each(|x| x.kind = x.kind.locked(false));
             }

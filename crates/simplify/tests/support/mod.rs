@@ -159,7 +159,7 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
         error.estimate.is_finite() && error.estimate >= 0.0 && error.estimate <= error.diagonal,
         format!("estimate {} of a diagonal {}", error.estimate, error.diagonal),
     );
-    if options.topology != TopologyPolicy::Free && !options.escalate {
+    if options.topology == TopologyPolicy::Preserve && !options.escalate {
         check(report.necks_cut == 0, format!("{} necks cut", report.necks_cut));
     }
     if options.topology == TopologyPolicy::Preserve {
