@@ -120,7 +120,9 @@ impl Rows {
         let unit_colors = mesh.colors().is_none_or(|c| c.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
         let directions =
             layout.iter().filter(|c| c.is_direction() && c.constant.is_none()).map(|c| c.at).collect();
-        let attributes = Attributes::new(count, width, directions, &values, all_pulls);
+        let textures =
+            layout.iter().filter(|c| c.is_texture() && c.constant.is_none()).map(|c| c.at).collect();
+        let attributes = Attributes::new(count, width, directions, textures, &values, all_pulls);
         Some((Self { layout, skin_sets, wedge_rows, unit_colors }, attributes))
     }
 
@@ -274,6 +276,9 @@ impl Column {
     }
     fn is_of(&self, a: &Attribute, semantic: &Semantic) -> bool {
         a.semantic == *semantic && a.width == self.width
+    }
+    fn is_texture(&self) -> bool {
+        matches!(self.of, Of::Uvs | Of::Further(Semantic::Uv(_))) && self.width == 2
     }
     fn is_direction(&self) -> bool {
         matches!(self.of, Of::Normals | Of::Further(Semantic::Tangent)) && self.width >= 3

@@ -184,7 +184,11 @@ impl<M: Metric> Engine<M> {
                 duplicates.extend((0..ring.len()).filter(|&i| twice(i)).map(|i| ring[i].corner.face()));
             }
             let is_locked = self.store.v[u.index()].kind.is_locked();
-            self.store.v[u.index()].kind = self.with_seams(kind, u, &ring).locked(is_locked);
+            let kind = self.with_seams(kind, u, &ring).locked(is_locked);
+            self.store.v[u.index()].kind = kind;
+            if kind.is_seam() {
+                self.mark_hard_seams(&ring);
+            }
         }
         if duplicates.is_empty() {
             return 0;

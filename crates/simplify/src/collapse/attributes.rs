@@ -30,6 +30,8 @@ pub(crate) struct Attributes {
     weights: Vec<f32x4>,
     /// Unit vectors among the values: where each begins.
     pub(crate) directions: Vec<usize>,
+    /// Texture coordinates among the values: where each pair begins.
+    pub(crate) textures: Vec<usize>,
     /// Joints that pull a wedge, with their weights; empty where there is no skin.
     pub(crate) pulls: Vec<Pulls>,
     pub(super) heads: Vec<Head>,
@@ -52,11 +54,13 @@ pub(super) struct Head {
     pub(super) faces: u32,
     /// The next wedge of its vertex, or [`NO_WEDGE`].
     pub(super) next: WedgeId,
+    /// Whether a hard seam begins or ends here.
+    pub(super) is_hard: bool,
 }
 
 impl Default for Head {
     fn default() -> Self {
-        Self { area: 0.0, faces: 0, next: NO_WEDGE }
+        Self { area: 0.0, faces: 0, next: NO_WEDGE, is_hard: false }
     }
 }
 
@@ -127,6 +131,7 @@ impl Attributes {
         count: usize,
         width: usize,
         directions: Vec<usize>,
+        textures: Vec<usize>,
         values: &[f32],
         pulls: Vec<Pulls>,
     ) -> Self {
@@ -138,7 +143,16 @@ impl Attributes {
             }
         }
         let heads = vec![Head::default(); count];
-        Self { lanes, weights: vec![f32x4::ZERO; lanes], directions, pulls, heads, copied: Vec::new(), rows }
+        Self {
+            lanes,
+            weights: vec![f32x4::ZERO; lanes],
+            directions,
+            textures,
+            pulls,
+            heads,
+            copied: Vec::new(),
+            rows,
+        }
     }
     /// Whether no wedge carries anything.
     pub(crate) fn is_empty(&self) -> bool {
@@ -206,6 +220,22 @@ impl Attributes {
     pub(super) fn is_alone(&self, w: WedgeId) -> bool {
         self.heads.get(w.index()).is_some_and(|h| h.next == NO_WEDGE)
     }
+    pub(super) fn is_hard(&self, w: WedgeId) -> bool {
+        self.heads[w.index()].is_hard
+    }
+    pub(super) fn set_hard(&mut self, w: WedgeId) {
+        self.heads[w.index()].is_hard = true;
+    }
+    /// How far two wedges lie apart in the texture, squared.
+    pub(super) fn jump(&self, a: WedgeId, b: WedgeId) -> f32 {
+        let (a, b) = (self.of(a), self.of(b));
+        let apart = |&i: &usize| (a[i] - b[i]).powi(2) + (a[i + 1] - b[i + 1]).powi(2);
+        self.textures.iter().map(apart).fold(0.0, f32::max)
+    }
+    /// The longest side of a face in the texture, squared.
+    pub(super) fn reach(&self, [a, b, c]: [WedgeId; 3]) -> f32 {
+        self.jump(a, b).max(self.jump(b, c)).max(self.jump(c, a))
+    }
     /// A wedge and those that follow it at its vertex.
     pub(super) fn chain(&self, first: WedgeId) -> impl Iterator<Item = WedgeId> + '_ {
         let known = move |w: WedgeId| (w != NO_WEDGE).then_some(w);
@@ -221,7 +251,7 @@ impl Attributes {
         if !self.pulls.is_empty() {
             self.pulls.push(self.pulls[w.index()].clone());
         }
-        self.heads.push(Head::default());
+        self.heads.push(Head { is_hard: self.is_hard(w), ..Head::default() });
         self.copied.push(self.original(w));
         copy
     }

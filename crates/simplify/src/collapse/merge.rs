@@ -256,6 +256,9 @@ impl<M: Metric> Engine<M> {
         own.resize(members.len() * 3 * lanes, f32x4::ZERO);
         heads.clear();
         heads.resize(members.len(), Head::default());
+        for m in members.iter() {
+            heads[m.group].is_hard |= attributes.is_hard(m.wedge);
+        }
         for (group, _) in firsts(members).filter(|_| !is_locked) {
             attributes.normalize(&mut best[group * lanes..][..lanes]);
         }

@@ -3,7 +3,7 @@
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::Engine;
-use super::kind::faces_at;
+use super::kind::{distinct, faces_at};
 use super::store::{Ring, Spoke, Store};
 use crate::metric::Metric;
 use crate::report::Refusal;
@@ -11,6 +11,8 @@ use crate::report::Refusal;
 /// Weight of the line of a seam edge against the planes of faces: a seam that leaves its line shows what lies beyond the
 /// chart. (Guessed, a fifth of a border's.)
 pub(crate) const SEAM: f32 = 2.0;
+/// The same for a soft seam: a crease of normals, or textures that go on much as they were on the other side.
+const SOFT: f32 = 0.5;
 
 /// Which lines no longer refuse, because nothing else was left to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +36,21 @@ impl Looseness {
     }
 }
 
+/// One side of an edge: its face, and the wedges that it has at the ends.
+#[derive(Clone, Copy)]
+struct Side {
+    face: usize,
+    here: WedgeId,
+    there: WedgeId,
+    region: Option<RegionId>,
+}
+
+impl Side {
+    fn differs(&self, other: &Self) -> bool {
+        (self.here, self.there, self.region) != (other.here, other.there, other.region)
+    }
+}
+
 impl<M: Metric> Store<M> {
     /// Whether regions differ on the two sides of the edge from the centre of a star to `w`.
     fn is_region_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
@@ -50,21 +67,27 @@ impl<M: Metric> Store<M> {
         ring.iter().any(|r| of(r) != of(&ring[0]))
     }
 
-    /// Whether wedges or regions differ on the two sides of the edge from the centre of a star to `w`.
-    pub(crate) fn is_seam_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
-        let Some(wedges) = &self.wedges else { return false };
-        let mut first: Option<(WedgeId, WedgeId, Option<RegionId>)> = None;
+    /// The first two sides of the edge from the centre of a star to `w` that differ in wedges or regions.
+    fn sides(&self, ring: &[Spoke], w: VertexId) -> Option<[Side; 2]> {
+        let wedges = self.wedges.as_ref()?;
+        let mut first: Option<Side> = None;
         for r in ring.iter().filter(|r| r.has(w)) {
-            let (f, k) = (r.corner.face(), r.corner.k());
+            let (face, k) = (r.corner.face(), r.corner.k());
             let other = if r.a == w { (k + 1) % 3 } else { (k + 2) % 3 };
-            let side = (wedges[f][k], wedges[f][other], self.regions.as_ref().map(|x| x[f]));
+            let region = self.regions.as_ref().map(|x| x[face]);
+            let side = Side { face, here: wedges[face][k], there: wedges[face][other], region };
             match first {
                 None => first = Some(side),
-                Some(s) if s != side => return true,
+                Some(s) if s.differs(&side) => return Some([s, side]),
                 Some(_) => {}
             }
         }
-        false
+        None
+    }
+
+    /// Whether wedges or regions differ on the two sides of the edge from the centre of a star to `w`.
+    pub(crate) fn is_seam_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
+        self.sides(ring, w).is_some()
     }
 }
 
@@ -75,7 +98,34 @@ impl<M: Metric> Engine<M> {
         if faces_at(ring, w) != 2 {
             return self.rules.border_weight;
         }
-        if seams && self.store.is_seam_edge(ring, w) { SEAM } else { 0.0 }
+        match self.store.sides(ring, w).filter(|_| seams) {
+            Some(sides) if self.is_hard(&sides) => SEAM,
+            Some(_) => SOFT,
+            None => 0.0,
+        }
+    }
+
+    /// Whether a seam parts regions, or has been hard from the start.
+    fn is_hard(&self, [s, t]: &[Side; 2]) -> bool {
+        let Some(attributes) = &self.attributes else { return true };
+        let is_hard = |a: WedgeId, b: WedgeId| attributes.is_hard(a) || attributes.is_hard(b);
+        s.region != t.region || is_hard(s.here, t.here) && is_hard(s.there, t.there)
+    }
+
+    /// Marks the wedges of hard seams round a vertex: where texture coordinates jump farther than the faces on both sides
+    /// reach, what lies beyond is another piece of the texture. A smaller jump is one between faces with the same
+    /// piece each, as in palettes.
+    pub(crate) fn mark_hard_seams(&mut self, ring: &[Spoke]) {
+        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
+        for w in distinct(ring) {
+            let Some(sides) = self.store.sides(ring, w) else { continue };
+            let reach = sides.iter().map(|s| attributes.reach(wedges[s.face])).fold(0f32, f32::max);
+            let [s, t] = sides;
+            if attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there)) > reach {
+                attributes.set_hard(s.here);
+                attributes.set_hard(t.here);
+            }
+        }
     }
 
     /// Whether seams and regions allow the collapse: two vertices on the borders of regions merge along one only, and no
@@ -90,7 +140,7 @@ impl<M: Metric> Engine<M> {
             return Ok(());
         }
         let is_line = |ring: &Ring, w| match self.looseness {
-            Looseness::None => self.line_weight(ring, w, true) > 0.0,
+            Looseness::None => self.line_weight(ring, w, true) > SOFT,
             _ => faces_at(ring, w) != 2 || self.store.is_region_edge(ring, w),
         };
         if !is_line(ru, v) {
