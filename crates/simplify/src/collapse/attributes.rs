@@ -54,13 +54,13 @@ pub(super) struct Head {
     pub(super) faces: u32,
     /// The next wedge of its vertex, or [`NO_WEDGE`].
     pub(super) next: WedgeId,
-    /// Whether a hard seam begins or ends here.
-    pub(super) is_hard: bool,
+    /// Whether hard seams bound its faces: where they begin, as seen from its vertex, and where they end.
+    pub(super) hard: [bool; 2],
 }
 
 impl Default for Head {
     fn default() -> Self {
-        Self { area: 0.0, faces: 0, next: NO_WEDGE, is_hard: false }
+        Self { area: 0.0, faces: 0, next: NO_WEDGE, hard: [false; 2] }
     }
 }
 
@@ -220,12 +220,6 @@ impl Attributes {
     pub(super) fn is_alone(&self, w: WedgeId) -> bool {
         self.heads.get(w.index()).is_some_and(|h| h.next == NO_WEDGE)
     }
-    pub(super) fn is_hard(&self, w: WedgeId) -> bool {
-        self.heads[w.index()].is_hard
-    }
-    pub(super) fn set_hard(&mut self, w: WedgeId) {
-        self.heads[w.index()].is_hard = true;
-    }
     /// How far two wedges lie apart in the texture, squared.
     pub(super) fn jump(&self, a: WedgeId, b: WedgeId) -> f32 {
         let (a, b) = (self.of(a), self.of(b));
@@ -251,7 +245,7 @@ impl Attributes {
         if !self.pulls.is_empty() {
             self.pulls.push(self.pulls[w.index()].clone());
         }
-        self.heads.push(Head { is_hard: self.is_hard(w), ..Head::default() });
+        self.heads.push(Head { hard: self.heads[w.index()].hard, ..Head::default() });
         self.copied.push(self.original(w));
         copy
     }

@@ -257,7 +257,9 @@ impl<M: Metric> Engine<M> {
         heads.clear();
         heads.resize(members.len(), Head::default());
         for m in members.iter() {
-            heads[m.group].is_hard |= attributes.is_hard(m.wedge);
+            for (hard, own) in heads[m.group].hard.iter_mut().zip(attributes.heads[m.wedge.index()].hard) {
+                *hard |= own;
+            }
         }
         for (group, _) in firsts(members).filter(|_| !is_locked) {
             attributes.normalize(&mut best[group * lanes..][..lanes]);

@@ -43,6 +43,8 @@ struct Side {
     here: WedgeId,
     there: WedgeId,
     region: Option<RegionId>,
+    /// Whether the face ends at the edge, as seen from here.
+    ends: bool,
 }
 
 impl Side {
@@ -75,7 +77,8 @@ impl<M: Metric> Store<M> {
             let (face, k) = (r.corner.face(), r.corner.k());
             let other = if r.a == w { (k + 1) % 3 } else { (k + 2) % 3 };
             let region = self.regions.as_ref().map(|x| x[face]);
-            let side = Side { face, here: wedges[face][k], there: wedges[face][other], region };
+            let (here, there) = (wedges[face][k], wedges[face][other]);
+            let side = Side { face, here, there, region, ends: r.a != w };
             match first {
                 None => first = Some(side),
                 Some(s) if s.differs(&side) => return Some([s, side]),
@@ -108,8 +111,9 @@ impl<M: Metric> Engine<M> {
     /// Whether a seam parts regions, or has been hard from the start.
     fn is_hard(&self, [s, t]: &[Side; 2]) -> bool {
         let Some(attributes) = &self.attributes else { return true };
-        let is_hard = |a: WedgeId, b: WedgeId| attributes.is_hard(a) || attributes.is_hard(b);
-        s.region != t.region || is_hard(s.here, t.here) && is_hard(s.there, t.there)
+        let here = |s: &Side| attributes.heads[s.here.index()].hard[usize::from(s.ends)];
+        let there = |s: &Side| attributes.heads[s.there.index()].hard[usize::from(!s.ends)];
+        s.region != t.region || (here(s) || here(t)) && (there(s) || there(t))
     }
 
     /// Marks the wedges of hard seams round a vertex: where texture coordinates jump farther than the faces on both sides
@@ -122,8 +126,9 @@ impl<M: Metric> Engine<M> {
             let reach = sides.iter().map(|s| attributes.reach(wedges[s.face])).fold(0f32, f32::max);
             let [s, t] = sides;
             if attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there)) > reach {
-                attributes.set_hard(s.here);
-                attributes.set_hard(t.here);
+                for s in [s, t] {
+                    attributes.heads[s.here.index()].hard[usize::from(s.ends)] = true;
+                }
             }
         }
     }
