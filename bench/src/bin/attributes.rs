@@ -34,8 +34,9 @@ fn main() -> anyhow::Result<()> {
         for percent in [50, 25, 10] {
             let target = (mesh.face_count() * percent / 100).max(4);
             let (own, own_time) = best_of(5, || {
-                Ok(lodsmith::simplify(&mesh, &SimplifyOptions::new(Stop::faces(target)), &mut NoControl)?
-                    .mesh)
+                let mut options = SimplifyOptions::new(Stop::faces(target));
+                options.region_classes = Some(loaded.regions.classes().into());
+                Ok(lodsmith::simplify(&mesh, &options, &mut NoControl)?.mesh)
             })?;
             let (other, other_time) = best_of(5, || rival(&mesh, target))?;
             let errors = |m: &TriMesh| -> anyhow::Result<_> {

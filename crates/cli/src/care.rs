@@ -39,6 +39,7 @@ pub(crate) fn of_mesh(
     loaded: &Loaded,
     options: &mut SimplifyOptions,
 ) -> anyhow::Result<()> {
+    options.region_classes = Some(loaded.regions.classes().into());
     let text = |name: &[u8]| String::from_utf8_lossy(name).into_owned();
     let regions = loaded.regions.iter().map(|region| {
         let groups = region.groups.into_iter().flat_map(|all| {

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use lodsmith_core::RegionId;
+
 /// How a mesh is simplified.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -214,6 +216,10 @@ pub struct SimplifyOptions {
     /// Whether the normals that the surface itself has count in the cost where the mesh brings none. The result does not
     /// carry them. (In a scene, where no mesh brings any.)
     pub shape_normals: bool,
+    /// For each region of the mesh its class, as the first region of it: where two of one class meet, the border is a
+    /// crease that may move, as between smoothing groups. Without, and for regions beyond the list, each is a class of
+    /// its own, and borders are exact. (In a scene the regions of each part are meant.)
+    pub region_classes: Option<Arc<[RegionId]>>,
     /// Whether each vertex of the input is locked, where any is: in a scene, of all parts, one after the other.
     ///
     /// A locked vertex keeps its place and all that stands on it, to the bit, and a face whose vertices are all locked

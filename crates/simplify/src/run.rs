@@ -443,6 +443,9 @@ impl Run<'_, '_> {
             _ => None,
         };
         let mut store = Store::<M>::new(points, faces, wedges, regions);
+        if let Some(classes) = &options.region_classes {
+            store.classes = classes.to_vec();
+        }
         if let Some(locked) = self.care.locked() {
             store.lock(locked);
         }

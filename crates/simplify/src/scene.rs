@@ -7,6 +7,7 @@
 mod per_mesh;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use lodsmith_core::{
     Attribute, Bounds, MeshError, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId,
@@ -107,11 +108,12 @@ pub fn simplify_scene(
     let is_placed = parts.iter().any(|p| p.instances > 0);
     let times = |p: &Part<'_>| if is_placed { p.instances } else { 1 };
     let (mesh, table) = layout.together(parts)?;
+    let mut options = options.clone();
+    options.region_classes = options.region_classes.map(|own| classes(&own, &table));
     let count = |of: &dyn Fn(&Part<'_>) -> usize| parts.iter().map(of).sum::<usize>();
     let placed = count(&|p| p.mesh.face_count().saturating_mul(times(p)));
     let share = mesh.face_count() as f64 / placed.max(1) as f64;
     let units = |length: Length| Length::Units(length.in_units(diagonal));
-    let mut options = options.clone();
     options.stop.error = options.stop.error.map(units);
     // Parts of one system were often one mesh once, and differ in the last digits where they touched.
     let rounding = ROUNDING * diagonal;
@@ -212,6 +214,16 @@ impl Place {
 
 /// What a region of the whole is: a part, and the region that its faces had.
 type Table = Vec<(usize, Option<RegionId>)>;
+
+/// The classes of the whole's regions, from those of the parts' own.
+fn classes(own: &[RegionId], table: &Table) -> Arc<[RegionId]> {
+    let mut first: BTreeMap<(usize, Option<RegionId>), RegionId> = BTreeMap::new();
+    let class = |(i, &(part, region)): (usize, &(usize, Option<RegionId>))| {
+        let class = region.map(|r| own.get(r.index()).copied().unwrap_or(r));
+        *first.entry((part, class)).or_insert_with(|| RegionId::new(i))
+    };
+    table.iter().enumerate().map(class).collect()
+}
 
 impl Layout {
     fn new(parts: &[Part<'_>]) -> Self {

@@ -3,7 +3,7 @@
 //! A line `o`, `g`, `usemtl` or `s` holds for the faces below it until the next of its kind. Sections of a file note
 //! where such lines stand ([`Headings`]); what they come to for each face is known when all sections are together.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
 use lodsmith_core::RegionId;
@@ -90,6 +90,16 @@ impl Regions {
     /// All regions, in the order of their ids.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Region<'_>> {
         self.entries.iter().map(|&entry| self.region(entry))
+    }
+    /// For each region the first one with the same object, groups and material: what else differs (the smoothing group) is
+    /// a crease, not a border.
+    pub fn classes(&self) -> Vec<RegionId> {
+        let mut first: BTreeMap<[u32; 4], RegionId> = BTreeMap::new();
+        let class = |(i, mut entry): (usize, [u32; 4])| {
+            entry[Heading::Smoothing as usize] = NONE;
+            *first.entry(entry).or_insert_with(|| RegionId::new(i))
+        };
+        self.entries.iter().copied().enumerate().map(class).collect()
     }
     /// Names of all materials that faces ask for, or would if there were any, in the order of their appearance.
     pub fn materials(&self) -> impl ExactSizeIterator<Item = &[u8]> {

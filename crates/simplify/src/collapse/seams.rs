@@ -43,6 +43,8 @@ struct Side {
     here: WedgeId,
     there: WedgeId,
     region: Option<RegionId>,
+    /// Its class.
+    class: Option<RegionId>,
     /// Whether the face ends at the edge, as seen from here.
     ends: bool,
 }
@@ -54,10 +56,15 @@ impl Side {
 }
 
 impl<M: Metric> Store<M> {
-    /// Whether regions differ on the two sides of the edge from the centre of a star to `w`.
+    /// The class of a region: between classes borders are exact.
+    fn class(&self, region: RegionId) -> RegionId {
+        self.classes.get(region.index()).copied().unwrap_or(region)
+    }
+
+    /// Whether classes of regions differ on the two sides of the edge from the centre of a star to `w`.
     fn is_region_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
         let Some(regions) = &self.regions else { return false };
-        let mut sides = ring.iter().filter(|r| r.has(w)).map(|r| regions[r.corner.face()]);
+        let mut sides = ring.iter().filter(|r| r.has(w)).map(|r| self.class(regions[r.corner.face()]));
         let first = sides.next();
         sides.any(|side| Some(side) != first)
     }
@@ -66,6 +73,13 @@ impl<M: Metric> Store<M> {
     pub(crate) fn meets_regions(&self, ring: &[Spoke]) -> bool {
         let Some(regions) = &self.regions else { return false };
         let of = |r: &Spoke| regions[r.corner.face()];
+        ring.iter().any(|r| of(r) != of(&ring[0]))
+    }
+
+    /// Whether faces of several classes of regions meet in a star.
+    fn meets_classes(&self, ring: &[Spoke]) -> bool {
+        let Some(regions) = &self.regions else { return false };
+        let of = |r: &Spoke| self.class(regions[r.corner.face()]);
         ring.iter().any(|r| of(r) != of(&ring[0]))
     }
 
@@ -78,7 +92,8 @@ impl<M: Metric> Store<M> {
             let other = if r.a == w { (k + 1) % 3 } else { (k + 2) % 3 };
             let region = self.regions.as_ref().map(|x| x[face]);
             let (here, there) = (wedges[face][k], wedges[face][other]);
-            let side = Side { face, here, there, region, ends: r.a != w };
+            let side =
+                Side { face, here, there, region, class: region.map(|r| self.class(r)), ends: r.a != w };
             match first {
                 None => first = Some(side),
                 Some(s) if s.differs(&side) => return Some([s, side]),
@@ -110,10 +125,13 @@ impl<M: Metric> Engine<M> {
 
     /// Whether a seam parts regions, or has been hard from the start.
     fn is_hard(&self, [s, t]: &[Side; 2]) -> bool {
-        let Some(attributes) = &self.attributes else { return true };
+        if s.class != t.class {
+            return true;
+        }
+        let Some(attributes) = &self.attributes else { return s.region == t.region };
         let here = |s: &Side| attributes.heads[s.here.index()].hard[usize::from(s.ends)];
         let there = |s: &Side| attributes.heads[s.there.index()].hard[usize::from(!s.ends)];
-        s.region != t.region || (here(s) || here(t)) && (there(s) || there(t))
+        (here(s) || here(t)) && (there(s) || there(t))
     }
 
     /// Marks the wedges of hard seams round a vertex: where texture coordinates jump farther than the faces on both sides
@@ -149,7 +167,7 @@ impl<M: Metric> Engine<M> {
             _ => faces_at(ring, w) != 2 || self.store.is_region_edge(ring, w),
         };
         if !is_line(ru, v) {
-            let both = self.store.meets_regions(ru) && self.store.meets_regions(rv);
+            let both = self.store.meets_classes(ru) && self.store.meets_classes(rv);
             return if both { Err(Refusal::Seam) } else { Ok(()) };
         }
         for r in ru.iter().filter(|r| r.has(v)) {

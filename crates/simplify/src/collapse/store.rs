@@ -97,6 +97,8 @@ pub(crate) struct Store<M: Metric> {
     pub(crate) first_wedge: Vec<WedgeId>,
     /// The region of each face, where there are several.
     pub(crate) regions: Option<Vec<RegionId>>,
+    /// The class of each region; one beyond the list is a class of its own.
+    pub(crate) classes: Vec<RegionId>,
     corners: Vec<Corner>,
     pub(crate) live_faces: usize,
     pub(crate) live_vertices: usize,
@@ -151,6 +153,7 @@ impl<M: Metric> Store<M> {
             wedges,
             first_wedge: Vec::new(),
             regions,
+            classes: Vec::new(),
             stamp: 0,
         }
     }
