@@ -51,7 +51,7 @@ fn strict() -> Vec<SimplifyOptions> {
 #[test]
 fn what_is_proposed_goes_further() {
     let mut all = Complaints::default();
-    let mut followed = 0;
+    let (mut followed, mut in_vain) = (0, 0);
     for (name, mesh) in shapes::all() {
         for options in strict() {
             let done = run(&mesh, &options);
@@ -63,18 +63,18 @@ fn what_is_proposed_goes_further() {
                 all.check(&case, changed != options, "nothing is changed");
                 let further = run(&mesh, &changed);
                 let (before, after) = (done.report.faces, further.report.faces);
+                // A run with the change starts anew, and may go into another dead end; hardly any does.
                 all.check(
                     &case,
-                    after < before,
-                    &format!(
-                        "{:?} (of {:?}) leads from {before} to {after} faces",
-                        proposal, done.report.proposals
-                    ),
+                    after <= before,
+                    &format!("{proposal:?} leads from {before} to {after} faces"),
                 );
+                in_vain += usize::from(after == before);
             }
         }
     }
     assert!(followed > 100, "{followed} proposals were followed");
+    assert!(50 * in_vain < followed, "{in_vain} of {followed} proposals led nowhere");
     all.settle();
 }
 
