@@ -1,6 +1,6 @@
 //! Normals, texture coordinates, colours and the rest through a simplification.
 
-use lodsmith::core::measure::{CompareOptions, compare_attributes};
+use lodsmith::core::measure::{CompareOptions, compare, compare_attributes};
 use lodsmith::core::{
     Attribute, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
 };
@@ -259,4 +259,46 @@ fn half_a_skin_is_dropped_and_told() {
     let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.5)), &mut NoControl).unwrap();
     assert!(done.mesh.further_attributes().is_empty());
     assert_eq!(done.report.dropped, ["joints"]);
+}
+
+#[test]
+fn borders_within_a_class_of_regions_are_creases() {
+    let mut mesh = shapes::wavy_sheet(24);
+    let squares = (0..mesh.face_count()).map(|f| RegionId::new(f / 4)).collect();
+    mesh.set_regions(Some(squares)).unwrap();
+    let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+    let exact = simplify(&mesh, &options, &mut NoControl).unwrap();
+    assert!(exact.report.seams_relaxed, "{:?}", exact.report.refusals);
+    options.region_classes = Some(vec![RegionId::new(0); mesh.face_count()].into());
+    let free = simplify(&mesh, &options, &mut NoControl).unwrap();
+    assert!(free.report.reached && !free.report.seams_relaxed, "{:?}", free.report.refusals);
+    assert!(free.mesh.regions().is_some());
+    let rms = |m: &TriMesh| {
+        let found = compare(&mesh.surface(), &m.surface(), &CompareOptions::default()).unwrap();
+        found.rms.symmetric
+    };
+    assert!(rms(&free.mesh) < rms(&exact.mesh));
+}
+
+/// A sheet on which each pair of triangles has a piece of the texture of its own, of size 1 in a grid of this step.
+fn palette(step: f32) -> TriMesh {
+    let plain = shapes::wavy_sheet(24);
+    let corners: Vec<WedgeId> = plain.triangles().iter().flatten().copied().collect();
+    let vertex_of = corners.iter().map(|&w| plain.vertex_of(w)).collect();
+    let triangles = (0..corners.len() as u32 / 3).map(|t| [0, 1, 2].map(|k| WedgeId(3 * t + k))).collect();
+    let mut mesh = TriMesh::with_wedges(plain.positions().clone(), vertex_of, triangles).unwrap();
+    let uv =
+        |i: usize| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][i % 3].map(|x: f32| x + step * (i / 6 % 5) as f32);
+    mesh.set_uvs(Some((0..corners.len()).map(uv).collect())).unwrap();
+    mesh
+}
+
+#[test]
+fn seams_within_one_piece_of_a_texture_are_soft() {
+    let run = |mesh: &TriMesh| {
+        simplify(mesh, &SimplifyOptions::new(Stop::ratio(0.2)), &mut NoControl).unwrap().report
+    };
+    let (near, far) = (run(&palette(0.0)), run(&palette(100.0)));
+    assert!(near.reached && !near.seams_relaxed, "{:?}", near.refusals);
+    assert!(far.seams_relaxed, "{:?}", far.refusals);
 }
