@@ -224,7 +224,12 @@ pub(crate) fn scene_complaints(
             || stop.vertices.is_some_and(|n| vertices <= n)
             || stop.ratio.is_some_and(|r| faces as f64 <= share(r))
     };
-    let each = || done.counts.iter().map(|c| met(c.faces, c.vertices, c.input_faces));
+    // A mesh without a face that has an area stays as it is.
+    let is_left = |i: usize| options.per_mesh && done.meshes[i] == *parts[i].mesh;
+    let each = || {
+        let counts = done.counts.iter().enumerate();
+        counts.map(|(i, c)| is_left(i) && c.reached || met(c.faces, c.vertices, c.input_faces))
+    };
     if options.stop.error.is_none() {
         let reached = match options.per_mesh {
             true => each().all(|met| met),
@@ -248,11 +253,12 @@ pub(crate) fn scene_complaints(
         let last = first + before.vertex_count();
         let locked = options.locked.as_deref().map(|l| &l[first..last]);
         first = last;
-        // A mesh without a face that has an area may stay as it is.
-        let is_same = options.per_mesh && own == before;
-        let mut wrongs = if is_same { Vec::new() } else { mesh_complaints(before, own) };
-        if !is_same {
-            wrongs.extend(laden::attribute_complaints(before, options.placement, locked, own));
+        let mut wrongs = if is_left(i) { Vec::new() } else { mesh_complaints(before, own) };
+        if !is_left(i) {
+            // What is locked in one part is locked at the same place in its neighbours.
+            let near = vec![true; before.vertex_count()];
+            let held = locked.filter(|_| part.system.is_none()).or(locked.map(|_| &near[..]));
+            wrongs.extend(laden::attribute_complaints(before, options.placement, held, own));
         }
         if let Some(locked) = locked {
             // Parts that touch are welded.
