@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use lodsmith_core::{Attribute, Morphed, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
 use crate::collapse::attributes::{Attributes, Pulls};
@@ -17,6 +17,14 @@ const COLOR: f64 = 0.1;
 /// What texture coordinates count: a shift of the texture along the surface, as a share of a distance of that length.
 /// (Guessed.)
 const UV: f64 = 0.5;
+
+/// Values beyond this are worked on divided by a power of two, so that no product of them leaves single precision.
+const LARGEST: f32 = 1e12;
+/// The most that a value may count, times the largest of its kind. (So that determinants stay within single precision;
+/// beyond, everything else has long ceased to have a say.)
+const MOST_COUNTED: f64 = 1e6;
+/// Weights of joints beyond this count as this: any number of them can be summed.
+const LARGEST_PULL: f32 = 1e30;
 
 /// The rows of a mesh, and how to read them.
 pub(crate) struct Rows {
@@ -45,6 +53,10 @@ struct Column {
     at: usize,
     width: usize,
     constant: Option<Vec<f32>>,
+    /// The largest of its values, as rows hold them.
+    largest: f32,
+    /// What those are divided by.
+    divisor: f32,
 }
 
 /// Which attribute.
@@ -65,8 +77,9 @@ impl Rows {
         let mut layout = Vec::new();
         let mut width = 0;
         let mut add = |of: Of, n: usize| {
-            let mut column = Column { of, at: width, width: n, constant: None };
+            let mut column = Column { of, at: width, width: n, constant: None, largest: 0.0, divisor: 1.0 };
             column.constant = column.constant_of(mesh);
+            column.bound(mesh);
             width += if column.constant.is_some() { 0 } else { n };
             layout.push(column);
         };
@@ -134,18 +147,22 @@ impl Rows {
             let range = c.at..c.at + c.width;
             // Root of the mean square gradient of a value.
             let gradient = (gradients[range.clone()].iter().sum::<f64>() / c.width as f64).sqrt().max(1e-12);
+            let divisor = f64::from(c.divisor);
             let weight = match &c.of {
                 Of::Normals => weights.normal * NORMAL * edge,
-                Of::Colors => weights.color * COLOR * edge,
+                Of::Colors => weights.color * COLOR * edge * divisor,
                 Of::Uvs | Of::Further(Semantic::Uv(_)) => weights.uv * UV / gradient,
-                Of::Further(Semantic::Color(_)) => weights.color * COLOR * edge,
+                Of::Further(Semantic::Color(_)) => weights.color * COLOR * edge * divisor,
                 Of::Further(Semantic::Morph { of: Morphed::Position, .. }) => {
-                    weights.morph * frame.unit_length(1.0)
+                    weights.morph * frame.unit_length(1.0) * divisor
                 }
-                Of::Further(Semantic::Morph { of: Morphed::Normal, .. }) => weights.normal * NORMAL * edge,
+                Of::Further(Semantic::Morph { of: Morphed::Normal, .. }) => {
+                    weights.normal * NORMAL * edge * divisor
+                }
                 Of::Further(Semantic::Custom(_)) => weights.other * UV / gradient,
                 Of::Further(_) => 0.0,
             };
+            let weight = weight.min(MOST_COUNTED / f64::from(c.largest).max(1e-12));
             attributes.weights_mut()[range].fill((weight * weight) as f32);
         }
     }
@@ -169,13 +186,15 @@ impl Rows {
             };
             match &c.of {
                 Of::Normals => mesh.set_normals(Some(parts().map(unit).collect()))?,
-                Of::Uvs => mesh.set_uvs(Some(parts().map(|r| [r[0], r[1]]).collect()))?,
+                Of::Uvs => mesh.set_uvs(Some(parts().map(|r| [0, 1].map(|k| c.given(r[k]))).collect()))?,
                 Of::Colors => {
                     let clamp = |x: f32| if self.unit_colors { x.clamp(0.0, 1.0) } else { x };
-                    mesh.set_colors(Some(parts().map(|r| [0, 1, 2, 3].map(|k| clamp(r[k]))).collect()))?;
+                    mesh.set_colors(Some(
+                        parts().map(|r| [0, 1, 2, 3].map(|k| clamp(c.given(r[k])))).collect(),
+                    ))?;
                 }
                 Of::Further(semantic) => {
-                    let mut values: Vec<f32> = parts().flatten().copied().collect();
+                    let mut values: Vec<f32> = parts().flatten().map(|x| c.given(*x)).collect();
                     if *semantic == Semantic::Tangent && c.width == 4 {
                         for t in values.as_chunks_mut::<4>().0 {
                             let [x, y, z] = unit(&t[..3]);
@@ -297,6 +316,33 @@ impl Column {
         }
         // What is no number cannot be blended.
         out.iter_mut().filter(|x| !x.is_finite()).for_each(|x| *x = 0.0);
+        if self.is_direction() {
+            let n = DVec3::from_slice(&[0, 1, 2].map(|k| f64::from(out[k])));
+            if n.max_element().max(-n.min_element()) > f64::from(LARGEST) {
+                out[..3].copy_from_slice(&(n / n.length()).as_vec3().to_array());
+            }
+        } else if self.divisor != 1.0 {
+            out.iter_mut().for_each(|x| *x /= self.divisor);
+        }
+    }
+    /// Finds the largest of the values, and what keeps them within bounds.
+    fn bound(&mut self, mesh: &TriMesh) {
+        if self.constant.is_some() || self.is_direction() {
+            self.largest = 1.0;
+            return;
+        }
+        let mut row = vec![0.0; self.width];
+        for w in (0..mesh.wedge_count() as u32).map(WedgeId) {
+            self.read(mesh, w, &mut row);
+            self.largest = row.iter().fold(self.largest, |largest, x| largest.max(x.abs()));
+        }
+        while self.largest > LARGEST {
+            (self.largest, self.divisor) = (self.largest / 2.0, self.divisor * 2.0);
+        }
+    }
+    /// A value as the mesh has it.
+    fn given(&self, x: f32) -> f32 {
+        (x * self.divisor).clamp(-f32::MAX, f32::MAX)
     }
 }
 
@@ -321,8 +367,8 @@ fn pulls(mesh: &TriMesh, sets: &[u8], w: WedgeId) -> Pulls {
         let (Some(joints), Some(weights)) = (of(Semantic::Joints(set)), of(Semantic::Weights(set))) else {
             continue;
         };
-        let weighted = joints.of(w).iter().zip(weights.of(w)).filter(|x| *x.1 > 0.0);
-        for (&joint, &weight) in weighted {
+        let weighted = joints.of(w).iter().zip(weights.of(w)).filter(|x| *x.1 > 0.0 && x.1.is_finite());
+        for (&joint, weight) in weighted.map(|x| (x.0, x.1.min(LARGEST_PULL))) {
             match pulls.iter_mut().find(|p| p.0 == joint as u32) {
                 Some(p) => p.1 += weight,
                 None => pulls.push((joint as u32, weight)),

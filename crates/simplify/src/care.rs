@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use lodsmith_core::mesh::weld::Weld;
-use lodsmith_core::{RegionId, TriMesh, VertexId, WedgeId};
+use lodsmith_core::mesh::weld::{self, Weld};
+use lodsmith_core::{PositionsView, RegionId, TriMesh, VertexId, WedgeId};
 
 use crate::SimplifyError;
 use crate::collapse::order::{NONE, Ordered};
@@ -86,24 +86,28 @@ pub(crate) fn check(options: &SimplifyOptions, wanted: usize) -> Result<(), Simp
     Ok(())
 }
 
-/// Which vertex each one is joined with: a locked one among them if there is any, and locked ones with none. Says how
-/// many are joined with another.
+/// Which vertex each one is joined with: a locked one among them if there is any, at its own place before others, and
+/// locked ones with none. Says how many are joined with another.
 pub(crate) fn weld_onto_locked(
     weld: &Weld,
-    vertices: usize,
+    positions: PositionsView<'_>,
     options: &SimplifyOptions,
 ) -> (Vec<VertexId>, usize) {
+    let vertices = positions.len();
     let mut joined: Vec<VertexId> = (0..vertices as u32).map(|v| weld.of(VertexId(v))).collect();
     if let Some(locked) = &options.locked {
-        let mut locked_at = vec![NONE; vertices];
-        for (v, place) in joined.iter().enumerate().rev().filter(|x| locked[x.0]) {
-            locked_at[place.index()] = VertexId(v as u32);
+        let same = weld::weld(positions);
+        let (mut locked_near, mut locked_at) = (vec![NONE; vertices], vec![NONE; vertices]);
+        for v in (0..vertices).rev().filter(|&v| locked[v]).map(VertexId::new) {
+            locked_near[joined[v.index()].index()] = v;
+            locked_at[same.of(v).index()] = v;
         }
         for (v, to) in joined.iter_mut().enumerate() {
-            *to = match locked_at[to.index()] {
-                _ if locked[v] => VertexId(v as u32),
-                NONE => *to,
-                held => held,
+            *to = match (locked_at[same.of(VertexId::new(v)).index()], locked_near[to.index()]) {
+                _ if locked[v] => VertexId::new(v),
+                (NONE, NONE) => *to,
+                (NONE, near) => near,
+                (held, _) => held,
             };
         }
     }
@@ -187,9 +191,6 @@ pub(crate) fn restore(result: &mut TriMesh, input: &TriMesh, source: &[Option<We
 mod tests {
     use std::sync::Arc;
 
-    use lodsmith_core::PositionsView;
-    use lodsmith_core::mesh::weld;
-
     use super::*;
 
     #[test]
@@ -198,10 +199,19 @@ mod tests {
         let points = [[0f32, 0.0, 0.0], [0.01, 0.0, 0.0], [0.02, 0.0, 0.0], [1.0, 0.0, 0.0]];
         let weld = weld::weld_within(PositionsView::F32(&points), 0.05);
         let mut options = SimplifyOptions::default();
-        let all = weld_onto_locked(&weld, 4, &options);
+        let all = weld_onto_locked(&weld, PositionsView::F32(&points), &options);
         assert_eq!((all.0[1], all.0[2], all.1), (all.0[0], all.0[0], 2));
         options.locked = Some(Arc::from([false, true, true, false]));
-        let (joined, merged) = weld_onto_locked(&weld, 4, &options);
+        let (joined, merged) = weld_onto_locked(&weld, PositionsView::F32(&points), &options);
         assert_eq!((joined, merged), ([1, 1, 2, 3].map(VertexId).to_vec(), 1));
+    }
+    #[test]
+    fn a_weld_leaves_what_stands_at_locked_places() {
+        // 0 and 1 are locked, 2 stands where 1 does.
+        let points = [[0f32, 0.0, 0.0], [0.01, 0.0, 0.0], [0.01, 0.0, 0.0]];
+        let weld = weld::weld_within(PositionsView::F32(&points), 0.05);
+        let options = SimplifyOptions { locked: Some(Arc::from([true, true, false])), ..Default::default() };
+        let (joined, merged) = weld_onto_locked(&weld, PositionsView::F32(&points), &options);
+        assert_eq!((joined, merged), ([0, 1, 1].map(VertexId).to_vec(), 1));
     }
 }

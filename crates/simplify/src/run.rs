@@ -156,7 +156,7 @@ fn run_welded(
     let positions = input.surface.positions();
     let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
     let weld = weld::weld_within(positions, distance.in_units(diagonal));
-    let (joined, merged) = care::weld_onto_locked(&weld, positions.len(), options);
+    let (joined, merged) = care::weld_onto_locked(&weld, positions, options);
     let triangles = input.surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
     let surface = Surface::with_triangles(positions, triangles)?;
     let welded = Input { surface, mesh: input.mesh, joined: Some(joined) };

@@ -16,7 +16,7 @@ use lodsmith_core::{
 use crate::care::{self, Held};
 use crate::control::Control;
 use crate::options::{Length, SimplifyOptions};
-use crate::report::Report;
+use crate::report::{Report, StoppedBy};
 use crate::run::{self, Input};
 use crate::{Simplified, SimplifyError, prune};
 
@@ -104,7 +104,7 @@ pub fn simplify_scene(
     if options.per_mesh {
         return per_mesh::simplify_each(parts, diagonal, options, control);
     }
-    let layout = Layout::new(parts);
+    let layout = Layout::new(parts, options.weld.map_or(0.0, |d| d.in_units(diagonal)));
     let is_placed = parts.iter().any(|p| p.instances > 0);
     let times = |p: &Part<'_>| if is_placed { p.instances } else { 1 };
     let (mesh, table) = layout.together(parts)?;
@@ -112,8 +112,8 @@ pub fn simplify_scene(
     options.region_classes = options.region_classes.map(|own| classes(&own, &table));
     let count = |of: &dyn Fn(&Part<'_>) -> usize| parts.iter().map(of).sum::<usize>();
     let placed = count(&|p| p.mesh.face_count().saturating_mul(times(p)));
-    let share = mesh.face_count() as f64 / placed.max(1) as f64;
     let units = |length: Length| Length::Units(length.in_units(diagonal));
+    let stop = options.stop;
     options.stop.error = options.stop.error.map(units);
     // Parts of one system were often one mesh once, and differ in the last digits where they touched.
     let rounding = ROUNDING * diagonal;
@@ -126,25 +126,35 @@ pub fn simplify_scene(
     let instances = |of: fn(&TriMesh) -> usize, meshes: &[TriMesh]| {
         meshes.iter().zip(parts).map(|(m, p)| of(m).saturating_mul(times(p))).sum::<usize>()
     };
-    // Which meshes give their triangles shows in the run: where instances differ, the count of one is corrected for the
-    // next.
+    // Which meshes give their triangles shows in the run: where instances differ, or meshes share vertices that each counts
+    // as its own, the count of one is corrected for the next.
     let by_ratio = options.stop.ratio.map(|r| ((placed as f64 * r).round() as usize).max(1));
-    let goal = options.stop.faces.into_iter().chain(by_ratio).max();
+    let faces = options.stop.faces.into_iter().chain(by_ratio).max();
     let vertices = options.stop.vertices;
+    let counted: fn(&TriMesh) -> usize =
+        if faces.is_none() && vertices.is_some() { TriMesh::vertex_count } else { TriMesh::face_count };
+    let goal = faces.or(vertices);
+    let share = counted(&mesh) as f64 / count(&|p| counted(p.mesh).saturating_mul(times(p))).max(1) as f64;
+    let shares_vertices = layout.has_neighbours && faces.is_none();
     let same = parts.windows(2).all(|p| times(&p[0]) == times(&p[1]));
     let most = parts.iter().map(times).max().unwrap_or(1).max(1) as f64;
     let mut wanted = goal.map(|n| n as f64 * share);
     let mut before: Option<(f64, f64)> = None;
     let mut best: Option<(Simplified, Vec<TriMesh>, usize)> = None;
-    for _ in 0..if same || goal.is_none() { 1 } else { CORRECTIONS } {
+    for _ in 0..if same && !shares_vertices || goal.is_none() { 1 } else { CORRECTIONS } {
         let own = |n: f64| (n.floor() as usize).max(1);
-        options.stop.faces = wanted.map(own);
-        options.stop.vertices = vertices.map(|n| own(n as f64 * share));
+        match faces {
+            Some(_) => {
+                options.stop.faces = wanted.map(own);
+                options.stop.vertices = vertices.map(|n| own(n as f64 * share));
+            }
+            None => options.stop.vertices = wanted.map(own),
+        }
         options.stop.ratio = None;
         let input = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
         let (done, held) = run::run(&input, &options, control)?;
         let meshes = layout.apart(parts, &done.mesh, &table, &held)?;
-        let got = instances(TriMesh::face_count, &meshes);
+        let got = instances(counted, &meshes);
         let is_within = |got: usize| goal.is_none_or(|goal| got <= goal);
         // The most within the goal; without one, the fewest.
         let is_better = best.as_ref().is_none_or(|b| match (is_within(b.2), is_within(got)) {
@@ -176,6 +186,21 @@ pub fn simplify_scene(
     report.faces = instances(TriMesh::face_count, &meshes);
     report.vertices = instances(TriMesh::vertex_count, &meshes);
     report.error.diagonal = diagonal;
+    // The stop is of all instances, whatever the run made of its share.
+    let met = |n: Option<usize>, count: usize| n.is_some_and(|n| count <= n);
+    let [by_faces, by_vertices, by_ratio] =
+        [met(stop.faces, report.faces), met(stop.vertices, report.vertices), met(by_ratio, report.faces)];
+    if stop.error.is_none() && goal.is_some() && report.stopped_by != StoppedBy::Caller {
+        report.reached = by_faces || by_vertices || by_ratio;
+        if report.reached {
+            report.proposals.clear();
+            report.stopped_by = match () {
+                () if by_faces => StoppedBy::Faces,
+                () if by_vertices => StoppedBy::Vertices,
+                () => StoppedBy::Ratio,
+            };
+        }
+    }
     if let Some(size) = options.prune.filter(|_| report.pruned.parts > 0) {
         let near = options.weld.map(|d| d.in_units(diagonal));
         let small =
@@ -226,7 +251,8 @@ fn classes(own: &[RegionId], table: &Table) -> Arc<[RegionId]> {
 }
 
 impl Layout {
-    fn new(parts: &[Part<'_>]) -> Self {
+    /// Groups lie so far apart that no `weld` reaches from one to another.
+    fn new(parts: &[Part<'_>], weld: f64) -> Self {
         let scale = |p: &Part<'_>| if p.scale.is_finite() && p.scale > 0.0 { p.scale } else { 1.0 };
         // Which group each part is of, and the box round each group.
         let mut groups: BTreeMap<usize, usize> = BTreeMap::new();
@@ -256,6 +282,7 @@ impl Layout {
         let extents = boxes.iter().flatten().flat_map(|b| [0, 1, 2].map(|k| b.max[k] - b.min[k]));
         let largest = extents.fold(0f64, f64::max);
         let cell = if largest.is_finite() && largest > 0.0 { largest * (1.0 + GAP) } else { 1.0 };
+        let cell = if weld.is_finite() && weld > 0.0 { cell + weld } else { cell };
         let side = (1..).find(|n: &usize| n * n * n >= boxes.len()).unwrap_or(1);
         let offset = |group: usize| {
             let min = boxes[group].map_or([0.0; 3], |b| b.min);
@@ -313,7 +340,7 @@ impl Layout {
             for (part, place) in parts.iter().zip(&self.places) {
                 let scale = length_scale(semantic, place.scale);
                 match find(part.mesh, semantic, width) {
-                    Some(a) => values.extend(a.values.iter().map(|x| (f64::from(*x) * scale) as f32)),
+                    Some(a) => values.extend(a.values.iter().map(|x| single(f64::from(*x) * scale))),
                     None => values.resize(values.len() + part.mesh.wedge_count() * width, 0.0),
                 }
             }
@@ -390,10 +417,10 @@ impl Layout {
             for a in part.mesh.further_attributes() {
                 let Some(source) = find(all, &a.semantic, a.width) else { continue };
                 let scale = length_scale(&a.semantic, place.scale);
-                let values =
-                    wedges.iter().flat_map(|&w| source.of(w)).map(|x| (f64::from(*x) / scale) as f32);
+                let values = wedges.iter().flat_map(|&w| source.of(w)).map(|x| single(f64::from(*x) / scale));
                 mesh.add_attribute(Attribute { values: values.collect(), ..a.clone() })?;
             }
+            resum_weights(&mut mesh, all, &wedges);
             if own_wedges.iter().any(Option::is_some) {
                 care::restore(&mut mesh, part.mesh, &own_wedges);
             }
@@ -429,4 +456,30 @@ fn find<'a>(mesh: &'a TriMesh, semantic: &Semantic, width: usize) -> Option<&'a 
 /// By how much values grow with the mesh: displacements are lengths.
 fn length_scale(semantic: &Semantic, scale: f64) -> f64 {
     if matches!(semantic, Semantic::Morph { of: Morphed::Position, .. }) { scale } else { 1.0 }
+}
+
+/// A value in single precision; where it is too large for that, the largest there is.
+fn single(x: f64) -> f32 {
+    if x.is_finite() { x.clamp(f64::from(-f32::MAX), f64::from(f32::MAX)) as f32 } else { x as f32 }
+}
+
+/// Weights of joints with a sum of 1 again, where some stood in sets that a mesh has not: those at its wedges in `all`.
+fn resum_weights(mesh: &mut TriMesh, all: &TriMesh, wedges: &[WedgeId]) {
+    let is_weight = |a: &Attribute| matches!(a.semantic, Semantic::Weights(_)) && a.width == 4;
+    let own = mesh.further_attributes();
+    let sets: Vec<usize> = (0..own.len()).filter(|&i| is_weight(&own[i])).collect();
+    let is_lost = |a: &&Attribute| is_weight(a) && !own.iter().any(|b| b.semantic == a.semantic);
+    let lost: Vec<&Attribute> = all.further_attributes().iter().filter(is_lost).collect();
+    for (w, of_all) in wedges.iter().enumerate() {
+        if lost.iter().all(|a| a.of(*of_all) == [0.0; 4]) {
+            continue;
+        }
+        let of = 4 * w..4 * w + 4;
+        let sum: f32 = sets.iter().flat_map(|&i| &mesh.further_attributes()[i].values[of.clone()]).sum();
+        if sum > 0.0 {
+            for &i in &sets {
+                mesh.further_values_mut(i)[of.clone()].iter_mut().for_each(|x| *x /= sum);
+            }
+        }
+    }
 }

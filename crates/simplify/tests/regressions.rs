@@ -3,11 +3,12 @@
 mod support;
 
 use lodsmith::core::mesh::defects::defects;
-use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
+use lodsmith::core::{Attribute, Positions, Semantic, TriMesh, VertexId, shapes};
 use lodsmith::{
     BorderPolicy, Control, Fit, Length, Method, NoControl, Placement, Simplified, SimplifyError,
     SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
+use support::laden::attribute_complaints;
 use support::{complaints, counts, topology_complaints};
 
 const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
@@ -351,6 +352,42 @@ fn the_fit_of_what_has_no_extent_stays_finite() {
                 (options.placement, options.fit, options.method, options.border) =
                     (placement, Fit::On, method, border);
                 sound(&mesh(&points, &faces), &options);
+            }
+        }
+    }
+}
+
+/// Files mark what they do not know by the largest number of all; its square is none, and made NaN of all around. So did
+/// weights of joints without end, and weights in the cost beyond the root of that number.
+#[test]
+fn huge_values_stay_numbers() {
+    let mut mesh = shapes::blob(3, 5);
+    let count = mesh.vertex_count();
+    let marked = |i: usize| if i.is_multiple_of(9) { f32::MAX } else { i as f32 / count as f32 };
+    mesh.set_uvs(Some((0..count).map(|i| [marked(i), 0.5]).collect())).unwrap();
+    mesh.set_normals(Some((0..count).map(|i| [0.0, marked(i), 1.0]).collect())).unwrap();
+    mesh.set_colors(Some((0..count).map(|i| [marked(i), 1.0, 0.0, 1.0]).collect())).unwrap();
+    let pull = |i: usize| if i.is_multiple_of(7) { [f32::INFINITY, 1.0] } else { [f32::MAX, f32::MAX] };
+    let mut add =
+        |semantic, width, values| mesh.add_attribute(Attribute { semantic, width, values }).unwrap();
+    add(Semantic::Custom("_HEIGHT".to_owned()), 1, (0..count).map(marked).collect());
+    add(Semantic::Joints(0), 4, (0..count).flat_map(|i| [(i % 3) as f32, 4.0, 0.0, 0.0]).collect());
+    add(Semantic::Weights(0), 4, (0..count).flat_map(|i| [pull(i)[0], pull(i)[1], 0.0, 0.0]).collect());
+    for method in METHODS {
+        for fit in [Fit::On, Fit::Off] {
+            for weight in [1.0, 1e30] {
+                let mut options = SimplifyOptions::new(Stop::ratio(0.3));
+                (options.method, options.fit) = (method, fit);
+                (options.weights.uv, options.weights.color) = (weight, weight);
+                let done = sound(&mesh, &options);
+                assert!(done.report.reached);
+                let found = attribute_complaints(&mesh, Placement::Optimal, None, &done.mesh);
+                assert!(found.is_empty(), "{method:?}, {fit:?}: {found:?}");
+                let of_one = |a: &&Attribute| a.semantic == Semantic::Weights(0);
+                let weights = done.mesh.further_attributes().iter().find(of_one).unwrap();
+                for w in weights.values.chunks_exact(4) {
+                    assert!((w.iter().sum::<f32>() - 1.0).abs() < 1e-5, "{w:?}");
+                }
             }
         }
     }

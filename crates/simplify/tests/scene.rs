@@ -1,10 +1,13 @@
 //! Meshes of a scene under one budget.
 
+mod support;
+
 use std::collections::BTreeSet;
 
 use lodsmith::core::measure::{CompareOptions, compare};
-use lodsmith::core::{RegionId, TriMesh, shapes};
-use lodsmith::{NoControl, Part, SimplifyOptions, Stop, simplify_scene};
+use lodsmith::core::{Attribute, RegionId, Semantic, TriMesh, shapes};
+use lodsmith::{Length, NoControl, Part, SimplifyOptions, Stop, simplify_scene};
+use support::scene_complaints;
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
     Part { mesh, instances, scale, system: None }
@@ -70,4 +73,54 @@ fn parts_that_touch_stay_together() {
         mesh.positions().view().iter().filter(|p| (p[0] - bounds.max[0]).abs() < 1e-2).count()
     };
     assert!(shared >= 3 && shared == near(&got.meshes[0]), "{shared} of {}", near(&got.meshes[0]));
+}
+
+/// The stop is of all instances: what the run made of its share says nothing of it.
+#[test]
+fn vertices_of_all_instances_are_counted() {
+    let (a, b) = (shapes::blob(3, 1), shapes::torus(12, 8));
+    for n in [40, 100, 400] {
+        let parts = [part(&a, 1, 1.0), part(&b, 4, 0.3), Part { system: Some(1), ..part(&a, 1, 1.0) }];
+        let neighbour = Part { system: Some(1), ..part(&a, 1, 1.0) };
+        for parts in [parts, [neighbour, neighbour, neighbour]] {
+            let options = SimplifyOptions::new(Stop::vertices(n));
+            let done = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
+            let found = scene_complaints(&parts, &options, 4.0, &done);
+            assert!(found.is_empty(), "{n}: {found:?}");
+            assert!(done.report.reached && done.report.vertices <= n, "{} for {n}", done.report.vertices);
+        }
+    }
+}
+
+/// With joints in two sets in one mesh, the other lost what went to the second.
+#[test]
+fn meshes_with_different_sets_of_joints_keep_their_weights() {
+    let mut meshes = [shapes::blob(3, 1), shapes::blob(3, 2)];
+    for (sets, mesh) in meshes.iter_mut().enumerate() {
+        let count = mesh.vertex_count();
+        for set in 0..=sets as u8 {
+            let joints = (0..4 * count).map(|i| (i * 7 / 3 % 11) as f32).collect();
+            let values = vec![0.25 / (sets + 1) as f32; 4 * count];
+            for (semantic, values) in [(Semantic::Joints(set), joints), (Semantic::Weights(set), values)] {
+                mesh.add_attribute(Attribute { semantic, width: 4, values }).unwrap();
+            }
+        }
+    }
+    let parts = [part(&meshes[0], 1, 1.0), part(&meshes[1], 1, 1.0)];
+    let options = SimplifyOptions::new(Stop::ratio(0.2));
+    let done = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
+    let found = scene_complaints(&parts, &options, 4.0, &done);
+    assert!(found.is_empty(), "{found:?}");
+}
+
+/// Parts of different systems are laid side by side for the run; no weld reaches from one to another.
+#[test]
+fn a_weld_stays_within_its_part() {
+    let mesh = shapes::grid(2);
+    let parts = [part(&mesh, 1, 1.0), part(&mesh, 1, 1.0)];
+    let mut options = SimplifyOptions::new(Stop::ratio(1.0));
+    options.weld = Some(Length::Units(0.45));
+    let alone = simplify_scene(&parts[..1], 4.0, &options, &mut NoControl).unwrap();
+    let both = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
+    assert_eq!(both.report.cleanup.welded_vertices, 2 * alone.report.cleanup.welded_vertices);
 }

@@ -1,14 +1,18 @@
 //! What every result must be, whatever was asked.
 #![allow(unused, reason = "each test file uses its part")]
 
+pub(crate) mod laden;
+
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
 use lodsmith::core::mesh::defects::{clean_surface, defects};
 use lodsmith::core::topology::TopologyCounts;
 use lodsmith::core::{Positions, Surface, Topology, TriMesh, VertexId};
 use lodsmith::{
-    NoControl, Refusal, Simplified, SimplifyError, SimplifyOptions, StoppedBy, TopologyPolicy, simplify,
+    NoControl, Part, Refusal, Simplified, SimplifiedScene, SimplifyError, SimplifyOptions, StoppedBy,
+    TopologyPolicy, simplify,
 };
 
 /// Complaints of many cases, told together at the end.
@@ -51,6 +55,13 @@ pub(crate) fn told(options: &SimplifyOptions) -> String {
     word(options.weld.is_some(), format!("weld {:?}", options.weld));
     word(options.prune.is_some(), format!("prune {:?}", options.prune));
     word(options.escalate, "escalate".into());
+    word(options.per_mesh, "per mesh".into());
+    word(options.shape_normals, "normals of the shape".into());
+    word(options.weights != d.weights, format!("{:?}", options.weights));
+    word(options.measure != d.measure, "measured".into());
+    let count = |l: &Option<Arc<[bool]>>| l.iter().flat_map(|l| l.iter()).filter(|l| **l).count();
+    word(options.locked.is_some(), format!("{} locked", count(&options.locked)));
+    word(options.importance.is_some(), "importance".into());
     word(options.seed != d.seed, format!("seed {}", options.seed));
     words.join(", ")
 }
@@ -85,18 +96,17 @@ pub(crate) fn bytes(mesh: &TriMesh) -> Vec<u64> {
     let floats = mesh.normals().into_iter().flatten().flatten();
     let floats = floats.chain(mesh.uvs().into_iter().flatten().flatten());
     let floats = floats.chain(mesh.colors().into_iter().flatten().flatten());
+    let floats = floats.chain(mesh.further_attributes().iter().flat_map(|a| &a.values));
     all.extend(floats.map(|x| u64::from(x.to_bits())));
+    all.extend(mesh.regions().into_iter().flatten().map(|r| u64::from(r.0)));
     all
 }
 
-/// Whether a result keeps what is promised for any mesh at all; by index, not by position.
-pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<String> {
+/// Whether a result is a mesh without what no mesh should have.
+fn mesh_complaints(mesh: &TriMesh, result: &TriMesh) -> Vec<String> {
     let mut found = Vec::new();
     let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
-    let (result, report) = (&done.mesh, &done.report);
     let (faces, vertices) = (result.face_count(), result.vertex_count());
-
-    // The mesh.
     check(faces <= mesh.face_count(), format!("{faces} faces from {}", mesh.face_count()));
     let surface = result.surface();
     check(
@@ -114,6 +124,15 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     check(used.len() == vertices, format!("{} of {vertices} vertices are used", used.len()));
     let is_double = |m: &TriMesh| matches!(m.positions(), Positions::F64(_));
     check(is_double(mesh) == is_double(result), "the precision changed".into());
+    found
+}
+
+/// Whether a result keeps what is promised for any mesh at all; by index, not by position.
+pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<String> {
+    let (result, report) = (&done.mesh, &done.report);
+    let (faces, vertices) = (result.face_count(), result.vertex_count());
+    let mut found = mesh_complaints(mesh, result);
+    let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
 
     // The report.
     check(
@@ -162,7 +181,7 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     if options.topology == TopologyPolicy::Preserve && !options.escalate {
         check(report.necks_cut == 0, format!("{} necks cut", report.necks_cut));
     }
-    if options.topology == TopologyPolicy::Preserve {
+    if options.topology == TopologyPolicy::Preserve && !options.escalate {
         check(report.parts_removed == 0, format!("{} parts removed", report.parts_removed));
     }
     if let Some(limit) = stop.error {
@@ -170,6 +189,83 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
         let limit = limit.in_units(error.diagonal) + 1e-12 * error.diagonal;
         let got = error.measured.as_ref().map(|m| m.hausdorff.symmetric);
         check(got.is_some_and(|d| d <= limit), format!("measured {got:?} beyond {limit}"));
+    }
+    found
+}
+
+/// Whether a scene keeps what is promised for any meshes at all.
+pub(crate) fn scene_complaints(
+    parts: &[Part<'_>],
+    options: &SimplifyOptions,
+    diagonal: f64,
+    done: &SimplifiedScene,
+) -> Vec<String> {
+    let mut found = Vec::new();
+    let report = &done.report;
+    let is_placed = parts.iter().any(|p| p.instances > 0);
+    let times = |i: usize| if is_placed { parts[i].instances } else { 1 };
+    let sum = |of: &dyn Fn(usize) -> usize| (0..parts.len()).map(|i| times(i) * of(i)).sum::<usize>();
+    let (input_faces, input_vertices) =
+        (sum(&|i| parts[i].mesh.face_count()), sum(&|i| parts[i].mesh.vertex_count()));
+    let faces = sum(&|i| done.meshes[i].face_count());
+    let vertices = sum(&|i| done.meshes[i].vertex_count());
+    let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
+    check(done.meshes.len() == parts.len() && done.counts.len() == parts.len(), "a mesh is missing".into());
+    let told = [report.input_faces, report.input_vertices, report.faces, report.vertices];
+    let is = [input_faces, input_vertices, faces, vertices];
+    check(told == is, format!("the report tells {told:?} for {is:?}"));
+    check(report.error.diagonal == diagonal, "another diagonal".into());
+    let estimate = report.error.estimate;
+    check(estimate.is_finite() && estimate >= 0.0, format!("estimate {estimate}"));
+    let met = |faces: usize, vertices: usize, all: usize| {
+        let stop = &options.stop;
+        let share = |r: f64| (r * all as f64).round().max(1.0);
+        stop.faces.is_some_and(|n| faces <= n)
+            || stop.vertices.is_some_and(|n| vertices <= n)
+            || stop.ratio.is_some_and(|r| faces as f64 <= share(r))
+    };
+    // A mesh without a face that has an area stays as it is.
+    let is_left = |i: usize| options.per_mesh && done.meshes[i] == *parts[i].mesh;
+    let each = || {
+        let counts = done.counts.iter().enumerate();
+        counts.map(|(i, c)| is_left(i) && c.reached || met(c.faces, c.vertices, c.input_faces))
+    };
+    if options.stop.error.is_none() {
+        let reached = match options.per_mesh {
+            true => each().all(|met| met),
+            false => met(faces, vertices, input_faces),
+        };
+        check(report.reached == reached, format!("reached is {} at {faces} faces", report.reached));
+    }
+    let mut first = 0;
+    for (i, (part, mesh)) in parts.iter().zip(&done.meshes).enumerate() {
+        let c = &done.counts[i];
+        let told = [c.instances, c.input_faces, c.input_vertices, c.faces, c.vertices];
+        let (before, own) = (part.mesh, mesh);
+        let is = [
+            part.instances,
+            before.face_count(),
+            before.vertex_count(),
+            own.face_count(),
+            own.vertex_count(),
+        ];
+        check(told == is, format!("part {i}: counts {told:?} for {is:?}"));
+        let last = first + before.vertex_count();
+        let locked = options.locked.as_deref().map(|l| &l[first..last]);
+        first = last;
+        let mut wrongs = if is_left(i) { Vec::new() } else { mesh_complaints(before, own) };
+        if !is_left(i) {
+            // What is locked in one part is locked at the same place in its neighbours.
+            let near = vec![true; before.vertex_count()];
+            let held = locked.filter(|_| part.system.is_none()).or(locked.map(|_| &near[..]));
+            wrongs.extend(laden::attribute_complaints(before, options.placement, held, own));
+        }
+        if let Some(locked) = locked {
+            // Parts that touch are welded.
+            let welded = options.weld.is_some() || parts.iter().any(|p| p.system.is_some());
+            wrongs.extend(laden::locked_complaints(before, locked, welded, own));
+        }
+        wrongs.into_iter().for_each(|x| check(false, format!("part {i}: {x}")));
     }
     found
 }
