@@ -250,6 +250,26 @@ fn bytes_that_many_images_show_are_kept_once() {
 }
 
 #[test]
+fn very_many_materials_of_one_name_take_no_square_time() {
+    let mut pack = Pack::default();
+    let positions = pack.positions(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let count = 50_000;
+    let primitive = |m: usize| json!({"attributes": {"POSITION": positions}, "material": m});
+    let material =
+        |m: usize| json!({"name": "Same", "pbrMetallicRoughness": {"baseColorTexture": {"index": m % 2}}});
+    let all = |f: &dyn Fn(usize) -> Value| (0..count).map(f).collect::<Vec<_>>();
+    let json = pack.json(json!({
+        "meshes": [{"primitives": all(&primitive)}], "materials": all(&material),
+        "textures": [{"source": 0}, {"source": 1}],
+        "images": [{"uri": format!("{}.png", "x".repeat(1 << 20))}, {"uri": "x.png"}],
+    }));
+    let loaded = read_bytes(&glb(&json, &pack.bin), &ReadOptions::default()).unwrap();
+    assert_eq!(loaded.regions.materials().last().unwrap(), b"Same_49999");
+    // A long name does not stand there as often as it is meant.
+    assert!(loaded.regions.libraries()[0].text().unwrap().len() < 100 * count);
+}
+
+#[test]
 fn materials_that_are_not_there_are_none() {
     let loaded = read_bytes(&scene(&json!([])), &ReadOptions::default()).unwrap();
     assert!(loaded.regions.is_empty() && loaded.mesh.regions().is_none());

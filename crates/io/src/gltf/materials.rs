@@ -66,17 +66,21 @@ struct Scribe<'a, 'b> {
     buffers: &'a Buffers<'b>,
     text: String,
     /// Names of materials that are given away.
-    names: HashSet<String>,
-    /// Names of files that are given away, in small letters, since some systems take these for the same.
-    files: HashSet<String>,
+    names: Names,
+    /// Names of files that are given away.
+    files: Names,
     images: Vec<Image>,
     /// What images are called, by number; `None` for those that stay behind.
     known: HashMap<usize, Option<String>>,
     unsaid: BTreeSet<String>,
     missing: Vec<String>,
-    /// Bytes that images may still have: several can show the same ones.
+    /// Bytes that images have so far, and that they may have: several can show the same ones.
+    taken: usize,
     room: usize,
 }
+
+/// Bytes of a path: it stands in the library as often as materials name it. Guessed.
+const LONGEST: usize = 512;
 
 impl<'a, 'b> Scribe<'a, 'b> {
     fn new(json: &'a Value, buffers: &'a Buffers<'b>, room: usize) -> Self {
@@ -84,12 +88,13 @@ impl<'a, 'b> Scribe<'a, 'b> {
             json,
             buffers,
             text: String::new(),
-            names: HashSet::new(),
-            files: HashSet::new(),
+            names: Names::default(),
+            files: Names { folds: true, ..Names::default() },
             images: Vec::new(),
             known: HashMap::new(),
             unsaid: BTreeSet::new(),
             missing: Vec::new(),
+            taken: 0,
             room,
         }
     }
@@ -97,8 +102,7 @@ impl<'a, 'b> Scribe<'a, 'b> {
     /// Describes a material; returns the name that it got.
     fn material(&mut self, index: usize, material: &Value) -> String {
         let name = material["name"].as_str().map(clean).filter(|name| !name.is_empty());
-        let name =
-            free(name.unwrap_or_else(|| format!("material_{index}")), "", |n| self.names.insert(n.into()));
+        let name = self.names.free(name.unwrap_or_else(|| format!("material_{index}")), "");
         let extensions = &material["extensions"];
         let mut surface = &material["pbrMetallicRoughness"];
         let mut words = ["baseColorFactor", "baseColorTexture"];
@@ -224,10 +228,10 @@ impl<'a, 'b> Scribe<'a, 'b> {
                 Some(data) => data_uri(data, &at).map_err(|e| e.to_string())?,
                 None => {
                     let path = relative_path(uri)?;
-                    let path = path.to_str().filter(|p| !p.contains(char::is_control));
-                    let path = path.ok_or("has a name that no line can hold")?.to_owned();
-                    self.files.insert(path.to_lowercase());
-                    return Ok(path);
+                    let is_fine = |path: &&str| path.len() <= LONGEST && !path.contains(char::is_control);
+                    let path = path.to_str().filter(is_fine).ok_or("has a name that no line can hold")?;
+                    self.files.take(path);
+                    return Ok(path.to_owned());
                 }
             },
             None => {
@@ -237,8 +241,8 @@ impl<'a, 'b> Scribe<'a, 'b> {
                 view.bytes.to_vec()
             }
         };
-        let taken: usize = self.images.iter().map(|i| i.bytes.len()).sum();
-        if taken.saturating_add(bytes.len()) > self.room {
+        self.taken = self.taken.saturating_add(bytes.len());
+        if self.taken > self.room {
             return Err("shows bytes that other images show too".to_owned());
         }
         let kind = image_type(&bytes).ok_or("is of no known type")?;
@@ -250,21 +254,43 @@ impl<'a, 'b> Scribe<'a, 'b> {
             _ => ".ktx2",
         };
         let stem = name.unwrap_or_else(|| format!("image_{index}"));
-        let name = free(stem, ending, |n| self.files.insert(n.to_lowercase()));
+        let name = self.files.free(stem, ending);
         self.images.push(Image { name: name.clone(), kind, bytes });
         Ok(name)
     }
 }
 
-/// A name with this ending that nobody has: with a number, if need be. `take` says whether it was free.
-fn free(stem: String, ending: &str, mut take: impl FnMut(&str) -> bool) -> String {
-    let mut name = format!("{stem}{ending}");
-    let mut number = 1usize;
-    while !take(&name) {
-        name = format!("{stem}_{number}{ending}");
-        number += 1;
+/// Names that are given away.
+#[derive(Default)]
+struct Names {
+    /// Whether large letters make no other name: some systems take such files for the same.
+    folds: bool,
+    taken: HashSet<String>,
+    /// The last number that a name got.
+    last: HashMap<String, usize>,
+}
+
+impl Names {
+    fn key(&self, name: &str) -> String {
+        if self.folds { name.to_lowercase() } else { name.to_owned() }
     }
-    name
+
+    /// Whether nobody had it.
+    fn take(&mut self, name: &str) -> bool {
+        self.taken.insert(self.key(name))
+    }
+
+    /// A name with this ending that nobody has: with a number, if need be.
+    fn free(&mut self, stem: String, ending: &str) -> String {
+        let mut name = format!("{stem}{ending}");
+        while !self.take(&name) {
+            let key = self.key(&stem);
+            let number = self.last.entry(key).or_default();
+            *number += 1;
+            name = format!("{stem}_{number}{ending}");
+        }
+        name
+    }
 }
 
 /// A name that can stand on a line, up to its end.
@@ -311,8 +337,11 @@ mod tests {
         assert_eq!(file_stem("a:b*c"), "a_b_c");
         assert_eq!(file_stem(".png"), "");
         assert_eq!(file_stem(&"ü".repeat(100)).chars().count(), 64);
-        let mut taken = HashSet::from(["a.png".to_owned()]);
-        assert_eq!(free("a".into(), ".png", |n| taken.insert(n.into())), "a_1.png");
-        assert_eq!(free("a".into(), ".png", |n| taken.insert(n.into())), "a_2.png");
+        let mut names = Names { folds: true, ..Names::default() };
+        assert!(names.take("A.png"));
+        assert_eq!(names.free("a".into(), ".png"), "a_1.png");
+        assert_eq!([names.free("a".into(), ".png"), names.free("a".into(), "")], ["a_2.png", "a"]);
+        let mut names = Names::default();
+        assert_eq!(["a", "A", "a"].map(|n| names.free(n.into(), "")), ["a", "A", "a_1"]);
     }
 }

@@ -34,7 +34,7 @@ pub struct Library {
 /// What belongs to a library that was made from another format.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Made {
-    /// Images that it names and that are no files.
+    /// Images that it names and that are no files; by their names, once the library has them.
     pub(crate) images: Vec<Image>,
     /// What it cannot say, for people.
     pub(crate) unsaid: Vec<String>,
@@ -63,7 +63,8 @@ impl Library {
         Self { name, text: None, folders: Vec::new(), made: None }
     }
     /// One that is no file; its other textures are looked for in the folder.
-    pub(crate) fn made(text: String, folder: Option<&Path>, made: Made) -> Self {
+    pub(crate) fn made(text: String, folder: Option<&Path>, mut made: Made) -> Self {
+        made.images.sort_unstable_by(|a, b| a.name.cmp(&b.name));
         Self {
             name: Arc::default(),
             text: Some(text.into_bytes().into()),
@@ -101,9 +102,12 @@ impl Library {
     /// # Errors
     /// Why it is nowhere: a sentence's end for people.
     pub(super) fn find_texture(&self, path: &[u8]) -> Result<Texture<'_>, &'static str> {
-        let inside = self.made.iter().flat_map(|made| &made.images).find(|i| i.name.as_bytes() == path);
-        inside
-            .map_or_else(|| find(&self.folders, path).map(Texture::File), |image| Ok(Texture::Inside(image)))
+        if let Some(made) = &self.made
+            && let Ok(at) = made.images.binary_search_by(|image| image.name.as_bytes().cmp(path))
+        {
+            return Ok(Texture::Inside(&made.images[at]));
+        }
+        find(&self.folders, path).map(Texture::File)
     }
 }
 
