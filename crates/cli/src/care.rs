@@ -58,7 +58,7 @@ pub(crate) fn of_mesh(
     let other = loaded.contents.attributes.iter().filter(|a| !PARTS.contains(&a.as_str()));
     fill(args, &[named], other.cloned().collect(), options).map_err(|e| match loaded.format {
         Format::Gltf | Format::Glb => {
-            anyhow!("{e} (names in a scene are known only where the output is glTF too)")
+            anyhow!("{e} (meshes and nodes have names only where the output is glTF too)")
         }
         _ => e,
     })

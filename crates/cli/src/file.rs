@@ -248,8 +248,17 @@ fn write_with(
 }
 
 /// What the format could not carry, without writing anything.
-pub(crate) fn losses(mesh: &TriMesh, format: Format, options: &WriteOptions) -> anyhow::Result<Vec<Warning>> {
-    lodsmith_io::write_to(mesh, format, options, &mut io::sink()).map_err(told)
+pub(crate) fn losses(
+    mesh: &TriMesh,
+    sink: &Sink,
+    format: Format,
+    options: &WriteOptions,
+) -> anyhow::Result<Vec<Warning>> {
+    let mut options = options.clone();
+    if let Sink::Path(path) = sink {
+        options.beside = Some(path.clone());
+    }
+    lodsmith_io::write_to(mesh, format, &options, &mut io::sink()).map_err(told)
 }
 
 /// What a scene loses, without writing anything.

@@ -788,6 +788,7 @@ fn compare_has_the_promised_keys_and_knows_equals() {
             "samples",
             "seed",
             "attributes",
+            "warnings",
         ]
     );
     assert_eq!(keys(&same["p99"]), ["forward", "backward", "symmetric"]);

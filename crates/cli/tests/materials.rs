@@ -159,3 +159,112 @@ fn of_two_textures_with_one_name_the_first_input_keeps_it() {
     assert_eq!(desk.text("out/grain_1.ppm"), "P3 1 1 255 120 80 40");
     assert!(desk.text("out/table_low.mtl").contains("grain_1.ppm"));
 }
+
+/// As much of a PNG as says how large it is.
+fn png(width: u32, height: u32) -> Vec<u8> {
+    [&b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR"[..], &width.to_be_bytes(), &height.to_be_bytes(), &[8, 2, 0, 0, 0]]
+        .concat()
+}
+
+/// The table with an image that glTF takes, of 200 by 100 texels; the iron has none.
+fn with_png() -> Desk {
+    let desk = Desk::new();
+    desk.put(
+        "in/table.mtl",
+        "newmtl wood\nmap_Kd grain.png\nPm 0\nPr 0.5\nnewmtl iron\nKd 0.5 0.25 0\nPm 1\nPr 1\n",
+    );
+    fs::write(desk.path("in/grain.png"), png(200, 100)).expect("there is room for a file");
+    desk
+}
+
+#[test]
+fn compare_tells_texels_where_there_is_an_image() {
+    let desk = with_png();
+    let moved = desk.text("in/table.obj").replace("vt 0 ", "vt 0.03 ").replace("vt 1 ", "vt 1.03 ");
+    desk.put("in/moved.obj", &moved);
+    let compared = |words: &str| {
+        let (status, out, told) = desk.run(&format!("compare {words} --json --samples 2000"));
+        assert_eq!(status, 0, "{told}");
+        let mut json: Value = serde_json::from_str(&out).expect("it is JSON");
+        (json["attributes"].take(), json["warnings"].take())
+    };
+    let near = |value: &Value, wanted: f64| (value.as_f64().expect("a number") - wanted).abs() < 1e-4;
+    let (errors, told) = compared("in/table.obj in/moved.obj");
+    assert_eq!(told, serde_json::json!([]));
+    for way in ["forward", "backward", "symmetric"] {
+        assert!(
+            near(&errors["uvs"]["mean"][way], 0.03) && near(&errors["uvs_texels"]["mean"][way], 6.0),
+            "{errors}"
+        );
+    }
+    let (_, line, _) = desk.run("compare in/table.obj in/moved.obj --samples 2000");
+    assert!(line.contains("mean 6.000 texels, rms 6.000 texels, 95 % below 6.000 texels"), "{line}");
+
+    // The same of a scene, whose image lies inside.
+    assert_eq!(desk.run("convert in/table.obj out/table.glb").0, 0);
+    let (errors, _) = compared("out/table.glb in/moved.obj");
+    assert!(near(&errors["uvs_texels"]["rms"]["symmetric"], 6.0), "{errors}");
+
+    fs::write(desk.path("in/grain.png"), "no image").expect("there is room for a file");
+    let (errors, told) = compared("in/table.obj in/moved.obj");
+    assert!(errors["uvs_texels"].is_null() && !errors["uvs"].is_null());
+    let wanted =
+        "in/table.obj: texture grain.png is no image of a known kind: no errors in texels on what it covers";
+    assert_eq!(told, serde_json::json!([wanted]));
+    let (_, _, told) = desk.run("compare in/table.obj in/moved.obj --samples 2000");
+    assert_eq!(told, format!("warning: {wanted}\n"));
+}
+
+#[test]
+fn highlights_are_no_loss_on_the_way_to_gltf() {
+    let desk = with_png();
+    desk.put("in/table.mtl", "newmtl wood\nKd 1 1 1\nKs 1 1 1\nNs 200\nNi 1.5\nillum 2\n");
+    desk.put("in/table.obj", &desk.text("in/table.obj").replace("g top\n", "").replace("g rim\n", ""));
+    let (status, _, note) = desk.run("convert in/table.obj out/a.glb --strict");
+    assert_eq!(status, 0);
+    assert_eq!(note, "warning: in/table.obj: glTF shades in another way: ks, ns left out\n");
+}
+
+#[test]
+fn a_scene_becomes_an_obj_with_library_and_images() {
+    let desk = with_png();
+    desk.put("in/table.obj", &desk.text("in/table.obj").replace("g top\n", "").replace("g rim\n", ""));
+    assert_eq!(desk.run("convert in/table.obj in/table.glb --strict").0, 0);
+    let (status, _, told) = desk.run("convert in/table.glb out/desk.obj --strict");
+    assert_eq!((status, told.as_str()), (0, ""));
+    assert_eq!(desk.names("out"), ["desk.mtl", "desk.obj", "grain.png"]);
+    assert_eq!(fs::read(desk.path("out/grain.png")).expect("it is there"), png(200, 100));
+    assert_eq!(
+        desk.text("out/desk.mtl"),
+        "# Lodsmith\nnewmtl wood\nKd 1 1 1\nPm 0\nPr 0.5\nmap_Kd grain.png\n\
+         newmtl iron\nKd 0.5 0.25 0\nPm 1\nPr 1\n"
+    );
+    // Once more, and there is nothing new to write.
+    assert_eq!(desk.run("convert in/table.glb out/desk.obj --strict").0, 0);
+    assert_eq!(desk.names("out"), ["desk.mtl", "desk.obj", "grain.png"]);
+
+    let words = "simplify in/table.glb -o out/low.obj --ratio 1 --placement endpoint --strict";
+    let (status, _, told) = desk.run(&format!("{words} --dry-run"));
+    assert_eq!((status, told.as_str(), desk.names("out").len()), (0, "", 3));
+    assert_eq!(desk.run(words).0, 0);
+    assert_eq!(desk.names("out"), ["desk.mtl", "desk.obj", "grain.png", "low.mtl", "low.obj"]);
+    assert!(desk.text("out/low.obj").contains("usemtl wood\nf "));
+
+    let (status, _, told) = desk.run("convert in/table.glb out/a.ply --strict");
+    assert_eq!((status, told.as_str()), (3, "error: in/table.glb: PLY cannot carry materials: dropped\n"));
+    let (status, out, told) = desk.run("convert in/table.glb - --to obj");
+    let wanted = "a stream has no place beside it for materials: only their names are written";
+    assert!(status == 0 && out.contains("usemtl iron\n") && told.contains(wanted), "{told}");
+}
+
+#[test]
+fn a_material_of_a_scene_can_be_locked_on_any_way_out() {
+    let desk = with_png();
+    assert_eq!(desk.run("convert in/table.obj in/table.glb").0, 0);
+    for name in ["low.obj", "low.ply"] {
+        let (status, out, _) =
+            desk.run(&format!("simplify in/table.glb -o out/{name} --ratio 1 --lock iron --json"));
+        let report: Value = serde_json::from_str(&out).expect("it is JSON");
+        assert_eq!((status, &report["locked"]["faces"]), (0, &1.into()), "{name}");
+    }
+}

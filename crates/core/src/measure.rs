@@ -8,7 +8,7 @@ pub(crate) mod chunks;
 mod one_way;
 mod prepared;
 
-pub use attributes::{AttributeError, AttributeErrors, compare_attributes};
+pub use attributes::{AttributeError, AttributeErrors, compare_attributes, compare_textured};
 pub use prepared::Prepared;
 
 use crate::ids::VertexId;

@@ -10,6 +10,7 @@ mod encode;
 mod geometry;
 mod inventory;
 mod lists;
+mod materials;
 mod mesh;
 mod meshopt;
 mod names;
@@ -45,7 +46,8 @@ use container::Document;
 /// All meshes of the default scene become one, placed by their nodes; if no node places a mesh, all are read as they
 /// stand. Triangles, strips and fans are read; normals, the first set of texture coordinates (turned to our lower left
 /// origin) and colours come along. Each vertex of the file stays one vertex: nothing is welded. Positions are
-/// single precision unless a node moves a mesh so far that half of its digits would go. Buffers that are files are
+/// single precision unless a node moves a mesh so far that half of its digits would go. Each material that faces have is
+/// a region, described by a library that is no file. Buffers that are files are
 /// looked for in the folder of the options, and nowhere else. Cost: O(bytes + placed triangles).
 ///
 /// # Errors
@@ -68,11 +70,15 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     };
     let placements = placements::placements(&document.json)?;
     let (mut contents, mut warnings) = inventory::take(&document.json, &placements);
-    let (mesh, told) = geometry::gather(&document.json, &buffers, &placements, bytes.len())?;
+    let gathered = geometry::gather(&document.json, &buffers, &placements, bytes.len())?;
+    let geometry::Gathered { mut mesh, runs, warnings: told } = gathered;
+    let folder = options.folder.as_deref();
+    let (regions, of_faces) = materials::regions(&document.json, &buffers, &runs, folder, bytes.len());
+    mesh.set_regions(of_faces)?;
     contents.polygons = mesh.face_count();
     warnings.extend(told);
     let format = if document.is_glb { Format::Glb } else { Format::Gltf };
-    Ok(Loaded::new(mesh, format, contents, warnings))
+    Ok(Loaded { regions, ..Loaded::new(mesh, format, contents, warnings) })
 }
 
 /// Writes a mesh as glTF 2.0: as JSON with its buffer inside if the format of the options is [`Format::Gltf`], else GLB.
@@ -81,8 +87,8 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
 /// positions far from the origin are stored relative to the centre of their box, which becomes the node's translation.
 /// Returns notes on what was changed.
 ///
-/// Materials of an OBJ come along, if the options have the table of its regions: colour, alpha, emission, and images of
-/// colours and normals, which are read from their files and lie inside, unless textures are to be none. Each material
+/// Materials come along, if the options have the table of its regions: colour, alpha, emission, and images of
+/// colours, normals and emission, which are read from their files and lie inside, unless textures are to be none. Each material
 /// has a primitive of its own.
 ///
 /// # Errors

@@ -10,6 +10,7 @@
 //! Positions are kept in double precision where any coordinate of the file needs it: it has at least 8 significant
 //! digits, and the nearest `f32` printed with as many digits would be another number.
 
+mod image_sizes;
 mod looks;
 mod materials;
 mod read;
@@ -21,6 +22,7 @@ mod write;
 
 pub(crate) use looks::{Look, Looks, looks};
 pub use materials::Library;
+pub(crate) use materials::{Image, Made};
 pub use read::read;
 pub use regions::{Region, Regions};
 pub(crate) use stream::read_file;

@@ -28,7 +28,8 @@ pub struct WriteOptions {
     pub regions: Option<Arc<Regions>>,
     /// What becomes of materials and textures, for the formats that have them in files of their own.
     pub textures: Textures,
-    /// The path that such files are named after and lie beside, where it is not that of the mesh itself.
+    /// The path that such files are named after and lie beside, where it is not that of the mesh itself. A stream with
+    /// one stands for a file there.
     pub beside: Option<PathBuf>,
 }
 
@@ -39,7 +40,7 @@ pub struct WriteOptions {
 /// them on the disk later. Returns what the format could not carry.
 ///
 /// Beside an OBJ whose table of regions has materials, a library `NAME.mtl` is written, and textures are copied, as the
-/// options say. A file that is there already and says something else is left alone, and the new one gets a number; only
+/// options say; images that lay inside another file are written there in any case. A file that is there already and says something else is left alone, and the new one gets a number; only
 /// a library of ours is replaced.
 ///
 /// # Errors

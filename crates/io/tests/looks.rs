@@ -96,7 +96,8 @@ fn one_material_is_one_primitive() {
 
 #[test]
 fn what_does_not_go_along_is_named() {
-    let library = "newmtl wood\nKs 1 1 1\nmap_d x.png\nmap_Kd -s 2 2 2 old.ppm\nbump none.png\n";
+    let library =
+        "newmtl wood\nKs 1 1 1\nNs 20\nmap_Ks y.png\nmap_d x.png\nmap_Kd -s 2 2 2 old.ppm\nbump none.png\n";
     let folder = folder(FACES, library);
     let (json, _, warnings) = written(folder.path(), Textures::Copy);
     let told: Vec<&str> = warnings.iter().map(|w| w.text.as_str()).collect();
@@ -105,11 +106,30 @@ fn what_does_not_go_along_is_named() {
         [
             "texture old.ppm is neither PNG nor JPEG: left out",
             "texture none.png is not there: left out",
-            "glTF has no word for these of the materials: ks, map_d, map_kd -s",
+            "glTF has no word for these of the materials: map_d, map_kd -s, map_ks",
+            "glTF shades in another way: ks, ns left out",
         ]
     );
-    assert!(warnings.iter().all(|w| w.data_lost));
+    // Highlights are no data of the mesh.
+    assert_eq!(warnings.iter().map(|w| w.data_lost).collect::<Vec<_>>(), [true, true, true, false]);
     assert!(json["images"].is_null() && json["textures"].is_null());
+}
+
+#[test]
+fn emission_and_alpha_have_images_too() {
+    let library = "newmtl wood\nmap_Kd tex/grain.png\nmap_d tex/grain.png\nmap_Ke bumps.jpg\n\
+        newmtl glass\nKe 0 0 0\nmap_Ke bumps.jpg\nKd 0.5 0.5 0.5\n";
+    let folder = folder(FACES, library);
+    let (json, _, warnings) = written(folder.path(), Textures::Copy);
+    assert_eq!(warnings, []);
+    let [wood, glass] = [&json["materials"][0], &json["materials"][1]];
+    assert_eq!((&wood["alphaMode"], &wood["emissiveFactor"]), (&json!("BLEND"), &json!([1.0, 1.0, 1.0])));
+    assert_eq!(
+        (&wood["emissiveTexture"], &glass["emissiveTexture"]),
+        (&json!({"index": 1}), &json!({"index": 1}))
+    );
+    // What glows by nothing does not glow by an image.
+    assert!(glass["emissiveFactor"].is_null() && glass["alphaMode"].is_null());
 }
 
 #[test]

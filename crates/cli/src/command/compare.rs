@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use lodsmith::core::measure::{
-    AttributeError, AttributeErrors, CompareOptions, Comparison, compare, compare_attributes,
+    AttributeError, AttributeErrors, CompareOptions, Comparison, compare, compare_textured,
 };
 use lodsmith::core::spatial::{Bvh, Hint};
 use lodsmith::core::{TriMesh, VertexId};
@@ -39,13 +39,18 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         let bar = progress.file("");
         bar.read();
         let load = |source| file::read(source, args.from).with_context(|| format!("{source}"));
-        let (reference, candidate) = (load(&args.reference)?, load(&args.candidate)?);
+        let (mut reference, candidate) = (load(&args.reference)?, load(&args.candidate)?);
         bar.stage(lodsmith::Stage::Measure);
         let mut options = CompareOptions::default();
         options.samples = args.samples;
         options.seed = args.seed;
         let comparison = compare(&reference.mesh.surface(), &candidate.mesh.surface(), &options)?;
-        let attributes = compare_attributes(&reference.mesh, &candidate.mesh, &options)?;
+        let (image_sizes, unknown) = match (reference.mesh.uvs(), candidate.mesh.uvs()) {
+            (Some(_), Some(_)) => reference.regions.image_sizes(),
+            _ => Default::default(),
+        };
+        reference.warnings.extend(unknown);
+        let attributes = compare_textured(&reference.mesh, &candidate.mesh, &image_sizes, &options)?;
         let red = match &args.heatmap {
             None => None,
             Some(path) => {
@@ -62,10 +67,12 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     progress.finish();
     let (reference, candidate, comparison, attributes, red) = compared?;
 
+    let mut warnings = Vec::new();
     for (source, loaded) in [(&args.reference, &reference), (&args.candidate, &candidate)] {
         show_warnings(&out, &source.to_string(), &loaded.warnings, false);
+        warnings.extend(loaded.warnings.iter().map(|warning| format!("{source}: {warning}")));
     }
-    out.object(&to_json(&comparison, &attributes));
+    out.object(&to_json(&comparison, &attributes, &warnings));
     for line in table(&comparison, &reference, &candidate) {
         out.line(&line);
     }
@@ -80,7 +87,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     out.finish(Status::Done)
 }
 
-fn to_json(c: &Comparison, attributes: &AttributeErrors) -> Value {
+fn to_json(c: &Comparison, attributes: &AttributeErrors, warnings: &[String]) -> Value {
     let relative = |x: f64| if c.diagonal > 0.0 { x / c.diagonal } else { 0.0 };
     json!({
         "hausdorff": both_ways(&c.hausdorff),
@@ -97,18 +104,29 @@ fn to_json(c: &Comparison, attributes: &AttributeErrors) -> Value {
         "samples": c.samples,
         "seed": c.seed,
         "attributes": attributes_json(attributes),
+        "warnings": warnings,
     })
 }
 
 /// The attributes that were compared: name, unit, errors.
 fn named(errors: &AttributeErrors) -> Vec<(&'static str, &'static str, AttributeError)> {
-    let all = [("normals", "°", errors.normals_deg), ("uvs", "", errors.uvs), ("colors", "", errors.colors)];
+    let all = [
+        ("normals", "°", errors.normals_deg),
+        ("uvs", "", errors.uvs),
+        ("uvs", " texels", errors.uvs_texels),
+        ("colors", "", errors.colors),
+    ];
     all.into_iter().filter_map(|(name, unit, error)| Some((name, unit, error?))).collect()
 }
 
 fn attributes_json(errors: &AttributeErrors) -> Value {
     let json = |e: AttributeError| json!({ "mean": both_ways(&e.mean), "rms": both_ways(&e.rms), "p95": both_ways(&e.p95) });
-    let all = [("normals_deg", errors.normals_deg), ("uvs", errors.uvs), ("colors", errors.colors)];
+    let all = [
+        ("normals_deg", errors.normals_deg),
+        ("uvs", errors.uvs),
+        ("uvs_texels", errors.uvs_texels),
+        ("colors", errors.colors),
+    ];
     all.into_iter().filter_map(|(name, e)| Some((name.to_owned(), json(e?)))).collect::<Map<_, _>>().into()
 }
 

@@ -14,7 +14,7 @@ use lodsmith_io::{Format, Loaded, Warning};
 use serde_json::{Map, Value, json};
 
 use super::{show_warnings, texts};
-use crate::args::{Normals, SimplifyArgs};
+use crate::args::{Normals, SimplifyArgs, TexturesChoice};
 use crate::exit::{self, Interrupted, Status};
 use crate::file::{self, Input, Sink};
 use crate::in_order::Turn;
@@ -130,7 +130,14 @@ fn simplify_mesh(
 ) -> anyhow::Result<Told> {
     let mut options = args.options();
     care::of_mesh(args, &loaded, &mut options)?;
-    let Loaded { mesh, regions, contents, mut warnings, .. } = loaded;
+    let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
+    let carries = |to: Format| matches!(to, Format::Obj | Format::Gltf | Format::Glb);
+    let is_wanted = !matches!(args.writing.textures, TexturesChoice::None);
+    let is_kept = is_wanted && job.output.as_ref().is_some_and(|(_, to)| carries(*to));
+    if matches!(from, Format::Gltf | Format::Glb) && !is_kept {
+        // Where materials do not go along, their borders are in nobody's way.
+        mesh.set_regions(None)?;
+    }
     if args.is_per_mesh() && contents.meshes > 1 {
         let text = "--per-mesh: the meshes become one on this way, and share the target";
         warnings.push(Warning::note(text));
@@ -150,7 +157,7 @@ fn simplify_mesh(
         }
         let options = file::options(&args.writing, *format, regions);
         warnings.extend(match args.dry_run {
-            true => file::losses(&lighter, *format, &options)?,
+            true => file::losses(&lighter, sink, *format, &options)?,
             false => file::write(&lighter, sink, *format, &options, args.force)?,
         });
     }

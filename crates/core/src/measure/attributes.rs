@@ -31,6 +31,8 @@ pub struct AttributeErrors {
     pub normals_deg: Option<AttributeError>,
     /// Distances of texture coordinates, 1 being the edge of the image.
     pub uvs: Option<AttributeError>,
+    /// The same in texels of the reference's images, over the area that has one; only by [`compare_textured`].
+    pub uvs_texels: Option<AttributeError>,
     /// Distances of colours, 1 being the range of a channel.
     pub colors: Option<AttributeError>,
 }
@@ -50,20 +52,39 @@ pub fn compare_attributes(
     candidate: &TriMesh,
     options: &CompareOptions,
 ) -> Result<AttributeErrors, MeasureError> {
-    let of = |mesh, which| Side::new(mesh).ok_or(MeasureError::Empty { which });
-    let (a, b) = (of(reference, "reference")?, of(candidate, "candidate")?);
+    compare_textured(reference, candidate, &[], options)
+}
+
+/// As [`compare_attributes`], with texture coordinates in texels too.
+///
+/// `image_sizes` are the width and the height of the image that each region of the reference shows, in texels, by the
+/// number of the region; those of a mesh without regions stand first. Each difference counts in texels of the image at
+/// its point on the reference. Regions without an image, and those beyond the list, have no texels.
+///
+/// # Errors
+/// As [`compare_attributes`].
+pub fn compare_textured(
+    reference: &TriMesh,
+    candidate: &TriMesh,
+    image_sizes: &[Option<[u32; 2]>],
+    options: &CompareOptions,
+) -> Result<AttributeErrors, MeasureError> {
+    let of = |mesh, image_sizes, which| Side::new(mesh, image_sizes).ok_or(MeasureError::Empty { which });
+    let (a, b) = (of(reference, image_sizes, "reference")?, of(candidate, &[], "candidate")?);
     let samples = options.samples.max(1);
     let hair = HAIR * a.tree.bounds().map_or(0.0, |b| b.diagonal());
     let (forward, backward) =
         (a.differences(&b, samples, options.seed, hair), b.differences(&a, samples, options.seed, hair));
+    let has_uvs = reference.uvs().is_some() && candidate.uvs().is_some();
     let has = [
         reference.normals().is_some() && candidate.normals().is_some(),
-        reference.uvs().is_some() && candidate.uvs().is_some(),
+        has_uvs,
         reference.colors().is_some() && candidate.colors().is_some(),
+        has_uvs && !forward[3].is_empty() && !backward[3].is_empty(),
     ];
-    let [normals_deg, uvs, colors] =
-        [0, 1, 2].map(|k| has[k].then(|| AttributeError::of(&forward[k], &backward[k])));
-    Ok(AttributeErrors { normals_deg, uvs, colors })
+    let [normals_deg, uvs, colors, uvs_texels] =
+        [0, 1, 2, 3].map(|k| has[k].then(|| AttributeError::of(&forward[k], &backward[k])));
+    Ok(AttributeErrors { normals_deg, uvs, uvs_texels, colors })
 }
 
 impl AttributeError {
@@ -97,6 +118,8 @@ struct Side<'a> {
     sampler: Sampler,
     /// The chart of each face, where there are texture coordinates.
     charts: Vec<u32>,
+    /// Width and height of the image of each region, where there is one.
+    image_sizes: &'a [Option<[u32; 2]>],
 }
 
 /// The nearest point of a chart, on sheets that look one way.
@@ -109,18 +132,19 @@ struct Choice {
     uv_off: f64,
 }
 
-/// Values at a point: normal, texture coordinates, colour.
+/// Values at a point: normal, texture coordinates, colour, and the size of the image.
 struct Values {
     normal: Option<DVec3>,
     uv: Option<[f64; 2]>,
     color: Option<[f64; 4]>,
+    image_size: Option<[u32; 2]>,
 }
 
 impl<'a> Side<'a> {
-    fn new(mesh: &'a TriMesh) -> Option<Self> {
+    fn new(mesh: &'a TriMesh, image_sizes: &'a [Option<[u32; 2]>]) -> Option<Self> {
         let surface = mesh.surface();
         let charts = charts(mesh);
-        Some(Self { mesh, tree: Bvh::new(&surface), sampler: Sampler::new(&surface)?, charts })
+        Some(Self { mesh, tree: Bvh::new(&surface), sampler: Sampler::new(&surface)?, charts, image_sizes })
     }
 
     fn corners(&self, face: usize) -> [DVec3; 3] {
@@ -135,7 +159,9 @@ impl<'a> Side<'a> {
                 wedges.iter().zip(weights).map(|(w, weight)| f64::from(all[w.index()][k]) * weight).sum()
             })
         }
+        let region = self.mesh.regions().map_or(0, |regions| regions[face].index());
         Values {
+            image_size: self.image_sizes.get(region).copied().flatten(),
             normal: self.mesh.normals().map(|n| DVec3::from(blend(n, wedges, weights))),
             uv: self.mesh.uvs().map(|t| blend(t, wedges, weights)),
             color: self.mesh.colors().map(|c| blend(c, wedges, weights)),
@@ -205,10 +231,10 @@ impl<'a> Side<'a> {
         Choice { slot, chart, is_back, distance_sq: nearest.distance_sq, uv_off }
     }
 
-    /// Differences of normals, texture coordinates and colours at the samples of this mesh.
-    fn differences(&self, to: &Side<'_>, samples: usize, seed: u64, hair: f64) -> [Vec<f64>; 3] {
+    /// Differences of normals, texture coordinates, colours, and texture coordinates in texels at the samples of this mesh.
+    fn differences(&self, to: &Side<'_>, samples: usize, seed: u64, hair: f64) -> [Vec<f64>; 4] {
         let parts = chunks::map(samples, |range| {
-            let mut part = [Vec::new(), Vec::new(), Vec::new()];
+            let mut part = [const { Vec::new() }; 4];
             let mut hint = Hint::default();
             for sample in self.sampler.samples(range, samples, seed) {
                 let corners = self.corners(sample.face.index());
@@ -226,6 +252,10 @@ impl<'a> Side<'a> {
                 }
                 if let (Some(a), Some(b)) = (here.uv, there.uv) {
                     part[1].push(distance(&a, &b));
+                    if let Some(size) = here.image_size.or(there.image_size) {
+                        let texels = |uv: [f64; 2]| [0, 1].map(|k| uv[k] * f64::from(size[k]));
+                        part[3].push(distance(&texels(a), &texels(b)));
+                    }
                 }
                 if let (Some(a), Some(b)) = (here.color, there.color) {
                     part[2].push(distance(&a, &b));
@@ -233,7 +263,7 @@ impl<'a> Side<'a> {
             }
             part
         });
-        let mut all = [Vec::new(), Vec::new(), Vec::new()];
+        let mut all = [const { Vec::new() }; 4];
         for part in parts {
             for (all, mut part) in all.iter_mut().zip(part) {
                 all.append(&mut part);
@@ -276,7 +306,7 @@ fn charts(mesh: &TriMesh) -> Vec<u32> {
 mod tests {
     use super::*;
     use crate::mesh::Positions;
-    use crate::{VertexId, shapes};
+    use crate::{RegionId, VertexId, shapes};
 
     #[test]
     fn a_shifted_texture_is_off_by_the_shift() {
@@ -288,7 +318,40 @@ mod tests {
         let got = compare_attributes(&a, &b, &CompareOptions { samples: 5000, seed: 1 }).unwrap();
         let uvs = got.uvs.unwrap();
         assert!((uvs.mean.symmetric - 0.05).abs() < 1e-6 && (uvs.p95.forward - 0.05).abs() < 1e-6);
-        assert!(got.normals_deg.is_none() && got.colors.is_none());
+        assert!(got.normals_deg.is_none() && got.colors.is_none() && got.uvs_texels.is_none());
+    }
+
+    #[test]
+    fn texels_are_those_of_the_image_at_the_point() {
+        let mut a = shapes::grid(8);
+        let uvs: Vec<[f32; 2]> = a.positions().view().iter().map(|p| [p[0] as f32, p[1] as f32]).collect();
+        a.set_uvs(Some(uvs.clone())).unwrap();
+        let mut b = a.clone();
+        b.set_uvs(Some(uvs.iter().map(|t| [t[0] + 0.03, t[1] - 0.04]).collect())).unwrap();
+        let options = CompareOptions { samples: 20_000, seed: 1 };
+        let compared = |a: &TriMesh, sizes: &[_]| compare_textured(a, &b, sizes, &options).unwrap();
+        let texels = compared(&a, &[Some([100, 200])]).uvs_texels.unwrap();
+        let wanted = 3f64.hypot(8.0);
+        assert!((texels.mean.symmetric - wanted).abs() < 1e-4 && (texels.p95.backward - wanted).abs() < 1e-4);
+        assert_eq!(compared(&a, &[None]).uvs_texels, None);
+        assert!(compared(&a, &[None]).uvs.is_some());
+
+        // One half of the faces shows a larger image, one quarter none; all faces have the same area.
+        let count = a.face_count();
+        let region = |f: usize| {
+            RegionId(if f < count / 2 {
+                0
+            } else if f < count * 3 / 4 {
+                1
+            } else {
+                2
+            })
+        };
+        a.set_regions(Some((0..count).map(region).collect())).unwrap();
+        let texels = compared(&a, &[Some([100, 100]), Some([400, 400])]).uvs_texels.unwrap();
+        let wanted = (2.0 * 5.0 + 20.0) / 3.0;
+        assert!((texels.mean.forward - wanted).abs() < 0.01 * wanted, "{texels:?}");
+        assert!((texels.mean.backward - wanted).abs() < 0.01 * wanted, "{texels:?}");
     }
 
     #[test]

@@ -182,7 +182,7 @@ impl<'a> Buffers<'a> {
 }
 
 /// The bytes of a `data:` uri, without that word.
-fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
+pub(super) fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
     // Some programs leave the padding out.
     const LENIENT: GeneralPurpose = GeneralPurpose::new(
         &alphabet::STANDARD,

@@ -6,6 +6,7 @@ use serde_json::Value;
 use super::accessors::{Accessor, Component};
 use super::buffers::Buffers;
 use super::container::{entry, list, whole};
+use super::materials::Run;
 use super::mesh::TYPES;
 use super::placements::{Affine, Placement};
 use super::primitive::Primitive;
@@ -23,13 +24,21 @@ const ALWAYS_PLACED: u64 = 1 << 20;
 /// A mesh farther from the origin than this many times its size loses half of the 24 bits of a float there.
 const FAR: f64 = 4096.0;
 
+/// All placed meshes in one.
+pub(super) struct Gathered {
+    pub(super) mesh: TriMesh,
+    /// The materials of its faces.
+    pub(super) runs: Vec<Run>,
+    pub(super) warnings: Vec<Warning>,
+}
+
 /// Puts all placed meshes into one.
 pub(super) fn gather(
     json: &Value,
     buffers: &Buffers<'_>,
     placements: &[Placement],
     file_bytes: usize,
-) -> Result<(TriMesh, Vec<Warning>), ReadError> {
+) -> Result<Gathered, ReadError> {
     let mut told = Told::default();
     let meshes = plan(json, buffers, placements, &mut told)?;
     let placed = || placements.iter().filter_map(|p| Some((p, meshes.get(p.mesh)?.as_ref()?)));
@@ -73,7 +82,7 @@ pub(super) fn gather(
     mesh.set_normals(out.normals)?;
     mesh.set_uvs(out.uvs)?;
     mesh.set_colors(out.colors)?;
-    Ok((mesh, told.warnings()))
+    Ok(Gathered { mesh, runs: out.runs, warnings: told.warnings() })
 }
 
 /// What was met on the way, to be said once.
@@ -218,6 +227,7 @@ struct Out {
     uvs: Option<Vec<[f32; 2]>>,
     colors: Option<Vec<[f32; 4]>>,
     triangles: Vec<[u32; 3]>,
+    runs: Vec<Run>,
 }
 
 impl Out {
@@ -228,6 +238,7 @@ impl Out {
             uvs: uvs.then(Vec::new),
             colors: colors.then(Vec::new),
             triangles: Vec::new(),
+            runs: Vec::new(),
         }
     }
 
@@ -333,6 +344,10 @@ impl Out {
         append(&mut self.triangles, more);
         if mirrored {
             self.triangles[first..].iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        let (end, material) = (self.triangles.len(), primitive.material);
+        if end > first {
+            self.runs.push(Run { end, material });
         }
         Ok(())
     }

@@ -60,8 +60,6 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
             warnings.push(Warning::not_carried(what));
         }
     };
-    not_carried(contents.materials > 0, "materials");
-    not_carried(contents.textures > 0, "textures");
     not_carried(contents.skins > 0, "skins");
     not_carried(contents.animations > 0, "animations");
     not_carried(contents.morph_targets > 0, "morph targets");

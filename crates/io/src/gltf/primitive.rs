@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::accessors::Accessor;
 use super::buffers::Buffers;
-use super::container::whole;
+use super::container::{number, whole};
 use crate::error::ReadError;
 
 /// How corners become triangles.
@@ -23,6 +23,8 @@ pub(super) struct Primitive {
     indices: Option<usize>,
     /// Number of corners in order.
     pub(super) corners: usize,
+    /// The number of its material, which need not be there.
+    pub(super) material: Option<usize>,
 }
 
 impl Primitive {
@@ -45,7 +47,7 @@ impl Primitive {
             None => vertices,
             Some(index) => Accessor::new(json, buffers, index, &name)?.count,
         };
-        Ok(Self { name, mode, indices, corners })
+        Ok(Self { name, mode, indices, corners, material: number(&primitive["material"]) })
     }
 
     pub(super) fn most_faces(&self) -> usize {

@@ -68,7 +68,9 @@ pub(super) fn write(
         let text = "textures are left out: the mesh has no texture coordinates";
         warnings.push(Warning::lost(text));
         looks.images.clear();
-        looks.all.iter_mut().for_each(|look| (look.color_image, look.normal_image) = (None, None));
+        for look in &mut looks.all {
+            (look.color_image, look.normal_image, look.emission_image) = (None, None, None);
+        }
     }
     let mut primitives = Vec::new();
     for (look, triangles) in by_look(mesh, &looks, triangles) {
@@ -109,7 +111,7 @@ fn by_look<'t>(mesh: &TriMesh, looks: &Looks, triangles: &'t [[u32; 3]]) -> Vec<
 
 /// A material as glTF has it.
 fn material(look: &Look) -> Value {
-    let [r, g, b] = if look.color_image.is_some() { [1.0; 3] } else { look.color };
+    let [r, g, b] = if look.color_image.is_some() && !look.is_tinted { [1.0; 3] } else { look.color };
     let mut surface = json!({ "metallicFactor": look.metalness, "roughnessFactor": look.roughness });
     if [r, g, b, look.alpha] != [1.0; 4] {
         surface["baseColorFactor"] = json!([r, g, b, look.alpha]);
@@ -124,7 +126,10 @@ fn material(look: &Look) -> Value {
     if look.emission != [0.0; 3] {
         material["emissiveFactor"] = json!(look.emission);
     }
-    if look.alpha < 1.0 {
+    if let Some(image) = look.emission_image {
+        material["emissiveTexture"] = json!({ "index": image });
+    }
+    if look.alpha < 1.0 || (look.is_blended && look.color_image.is_some()) {
         material["alphaMode"] = "BLEND".into();
     }
     material

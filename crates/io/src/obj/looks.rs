@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use lodsmith_core::TriMesh;
 
-use super::materials::{Library, is_number, lines_of, next_word, texture_in};
+use super::materials::{Image, Library, Texture, is_number, left_out, lines_of, next_word, texture_in};
 use super::regions::{Region, Regions};
 use super::write::drops_materials;
 use crate::error::Warning;
@@ -22,21 +22,18 @@ const MOST_BYTES: u64 = 2 << 30;
 pub(crate) struct Look {
     pub(crate) name: String,
     pub(crate) color: [f64; 3],
+    /// Whether the colour counts where there is an image too: many programs write one that does not.
+    pub(crate) is_tinted: bool,
     pub(crate) alpha: f64,
+    /// Whether the image of colours says how much is seen through.
+    pub(crate) is_blended: bool,
     pub(crate) emission: [f64; 3],
     pub(crate) metalness: f64,
     pub(crate) roughness: f64,
     /// Images, by their numbers.
     pub(crate) color_image: Option<usize>,
     pub(crate) normal_image: Option<usize>,
-}
-
-/// An image that goes into a file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Image {
-    pub(crate) name: String,
-    pub(crate) kind: &'static str,
-    pub(crate) bytes: Vec<u8>,
+    pub(crate) emission_image: Option<usize>,
 }
 
 /// The materials of a mesh.
@@ -71,6 +68,7 @@ pub(crate) fn looks(mesh: &TriMesh, regions: &Regions) -> Option<Looks> {
     let mut seen = Seen::default();
     for library in regions.libraries() {
         seen.read(library, &numbers, &mut looks);
+        looks.warnings.extend(library.losses());
     }
     looks.warnings.extend(seen.warnings());
     Some(looks)
@@ -82,12 +80,15 @@ impl Look {
         Self {
             name: String::from_utf8_lossy(name).into_owned(),
             color: [1.0; 3],
+            is_tinted: false,
             alpha: 1.0,
+            is_blended: false,
             emission: [0.0; 3],
             metalness: 0.0,
             roughness: 1.0,
             color_image: None,
             normal_image: None,
+            emission_image: None,
         }
     }
 }
@@ -102,6 +103,8 @@ struct Seen {
     described: BTreeSet<usize>,
     /// Statements that glTF has no word for.
     unsaid: BTreeSet<String>,
+    /// The same of highlights as older programs draw them: a way of shading, which another one replaces.
+    highlights: BTreeSet<String>,
     /// Images that stay behind, and why.
     missing: Vec<String>,
 }
@@ -109,15 +112,19 @@ struct Seen {
 impl Seen {
     fn read(&mut self, library: &Library, numbers: &HashMap<&[u8], usize>, looks: &mut Looks) {
         let mut present = None;
+        // Of the present material.
+        let (mut color_path, mut has_emission) = (None, false);
         for line in lines_of(library.text().unwrap_or_default()) {
             let Some((word, rest)) = next_word(line) else { continue };
             let keyword = String::from_utf8_lossy(&line[word]).to_ascii_lowercase();
             if keyword == "newmtl" {
                 let at = numbers.get(line[rest..].trim_ascii()).copied();
                 present = at.filter(|at| self.described.insert(*at));
+                (color_path, has_emission) = (None, false);
                 continue;
             }
             let Some(at) = present else { continue };
+            looks.all[at].is_tinted = library.is_made();
             let numbers: Vec<f64> = String::from_utf8_lossy(&line[rest..])
                 .split_ascii_whitespace()
                 .map_while(|word| word.parse().ok())
@@ -130,30 +137,49 @@ impl Seen {
                 _ => None,
             };
             match keyword.as_str() {
-                "map_kd" | "norm" | "map_bump" | "bump" => {
+                "map_kd" | "map_ke" | "norm" | "map_bump" | "bump" => {
                     let Some(path) = texture_in(line) else { continue };
                     for option in line[rest..path.start].split(u8::is_ascii_whitespace) {
                         if option.first() == Some(&b'-') && !is_number(option) {
                             self.leave_out(&format!("{keyword} {}", excerpt_of_bytes(option)));
                         }
                     }
-                    let image = self.image(library, &line[path], &mut looks.images);
+                    let image = self.image(library, &line[path.clone()], &mut looks.images);
                     let look = &mut looks.all[at];
                     match keyword.as_str() {
-                        "map_kd" => look.color_image = image,
+                        "map_kd" => {
+                            look.color_image = image;
+                            color_path = Some(&line[path]);
+                        }
+                        "map_ke" => {
+                            look.emission_image = image;
+                            if image.is_some() && !has_emission {
+                                look.emission = [1.0; 3];
+                            }
+                        }
                         // A map of normals is one, one of heights often is too.
                         "norm" => look.normal_image = image.or(look.normal_image),
                         _ => look.normal_image = look.normal_image.or(image),
                     }
                 }
                 "kd" => looks.all[at].color = triple.unwrap_or([1.0; 3]),
-                "ke" => looks.all[at].emission = triple.unwrap_or_default(),
+                "ke" => {
+                    looks.all[at].emission = triple.unwrap_or_default();
+                    has_emission = true;
+                }
+                // The alpha of the image of colours, which glTF has there too.
+                "map_d" if color_path.is_some() && texture_in(line).map(|p| &line[p]) == color_path => {
+                    looks.all[at].is_blended = true;
+                }
                 "d" => looks.all[at].alpha = numbers.first().copied().unwrap_or(1.0),
                 "tr" => looks.all[at].alpha = 1.0 - numbers.first().copied().unwrap_or(0.0),
                 "pm" => looks.all[at].metalness = numbers.first().copied().unwrap_or(0.0),
                 "pr" => looks.all[at].roughness = numbers.first().copied().unwrap_or(1.0),
                 // The light that comes from nowhere, and hints for other ways to shade.
-                "ka" | "illum" | "ni" | "tf" => {}
+                "ka" | "map_ka" | "illum" | "ni" | "tf" => {}
+                "ks" | "ns" | "sharpness" => {
+                    self.highlights.insert(keyword);
+                }
                 other if other.starts_with('#') => {}
                 other => self.leave_out(&excerpt_of_bytes(other.as_bytes())),
             }
@@ -167,11 +193,31 @@ impl Seen {
         }
     }
 
+    /// The number of an image that is no file.
+    fn inside(&mut self, image: &Image, images: &mut Vec<Image>) -> Option<usize> {
+        let key = PathBuf::from(&image.name);
+        if let Some(known) = self.images.get(&key) {
+            return *known;
+        }
+        let is_known = ["image/png", "image/jpeg"].contains(&image.kind);
+        let number = is_known.then(|| {
+            let stem = image.name.rsplit_once('.').map_or(&*image.name, |(stem, _)| stem);
+            images.push(Image { name: stem.to_owned(), ..image.clone() });
+            images.len() - 1
+        });
+        if number.is_none() {
+            self.missing.push(format!("{} is neither PNG nor JPEG", image.name));
+        }
+        self.images.insert(key, number);
+        number
+    }
+
     /// The number of an image; `None` if it does not go along.
     fn image(&mut self, library: &Library, path: &[u8], images: &mut Vec<Image>) -> Option<usize> {
         let shown = excerpt_of_bytes(path);
         let file = match library.find_texture(path) {
-            Ok(file) => file,
+            Ok(Texture::File(file)) => file,
+            Ok(Texture::Inside(image)) => return self.inside(image, images),
             Err(why) => {
                 self.missing.push(format!("{shown} {why}"));
                 return None;
@@ -207,20 +253,15 @@ impl Seen {
     }
 
     fn warnings(self) -> Vec<Warning> {
-        let mut warnings = Vec::new();
-        // More would help nobody. Guessed.
-        const SHOWN: usize = 16;
-        let more = self.missing.len().saturating_sub(SHOWN);
-        for text in self.missing.into_iter().take(SHOWN) {
-            warnings.push(Warning::lost(format!("texture {text}: left out")));
-        }
-        if more > 0 {
-            warnings.push(Warning::lost(format!("{more} more textures are left out")));
-        }
+        let mut warnings = left_out(&self.missing);
+        let listed = |words: BTreeSet<String>| words.into_iter().collect::<Vec<_>>().join(", ");
         if !self.unsaid.is_empty() {
-            let words: Vec<String> = self.unsaid.into_iter().collect();
-            let text = format!("glTF has no word for these of the materials: {}", words.join(", "));
+            let text = format!("glTF has no word for these of the materials: {}", listed(self.unsaid));
             warnings.push(Warning::lost(text));
+        }
+        if !self.highlights.is_empty() {
+            let text = format!("glTF shades in another way: {} left out", listed(self.highlights));
+            warnings.push(Warning::note(text));
         }
         warnings
     }

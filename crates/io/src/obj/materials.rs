@@ -1,6 +1,7 @@
 //! The libraries that describe the materials of an OBJ (MTL): where they are, and what in them names a texture.
 //!
-//! Nothing of a library is understood beyond that; whoever writes one keeps every other byte.
+//! Nothing of a library is understood beyond that; whoever writes one keeps every other byte. A file that describes its
+//! materials itself gets a library that was never a file, with its images inside ([`Library::made`]).
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -26,13 +27,52 @@ pub struct Library {
     text: Option<Arc<[u8]>>,
     /// Where its textures are looked for: its own folder, then that of the OBJ.
     folders: Vec<PathBuf>,
+    /// What comes along with one that is no file.
+    made: Option<Arc<Made>>,
+}
+
+/// What belongs to a library that was made from another format.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(crate) struct Made {
+    /// Images that it names and that are no files; by their names, once the library has them.
+    pub(crate) images: Vec<Image>,
+    /// What it cannot say, for people.
+    pub(crate) unsaid: Vec<String>,
+    /// Images that it should name, and why it does not.
+    pub(crate) missing: Vec<String>,
+}
+
+/// An image that is no file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Image {
+    /// What it is called by whoever names it.
+    pub(crate) name: String,
+    /// Its type.
+    pub(crate) kind: &'static str,
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// Where a texture of a library is.
+pub(super) enum Texture<'l> {
+    File(PathBuf),
+    Inside(&'l Image),
 }
 
 impl Library {
     pub(super) fn named(name: Arc<[u8]>) -> Self {
-        Self { name, text: None, folders: Vec::new() }
+        Self { name, text: None, folders: Vec::new(), made: None }
     }
-    /// The name, as the OBJ has it.
+    /// One that is no file; its other textures are looked for in the folder.
+    pub(crate) fn made(text: String, folder: Option<&Path>, mut made: Made) -> Self {
+        made.images.sort_unstable_by(|a, b| a.name.cmp(&b.name));
+        Self {
+            name: Arc::default(),
+            text: Some(text.into_bytes().into()),
+            folders: folder.map(Path::to_owned).into_iter().collect(),
+            made: Some(Arc::new(made)),
+        }
+    }
+    /// The name, as the OBJ has it; empty where the source is no OBJ, and the library no file.
     pub fn name(&self) -> &[u8] {
         &self.name
     }
@@ -41,12 +81,33 @@ impl Library {
         self.text.as_deref()
     }
 
-    /// The file of a texture that it names.
+    /// Whether it is no file.
+    pub(super) fn is_made(&self) -> bool {
+        self.made.is_some()
+    }
+
+    /// What it had to leave out, where it was made from another format.
+    pub(crate) fn losses(&self) -> Vec<Warning> {
+        let Some(made) = &self.made else { return Vec::new() };
+        let mut warnings = left_out(&made.missing);
+        if !made.unsaid.is_empty() {
+            let text = format!("not carried of the materials: {}", made.unsaid.join(", "));
+            warnings.push(Warning::lost(text));
+        }
+        warnings
+    }
+
+    /// Where a texture that it names is.
     ///
     /// # Errors
-    /// Why there is none: a sentence's end for people.
-    pub(super) fn find_texture(&self, path: &[u8]) -> Result<PathBuf, &'static str> {
-        find(&self.folders, path)
+    /// Why it is nowhere: a sentence's end for people.
+    pub(super) fn find_texture(&self, path: &[u8]) -> Result<Texture<'_>, &'static str> {
+        if let Some(made) = &self.made
+            && let Ok(at) = made.images.binary_search_by(|image| image.name.as_bytes().cmp(path))
+        {
+            return Ok(Texture::Inside(&made.images[at]));
+        }
+        find(&self.folders, path).map(Texture::File)
     }
 }
 
@@ -93,6 +154,19 @@ fn counts(regions: &Regions) -> (usize, usize) {
         }
     }
     (materials.len(), textures.len())
+}
+
+/// Says of textures that they do not go along; each text is a path and why.
+pub(super) fn left_out(textures: &[String]) -> Vec<Warning> {
+    // More would help nobody. Guessed.
+    const SHOWN: usize = 16;
+    let shown = textures.iter().take(SHOWN);
+    let mut warnings: Vec<_> = shown.map(|text| Warning::lost(format!("texture {text}: left out"))).collect();
+    let more = textures.len().saturating_sub(SHOWN);
+    if more > 0 {
+        warnings.push(Warning::lost(format!("{more} more textures are left out")));
+    }
+    warnings
 }
 
 /// Lines with the ends that they have.

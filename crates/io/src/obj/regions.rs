@@ -63,7 +63,8 @@ impl<'a> Region<'a> {
 
 /// What the regions of a mesh stand for, by their ids; and where their materials are described.
 ///
-/// A region is a distinct combination of object, groups, material and smoothing group; ids follow the faces.
+/// A region is a distinct combination of object, groups, material and smoothing group; ids follow the faces. Of a glTF
+/// file only materials make regions, and those without one come first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Regions {
     names: Vec<Arc<[u8]>>,
@@ -75,6 +76,15 @@ pub struct Regions {
 }
 
 impl Regions {
+    /// One region for each of these materials, in their order; `None` for faces without one.
+    pub(crate) fn of_materials(names: &[Option<String>], library: Library) -> Self {
+        let mut all = Names::default();
+        let number = |name: &Option<String>| name.as_ref().map_or(NONE, |n| all.number_of(n.as_bytes()));
+        let entries: Vec<_> = names.iter().map(number).map(|n| [NONE, NONE, n, NONE]).collect();
+        let materials = (0..all.texts.len() as u32).collect();
+        Self { names: all.texts, entries, materials, libraries: vec![library] }
+    }
+
     /// How many there are; 0 where the file has no such lines.
     pub fn len(&self) -> usize {
         self.entries.len()

@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader, Read, Write};
 use std::path::{Component, Path, PathBuf};
 
-use super::materials::{Library, lines_of, path_of, texture_in, with_slashes};
+use super::materials::{Image, Library, Texture, lines_of, path_of, texture_in, with_slashes};
 use super::regions::Regions;
 use crate::error::{Warning, WriteError};
 use crate::excerpt::excerpt_of_bytes;
@@ -47,7 +47,8 @@ impl Beside {
     }
 }
 
-/// Writes the libraries as one beside the OBJ at `target`, under its name, and brings the textures along.
+/// Writes the libraries as one beside the OBJ at `target`, under its name, and brings the textures along. Images that are
+/// no files become some, whatever the policy.
 ///
 /// Every statement is kept as it stands but for the paths of textures. Libraries that were not read keep their names.
 ///
@@ -83,9 +84,9 @@ pub(crate) fn write_beside(regions: &Regions, target: &Path, policy: Textures) -
     }
 }
 
-/// The libraries by the names that the source has for them.
+/// The libraries by the names that the source has for them; those that are files.
 pub(super) fn names_of(regions: &Regions) -> Vec<Vec<u8>> {
-    regions.libraries.iter().map(|l| l.name().to_vec()).collect()
+    regions.libraries.iter().filter(|l| !l.is_made()).map(|l| l.name().to_vec()).collect()
 }
 
 /// All libraries in one, with paths that are right in `folder`.
@@ -136,7 +137,11 @@ fn path_from(
         return Ok(old.to_vec());
     }
     let found = match library.find_texture(old) {
-        Ok(found) => found,
+        Ok(Texture::File(found)) => found,
+        Ok(Texture::Inside(image)) => {
+            let name = copy_into(folder, OsStr::new(&image.name), Source::Inside(image), beside)?;
+            return Ok(bytes_of(Path::new(&name)));
+        }
         Err(why) => {
             missing.add(old, why);
             return Ok(old.to_vec());
@@ -159,24 +164,35 @@ fn path_from(
         }
     };
     // A link is copied under its own name, not that of the file which it leads to.
-    let name = copy_into(folder, &found, file, beside)?;
+    let own = found.file_name().unwrap_or(OsStr::new("texture"));
+    let name = copy_into(folder, own, Source::File(&found, file), beside)?;
     Ok(bytes_of(Path::new(&name)))
 }
 
-/// Copies a file into a folder under its own name, or a numbered one where another file has that; returns the name.
+/// What is copied.
+enum Source<'a> {
+    /// A file that is open already.
+    File(&'a Path, File),
+    Inside(&'a Image),
+}
+
+/// Copies a texture into a folder under its own name, or a numbered one where another file has that; returns the name.
 fn copy_into(
     folder: &Path,
-    source: &Path,
-    mut file: File,
+    own: &OsStr,
+    mut source: Source<'_>,
     beside: &mut Beside,
 ) -> Result<OsString, WriteError> {
     let named = |path: &Path, source: io::Error| WriteError::Io { path: path.to_owned(), source };
-    let own = source.file_name().unwrap_or(OsStr::new("texture"));
     let mut copy = None;
     for number in 0.. {
         let name = numbered(own, number);
         let target = folder.join(&name);
-        if is_same_file(source, &target).map_err(|e| named(&target, e))? {
+        let is_same = match &source {
+            Source::File(path, _) => is_same_file(path, &target),
+            Source::Inside(image) => is_file_of(&image.bytes, &target),
+        };
+        if is_same.map_err(|e| named(&target, e))? {
             return Ok(name);
         }
         if fs::symlink_metadata(&target).is_ok() {
@@ -186,7 +202,11 @@ fn copy_into(
             Some(ready) => ready,
             None => {
                 let mut new = temporary_in(folder).map_err(|e| named(&target, e))?;
-                io::copy(&mut file, new.as_file_mut()).map_err(|e| named(&target, e))?;
+                match &mut source {
+                    Source::File(_, file) => io::copy(file, new.as_file_mut()).map(|_| ()),
+                    Source::Inside(image) => new.as_file_mut().write_all(&image.bytes),
+                }
+                .map_err(|e| named(&target, e))?;
                 new
             }
         };
@@ -198,7 +218,11 @@ fn copy_into(
             // Somebody was faster.
             Err(e) if e.error.kind() == io::ErrorKind::AlreadyExists => {
                 copy = Some(e.file);
-                if is_same_file(source, &target).map_err(|e| named(&target, e))? {
+                let is_same = match &source {
+                    Source::File(path, _) => is_same_file(path, &target),
+                    Source::Inside(image) => is_file_of(&image.bytes, &target),
+                };
+                if is_same.map_err(|e| named(&target, e))? {
                     return Ok(name);
                 }
             }
@@ -272,13 +296,27 @@ fn numbered(name: &OsStr, number: u32) -> OsString {
 
 /// Whether the second one is a file with the content of the first.
 fn is_same_file(source: &Path, target: &Path) -> io::Result<bool> {
-    let Ok(about) = fs::metadata(target) else { return Ok(false) };
-    if !about.is_file() || about.len() != fs::metadata(source)?.len() {
+    // The target is mostly not there, and then nothing is opened.
+    if !fs::metadata(target).is_ok_and(|about| about.is_file()) {
         return Ok(false);
     }
-    let mut sides = [BufReader::new(File::open(source)?), BufReader::new(File::open(target)?)];
+    let file = File::open(source)?;
+    let length = file.metadata()?.len();
+    is_content(&mut BufReader::new(file), length, target)
+}
+
+/// Whether these are the bytes of a file.
+fn is_file_of(bytes: &[u8], target: &Path) -> io::Result<bool> {
+    is_content(&mut &*bytes, bytes.len() as u64, target)
+}
+
+/// Whether so many bytes are all of a file.
+fn is_content(bytes: &mut dyn Read, length: u64, target: &Path) -> io::Result<bool> {
+    if !fs::metadata(target).is_ok_and(|about| about.is_file() && about.len() == length) {
+        return Ok(false);
+    }
+    let (a, mut b) = (bytes, BufReader::new(File::open(target)?));
     loop {
-        let [a, b] = &mut sides;
         let mut pieces = [[0; 1 << 12]; 2];
         let length = a.read(&mut pieces[0])?;
         if length == 0 {

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 
 use lodsmith_core::{Positions, TriMesh, WedgeId};
 
+use super::materials::Library;
 use super::regions::{Heading, Region, Regions, listed};
 use super::textures::{Textures, names_of};
 use crate::error::Warning;
@@ -40,6 +41,14 @@ pub(crate) fn write_naming(
     let over = Over { regions, with_materials: options.textures != Textures::None };
     let mut warnings = Vec::new();
     warnings.extend(over.warning(mesh));
+    if over.with_materials && !drops_materials(mesh, regions) {
+        warnings.extend(regions.libraries().iter().flat_map(Library::losses));
+        if libraries.is_none() && options.beside.is_none() && regions.libraries().iter().any(Library::is_made)
+        {
+            let text = "a stream has no place beside it for materials: only their names are written";
+            warnings.push(Warning::lost(text));
+        }
+    }
     let colors = mesh.colors().map(|colors| vertex_colors(mesh, colors, &mut warnings));
     let mut out = TextOut::new(out);
     out.text("# Lodsmith\n");

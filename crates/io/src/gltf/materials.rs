@@ -1,0 +1,347 @@
+//! The materials of a scene whose meshes become one, as a library (MTL) can say them.
+//!
+//! Whoever writes an OBJ, or measures in texels, has one kind of description to understand. What it has no word for is
+//! kept by name, for warnings.
+
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::fmt::Write as _;
+use std::path::Path;
+
+use lodsmith_core::RegionId;
+use serde_json::Value;
+
+use super::buffers::{Buffers, data_uri, relative_path};
+use super::container::{list, number};
+use super::scene::image_type;
+use crate::excerpt::excerpt;
+use crate::obj::{Image, Library, Made, Regions};
+
+/// Faces that follow each other and have the same material.
+pub(super) struct Run {
+    /// The number of faces up to its end.
+    pub(super) end: usize,
+    pub(super) material: Option<usize>,
+}
+
+/// The regions of the faces, one for each material, and the library that describes these; the region of each face where
+/// there is more than one. Faces without a material come first. Empty where no face has any.
+pub(super) fn regions(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    runs: &[Run],
+    folder: Option<&Path>,
+    file_bytes: usize,
+) -> (Regions, Option<Vec<RegionId>>) {
+    let all = list(json, "materials");
+    let known = |run: &Run| run.material.filter(|&m| m < all.len());
+    let mut order: Vec<Option<usize>> = Vec::new();
+    let mut place_of: HashMap<Option<usize>, u32> = HashMap::new();
+    let bare = runs.iter().any(|run| known(run).is_none()).then_some(None);
+    for material in bare.into_iter().chain(runs.iter().map(known)) {
+        place_of.entry(material).or_insert_with(|| {
+            order.push(material);
+            order.len() as u32 - 1
+        });
+    }
+    if order.iter().all(Option::is_none) {
+        return (Regions::default(), None);
+    }
+    let mut scribe = Scribe::new(json, buffers, file_bytes);
+    let names: Vec<Option<String>> = order.iter().map(|m| m.map(|m| scribe.material(m, &all[m]))).collect();
+    let made =
+        Made { images: scribe.images, unsaid: scribe.unsaid.into_iter().collect(), missing: scribe.missing };
+    let library = Library::made(scribe.text, folder, made);
+    let mut ids = Vec::new();
+    if order.len() > 1 {
+        for run in runs {
+            ids.resize(run.end, RegionId(place_of[&known(run)]));
+        }
+    }
+    (Regions::of_materials(&names, library), (order.len() > 1).then_some(ids))
+}
+
+/// Writes a library.
+struct Scribe<'a, 'b> {
+    json: &'a Value,
+    buffers: &'a Buffers<'b>,
+    text: String,
+    /// Names of materials that are given away.
+    names: Names,
+    /// Names of files that are given away.
+    files: Names,
+    images: Vec<Image>,
+    /// What images are called, by number; `None` for those that stay behind.
+    known: HashMap<usize, Option<String>>,
+    unsaid: BTreeSet<String>,
+    missing: Vec<String>,
+    /// Bytes that images have so far, and that they may have: several can show the same ones.
+    taken: usize,
+    room: usize,
+}
+
+/// Bytes of a path: it stands in the library as often as materials name it. Guessed.
+const LONGEST: usize = 512;
+
+impl<'a, 'b> Scribe<'a, 'b> {
+    fn new(json: &'a Value, buffers: &'a Buffers<'b>, room: usize) -> Self {
+        Self {
+            json,
+            buffers,
+            text: String::new(),
+            names: Names::default(),
+            files: Names { folds: true, ..Names::default() },
+            images: Vec::new(),
+            known: HashMap::new(),
+            unsaid: BTreeSet::new(),
+            missing: Vec::new(),
+            taken: 0,
+            room,
+        }
+    }
+
+    /// Describes a material; returns the name that it got.
+    fn material(&mut self, index: usize, material: &Value) -> String {
+        let name = material["name"].as_str().map(clean).filter(|name| !name.is_empty());
+        let name = self.names.free(name.unwrap_or_else(|| format!("material_{index}")), "");
+        let extensions = &material["extensions"];
+        let mut surface = &material["pbrMetallicRoughness"];
+        let mut words = ["baseColorFactor", "baseColorTexture"];
+        let mut is_metal_known = surface["metallicRoughnessTexture"].is_null();
+        for word in extensions.as_object().into_iter().flat_map(|e| e.keys()) {
+            match word.as_str() {
+                "KHR_materials_emissive_strength" | "KHR_materials_unlit" => {}
+                "KHR_materials_pbrSpecularGlossiness" => {
+                    // The older way to say it; what is told beside it is for readers that do not know it.
+                    surface = &extensions[word];
+                    words = ["diffuseFactor", "diffuseTexture"];
+                    is_metal_known = false;
+                    self.leave_out(word);
+                }
+                word => self.leave_out(word),
+            }
+        }
+        if !surface["metallicRoughnessTexture"].is_null() {
+            self.leave_out("metallicRoughnessTexture");
+        }
+        if !material["occlusionTexture"].is_null() {
+            self.leave_out("occlusionTexture");
+        }
+        let color = numbers(&surface[words[0]], [1.0; 4]);
+        let is_opaque = !["MASK", "BLEND"].contains(&material["alphaMode"].as_str().unwrap_or("OPAQUE"));
+        let strength = &extensions["KHR_materials_emissive_strength"]["emissiveStrength"];
+        let emission =
+            numbers(&material["emissiveFactor"], [0.0; 3]).map(|x| x * strength.as_f64().unwrap_or(1.0));
+
+        let mut lines = format!("newmtl {name}\n");
+        let [r, g, b, alpha] = color;
+        line(&mut lines, "Kd", &[r, g, b]);
+        let mut is_seen_through = !is_opaque && alpha != 1.0;
+        if is_seen_through {
+            line(&mut lines, "d", &[alpha]);
+        }
+        if emission != [0.0; 3] {
+            line(&mut lines, "Ke", &emission);
+        }
+        if !extensions["KHR_materials_unlit"].is_null() {
+            lines += "illum 0\n";
+        } else if is_metal_known {
+            let factor = |what: &str| surface[what].as_f64().unwrap_or(1.0);
+            line(&mut lines, "Pm", &[factor("metallicFactor")]);
+            line(&mut lines, "Pr", &[factor("roughnessFactor")]);
+        }
+        if let Some(file) = self.texture(&surface[words[1]], words[1]) {
+            let _ = writeln!(lines, "map_Kd {file}");
+            // A JPEG has no alpha: what reads one would take its brightness.
+            let lower = file.to_lowercase();
+            if !is_opaque && ![".jpg", ".jpeg"].iter().any(|ending| lower.ends_with(ending)) {
+                let _ = writeln!(lines, "map_d {file}");
+                is_seen_through = true;
+            }
+        }
+        if is_seen_through && material["alphaMode"] == "MASK" {
+            self.leave_out("alphaMode MASK");
+        }
+        if emission != [0.0; 3]
+            && let Some(file) = self.texture(&material["emissiveTexture"], "emissiveTexture")
+        {
+            let _ = writeln!(lines, "map_Ke {file}");
+        }
+        let normal = &material["normalTexture"];
+        if let Some(file) = self.texture(normal, "normalTexture") {
+            let _ = writeln!(lines, "norm {file}");
+            if normal["scale"].as_f64().is_some_and(|scale| scale != 1.0) {
+                self.leave_out("scale of normalTexture");
+            }
+        }
+        self.text += &lines;
+        name
+    }
+
+    fn leave_out(&mut self, word: &str) {
+        // A file may hold words without end; a warning needs no more.
+        if self.unsaid.len() < 16 {
+            self.unsaid.insert(excerpt(word));
+        }
+    }
+
+    /// The file that a material is to name for a texture.
+    fn texture(&mut self, slot: &Value, what: &str) -> Option<String> {
+        let index = number(&slot["index"])?;
+        let transform = &slot["extensions"]["KHR_texture_transform"];
+        let set = if transform["texCoord"].is_null() { &slot["texCoord"] } else { &transform["texCoord"] };
+        if number(set).is_some_and(|set| set != 0) {
+            self.leave_out(&format!("{what} by another set of coordinates"));
+            return None;
+        }
+        if !transform.is_null() {
+            self.leave_out("KHR_texture_transform");
+        }
+        let texture = &list(self.json, "textures").get(index)?;
+        let sampler = number(&texture["sampler"]).map_or(&Value::Null, |s| &self.json["samplers"][s]);
+        const REPEAT: usize = 10497;
+        if ["wrapS", "wrapT"].iter().any(|&way| number(&sampler[way]).is_some_and(|way| way != REPEAT)) {
+            self.leave_out("clamped or mirrored textures");
+        }
+        let others = texture["extensions"].as_object().into_iter().flat_map(|e| e.values());
+        // A plain image is there for all programs, one in an extension for few.
+        let source = std::iter::once(*texture).chain(others).find_map(|t| number(&t["source"]))?;
+        if let Some(known) = self.known.get(&source) {
+            return known.clone();
+        }
+        let file = match self.image(source) {
+            Ok(file) => Some(file),
+            Err(why) => {
+                self.missing.push(format!("images[{source}] {why}"));
+                None
+            }
+        };
+        self.known.insert(source, file.clone());
+        file
+    }
+
+    /// What an image is called from now on; its bytes are taken along, unless it is a file.
+    fn image(&mut self, index: usize) -> Result<String, String> {
+        let image = list(self.json, "images").get(index).ok_or("is not there")?;
+        let at = format!("images[{index}]");
+        let bytes = match image["uri"].as_str() {
+            Some(uri) => match uri.strip_prefix("data:") {
+                Some(data) => data_uri(data, &at).map_err(|e| e.to_string())?,
+                None => {
+                    let path = relative_path(uri)?;
+                    let is_fine = |path: &&str| path.len() <= LONGEST && !path.contains(char::is_control);
+                    let path = path.to_str().filter(is_fine).ok_or("has a name that no line can hold")?;
+                    self.files.take(path);
+                    return Ok(path.to_owned());
+                }
+            },
+            None => {
+                let view = number(&image["bufferView"]).ok_or("has neither a uri nor a view")?;
+                let view = self.buffers.view(view, &at).map_err(|e| e.to_string())?;
+                self.room = self.room.max(self.buffers.total());
+                view.bytes.to_vec()
+            }
+        };
+        self.taken = self.taken.saturating_add(bytes.len());
+        if self.taken > self.room {
+            return Err("shows bytes that other images show too".to_owned());
+        }
+        let kind = image_type(&bytes).ok_or("is of no known type")?;
+        let name = image["name"].as_str().map(file_stem).filter(|name| !name.is_empty());
+        let ending = match kind {
+            "image/jpeg" => ".jpg",
+            "image/png" => ".png",
+            "image/webp" => ".webp",
+            _ => ".ktx2",
+        };
+        let stem = name.unwrap_or_else(|| format!("image_{index}"));
+        let name = self.files.free(stem, ending);
+        self.images.push(Image { name: name.clone(), kind, bytes });
+        Ok(name)
+    }
+}
+
+/// Names that are given away.
+#[derive(Default)]
+struct Names {
+    /// Whether large letters make no other name: some systems take such files for the same.
+    folds: bool,
+    taken: HashSet<String>,
+    /// The last number that a name got.
+    last: HashMap<String, usize>,
+}
+
+impl Names {
+    fn key(&self, name: &str) -> String {
+        if self.folds { name.to_lowercase() } else { name.to_owned() }
+    }
+
+    /// Whether nobody had it.
+    fn take(&mut self, name: &str) -> bool {
+        self.taken.insert(self.key(name))
+    }
+
+    /// A name with this ending that nobody has: with a number, if need be.
+    fn free(&mut self, stem: String, ending: &str) -> String {
+        let mut name = format!("{stem}{ending}");
+        while !self.take(&name) {
+            let key = self.key(&stem);
+            let number = self.last.entry(key).or_default();
+            *number += 1;
+            name = format!("{stem}_{number}{ending}");
+        }
+        name
+    }
+}
+
+/// A name that can stand on a line, up to its end.
+fn clean(name: &str) -> String {
+    let plain: String = name.chars().map(|c| if c.is_control() { '_' } else { c }).collect();
+    plain.trim().trim_end_matches('\\').trim_end().to_owned()
+}
+
+/// What a file of this name may be called anywhere, without its ending.
+fn file_stem(name: &str) -> String {
+    // Guessed: long enough for people, short enough for every system.
+    const MOST: usize = 64;
+    let bare = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    let endings = [".png", ".jpg", ".jpeg", ".webp", ".ktx2"];
+    let lower = bare.to_ascii_lowercase();
+    let length = endings.iter().find(|e| lower.ends_with(**e)).map_or(bare.len(), |e| bare.len() - e.len());
+    let fine = |c: char| c.is_alphanumeric() || "-_.+()".contains(c);
+    let plain: String = bare[..length].chars().take(MOST).map(|c| if fine(c) { c } else { '_' }).collect();
+    plain.trim_start_matches(['.', '-']).trim_end_matches('.').to_owned()
+}
+
+fn line(text: &mut String, keyword: &str, numbers: &[f64]) {
+    *text += keyword;
+    for number in numbers {
+        let _ = write!(text, " {number}");
+    }
+    text.push('\n');
+}
+
+fn numbers<const N: usize>(value: &Value, default: [f64; N]) -> [f64; N] {
+    let all: Option<Vec<f64>> = value.as_array().and_then(|all| all.iter().map(Value::as_f64).collect());
+    all.and_then(|all| all.try_into().ok()).unwrap_or(default)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_become_lines_and_files() {
+        assert_eq!(clean(" old\nwood \\ "), "old_wood");
+        assert_eq!(file_stem("tex/My wood.PNG"), "My_wood");
+        assert_eq!(file_stem("..\\..\\-x.jpeg"), "x");
+        assert_eq!(file_stem("a:b*c"), "a_b_c");
+        assert_eq!(file_stem(".png"), "");
+        assert_eq!(file_stem(&"ü".repeat(100)).chars().count(), 64);
+        let mut names = Names { folds: true, ..Names::default() };
+        assert!(names.take("A.png"));
+        assert_eq!(names.free("a".into(), ".png"), "a_1.png");
+        assert_eq!([names.free("a".into(), ".png"), names.free("a".into(), "")], ["a_2.png", "a"]);
+        let mut names = Names::default();
+        assert_eq!(["a", "A", "a"].map(|n| names.free(n.into(), "")), ["a", "A", "a_1"]);
+    }
+}

@@ -1,0 +1,121 @@
+//! How large the images of colours are, by the first bytes of their files.
+
+use std::collections::{HashMap, HashSet};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::materials::{Library, Texture, lines_of, next_word, texture_in};
+use super::regions::Regions;
+use crate::error::Warning;
+use crate::excerpt::excerpt_of_bytes;
+
+impl Regions {
+    /// Width and height, in texels, of the image of colours (`map_Kd`) that each region shows, by the number of the
+    /// region; and what is to be said of images without a size. Images are not decoded: a small part of each file is
+    /// read.
+    pub fn image_sizes(&self) -> (Vec<Option<[u32; 2]>>, Vec<Warning>) {
+        let mut warnings = Vec::new();
+        let mut of_material: HashMap<&[u8], Option<[u32; 2]>> =
+            self.materials().map(|material| (material, None)).collect();
+        let mut described = HashSet::new();
+        for library in self.libraries() {
+            let mut of_path: HashMap<&[u8], Option<[u32; 2]>> = HashMap::new();
+            let mut present = None;
+            for line in lines_of(library.text().unwrap_or_default()) {
+                let Some((word, rest)) = next_word(line) else { continue };
+                let keyword = &line[word];
+                if keyword.eq_ignore_ascii_case(b"newmtl") {
+                    let name = line[rest..].trim_ascii();
+                    // Of two descriptions the first holds, and of what no face has nobody asks.
+                    present =
+                        Some(name).filter(|name| of_material.contains_key(name) && described.insert(*name));
+                } else if let (Some(name), true) = (present, keyword.eq_ignore_ascii_case(b"map_kd"))
+                    && let Some(path) = texture_in(line)
+                {
+                    let path = &line[path];
+                    let size = *of_path.entry(path).or_insert_with(|| {
+                        size_in(library, path).map_err(|why| warnings.push((path, why))).ok()
+                    });
+                    of_material.insert(name, size);
+                }
+            }
+        }
+        let sizes = self.iter().map(|region| *of_material.get(region.material?)?).collect();
+        (sizes, told(&warnings))
+    }
+}
+
+/// Says of images that their size is not known.
+fn told(unknown: &[(&[u8], &str)]) -> Vec<Warning> {
+    let Some(((path, why), others)) = unknown.split_first() else { return Vec::new() };
+    let more = if others.is_empty() { String::new() } else { format!(", and {} more", others.len()) };
+    let path = excerpt_of_bytes(path);
+    vec![Warning::note(format!("texture {path} {why}: no errors in texels on what it covers{more}"))]
+}
+
+fn size_in(library: &Library, path: &[u8]) -> Result<[u32; 2], &'static str> {
+    match library.find_texture(path)? {
+        Texture::Inside(image) => size_of(&image.bytes),
+        Texture::File(file) => size_of_file(&file),
+    }
+}
+
+/// The size of an image by the bytes at its front.
+fn size_of_file(path: &Path) -> Result<[u32; 2], &'static str> {
+    // Most formats say it at once; a JPEG may have a profile and a preview before. Guessed.
+    const FRONT: u64 = 1 << 16;
+    const MOST: u64 = 1 << 24;
+    let mut file = File::open(path).map_err(|_| "cannot be read")?;
+    let mut bytes = Vec::new();
+    let mut read_to = |end: u64| -> Result<_, &'static str> {
+        let more = end - bytes.len() as u64;
+        (&mut file).take(more).read_to_end(&mut bytes).map_err(|_| "cannot be read")?;
+        Ok(size_of(&bytes))
+    };
+    let first = read_to(FRONT)?;
+    if first.is_ok() { first } else { read_to(MOST)? }
+}
+
+fn size_of(bytes: &[u8]) -> Result<[u32; 2], &'static str> {
+    // More texels than this along an edge no program shows; what says so is damaged. Guessed.
+    const MOST: usize = 1 << 20;
+    let size = imagesize::blob_size(bytes).map_err(|_| "is no image of a known kind")?;
+    let edge = |texels: usize| u32::try_from(texels).ok().filter(|_| (1..=MOST).contains(&texels));
+    edge(size.width).zip(edge(size.height)).map(|(w, h)| [w, h]).ok_or("has no size")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_come_from_the_first_bytes() {
+        let png = |w: u32, h: u32| {
+            let mut bytes = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR".to_vec();
+            bytes.extend(w.to_be_bytes());
+            bytes.extend(h.to_be_bytes());
+            bytes
+        };
+        assert_eq!(size_of(&png(640, 480)), Ok([640, 480]));
+        assert_eq!(size_of(&png(0, 480)), Err("has no size"));
+        assert_eq!(size_of(&png(u32::MAX, 1)), Err("has no size"));
+        for end in 0..23 {
+            assert!(size_of(&png(640, 480)[..end]).is_err(), "{end}");
+        }
+        assert_eq!(size_of(b"P3 1 1"), Err("is no image of a known kind"));
+        // A frame of 2 by 3 behind a comment longer than what is read at first.
+        let mut jpeg = b"\xff\xd8".to_vec();
+        for _ in 0..3 {
+            jpeg.extend(b"\xff\xfe\xff\xff");
+            jpeg.resize(jpeg.len() + 0xfffd, 7);
+        }
+        jpeg.extend(b"\xff\xc0\0\x0b\x08\0\x03\0\x02\x01\x01\x11\0");
+        assert_eq!(size_of(&jpeg), Ok([2, 3]));
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), &jpeg).unwrap();
+        assert_eq!(size_of_file(file.path()), Ok([2, 3]));
+        std::fs::write(file.path(), &jpeg[..jpeg.len() - 6]).unwrap();
+        assert!(size_of_file(file.path()).is_err());
+    }
+}
