@@ -363,11 +363,11 @@ fn the_fit_of_what_has_no_extent_stays_finite() {
 fn huge_values_stay_numbers() {
     let mut mesh = shapes::blob(3, 5);
     let count = mesh.vertex_count();
-    let marked = |i: usize| if i % 9 == 0 { f32::MAX } else { i as f32 / count as f32 };
+    let marked = |i: usize| if i.is_multiple_of(9) { f32::MAX } else { i as f32 / count as f32 };
     mesh.set_uvs(Some((0..count).map(|i| [marked(i), 0.5]).collect())).unwrap();
     mesh.set_normals(Some((0..count).map(|i| [0.0, marked(i), 1.0]).collect())).unwrap();
     mesh.set_colors(Some((0..count).map(|i| [marked(i), 1.0, 0.0, 1.0]).collect())).unwrap();
-    let pull = |i: usize| if i % 7 == 0 { [f32::INFINITY, 1.0] } else { [f32::MAX, f32::MAX] };
+    let pull = |i: usize| if i.is_multiple_of(7) { [f32::INFINITY, 1.0] } else { [f32::MAX, f32::MAX] };
     let mut add =
         |semantic, width, values| mesh.add_attribute(Attribute { semantic, width, values }).unwrap();
     add(Semantic::Custom("_HEIGHT".to_owned()), 1, (0..count).map(marked).collect());
