@@ -225,7 +225,7 @@ pub struct SimplifyOptions {
     /// A locked vertex keeps its place and all that stands on it, to the bit, and a face whose vertices are all locked
     /// stays. The faces around are simplified up to it and stay joined to it; a part with a locked vertex never goes.
     /// Vertices at one place are locked together; a weld moves others onto locked ones, never those. Of faces that stand
-    /// twice one goes all the same. `Placement::Endpoint` drops what it drops everywhere.
+    /// twice one goes all the same.
     pub locked: Option<Arc<[bool]>>,
     /// How many times as many triangles as elsewhere a place of the same shape is to have, for each vertex of the input:
     /// in a scene, of all parts, one after the other. 1 is as elsewhere; beyond 0.001 and 1000 counts as these.

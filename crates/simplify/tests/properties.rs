@@ -10,10 +10,12 @@ use lodsmith::{
     TopologyPolicy, simplify,
 };
 use proptest::prelude::*;
+use support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
 use support::{Random, bytes, complaints, run, told};
 
+/// Any faces; two times in three with attributes.
 fn any_mesh() -> impl Strategy<Value = TriMesh> {
-    prop_oneof![
+    let plain = prop_oneof![
         2 => soup(12, Coordinates::Tame),
         2 => soup(60, Coordinates::Tame),
         2 => soup(40, Coordinates::Wild),
@@ -21,7 +23,10 @@ fn any_mesh() -> impl Strategy<Value = TriMesh> {
         1 => perturbed_shape(0.0),
         1 => perturbed_shape(0.02),
         1 => perturbed_shape(0.5),
-    ]
+    ];
+    (plain, any::<u64>()).prop_map(|(mesh, seed)| {
+        if seed.is_multiple_of(3) { mesh } else { laden(&mesh, &mut Random(seed | 1)) }
+    })
 }
 
 /// Options drawn by chance; an error, which measures, is not among them.
@@ -55,11 +60,21 @@ fn random_options(seed: u64) -> SimplifyOptions {
     options
 }
 
+/// The same, with all that there is to ask for.
+fn any_options(seed: u64, mesh: &TriMesh) -> SimplifyOptions {
+    laden_options(random_options(seed), &mut Random(seed.rotate_left(32) | 1), mesh.vertex_count())
+}
+
 /// What is wrong with a run, if anything; a mesh without faces is not.
 fn wrongs(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
     match run(mesh, options) {
         Ok(Ok(done)) => {
             let mut found = complaints(mesh, options, &done);
+            let locked = options.locked.as_deref();
+            found.extend(attribute_complaints(mesh, options.placement, locked, &done.mesh));
+            if let Some(locked) = locked {
+                found.extend(locked_complaints(mesh, locked, options.weld.is_some(), &done.mesh));
+            }
             match run(mesh, options) {
                 Ok(Ok(again)) if bytes(&again.mesh) == bytes(&done.mesh) && again.report == done.report => {}
                 _ => found.push("another result when run again".to_owned()),
@@ -77,7 +92,7 @@ proptest! {
 
     #[test]
     fn any_mesh_gives_a_sound_result(mesh in any_mesh(), seed in any::<u64>()) {
-        let options = random_options(seed);
+        let options = any_options(seed, &mesh);
         let found = wrongs(&mesh, &options);
         prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
     }
@@ -156,8 +171,11 @@ fn nasty(seed: u64) -> TriMesh {
 fn thousands_of_nasty_soups() {
     let mut all = support::Complaints::default();
     for seed in 0..6000 {
-        let mesh = nasty(seed);
-        let options = random_options(seed ^ 0xABCD_EF01_2345);
+        let (mut mesh, mut options) = (nasty(seed), random_options(seed ^ 0xABCD_EF01_2345));
+        if seed.is_multiple_of(2) {
+            mesh = laden(&mesh, &mut Random(seed | 1));
+            options = any_options(seed ^ 0xABCD_EF01_2345, &mesh);
+        }
         let found = wrongs(&mesh, &options);
         all.add(&format!("seed {seed}, {} faces, {}", mesh.face_count(), told(&options)), found);
     }

@@ -6,8 +6,11 @@ use std::collections::BTreeSet;
 
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::{Attribute, RegionId, Semantic, TriMesh, shapes};
-use lodsmith::{Length, NoControl, Part, SimplifyOptions, Stop, simplify_scene};
-use support::scene_complaints;
+use lodsmith::{
+    Length, NoControl, Part, Placement, SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify_scene,
+};
+use support::laden::{laden, laden_options};
+use support::{Complaints, Random, bytes, scene_complaints, told};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
     Part { mesh, instances, scale, system: None }
@@ -123,4 +126,62 @@ fn a_weld_stays_within_its_part() {
     let alone = simplify_scene(&parts[..1], 4.0, &options, &mut NoControl).unwrap();
     let both = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
     assert_eq!(both.report.cleanup.welded_vertices, 2 * alone.report.cleanup.welded_vertices);
+}
+
+/// Instances, scale and system of a part.
+type Place = (usize, f64, Option<usize>);
+
+/// Parts by chance: single ones, instances, neighbours mirrored at a side of the one before.
+fn any_parts(random: &mut Random) -> (Vec<TriMesh>, Vec<Place>) {
+    let (mut meshes, mut places): (Vec<TriMesh>, Vec<_>) = (Vec::new(), Vec::new());
+    for i in 0..1 + random.below(4) as usize {
+        let mut all = shapes::all();
+        all.retain(|s| s.1.face_count() <= 130);
+        let mut mesh = all.swap_remove(random.below(all.len() as u64) as usize).1;
+        if i > 0 && random.below(2) == 0 {
+            mesh = meshes[i - 1].clone();
+            let (axis, bounds) = (random.below(3) as usize, mesh.positions().view().bounds().unwrap());
+            mesh.map_positions(|mut p| {
+                p[axis] = 2.0 * bounds.max[axis] - p[axis];
+                p
+            });
+        }
+        meshes.push(if random.below(3) > 0 { laden(&mesh, random) } else { mesh });
+        places.push(match random.below(2) {
+            0 => (1, 1.0, Some(random.below(2) as usize)),
+            _ => (random.below(5) as usize, random.pick(&[1.0, 0.01, 20.0, 3.3]), None),
+        });
+    }
+    (meshes, places)
+}
+
+#[test]
+fn any_scene_gives_sound_results() {
+    let mut all = Complaints::default();
+    for seed in 0..300u64 {
+        let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+        let (meshes, places) = any_parts(&mut random);
+        let placed = meshes.iter().zip(&places);
+        let parts: Vec<Part<'_>> = placed
+            .map(|(mesh, &(instances, scale, system))| Part { mesh, instances, scale, system })
+            .collect();
+        let stop = random.pick(&[Stop::ratio(0.3), Stop::faces(40), Stop::vertices(30), Stop::ratio(0.02)]);
+        let vertices = meshes.iter().map(TriMesh::vertex_count).sum();
+        let mut options = laden_options(SimplifyOptions::new(stop), &mut random, vertices);
+        options.placement = random.pick(&[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]);
+        options.topology =
+            random.pick(&[TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free]);
+        let run = || simplify_scene(&parts, 4.0, &options, &mut NoControl);
+        let case = format!("seed {seed}, {}, {places:?}", told(&options));
+        match (run(), run()) {
+            (Ok(done), Ok(again)) => {
+                all.add(&case, scene_complaints(&parts, &options, 4.0, &done));
+                let same = done.meshes.iter().map(bytes).eq(again.meshes.iter().map(bytes));
+                all.check(&case, same && done.counts == again.counts, "another result when run again");
+            }
+            (Err(SimplifyError::NoFaces { .. }), _) => {}
+            (failed, _) => all.add(&case, failed.err().map(|e| format!("fails: {e}"))),
+        }
+    }
+    all.settle();
 }

@@ -2,9 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
-use lodsmith::Placement;
 use lodsmith::core::mesh::normals::vertex_normals;
 use lodsmith::core::{Attribute, Morphed, RegionId, Semantic, TriMesh, VertexId, WedgeId};
+use lodsmith::{AttributeWeights, Length, Placement, Preset, SimplifyOptions};
 
 use super::Random;
 
@@ -107,6 +107,36 @@ pub(crate) fn laden(plain: &TriMesh, random: &mut Random) -> TriMesh {
         }
     }
     mesh
+}
+
+/// Options with all that a caller rarely asks for, by chance.
+pub(crate) fn laden_options(
+    mut options: SimplifyOptions,
+    random: &mut Random,
+    vertices: usize,
+) -> SimplifyOptions {
+    let shape = [Preset::Auto, Preset::Auto, Preset::Scan, Preset::Cad, Preset::Visual, Preset::Print];
+    let preset = SimplifyOptions::preset(random.pick(&shape), options.stop);
+    options.weights = preset.weights;
+    options.weld = options.weld.or(preset.weld);
+    options.shape_normals = preset.shape_normals || random.below(4) == 0;
+    options.prune = (random.below(6) == 0).then(|| Length::OfDiagonal(0.5 * random.unit()));
+    options.escalate = random.below(4) == 0;
+    options.per_mesh = random.below(4) == 0;
+    if random.below(3) == 0 {
+        let mut any = || random.pick(&[0.0, 1.0, 1.0, 0.5, 10.0, 1e6, 1e30]);
+        let [normal, uv, color, morph, other, border] = [0; 6].map(|_| any());
+        options.weights = AttributeWeights { normal, uv, color, morph, other, border };
+    }
+    if random.below(3) == 0 {
+        let one_in = random.pick(&[1, 2, 4, 20]);
+        options.locked = Some((0..vertices).map(|_| random.below(one_in) == 0).collect());
+    }
+    if random.below(3) == 0 {
+        let of = random.pick(&[[1.0f32, 4.0], [1e-30, 1e30], [0.1, 1.0], [2.0, 2.0]]);
+        options.importance = Some((0..vertices).map(|_| random.pick(&of)).collect());
+    }
+    options
 }
 
 /// The same faces on wedges: one for each vertex, for each chart of it or for each corner; with regions, or without.
