@@ -1,35 +1,10 @@
 //! Data that the mesh knows nothing of, carried from the original to the result.
 
+mod support;
+
 use lodsmith::core::{Source, TriMesh, VertexId, WedgeId, correspondence, shapes};
 use lodsmith::{Fit, Length, Method, NoControl, Placement, SimplifyOptions, Stop, simplify};
-
-fn place(mesh: &TriMesh, w: WedgeId) -> [f64; 3] {
-    mesh.positions().view().get(mesh.vertex_of(w))
-}
-
-fn wedges(mesh: &TriMesh) -> impl Iterator<Item = WedgeId> + use<> {
-    (0..mesh.wedge_count() as u32).map(WedgeId)
-}
-
-/// A wavy sheet whose left and right half have textures of their own, far from each other.
-fn two_charts(n: u32) -> TriMesh {
-    let plain = shapes::wavy_sheet(n);
-    let bounds = plain.positions().view().bounds().unwrap();
-    let middle = 0.5 * (bounds.min[0] + bounds.max[0]);
-    let is_right = |t: &[WedgeId; 3]| t.iter().map(|&w| place(&plain, w)[0]).sum::<f64>() / 3.0 > middle;
-    let count = plain.vertex_count() as u32;
-    let vertex_of = (0..2 * count).map(|w| VertexId(w % count)).collect();
-    let shifted = |t: &[WedgeId; 3]| t.map(|w| WedgeId(w.0 + if is_right(t) { count } else { 0 }));
-    let triangles = plain.triangles().iter().map(shifted).collect();
-    let mut mesh = TriMesh::with_wedges(plain.positions().clone(), vertex_of, triangles).unwrap();
-    let uv = |w: WedgeId| {
-        let p = place(&mesh, w);
-        [p[0] as f32 + if w.0 >= count { 10.0 } else { 0.0 }, p[1] as f32]
-    };
-    let uvs = wedges(&mesh).map(uv).collect();
-    mesh.set_uvs(Some(uvs)).unwrap();
-    mesh
-}
+use support::charts::{place, two_charts, wedges};
 
 #[test]
 fn sources_lie_on_the_side_of_their_wedge_also_after_the_fit() {

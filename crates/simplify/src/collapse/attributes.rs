@@ -190,13 +190,13 @@ impl Attributes {
     }
     /// Changes the values of a wedge, and lets them follow its vertex along their gradients; directions stay unit vectors.
     pub(crate) fn shift(&mut self, w: WedgeId, by: &[f32x4], moved: Vec3) {
-        let at = w.index() * 4 * self.lanes;
-        let per_area = 1.0 / self.heads[w.index()].area.max(1e-30);
-        let [values, x, y, z] = self.parts(w);
-        let mut row: Vec<f32x4> =
-            (0..self.lanes).map(|i| values[i] + by[i] + dot(&[x[i], y[i], z[i]], moved) * per_area).collect();
-        self.normalize(&mut row);
-        self.rows[at..][..self.lanes].copy_from_slice(&row);
+        let (n, at) = (self.lanes, w.index() * 4 * self.lanes);
+        let moved = moved / self.heads[w.index()].area.max(1e-30);
+        for (i, by) in by.iter().enumerate() {
+            let gain = [1, 2, 3].map(|part| self.rows[at + part * n + i]);
+            self.rows[at + i] += *by + dot(&gain, moved);
+        }
+        normalize(&self.directions, &mut self.rows[at..][..n]);
     }
     #[inline(always)]
     fn row(&self, w: WedgeId) -> &[f32x4] {
@@ -551,14 +551,7 @@ impl Attributes {
 
     /// Makes unit vectors of the directions among some values.
     pub(super) fn normalize(&self, values: &mut [f32x4]) {
-        let values: &mut [f32] = bytemuck::cast_slice_mut(values);
-        for &at in &self.directions {
-            let n = Vec3::from_slice(&values[at..at + 3]);
-            let length = n.length();
-            if length > 1e-6 {
-                values[at..at + 3].copy_from_slice(&(n / length).to_array());
-            }
-        }
+        normalize(&self.directions, values);
     }
 
     pub(super) fn blended_pulls(&self, members: &[Member], group: usize, t: f32) -> Pulls {
@@ -582,6 +575,17 @@ impl Attributes {
         sum.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         sum.truncate(MOST_PULLS);
         sum
+    }
+}
+
+fn normalize(directions: &[usize], values: &mut [f32x4]) {
+    let values: &mut [f32] = bytemuck::cast_slice_mut(values);
+    for &at in directions {
+        let n = Vec3::from_slice(&values[at..at + 3]);
+        let length = n.length();
+        if length > 1e-6 {
+            values[at..at + 3].copy_from_slice(&(n / length).to_array());
+        }
     }
 }
 

@@ -71,15 +71,17 @@ impl<M: Metric> Store<M> {
 
     /// Whether faces of several regions meet in a star.
     pub(crate) fn meets_regions(&self, ring: &[Spoke]) -> bool {
-        let Some(regions) = &self.regions else { return false };
-        let of = |r: &Spoke| regions[r.corner.face()];
-        ring.iter().any(|r| of(r) != of(&ring[0]))
+        self.meets(ring, |region| region)
     }
 
     /// Whether faces of several classes of regions meet in a star.
     fn meets_classes(&self, ring: &[Spoke]) -> bool {
+        self.meets(ring, |region| self.class(region))
+    }
+
+    fn meets(&self, ring: &[Spoke], name: impl Fn(RegionId) -> RegionId) -> bool {
         let Some(regions) = &self.regions else { return false };
-        let of = |r: &Spoke| self.class(regions[r.corner.face()]);
+        let of = |r: &Spoke| name(regions[r.corner.face()]);
         ring.iter().any(|r| of(r) != of(&ring[0]))
     }
 

@@ -1,6 +1,7 @@
 //! What every result must be, whatever was asked.
 #![allow(unused, reason = "each test file uses its part")]
 
+pub(crate) mod charts;
 pub(crate) mod laden;
 
 use std::collections::HashSet;

@@ -1,0 +1,245 @@
+//! Options of `simplify` beyond the target: what to leave alone, what counts more, and what else may be tried.
+
+mod desk;
+
+use std::fmt::Write as _;
+use std::fs;
+
+use desk::{Desk, coloured_cube, hills, keys, ply};
+use serde_json::Value;
+
+#[test]
+fn a_target_out_of_reach_says_what_stopped_it() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(6));
+    // Nothing but border: no vertex may be touched.
+    desk.put("square.ply", &hills(1));
+    let words = "simplify square.ply -o low.ply --faces 1 --border lock --topology preserve";
+    let ran = desk.run(words).with_status(0);
+    assert!(
+        ran.stderr.starts_with("warning: square.ply: target not reached, stopped by refusals"),
+        "{}",
+        ran.stderr
+    );
+    assert_eq!(desk.faces("low.ply"), 2);
+    desk.run(&format!("{words} --strict")).with_status(3).with_one_error();
+    let report = &desk.run(&format!("{words} --strict --json")).with_status(3).objects()[0];
+    assert_eq!(report["reached"], false);
+    assert_eq!(report["stopped_by"], "refusals");
+    assert_eq!(report["refusals"].to_string(), r#"{"border":10}"#);
+}
+
+#[test]
+fn a_target_out_of_reach_says_what_would_help() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(10));
+    let words = "simplify hills.ply -o low.ply --faces 2";
+    let ran = desk.run(&format!("{words} --border lock")).with_status(0);
+    assert!(ran.stderr.ends_with("; --border slide (now lock) would go further\n"), "{}", ran.stderr);
+    let report = &desk.run(&format!("{words} --border lock --json")).with_status(0).objects()[0];
+    let changes = &report["proposals"][0]["changes"];
+    assert_eq!(changes.to_string(), r#"[{"option":"border","now":"lock","to":"slide"}]"#);
+    assert!(report["proposals"][0]["gain"].as_u64() > Some(0));
+    let ran = desk.run(&format!("{words} --max-edge 20%")).with_status(0);
+    assert!(ran.stderr.ends_with("; a higher --max-edge (now 20%) would go further\n"), "{}", ran.stderr);
+    // Nothing stands in the way but the shape: a closed surface needs four.
+    desk.put("cube.ply", &coloured_cube());
+    let ran = desk.run("simplify cube.ply -o low.ply --faces 1").with_status(0);
+    assert!(ran.stderr.ends_with("; no option would go further\n"), "{}", ran.stderr);
+    let report = &desk.run("simplify cube.ply -o low.ply --faces 1 --json").with_status(0).objects()[0];
+    assert_eq!(report["proposals"].to_string(), "[]");
+}
+
+/// A ring of so many quads around and across.
+fn ring(around: usize, across: usize) -> String {
+    let (mut vertices, mut faces) = (String::new(), String::new());
+    let turn = |i: usize, n: usize| i as f64 / n as f64 * std::f64::consts::TAU;
+    for i in 0..around {
+        for k in 0..across {
+            let (a, b) = (turn(i, around), turn(k, across));
+            let r = 1.0 + 0.4 * b.cos();
+            vertices += &format!("{} {} {}\n", r * a.cos(), r * a.sin(), 0.4 * b.sin());
+            let at = |i: usize, k: usize| i % around * across + k % across;
+            let [p, q, r, s] = [at(i, k), at(i + 1, k), at(i + 1, k + 1), at(i, k + 1)];
+            faces += &format!("3 {p} {q} {r}\n3 {p} {r} {s}\n");
+        }
+    }
+    ply("", around * across, 2 * around * across, &vertices, &faces)
+}
+
+#[test]
+fn an_escalation_says_what_it_did() {
+    let desk = Desk::new();
+    desk.put("ring.ply", &ring(32, 12));
+    let words = "simplify ring.ply -o low.ply --faces 4 --topology preserve --escalate";
+    let ran = desk.run(&format!("{words} --strict -v")).with_status(0);
+    assert!(ran.stderr.contains("escalated to --topology relaxed: 20 → 4 faces"), "{}", ran.stderr);
+    let report = &desk.run(&format!("{words} --json")).with_status(0).objects()[0];
+    assert_eq!(report["reached"], true);
+    assert!(report["necks_cut"].as_u64() > Some(0));
+    let steps: Vec<_> = report["escalated"].as_array().expect("a list").iter().map(|s| &s["to"]).collect();
+    assert_eq!(steps, ["relaxed"]);
+    // Without it, the report proposes the step.
+    let words = "simplify ring.ply -o low.ply --faces 4 --topology preserve --json";
+    let report = &desk.run(words).with_status(0).objects()[0];
+    assert_eq!(report["proposals"][0]["changes"][0]["to"], "relaxed");
+}
+
+#[test]
+fn small_parts_are_pruned_and_counted() {
+    let desk = Desk::new();
+    // Tetrahedra of sizes 1, 2 and 4, apart.
+    let (mut vertices, mut faces) = (String::new(), String::new());
+    for (i, size) in [1, 2, 4].into_iter().enumerate() {
+        let (x, n) = (10 * i, 4 * i);
+        vertices += &format!("{x} 0 0\n{} 0 0\n{x} {size} 0\n{x} 0 {size}\n", x + size);
+        for [a, b, c] in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+            faces += &format!("3 {} {} {}\n", a + n, b + n, c + n);
+        }
+    }
+    desk.put("parts.ply", &ply("", 12, 12, &vertices, &faces));
+    let words = "simplify parts.ply -o low.ply --ratio 1 --json --prune";
+    let report = &desk.run(&format!("{words} 4")).with_status(0).objects()[0];
+    assert_eq!(report["pruned"].to_string(), r#"{"parts":2,"faces":8}"#);
+    assert_eq!((&report["warnings"], desk.faces("low.ply")), (&Value::Array(Vec::new()), 4));
+    let report = &desk.run(&format!("{words} 10%")).with_status(0).objects()[0];
+    assert_eq!(report["pruned"]["parts"], 1);
+    let report = &desk.run(&format!("{words} 99")).with_status(0).objects()[0];
+    assert_eq!(report["warnings"][0], "all parts are smaller than --prune: the largest was kept");
+    assert_eq!(desk.faces("low.ply"), 4);
+    desk.run("simplify parts.ply -o low.ply --ratio 1 --prune 0").with_status(2);
+}
+
+#[test]
+fn a_preset_changes_the_result_and_what_is_typed_goes_before_it() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(20));
+    let of = |words: &str| {
+        desk.run(&format!("simplify hills.ply -o low.ply --ratio 0.2 {words}")).with_status(0);
+        fs::read(desk.path("low.ply")).expect("it was written")
+    };
+    assert!(of("--preset auto") == of(""));
+    let visual = of("--preset visual");
+    assert_eq!(desk.info("low.ply")["attributes"], serde_json::json!([]), "lent normals are not written");
+    assert!(visual != of(""));
+    assert!(of("--preset cad") == of("--border slide --topology preserve"));
+    assert!(of("--preset cad --border keep --topology relaxed") == of(""));
+}
+
+/// The hills as OBJ, the left half a group of its own with a material.
+fn hills_in_groups(n: usize) -> String {
+    let ply = hills(n);
+    let body = ply.split_once("end_header\n").expect("it has a header").1;
+    let (vertices, faces): (Vec<_>, Vec<_>) = body.lines().partition(|l| l.split(' ').count() == 3);
+    let numbers =
+        |l: &str| l.split(' ').skip(1).map(|i| i.parse::<usize>().expect("a number")).collect::<Vec<_>>();
+    let line =
+        |l: &&str| numbers(l).iter().fold("f".to_owned(), |text, i| format!("{text} {}", i + 1)) + "\n";
+    let is_left = |l: &&&str| numbers(l)[0] % (n + 1) < n / 2;
+    let (left, right): (Vec<&str>, Vec<&str>) = faces.iter().copied().partition(|l| is_left(&l));
+    let mut text: String = vertices.iter().map(|v| format!("v {v}\n")).collect();
+    text += "g left side\nusemtl grass\n";
+    text.extend(left.iter().map(line));
+    text += "g right\nusemtl rock\n";
+    text.extend(right.iter().map(line));
+    text
+}
+
+#[test]
+fn what_is_locked_by_name_stays() {
+    let desk = Desk::new();
+    desk.put("hills.obj", &hills_in_groups(20));
+    for name in ["left", "grass", "side"] {
+        let words = format!("simplify hills.obj -o low.obj --ratio 0.6 --lock {name} --json");
+        let report = &desk.run(&words).with_status(0).objects()[0];
+        assert_eq!(report["reached"], true);
+        assert_eq!(report["locked"]["faces"], 400, "{name}");
+        assert_eq!(report["locked"]["vertices"], 11 * 21);
+    }
+    // All that may go goes; the reasons name the lock.
+    let words = "simplify hills.obj -o low.obj --ratio 0.01 --lock left --lock rock --json";
+    let report = &desk.run(words).with_status(0).objects()[0];
+    assert_eq!((&report["reached"], &report["output"]["faces"]), (&false.into(), &800.into()));
+    assert!(report["refusals"]["locked"].as_u64().is_some_and(|n| n > 0), "{}", report["refusals"]);
+    let ran =
+        desk.run("simplify hills.obj -o low.obj --ratio 0.5 --lock middle").with_status(1).with_one_error();
+    assert!(
+        ran.stderr.contains("--lock middle") && ran.stderr.contains("grass, left side, left, side"),
+        "{}",
+        ran.stderr
+    );
+    let plain = desk.run("simplify hills.obj -o low.obj --ratio 0.6 --json").with_status(0);
+    assert!(!keys(&plain.objects()[0]).contains(&"locked"));
+}
+
+/// The hills with two more numbers at each vertex: where y is above a half, and y.
+fn marked_hills(n: usize) -> String {
+    let ply = hills(n);
+    let (header, body) = ply.split_once("element face").expect("it has faces");
+    let mut marked = String::new();
+    for line in body.lines() {
+        let y = line.split(' ').nth(1).and_then(|y| y.parse::<f64>().ok());
+        match (line.split(' ').count(), y) {
+            (3, Some(y)) if !line.contains("list") => {
+                writeln!(marked, "{line} {} {}", u8::from(y > 0.5), 200.0 * y).expect("text");
+            }
+            _ => writeln!(marked, "{line}").expect("text"),
+        }
+    }
+    format!("{header}property uchar lock\nproperty float rank\nelement face{marked}")
+}
+
+#[test]
+fn attributes_of_vertices_lock_and_weigh() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &marked_hills(20));
+    let ran = desk.run("simplify hills.ply -o low.ply --faces 1 --lock lock --json").with_status(0);
+    let report = &ran.objects()[0];
+    assert_eq!((&report["locked"]["vertices"], &report["locked"]["faces"]), (&210.into(), &360.into()));
+    let left = report["output"]["faces"].as_u64().expect("a count");
+    assert!((360..440).contains(&left), "{left}");
+
+    // With importance, the far side has more of the triangles.
+    let far = |name: &str| {
+        let text = fs::read_to_string(desk.path(name)).expect("it was written");
+        let y = |l: &&str| l.split(' ').nth(2).and_then(|y| y.parse::<f64>().ok()).is_some_and(|y| y > 0.5);
+        text.lines().filter(|l| l.starts_with("v ")).filter(y).count()
+    };
+    desk.run("simplify hills.ply -o plain.obj --faces 200").with_status(0);
+    desk.run("simplify hills.ply -o far.obj --faces 200 --importance rank=20").with_status(0);
+    assert!(far("far.obj") * 2 > far("plain.obj") * 3, "{} and {}", far("far.obj"), far("plain.obj"));
+    let ran =
+        desk.run("simplify hills.ply -o x.ply --faces 9 --importance heat").with_status(1).with_one_error();
+    assert!(ran.stderr.contains("--importance heat") && ran.stderr.contains("lock, rank"), "{}", ran.stderr);
+    desk.run("simplify hills.ply -o x.ply --faces 9 --importance rank=0").with_status(2);
+}
+
+#[test]
+fn a_part_of_a_scene_is_locked_by_its_names() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(10));
+    desk.run("convert hills.ply hills.gltf").with_status(0);
+    let text = fs::read_to_string(desk.path("hills.gltf")).expect("it was written");
+    let mut json: Value = serde_json::from_str(&text).expect("it is JSON");
+    json["nodes"][0]["name"] = "near".into();
+    json["nodes"].as_array_mut().expect("nodes").push(serde_json::json!({
+        "name": "far", "mesh": 1, "translation": [5, 0, 0]
+    }));
+    let mut mesh = json["meshes"][0].clone();
+    mesh["primitives"][0]["material"] = 0.into();
+    json["meshes"].as_array_mut().expect("meshes").push(mesh);
+    json["materials"] = serde_json::json!([{ "name": "stone" }]);
+    json["scenes"][0]["nodes"] = serde_json::json!([0, 1]);
+    desk.put("two.gltf", &json.to_string());
+    for name in ["far", "stone", "meshes[1]"] {
+        let words = format!("simplify two.gltf -o low.glb --ratio 0.1 --lock {name} --json");
+        let report = &desk.run(&words).with_status(0).objects()[0];
+        assert_eq!((&report["reached"], &report["locked"]["faces"]), (&false.into(), &200.into()), "{name}");
+        let left = report["output"]["faces"].as_u64().expect("a count");
+        assert!((200..220).contains(&left), "{left}");
+    }
+    let ran = desk.run("simplify two.gltf -o low.glb --ratio 0.1 --lock x").with_status(1).with_one_error();
+    assert!(["near", "far", "stone"].iter().all(|n| ran.stderr.contains(n)), "{}", ran.stderr);
+    let ran = desk.run("simplify two.gltf -o low.obj --ratio 0.1 --lock far").with_status(1).with_one_error();
+    assert!(ran.stderr.contains("only where the output is glTF"), "{}", ran.stderr);
+}
