@@ -239,6 +239,7 @@ impl Attributes {
     /// A wedge with the values of another, without triangles so far.
     pub(super) fn copy_of(&mut self, w: WedgeId) -> WedgeId {
         let (copy, n) = (WedgeId(self.heads.len() as u32), 4 * self.lanes);
+        let original = self.original(w);
         self.rows.extend_from_within(w.index() * n..(w.index() + 1) * n);
         let at = copy.index() * n;
         self.rows[at + self.lanes..].fill(f32x4::ZERO);
@@ -246,7 +247,7 @@ impl Attributes {
             self.pulls.push(self.pulls[w.index()].clone());
         }
         self.heads.push(Head { hard: self.heads[w.index()].hard, ..Head::default() });
-        self.copied.push(self.original(w));
+        self.copied.push(original);
         copy
     }
     /// The wedge of the input that one is, or that it was copied from.
@@ -628,4 +629,19 @@ fn add_products(sums: &mut [f32x4; 3], a: f32x4, b: f32x4, weight: f32x4) {
 #[inline(always)]
 fn dot(v: &[f32x4; 3], d: Vec3) -> f32x4 {
     v[0] * d.x + v[1] * d.y + v[2] * d.z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_of_copies_name_the_wedge_of_the_input() {
+        let mut attributes = Attributes::new(3, 1, Vec::new(), Vec::new(), &[0.0, 1.0, 2.0], Vec::new());
+        let copy = attributes.copy_of(WedgeId(2));
+        let again = attributes.copy_of(copy);
+        let last = attributes.copy_of(again);
+        assert_eq!([copy, again, last].map(|w| attributes.original(w)), [WedgeId(2); 3]);
+        assert_eq!(attributes.of(last)[0], 2.0);
+    }
 }

@@ -12,7 +12,7 @@ use crate::metric::{Form, Metric};
 use crate::options::Placement;
 
 /// Pull of the best position towards the middle of the edge, a share of the trace. (docs/decisions/0003)
-const CENTRE: f32 = 1e-5;
+const CENTRE: f32 = 1e-6;
 /// Largest squared distance over the mean one, as assumed until it is computed. (docs/decisions/0001)
 const PEAK_GUESS: f32 = 4.0;
 /// Share of trace³ under which the system is not solved. (Guessed.)
@@ -23,7 +23,7 @@ const MIN_DET: f32 = 1e-9;
 const FARTHEST: f32 = 1.0;
 /// Share of trace · length² under which a difference of squares in single precision is noise. Such a cost counts as
 /// nothing, so that the exact one is asked for at the commit: it alone tells flat from nearly flat.
-const NOISE: f32 = 1e-6;
+const NOISE: f32 = 1e-8;
 
 impl<M: Metric> Engine<M> {
     /// Evaluates the edges from `u` to `owned` and hands each candidate over. Says how many have two ends that may not
