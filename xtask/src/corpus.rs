@@ -7,6 +7,10 @@
 //! * `dirty/` and `broken/`: done, or refused with status 1 and one line of error, each in under a second and 200 MB;
 //!   [`WANTED`] says which, where there is one right answer;
 //! * formats that are not read: refused.
+//!
+//! With `--methods` every method instead, see [`methods`].
+
+mod methods;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -91,11 +95,14 @@ struct Row {
 
 pub(crate) fn run(args: &[String]) -> Result<()> {
     let (mut folder, mut limit, mut only) = (None::<PathBuf>, 60.0, String::new());
+    let (mut is_of_methods, mut largest) = (false, methods::LARGEST);
     let mut words = args.iter();
     while let Some(word) = words.next() {
         match word.as_str() {
             "--limit" => limit = words.next().context("--limit needs seconds")?.parse()?,
             "--only" => only.clone_from(words.next().context("--only needs a text")?),
+            "--methods" => is_of_methods = true,
+            "--largest" => largest = methods::count(words.next())?,
             place if folder.is_none() && !place.starts_with('-') => folder = Some(place.into()),
             other => bail!("unknown argument {other}"),
         }
@@ -119,6 +126,9 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     collect(&folder, &mut files)?;
     files.retain(|p| p.to_string_lossy().contains(&only));
     ensure!(!files.is_empty(), "{} has no model", folder.display());
+    if is_of_methods {
+        return methods::Sweep { command, folder, files, limits, largest }.run();
+    }
     println!("| file | faces | 50 % | 10 % | 1 % | s | peak MB | |\n|---|--:|--:|--:|--:|--:|--:|---|");
     let mut failed = 0;
     for file in &files {

@@ -12,12 +12,13 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context, Result, bail, ensure};
 
 const HELP: &str = "\
-cargo xtask bench [rivals|attributes|io_speed|memory|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
+cargo xtask bench [rivals|attributes|cluster|io_speed|memory|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
 cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR through the release command
+cargo xtask corpus DIR --methods [--largest FACES] [...]   every method over every model that is not larger
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
 cargo xtask sample                                         makes the sample model of the README
-cargo xtask pictures                                       draws the picture of the README
+cargo xtask pictures [finial|methods|METHOD...]            draws the picture of the README, and one of each method
 ";
 
 fn main() -> ExitCode {
@@ -29,7 +30,7 @@ fn main() -> ExitCode {
         "tidy" => tidy::run(),
         "goldens" => goldens(rest),
         "sample" => write_sample(),
-        "pictures" => pictures::run(),
+        "pictures" => pictures::run(rest),
         "help" | "--help" | "-h" => {
             print!("{HELP}");
             Ok(())
@@ -71,7 +72,9 @@ fn shared_models() -> Option<PathBuf> {
 
 fn bench(args: &[String]) -> Result<()> {
     let (which, rest) = match args.split_first() {
-        Some((first, rest)) if ["rivals", "io_speed", "memory", "all"].contains(&first.as_str()) => {
+        Some((first, rest))
+            if ["rivals", "cluster", "io_speed", "memory", "all"].contains(&first.as_str()) =>
+        {
             (first.as_str(), rest)
         }
         _ => ("rivals", args),
@@ -80,6 +83,7 @@ fn bench(args: &[String]) -> Result<()> {
         "all" => &["rivals", "io_speed"],
         "io_speed" => &["io_speed"],
         "memory" => &["memory"],
+        "cluster" => &["cluster"],
         _ => &["rivals"],
     };
     for &name in names {

@@ -1,17 +1,25 @@
-//! The picture of the README: the sample model at falling counts of faces, drawn on the CPU.
+//! The sample model drawn on the CPU: at falling counts of faces for the README, and by each method at one count.
 //!
 //! A small rasteriser with a depth buffer, flat shading and lines along the edges: the same picture everywhere, no
 //! driver needed. It will move to a render crate of its own when there is one; nothing else should come to lean on it
 //! here.
 
-use anyhow::{Context, Result};
+mod palette;
+
+use anyhow::{Context, Result, bail};
 use lodsmith::core::{Positions, TriMesh, VertexId};
-use lodsmith::{Measure, NoControl, SimplifyOptions, Stop};
+use lodsmith::{Measure, Method, NoControl, SimplifyOptions, Stop};
 
 use crate::{root, sample};
 
 /// The picture, from the root of the repository.
 const PATH: &str = "docs/pictures/finial.png";
+/// The folder of the pictures of methods, from the root.
+const METHODS: &str = "docs/pictures/methods";
+/// Faces of each of them: few enough to see each, many enough for the shape.
+const METHOD_COUNT: usize = 1500;
+/// Colours of each: with 64 the wall shows steps. (By eye.)
+const METHOD_COLOURS: usize = 128;
 /// Faces of the panels after the first, which is the whole model.
 const COUNTS: [usize; 6] = [5000, 2500, 1500, 750, 300, 100];
 
@@ -44,41 +52,80 @@ fn mix(a: V, b: V, t: f64) -> V {
     [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t)
 }
 
-/// Draws the picture and says what it shows.
-pub(crate) fn run() -> Result<()> {
+/// Draws what is named: nothing for all, `finial`, `methods`, or single methods.
+pub(crate) fn run(names: &[String]) -> Result<()> {
     let sample = sample::finial();
     let triangles = sample.triangles.iter().map(|t| t.map(|v| VertexId(v.into()))).collect();
     let whole = TriMesh::new(Positions::F32(sample.positions), triangles)?;
+    let is_named = |name: &str| names.is_empty() || names.iter().any(|n| n == name);
+    let known = |name: &&String| ["finial", "methods"].contains(&name.as_str()) || method(name).is_some();
+    if let Some(name) = names.iter().find(|n| !known(n)) {
+        bail!("no picture {name}: finial, methods, or the name of a method");
+    }
+    if is_named("finial") {
+        finial(&whole)?;
+    }
+    let all = is_named("methods");
+    for method in Method::ALL.into_iter().filter(|m| all || is_named(m.name())) {
+        of_method(&whole, method)?;
+    }
+    Ok(())
+}
+
+fn method(name: &str) -> Option<Method> {
+    Method::ALL.into_iter().find(|m| m.name() == name)
+}
+
+/// The picture of the README.
+fn finial(whole: &TriMesh) -> Result<()> {
     let mut picture = Picture::new(2 * MARGIN + PANEL * (1 + COUNTS.len()), MODEL + CAPTION);
     let mut lines = Vec::new();
     for panel in 0..=COUNTS.len() {
         let left = MARGIN + panel * PANEL;
-        let (mesh, error) = match panel.checked_sub(1) {
-            None => (whole.clone(), None),
+        let line = match panel.checked_sub(1) {
+            None => captioned(&mut picture, left, whole, "original"),
             Some(i) => {
-                let mut options = SimplifyOptions::new(Stop::faces(COUNTS[i]));
-                options.measure = Measure::Always;
-                let done = lodsmith::simplify(&whole, &options, &mut NoControl)?;
-                let error = &done.report.error;
-                let measured = error.measured.as_ref().context("the result was not measured")?;
-                (done.mesh, Some(100.0 * measured.hausdorff.symmetric / error.diagonal))
+                let (mesh, below) = simplified(whole, Method::default(), COUNTS[i])?;
+                captioned(&mut picture, left, &mesh, &below)
             }
         };
-        draw(&mut picture, left, &mesh);
-        let faces = grouped(mesh.face_count());
-        let middle = left as f64 + PANEL as f64 / 2.0;
-        picture.text(&format!("{faces} faces"), middle, MODEL as f64 + 22.0, 17.0, INK);
-        let below = error.map_or("original".to_owned(), |e| format!("max {} %", figure(e)));
-        picture.text(&below, middle, MODEL as f64 + 48.0, 13.5, FAINT_INK);
-        lines.push(format!("{faces:>7} faces  {below}"));
+        lines.push(line);
     }
-    let bytes = picture.png()?;
-    let path = root().join(PATH);
-    std::fs::create_dir_all(path.parent().context("the picture lies in a folder")?)?;
-    std::fs::write(&path, &bytes).with_context(|| format!("writing {PATH}"))?;
-    println!("{PATH}: {} × {} pixels, {} bytes", picture.width, picture.height, bytes.len());
+    picture.write(PATH, None)?;
     lines.iter().for_each(|line| println!("{line}"));
     Ok(())
+}
+
+/// The picture of a method.
+fn of_method(whole: &TriMesh, method: Method) -> Result<()> {
+    let (mesh, below) = simplified(whole, method, METHOD_COUNT).with_context(|| method.name())?;
+    let mut picture = Picture::new(PANEL, MODEL + CAPTION);
+    let line = captioned(&mut picture, 0, &mesh, &below);
+    picture.write(&format!("{METHODS}/{}.png", method.name()), Some(METHOD_COLOURS))?;
+    println!("{line}");
+    Ok(())
+}
+
+/// A lighter mesh, and the largest distance of it in words.
+fn simplified(whole: &TriMesh, method: Method, faces: usize) -> Result<(TriMesh, String)> {
+    let mut options = SimplifyOptions::new(Stop::faces(faces));
+    options.method = method;
+    options.measure = Measure::Always;
+    let done = lodsmith::simplify(whole, &options, &mut NoControl)?;
+    let error = &done.report.error;
+    let measured = error.measured.as_ref().context("the result was not measured")?;
+    let below = format!("max {} %", figure(100.0 * measured.hausdorff.symmetric / error.diagonal));
+    Ok((done.mesh, below))
+}
+
+/// Draws a mesh with its count and a line below; says both.
+fn captioned(picture: &mut Picture, left: usize, mesh: &TriMesh, below: &str) -> String {
+    draw(picture, left, mesh);
+    let faces = grouped(mesh.face_count());
+    let middle = left as f64 + PANEL as f64 / 2.0;
+    picture.text(&format!("{faces} faces"), middle, MODEL as f64 + 22.0, 17.0, INK);
+    picture.text(below, middle, MODEL as f64 + 48.0, 13.5, FAINT_INK);
+    format!("{faces:>7} faces  {below}")
 }
 
 fn grouped(n: usize) -> String {
@@ -276,23 +323,43 @@ impl Picture {
         }
     }
 
+    /// Writes the picture to a path from the root, in full or at most so many colours, and says so.
+    fn write(&self, path: &str, colours: Option<usize>) -> Result<()> {
+        let bytes = self.png(colours)?;
+        let place = root().join(path);
+        std::fs::create_dir_all(place.parent().context("the picture lies in a folder")?)?;
+        std::fs::write(&place, &bytes).with_context(|| format!("writing {path}"))?;
+        println!("{path}: {} × {} pixels, {} bytes", self.width, self.height, bytes.len());
+        Ok(())
+    }
+
     /// The picture as a PNG.
-    fn png(&self) -> Result<Vec<u8>> {
+    fn png(&self, colours: Option<usize>) -> Result<Vec<u8>> {
         let byte = |x: f64| {
             let x = x.clamp(0.0, 1.0);
             let s = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
             // Even numbers alone: a sixth smaller, and nobody sees it.
             (s * 127.0).round() as u8 * 2
         };
-        let bytes: Vec<u8> = self.pixels.iter().flatten().map(|&x| byte(x)).collect();
+        let pixels: Vec<[u8; 3]> = self.pixels.iter().map(|p| p.map(byte)).collect();
         let mut file = Vec::new();
         let mut encoder = png::Encoder::new(&mut file, self.width as u32, self.height as u32);
-        encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_compression(png::Compression::High);
         // Flat colours repeat: differences of neighbours would hide that.
         encoder.set_filter(png::Filter::NoFilter);
-        encoder.write_header()?.write_image_data(&bytes)?;
+        match colours {
+            None => {
+                encoder.set_color(png::ColorType::Rgb);
+                encoder.write_header()?.write_image_data(pixels.as_flattened())?;
+            }
+            Some(most) => {
+                let (palette, index) = palette::indexed(&pixels, most);
+                encoder.set_color(png::ColorType::Indexed);
+                encoder.set_palette(palette.as_flattened().to_vec());
+                encoder.write_header()?.write_image_data(&index)?;
+            }
+        }
         Ok(file)
     }
 }
@@ -448,6 +515,13 @@ mod tests {
         for c in "0123456789,.% faces max original".chars().filter(|c| *c != ' ') {
             assert!(!glyph(c).1.is_empty(), "{c}");
         }
+    }
+
+    #[test]
+    fn only_what_is_known_is_drawn() {
+        let error = run(&["magic".to_owned()]).unwrap_err().to_string();
+        assert!(error.contains("no picture magic"), "{error}");
+        assert_eq!(method("remesh"), Some(Method::Remesh));
     }
 
     #[test]

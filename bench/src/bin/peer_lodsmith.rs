@@ -24,6 +24,9 @@ type Change = fn(&mut SimplifyOptions);
 const MODES: &[(&str, Change)] = &[
     ("memoryless", |_| ()),
     ("nofit", |o| o.fit = Fit::Off),
+    ("lindstrom-turk", |o| o.method = Method::LindstromTurk),
+    ("melax", |o| o.method = Method::Melax),
+    ("shortest-edge", |o| o.method = Method::ShortestEdge),
     ("quadric", |o| o.method = Method::Quadric),
     ("quadric-fit", |o| (o.method, o.fit) = (Method::Quadric, Fit::On)),
     ("endpoint", |o| o.placement = Placement::Endpoint),

@@ -1,6 +1,9 @@
 //! What can be typed. Options become [`lodsmith::SimplifyOptions`]; defaults come from there and stand nowhere else.
 
 mod choice;
+mod clean;
+mod methods;
+mod of_method;
 mod scope;
 mod simplify;
 mod values;
@@ -12,6 +15,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use lodsmith_io::Format;
 
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
+pub(crate) use clean::CleanArgs;
+pub(crate) use methods::MethodsArgs;
 pub(crate) use simplify::{Importance, Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
@@ -40,6 +45,10 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     /// Change the format, lose nothing that fits
     Convert(ConvertArgs),
+    /// Weld, orient, drop what is broken, and say what was done
+    Clean(Box<CleanArgs>),
+    /// Every method on one model: time, error, validity
+    Methods(Box<MethodsArgs>),
     /// Print what a shell needs to complete commands
     Completions {
         /// The shell

@@ -1,10 +1,12 @@
 //! One module for each subcommand.
 
+mod clean;
 mod compare;
 mod completions;
 mod convert;
 mod info;
 mod man;
+mod methods;
 mod simplify;
 
 use lodsmith_io::Warning;
@@ -20,6 +22,8 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
+        Command::Clean(args) => clean::run(&args),
+        Command::Methods(args) => methods::run(&args),
         Command::Completions { shell } => completions::run(shell),
         Command::Man { command } => man::run(command.as_deref()),
     }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard};
 
 use anyhow::anyhow;
+use lodsmith::SimplifyError;
 
 /// What the caller's shell sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +41,11 @@ pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
 
 /// The status that an error ends with.
 pub(crate) fn status_of(error: &anyhow::Error) -> Status {
-    if error.is::<UsageError>() {
+    let is_unlike = matches!(
+        error.downcast_ref(),
+        Some(SimplifyError::NotOfMethod { .. } | SimplifyError::NotTogether { .. })
+    );
+    if is_unlike || error.is::<UsageError>() {
         Status::Usage
     } else if error.is::<Interrupted>() {
         Status::Interrupted

@@ -17,6 +17,8 @@ mod output;
 mod plan;
 mod progress;
 mod proposals;
+mod validity;
+mod watch;
 
 use std::process::ExitCode;
 

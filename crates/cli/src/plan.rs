@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use lodsmith_io::Format;
 use lodsmith_io::sniff::hint_of;
 
-use crate::args::SimplifyArgs;
 use crate::exit::usage;
 use crate::file::{self, Sink, Source};
 
@@ -18,37 +17,50 @@ pub(crate) struct Job {
     pub(crate) output: Option<(Sink, Format)>,
 }
 
+/// What a command line says about where its inputs go.
+pub(crate) struct Wanted<'a> {
+    pub(crate) inputs: &'a [Source],
+    pub(crate) output: Option<&'a Sink>,
+    pub(crate) out_dir: Option<&'a Path>,
+    /// The template for names in the folder.
+    pub(crate) name: &'a str,
+    pub(crate) from: Option<Format>,
+    pub(crate) to: Option<Format>,
+    pub(crate) json: bool,
+    pub(crate) dry_run: bool,
+}
+
 /// Plans all inputs of a command line.
 ///
 /// # Errors
 /// A fault of the command line: results that would fall onto each other, onto another input or onto a folder; endings
 /// that name no format; more than one use of a standard stream.
-pub(crate) fn jobs(args: &SimplifyArgs) -> anyhow::Result<Vec<Job>> {
-    file::at_most_one_stdin(&args.inputs)?;
-    let jobs = match (&args.output, &args.out_dir) {
-        (Some(_), _) if args.inputs.len() > 1 => {
+pub(crate) fn jobs(wanted: &Wanted<'_>) -> anyhow::Result<Vec<Job>> {
+    file::at_most_one_stdin(wanted.inputs)?;
+    let jobs = match (wanted.output, wanted.out_dir) {
+        (Some(_), _) if wanted.inputs.len() > 1 => {
             return Err(usage("several inputs cannot share one output: give a folder with -O"));
         }
         (Some(sink), _) => {
-            if *sink == Sink::Stdout && args.json && !args.dry_run {
+            if *sink == Sink::Stdout && wanted.json && !wanted.dry_run {
                 return Err(usage("the mesh and --json both want standard output: give the mesh a file"));
             }
-            let format = file::format_of(sink, args.writing.to)?;
-            vec![Job { source: args.inputs[0].clone(), output: Some((sink.clone(), format)) }]
+            let format = file::format_of(sink, wanted.to)?;
+            vec![Job { source: wanted.inputs[0].clone(), output: Some((sink.clone(), format)) }]
         }
         (None, Some(folder)) => {
             if folder.exists() && !folder.is_dir() {
                 return Err(usage(format!("{}: is not a folder", folder.display())));
             }
             let job = |source: &Source| {
-                let path = folder.join(name(source, args)?);
+                let path = folder.join(name(source, wanted)?);
                 let sink = Sink::Path(path);
-                let format = file::format_of(&sink, args.writing.to)?;
+                let format = file::format_of(&sink, wanted.to)?;
                 Ok(Job { source: source.clone(), output: Some((sink, format)) })
             };
-            args.inputs.iter().map(job).collect::<anyhow::Result<_>>()?
+            wanted.inputs.iter().map(job).collect::<anyhow::Result<_>>()?
         }
-        (None, None) => args.inputs.iter().map(|s| Job { source: s.clone(), output: None }).collect(),
+        (None, None) => wanted.inputs.iter().map(|s| Job { source: s.clone(), output: None }).collect(),
     };
     for job in &jobs {
         if let Some((sink, _)) = &job.output {
@@ -60,7 +72,7 @@ pub(crate) fn jobs(args: &SimplifyArgs) -> anyhow::Result<Vec<Job>> {
 }
 
 /// The name of a result by the template.
-fn name(source: &Source, args: &SimplifyArgs) -> anyhow::Result<String> {
+fn name(source: &Source, wanted: &Wanted<'_>) -> anyhow::Result<String> {
     let path = match source {
         Source::Path(path) => path.as_path(),
         Source::Stdin => Path::new("stdin"),
@@ -70,8 +82,8 @@ fn name(source: &Source, args: &SimplifyArgs) -> anyhow::Result<String> {
     let text = |part: Option<&std::ffi::OsStr>| part.map(|s| s.to_string_lossy().into_owned());
     let stem = text(plain.file_stem()).unwrap_or_default();
     let own = || hint_of(&plain).and_then(|_| text(plain.extension()));
-    let ext = args.writing.to.or(args.from).map(|f| f.name().to_owned()).or_else(own);
-    let mut name = args.name.replace("{stem}", &stem);
+    let ext = wanted.to.or(wanted.from).map(|f| f.name().to_owned()).or_else(own);
+    let mut name = wanted.name.replace("{stem}", &stem);
     if name.contains("{ext}") {
         let ext = ext.ok_or_else(|| {
             usage(format!("{source}: the ending names no format for the result: say which with --to"))
@@ -79,12 +91,12 @@ fn name(source: &Source, args: &SimplifyArgs) -> anyhow::Result<String> {
         name = name.replace("{ext}", &ext);
     }
     // A stem may hold anything, a template only what is known.
-    let unknown = args.name.replace("{stem}", "").replace("{ext}", "");
+    let unknown = wanted.name.replace("{stem}", "").replace("{ext}", "");
     if unknown.contains(['{', '}']) {
-        return Err(usage(format!("--name {}: only {{stem}} and {{ext}} are known", args.name)));
+        return Err(usage(format!("--name {}: only {{stem}} and {{ext}} are known", wanted.name)));
     }
     if name.contains(['/', '\\']) || name.is_empty() || name == "." || name == ".." {
-        return Err(usage(format!("--name {}: a name in the folder is wanted, not {name}", args.name)));
+        return Err(usage(format!("--name {}: a name in the folder is wanted, not {name}", wanted.name)));
     }
     Ok(name)
 }
@@ -146,7 +158,7 @@ mod tests {
         let cli =
             Cli::try_parse_from(["lodsmith", "simplify", "--ratio", "0.5"].iter().chain(words)).unwrap();
         let Command::Simplify(args) = cli.command else { unreachable!("simplify was typed") };
-        let jobs = jobs(&args).map_err(|e| e.to_string())?;
+        let jobs = jobs(&args.wanted()).map_err(|e| e.to_string())?;
         Ok(jobs.into_iter().filter_map(|j| Some(j.output?.0.to_string())).collect())
     }
 

@@ -39,12 +39,15 @@ impl Words {
             Change::MaxEdge => {
                 let now = match guards.max_edge {
                     Some(Length::Units(x)) => json!(x),
-                    Some(Length::OfDiagonal(x)) => json!(format!("{}%", 100.0 * x)),
+                    Some(share) => json!(length(share)),
                     None => Value::Null,
                 };
                 guard("max-edge", now, "higher")
             }
             Change::Locked => guard("lock", Value::Null, "less"),
+            Change::Pairs(distance) => {
+                Self { option: "pairs", now: Value::Null, to: length(distance), is_value: true }
+            }
         }
     }
 
@@ -56,10 +59,19 @@ impl Words {
             other => other.to_string(),
         };
         match self.is_value {
-            _ if self.now.is_null() => format!("{to} --{option}"),
+            true if self.now.is_null() => format!("--{option} {to}"),
+            false if self.now.is_null() => format!("{to} --{option}"),
             true => format!("--{option} {to} (now {now})"),
             false => format!("a {to} --{option} (now {now})"),
         }
+    }
+}
+
+/// A length as it is typed.
+fn length(length: Length) -> String {
+    match length {
+        Length::Units(x) => x.to_string(),
+        Length::OfDiagonal(x) => format!("{}%", 100.0 * x),
     }
 }
 

@@ -41,8 +41,18 @@ fn help_of_convert() {
 }
 
 #[test]
+fn help_of_methods() {
+    insta::assert_snapshot!(help(&["methods"]));
+}
+
+#[test]
+fn help_of_clean() {
+    insta::assert_snapshot!(help(&["clean"]));
+}
+
+#[test]
 fn options_of_later_releases_are_not_known() {
-    for option in ["--sharp", "--cell", "--pairs"] {
+    for option in ["--sharp", "--cache"] {
         assert!(!help(&["simplify"]).contains(option), "{option}");
     }
 }

@@ -243,3 +243,21 @@ fn a_part_of_a_scene_is_locked_by_its_names() {
     let ran = desk.run("simplify two.gltf -o low.obj --ratio 0.1 --lock far").with_status(1).with_one_error();
     assert!(ran.stderr.contains("only where the output is glTF"), "{}", ran.stderr);
 }
+
+#[test]
+fn clusters_tell_their_cells() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(60));
+    let words = "simplify hills.ply -o low.ply --method cluster";
+    let report = &desk.run(&format!("{words} --faces 700 --json")).with_status(0).objects()[0];
+    assert_eq!((&report["method"], &report["stopped_by"]), (&Value::from("cluster"), &Value::from("faces")));
+    assert_eq!(report["clustered"]["faces"], report["output"]["faces"]);
+    assert!(report["clustered"]["cell"].as_f64() > Some(0.0));
+    // The size of the cells ends a run by itself.
+    let report = &desk.run(&format!("{words} --cell 5% --json")).with_status(0).objects()[0];
+    assert_eq!((&report["reached"], &report["stopped_by"]), (&Value::from(true), &Value::from("exhausted")));
+    let report = &desk.run(&format!("{words} --two-stage --faces 300 --json")).with_status(0).objects()[0];
+    assert!(report["clustered"]["faces"].as_u64() > report["output"]["faces"].as_u64());
+    let ran = desk.run(&format!("{words} --faces 700 --topology preserve")).with_status(1);
+    assert!(ran.stderr.contains("topology preserve is for"), "{}", ran.stderr);
+}

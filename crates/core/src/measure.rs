@@ -4,7 +4,7 @@
 //! [`Prepared`] and calls [`compare_prepared`].
 
 mod attributes;
-pub(crate) mod chunks;
+pub mod chunks;
 mod one_way;
 mod prepared;
 

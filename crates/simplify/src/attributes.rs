@@ -139,6 +139,23 @@ impl Rows {
         Some((Self { layout, skin_sets, wedge_rows, unit_colors }, attributes))
     }
 
+    /// Values in a row.
+    pub(crate) fn width(&self) -> usize {
+        self.layout.iter().filter(|c| c.constant.is_none()).map(|c| c.width).sum()
+    }
+    /// Which of them are of shading: normals and tangents.
+    pub(crate) fn shading(&self) -> Vec<bool> {
+        self.of_each(|c| c.is_shading())
+    }
+    /// The largest of each kind.
+    pub(crate) fn largest(&self) -> Vec<f32> {
+        self.of_each(|c| c.largest)
+    }
+    fn of_each<T: Copy>(&self, what: impl Fn(&Column) -> T) -> Vec<T> {
+        let columns = self.layout.iter().filter(|c| c.constant.is_none());
+        columns.flat_map(|c| std::iter::repeat_n(what(c), c.width)).collect()
+    }
+
     /// Sets what each value counts in the cost.
     pub(crate) fn weigh(&self, attributes: &mut Attributes, weights: &AttributeWeights, on: &Ground<'_>) {
         let Ground { frame, edge, .. } = *on;
@@ -301,6 +318,11 @@ impl Column {
     }
     fn is_direction(&self) -> bool {
         matches!(self.of, Of::Normals | Of::Further(Semantic::Tangent)) && self.width >= 3
+    }
+    fn is_shading(&self) -> bool {
+        let morphed = [Morphed::Normal, Morphed::Tangent];
+        self.is_direction()
+            || matches!(&self.of, Of::Further(Semantic::Morph { of, .. }) if morphed.contains(of))
     }
     fn read(&self, mesh: &TriMesh, w: WedgeId, out: &mut [f32]) {
         let i = w.index();

@@ -5,6 +5,7 @@
 //! give each vertex its tensor and its kind                 (kind, metric)
 //! loop                                                     (this file)
 //!     tau = a quantile of the bounds                       (bound)
+//!     contract pairs that cost at most tau, where wanted   (pairs, near, bundle)
 //!     for each vertex u with bound[u] <= tau, in order
 //!         evaluate the edges that u owns
 //!         the cheapest: link condition, guards, exact cost (link_condition, commit)
@@ -19,8 +20,10 @@
 //! least cost last seen at u, and a stale bound only delays or hastens a collapse by a sweep. Exact order buys nothing:
 //! the expected quality is that of a global queue [Wu-Kobbelt 2002], at a fraction of its time.
 
+mod around;
 pub(crate) mod attributes;
 mod bound;
+mod bundle;
 mod commit;
 pub(crate) mod cut;
 mod evaluate;
@@ -29,7 +32,9 @@ mod late;
 mod link_condition;
 mod lock;
 mod merge;
+mod near;
 pub(crate) mod order;
+pub(crate) mod pairs;
 mod parts;
 mod seams;
 mod star;
@@ -42,16 +47,18 @@ use lodsmith_core::VertexId;
 
 use crate::control::{Control, Verdict};
 use crate::guard::Rules;
-use crate::metric::Metric;
+use crate::metric::{Around, Judge, Metric};
 use crate::options::Placement;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 use attributes::{Attributes, Member};
 use bound::Histogram;
+pub(crate) use commit::TIE;
 use commit::{Candidate, Outcome, Wing};
 use kind::{Kind, distinct};
 use late::Late;
 use merge::Merge;
+use pairs::Pairs;
 use parts::Parts;
 use seams::Looseness;
 use store::{Facing, Ring, Store};
@@ -77,6 +84,13 @@ pub(crate) struct Goal {
     pub(crate) vertices: Option<usize>,
 }
 
+impl Goal {
+    /// Whether no number ends the run.
+    pub(crate) fn is_none(&self) -> bool {
+        self.faces.is_none() && self.vertices.is_none()
+    }
+}
+
 /// Why the engine stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum End {
@@ -84,6 +98,8 @@ pub(crate) enum End {
     Goal,
     /// Nothing is left that may go.
     Stuck,
+    /// The method has done all that it does: of sweeps, where costs have a limit.
+    Exhausted,
     /// The caller wants the best so far.
     Finish,
     /// The caller wants nothing.
@@ -105,24 +121,33 @@ pub(crate) struct Engine<M: Metric> {
     /// Mean over the live triangles, as the tensors count it.
     area: f32,
     total_area: f64,
+    /// The same over the input, for metrics that measure by it.
+    mean_face: f32,
     late: Option<Late>,
     /// The parts, where they go in the order of costs.
     parts: Option<Parts>,
     wedge_data: Option<Wedges>,
     pub(crate) attributes: Option<Attributes>,
     /// What costs count times, by number in the ordered input, where that differs.
-    pub(crate) prices: Option<Vec<f32>>,
+    prices: Option<Vec<f32>>,
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
     pub(crate) parts_removed: usize,
     /// Whether a collapse that would pinch the surface may cut it there instead.
     pub(crate) cuts_necks: bool,
     pub(crate) necks_cut: usize,
+    /// Where vertices that share no edge are contracted too.
+    pub(crate) pairs: Option<Pairs>,
+    pub(crate) pairs_contracted: usize,
+    /// With pairs and a metric with memory: the part of it that is of lines, by number in the ordered input; else empty.
+    lines: Vec<M::Memory>,
     /// Sum of the costs paid: twice an area times a squared distance.
     spent: f64,
     /// Sum of the costs of parts that went, in the same measure.
     lost: f64,
     wings: Vec<Wing>,
+    around: Around,
+    other_ring: Ring,
     looseness: Looseness,
     merge: Merge,
     /// Ends of lines around the edge that goes: whether at the kept end, and the line's weight.
@@ -143,6 +168,7 @@ impl<M: Metric> Engine<M> {
             rules,
             area: 0.0,
             total_area: 0.0,
+            mean_face: 1.0,
             late: None,
             parts: None,
             wedge_data,
@@ -153,9 +179,14 @@ impl<M: Metric> Engine<M> {
             parts_removed: 0,
             cuts_necks: false,
             necks_cut: 0,
+            pairs: None,
+            pairs_contracted: 0,
+            lines: Vec::new(),
             spent: 0.0,
             lost: 0.0,
             wings: Vec::new(),
+            around: Around::default(),
+            other_ring: Ring::new(),
             looseness: Looseness::None,
             merge: Merge::default(),
             rim: Vec::new(),
@@ -209,13 +240,17 @@ impl<M: Metric> Engine<M> {
         for x in &mut self.store.v {
             x.q = M::Memory::default();
         }
+        if matches!(M::JUDGE, Judge::FormThenStars) {
+            self.mean_face = self.mean_face();
+        }
         let mut normals = vec![Vec3::ZERO; self.store.v.len()];
         for i in 0..self.store.t.len() {
             let t = self.store.t[i];
             let [a, b, c] = t.map(|w| self.store.p(w));
             let normal = (b - a).cross(c - a);
-            self.total_area += f64::from(normal.length());
-            let plane = Tensor::plane(normal);
+            let length = normal.length();
+            self.total_area += f64::from(length);
+            let plane = Tensor::outer(normal, M::plane_weight(length, self.mean_face));
             for w in t {
                 M::tensor(&mut self.store.v[w.index()].q).add(&plane);
                 normals[w.index()] += normal;
@@ -224,6 +259,16 @@ impl<M: Metric> Engine<M> {
         for (x, &normal) in self.store.v.iter_mut().zip(&normals) {
             x.facing = Facing::of(normal);
         }
+    }
+
+    /// Twice the area of a face, on average; above 0.
+    fn mean_face(&self) -> f32 {
+        let doubled = |t: &[VertexId; 3]| {
+            let [a, b, c] = t.map(|w| self.store.p(w));
+            f64::from((b - a).cross(c - a).length())
+        };
+        let sum: f64 = self.store.t.iter().map(doubled).sum();
+        (sum / self.store.t.len().max(1) as f64).max(1e-30) as f32
     }
 
     /// Lines of all feature edges.
@@ -241,12 +286,18 @@ impl<M: Metric> Engine<M> {
     }
 
     fn add_lines(&mut self, u: VertexId, ring: &Ring) {
+        let mut sum = *M::tensor_of(&self.store.v[u.index()].q);
+        self.add_lines_to(&mut sum, u, ring);
+        *M::tensor(&mut self.store.v[u.index()].q) = sum;
+    }
+
+    /// Adds the lines of a star to a tensor.
+    fn add_lines_to(&self, sum: &mut Tensor, u: VertexId, ring: &Ring) {
         let seams = self.store.v[u.index()].kind.is_seam();
         for w in distinct(ring) {
             let weight = self.line_weight(ring, w, seams);
             if weight > 0.0 {
-                let line = Tensor::line(self.store.p(w) - self.store.p(u), weight);
-                M::tensor(&mut self.store.v[u.index()].q).add(&line);
+                sum.add(&M::line(self.store.p(w) - self.store.p(u), weight, self.mean_face));
             }
         }
     }
@@ -279,13 +330,19 @@ impl<M: Metric> Engine<M> {
         let p = self.store.p(u);
         let mut q = M::Memory::default();
         for r in ring.iter() {
-            M::tensor(&mut q).add(&Tensor::plane((self.store.p(r.a) - p).cross(self.store.p(r.b) - p)));
+            let normal = (self.store.p(r.a) - p).cross(self.store.p(r.b) - p);
+            let weight = M::plane_weight(normal.length(), self.mean_face);
+            M::tensor(&mut q).add(&Tensor::outer(normal, weight));
         }
         M::tensor(&mut q).add(&self.attribute_tensor(u, ring));
         self.store.v[u.index()].q = q;
         if self.has_lines() {
             self.add_lines(u, ring);
         }
+    }
+
+    fn refused(&self) -> u64 {
+        self.refusals.iter().sum()
     }
 
     fn refuse(&mut self, why: Refusal) {
@@ -416,7 +473,8 @@ impl<M: Metric> Engine<M> {
         let v = refused.removed;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let turned = matches!(why, Refusal::NormalFlip | Refusal::Quality);
-        if !turned || self.rules.placement != Placement::Optimal || !(x.kind.is_free() && z.kind.is_free()) {
+        let is_open = self.rules.placement == Placement::Optimal && !M::JUDGE.is_metric();
+        if !(turned && is_open && x.kind.is_free() && z.kind.is_free()) {
             return None;
         }
         let d = z.p - x.p;
@@ -439,9 +497,19 @@ impl<M: Metric> Engine<M> {
         }
     }
 
+    /// How much of a run is done, from 0 to 1: of the collapses that it began with, or without a goal of the faces.
+    fn done(&self, goal: &Goal, begun_with: usize, start_faces: usize) -> f64 {
+        let done = match self.needed(goal) {
+            Some(n) => 1.0 - n as f64 / begun_with as f64,
+            None => 1.0 - self.store.live_faces as f64 / start_faces.max(1) as f64,
+        };
+        done.clamp(0.0, 1.0)
+    }
+
     /// Sweeps until the goal is met, nothing can go any more, or the caller ends it. The store is finished afterwards.
     pub(crate) fn sweep(&mut self, goal: &Goal, original: &dyn Original, control: &mut dyn Control) -> End {
-        let extreme = goal.faces.is_some_and(|n| late::is_extreme(n, self.store.live_faces));
+        let extreme =
+            !M::JUDGE.is_metric() && goal.faces.is_some_and(|n| late::is_extreme(n, self.store.live_faces));
         let begun_with = self.needed(goal).unwrap_or(self.store.live_faces / 2).max(1);
         let start_faces = self.store.live_faces;
         let mut scratch = Scratch::default();
@@ -454,15 +522,23 @@ impl<M: Metric> Engine<M> {
         'sweeps: for _ in 0..MOST_SWEEPS {
             self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
             let before = self.collapses;
+            let refused = self.refused();
+            if self.pairs.is_some() {
+                let mut ask = |engine: &Self| control.progress(engine.done(goal, begun_with, start_faces));
+                match self.contract_pairs(goal, tau, probe, &mut ask) {
+                    Verdict::Continue => {}
+                    Verdict::Finish => {
+                        end = End::Finish;
+                        break;
+                    }
+                    Verdict::Cancel => return End::Cancel,
+                }
+            }
             let goal_faces = goal.faces.unwrap_or(0);
             let goal_vertices = goal.vertices.unwrap_or(0);
             for i in 0..self.store.v.len() {
                 if i % ASK_EVERY == 0 {
-                    let done = match self.needed(goal) {
-                        Some(n) => 1.0 - n as f64 / begun_with as f64,
-                        None => 1.0 - self.store.live_faces as f64 / start_faces.max(1) as f64,
-                    };
-                    match control.progress(done.clamp(0.0, 1.0)) {
+                    match control.progress(self.done(goal, begun_with, start_faces)) {
                         Verdict::Continue => {}
                         Verdict::Finish => {
                             end = End::Finish;
@@ -508,8 +584,16 @@ impl<M: Metric> Engine<M> {
             if extreme && self.late.is_none() && self.store.live_faces < late::BEGIN {
                 original.with(&mut |points, faces| self.begin_late(points, faces));
             }
-            let histogram = Histogram::of(&self.store.bound);
+            let mut histogram = Histogram::of(&self.store.bound);
+            if let Some(pairs) = &self.pairs {
+                histogram.add(pairs.bounds());
+            }
             if histogram.known() == 0 {
+                if probed && self.rules.max_cost.is_finite() {
+                    // Nothing but what is refused stays below the limit.
+                    end = if self.refused() == refused { End::Exhausted } else { End::Stuck };
+                    break;
+                }
                 if let (true, true, Some(looser)) =
                     (probed, self.attributes.is_some(), self.looseness.looser())
                 {
@@ -559,7 +643,7 @@ impl<M: Metric> Engine<M> {
     /// costs 2 A h².
     pub(crate) fn estimate(&self, fitted: Option<f64>) -> f64 {
         let area = self.total_area.max(f64::MIN_POSITIVE);
-        let kept = fitted.map_or(self.spent / 6.0 / area, |rms| rms * rms);
+        let kept = fitted.map_or(M::KEPT_LOSS * self.spent / 6.0 / area, |rms| rms * rms);
         // Not all of a part is as far from the rest as it is large: a quarter, in squares. (Guessed.)
         (kept + 0.25 * self.lost / area).sqrt()
     }

@@ -1,10 +1,10 @@
 //! Vetoes: what the options forbid, as numbers ready for the inner loop.
 
 use crate::collapse::order::Frame;
-use crate::options::{BorderPolicy, Placement, SimplifyOptions, TopologyPolicy};
+use crate::options::{BorderPolicy, Method, Placement, SimplifyOptions, TopologyPolicy};
 
 /// Weight of a border edge's line. (docs/decisions/0001; 10 as in meshoptimizer.)
-const BORDER: f32 = 10.0;
+pub(crate) const BORDER: f32 = 10.0;
 /// Squared cosine of the largest turn of a face in one collapse: 78 degrees. (Prototype; larger turns fold.)
 const MAX_TURN: f32 = 0.04;
 
@@ -24,6 +24,8 @@ pub(crate) struct Rules {
     pub(crate) max_edge_sq: f32,
     /// Square of the largest distance from the merged vertex to a plane that it leaves.
     pub(crate) max_step_sq: f32,
+    /// The largest cost of a collapse, which is a squared length where there is one.
+    pub(crate) max_cost: f32,
 }
 
 impl Rules {
@@ -31,6 +33,8 @@ impl Rules {
         let guards = &options.guards;
         let cos = guards.max_normal_deg.map_or(0.0, |deg| deg.min(90.0).to_radians().cos() as f32);
         let max_edge = guards.max_edge.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
+        let longest = options.of_method.edge_length.filter(|_| options.method == Method::ShortestEdge);
+        let max_cost = longest.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
         Self {
             placement: options.placement,
             border: options.border,
@@ -41,6 +45,7 @@ impl Rules {
             max_valence: guards.max_valence.unwrap_or(usize::MAX),
             max_edge_sq: (max_edge * max_edge) as f32,
             max_step_sq: f32::INFINITY,
+            max_cost: (max_cost * max_cost) as f32,
         }
     }
     /// Whether any guard beside the usual ones has to be asked.

@@ -2,6 +2,8 @@
 
 mod attributes;
 mod care;
+pub mod clean;
+mod cluster;
 mod collapse;
 pub mod control;
 mod escalate;
@@ -9,26 +11,32 @@ mod fit;
 mod guard;
 mod metric;
 pub mod options;
+mod planar;
 pub mod proposal;
 mod prune;
+mod rebuild;
+pub mod remesh;
 pub mod report;
 mod run;
 pub mod scene;
 mod shading;
 mod tensor;
 mod triangle;
+mod unsubdivide;
+mod vertex_removal;
 
+pub use clean::{CleanOptions, CleanReport, Cleaned, NonManifold, clean};
 pub use control::{Control, NoControl, Stage, Verdict};
 pub use escalate::Escalation;
 pub use lodsmith_core as core;
 use lodsmith_core::{MeshError, Surface, TriMesh};
 pub use options::{
-    AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, Placement, Preset, SimplifyOptions,
-    Stop, TopologyPolicy,
+    AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, MethodOptions, Placement, Preset,
+    SimplifyOptions, Stop, TopologyPolicy,
 };
 pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
-pub use report::{Cleanup, ErrorReport, Refusal, Report, StoppedBy};
+pub use report::{Cleanup, Clustered, ErrorReport, Refusal, Report, StoppedBy};
 
 pub use scene::{MeshCounts, Part, SimplifiedScene, simplify_scene};
 
@@ -62,12 +70,38 @@ pub enum SimplifyError {
         /// Its length.
         got: usize,
     },
+    /// An option that only other methods know.
+    #[error("{option} is for {takers}, not for {method}", method = method.name(), takers = names(takers))]
+    NotOfMethod {
+        /// The option.
+        option: &'static str,
+        /// The methods that take it.
+        takers: &'static [Method],
+        /// The method of the run.
+        method: Method,
+    },
+    /// Two options that do not go together.
+    #[error("{first} and {second} do not go together")]
+    NotTogether {
+        /// One of them.
+        first: &'static str,
+        /// The other.
+        second: &'static str,
+    },
     /// The caller ended the run.
     #[error("cancelled")]
     Cancelled,
     /// The buffers are no mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+}
+
+fn names(methods: &[Method]) -> String {
+    let names: Vec<_> = methods.iter().map(|m| m.name()).collect();
+    match names.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
+        _ => names.concat(),
+    }
 }
 
 /// A lighter mesh, and what was done.

@@ -1,5 +1,8 @@
 //! What a run is asked for. Nothing else holds defaults: command, viewer and bindings convert into these.
 
+mod check;
+mod shared;
+
 use std::sync::Arc;
 
 use lodsmith_core::RegionId;
@@ -14,6 +17,116 @@ pub enum Method {
     Memoryless,
     /// Edge collapse by accumulated plane quadrics, weighted by area. [Garland-Heckbert 1997]
     Quadric,
+    /// Edge collapse that keeps volume and borders, by the present surface alone. [Lindstrom-Turk 1998]
+    LindstromTurk,
+    /// Half-edge collapse by length times curvature, onto vertices of the input. [Melax 1998]
+    Melax,
+    /// The shortest edge first, onto its middle.
+    ShortestEdge,
+    /// One vertex for each cell of a grid. [Rossignac-Borrel 1993] [Lindstrom 2000]
+    Cluster,
+    /// Vertices go, nearest to the plane of their neighbours first, and the holes are filled. [Schroeder et al. 1992]
+    VertexRemoval,
+    /// Coplanar regions become as few triangles as their outline needs. [Hinker-Hansen 1993] [Kalvin-Taylor 1996]
+    Planar,
+    /// Undoes 4:1 subdivision where it fits. [Taubin 2001]
+    Unsubdivide,
+    /// A new mesh on the old surface. [Botsch-Kobbelt 2004]
+    Remesh,
+}
+
+impl Method {
+    /// All of them, in the order of lists.
+    pub const ALL: [Self; 10] = [
+        Self::Memoryless,
+        Self::Quadric,
+        Self::LindstromTurk,
+        Self::Melax,
+        Self::ShortestEdge,
+        Self::Cluster,
+        Self::VertexRemoval,
+        Self::Planar,
+        Self::Unsubdivide,
+        Self::Remesh,
+    ];
+
+    /// The word for it, as in `lindstrom-turk`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Memoryless => "memoryless",
+            Self::Quadric => "quadric",
+            Self::LindstromTurk => "lindstrom-turk",
+            Self::Melax => "melax",
+            Self::ShortestEdge => "shortest-edge",
+            Self::Cluster => "cluster",
+            Self::VertexRemoval => "vertex-removal",
+            Self::Planar => "planar",
+            Self::Unsubdivide => "unsubdivide",
+            Self::Remesh => "remesh",
+        }
+    }
+}
+
+/// What single methods can be told. Without, each has a default or goes by the stop alone. One that the method has no use
+/// for is an error.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct MethodOptions {
+    /// [`Method::Memoryless`], [`Method::Quadric`]: vertices closer than this that share no edge are contracted too.
+    pub pairs: Option<Length>,
+    /// [`Method::Cluster`]: edge of a cell.
+    pub cell: Option<Length>,
+    /// [`Method::Cluster`]: clusters only to a multiple of the stop, and goes on with [`Method::Memoryless`].
+    pub two_stage: bool,
+    /// [`Method::ShortestEdge`]: edges up to this length go. [`Method::Remesh`]: length of the new edges.
+    pub edge_length: Option<Length>,
+    /// [`Method::Planar`]: largest angle, in degrees, between a face and the plane of its region; 5 by default.
+    /// [`Method::VertexRemoval`], [`Method::Remesh`]: edges bent by more are creases, which are kept.
+    pub angle_deg: Option<f64>,
+    /// [`Method::Planar`]: largest distance of a vertex from the plane of its region, and of one that goes from the edge of
+    /// the outline that takes its place. By default 2e-7 of the diagonal, or the error of the stop.
+    pub flat: Option<Length>,
+    /// [`Method::Unsubdivide`]: levels to undo, at most. [`Method::Remesh`]: rounds.
+    pub iterations: Option<usize>,
+    /// [`Method::Remesh`]: edge of a voxel: a closed surface around the input, whatever state it is in.
+    pub voxel: Option<Length>,
+    /// [`Method::Remesh`]: a semi-regular mesh: a base, subdivided so many times. [Eck et al. 1995]
+    pub subdivisions: Option<usize>,
+    /// [`Method::Remesh`]: edges are short where the surface is curved.
+    pub adaptive: bool,
+}
+
+impl MethodOptions {
+    /// Those that are set: their names, and the methods that take them.
+    pub(crate) fn set(&self) -> impl Iterator<Item = (&'static str, &'static [Method])> {
+        use Method::{
+            Cluster, Memoryless, Planar, Quadric, Remesh, ShortestEdge, Unsubdivide, VertexRemoval,
+        };
+        let all: [(&str, bool, &[Method]); 10] = [
+            ("pairs", self.pairs.is_some(), &[Memoryless, Quadric]),
+            ("cell", self.cell.is_some(), &[Cluster]),
+            ("two-stage", self.two_stage, &[Cluster]),
+            ("edge-length", self.edge_length.is_some(), &[ShortestEdge, Remesh]),
+            ("angle", self.angle_deg.is_some(), &[Planar, VertexRemoval, Remesh]),
+            ("flat", self.flat.is_some(), &[Planar]),
+            ("iterations", self.iterations.is_some(), &[Unsubdivide, Remesh]),
+            ("voxel", self.voxel.is_some(), &[Remesh]),
+            ("subdivisions", self.subdivisions.is_some(), &[Remesh]),
+            ("adaptive", self.adaptive, &[Remesh]),
+        ];
+        all.into_iter().filter(|x| x.1).map(|x| (x.0, x.2))
+    }
+
+    /// Whether a run of this method comes to an end by itself, without a stop.
+    pub fn ends(&self, method: Method) -> bool {
+        match method {
+            Method::Planar | Method::Unsubdivide => true,
+            Method::ShortestEdge => self.edge_length.is_some(),
+            Method::Cluster => self.cell.is_some() && !self.two_stage,
+            Method::Remesh => self.edge_length.is_some() || self.voxel.is_some(),
+            _ => false,
+        }
+    }
 }
 
 /// Whether the last least-squares step towards the original is taken.
@@ -190,6 +303,8 @@ pub struct SimplifyOptions {
     pub stop: Stop,
     /// How.
     pub method: Method,
+    /// What only some methods know.
+    pub of_method: MethodOptions,
     /// The last step.
     pub fit: Fit,
     /// Where merged vertices go.
@@ -223,7 +338,7 @@ pub struct SimplifyOptions {
     /// Whether each vertex of the input is locked, where any is: in a scene, of all parts, one after the other.
     ///
     /// A locked vertex keeps its place and all that stands on it, to the bit, and a face whose vertices are all locked
-    /// stays. The faces around are simplified up to it and stay joined to it; a part with a locked vertex never goes.
+    /// stays. (Clusters can leave one without any face: then it goes.) The faces around are simplified up to it and stay joined to it; a part with a locked vertex never goes.
     /// Vertices at one place are locked together; a weld moves others onto locked ones, never those. Of faces that stand
     /// twice one goes all the same.
     pub locked: Option<Arc<[bool]>>,

@@ -1,9 +1,12 @@
 //! What would let a run go on that is stuck above its target.
 
-use crate::options::{BorderPolicy, Placement, SimplifyOptions, TopologyPolicy};
+use crate::options::{BorderPolicy, Length, Method, Placement, SimplifyOptions, TopologyPolicy};
+
+/// How near parts have to be that pairs are tried on, a share of the diagonal: half a percent.
+const PAIRS: f64 = 0.005;
 
 /// An option, and what it would have to be.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Change {
     /// Another policy for borders.
     Border(BorderPolicy),
@@ -21,10 +24,12 @@ pub enum Change {
     MaxEdge,
     /// Fewer locked vertices.
     Locked,
+    /// Pairs of near vertices that share no edge, so that parts grow together.
+    Pairs(Length),
 }
 
 /// Changes that together let a stuck run go on.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Proposal {
     /// One, or several where each alone would not do.
@@ -46,8 +51,15 @@ impl Change {
             Self::MaxValence => options.guards.max_valence = None,
             Self::MaxEdge => options.guards.max_edge = None,
             Self::Locked => options.locked = None,
+            Self::Pairs(reach) => options.of_method.pairs = Some(reach),
         }
         options
+    }
+
+    /// Pairs, where the method knows them and they are not contracted already.
+    pub(crate) fn to_pairs(options: &SimplifyOptions) -> Option<Self> {
+        let knows = matches!(options.method, Method::Memoryless | Method::Quadric);
+        (knows && options.of_method.pairs.is_none()).then_some(Self::Pairs(Length::OfDiagonal(PAIRS)))
     }
 
     /// What is stricter in these options than need be: for each option the changes in their order, the gentlest first.
@@ -75,6 +87,8 @@ impl Change {
         });
         all.push(match options.placement {
             Placement::Optimal => Vec::new(),
+            // Theirs whatever the options say.
+            _ if matches!(options.method, Method::Melax | Method::ShortestEdge) => Vec::new(),
             Placement::Endpoint | Placement::Midpoint => vec![Self::Placement(Placement::Optimal)],
         });
         all.retain(|changes| !changes.is_empty());

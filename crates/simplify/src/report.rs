@@ -32,11 +32,13 @@ pub enum Refusal {
     Cost,
     /// The vertices, or what stands on them, are locked.
     Locked,
+    /// The faces of a part are not what a subdivision leaves.
+    Pattern,
 }
 
 impl Refusal {
     /// All of them, in the order of reports.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::LinkCondition,
         Self::NormalFlip,
         Self::Quality,
@@ -48,6 +50,7 @@ impl Refusal {
         Self::Seam,
         Self::Cost,
         Self::Locked,
+        Self::Pattern,
     ];
     /// The word for it in reports, such as `link_condition`.
     pub const fn name(self) -> &'static str {
@@ -63,6 +66,7 @@ impl Refusal {
             Self::Seam => "seam",
             Self::Cost => "cost",
             Self::Locked => "locked",
+            Self::Pattern => "pattern",
         }
     }
 }
@@ -81,6 +85,8 @@ pub enum StoppedBy {
     Error,
     /// No collapse is left that topology and guards allow.
     Refusals,
+    /// The method is done: it has nothing more to take away.
+    Exhausted,
     /// The caller asked for the best mesh so far.
     Caller,
     /// No stop was given, or the input met it already.
@@ -96,6 +102,7 @@ impl StoppedBy {
             Self::Ratio => "ratio",
             Self::Error => "error",
             Self::Refusals => "refusals",
+            Self::Exhausted => "exhausted",
             Self::Caller => "time_limit",
             Self::Nothing => "nothing_to_do",
         }
@@ -129,6 +136,20 @@ pub struct ErrorReport {
     pub diagonal: f64,
 }
 
+/// What [`Method::Cluster`](crate::Method::Cluster) did before anything else came to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Clustered {
+    /// Edge of a cell, in the units of the mesh; 0 where the input was light enough.
+    pub cell: f64,
+    /// Triangles of the clusters: those of the result, unless a second stage went on.
+    pub faces: usize,
+    /// Vertices of the clusters.
+    pub vertices: usize,
+    /// Edges with more than two triangles then: sheets that are nearer than a cell grow together.
+    pub non_manifold_edges: usize,
+}
+
 /// What a run did and why it ended.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -156,6 +177,9 @@ pub struct Report {
     pub parts_removed: usize,
     /// Necks that were cut: three edges round a handle or a thin place each.
     pub necks_cut: usize,
+    /// Pairs of vertices without an edge between them that were contracted, with
+    /// [`MethodOptions::pairs`](crate::MethodOptions); they are among the collapses.
+    pub pairs_contracted: usize,
     /// Vertices that were locked, those at one place counted once.
     pub locked_vertices: usize,
     /// Faces that stayed as they were because all their vertices were locked.
@@ -176,4 +200,6 @@ pub struct Report {
     pub escalated: Vec<Escalation>,
     /// Small parts that went first. Distances are from what was left.
     pub pruned: Pruned,
+    /// The grid, where there was one.
+    pub clustered: Option<Clustered>,
 }

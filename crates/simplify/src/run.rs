@@ -16,12 +16,12 @@ use crate::collapse::{End, Engine, Goal, Look, Original, Wedges};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit;
 use crate::guard::Rules;
-use crate::metric::{Memoryless, Metric, Quadric};
+use crate::metric::{EdgeLength, Judge, LindstromTurk, Melax, Memoryless, Metric, Quadric};
 use crate::options::{Fit, Length, Measure, Method, Placement, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
-use crate::{Simplified, SimplifyError, escalate, prune, shading};
+use crate::{Simplified, SimplifyError, cluster, escalate, prune, rebuild, shading};
 
 /// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
 /// again when it comes to it, which takes some percent more time and 18 bytes a face less.
@@ -43,7 +43,7 @@ pub(crate) struct Input<'a> {
 
 impl Input<'_> {
     /// The vertex of the surface that a vertex of the mesh became.
-    fn joined(&self, v: VertexId) -> VertexId {
+    pub(crate) fn joined(&self, v: VertexId) -> VertexId {
         self.joined.as_ref().map_or(v, |joined| joined[v.index()])
     }
 }
@@ -75,21 +75,22 @@ struct Leave {
 }
 
 /// What one pass of the engine made.
-struct Outcome {
-    mesh: TriMesh,
-    end: End,
-    estimate: f64,
-    fitted: bool,
-    refusals: [u64; Refusal::ALL.len()],
-    collapses: u64,
-    parts_removed: usize,
-    necks_cut: usize,
+pub(crate) struct Outcome {
+    pub(crate) mesh: TriMesh,
+    pub(crate) end: End,
+    pub(crate) estimate: f64,
+    pub(crate) fitted: bool,
+    pub(crate) refusals: [u64; Refusal::ALL.len()],
+    pub(crate) collapses: u64,
+    pub(crate) parts_removed: usize,
+    pub(crate) necks_cut: usize,
+    pub(crate) pairs_contracted: usize,
     /// Whether vertices that were cut apart stand at one place.
-    touches: bool,
-    seams_relaxed: bool,
-    duplicate_faces: usize,
-    proposals: Vec<Proposal>,
-    held: Held,
+    pub(crate) touches: bool,
+    pub(crate) seams_relaxed: bool,
+    pub(crate) duplicate_faces: usize,
+    pub(crate) proposals: Vec<Proposal>,
+    pub(crate) held: Held,
 }
 
 /// Runs with the options' method, after welding and pruning; once more with looser ones if that is wanted and needed. Says
@@ -99,8 +100,9 @@ pub(crate) fn run(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<(Simplified, Held), SimplifyError> {
-    check(options)?;
+    options.check()?;
     care::check(options, input.surface.positions().len())?;
+    let options = &options.with_own_placement();
     if options.shape_normals
         && let Some(mesh) = shading::shaded(input)?
     {
@@ -127,6 +129,7 @@ fn run_pruned(
     let mut options = options.clone();
     (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
     options.guards.max_edge = options.guards.max_edge.map(units);
+    options.of_method.pairs = options.of_method.pairs.map(units);
     let near = options.weld.map(|d| d.in_units(diagonal));
     let small = prune::small_parts(&input.surface, size.in_units(diagonal), near, options.locked.as_deref());
     if small.pruned.parts == 0 {
@@ -168,18 +171,29 @@ fn run_welded(
     Ok(done)
 }
 
-fn run_by_method(
+/// One run to a goal. The largest distance that a step may leave, in user units, is given where the error is searched for.
+pub(crate) type Pass =
+    fn(&mut Run<'_, '_>, Goal, Option<f64>, &mut dyn Control) -> Result<Outcome, SimplifyError>;
+
+pub(crate) fn run_by_method(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<(Simplified, Held), SimplifyError> {
-    match options.method {
-        Method::Memoryless => run_with::<Memoryless>(input, options, control),
-        Method::Quadric => run_with::<Quadric>(input, options, control),
-    }
+    let pass: Pass = match options.method {
+        Method::Memoryless => |run, goal, step, control| run.pass::<Memoryless>(goal, step, control),
+        Method::Quadric => |run, goal, step, control| run.pass::<Quadric>(goal, step, control),
+        Method::LindstromTurk => |run, goal, step, control| run.pass::<LindstromTurk>(goal, step, control),
+        Method::Melax => |run, goal, step, control| run.pass::<Melax>(goal, step, control),
+        Method::ShortestEdge => |run, goal, step, control| run.pass::<EdgeLength>(goal, step, control),
+        Method::Cluster => return cluster::run(input, options, control),
+        _ => rebuild::pass,
+    };
+    run_with(pass, input, options, control)
 }
 
-fn run_with<M: Metric>(
+pub(crate) fn run_with(
+    pass: Pass,
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
@@ -199,10 +213,11 @@ fn run_with<M: Metric>(
     let goal = goal(options, input_faces);
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
     let care = Care::new(options, &ordered, |v| input.joined(v));
-    let run = Run { input, options, ordered: &mut ordered, goal, care: &care };
+    let run = Run { input, options, ordered: &mut ordered, goal, care: &care, pass };
     let (outcome, measured, by_error) = match limit {
-        Some(limit) => run.run_within_error::<M>(limit, control)?,
-        None => run.run_to_goal::<M>(control)?,
+        Some(limit) if rebuild::goes_by_step(options.method) => run.run_within_step(limit, control)?,
+        Some(limit) => run.run_within_error(limit, control)?,
+        None => run.run_to_goal(control)?,
     };
     let mut cleanup = ordered.cleanup;
     cleanup.duplicate_faces = outcome.duplicate_faces;
@@ -215,7 +230,8 @@ fn run_with<M: Metric>(
         _ if met(stop.vertices, vertices) => StoppedBy::Vertices,
         _ if met(stop.ratio.map(|r| share(r, input_faces)), faces) => StoppedBy::Ratio,
         _ if by_error => StoppedBy::Error,
-        _ if goal.faces.is_none() && goal.vertices.is_none() && limit.is_none() => StoppedBy::Nothing,
+        End::Exhausted => StoppedBy::Exhausted,
+        _ if goal.is_none() && limit.is_none() && outcome.end != End::Stuck => StoppedBy::Nothing,
         _ => StoppedBy::Refusals,
     };
     // A limit of the error alone is met by any result that keeps it.
@@ -224,7 +240,8 @@ fn run_with<M: Metric>(
     let reached = match stopped_by {
         StoppedBy::Caller => false,
         StoppedBy::Error => limit.is_some_and(within),
-        StoppedBy::Refusals => goal.faces.is_none() && goal.vertices.is_none() && limit.is_some_and(within),
+        StoppedBy::Exhausted => goal.is_none() || options.method == Method::ShortestEdge,
+        StoppedBy::Refusals => goal.is_none() && limit.is_some_and(within),
         _ => true,
     };
     let dropped = input.mesh.map_or_else(Vec::new, |mesh| names_of_dropped(mesh, &outcome.mesh));
@@ -245,6 +262,7 @@ fn run_with<M: Metric>(
         collapses: outcome.collapses,
         parts_removed: outcome.parts_removed,
         necks_cut: outcome.necks_cut,
+        pairs_contracted: outcome.pairs_contracted,
         locked_vertices: care.locked_vertices(),
         locked_faces: care.locked_faces(),
         seams_relaxed: outcome.seams_relaxed,
@@ -254,24 +272,35 @@ fn run_with<M: Metric>(
         proposals: outcome.proposals,
         escalated: Vec::new(),
         pruned: Pruned::default(),
+        clustered: None,
     };
     Ok((Simplified { mesh: outcome.mesh, report }, outcome.held))
 }
 
-struct Run<'a, 'b> {
-    input: &'a Input<'b>,
-    options: &'a SimplifyOptions,
-    ordered: &'a mut Ordered,
+pub(crate) struct Run<'a, 'b> {
+    pub(crate) input: &'a Input<'b>,
+    pub(crate) options: &'a SimplifyOptions,
+    pub(crate) ordered: &'a mut Ordered,
     goal: Goal,
-    care: &'a Care,
+    pub(crate) care: &'a Care,
+    pass: Pass,
 }
 
 type Finished = (Outcome, Option<Comparison>, bool);
 
 impl Run<'_, '_> {
+    fn go(
+        &mut self,
+        goal: Goal,
+        step: Option<f64>,
+        control: &mut dyn Control,
+    ) -> Result<Outcome, SimplifyError> {
+        (self.pass)(self, goal, step, control)
+    }
+
     /// One pass to the goal, measured if asked.
-    fn run_to_goal<M: Metric>(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
-        let outcome = self.pass::<M>(self.goal, None, control)?;
+    fn run_to_goal(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
+        let outcome = self.go(self.goal, None, control)?;
         let measured = match self.options.measure {
             Measure::Auto => None,
             Measure::Always => self.reference(control).and_then(|r| self.compare(&r, &outcome.mesh)),
@@ -283,13 +312,9 @@ impl Run<'_, '_> {
     ///
     /// The number of faces is searched for: the largest deviation falls about as the number rises, with jumps. No
     /// collapse may leave a plane by more than the limit, so a spike is not what ends the search.
-    fn run_within_error<M: Metric>(
-        mut self,
-        limit: f64,
-        control: &mut dyn Control,
-    ) -> Result<Finished, SimplifyError> {
+    fn run_within_error(mut self, limit: f64, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
         let Some(reference) = self.reference(control) else {
-            let outcome = self.pass::<M>(self.goal, Some(0.0), control)?;
+            let outcome = self.go(self.goal, Some(0.0), control)?;
             return Ok((outcome, None, true));
         };
         // What rounding of double precision alone amounts to.
@@ -302,7 +327,7 @@ impl Run<'_, '_> {
         let mut count = floor.max(all / 10).min(all);
         for _ in 0..ERROR_RUNS {
             let goal = Goal { faces: Some(count), vertices: self.goal.vertices };
-            let outcome = self.pass::<M>(goal, Some(limit), control)?;
+            let outcome = self.go(goal, Some(limit), control)?;
             let (end, faces, vertices) =
                 (outcome.end, outcome.mesh.face_count(), outcome.mesh.vertex_count());
             control.stage(Stage::Measure);
@@ -340,9 +365,32 @@ impl Run<'_, '_> {
         }
         // Not even one collapse is within: the input stays as it is.
         let nothing = Goal { faces: Some(usize::MAX), vertices: None };
-        let outcome = self.pass::<M>(nothing, None, control)?;
+        let outcome = self.go(nothing, None, control)?;
         let measured = self.compare(&reference, &outcome.mesh);
         Ok((outcome, measured, true))
+    }
+
+    /// The result of the largest step whose measured deviation, both ways, stays within `limit`: for methods that a step
+    /// ends, and no count.
+    fn run_within_step(mut self, limit: f64, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
+        let reference = self.reference(control);
+        let allowed = limit + ROUNDING * self.ordered.diagonal;
+        let mut step = limit;
+        for run in 1.. {
+            if run == ERROR_RUNS {
+                step = 0.0;
+            }
+            let outcome = self.go(self.goal, Some(step), control)?;
+            control.stage(Stage::Measure);
+            let measured = reference.as_ref().and_then(|r| self.compare(r, &outcome.mesh));
+            let got = measured.as_ref().map_or(f64::INFINITY, |m| m.hausdorff.symmetric);
+            let is_last = run == ERROR_RUNS || outcome.end == End::Finish;
+            if got <= allowed || is_last {
+                return Ok((outcome, measured, got <= allowed));
+            }
+            step *= (0.9 * limit / got).clamp(0.1, 0.9);
+        }
+        unreachable!("the last run returns")
     }
 
     /// The input as it is worked on: faces without extent or place do not count.
@@ -378,7 +426,8 @@ impl Run<'_, '_> {
         let is_free = self.options.topology == TopologyPolicy::Free;
         let mut first =
             self.single_pass::<M>(&goal, step, Leave { parts: is_free, cuts: is_free }, control)?;
-        let is_short = first.parts_removed > 0 || first.end == End::Stuck && step.is_none();
+        let is_short =
+            first.parts_removed > 0 || first.end == End::Stuck && step.is_none() && !goal.is_none();
         let may_change = self.options.topology == TopologyPolicy::Relaxed;
         if !is_short || !may_change || first.end == End::Finish {
             return Ok(first);
@@ -429,7 +478,7 @@ impl Run<'_, '_> {
         };
         let regions = self.regions();
         let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
-        if !M::MEMORYLESS
+        if !matches!(M::JUDGE, Judge::Engine)
             && let Some((_, Some(attributes))) = &mut rows
         {
             attributes.weights_mut().fill(0.0);
@@ -450,7 +499,10 @@ impl Run<'_, '_> {
             store.lock(locked);
         }
         let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
-        engine.prices = self.care.prices();
+        engine.set_prices(self.care.prices());
+        if let Some(distance) = options.of_method.pairs {
+            engine.watch_pairs(pairs_reach(distance, frame, self.ordered.diagonal));
+        }
 
         control.stage(Stage::Collapse);
         if leave.parts {
@@ -463,9 +515,13 @@ impl Run<'_, '_> {
             return Err(SimplifyError::Cancelled);
         }
         // Where parts may go, a first pass is not the last one; a search for an error has its own end.
-        let is_last = leave.parts || options.topology == TopologyPolicy::Preserve;
+        let is_last = leave.parts || goal.is_none() || options.topology == TopologyPolicy::Preserve;
         let proposals = match end == End::Stuck && is_last && !again {
-            true => engine.proposals(options, |o| Rules::new(o, frame, self.ordered.diagonal)),
+            true => engine.proposals(
+                options,
+                |o| Rules::new(o, frame, self.ordered.diagonal),
+                |d| pairs_reach(d, frame, self.ordered.diagonal),
+            ),
             false => Vec::new(),
         };
         let mut fitted = None;
@@ -500,6 +556,11 @@ impl Run<'_, '_> {
             }
         }
         let mut mesh = self.result(&engine, rows.as_ref())?;
+        if let (true, Some(attributes), Some(wedges)) =
+            (engine.has_relaxed_seams(), &engine.attributes, &engine.store.wedges)
+        {
+            mesh = rebuild::dressed_again(self, &mesh, (attributes, wedges))?;
+        }
         let held = self.held(&engine, rows.as_ref());
         if let Some(input) = self.input.mesh {
             held.restore(&mut mesh, input);
@@ -512,6 +573,7 @@ impl Run<'_, '_> {
             collapses: engine.collapses,
             parts_removed: engine.parts_removed,
             necks_cut: engine.necks_cut,
+            pairs_contracted: engine.pairs_contracted,
             touches: engine.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0,
             seams_relaxed: engine.has_relaxed_seams(),
             duplicate_faces,
@@ -534,7 +596,7 @@ impl Run<'_, '_> {
         match self.options.fit {
             Fit::Off => false,
             Fit::On => self.options.placement != Placement::Endpoint,
-            Fit::Auto => M::MEMORYLESS && self.options.placement == Placement::Optimal,
+            Fit::Auto => matches!(M::JUDGE, Judge::Engine) && self.options.placement == Placement::Optimal,
         }
     }
 
@@ -579,7 +641,7 @@ impl Run<'_, '_> {
     }
 
     /// Number of a wedge's vertex in the ordered input.
-    fn place(&self, mesh: &TriMesh, w: WedgeId) -> VertexId {
+    pub(crate) fn place(&self, mesh: &TriMesh, w: WedgeId) -> VertexId {
         self.ordered.rank[self.input.joined(mesh.vertex_of(w)).index()]
     }
 
@@ -661,6 +723,11 @@ impl Run<'_, '_> {
     }
 }
 
+/// How near vertices have to be that are contracted as pairs, in the unit frame. (A box has a diagonal below 2 there.)
+fn pairs_reach(distance: Length, frame: order::Frame, diagonal: f64) -> f32 {
+    frame.unit_length(distance.in_units(diagonal)).min(2.0) as f32
+}
+
 /// What stands at the corners of the ordered faces.
 struct Corners {
     wedges: Option<Vec<[WedgeId; 3]>>,
@@ -669,7 +736,7 @@ struct Corners {
 }
 
 /// The result's wedges, numbered in the order of the faces, with their attributes from the input.
-fn with_attributes(
+pub(crate) fn with_attributes(
     mesh: &TriMesh,
     positions: Positions,
     faces: &[[VertexId; 3]],
@@ -687,7 +754,7 @@ fn with_attributes(
 }
 
 /// What the input has and the result has not: joints without weights of the same set, or weights without joints.
-fn names_of_dropped(input: &TriMesh, result: &TriMesh) -> Vec<&'static str> {
+pub(crate) fn names_of_dropped(input: &TriMesh, result: &TriMesh) -> Vec<&'static str> {
     let is_there = |a: &&Attribute| {
         result.further_attributes().iter().any(|b| (&b.semantic, b.width) == (&a.semantic, a.width))
     };
@@ -698,11 +765,11 @@ fn names_of_dropped(input: &TriMesh, result: &TriMesh) -> Vec<&'static str> {
 }
 
 /// The number of faces that a ratio stands for: at least one.
-fn share(ratio: f64, faces: usize) -> usize {
+pub(crate) fn share(ratio: f64, faces: usize) -> usize {
     ((faces as f64 * ratio).round() as usize).max(1)
 }
 
-fn goal(options: &SimplifyOptions, faces: usize) -> Goal {
+pub(crate) fn goal(options: &SimplifyOptions, faces: usize) -> Goal {
     let stop = &options.stop;
     let by_ratio = stop.ratio.map(|r| share(r, faces));
     // The first one met stops, so the larger count counts.
@@ -710,45 +777,7 @@ fn goal(options: &SimplifyOptions, faces: usize) -> Goal {
         (Some(a), Some(b)) => Some(a.max(b)),
         (a, b) => a.or(b),
     };
-    let nothing = by_faces.is_none() && stop.vertices.is_none() && stop.error.is_none();
+    let ends = options.of_method.ends(options.method);
+    let nothing = by_faces.is_none() && stop.vertices.is_none() && stop.error.is_none() && !ends;
     Goal { faces: if nothing { Some(usize::MAX) } else { by_faces }, vertices: stop.vertices }
-}
-
-fn check(options: &SimplifyOptions) -> Result<(), SimplifyError> {
-    let bad = |option, wanted, got| Err(SimplifyError::BadOption { option, wanted, got });
-    let length = |l: crate::Length| match l {
-        crate::Length::Units(x) | crate::Length::OfDiagonal(x) => x,
-    };
-    let stop = &options.stop;
-    if let Some(r) = stop.ratio.filter(|r| !(*r > 0.0 && *r <= 1.0)) {
-        return bad("ratio", "above 0 and at most 1", r);
-    }
-    if let Some(e) = stop.error.map(length).filter(|e| !(e.is_finite() && *e >= 0.0)) {
-        return bad("error", "a distance of 0 or more", e);
-    }
-    let guards = &options.guards;
-    if let Some(x) = guards.max_normal_deg.filter(|x| !(*x > 0.0 && *x <= 180.0)) {
-        return bad("max-normal", "above 0 and at most 180 degrees", x);
-    }
-    if let Some(x) = guards.min_quality.filter(|x| !(*x >= 0.0 && *x <= 1.0)) {
-        return bad("min-quality", "from 0 to 1", x);
-    }
-    if let Some(x) = guards.max_valence.filter(|x| *x < 3) {
-        return bad("max-valence", "at least 3", x as f64);
-    }
-    if let Some(x) = guards.max_edge.map(length).filter(|x| !(x.is_finite() && *x > 0.0)) {
-        return bad("max-edge", "a length above 0", x);
-    }
-    if let Some(x) = options.prune.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
-        return bad("prune", "a length of 0 or more", x);
-    }
-    let w = &options.weights;
-    let weights = [w.normal, w.uv, w.color, w.morph, w.other, w.border];
-    if let Some(&x) = weights.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
-        return bad("weight", "0 or more", x);
-    }
-    if let Some(x) = options.weld.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
-        return bad("weld", "a distance of 0 or more", x);
-    }
-    Ok(())
 }

@@ -104,7 +104,8 @@ pub fn simplify_scene(
     if options.per_mesh {
         return per_mesh::simplify_each(parts, diagonal, options, control);
     }
-    let layout = Layout::new(parts, options.weld.map_or(0.0, |d| d.in_units(diagonal)));
+    let joining = options.weld.into_iter().chain(options.of_method.pairs);
+    let layout = Layout::new(parts, joining.map(|d| d.in_units(diagonal)).fold(0.0, f64::max));
     let is_placed = parts.iter().any(|p| p.instances > 0);
     let times = |p: &Part<'_>| if is_placed { p.instances } else { 1 };
     let (mesh, table) = layout.together(parts)?;
@@ -123,6 +124,7 @@ pub fn simplify_scene(
     };
     options.guards.max_edge = options.guards.max_edge.map(units);
     options.prune = options.prune.map(units);
+    options.of_method.pairs = options.of_method.pairs.map(units);
     let instances = |of: fn(&TriMesh) -> usize, meshes: &[TriMesh]| {
         meshes.iter().zip(parts).map(|(m, p)| of(m).saturating_mul(times(p))).sum::<usize>()
     };
@@ -251,8 +253,8 @@ fn classes(own: &[RegionId], table: &Table) -> Arc<[RegionId]> {
 }
 
 impl Layout {
-    /// Groups lie so far apart that no `weld` reaches from one to another.
-    fn new(parts: &[Part<'_>], weld: f64) -> Self {
+    /// Groups lie so far apart that nothing joins what is `near` from one to another.
+    fn new(parts: &[Part<'_>], near: f64) -> Self {
         let scale = |p: &Part<'_>| if p.scale.is_finite() && p.scale > 0.0 { p.scale } else { 1.0 };
         // Which group each part is of, and the box round each group.
         let mut groups: BTreeMap<usize, usize> = BTreeMap::new();
@@ -282,7 +284,7 @@ impl Layout {
         let extents = boxes.iter().flatten().flat_map(|b| [0, 1, 2].map(|k| b.max[k] - b.min[k]));
         let largest = extents.fold(0f64, f64::max);
         let cell = if largest.is_finite() && largest > 0.0 { largest * (1.0 + GAP) } else { 1.0 };
-        let cell = if weld.is_finite() && weld > 0.0 { cell + weld } else { cell };
+        let cell = if near.is_finite() && near > 0.0 { cell + near } else { cell };
         let side = (1..).find(|n: &usize| n * n * n >= boxes.len()).unwrap_or(1);
         let offset = |group: usize| {
             let min = boxes[group].map_or([0.0; 3], |b| b.min);

@@ -14,11 +14,6 @@ impl Tensor {
         let w = n * weight;
         Self([w.x * n.x, w.y * n.y, w.z * n.z, w.x * n.y, w.x * n.z, w.y * n.z])
     }
-    /// Squared distance to the plane of a triangle times twice its area, from its normal of double length.
-    #[inline(always)]
-    pub(crate) fn plane(normal: Vec3) -> Self {
-        Self::outer(normal, 1.0 / normal.length().max(1e-30))
-    }
     /// Squared distance to a line along `edge` times `weight` · |edge|².
     #[inline(always)]
     pub(crate) fn line(edge: Vec3, weight: f32) -> Self {
@@ -39,6 +34,12 @@ impl Tensor {
         for k in 0..6 {
             self.0[k] -= other.0[k];
         }
+    }
+    /// The same without another.
+    #[inline(always)]
+    pub(crate) fn less(mut self, other: &Self) -> Self {
+        self.sub(other);
+        self
     }
     #[inline(always)]
     pub(crate) fn trace(&self) -> f32 {

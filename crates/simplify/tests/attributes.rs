@@ -3,6 +3,7 @@
 mod support;
 
 use lodsmith::core::measure::{CompareOptions, compare, compare_attributes};
+use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{
     Attribute, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
 };
@@ -273,4 +274,21 @@ fn seams_within_one_piece_of_a_texture_are_soft() {
     let refused = |r: &Report| r.refusals.iter().any(|r| r.0 == Refusal::Seam);
     assert!(near.reached && !near.seams_relaxed && !refused(&near), "{:?}", near.refusals);
     assert!(refused(&far), "{:?}", far.refusals);
+}
+
+#[test]
+fn where_seams_give_way_a_face_shows_the_piece_of_the_texture_under_it() {
+    let mesh = palette(100.0);
+    let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.1)), &mut NoControl).unwrap();
+    assert!(done.report.reached && done.report.seams_relaxed, "{:?}", done.report.refusals);
+    let tree = Bvh::new(&mesh.surface());
+    let piece = |m: &TriMesh, w: WedgeId| m.uvs().unwrap()[w.index()].map(|x| (x / 100.0).round());
+    for t in done.mesh.triangles() {
+        let corners = t.map(|w| place(&done.mesh, w));
+        let centre = [0, 1, 2].map(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 3.0);
+        let under = mesh.triangles()[tree.closest(centre).unwrap().face.index()][0];
+        for &w in t {
+            assert_eq!(piece(&done.mesh, w), piece(&mesh, under), "{corners:?}");
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Words for the enums of the libraries. Which one is the default is read off their own default.
 
 use clap::ValueEnum;
-use lodsmith::{BorderPolicy, Fit, Method, Placement, Preset, TopologyPolicy};
+use lodsmith::{BorderPolicy, Fit, Method, NonManifold, Placement, Preset, TopologyPolicy};
 use lodsmith_io::Textures;
 
 macro_rules! choice {
@@ -35,32 +35,26 @@ macro_rules! choice {
     };
 }
 
-choice!(MethodChoice of Method { Memoryless, Quadric });
+choice!(MethodChoice of Method { Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, Cluster, VertexRemoval, Planar, Unsubdivide, Remesh });
 choice!(FitChoice of Fit { Auto, On, Off });
 choice!(PlacementChoice of Placement { Optimal, Endpoint, Midpoint });
 choice!(BorderChoice of BorderPolicy { Keep, Slide, Lock, Free });
 choice!(TopologyChoice of TopologyPolicy { Relaxed, Preserve, Free });
 choice!(PresetChoice of Preset { Auto, Scan, Cad, Visual, Print });
+choice!(NonManifoldChoice of NonManifold { Keep, Cut, Merge });
 choice!(TexturesChoice of Textures { Copy, Link, None });
-
-impl MethodChoice {
-    /// The word for it, as typed.
-    pub(crate) fn word(self) -> &'static str {
-        match self {
-            Self::Memoryless => "memoryless",
-            Self::Quadric => "quadric",
-        }
-    }
-}
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn the_word_in_reports_is_the_word_typed() {
-        for method in MethodChoice::value_variants() {
-            assert_eq!(method.to_possible_value().unwrap().get_name(), method.word());
+    fn words_of_methods_are_those_of_the_library() {
+        let all = MethodChoice::value_variants();
+        assert_eq!(all.len(), Method::ALL.len());
+        for (choice, method) in all.iter().zip(Method::ALL) {
+            assert_eq!(Method::from(*choice), method);
+            assert_eq!(choice.to_possible_value().unwrap().get_name(), method.name());
         }
     }
 }

@@ -8,14 +8,24 @@ use lodsmith_io::Format;
 use serde_json::{Map, Value};
 
 use super::choice::{BorderChoice, FitChoice, MethodChoice, PlacementChoice, PresetChoice, TopologyChoice};
+use super::of_method::OfMethod;
 use super::scope::Scope;
 use super::{Run, TypedLength, Writing, values};
 use crate::file::{Sink, Source};
+use crate::plan::Wanted;
 
 const AFTER: &str = "\
 Methods:
-  memoryless  costs of the present surface alone, then a fit to the original [Lindstrom-Turk 1998]
-  quadric     sums of plane quadrics that remember the original [Garland-Heckbert 1997]
+  memoryless      costs of the present surface alone, then a fit: the closest mesh [Lindstrom-Turk 1998]
+  quadric         sums of plane quadrics that remember the original [Garland-Heckbert 1997]
+  lindstrom-turk  keeps volume and borders, as published [Lindstrom-Turk 1998]
+  melax           length times curvature, onto vertices of the input: game levels [Melax 1998]
+  shortest-edge   short edges first, onto their middle: evens out
+  cluster         one vertex for each cell of a grid: the fastest, for huge meshes [Lindstrom 2000]
+  vertex-removal  a subset of the vertices, holes filled anew [Schroeder et al. 1992]
+  planar          flat regions in few triangles, nothing else moves: CAD, voxels
+  unsubdivide     undoes 4:1 subdivision where it fits [Taubin 2001]
+  remesh          a new, even mesh on the old surface; closed with --voxel [Botsch-Kobbelt 2004]
 
 Presets:
   auto        the least distance
@@ -49,6 +59,8 @@ pub(crate) struct SimplifyArgs {
     pub(crate) target: Target,
     #[command(flatten)]
     pub(crate) how: How,
+    #[command(flatten)]
+    of_method: OfMethod,
     #[command(flatten)]
     scope: Scope,
     #[command(flatten)]
@@ -87,8 +99,9 @@ pub(crate) struct SimplifyArgs {
 
 /// When to stop.
 #[derive(Args, Debug)]
-#[command(next_help_heading = "Target (at least one; the first one met stops)")]
-#[group(required = true, multiple = true)]
+#[command(
+    next_help_heading = "Target (the first one met stops; one at least, unless the method ends by itself)"
+)]
 pub(crate) struct Target {
     /// So many triangles
     #[arg(long, value_name = "N", value_parser = values::count)]
@@ -105,7 +118,13 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    fn stop(&self) -> Stop {
+    /// Whether there is any.
+    pub(crate) fn is_given(&self) -> bool {
+        self.faces.is_some() || self.vertices.is_some() || self.ratio.is_some() || self.error.is_some()
+    }
+
+    /// For the engine.
+    pub(super) fn stop(&self) -> Stop {
         Stop {
             faces: self.faces,
             vertices: self.vertices,
@@ -249,11 +268,26 @@ pub(crate) enum Normals {
 }
 
 impl SimplifyArgs {
+    /// Where the inputs go.
+    pub(crate) fn wanted(&self) -> Wanted<'_> {
+        Wanted {
+            inputs: &self.inputs,
+            output: self.output.as_ref(),
+            out_dir: self.out_dir.as_deref(),
+            name: &self.name,
+            from: self.from,
+            to: self.writing.to,
+            json: self.json,
+            dry_run: self.dry_run,
+        }
+    }
+
     /// What the engine is told.
     pub(crate) fn options(&self) -> SimplifyOptions {
         let (how, guards) = (&self.how, &self.guards);
         let mut options = SimplifyOptions::preset(how.preset.into(), self.target.stop());
         options.method = how.method.into();
+        options.of_method = self.of_method.options();
         options.fit = how.fit.into();
         options.placement = how.placement.into();
         options.border = how.border.map_or(options.border, Into::into);
@@ -275,9 +309,10 @@ impl SimplifyArgs {
         options
     }
 
-    /// The word for the method.
-    pub(crate) fn method(&self) -> &'static str {
-        self.how.method.word()
+    /// Whether a run comes to an end: by a target, or by what the method was told.
+    pub(crate) fn has_end(&self) -> bool {
+        let options = self.options();
+        self.target.is_given() || options.of_method.ends(options.method)
     }
 
     /// Whether each mesh has a target of its own.

@@ -117,6 +117,11 @@ pub(crate) fn turn_deg(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0 && x <= 180.0, "it must be above 0 and not above 180 degrees")
 }
 
+/// An angle between faces of one plane: 0 to 90 degrees.
+pub(crate) fn angle_deg(text: &str) -> Result<f64, String> {
+    number(text, |x| (0.0..90.0).contains(&x), "it must be from 0 to below 90 degrees")
+}
+
 /// A shape of a face: 0 to 1.
 pub(crate) fn quality(text: &str) -> Result<f64, String> {
     number(text, |x| (0.0..=1.0).contains(&x), "it must be from 0 to 1")

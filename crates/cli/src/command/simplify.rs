@@ -6,28 +6,32 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use lodsmith::core::TriMesh;
 use lodsmith::core::measure::{Comparison, TwoWay};
-use lodsmith::{
-    Control, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError, Stage, Verdict,
-};
+use lodsmith::{MeshCounts, Part, Report, Simplified, SimplifiedScene};
 use lodsmith_io::gltf::{Scene, SceneMesh};
 use lodsmith_io::{Format, Loaded, Warning};
 use serde_json::{Map, Value, json};
 
 use super::{show_warnings, texts};
 use crate::args::{Normals, SimplifyArgs, TexturesChoice};
-use crate::exit::{self, Interrupted, Status};
+use crate::exit::{self, Interrupted, Status, usage};
 use crate::file::{self, Input, Sink};
 use crate::in_order::Turn;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::plan::{self, Job};
-use crate::progress::{FileProgress, Progress};
+use crate::progress::Progress;
+use crate::watch::{Clock, Watch, not_interrupted};
 use crate::{care, images, in_order, normals, proposals};
 
 /// Makes every input lighter.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
-    let jobs = plan::jobs(args)?;
+    if !args.has_end() {
+        return Err(usage(
+            "a target is needed: --faces, --vertices, --ratio, --error, or what the method ends by",
+        ));
+    }
+    let jobs = plan::jobs(&args.wanted())?;
     if let (Some(folder), false) = (&args.out_dir, args.dry_run) {
         fs::create_dir_all(folder)
             .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
@@ -51,7 +55,7 @@ pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
 }
 
 /// The status of two files together: an end from outside, then a failure, then a broken strictness.
-fn worse(a: Status, b: Status) -> Status {
+pub(super) fn worse(a: Status, b: Status) -> Status {
     let rank =
         |s| [Status::Done, Status::Strict, Status::Failed, Status::Interrupted].iter().position(|x| *x == s);
     if rank(b) > rank(a) { b } else { a }
@@ -224,13 +228,6 @@ fn simplify_scene(
     Ok(Told { report, warnings, meshes })
 }
 
-fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
-    match result {
-        Err(SimplifyError::Cancelled) if exit::interrupted() => Err(Interrupted.into()),
-        result => Ok(result?),
-    }
-}
-
 fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result<()> {
     match wanted {
         Normals::Keep => {}
@@ -301,7 +298,8 @@ fn not_reached(report: &Report, args: &SimplifyArgs) -> String {
     text
 }
 
-fn refusals(report: &Report) -> String {
+/// What was refused how often, in words.
+pub(super) fn refusals(report: &Report) -> String {
     let of = |(r, n): &(lodsmith::Refusal, u64)| {
         format!("{} {}", r.name().replace('_', " "), grouped(usize::try_from(*n).unwrap_or(usize::MAX)))
     };
@@ -355,6 +353,15 @@ impl Done {
         if r.necks_cut > 0 {
             lines.push(format!("  {} cut", counted(r.necks_cut, "neck", "necks")));
         }
+        if r.pairs_contracted > 0 {
+            lines.push(format!("  {} contracted", counted(r.pairs_contracted, "pair", "pairs")));
+        }
+        if let Some(c) = r.clustered.filter(|c| c.cell > 0.0) {
+            let faces = counted(c.faces, "face", "faces");
+            let edges = counted(c.non_manifold_edges, "edge", "edges");
+            lines
+                .push(format!("  {faces} by cells of {}; {edges} with more than two of them", short(c.cell)));
+        }
         if r.pruned.parts > 0 {
             let parts = counted(r.pruned.parts, "small part", "small parts");
             lines.push(format!("  {parts} pruned first, of {}", counted(r.pruned.faces, "face", "faces")));
@@ -388,7 +395,7 @@ impl Done {
                 "faces": r.input_faces, "vertices": r.input_vertices,
             },
             "output": { "path": out_path, "format": out_format, "faces": r.faces, "vertices": r.vertices },
-            "method": args.method(),
+            "method": args.options().method.name(),
             "target": args.target.to_json(),
             "reached": r.reached,
             "stopped_by": r.stopped_by.name(),
@@ -403,6 +410,7 @@ impl Done {
             "collapses": r.collapses,
             "parts_removed": r.parts_removed,
             "necks_cut": r.necks_cut,
+            "pairs_contracted": r.pairs_contracted,
             "pruned": { "parts": r.pruned.parts, "faces": r.pruned.faces },
             "seams_relaxed": r.seams_relaxed,
             "proposals": proposals::to_json(r, &args.options()),
@@ -411,6 +419,11 @@ impl Done {
         });
         if !self.meshes.is_empty() {
             report["meshes"] = self.meshes.iter().map(mesh_json).collect();
+        }
+        if let Some(c) = &r.clustered {
+            report["clustered"] = json!({
+                "cell": c.cell, "faces": c.faces, "vertices": c.vertices, "non_manifold_edges": c.non_manifold_edges,
+            });
         }
         if !args.how.lock.is_empty() {
             report["locked"] = json!({ "vertices": r.locked_vertices, "faces": r.locked_faces });
@@ -430,7 +443,8 @@ fn mesh_json((name, m): &(String, MeshCounts)) -> Value {
     })
 }
 
-fn measured_json(m: &Comparison) -> Value {
+/// The measured distances that reports hold.
+pub(super) fn measured_json(m: &Comparison) -> Value {
     json!({ "hausdorff": both_ways(&m.hausdorff), "mean": both_ways(&m.mean), "rms": both_ways(&m.rms) })
 }
 
@@ -450,91 +464,9 @@ fn cleanup(report: &Report) -> [(&'static str, usize); 5] {
     ]
 }
 
-/// Time by stage, in the order in which stages first began.
-struct Clock {
-    stages: Vec<(&'static str, f64)>,
-    running: Option<(usize, Instant)>,
-}
-
-impl Clock {
-    fn new() -> Self {
-        // Always there, and in this order; the engine may add to them.
-        let stages = ["read", Stage::Prepare.name(), Stage::Collapse.name()];
-        Self { stages: stages.map(|s| (s, 0.0)).to_vec(), running: None }
-    }
-    /// A stage begins, or goes on.
-    fn enter(&mut self, name: &'static str) {
-        self.end();
-        let i = self.stages.iter().position(|(n, _)| *n == name).unwrap_or_else(|| {
-            self.stages.push((name, 0.0));
-            self.stages.len() - 1
-        });
-        self.running = Some((i, Instant::now()));
-    }
-    /// The present stage ends.
-    fn end(&mut self) {
-        if let Some((i, begin)) = self.running.take() {
-            self.stages[i].1 += begin.elapsed().as_secs_f64();
-        }
-    }
-    fn total(&self) -> f64 {
-        self.stages.iter().map(|(_, secs)| secs).sum()
-    }
-}
-
-/// Follows the engine: times its stages, moves the bar, ends it in time.
-struct Watch<'a> {
-    clock: &'a mut Clock,
-    bar: &'a FileProgress<'a>,
-    stage: Stage,
-    deadline: Option<Instant>,
-}
-
-impl<'a> Watch<'a> {
-    /// Ready for the engine.
-    fn new(clock: &'a mut Clock, bar: &'a FileProgress<'a>, deadline: Option<Instant>) -> Self {
-        clock.enter(Stage::Prepare.name());
-        Self { clock, bar, stage: Stage::Prepare, deadline }
-    }
-    /// The engine has ended, writing begins.
-    fn write(&mut self) {
-        self.bar.write();
-        self.clock.enter("write");
-    }
-}
-
-impl Control for Watch<'_> {
-    fn stage(&mut self, stage: Stage) {
-        self.clock.enter(stage.name());
-        self.bar.stage(stage);
-        self.stage = stage;
-    }
-    fn progress(&mut self, done: f64) -> Verdict {
-        self.bar.within(self.stage, done);
-        if exit::interrupted() {
-            Verdict::Cancel
-        } else if self.deadline.is_some_and(|d| Instant::now() >= d) {
-            Verdict::Finish
-        } else {
-            Verdict::Continue
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn stages_keep_their_order_and_add_up() {
-        let mut clock = Clock::new();
-        for stage in ["read", "prepare", "simplify", "fit", "simplify", "write"] {
-            clock.enter(stage);
-        }
-        clock.end();
-        let names: Vec<_> = clock.stages.iter().map(|(n, _)| *n).collect();
-        assert_eq!(names, ["read", "prepare", "simplify", "fit", "write"]);
-    }
 
     #[test]
     fn a_failure_outweighs_strictness() {

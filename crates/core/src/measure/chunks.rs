@@ -6,7 +6,7 @@ use std::ops::Range;
 const CHUNK: usize = 2048;
 
 /// Calls `work` for each piece of `0..count`; results in the order of the pieces.
-pub(crate) fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+pub fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
     let piece = |k: usize| work(k * CHUNK..((k + 1) * CHUNK).min(count));
     let pieces = 0..count.div_ceil(CHUNK);
     #[cfg(feature = "rayon")]

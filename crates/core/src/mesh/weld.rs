@@ -15,6 +15,16 @@ pub struct Weld {
 }
 
 impl Weld {
+    /// Vertices that stand for others, as someone else found them.
+    ///
+    /// # Panics
+    /// If a representative is a higher number than the vertex that it stands for, or does not stand for itself.
+    pub fn from_representatives(representative: Vec<VertexId>) -> Self {
+        let stands = |(i, r): (usize, &VertexId)| r.index() <= i && representative[r.index()] == *r;
+        assert!(representative.iter().enumerate().all(stands), "the lowest of a group stands for it");
+        let distinct_count = representative.iter().enumerate().filter(|(i, r)| r.index() == *i).count();
+        Self { representative, distinct_count }
+    }
     /// How many vertices gave way to another.
     pub fn merged_count(&self) -> usize {
         self.representative.len() - self.distinct_count
@@ -129,6 +139,15 @@ pub fn weld_mesh(mesh: &TriMesh, distance: Option<f64>) -> WeldedMesh {
         Some(d) => weld_within(view, d),
         None => weld(view),
     };
+    weld_mesh_by(mesh, &welded)
+}
+
+/// The same by a weld that is known already; a vertex moves to the place of the one that stands for it.
+///
+/// # Panics
+/// If the weld is of another number of vertices.
+pub fn weld_mesh_by(mesh: &TriMesh, welded: &Weld) -> WeldedMesh {
+    assert_eq!(welded.representative.len(), mesh.vertex_count(), "a weld is of all vertices");
     let vertex = |w: usize| welded.of(mesh.vertex_of(WedgeId(w as u32)));
     let (first_wedge, wedge_count) = if mesh.has_attributes() {
         let attributes = |w: usize| {

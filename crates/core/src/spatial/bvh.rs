@@ -219,6 +219,20 @@ impl Bvh {
         Some(self.hit_of(p, hit))
     }
 
+    /// The same as [`Bvh::closest`] among the faces that `accept` takes. Far slower where it takes few.
+    pub fn closest_of(&self, point: [f64; 3], accept: impl Fn(FaceId) -> bool) -> Option<Hit> {
+        let p = self.frame.unit_from_user(point);
+        if p.abs().max_element() >= 1e100 || p.is_nan() {
+            return None;
+        }
+        let mut best = SlotHit { slot: u32::MAX, distance_sq: f64::INFINITY };
+        self.visit(p, f64::INFINITY, |slot| {
+            let is_nearer = accept(self.slot_face(slot)) && self.try_slot(p, slot, &mut best);
+            is_nearer.then_some(best.distance_sq)
+        });
+        (best.slot != u32::MAX).then(|| self.hit_of(p, best))
+    }
+
     fn hit_of(&self, p: DVec3, hit: SlotHit) -> Hit {
         let Nearest { point, .. } = triangle::nearest(p, self.slot_corners(hit.slot));
         let distance = self.frame.user_length(hit.distance_sq.sqrt());

@@ -250,6 +250,21 @@ impl Attributes {
         self.copied.push(original);
         copy
     }
+    /// Whether two wedges carry the same, to the bit.
+    pub(super) fn is_same(&self, a: WedgeId, b: WedgeId) -> bool {
+        let bits = |w: WedgeId| self.of(w).iter().map(|x| x.to_bits());
+        let pulls = |w: WedgeId| self.pulls.get(w.index());
+        bits(a).eq(bits(b)) && pulls(a) == pulls(b)
+    }
+
+    /// Takes away what the triangles of a wedge say; `next` follows it at its vertex.
+    pub(super) fn clear_sums(&mut self, w: WedgeId, next: WedgeId) {
+        let (n, at) = (self.lanes, w.index() * 4 * self.lanes);
+        self.rows[at + n..at + 4 * n].fill(f32x4::ZERO);
+        let head = &mut self.heads[w.index()];
+        *head = Head { next, hard: head.hard, ..Head::default() };
+    }
+
     /// The wedge of the input that one is, or that it was copied from.
     pub(crate) fn original(&self, w: WedgeId) -> WedgeId {
         let given = self.heads.len() - self.copied.len();

@@ -28,6 +28,13 @@ impl Histogram {
         *infinite = 0;
         Self { bins, known }
     }
+    /// Counts more bounds, where they are finite.
+    pub(crate) fn add(&mut self, bounds: impl Iterator<Item = f32>) {
+        for bound in bounds.filter(|x| x.is_finite()) {
+            self.bins[(bound.to_bits() >> 19) as usize & 4095] += 1;
+            self.known += 1;
+        }
+    }
     /// How many bounds are finite.
     pub(crate) fn known(&self) -> usize {
         self.known

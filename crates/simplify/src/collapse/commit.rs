@@ -7,7 +7,7 @@ use super::Engine;
 use super::kind::distinct;
 use super::order::NONE;
 use super::store::{Corner, Ring, Spoke, Vertex};
-use crate::metric::{Form, Metric};
+use crate::metric::{Form, Judge, Metric};
 use crate::options::BorderPolicy;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
@@ -19,14 +19,14 @@ const PEAK: f32 = 0.2;
 /// Cost of length, a share of area · length²: decides among flat collapses only. (docs/decisions/0003)
 pub(crate) const TIE: f32 = 1e-11;
 /// Worse triangles (1 = equilateral) make a collapse dearer. (Guessed; halves the slivers.)
-const WORSE_SHAPE: f32 = 0.3;
+pub(super) const WORSE_SHAPE: f32 = 0.3;
 /// Square of the shape under which a new triangle counts as having no area, unless it was as bad before: just above what
 /// single precision can tell. (Measured: at 1e-7 fans of slivers block each other, and brain588k to 100 is four times worse.)
-const NO_AREA: f32 = 1e-11;
+pub(super) const NO_AREA: f32 = 1e-11;
 /// Squared cosine of a turn above which folds with the faces beyond are looked for: 45 degrees.
-const SUSPECT_TURN: f32 = 0.5;
+pub(super) const SUSPECT_TURN: f32 = 0.5;
 /// Cosine between two faces at an edge below which they lie back to back.
-const FOLD: f32 = -0.8;
+pub(super) const FOLD: f32 = -0.8;
 
 /// A triangle of the star of a collapsing edge, before and after.
 pub(crate) struct Wing {
@@ -84,7 +84,7 @@ impl<M: Metric> Engine<M> {
         ru: &Ring,
         rv: &Ring,
     ) -> Outcome {
-        let (v, y) = (candidate.removed, candidate.step);
+        let (v, mut y) = (candidate.removed, candidate.step);
         let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
         let price = self.price(x.origin, z.origin);
         let tau = tau / price;
@@ -105,6 +105,16 @@ impl<M: Metric> Engine<M> {
             return Outcome::Refused(why);
         }
         let d = z.p - x.p;
+        let mut judged = candidate.cost;
+        if matches!(M::JUDGE, Judge::FormThenStars) {
+            let Some(Candidate { cost, step, .. }) = self.judged(u, v, ru, rv) else {
+                return Outcome::Refused(Refusal::Locked);
+            };
+            if cost > tau {
+                return Outcome::Later(cost * price);
+            }
+            (judged, y) = (cost, if step == d { d } else { step });
+        }
         let off = y - d;
         let at = merged_position(x.p, z.p, y);
 
@@ -183,11 +193,13 @@ impl<M: Metric> Engine<M> {
             }
         }
         // What is too dear already need not be known to the last digit.
-        if M::MEMORYLESS && self.attributes.is_some() && (cost <= tau || probe) {
+        let is_exact = matches!(M::JUDGE, Judge::Engine);
+        if is_exact && self.attributes.is_some() && (cost <= tau || probe) {
             self.prepare_merge(u, v, y, ru);
             cost += self.attribute_cost(u, v, y, ru.len());
         }
-        if M::MEMORYLESS {
+        let mut plain = cost;
+        if is_exact {
             let peak_weight = self.peak_weight();
             // A tip that draws back along its own planes leaves none of them, but its place.
             for (from, step) in [(x.p, y), (z.p, off)].into_iter().zip(bare).filter(|b| b.1).map(|b| b.0) {
@@ -198,13 +210,15 @@ impl<M: Metric> Engine<M> {
             cost += peak_weight * peak;
             cost += 0.5 * TIE * area * (y.length_squared() + off.length_squared());
         } else {
-            cost = candidate.cost;
+            cost = judged;
         }
         if peak > self.rules.max_step_sq {
             return Outcome::Refused(Refusal::Cost);
         }
-        let plain = cost;
-        cost *= (WORSE_SHAPE / shape.sqrt().max(1e-4)).max(1.0);
+        if !M::JUDGE.is_metric() {
+            plain = cost;
+            cost *= (WORSE_SHAPE / shape.sqrt().max(1e-4)).max(1.0);
+        }
         if cost <= tau || probe {
             cost = self.charge(x.origin, z.origin, at, cost, tau, probe);
         }
@@ -214,7 +228,7 @@ impl<M: Metric> Engine<M> {
         if let Err(why) = self.hand_over_wedges(u, v, y, off, ru, rv) {
             return Outcome::Refused(why);
         }
-        if !M::MEMORYLESS {
+        if !is_exact {
             self.prepare_merge(u, v, y, ru);
         }
         self.spent += f64::from(plain);
@@ -236,9 +250,9 @@ impl<M: Metric> Engine<M> {
             // The vertices around swap old planes for new ones; u starts afresh.
             let mut q = M::Memory::default();
             for w in &self.wings {
-                let mut change = Tensor::outer(w.normal, -1.0 / w.length.max(1e-30));
+                let mut change = Tensor::outer(w.normal, -M::plane_weight(w.length, self.mean_face));
                 if !w.both {
-                    let new = Tensor::plane(w.after);
+                    let new = Tensor::outer(w.after, M::plane_weight(w.after.length(), self.mean_face));
                     M::tensor(&mut q).add(&new);
                     change.add(&new);
                 }
@@ -249,8 +263,8 @@ impl<M: Metric> Engine<M> {
             M::tensor(&mut q).add(&own);
             for &(w, at_u, line) in self.rim.iter().filter(|r| r.0 != v) {
                 let o = &mut self.store.v[w.index()];
-                let (old, new) =
-                    (Tensor::line(if at_u { x.p } else { z.p } - o.p, line), Tensor::line(at - o.p, line));
+                let from = if at_u { x.p } else { z.p };
+                let [old, new] = [from, at].map(|p| M::line(p - o.p, line, self.mean_face));
                 let s = M::tensor(&mut o.q);
                 s.sub(&old);
                 s.add(&new);
@@ -259,6 +273,9 @@ impl<M: Metric> Engine<M> {
             q
         } else {
             let form: Form = M::form(&x.q, &z.q, z.p - x.p);
+            if !self.lines.is_empty() {
+                self.merge_lines([x.origin, z.origin], z.p - x.p, y);
+            }
             M::merged(&form, y)
         };
         for spoke in rv {
@@ -296,7 +313,7 @@ impl<M: Metric> Engine<M> {
     /// Weight of a largest squared distance. In the late phase true distances are charged instead.
     #[inline(always)]
     pub(crate) fn peak_weight(&self) -> f32 {
-        if self.late.is_some() { 0.0 } else { PEAK * self.area }
+        if self.late.is_some() || M::JUDGE.is_metric() { 0.0 } else { PEAK * self.area }
     }
 
     /// Squared distance from `q` to the star that the wings become.

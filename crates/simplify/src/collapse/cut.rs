@@ -130,9 +130,10 @@ impl<M: Metric> Engine<M> {
         self.merge_wedges(u, v, y, at, ru);
         if M::MEMORYLESS {
             for wing in &self.wings {
-                let mut change = Tensor::outer(wing.normal, -1.0 / wing.length.max(1e-30));
+                let mut change = Tensor::outer(wing.normal, -M::plane_weight(wing.length, self.mean_face));
                 if !wing.both {
-                    change.add(&Tensor::plane(wing.after));
+                    let weight = M::plane_weight(wing.after.length(), self.mean_face);
+                    change.add(&Tensor::outer(wing.after, weight));
                 }
                 M::tensor(&mut self.store.v[wing.a.index()].q).add(&change);
                 M::tensor(&mut self.store.v[wing.b.index()].q).add(&change);

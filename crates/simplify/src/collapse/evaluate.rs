@@ -8,11 +8,13 @@ use super::Engine;
 use super::attributes::Member;
 use super::commit::{Candidate, TIE};
 use super::store::Ring;
-use crate::metric::{Form, Metric};
+use crate::metric::{Form, Judge, Metric};
 use crate::options::Placement;
 
 /// Pull of the best position towards the middle of the edge, a share of the trace. (docs/decisions/0003)
 const CENTRE: f32 = 1e-6;
+/// The same for sums with a memory: planes of a few faces alone say little of a place within them.
+const CENTRE_OF_SUMS: f32 = 1e-5;
 /// Largest squared distance over the mean one, as assumed until it is computed. (docs/decisions/0001)
 const PEAK_GUESS: f32 = 4.0;
 /// Share of trace³ under which the system is not solved. (Guessed.)
@@ -30,13 +32,16 @@ impl<M: Metric> Engine<M> {
     /// move.
     #[inline(always)]
     pub(crate) fn evaluate_owned(
-        &self,
+        &mut self,
         u: VertexId,
         owned: &[VertexId],
         ru: &Ring,
         members: &mut Vec<Member>,
         mut take: impl FnMut(Candidate),
     ) -> u64 {
+        if matches!(M::JUDGE, Judge::Stars | Judge::Ends) {
+            return self.judge_owned(u, owned, ru, take);
+        }
         let mut stuck = 0;
         let is_plain = |w: VertexId| self.store.v[w.index()].kind.is_free();
         let plain = M::MEMORYLESS && self.rules.placement == Placement::Optimal && is_plain(u);
@@ -87,7 +92,7 @@ impl<M: Metric> Engine<M> {
             self.add_attributes_to_four(u, ends, &d, (&mut a, &mut h, &mut c), ru, members);
         }
         let trace = a[0] + a[1] + a[2];
-        let r = trace * CENTRE;
+        let r = trace * centre::<M>();
         let (m0, m1, m2) = (a[0] + r, a[1] + r, a[2] + r);
         let adjugate = [
             m1 * m2 - a[5] * a[5],
@@ -118,7 +123,7 @@ impl<M: Metric> Engine<M> {
 
     /// The cost of a form at `y`, in edge `d`.
     #[inline(always)]
-    fn cost_of(&self, form: &Form, d: Vec3, y: Vec3) -> f32 {
+    pub(super) fn cost_of(&self, form: &Form, d: Vec3, y: Vec3) -> f32 {
         let Form { a, h, c } = form;
         let trace = a.trace();
         let off = y - d;
@@ -169,8 +174,6 @@ impl<M: Metric> Engine<M> {
     ) -> Option<Candidate> {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let (form, d) = self.form(u, v, ru, members);
-        let Form { a, h, .. } = form;
-        let trace = a.trace();
         let cost = |y: Vec3| self.cost_of(&form, d, y);
         let at = |y: Vec3| Some(Candidate { cost: cost(y), removed: v, step: y });
         let ends = || if cost(Vec3::ZERO) <= cost(d) { at(Vec3::ZERO) } else { at(d) };
@@ -190,18 +193,28 @@ impl<M: Metric> Engine<M> {
             Placement::Endpoint => return ends(),
             Placement::Midpoint => return at(d * 0.5),
         }
-        let mid = d * 0.5;
-        let r = CENTRE * trace;
-        let (adjugate, det) = a.damped(r).adjugate();
-        if det > MIN_DET * trace * trace * trace {
-            let y = adjugate.times(h + mid * r) * (1.0 / det);
-            if (y - mid).length_squared() < FARTHEST * d.length_squared() {
-                return at(y);
-            }
+        if let Some(y) = best_place::<M>(&form, d) {
+            return at(y);
         }
-        let ends = ends()?;
+        let (mid, ends) = (d * 0.5, ends()?);
         if cost(mid) <= ends.cost { at(mid) } else { Some(ends) }
     }
+}
+
+/// The place of least cost by a form in edge `d`, unless it is not known or far from the middle.
+#[inline(always)]
+pub(super) fn best_place<M: Metric>(form: &Form, d: Vec3) -> Option<Vec3> {
+    let Form { a, h, .. } = form;
+    let (trace, mid) = (a.trace(), d * 0.5);
+    let r = centre::<M>() * trace;
+    let (adjugate, det) = a.damped(r).adjugate();
+    if det > MIN_DET * trace * trace * trace {
+        let y = adjugate.times(*h + mid * r) * (1.0 / det);
+        if (y - mid).length_squared() < FARTHEST * d.length_squared() {
+            return Some(y);
+        }
+    }
+    None
 }
 
 #[inline(always)]
@@ -217,4 +230,9 @@ fn times(a: &[f32x4; 6], d: &[f32x4; 3]) -> [f32x4; 3] {
         a[3] * d[0] + a[1] * d[1] + a[5] * d[2],
         a[4] * d[0] + a[5] * d[1] + a[2] * d[2],
     ]
+}
+
+/// The pull of the best position towards the middle of an edge.
+const fn centre<M: Metric>() -> f32 {
+    if M::MEMORYLESS { CENTRE } else { CENTRE_OF_SUMS }
 }

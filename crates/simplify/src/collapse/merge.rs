@@ -10,7 +10,7 @@ use wide::f32x4;
 use super::Engine;
 use super::attributes::{Attributes, Head, Member, NO_WEDGE, Slopes, firsts};
 use super::store::{Ring, Spoke};
-use crate::metric::{Form, Metric};
+use crate::metric::{Form, Judge, Metric};
 use crate::tensor::Tensor;
 
 /// Wedges at the ends of one edge that an evaluation looks at, so that a vertex of very many charts cannot stall a run.
@@ -81,7 +81,9 @@ impl<M: Metric> Engine<M> {
         members: &mut Vec<Member>,
         form: &mut Form,
     ) {
-        let Some(attributes) = self.attributes.as_ref().filter(|_| M::MEMORYLESS) else { return };
+        let Some(attributes) = self.attributes.as_ref().filter(|_| matches!(M::JUDGE, Judge::Engine)) else {
+            return;
+        };
         if attributes.lanes() > 0 {
             self.gather(attributes, u, v, ru, MOST_MEMBERS, members);
             attributes.add_to(members, d, form);
@@ -99,7 +101,11 @@ impl<M: Metric> Engine<M> {
         ru: &[Spoke],
         members: &mut Vec<Member>,
     ) {
-        let Some(attributes) = self.attributes.as_ref().filter(|a| a.lanes() > 0) else { return };
+        let Some(attributes) =
+            self.attributes.as_ref().filter(|a| a.lanes() > 0 && matches!(M::JUDGE, Judge::Engine))
+        else {
+            return;
+        };
         let lane = |i: usize| self.store.first_wedge[ends[i.min(ends.len() - 1)].index()];
         let (own, others) = (self.store.first_wedge[u.index()], [lane(0), lane(1), lane(2), lane(3)]);
         if attributes.is_alone(own) && others.iter().all(|&w| attributes.is_alone(w)) {
@@ -225,6 +231,41 @@ impl<M: Metric> Engine<M> {
             cost += if wing.both { 2.0 * error } else { error };
         }
         cost
+    }
+
+    /// Lets the corners of `v` have the wedges of `u` where those are the same in all, before the two become one.
+    #[inline(never)]
+    pub(super) fn share_wedges(&mut self, u: VertexId, v: VertexId, ring: &mut Ring) {
+        self.store.ring(v, ring);
+        let is_locked = self.is_either_locked(u, v);
+        let (Some(attributes), Some(wedges)) = (&self.attributes, &mut self.store.wedges) else { return };
+        if is_locked {
+            return;
+        }
+        let first = self.store.first_wedge[u.index()];
+        for r in ring.iter() {
+            let wedge = &mut wedges[r.corner.face()][r.corner.k()];
+            *wedge = attributes.chain(first).find(|w| attributes.is_same(*w, *wedge)).unwrap_or(*wedge);
+        }
+    }
+
+    /// The chain of the wedges of a vertex, and their sums, afresh from its star.
+    #[inline(never)]
+    pub(super) fn chain_wedges_of(&mut self, u: VertexId, ring: &[Spoke]) {
+        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
+        let mut all: Vec<WedgeId> = ring.iter().map(|r| wedges[r.corner.face()][r.corner.k()]).collect();
+        all.sort_unstable();
+        all.dedup();
+        let mut first = NO_WEDGE;
+        for w in all.into_iter().rev() {
+            attributes.clear_sums(w, first);
+            first = w;
+        }
+        self.store.first_wedge[u.index()] = first;
+        for r in ring {
+            let s = Slopes::new([u, r.a, r.b].map(|w| self.store.v[w.index()].p));
+            attributes.account_first(&s, from_corner(wedges[r.corner.face()], r.corner.k()));
+        }
     }
 
     /// Gives a vertex whose triangles share one wedge a wedge of its own, with the same values.

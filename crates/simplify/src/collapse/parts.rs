@@ -8,7 +8,7 @@ use lodsmith_core::VertexId;
 
 use super::order::NONE;
 use super::{Engine, Goal};
-use crate::metric::Metric;
+use crate::metric::{Metric, PartSize};
 use crate::options::TopologyPolicy;
 
 /// How much dearer parts are where the topology may change and they go with everything else: as dear as the collapses that
@@ -47,16 +47,22 @@ impl Part {
     fn worth(&self) -> f32 {
         if self.price < f32::INFINITY { self.price * self.cost() } else { f32::INFINITY }
     }
+
+    fn size(&self, faces: usize) -> PartSize {
+        let size_sq = (self.max - self.min).length_squared();
+        PartSize { price: self.price, face: self.area / faces as f32, size_sq }
+    }
 }
 
 /// The parts of the input, for a run in which they may go in the order of costs.
 pub(crate) struct Parts {
     /// By number in the ordered input.
     part_of: Vec<u32>,
+    of_input: Vec<Part>,
     cost: Vec<f32>,
     worth: Vec<f32>,
-    /// Necks that were cut before the parts were looked for.
-    necks_cut: usize,
+    /// Necks that were cut, and pairs that were contracted, before the parts were looked for.
+    changes: [usize; 2],
 }
 
 impl<M: Metric> Engine<M> {
@@ -87,13 +93,13 @@ impl<M: Metric> Engine<M> {
             part_of[x.origin.index()] = l;
         }
         let worth = parts.iter().map(|p| p.worth() * weight).collect();
-        self.parts = Some(Parts { part_of, cost, worth, necks_cut: self.necks_cut });
+        self.parts = Some(Parts { part_of, of_input: parts, cost, worth, changes: self.changes_of_parts() });
     }
 
     /// Drops the parts of which a face is not dearer than `tau` for a collapse, which takes two.
     pub(crate) fn drop_cheap_parts(&mut self, goal: &Goal, tau: f32) {
-        if self.parts.as_ref().is_some_and(|p| p.necks_cut != self.necks_cut) {
-            // What was cut off is a part of its own now.
+        if self.parts.as_ref().is_some_and(|p| p.changes != self.changes_of_parts()) {
+            // What was cut off is a part of its own now, and what grew together no longer.
             self.store.compact();
             self.watch_parts();
         }
@@ -102,7 +108,10 @@ impl<M: Metric> Engine<M> {
         for t in self.store.t.iter().filter(|t| t[0] != NONE) {
             faces[parts.part_of[self.store.v[t[0].index()].origin.index()] as usize] += 1;
         }
-        let rate = |i: usize| 2.0 * parts.worth[i] / faces[i] as f32;
+        let rate = |i: usize| {
+            let size = parts.of_input[i].size(faces[i]);
+            M::part_rate(2.0 * parts.worth[i] / faces[i] as f32, &size, self.mean_face)
+        };
         let mut order: Vec<usize> = (0..faces.len()).filter(|&i| faces[i] > 0).collect();
         order.sort_by(|&i, &j| rate(i).total_cmp(&rate(j)).then(i.cmp(&j)));
         order.pop(); // the dearest stays
@@ -112,6 +121,10 @@ impl<M: Metric> Engine<M> {
             self.drop_parts(goal, &order, &faces, &parts.cost, &part_of);
         }
         self.parts = Some(parts);
+    }
+
+    fn changes_of_parts(&self) -> [usize; 2] {
+        [self.necks_cut, self.pairs_contracted]
     }
 
     /// Drops these parts, in this order, until the goal is met; `part_of` is by vertex of the store.
@@ -164,7 +177,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// The number of the part of each vertex, parts counted in the order of their first vertex.
-    fn label_parts(&self) -> Vec<u32> {
+    pub(super) fn label_parts(&self) -> Vec<u32> {
         let mut root: Vec<VertexId> = (0..self.store.v.len() as u32).map(VertexId).collect();
         fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
             while root[i.index()] != i {
@@ -173,7 +186,7 @@ impl<M: Metric> Engine<M> {
             }
             i
         }
-        for t in &self.store.t {
+        for t in self.store.t.iter().filter(|t| t[0] != NONE) {
             let a = find(&mut root, t[0]);
             for &w in &t[1..] {
                 let b = find(&mut root, w);

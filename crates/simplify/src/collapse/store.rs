@@ -107,6 +107,8 @@ pub(crate) struct Store<M: Metric> {
     /// At which vertex' place of the ordered input others stand that were cut off from it.
     places: BTreeMap<VertexId, VertexId>,
     pub(crate) stamp: u32,
+    /// How often vertices were numbered anew.
+    pub(super) generation: u32,
     faces_at_compaction: usize,
 }
 
@@ -155,6 +157,7 @@ impl<M: Metric> Store<M> {
             regions,
             classes: Vec::new(),
             stamp: 0,
+            generation: 0,
         }
     }
 
@@ -222,6 +225,7 @@ impl<M: Metric> Store<M> {
         drop(map);
         (self.live_faces, self.live_vertices) = (self.t.len(), n);
         self.faces_at_compaction = self.live_faces;
+        self.generation += 1;
         self.link();
     }
 

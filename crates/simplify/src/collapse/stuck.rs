@@ -8,7 +8,7 @@ use super::kind::{Kind, distinct};
 use super::{Candidate, Engine, Outcome, Scratch};
 use crate::guard::Rules;
 use crate::metric::Metric;
-use crate::options::{SimplifyOptions, TopologyPolicy};
+use crate::options::{Length, SimplifyOptions, TopologyPolicy};
 use crate::proposal::{Change, Proposal};
 
 /// What sets less free than the best change by this factor is left out: another rule refuses nearly all, and by another
@@ -23,14 +23,17 @@ impl<M: Metric> Engine<M> {
         &mut self,
         options: &SimplifyOptions,
         rules: impl Fn(&SimplifyOptions) -> Rules,
+        reach: impl Fn(Length) -> f32,
     ) -> Vec<Proposal> {
-        let open = Change::open_to(options);
+        let part_count = self.part_count();
+        let mut open = Change::open_to(options);
+        // What is one part already has nothing to grow together with.
+        open.extend(Change::to_pairs(options).filter(|_| part_count > 1).map(|change| vec![change]));
         if open.is_empty() {
             return Vec::new();
         }
         let kinds: Vec<Kind> = self.store.v.iter().map(|x| x.kind).collect();
         let (own, cuts_necks) = (self.rules, self.cuts_necks);
-        let part_count = self.part_count();
         // Some look possible as it is, until their wedges are handed over.
         let base = self.possible();
         let mut gain = |changes: &[Change]| {
@@ -47,7 +50,11 @@ impl<M: Metric> Engine<M> {
             let parts_go =
                 options.topology == TopologyPolicy::Preserve && changed.topology != TopologyPolicy::Preserve;
             let parts = if parts_go { part_count - 1 } else { 0 };
-            let gain = self.possible().saturating_sub(base) + parts;
+            let pairs = match (options.of_method.pairs, changed.of_method.pairs) {
+                (None, Some(distance)) => self.possible_pairs(reach(distance)),
+                _ => 0,
+            };
+            let gain = self.possible().saturating_sub(base) + parts + pairs;
             (self.rules, self.cuts_necks) = (own, cuts_necks);
             for (x, &kind) in self.store.v.iter_mut().zip(&kinds) {
                 x.kind = kind;

@@ -7,7 +7,7 @@
 
 use glam::Vec3;
 
-use super::{Form, Metric};
+use super::{Form, Judge, Metric};
 use crate::tensor::Tensor;
 
 pub(crate) struct Memoryless;
@@ -15,6 +15,7 @@ pub(crate) struct Memoryless;
 impl Metric for Memoryless {
     type Memory = Tensor;
     const MEMORYLESS: bool = true;
+    const JUDGE: Judge = Judge::Engine;
 
     #[inline(always)]
     fn tensor_of(memory: &Tensor) -> &Tensor {

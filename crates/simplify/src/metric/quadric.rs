@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::{Form, Metric};
+use super::{Form, Judge, Metric};
 use crate::tensor::Tensor;
 
 pub(crate) struct Quadric;
@@ -21,6 +21,7 @@ pub(crate) struct Memory {
 impl Metric for Quadric {
     type Memory = Memory;
     const MEMORYLESS: bool = false;
+    const JUDGE: Judge = Judge::Form;
 
     #[inline(always)]
     fn tensor_of(memory: &Memory) -> &Tensor {

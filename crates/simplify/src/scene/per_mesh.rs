@@ -114,7 +114,8 @@ fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
     }
     report.cleanup = Default::default();
     report.pruned = Default::default();
-    (report.collapses, report.parts_removed, report.necks_cut) = (0, 0, 0);
+    (report.collapses, report.parts_removed) = (0, 0);
+    (report.necks_cut, report.pairs_contracted) = (0, 0);
     (report.seams_relaxed, report.fitted) = (false, false);
     report.dropped.clear();
     report.escalated.clear();
@@ -123,6 +124,7 @@ fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
         report.collapses += r.collapses;
         report.parts_removed += r.parts_removed;
         report.necks_cut += r.necks_cut;
+        report.pairs_contracted += r.pairs_contracted;
         report.seams_relaxed |= r.seams_relaxed;
         report.fitted |= r.fitted;
         report.pruned.parts += times * r.pruned.parts;

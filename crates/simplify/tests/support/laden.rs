@@ -188,7 +188,7 @@ fn direction(random: &mut Random) -> [f32; 3] {
 }
 
 /// Every kind of attribute by name, its width, and its values.
-fn kinds(mesh: &TriMesh) -> Vec<(String, usize, Vec<f32>)> {
+pub(crate) fn kinds(mesh: &TriMesh) -> Vec<(String, usize, Vec<f32>)> {
     let mut all = Vec::new();
     all.extend(mesh.normals().map(|x| ("normals".to_owned(), 3, x.as_flattened().to_vec())));
     all.extend(mesh.uvs().map(|x| ("uvs".to_owned(), 2, x.as_flattened().to_vec())));

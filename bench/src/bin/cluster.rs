@@ -1,0 +1,177 @@
+//! Vertex clustering beside meshoptimizer's: same meshes, same process, the same number of triangles.
+//!
+//! ```text
+//! cluster FILE|FOLDER... [--targets 50%,10%,1%] [--reps N] [--samples N] [--no-errors] [--two-stage]
+//! ```
+//! meshoptimizer runs first, once, for the count that it comes to; ours is asked for that count. Times are the least of the
+//! repetitions, which take turns, in millions of triangles of the input a second, from buffers in memory to buffers in
+//! memory: of one thread by the processor's clock, of two beside one by the wall's, which wants a machine at rest. Errors are two-way, in percent of the diagonal; ratios are ours over theirs. With `--two-stage` our own
+//! `memoryless` takes the place of meshoptimizer.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail, ensure};
+use lodsmith::{Method, NoControl, SimplifyOptions, Stop, simplify_surface};
+use lodsmith_bench::cases::{self, Target};
+use lodsmith_bench::{Soup, process, stats};
+use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
+
+struct Args {
+    models: Vec<PathBuf>,
+    targets: Vec<Target>,
+    reps: usize,
+    samples: usize,
+    errors: bool,
+    two_stage: bool,
+}
+
+fn parse() -> Result<Args> {
+    let mut args = Args {
+        models: Vec::new(),
+        targets: [50.0, 10.0, 1.0].map(Target::Percent).to_vec(),
+        reps: 7,
+        samples: 100_000,
+        errors: true,
+        two_stage: false,
+    };
+    let mut words = std::env::args().skip(1);
+    while let Some(word) = words.next() {
+        let mut value = || words.next().with_context(|| format!("{word} needs a value"));
+        match word.as_str() {
+            "--targets" => {
+                args.targets = value()?.split(',').map(Target::parse).collect::<Result<Vec<_>>>()?
+            }
+            "--reps" => args.reps = value()?.parse()?,
+            "--samples" => args.samples = value()?.parse()?,
+            "--no-errors" => args.errors = false,
+            "--two-stage" => args.two_stage = true,
+            place if !place.starts_with('-') => args.models.extend(cases::find_models(place.as_ref())?),
+            other => bail!("unknown option {other}"),
+        }
+    }
+    ensure!(!args.models.is_empty(), "no models: name files or folders");
+    ensure!(args.reps > 0, "--reps must be 1 or more");
+    Ok(args)
+}
+
+/// By the processor's clock, and by the wall's.
+type Seconds = [f64; 2];
+
+struct Clock {
+    cpu: f64,
+    wall: Instant,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self { cpu: process::cpu_seconds(), wall: Instant::now() }
+    }
+    fn seconds(&self) -> Seconds {
+        [process::cpu_seconds() - self.cpu, self.wall.elapsed().as_secs_f64()]
+    }
+}
+
+fn ours(mesh: &Soup, target: usize, method: Method, two_stage: bool) -> Result<(Seconds, Soup)> {
+    let mut options = SimplifyOptions::new(Stop::faces(target));
+    options.method = method;
+    options.of_method.two_stage = two_stage;
+    let clock = Clock::start();
+    let result = simplify_surface(&mesh.surface()?, &options, &mut NoControl)?;
+    Ok((clock.seconds(), Soup::of_mesh(&result.mesh)))
+}
+
+fn sloppy(mesh: &Soup, target: usize) -> Result<(Seconds, Soup)> {
+    let clock = Clock::start();
+    let vertices = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(&mesh.positions), 12, 0)?;
+    let indices = meshopt::simplify_sloppy(&mesh.indices, &vertices, target * 3, f32::MAX, None);
+    let seconds = clock.seconds();
+    Ok((seconds, Soup { positions: mesh.positions.clone(), indices }.compacted()))
+}
+
+fn main() -> Result<()> {
+    let args = parse()?;
+    let pool = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let (one, two) = (pool(1)?, pool(2)?);
+    let all = process::all_cores()?;
+    let rival = if args.two_stage { "memoryless" } else { "meshopt sloppy" };
+    println!(
+        "| model | faces | target | {rival} faces | lodsmith faces | {rival} Mtri/s | lodsmith 1 thread | 2 threads \
+         | time ratio 1 thread | 2 threads over 1 | {rival} mean / rms / max % | error ratio mean / rms / max |"
+    );
+    println!("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|---|");
+    let mut ratios: [Vec<f64>; 5] = Default::default();
+    for path in &args.models {
+        let mesh = Soup::read(path)?;
+        let faces = mesh.face_count();
+        let prepared = match args.errors {
+            true => Some(all.install(|| Prepared::new(&mesh.surface()?).context("no faces"))?),
+            false => None,
+        };
+        for target in &args.targets {
+            let wanted = target.of(faces);
+            let theirs = |n: usize| match args.two_stage {
+                true => one.install(|| ours(&mesh, n, Method::Memoryless, false)),
+                false => sloppy(&mesh, n),
+            };
+            let (_, rival) = theirs(wanted)?;
+            let count = rival.face_count();
+            if count == 0 || count >= faces {
+                eprintln!("{}: nothing to compare at {}", cases::stem(path), target.name());
+                continue;
+            }
+            let mine = || ours(&mesh, count, Method::Cluster, args.two_stage);
+            // Theirs and ours by the processor's clock, ours on one and on two threads by the wall's.
+            let mut times: [Vec<f64>; 4] = Default::default();
+            let mut result = Soup::default();
+            for _ in 0..args.reps {
+                times[0].push(theirs(wanted)?.0[0]);
+                let (seconds, first) = one.install(mine)?;
+                times[1].push(seconds[0]);
+                times[2].push(seconds[1]);
+                let (seconds, second) = two.install(mine)?;
+                times[3].push(seconds[1]);
+                ensure!(first == second, "{}: threads change the result", cases::stem(path));
+                result = first;
+            }
+            let [theirs_s, one_s, one_wall, two_s] = times.each_ref().map(|t| stats::min(t));
+            let speed = |s: f64| faces as f64 / s / 1e6;
+            let mut errors = ("-".to_owned(), "-".to_owned());
+            if let Some(prepared) = &prepared {
+                let mut options = CompareOptions::default();
+                options.samples = args.samples;
+                let of = |soup: &Soup| -> Result<[f64; 3]> {
+                    let candidate = Prepared::new(&soup.surface()?)?;
+                    let c = all.install(|| compare_prepared(prepared, &candidate, &options));
+                    Ok([c.mean, c.rms, c.hausdorff].map(|e| e.symmetric / c.diagonal * 100.0))
+                };
+                let [a, b] = [of(&rival)?, of(&result)?];
+                errors.0 = a.map(|x| format!("{x:.4}")).join(" / ");
+                errors.1 = [0, 1, 2].map(|k| format!("{:.2}", b[k] / a[k])).join(" / ");
+                (0..3).for_each(|k| ratios[2 + k].push(b[k] / a[k]));
+            }
+            ratios[0].push(one_s / theirs_s);
+            ratios[1].push(one_wall / two_s);
+            println!(
+                "| {} | {faces} | {} | {count} | {} | {:.1} | {:.1} | {:.1} | {:.2} | {:.2} | {} | {} |",
+                cases::stem(path),
+                target.name(),
+                result.face_count(),
+                speed(theirs_s),
+                speed(one_s),
+                speed(two_s),
+                one_s / theirs_s,
+                one_wall / two_s,
+                errors.0,
+                errors.1
+            );
+        }
+    }
+    let means = ratios.map(|r| stats::geometric_mean(r).map_or("-".into(), |m| format!("{m:.2}")));
+    println!(
+        "geometric means: time {}, two threads {}, mean {}, rms {}, max {}",
+        means[0], means[1], means[2], means[3], means[4]
+    );
+    Ok(())
+}

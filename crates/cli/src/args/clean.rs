@@ -1,0 +1,103 @@
+//! What can be typed after `lodsmith clean`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use lodsmith::CleanOptions;
+use lodsmith_io::Format;
+
+use super::choice::NonManifoldChoice;
+use super::{Run, TypedLength, Writing, values};
+use crate::file::{Sink, Source};
+use crate::plan::Wanted;
+
+const AFTER: &str = "\
+Steps, in this order; each is counted in the report:
+  weld          vertices at one place, or closer than --weld, become one; seams of attributes stay
+  drop          faces that are not finite, name a place twice, or stand there already
+  prune         parts smaller than --prune
+  orient        neighbours agree, closed parts look outward (one inside another keeps its side: it may be a cavity)
+  zero area     faces without area go where that opens nothing
+  non-manifold  by --non-manifold
+  unused        vertices without a face go
+
+Non-manifold:
+  keep   edges with more than two faces stay as they are
+  cut    the surface is parted there, into sheets that each bound one inside [Gueziec et al. 2001]; the copies of a
+         vertex stand at one place, so a file without numbers of vertices (STL) cannot tell them apart
+  merge  vertices stay apart as the file has them; borders at the same places are sewn, two faces to an edge
+
+Examples:
+  lodsmith clean scan.stl -o scan.ply --prune 1%
+  lodsmith clean *.obj -O mended --weld 0.01% --non-manifold cut --json";
+
+#[derive(Args, Debug)]
+#[command(after_help = AFTER)]
+pub(crate) struct CleanArgs {
+    /// Files to clean; `-` is standard input
+    #[arg(value_name = "IN", required = true)]
+    pub(crate) inputs: Vec<Source>,
+    /// Where the result goes; `-` is standard output
+    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir",
+          required_unless_present_any = ["out_dir", "dry_run"])]
+    output: Option<Sink>,
+    /// Folder for the results of several inputs; it is made if need be
+    #[arg(short = 'O', long, value_name = "DIR")]
+    pub(crate) out_dir: Option<PathBuf>,
+    /// Names of the results in the folder
+    #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_clean.{ext}", requires = "out_dir")]
+    name: String,
+    /// Join vertices closer than this, in units of the file or of the diagonal (0.1%); equal ones always are
+    #[arg(long, value_name = "D", value_parser = values::some_length, help_heading = "How")]
+    weld: Option<TypedLength>,
+    /// What becomes of edges with more than two faces, and of vertices where a surface touches itself; see below
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "How")]
+    non_manifold: NonManifoldChoice,
+    /// Remove connected parts smaller than this: the diagonal of their box, in units or of the whole's (0.1%)
+    #[arg(long, value_name = "SIZE", value_parser = values::some_length, help_heading = "How")]
+    prune: Option<TypedLength>,
+    /// Format of the inputs, whatever their content
+    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
+    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+    /// Report without writing
+    #[arg(long, help_heading = "Writing")]
+    pub(crate) dry_run: bool,
+    /// Overwrite a write-protected output too; a folder is never overwritten
+    #[arg(long, help_heading = "Writing")]
+    pub(crate) force: bool,
+    /// One JSON object a line for each input
+    #[arg(long, help_heading = "Run")]
+    pub(crate) json: bool,
+    /// End with status 3 if data are dropped
+    #[arg(long, help_heading = "Run")]
+    pub(crate) strict: bool,
+    #[command(flatten)]
+    pub(crate) run: Run,
+}
+
+impl CleanArgs {
+    /// Where the inputs go.
+    pub(crate) fn wanted(&self) -> Wanted<'_> {
+        Wanted {
+            inputs: &self.inputs,
+            output: self.output.as_ref(),
+            out_dir: self.out_dir.as_deref(),
+            name: &self.name,
+            from: self.from,
+            to: self.writing.to,
+            json: self.json,
+            dry_run: self.dry_run,
+        }
+    }
+
+    /// What the library is told.
+    pub(crate) fn options(&self) -> CleanOptions {
+        let mut options = CleanOptions::default();
+        options.weld = self.weld.as_ref().map(|d| d.length);
+        options.non_manifold = self.non_manifold.into();
+        options.prune = self.prune.as_ref().map(|d| d.length);
+        options
+    }
+}

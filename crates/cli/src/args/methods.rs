@@ -1,0 +1,79 @@
+//! What can be typed after `lodsmith methods`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use lodsmith::{Method, SimplifyOptions};
+use lodsmith_io::Format;
+
+use super::choice::MethodChoice;
+use super::simplify::Target;
+use super::{Run, Writing, values};
+use crate::file::Source;
+
+const AFTER: &str = "\
+The table has for each method: faces of the result, time to make it (without reading and the measure below), mean, \
+RMS and largest distance from the input (both ways, in percent of the diagonal), what ended the run, defects that \
+the input has not, and the attributes that came along. Methods run one after the other. What each is for: \
+lodsmith simplify --help.
+
+Examples:
+  lodsmith methods bunny.obj --faces 5000
+  lodsmith methods part.stl --ratio 0.1 --method planar --method memoryless -O tried
+  lodsmith methods scan.ply --error 0.5% --json";
+
+#[derive(Args, Debug)]
+#[command(after_help = AFTER)]
+pub(crate) struct MethodsArgs {
+    /// The file to make lighter; `-` is standard input
+    #[arg(value_name = "IN")]
+    pub(crate) input: Source,
+    #[command(flatten)]
+    pub(crate) target: Target,
+    /// Only this one; may be repeated [default: all]
+    #[arg(long, value_name = "METHOD", value_enum, help_heading = "How")]
+    method: Vec<MethodChoice>,
+    /// Samples each way of a measure, spread by area; all vertices come on top
+    #[arg(long, value_name = "N", help_heading = "How",
+          default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
+    pub(crate) samples: usize,
+    /// Folder for the results, each as STEM_METHOD.EXT; it is made if need be
+    #[arg(short = 'O', long, value_name = "DIR", help_heading = "Writing")]
+    pub(crate) out_dir: Option<PathBuf>,
+    /// Format of the input, whatever its content
+    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
+    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+    /// Overwrite write-protected outputs too; a folder is never overwritten
+    #[arg(long, help_heading = "Writing")]
+    pub(crate) force: bool,
+    /// One JSON object
+    #[arg(long, help_heading = "Run")]
+    pub(crate) json: bool,
+    /// Take the best mesh reached in so many seconds, for each method
+    #[arg(long, value_name = "S", value_parser = values::seconds, help_heading = "Run")]
+    pub(crate) time_limit: Option<f64>,
+    /// Equal seeds give equal results and figures
+    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Run")]
+    pub(crate) seed: u64,
+    #[command(flatten)]
+    pub(crate) run: Run,
+}
+
+impl MethodsArgs {
+    /// The methods to run, each once, in the order of lists.
+    pub(crate) fn methods(&self) -> Vec<Method> {
+        let is_wanted =
+            |m: &Method| self.method.is_empty() || self.method.iter().any(|&c| Method::from(c) == *m);
+        Method::ALL.into_iter().filter(is_wanted).collect()
+    }
+
+    /// What the engine is told for one of them: the target, and the method's defaults.
+    pub(crate) fn options(&self, method: Method) -> SimplifyOptions {
+        let mut options = SimplifyOptions::new(self.target.stop());
+        options.method = method;
+        options.seed = self.seed;
+        options
+    }
+}

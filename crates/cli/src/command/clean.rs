@@ -1,0 +1,397 @@
+//! `lodsmith clean`: mends what is broken, writes, and says what was done.
+
+use std::fs;
+use std::time::Instant;
+
+use anyhow::Context as _;
+use lodsmith::{CleanOptions, CleanReport, Cleaned, Control, Length, SimplifyError, Stage, Verdict};
+use lodsmith_io::gltf::Scene;
+use lodsmith_io::{Format, Loaded, Warning};
+use serde_json::{Map, Value, json};
+
+use super::simplify::worse;
+use super::{show_warnings, texts};
+use crate::args::CleanArgs;
+use crate::exit::{self, Interrupted, Status};
+use crate::file::{self, Input, Sink};
+use crate::images;
+use crate::in_order::{self, Turn};
+use crate::numbers::{counted, grouped, micros, seconds};
+use crate::orient::orient;
+use crate::output::Output;
+use crate::plan::{self, Job};
+use crate::progress::{FileProgress, Progress};
+
+/// Cleans every input.
+pub(super) fn run(args: &CleanArgs) -> anyhow::Result<Status> {
+    let jobs = plan::jobs(&args.wanted())?;
+    if let (Some(folder), false) = (&args.out_dir, args.dry_run) {
+        fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    }
+    let is_stdout_taken = !args.dry_run && jobs.iter().any(|j| matches!(j.output, Some((Sink::Stdout, _))));
+    let out = Output::new(&args.run, args.json, is_stdout_taken);
+    let progress = Progress::new(jobs.len(), args.run.quiet);
+    let mut status = Status::Done;
+    in_order::each(
+        &jobs,
+        args.run.threads(),
+        |job, turn| exit::guarded(|| clean_one(job, args, &progress, turn)),
+        |i, outcome| {
+            let path = jobs[i].source.to_string();
+            let own = progress.aside(|| show(&out, &path, outcome, &jobs[i], args));
+            status = worse(status, own);
+        },
+    )?;
+    progress.finish();
+    out.finish(status)
+}
+
+/// What was done with one input.
+struct Done {
+    input_format: Format,
+    report: CleanReport,
+    /// The meshes of a scene that stayed one, by name.
+    meshes: Vec<(String, CleanReport)>,
+    warnings: Vec<Warning>,
+    seconds: [(&'static str, f64); 3],
+}
+
+/// Seconds of reading, cleaning and writing.
+struct Clock {
+    seconds: [(&'static str, f64); 3],
+    since: Instant,
+}
+
+impl Clock {
+    fn end(&mut self, stage: usize) {
+        self.seconds[stage].1 = self.since.elapsed().as_secs_f64();
+        self.since = Instant::now();
+    }
+}
+
+fn clean_one(job: &Job, args: &CleanArgs, progress: &Progress, turn: &Turn<'_>) -> anyhow::Result<Done> {
+    if exit::interrupted() {
+        return Err(Interrupted.into());
+    }
+    let name = job.source.to_string();
+    let bar = progress.file(&name);
+    let names = ["read", "clean", "write"];
+    let mut clock = Clock { seconds: names.map(|s| (s, 0.0)), since: Instant::now() };
+    bar.read();
+    // A scene stays whole where both sides can hold one. To turn or scale it would take a change of its nodes.
+    let whole = job.output.as_ref().filter(|(_, format)| {
+        matches!(format, Format::Gltf | Format::Glb)
+            && args.writing.scale.is_none()
+            && args.writing.up.is_none()
+    });
+    let input = match whole {
+        Some(_) => file::read_scene(&job.source, args.from, Vec::new())?,
+        None => Input::Mesh(Box::new(file::read(&job.source, args.from)?)),
+    };
+    clock.end(0);
+    let done = match (input, whole) {
+        (Input::Scene(scene), Some((sink, format))) => {
+            clean_scene(*scene, job, (sink, *format), args, &bar, &mut clock)?
+        }
+        (Input::Scene(_), None) => unreachable!("a scene is read where it can stay one"),
+        (Input::Mesh(loaded), _) => clean_mesh(*loaded, job, args, &bar, &mut clock, turn)?,
+    };
+    bar.end();
+    Ok(Done { seconds: clock.seconds, ..done })
+}
+
+fn clean_mesh(
+    loaded: Loaded,
+    job: &Job,
+    args: &CleanArgs,
+    bar: &FileProgress<'_>,
+    clock: &mut Clock,
+    turn: &Turn<'_>,
+) -> anyhow::Result<Done> {
+    let Loaded { mesh, regions, mut warnings, format: input_format, .. } = loaded;
+    let cleaned = lodsmith::clean(&mesh, &args.options(), &mut Watch { bar });
+    let Cleaned { mesh: mut cleaned, report } = not_interrupted(cleaned)?;
+    drop(mesh);
+    warnings.extend(told(&report));
+    clock.end(1);
+    bar.write();
+    orient(&mut cleaned, &args.writing);
+    if let Some((sink, format)) = &job.output {
+        // Of two textures with one name, that of the earlier input keeps it.
+        if *format == Format::Obj && !regions.libraries().is_empty() && !args.dry_run {
+            turn.wait();
+        }
+        if *format == Format::Stl && report.parted_vertices > 0 {
+            warnings.push(Warning::note(
+                "STL has no numbers of vertices: who reads it joins again what was cut apart",
+            ));
+        }
+        let options = file::options(&args.writing, *format, regions);
+        warnings.extend(match args.dry_run {
+            true => file::losses(&cleaned, sink, *format, &options)?,
+            false => file::write(&cleaned, sink, *format, &options, args.force)?,
+        });
+    }
+    clock.end(2);
+    Ok(Done { input_format, report, meshes: Vec::new(), warnings, seconds: clock.seconds })
+}
+
+/// The same for each mesh of a scene by itself; the rest of it stays as it is.
+fn clean_scene(
+    mut scene: Scene,
+    job: &Job,
+    (sink, format): (&Sink, Format),
+    args: &CleanArgs,
+    bar: &FileProgress<'_>,
+    clock: &mut Clock,
+) -> anyhow::Result<Done> {
+    let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
+    let mut report = CleanReport::default();
+    let (mut meshes, mut replaced) = (Vec::new(), Vec::new());
+    let mut notes = Vec::new();
+    for m in scene.meshes() {
+        if m.mesh.face_count() == 0 {
+            replaced.push(None);
+            continue;
+        }
+        let options = in_mesh(args.options(), diagonal, m.scale);
+        match lodsmith::clean(&m.mesh, &options, &mut Watch { bar }) {
+            Err(SimplifyError::NoFaces { .. }) => {
+                let text = format!("mesh {}: no face would be left, so it stays as it is", m.name);
+                notes.push(Warning::note(text));
+                replaced.push(None);
+            }
+            cleaned => {
+                let cleaned = not_interrupted(cleaned)?;
+                notes.extend(told(&cleaned.report).map(|w| Warning::note(format!("mesh {}: {w}", m.name))));
+                add(&mut report, &cleaned.report);
+                meshes.push((m.name.clone(), cleaned.report));
+                replaced.push(Some(cleaned.mesh));
+            }
+        }
+    }
+    clock.end(1);
+    bar.write();
+    let images = images::Move::new(&job.source, sink);
+    let mut warnings: Vec<_> = scene.warnings().to_vec();
+    warnings.extend(notes);
+    warnings.extend(if format == Format::Glb { images.embed(&mut scene) } else { images.told(&scene) });
+    let relink = |uri: &str| images.uri(uri);
+    warnings.extend(match args.dry_run {
+        true => file::scene_losses(&scene, &replaced, &relink, format)?,
+        false => file::write_scene(&scene, &replaced, &relink, sink, format, args.force)?,
+    });
+    clock.end(2);
+    let input_format = scene.format();
+    Ok(Done { input_format, report, meshes, warnings, seconds: clock.seconds })
+}
+
+/// Options whose lengths are of the whole scene, for a mesh that is so many times larger there.
+fn in_mesh(mut options: CleanOptions, diagonal: f64, scale: f64) -> CleanOptions {
+    let scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
+    let units = |length: Length| Length::Units(length.in_units(diagonal) / scale);
+    options.weld = options.weld.map(units);
+    options.prune = options.prune.map(units);
+    options
+}
+
+fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
+    match result {
+        Err(SimplifyError::Cancelled) if exit::interrupted() => Err(Interrupted.into()),
+        result => Ok(result?),
+    }
+}
+
+/// What the user should know of a clean-up.
+fn told(report: &CleanReport) -> impl Iterator<Item = Warning> {
+    let left = &report.left;
+    let edges = |n: usize| counted(n, "edge", "edges");
+    let faces = |n: usize| counted(n, "face", "faces");
+    let all = [
+        (
+            left.non_manifold_edges > 0,
+            format!(
+                "{} with more than two faces: --non-manifold cut parts them",
+                edges(left.non_manifold_edges)
+            ),
+        ),
+        (
+            left.misoriented_edges > 0,
+            format!(
+                "{} where no side is outside: the surface is one-sided, --non-manifold cut opens it there",
+                edges(left.misoriented_edges)
+            ),
+        ),
+        (
+            left.zero_area_faces > 0,
+            format!("{} without area left, on seams or needles", faces(left.zero_area_faces)),
+        ),
+        (report.pruned.largest_kept, "all parts are smaller than --prune: the largest was kept".to_owned()),
+    ];
+    all.into_iter().filter(|x| x.0).map(|x| Warning::note(x.1))
+}
+
+/// A name and how often.
+type Count = (&'static str, usize);
+
+/// The counts of a report by name: what was done, then what is left.
+fn counts(r: &CleanReport) -> ([Count; 11], [Count; 6]) {
+    let done = [
+        ("welded_vertices", r.welded_vertices),
+        ("non_finite_faces", r.non_finite_faces),
+        ("degenerate_faces", r.degenerate_faces),
+        ("duplicate_faces", r.duplicate_faces),
+        ("pruned_parts", r.pruned.parts),
+        ("pruned_faces", r.pruned.faces),
+        ("flipped_faces", r.flipped_faces),
+        ("zero_area_faces", r.zero_area_faces),
+        ("parted_vertices", r.parted_vertices),
+        ("sewn_edges", r.sewn_edges),
+        ("unused_vertices", r.unused_vertices),
+    ];
+    let left = [
+        ("border_edges", r.left.border_edges),
+        ("non_manifold_edges", r.left.non_manifold_edges),
+        ("non_manifold_vertices", r.left.non_manifold_vertices),
+        ("misoriented_edges", r.left.misoriented_edges),
+        ("opposite_faces", r.left.opposite_faces),
+        ("zero_area_faces", r.left.zero_area_faces),
+    ];
+    (done, left)
+}
+
+/// Adds what was done with one mesh to what was done with others.
+fn add(sum: &mut CleanReport, r: &CleanReport) {
+    let both = |a: &mut usize, b: usize| *a += b;
+    both(&mut sum.input_faces, r.input_faces);
+    both(&mut sum.input_vertices, r.input_vertices);
+    both(&mut sum.faces, r.faces);
+    both(&mut sum.vertices, r.vertices);
+    both(&mut sum.welded_vertices, r.welded_vertices);
+    both(&mut sum.non_finite_faces, r.non_finite_faces);
+    both(&mut sum.degenerate_faces, r.degenerate_faces);
+    both(&mut sum.duplicate_faces, r.duplicate_faces);
+    both(&mut sum.pruned.parts, r.pruned.parts);
+    both(&mut sum.pruned.faces, r.pruned.faces);
+    both(&mut sum.flipped_faces, r.flipped_faces);
+    both(&mut sum.zero_area_faces, r.zero_area_faces);
+    both(&mut sum.parted_vertices, r.parted_vertices);
+    both(&mut sum.sewn_edges, r.sewn_edges);
+    both(&mut sum.unused_vertices, r.unused_vertices);
+    both(&mut sum.left.border_edges, r.left.border_edges);
+    both(&mut sum.left.non_manifold_edges, r.left.non_manifold_edges);
+    both(&mut sum.left.non_manifold_vertices, r.left.non_manifold_vertices);
+    both(&mut sum.left.misoriented_edges, r.left.misoriented_edges);
+    both(&mut sum.left.opposite_faces, r.left.opposite_faces);
+    both(&mut sum.left.zero_area_faces, r.left.zero_area_faces);
+}
+
+/// Prints the outcome of one input; returns the status that it alone would end with.
+fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args: &CleanArgs) -> Status {
+    let done = match outcome {
+        Ok(done) => done,
+        Err(e) if e.is::<Interrupted>() => return Status::Interrupted,
+        Err(e) => {
+            out.failure(path, &format!("{e:#}"));
+            return Status::Failed;
+        }
+    };
+    out.object(&done.to_json(path, job, args));
+    for line in done.table(path) {
+        out.line(&line);
+    }
+    for (name, r) in done.meshes.iter().filter(|_| done.meshes.len() > 1) {
+        out.detail(&format!("  mesh {name}: {} → {} faces", grouped(r.input_faces), grouped(r.faces)));
+    }
+    match show_warnings(out, path, &done.warnings, args.strict) {
+        true => Status::Strict,
+        false => Status::Done,
+    }
+}
+
+impl Done {
+    /// A line, and one for each step that did something.
+    fn table(&self, path: &str) -> Vec<String> {
+        let r = &self.report;
+        let total = self.seconds.iter().map(|s| s.1).sum::<f64>();
+        let mut lines = vec![format!(
+            "{path}: {} → {} faces, {} → {} vertices, {}",
+            grouped(r.input_faces),
+            grouped(r.faces),
+            grouped(r.input_vertices),
+            grouped(r.vertices),
+            seconds(total)
+        )];
+        let (done, left) = counts(r);
+        let mut rows = |title: &str, counts: &[(&str, usize)]| {
+            let told: Vec<String> = counts
+                .iter()
+                .filter(|c| c.1 > 0)
+                .map(|(name, n)| format!("{} {}", grouped(*n), name.replace('_', " ")))
+                .collect();
+            if !told.is_empty() {
+                lines.push(format!("  {title:<6}{}", told.join(", ")));
+            }
+        };
+        rows("done", &done);
+        rows("left", &left);
+        lines
+    }
+
+    /// The report for programs.
+    fn to_json(&self, path: &str, job: &Job, args: &CleanArgs) -> Value {
+        let r = &self.report;
+        let (out_path, out_format) = match &job.output {
+            Some((sink, format)) => (Some(sink.to_string()), Some(format.name())),
+            None => (None, None),
+        };
+        let named = |all: &[(&str, usize)]| -> Map<String, Value> {
+            all.iter().map(|&(name, n)| (name.to_owned(), n.into())).collect()
+        };
+        let (done, left) = counts(r);
+        let seconds: Map<_, _> =
+            self.seconds.iter().map(|(name, s)| ((*name).to_owned(), micros(*s).into())).collect();
+        let mut report = json!({
+            "input": {
+                "path": path, "format": self.input_format.name(),
+                "faces": r.input_faces, "vertices": r.input_vertices,
+            },
+            "output": { "path": out_path, "format": out_format, "faces": r.faces, "vertices": r.vertices },
+            "done": named(&done),
+            "left": named(&left),
+            "warnings": texts(&self.warnings),
+            "seconds": seconds,
+        });
+        if !self.meshes.is_empty() {
+            let mesh = |(name, r): &(String, CleanReport)| {
+                let (done, left) = counts(r);
+                json!({
+                    "name": name, "done": named(&done), "left": named(&left),
+                    "input": { "faces": r.input_faces, "vertices": r.input_vertices },
+                    "output": { "faces": r.faces, "vertices": r.vertices },
+                })
+            };
+            report["meshes"] = self.meshes.iter().map(mesh).collect();
+        }
+        if args.dry_run {
+            report["dry_run"] = true.into();
+        }
+        report
+    }
+}
+
+/// Follows a clean-up: moves the bar, and ends it where the user does.
+struct Watch<'a> {
+    bar: &'a FileProgress<'a>,
+}
+
+impl Control for Watch<'_> {
+    fn stage(&mut self, stage: Stage) {
+        self.bar.stage(stage);
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        self.bar.within(Stage::Prepare, done);
+        if exit::interrupted() { Verdict::Cancel } else { Verdict::Continue }
+    }
+}

@@ -1,0 +1,439 @@
+//! `lodsmith methods`: every method on one model, and what each makes of it.
+
+use std::fs;
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use lodsmith::core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
+use lodsmith::core::mesh::defects::clean_surface;
+use lodsmith::core::{Surface, TriMesh};
+use lodsmith::{Method, Report, Simplified, Stage};
+use lodsmith_io::{Format, Loaded, Regions, Warning};
+use serde_json::{Value, json};
+
+use super::simplify::{measured_json, refusals};
+use super::{show_warnings, texts};
+use crate::args::MethodsArgs;
+use crate::exit::{self, Interrupted, Status, usage};
+use crate::file::{self, Sink};
+use crate::in_order;
+use crate::numbers::{grouped, micros, seconds, short};
+use crate::orient::orient;
+use crate::output::{self, Output};
+use crate::plan::{self, Wanted};
+use crate::progress::{FileProgress, Progress};
+use crate::validity::Validity;
+use crate::watch::{Clock, Watch, not_interrupted};
+
+/// Runs them all, one after the other, and prints the table.
+pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
+    let methods = args.methods();
+    let needs_target = |m: &&Method| !args.options(**m).of_method.ends(**m);
+    if let Some(method) = methods.iter().find(needs_target).filter(|_| !args.target.is_given()) {
+        let name = method.name();
+        return Err(usage(format!("{name} needs a target: --faces, --vertices, --ratio or --error")));
+    }
+    let sinks = methods.iter().map(|&m| sink(args, m)).collect::<anyhow::Result<Vec<_>>>()?;
+    if let Some(folder) = &args.out_dir {
+        fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    }
+    let out = Output::new(&args.run, args.json, false);
+    let progress = Progress::new(methods.len() + 1, args.run.quiet);
+    let path = args.input.to_string();
+    let tried = in_order::pool(args.run.threads())?.install(|| {
+        let jobs: Vec<_> = methods.into_iter().zip(sinks).collect();
+        try_all(&path, jobs, args, &progress)
+    });
+    progress.finish();
+    let tried = tried?;
+
+    show_warnings(&out, &path, &tried.warnings, false);
+    let mut status = Status::Done;
+    for row in &tried.rows {
+        let name = row.method.name();
+        match &row.outcome {
+            Ok(judged) => _ = show_warnings(&out, &format!("{path}: {name}"), &judged.warnings, false),
+            Err(reason) => {
+                output::error(&format!("{path}: {name}: {reason}"));
+                status = Status::Failed;
+            }
+        }
+    }
+    out.object(&tried.to_json(&path, args));
+    for line in tried.table(&path) {
+        out.line(&line);
+    }
+    for row in &tried.rows {
+        if let Ok(judged) = &row.outcome {
+            out.detail(&format!("  {}: {}", row.method.name(), judged.detail()));
+        }
+    }
+    out.finish(status)
+}
+
+/// Each method, and where its result goes.
+type Jobs = Vec<(Method, Option<(Sink, Format)>)>;
+
+/// A model, and what all methods made of it.
+struct Tried {
+    format: Format,
+    warnings: Vec<Warning>,
+    model: Model,
+    rows: Vec<Row>,
+}
+
+fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> anyhow::Result<Tried> {
+    let bar = progress.file(path);
+    bar.read();
+    let loaded = file::read(&args.input, args.from).with_context(|| path.to_owned())?;
+    let Loaded { mesh, format, regions, warnings, .. } = loaded;
+    let model = Model::new(mesh, args);
+    bar.end();
+    let mut rows = Vec::with_capacity(jobs.len());
+    for (method, sink) in jobs {
+        if exit::interrupted() {
+            return Err(Interrupted.into());
+        }
+        let bar = progress.file(method.name());
+        let outcome = exit::guarded(|| {
+            let made = model.simplified(method, args, &bar)?;
+            bar.stage(Stage::Measure);
+            let mut judged = model.judged(&made);
+            if let Some((sink, format)) = &sink {
+                bar.write();
+                judged.warnings = write(made.mesh, sink, *format, &regions, args)?;
+            }
+            Ok(judged)
+        });
+        bar.end();
+        let outcome = match outcome {
+            Err(e) if e.is::<Interrupted>() => return Err(e),
+            Err(e) => Err(format!("{e:#}").replace('\n', " ")),
+            Ok(judged) => Ok(judged),
+        };
+        rows.push(Row { method, sink, outcome });
+    }
+    Ok(Tried { format, warnings, model, rows })
+}
+
+/// Where the result of a method goes, if anywhere.
+fn sink(args: &MethodsArgs, method: Method) -> anyhow::Result<Option<(Sink, Format)>> {
+    let template = format!("{{stem}}_{}.{{ext}}", method.name());
+    let jobs = plan::jobs(&Wanted {
+        inputs: std::slice::from_ref(&args.input),
+        output: None,
+        out_dir: args.out_dir.as_deref(),
+        name: &template,
+        from: args.from,
+        to: args.writing.to,
+        json: args.json,
+        dry_run: args.out_dir.is_none(),
+    })?;
+    Ok(jobs.into_iter().find_map(|job| job.output))
+}
+
+fn write(
+    mut mesh: TriMesh,
+    sink: &Sink,
+    format: Format,
+    regions: &Regions,
+    args: &MethodsArgs,
+) -> anyhow::Result<Vec<Warning>> {
+    orient(&mut mesh, &args.writing);
+    let options = file::options(&args.writing, format, regions.clone());
+    file::write(&mesh, sink, format, &options, args.force)
+}
+
+/// The input, ready to be simplified and measured against many times.
+struct Model {
+    mesh: TriMesh,
+    /// `None` where there is nothing to measure.
+    reference: Option<Prepared>,
+    validity: Validity,
+    compare: CompareOptions,
+}
+
+/// What a method made.
+struct Made {
+    mesh: TriMesh,
+    report: Report,
+    clock: Clock,
+}
+
+/// What there is to say of it. The mesh may go.
+struct Judged {
+    report: Report,
+    clock: Clock,
+    /// `None` where no face is left.
+    measured: Option<Comparison>,
+    validity: Validity,
+    carried: Carried,
+    warnings: Vec<Warning>,
+}
+
+/// A line of the table.
+struct Row {
+    method: Method,
+    sink: Option<(Sink, Format)>,
+    /// Or why there is none.
+    outcome: Result<Judged, String>,
+}
+
+impl Model {
+    fn new(mesh: TriMesh, args: &MethodsArgs) -> Self {
+        let surface = mesh.surface();
+        // As the engine works on it: faces without extent or place do not count.
+        let cleaned = clean_surface(&surface, None);
+        let reference = Surface::with_triangles(surface.positions(), cleaned.triangles)
+            .ok()
+            .and_then(|clean| Prepared::new(&clean).ok());
+        let mut compare = CompareOptions::default();
+        (compare.samples, compare.seed) = (args.samples, args.seed);
+        let validity = Validity::of(&mesh);
+        Self { reference, validity, compare, mesh }
+    }
+
+    fn simplified(&self, method: Method, args: &MethodsArgs, bar: &FileProgress<'_>) -> anyhow::Result<Made> {
+        let options = args.options(method);
+        let deadline = args.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
+        let mut clock = Clock::new();
+        let done = lodsmith::simplify(&self.mesh, &options, &mut Watch::new(&mut clock, bar, deadline));
+        clock.end();
+        let Simplified { mesh, report } = not_interrupted(done)?;
+        Ok(Made { mesh, report, clock })
+    }
+
+    fn judged(&self, made: &Made) -> Judged {
+        let candidate = Prepared::new(&made.mesh.surface()).ok();
+        let pair = self.reference.as_ref().zip(candidate.as_ref());
+        Judged {
+            measured: pair.map(|(a, b)| compare_prepared(a, b, &self.compare)),
+            validity: Validity::of(&made.mesh),
+            carried: Carried::new(&self.mesh, &made.mesh),
+            report: made.report.clone(),
+            clock: made.clock.clone(),
+            warnings: Vec::new(),
+        }
+    }
+}
+
+/// What of the input stands on the result.
+#[derive(Debug, PartialEq, Eq)]
+struct Carried {
+    kept: Vec<&'static str>,
+    dropped: Vec<&'static str>,
+    /// Regions of the input and of the result, where the input has any.
+    regions: Option<(usize, usize)>,
+}
+
+impl Carried {
+    fn new(input: &TriMesh, result: &TriMesh) -> Self {
+        let mut carried = Self { kept: Vec::new(), dropped: Vec::new(), regions: None };
+        let mut all = vec![
+            ("normals", input.normals().is_some(), result.normals().is_some()),
+            ("uvs", input.uvs().is_some(), result.uvs().is_some()),
+            ("colors", input.colors().is_some(), result.colors().is_some()),
+        ];
+        let there = result.further_attributes();
+        all.extend(input.further_attributes().iter().map(|a| {
+            let is_kept = there.iter().any(|b| (&a.semantic, a.width) == (&b.semantic, b.width));
+            (a.semantic.title(), true, is_kept)
+        }));
+        for (name, _, is_kept) in all.into_iter().filter(|x| x.1) {
+            let list = if is_kept { &mut carried.kept } else { &mut carried.dropped };
+            // Several sets of joints are one word.
+            if !list.contains(&name) {
+                list.push(name);
+            }
+        }
+        carried.regions = input.regions().map(|_| (region_count(input), region_count(result)));
+        carried
+    }
+
+    /// In words; nothing where the input has nothing.
+    fn line(&self) -> String {
+        let mut words = self.kept.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        words.extend(self.regions.map(|(was, is)| format!("{is} of {was} regions")));
+        words.extend(self.dropped.iter().map(|name| format!("not {name}")));
+        if words.is_empty() { "-".to_owned() } else { words.join(", ") }
+    }
+}
+
+fn region_count(mesh: &TriMesh) -> usize {
+    let mut regions = mesh.regions().unwrap_or_default().to_vec();
+    regions.sort_unstable();
+    regions.dedup();
+    regions.len()
+}
+
+impl Tried {
+    /// The table for people.
+    fn table(&self, path: &str) -> Vec<String> {
+        let mut cells = vec![HEAD.map(str::to_owned)];
+        let mut failed = Vec::new();
+        for row in &self.rows {
+            match &row.outcome {
+                Ok(judged) => cells.push(judged.cells(row.method, &self.model)),
+                Err(reason) => failed.push(format!("{}: fails: {reason}", row.method.name())),
+            }
+        }
+        let width = |k: usize| cells.iter().map(|c| c[k].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..HEAD.len()).map(width).collect();
+        let line = |row: &[String; HEAD.len()]| {
+            let cell = |(k, text): (usize, &String)| match k {
+                // Numbers stand below each other.
+                1..=6 => format!("{text:>0$}", widths[k]),
+                _ => format!("{text:<0$}", widths[k]),
+            };
+            row.iter().enumerate().map(cell).collect::<Vec<_>>().join("  ").trim_end().to_owned()
+        };
+        let faces = grouped(self.model.mesh.face_count());
+        let mut lines = vec![format!("{path}: {faces} faces; distances in % of the diagonal")];
+        lines.extend(cells.iter().map(line));
+        lines.extend(failed);
+        lines
+    }
+
+    fn to_json(&self, path: &str, args: &MethodsArgs) -> Value {
+        let model = &self.model;
+        json!({
+            "input": {
+                "path": path, "format": self.format.name(),
+                "faces": model.mesh.face_count(), "vertices": model.mesh.vertex_count(),
+                "components": model.validity.components, "defects": object(model.validity.counts()),
+            },
+            "target": args.target.to_json(),
+            "diagonal": model.reference.as_ref().map(Prepared::diagonal),
+            "samples": model.compare.samples,
+            "threads": args.run.threads(),
+            "methods": self.rows.iter().map(|row| row.to_json(model)).collect::<Vec<_>>(),
+            "warnings": texts(&self.warnings),
+        })
+    }
+}
+
+/// What the columns of the table are called.
+const HEAD: [&str; 10] =
+    ["method", "faces", "", "time", "mean %", "rms %", "max %", "ended by", "new defects", "carries"];
+
+/// Numbers by name.
+fn object<N: Into<Value>>(pairs: impl IntoIterator<Item = (&'static str, N)>) -> Value {
+    let pairs = pairs.into_iter().map(|(name, n)| (name.to_owned(), n.into()));
+    Value::Object(pairs.collect())
+}
+
+impl Row {
+    fn to_json(&self, model: &Model) -> Value {
+        let name = self.method.name();
+        match &self.outcome {
+            Ok(judged) => judged.to_json(name, self.sink.as_ref(), model),
+            Err(reason) => json!({ "method": name, "error": reason }),
+        }
+    }
+}
+
+impl Judged {
+    fn cells(&self, method: Method, model: &Model) -> [String; HEAD.len()] {
+        let r = &self.report;
+        let percent = 100.0 * r.faces as f64 / model.mesh.face_count().max(1) as f64;
+        let share = |x: fn(&Comparison) -> f64| match &self.measured {
+            Some(m) if m.diagonal > 0.0 => short(100.0 * x(m) / m.diagonal),
+            _ => "-".to_owned(),
+        };
+        let ended = r.stopped_by.name().replace('_', " ");
+        [
+            method.name().to_owned(),
+            grouped(r.faces),
+            format!("{percent:.1} %"),
+            seconds(self.clock.total()),
+            share(|m| m.mean.symmetric),
+            share(|m| m.rms.symmetric),
+            share(|m| m.hausdorff.symmetric),
+            if r.reached { ended } else { format!("{ended}, not reached") },
+            self.defects(model),
+            self.carried.line(),
+        ]
+    }
+
+    /// What `-v` adds: times by stage, and what was refused.
+    fn detail(&self) -> String {
+        let times = self.clock.stages.iter().filter(|(name, _)| *name != "read");
+        let mut words: Vec<_> = times.map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
+        let refused = refusals(&self.report);
+        if !refused.is_empty() {
+            words.push(format!("refused: {refused}"));
+        }
+        words.join(", ")
+    }
+
+    /// What is worse than in the input, in words.
+    fn defects(&self, model: &Model) -> String {
+        let risen = self.validity.risen_from(&model.validity).filter(|r| r.1 > 0);
+        let mut words: Vec<_> =
+            risen.map(|(name, n)| format!("{} {}", grouped(n), name.replace('_', " "))).collect();
+        let lost = model.validity.components.saturating_sub(self.validity.components);
+        if lost > 0 {
+            words.push(format!("{} parts gone", grouped(lost)));
+        }
+        if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+    }
+
+    fn to_json(&self, method: &str, sink: Option<&(Sink, Format)>, model: &Model) -> Value {
+        let r = &self.report;
+        let relative = |m: &Comparison| {
+            let share = |x: f64| if m.diagonal > 0.0 { x / m.diagonal } else { 0.0 };
+            let [max, mean, rms] = [&m.hausdorff, &m.mean, &m.rms].map(|x| share(x.symmetric));
+            json!({ "hausdorff": max, "mean": mean, "rms": rms })
+        };
+        let output = sink.map(|(sink, format)| json!({ "path": sink.to_string(), "format": format.name() }));
+        let times = self.clock.stages.iter().filter(|(name, _)| *name != "read");
+        let regions = self.carried.regions.map(|(was, is)| json!({ "input": was, "output": is }));
+        json!({
+            "method": method,
+            "output": output,
+            "faces": r.faces,
+            "vertices": r.vertices,
+            "reached": r.reached,
+            "stopped_by": r.stopped_by.name(),
+            "seconds": object(times.map(|&(name, s)| (name, micros(s)))),
+            "measured": self.measured.as_ref().map(measured_json),
+            "relative_to_diagonal": self.measured.as_ref().map(relative),
+            "defects": object(self.validity.counts()),
+            "new_defects": object(self.validity.risen_from(&model.validity)),
+            "components": self.validity.components,
+            "parts_removed": r.parts_removed,
+            "refusals": object(r.refusals.iter().map(|(r, n)| (r.name(), *n))),
+            "carried": { "kept": self.carried.kept, "dropped": self.carried.dropped, "regions": regions },
+            "warnings": texts(&self.warnings),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith::core::{Attribute, RegionId, Semantic, shapes};
+
+    use super::*;
+
+    #[test]
+    fn what_came_along_is_told_apart_from_what_did_not() {
+        let plain = shapes::cube(2);
+        let count = plain.wedge_count();
+        let mut input = plain.clone();
+        input.set_uvs(Some(vec![[0.0; 2]; count])).unwrap();
+        input.set_normals(Some(vec![[0.0, 0.0, 1.0]; count])).unwrap();
+        for set in 0..2 {
+            let values = vec![0.0; 4 * count];
+            input.add_attribute(Attribute { semantic: Semantic::Joints(set), width: 4, values }).unwrap();
+        }
+        let regions = (0..input.face_count()).map(|f| RegionId((f % 3) as u32)).collect();
+        input.set_regions(Some(regions)).unwrap();
+        let mut result = plain.clone();
+        result.set_uvs(Some(vec![[0.0; 2]; count])).unwrap();
+        let carried = Carried::new(&input, &result);
+        assert_eq!(carried.line(), "uvs, 0 of 3 regions, not normals, not joints");
+        assert_eq!(Carried::new(&input, &input).line(), "normals, uvs, joints, 3 of 3 regions");
+        assert_eq!(Carried::new(&plain, &plain).line(), "-");
+    }
+}

@@ -1,0 +1,104 @@
+//! What a run of the engine is watched with: its time by stage, the bar, Ctrl-C and a limit.
+
+use std::time::Instant;
+
+use lodsmith::{Control, SimplifyError, Stage, Verdict};
+
+use crate::exit::{self, Interrupted};
+use crate::progress::FileProgress;
+
+/// An end from outside, told from a run that cancelled itself.
+pub(crate) fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
+    match result {
+        Err(SimplifyError::Cancelled) if exit::interrupted() => Err(Interrupted.into()),
+        result => Ok(result?),
+    }
+}
+
+/// Time by stage, in the order in which stages first began.
+#[derive(Clone)]
+pub(crate) struct Clock {
+    pub(crate) stages: Vec<(&'static str, f64)>,
+    running: Option<(usize, Instant)>,
+}
+
+impl Clock {
+    pub(crate) fn new() -> Self {
+        // Always there, and in this order; the engine may add to them.
+        let stages = ["read", Stage::Prepare.name(), Stage::Collapse.name()];
+        Self { stages: stages.map(|s| (s, 0.0)).to_vec(), running: None }
+    }
+    /// A stage begins, or goes on.
+    pub(crate) fn enter(&mut self, name: &'static str) {
+        self.end();
+        let i = self.stages.iter().position(|(n, _)| *n == name).unwrap_or_else(|| {
+            self.stages.push((name, 0.0));
+            self.stages.len() - 1
+        });
+        self.running = Some((i, Instant::now()));
+    }
+    /// The present stage ends.
+    pub(crate) fn end(&mut self) {
+        if let Some((i, begin)) = self.running.take() {
+            self.stages[i].1 += begin.elapsed().as_secs_f64();
+        }
+    }
+    pub(crate) fn total(&self) -> f64 {
+        self.stages.iter().map(|(_, secs)| secs).sum()
+    }
+}
+
+/// Follows the engine: times its stages, moves the bar, ends it in time.
+pub(crate) struct Watch<'a> {
+    clock: &'a mut Clock,
+    bar: &'a FileProgress<'a>,
+    stage: Stage,
+    deadline: Option<Instant>,
+}
+
+impl<'a> Watch<'a> {
+    /// Ready for the engine.
+    pub(crate) fn new(clock: &'a mut Clock, bar: &'a FileProgress<'a>, deadline: Option<Instant>) -> Self {
+        clock.enter(Stage::Prepare.name());
+        Self { clock, bar, stage: Stage::Prepare, deadline }
+    }
+    /// The engine has ended, writing begins.
+    pub(crate) fn write(&mut self) {
+        self.bar.write();
+        self.clock.enter("write");
+    }
+}
+
+impl Control for Watch<'_> {
+    fn stage(&mut self, stage: Stage) {
+        self.clock.enter(stage.name());
+        self.bar.stage(stage);
+        self.stage = stage;
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        self.bar.within(self.stage, done);
+        if exit::interrupted() {
+            Verdict::Cancel
+        } else if self.deadline.is_some_and(|d| Instant::now() >= d) {
+            Verdict::Finish
+        } else {
+            Verdict::Continue
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_keep_their_order_and_add_up() {
+        let mut clock = Clock::new();
+        for stage in ["read", "prepare", "simplify", "fit", "simplify", "write"] {
+            clock.enter(stage);
+        }
+        clock.end();
+        let names: Vec<_> = clock.stages.iter().map(|(n, _)| *n).collect();
+        assert_eq!(names, ["read", "prepare", "simplify", "fit", "write"]);
+    }
+}

@@ -1,0 +1,111 @@
+//! `lodsmith clean`.
+
+mod desk;
+
+use desk::{Desk, coloured_cube, keys, ply};
+
+/// Two cubes along an edge, some faces turned, one face twice, one point for nobody; every face with its own vertices.
+fn broken() -> String {
+    use std::fmt::Write as _;
+    let (mut vertices, mut faces, mut count) = (String::new(), String::new(), 0);
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let mut put = |at: [u32; 3], t: [u32; 3]| {
+        for i in t {
+            let [x, y, z] = [i & 1, i >> 1 & 1, i >> 2];
+            writeln!(vertices, "{} {} {}", x + at[0], y + at[1], z + at[2]).expect("text");
+        }
+        writeln!(faces, "3 {count} {} {}", count + 1, count + 2).expect("text");
+        count += 3;
+    };
+    for at in [[0, 0, 0], [1, 1, 0]] {
+        for (i, q) in quads.iter().enumerate() {
+            let turn = |t: [u32; 3]| if i == 1 { [t[0], t[2], t[1]] } else { t };
+            put(at, turn([q[0], q[1], q[2]]));
+            put(at, turn([q[0], q[2], q[3]]));
+        }
+    }
+    put([0, 0, 0], [0, 2, 3]);
+    vertices += "9 9 9\n";
+    ply("", 76, 25, &vertices, &faces)
+}
+
+#[test]
+fn each_step_is_told_and_the_policies_differ() {
+    let desk = Desk::new();
+    desk.put("in.ply", &broken());
+    let ran = desk.run("clean in.ply -o keep.ply").with_status(0);
+    let lines: Vec<_> = ran.text().lines().collect();
+    assert!(lines[0].starts_with("in.ply: 25 → 24 faces, 76 → 14 vertices, "), "{lines:?}");
+    let done = "  done  61 welded vertices, 1 duplicate faces, 4 flipped faces, 1 unused vertices";
+    assert_eq!(lines[1], done);
+    assert_eq!(lines[2], "  left  1 non manifold edges, 2 non manifold vertices");
+    assert!(ran.stderr.starts_with("warning: in.ply: 1 edge with more than two faces"), "{}", ran.stderr);
+
+    let report = &desk.run("clean in.ply -o cut.ply --non-manifold cut --json").with_status(0).objects()[0];
+    assert_eq!(keys(report), ["input", "output", "done", "left", "warnings", "seconds"]);
+    assert_eq!(report["done"]["parted_vertices"], 2);
+    assert_eq!(report["output"]["vertices"], 16);
+    assert!(report["left"].as_object().expect("counts").values().all(|n| n == 0), "{report}");
+
+    let report =
+        &desk.run("clean in.ply -o sewn.ply --non-manifold merge --json").with_status(0).objects()[0];
+    assert_eq!((&report["done"]["sewn_edges"], &report["output"]["vertices"]), (&36.into(), &16.into()));
+    assert!(report["left"].as_object().expect("counts").values().all(|n| n == 0), "{report}");
+}
+
+#[test]
+fn lengths_are_of_the_file_or_of_its_diagonal() {
+    let desk = Desk::new();
+    desk.put("in.ply", &broken());
+    for weld in ["0.1", "1%"] {
+        let ran = desk.run(&format!("clean in.ply --dry-run --json --weld {weld}")).with_status(0);
+        assert_eq!(ran.objects()[0]["output"]["vertices"], 14, "{weld}");
+    }
+    desk.run("clean in.ply -o out.ply --weld 99").with_status(1).with_one_error();
+    assert!(!desk.path("out.ply").exists());
+}
+
+#[test]
+fn several_inputs_go_into_a_folder_and_one_that_fails_is_told() {
+    let desk = Desk::new();
+    desk.put("a.ply", &coloured_cube());
+    desk.put("b.ply", "no mesh");
+    desk.put("c.ply", &broken());
+    let ran = desk.run("clean a.ply b.ply c.ply -O out --to obj --json").with_status(1);
+    let told = ran.objects();
+    assert_eq!((told.len(), told[1]["path"].as_str()), (3, Some("b.ply")));
+    assert_eq!(desk.names("out"), ["a_clean.obj", "c_clean.obj"]);
+    assert_eq!(desk.faces("out/c_clean.obj"), 24);
+    desk.run("clean a.ply c.ply -o x.ply").with_status(2).with_one_error();
+    desk.run("clean a.ply -o x.ply --non-manifold glue").with_status(2);
+}
+
+#[test]
+fn colours_stay_and_strict_tells_of_what_is_lost() {
+    let desk = Desk::new();
+    desk.put("cube.ply", &coloured_cube());
+    desk.run("clean cube.ply -o same.ply --strict").with_status(0);
+    let report = &desk.run("compare cube.ply same.ply --json").with_status(0).objects()[0];
+    assert!(report["hausdorff"]["symmetric"].as_f64() < Some(1e-12));
+    assert_eq!(desk.info("same.ply")["attributes"], desk.info("cube.ply")["attributes"]);
+    desk.run("clean cube.ply -o lost.stl --strict").with_status(3).with_one_error();
+    desk.put("in.ply", &broken());
+    let ran = desk.run("clean in.ply -o cut.stl --non-manifold cut").with_status(0);
+    assert!(ran.stderr.contains("joins again what was cut apart"), "{}", ran.stderr);
+}
+
+#[test]
+fn a_scene_stays_whole() {
+    let desk = Desk::new();
+    desk.put("in.ply", &broken());
+    desk.run("convert in.ply in.glb").with_status(0);
+    let ran = desk.run("clean in.glb -o out.glb --non-manifold cut --json").with_status(0);
+    let report = &ran.objects()[0];
+    assert_eq!(report["meshes"][0]["done"], report["done"]);
+    assert_eq!((&report["done"]["flipped_faces"], &report["output"]["faces"]), (&4.into(), &24.into()));
+    assert_eq!(desk.faces("out.glb"), 24);
+    // What is not written is told all the same.
+    let dry = desk.run("clean in.glb -o dry.glb --dry-run --json").with_status(0);
+    assert_eq!(dry.objects()[0]["dry_run"], true);
+    assert!(!desk.path("dry.glb").exists());
+}

@@ -1,0 +1,70 @@
+//! `--method planar` by command.
+
+mod desk;
+
+use std::fmt::Write as _;
+
+use desk::Desk;
+
+/// A ridge: two flat sides of n by n squares each, at an angle, or one sheet if `height` is zero.
+fn ridge(n: usize, height: f64) -> String {
+    let mut text = String::new();
+    for i in 0..=2 * n {
+        for j in 0..=n {
+            let z = height * (n as f64 - (i as f64 - n as f64).abs());
+            writeln!(text, "v {i} {j} {z}").expect("strings take everything");
+        }
+    }
+    for i in 0..2 * n {
+        for j in 1..=n {
+            let a = i * (n + 1) + j;
+            let (b, c, d) = (a + n + 1, a + n + 2, a + 1);
+            writeln!(text, "f {a} {b} {c}\nf {a} {c} {d}").expect("strings take everything");
+        }
+    }
+    text
+}
+
+#[test]
+fn flat_sides_become_what_their_outline_needs() {
+    let desk = Desk::new();
+    desk.put("ridge.obj", &ridge(8, 0.5));
+    let report = &desk.run("simplify ridge.obj -o low.obj --method planar --measure --json").objects()[0];
+    assert_eq!(desk.faces("low.obj"), 4);
+    assert_eq!((&report["reached"], &report["stopped_by"]), (&true.into(), &"exhausted".into()));
+    let largest = report["error"]["measured"]["hausdorff"]["symmetric"].as_f64();
+    assert!(largest < Some(1e-12), "{report}");
+    let report = &desk.run("simplify ridge.obj -o low.obj --method planar --faces 3 --json").objects()[0];
+    assert_eq!((&report["reached"], &report["stopped_by"]), (&false.into(), &"exhausted".into()));
+    desk.run("simplify ridge.obj -o low.obj --method planar --faces 3 --strict").with_status(3);
+    desk.run("simplify ridge.obj -o low.obj --method planar --faces 100").with_status(0);
+    assert!((99..=100).contains(&desk.faces("low.obj")));
+}
+
+#[test]
+fn angle_and_distance_are_both_asked() {
+    let desk = Desk::new();
+    desk.put("ridge.obj", &ridge(8, 0.03));
+    let faces = |words: &str| {
+        desk.run(&format!("simplify ridge.obj -o low.obj --method planar {words}")).with_status(0);
+        desk.faces("low.obj")
+    };
+    // The sides are 3.4 degrees off each other, and the ridge is 0.24 high.
+    assert_eq!(faces(""), 4);
+    assert_eq!(faces("--flat 0.5"), 2);
+    assert_eq!(faces("--error 0.5"), 2);
+    assert_eq!(faces("--flat 0.5 --angle 1"), 4);
+    assert_eq!(faces("--flat 0.02 --angle 80"), 4);
+}
+
+#[test]
+fn what_it_cannot_do_is_refused() {
+    let desk = Desk::new();
+    desk.put("ridge.obj", &ridge(2, 0.5));
+    // The status says that the file is at fault (1), which is wrong: it is the command line (2), for all methods.
+    for words in ["--max-valence 9", "--placement midpoint", "--fit on", "--cell 1"] {
+        let ran = desk.run(&format!("simplify ridge.obj -o low.obj --method planar {words}")).with_status(1);
+        assert!(ran.stderr.contains("not for planar"), "{words}: {}", ran.stderr);
+    }
+    desk.run("simplify ridge.obj -o low.obj --faces 4 --flat 0.1").with_status(1);
+}

@@ -1,0 +1,194 @@
+//! Which two faces stay joined along an edge, and the vertices that follow from it.
+//!
+//! Round an edge in the order of their angles, each face that begins an inside is paired with the one that ends it, as
+//! brackets are; what is left over gets a border. Corners that hang together across pairs share a vertex.
+
+use glam::DVec3;
+use lodsmith_core::mesh::weld::Weld;
+use lodsmith_core::topology::Topology;
+use lodsmith_core::{FaceId, HalfEdgeId, Surface, VertexId};
+
+const NO_PAIR: u32 = u32::MAX;
+
+/// A surface that was parted: faces over vertices, some of them new.
+pub(super) struct Parted {
+    pub(super) faces: Vec<[VertexId; 3]>,
+    /// For each new vertex, from the first number that was free, the one at whose place it stands.
+    pub(super) copy_of: Vec<VertexId>,
+}
+
+/// Parts a surface so that it becomes manifold and oriented, with borders.
+pub(super) fn parted(surface: &Surface<'_>) -> Parted {
+    let topology = Topology::unwelded(surface);
+    let mut pair = vec![NO_PAIR; topology.face_count() * 3];
+    let mut ring = Vec::new();
+    for first in topology.edges() {
+        ring.clear();
+        ring.extend(topology.edge(first));
+        match_ring(surface, &topology, &mut ring, |h, g| {
+            pair[h.index()] = g.0;
+            pair[g.index()] = h.0;
+        });
+    }
+    let mut round = 0;
+    loop {
+        let parted = by_fans(surface, &topology, &pair);
+        // An edge whose two pairs have both ends in common still has four faces.
+        let triangles = parted.faces.clone();
+        let places: Vec<[f64; 3]> = vec![[0.0; 3]; surface.positions().len() + parted.copy_of.len()];
+        let positions = lodsmith_core::PositionsView::F64(&places);
+        let Ok(whole) = Surface::with_triangles(positions, triangles) else { return parted };
+        let now = Topology::unwelded(&whole);
+        let is_bad = |h: HalfEdgeId| match now.twin(h) {
+            // Two that were left over may meet all the same, as the two ends of one fan.
+            Some(g) => {
+                pair[h.index()] != g.0 && pair[h.index()] & pair[g.index()] != NO_PAIR
+                    || now.origin(h) == now.origin(g)
+            }
+            None => pair[h.index()] != NO_PAIR || now.edge(h).nth(1).is_some(),
+        };
+        let bad: Vec<HalfEdgeId> = now.edges().filter(|&h| is_bad(h)).collect();
+        if bad.is_empty() {
+            return parted;
+        }
+        for h in bad.into_iter().flat_map(|h| now.edge(h).collect::<Vec<_>>()) {
+            if round == 0 {
+                unpair(&mut pair, h);
+            } else {
+                // Each face round both ends by itself: then there is no edge left to be wrong.
+                for v in [topology.origin(h), topology.target(h)] {
+                    for c in topology.vertex(v).corners().to_vec() {
+                        unpair(&mut pair, c);
+                        unpair(&mut pair, c.prev());
+                    }
+                }
+            }
+        }
+        round += 1;
+    }
+}
+
+fn unpair(pair: &mut [u32], h: HalfEdgeId) {
+    let g = std::mem::replace(&mut pair[h.index()], NO_PAIR);
+    if g != NO_PAIR {
+        pair[g as usize] = NO_PAIR;
+    }
+}
+
+/// Which vertices become one when borders at the same places are sewn, two to an edge; and how many edges are.
+pub(super) fn sewn(surface: &Surface<'_>, place: &Weld) -> (Weld, usize) {
+    let triangles = surface.triangles().iter().map(|t| t.map(|v| place.of(v))).collect();
+    let mut root: Vec<VertexId> = (0..surface.positions().len()).map(VertexId::new).collect();
+    let Ok(joined) = Surface::with_triangles(surface.positions(), triangles) else {
+        return (Weld::from_representatives(root), 0);
+    };
+    let by_place = Topology::unwelded(&joined);
+    let own = Topology::unwelded(surface);
+    let mut ring = Vec::new();
+    let mut count = 0;
+    for first in by_place.edges() {
+        ring.clear();
+        ring.extend(by_place.edge(first).filter(|&h| own.edge(h).nth(1).is_none()));
+        match_ring(&joined, &by_place, &mut ring, |h, g| {
+            count += 1;
+            join(&mut root, own.origin(h), own.target(g));
+            join(&mut root, own.target(h), own.origin(g));
+        });
+    }
+    let all: Vec<VertexId> = (0..root.len()).map(|i| find(&mut root, VertexId::new(i))).collect();
+    (Weld::from_representatives(all), count)
+}
+
+/// Pairs the half-edges of an edge that go opposite ways.
+fn match_ring(
+    surface: &Surface<'_>,
+    topology: &Topology,
+    ring: &mut [HalfEdgeId],
+    mut paired: impl FnMut(HalfEdgeId, HalfEdgeId),
+) {
+    match *ring {
+        [] | [_] => return,
+        [h, g] => {
+            if topology.origin(h) != topology.origin(g) {
+                paired(h, g);
+            }
+            return;
+        }
+        _ => {}
+    }
+    let (from, to) = (topology.origin(ring[0]), topology.target(ring[0]));
+    let at = |v: VertexId| DVec3::from(surface.positions().get(v));
+    let axis = (at(to) - at(from)).normalize_or(DVec3::X);
+    let (x, y) = axis.any_orthonormal_pair();
+    let is_along = |h: HalfEdgeId| topology.origin(h) == from;
+    let angle = |h: HalfEdgeId| {
+        let d = at(topology.target(h.next())) - at(from);
+        d.dot(y).atan2(d.dot(x))
+    };
+    // The inside lies behind a face: with the angle for one that goes against the axis. At one angle an inside ends first.
+    let mut sorted: Vec<(f64, bool, HalfEdgeId)> =
+        ring.iter().map(|&h| (angle(h), !is_along(h), h)).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+    let mut open: Vec<HalfEdgeId> = Vec::new();
+    let mut unmatched = Vec::new();
+    for &(_, begins, h) in &sorted {
+        match (begins, open.is_empty()) {
+            (true, _) => open.push(h),
+            (false, true) => unmatched.push(h),
+            (false, false) => paired(open.pop().expect("it is not empty"), h),
+        }
+    }
+    // What began last ends with the first, once round.
+    for h in unmatched {
+        let Some(g) = open.pop() else { break };
+        paired(g, h);
+    }
+}
+
+/// Vertices for corners that hang together: the first fan keeps the vertex, further ones get new ones.
+fn by_fans(surface: &Surface<'_>, topology: &Topology, pair: &[u32]) -> Parted {
+    let mut root: Vec<VertexId> = (0..pair.len()).map(VertexId::new).collect();
+    for h in (0..pair.len()).map(HalfEdgeId::new) {
+        if pair[h.index()] != NO_PAIR {
+            let g = HalfEdgeId(pair[h.index()]);
+            join(&mut root, VertexId(h.0), VertexId(g.next().0));
+            join(&mut root, VertexId(h.next().0), VertexId(g.0));
+        }
+    }
+    let vertex_count = surface.positions().len();
+    let mut first = vec![NO_PAIR; vertex_count];
+    let mut named = vec![VertexId(NO_PAIR); pair.len()];
+    let mut copy_of = Vec::new();
+    let faces = (0..topology.face_count()).map(|f| {
+        [0, 1, 2].map(|k| {
+            let corner = HalfEdgeId::of(FaceId::new(f), k);
+            let fan = find(&mut root, VertexId(corner.0));
+            let v = topology.origin(corner);
+            if named[fan.index()] == VertexId(NO_PAIR) {
+                named[fan.index()] = if first[v.index()] == NO_PAIR {
+                    first[v.index()] = fan.0;
+                    v
+                } else {
+                    copy_of.push(v);
+                    VertexId::new(vertex_count + copy_of.len() - 1)
+                };
+            }
+            named[fan.index()]
+        })
+    });
+    let faces = faces.collect();
+    Parted { faces, copy_of }
+}
+
+fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
+    while root[i.index()] != i {
+        root[i.index()] = root[root[i.index()].index()];
+        i = root[i.index()];
+    }
+    i
+}
+
+fn join(root: &mut [VertexId], a: VertexId, b: VertexId) {
+    let (a, b) = (find(root, a), find(root, b));
+    root[a.max(b).index()] = a.min(b);
+}

@@ -1,0 +1,429 @@
+//! Vertex clustering: a grid, and one vertex for each of its cells. [Rossignac-Borrel 1993]
+//!
+//! ```text
+//! leave out what has no place                              (model)
+//! until the count is right                                 (search)
+//!     guess the size of the cells from a sample of faces   (sample)
+//!     number the cells that hold vertices                  (grid)
+//!     keep faces with corners in three cells, each once    (faces)
+//! put each cell's vertex where the planes of its faces and its borders want it (place)
+//! ```
+//!
+//! Nothing is welded and no adjacency is built: vertices at one place share a cell anyhow. A result vertex is never
+//! farther than a diagonal of a cell from each vertex that it stands for. What is thinner than a cell may vanish or touch
+//! itself: topology is not kept. Of faces between the same three cells one stays for each way round, so that a plate whose
+//! sides fall together is still seen from both.
+
+mod faces;
+mod grid;
+mod locked;
+mod model;
+mod pieces;
+mod place;
+mod sample;
+mod search;
+mod two_stage;
+
+use std::sync::Arc;
+
+use lodsmith_core::measure::{self, CompareOptions, Comparison};
+use lodsmith_core::{PositionsView, RegionId, Surface, TriMesh, VertexId};
+
+use crate::care::Held;
+use crate::collapse::Goal;
+use crate::control::{Control, Stage, Verdict};
+use crate::options::{BorderPolicy, Measure, SimplifyOptions};
+use crate::prune::Pruned;
+use crate::report::{Clustered, ErrorReport, Report, StoppedBy};
+use crate::run::{self, Input};
+use crate::{Simplified, SimplifyError, rebuild};
+use grid::FINEST;
+use locked::Locked;
+use model::{Model, Place};
+use search::{Clusters, Found};
+
+/// Clusters the input, to the options' stop or to their size of cells.
+pub(crate) fn run(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<(Simplified, Held), SimplifyError> {
+    match input.surface.positions() {
+        PositionsView::F32(points) => Run::start(points, input, options, control)?.go(control),
+        PositionsView::F64(points) => Run::start(points, input, options, control)?.go(control),
+    }
+}
+
+/// Runs in search of an error, at most.
+const ERROR_RUNS: usize = 8;
+/// The search ends when the largest distance lies above this share of the limit.
+const ERROR_CLOSE: f64 = 0.94;
+/// What is aimed at.
+const ERROR_AIM: f64 = 0.97;
+/// The largest distance, in diagonals of a cell, that a search starts from. (Measured: 0.4 to 0.7.)
+const FIRST_DISTANCE: f64 = 0.55;
+/// Distances below this share of the diagonal are rounding.
+const ROUNDING: f64 = 1e-12;
+/// Distances between result and input, in the RMS of those to planes. (Measured on scans at 1 and 10 %: 0.7 to 0.9.)
+const ESTIMATE: f64 = 0.8;
+
+struct Run<'a, P> {
+    input: &'a Input<'a>,
+    options: &'a SimplifyOptions,
+    model: Model<'a, P>,
+    locked: Locked,
+    goal: Goal,
+    diagonal: f64,
+    /// Cells along the longest edge of the box, by the option.
+    coarsest: Option<f64>,
+    is_over: bool,
+}
+
+/// A result, and what it is known to be.
+struct Made {
+    mesh: TriMesh,
+    /// Whether each of its vertices is locked, where any is.
+    locked: Option<Arc<[bool]>>,
+    held: Held,
+    estimate: f64,
+    cell: f64,
+    non_manifold_edges: usize,
+    by: StoppedBy,
+}
+
+impl<'a, P: Place> Run<'a, P> {
+    fn start(
+        points: &'a [P],
+        input: &'a Input<'a>,
+        options: &'a SimplifyOptions,
+        control: &mut dyn Control,
+    ) -> Result<Self, SimplifyError> {
+        control.stage(Stage::Prepare);
+        if control.progress(0.0) == Verdict::Cancel {
+            return Err(SimplifyError::Cancelled);
+        }
+        let model = Model::new(points, &input.surface)?;
+        let diagonal = model.diagonal();
+        let locked = match options.locked.as_ref().filter(|l| l.contains(&true)) {
+            Some(own) => {
+                let mut is_locked = vec![false; points.len()];
+                (0..own.len()).for_each(|i| is_locked[input.joined(VertexId::new(i)).index()] |= own[i]);
+                Locked::new(&model, |v| is_locked[v])
+            }
+            None => Locked::default(),
+        };
+        let longest = model.extent().max_element();
+        let coarsest = match options.of_method.cell.map(|l| l.in_units(diagonal)) {
+            Some(cell) if cell * FINEST < longest => {
+                let wanted = "at least 1/2000000 of the longest edge of the box round the mesh";
+                return Err(SimplifyError::BadOption { option: "cell", wanted, got: cell });
+            }
+            Some(cell) => Some(longest / cell),
+            None => None,
+        };
+        let goal = run::goal(options, input.surface.triangles().len());
+        Ok(Self { input, options, model, locked, goal, diagonal, coarsest, is_over: false })
+    }
+
+    /// Asks whether to go on. A run that is to end soon makes one pass all the same: there is no best so far before.
+    fn ask(&mut self, done: f64, control: &mut dyn Control) -> Result<bool, SimplifyError> {
+        match control.progress(done) {
+            Verdict::Continue => {}
+            Verdict::Finish => self.is_over = true,
+            Verdict::Cancel => return Err(SimplifyError::Cancelled),
+        }
+        Ok(!self.is_over)
+    }
+
+    fn go(self, control: &mut dyn Control) -> Result<(Simplified, Held), SimplifyError> {
+        if self.options.of_method.two_stage { self.in_two_stages(control) } else { self.finished(control) }
+    }
+
+    fn longest(&self) -> f64 {
+        self.model.extent().max_element()
+    }
+
+    fn finished(mut self, control: &mut dyn Control) -> Result<(Simplified, Held), SimplifyError> {
+        control.stage(Stage::Collapse);
+        let (made, measured) = match self.options.stop.error.map(|e| e.in_units(self.diagonal)) {
+            None => {
+                let made = self.reach_goal(control)?;
+                let measured = match self.options.measure {
+                    Measure::Auto => None,
+                    Measure::Always => self.reference(control).and_then(|r| self.compare(&r, &made.mesh)),
+                };
+                (made, measured)
+            }
+            Some(limit) => self.within(limit, control)?,
+        };
+        self.told(made, measured)
+    }
+
+    /// The finest result that keeps the goal, or the one of the option's cells.
+    fn reach_goal(&mut self, control: &mut dyn Control) -> Result<Made, SimplifyError> {
+        let has_goal = self.goal.faces.is_some() || self.goal.vertices.is_some();
+        if !has_goal && self.coarsest.is_none() || self.is_met() {
+            return self.untouched();
+        }
+        let (goal, coarsest) = (self.goal, self.coarsest);
+        let found = {
+            let Self { model, locked, is_over, .. } = self;
+            search::search(model, locked, goal, coarsest, |done| match control.progress(done) {
+                Verdict::Continue => Ok(true),
+                Verdict::Finish => {
+                    *is_over = true;
+                    Ok(false)
+                }
+                Verdict::Cancel => Err(SimplifyError::Cancelled),
+            })?
+        };
+        let Found { clusters, is_within } = found;
+        if clusters.faces.is_empty() {
+            let wanted = "so small that a face is left";
+            let got = clusters.grid.cell;
+            return Err(SimplifyError::BadOption { option: "cell", wanted, got });
+        }
+        let by = if has_goal && is_within { self.by_count() } else { StoppedBy::Exhausted };
+        self.made(&clusters, by)
+    }
+
+    /// Whether the input has no more than the goal allows.
+    fn is_met(&self) -> bool {
+        let vertices = self.model.points.len() - self.model.cleanup.unused_vertices;
+        self.goal.faces.is_some_and(|n| self.model.sound_faces() <= n)
+            || self.goal.vertices.is_some_and(|n| vertices <= n)
+    }
+
+    /// The first of the counts in the order of reports; which of them is met shows in the end.
+    fn by_count(&self) -> StoppedBy {
+        match self.goal {
+            Goal { faces: Some(_), .. } => StoppedBy::Faces,
+            _ => StoppedBy::Vertices,
+        }
+    }
+
+    /// Every place for itself.
+    fn untouched(&self) -> Result<Made, SimplifyError> {
+        let all = Locked::new(&self.model, |_| true);
+        let clusters = Clusters::new(&self.model, &all, 1.0);
+        self.made_with(&clusters, &all, StoppedBy::Nothing)
+    }
+
+    fn made(&self, clusters: &Clusters, by: StoppedBy) -> Result<Made, SimplifyError> {
+        self.made_with(clusters, &self.locked, by)
+    }
+
+    fn made_with(&self, clusters: &Clusters, locked: &Locked, by: StoppedBy) -> Result<Made, SimplifyError> {
+        let Clusters { grid, of, cells, first_locked, faces } = clusters;
+        let all = cells.len();
+        let borders = match self.options.border {
+            BorderPolicy::Free => 0.0,
+            _ => self.options.weights.border,
+        };
+        let (placed, non_manifold_edges) = pieces::both(
+            || place::place(&self.model, clusters, borders),
+            || faces::non_manifold_edges(faces, all),
+        );
+        let mut is_used = vec![false; all];
+        faces.iter().flat_map(|f| f.corners).for_each(|c| is_used[c as usize] = true);
+        let mut number = vec![0u32; all];
+        let mut points = Vec::new();
+        let mut is_locked = Vec::new();
+        for (c, n) in number.iter_mut().enumerate().filter(|c| is_used[c.0]) {
+            *n = points.len() as u32;
+            points.push(match c.checked_sub(*first_locked) {
+                None => placed.points[c],
+                Some(place) => self.model.points[locked.places[place].index()],
+            });
+            is_locked.push(c >= *first_locked);
+        }
+        let triangles = faces.iter().map(|f| f.corners.map(|c| VertexId(number[c as usize]))).collect();
+        let mut mesh = TriMesh::new(P::positions(points), triangles)?;
+        let mut held = Held::default();
+        if let Some(input) = self.input.mesh {
+            let origin = |f: &faces::Face| self.model.origin(f.from);
+            if let Some(regions) = input.regions() {
+                mesh.set_regions(Some(faces.iter().map(|f| regions[origin(f)]).collect::<Vec<RegionId>>()))?;
+            }
+            if !self.locked.places.is_empty() {
+                held = Held::new(faces.iter().map(|f| {
+                    let of_face = self.model.faces[f.from as usize].map(|v| of[v.index()]);
+                    f.corners.map(|c| {
+                        let k = of_face.iter().position(|x| *x == c && c as usize >= *first_locked)?;
+                        Some(input.triangles()[origin(f)][k])
+                    })
+                }));
+            }
+        }
+        let estimate = ESTIMATE * placed.mean_square.sqrt();
+        let is_grid = by != StoppedBy::Nothing;
+        Ok(Made {
+            mesh,
+            locked: is_locked.contains(&true).then(|| is_locked.into()),
+            held,
+            estimate: if is_grid { estimate.min(self.diagonal) } else { 0.0 },
+            cell: if is_grid { grid.cell } else { 0.0 },
+            non_manifold_edges,
+            by,
+        })
+    }
+
+    /// The coarsest result whose measured deviation, both ways, keeps to `limit`, and that is no coarser than goal and
+    /// cells. The distance goes with the size of the cells, about.
+    fn within(
+        &mut self,
+        limit: f64,
+        control: &mut dyn Control,
+    ) -> Result<(Made, Option<Comparison>), SimplifyError> {
+        let allowed = limit + ROUNDING * self.diagonal;
+        let has_goal = self.goal.faces.is_some() || self.goal.vertices.is_some();
+        let Some(reference) = self.reference(control) else { return Ok((self.untouched()?, None)) };
+        let longest = self.longest();
+        let mut low = self.coarsest.unwrap_or(1.0);
+        let mut best = None;
+        if has_goal || self.coarsest.is_some() {
+            control.stage(Stage::Collapse);
+            let made = self.reach_goal(control)?;
+            let measured = self.measured(&reference, &made.mesh, control);
+            let got = measured.as_ref().map_or(f64::INFINITY, |m| m.hausdorff.symmetric);
+            if got <= allowed || self.is_over {
+                return Ok((made, measured));
+            }
+            low = longest / made.cell;
+        }
+        let mut high = FINEST;
+        let diagonal = 3f64.sqrt();
+        let mut resolution = longest * diagonal * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);
+        for run in 0..ERROR_RUNS {
+            resolution = resolution.clamp(low, high);
+            if resolution >= FINEST || !self.ask(run as f64 / ERROR_RUNS as f64, control)? {
+                break;
+            }
+            control.stage(Stage::Collapse);
+            let clusters = Clusters::new(&self.model, &self.locked, resolution);
+            let made = self.made(&clusters, StoppedBy::Error)?;
+            drop(clusters);
+            let measured = self.measured(&reference, &made.mesh, control);
+            let got = measured.as_ref().map_or(f64::INFINITY, |m| m.hausdorff.symmetric);
+            if got <= allowed {
+                let faces = made.mesh.face_count();
+                if best.as_ref().is_none_or(|b: &(Made, _)| faces < b.0.mesh.face_count()) {
+                    best = Some((made, measured));
+                }
+                high = high.min(resolution);
+                if got >= ERROR_CLOSE * limit {
+                    break;
+                }
+            } else {
+                low = low.max(resolution);
+            }
+            if high <= low * 1.02 {
+                break;
+            }
+            let wish = resolution * (got / (ERROR_AIM * limit)).clamp(0.1, 10.0);
+            let inside = wish > low * 1.01 && wish < high / 1.01;
+            resolution = match (inside, high == FINEST) {
+                (true, _) => wish,
+                (false, true) => low * 2.0,
+                (false, false) => (low * high).sqrt(),
+            };
+        }
+        if let Some(best) = best {
+            return Ok(best);
+        }
+        let made = self.untouched()?;
+        let measured = self.measured(&reference, &made.mesh, control);
+        Ok((made, measured))
+    }
+
+    fn reference(&self, control: &mut dyn Control) -> Option<measure::Prepared> {
+        control.stage(Stage::Measure);
+        let sound = |t: &&[VertexId; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+        let faces = self.model.faces.iter().filter(sound).copied().collect();
+        let clean = Surface::with_triangles(self.input.surface.positions(), faces).ok()?;
+        measure::Prepared::new(&clean).ok()
+    }
+
+    fn measured(
+        &self,
+        reference: &measure::Prepared,
+        mesh: &TriMesh,
+        control: &mut dyn Control,
+    ) -> Option<Comparison> {
+        control.stage(Stage::Measure);
+        self.compare(reference, mesh)
+    }
+
+    fn compare(&self, reference: &measure::Prepared, mesh: &TriMesh) -> Option<Comparison> {
+        let mut options = CompareOptions::default();
+        options.seed = self.options.seed;
+        let candidate = measure::Prepared::new(&mesh.surface()).ok()?;
+        Some(measure::compare_prepared(reference, &candidate, &options))
+    }
+
+    fn told(self, mut made: Made, measured: Option<Comparison>) -> Result<(Simplified, Held), SimplifyError> {
+        if let Some(input) = self.input.mesh.filter(|mesh| mesh.has_attributes()) {
+            made.mesh = rebuild::dressed_new(self.input, &made.mesh)?;
+            made.held.restore(&mut made.mesh, input);
+        }
+        let stop = &self.options.stop;
+        let input_faces = self.input.surface.triangles().len();
+        let (faces, vertices) = (made.mesh.face_count(), made.mesh.vertex_count());
+        let met = |n: Option<usize>, count: usize| n.is_some_and(|n| count <= n);
+        let limit = stop.error.map(|e| e.in_units(self.diagonal));
+        let stopped_by = match () {
+            () if self.is_over => StoppedBy::Caller,
+            () if met(stop.faces, faces) => StoppedBy::Faces,
+            () if met(stop.vertices, vertices) => StoppedBy::Vertices,
+            () if met(stop.ratio.map(|r| run::share(r, input_faces)), faces) => StoppedBy::Ratio,
+            () if limit.is_some() => StoppedBy::Error,
+            // Not one more cell was too many.
+            () if matches!(made.by, StoppedBy::Faces | StoppedBy::Vertices) => StoppedBy::Exhausted,
+            () => made.by,
+        };
+        let rounding = ROUNDING * self.diagonal;
+        let within = |l: f64| measured.as_ref().is_some_and(|m| m.hausdorff.symmetric <= l + rounding);
+        let reached = match stopped_by {
+            StoppedBy::Caller => false,
+            StoppedBy::Error => limit.is_some_and(within),
+            StoppedBy::Exhausted | StoppedBy::Refusals => {
+                self.goal.faces.is_none() && self.goal.vertices.is_none()
+            }
+            _ => true,
+        };
+        let report = Report {
+            input_faces,
+            input_vertices: self.model.points.len(),
+            faces,
+            vertices,
+            reached,
+            stopped_by,
+            error: ErrorReport { estimate: made.estimate, measured, diagonal: self.diagonal },
+            refusals: Vec::new(),
+            collapses: 0,
+            parts_removed: 0,
+            necks_cut: 0,
+            pairs_contracted: 0,
+            locked_vertices: self.locked.places.len(),
+            locked_faces: self.locked.faces,
+            seams_relaxed: false,
+            cleanup: self.model.cleanup,
+            dropped: self.input.mesh.map_or_else(Vec::new, |mesh| run::names_of_dropped(mesh, &made.mesh)),
+            fitted: false,
+            proposals: Vec::new(),
+            escalated: Vec::new(),
+            pruned: Pruned::default(),
+            clustered: Some(clustered(&made)),
+        };
+        Ok((Simplified { mesh: made.mesh, report }, made.held))
+    }
+}
+
+fn clustered(made: &Made) -> Clustered {
+    Clustered {
+        cell: made.cell,
+        faces: made.mesh.face_count(),
+        vertices: made.mesh.vertex_count(),
+        non_manifold_edges: made.non_manifold_edges,
+    }
+}

@@ -1,0 +1,47 @@
+//! Locked places: clusters of their own.
+
+use std::collections::HashMap;
+
+use lodsmith_core::VertexId;
+
+use super::model::{Model, Place};
+
+/// The distinct places of locked vertices, and who stands there.
+#[derive(Default)]
+pub(super) struct Locked {
+    /// A vertex at each place.
+    pub(super) places: Vec<VertexId>,
+    /// Vertices, and the place of each.
+    standing: Vec<(u32, u32)>,
+    /// Faces all of whose vertices stand at such places.
+    pub(super) faces: usize,
+}
+
+impl Locked {
+    pub(super) fn new<P: Place>(model: &Model<'_, P>, locked: impl Fn(usize) -> bool) -> Self {
+        let mut places = Vec::new();
+        let mut number: HashMap<[u64; 3], u32> = HashMap::new();
+        // Minus zero is zero.
+        let key = |v: usize| model.points[v].wide().to_array().map(|x| (x + 0.0).to_bits());
+        let used = || (0..model.points.len()).filter(|&v| model.is_used(v));
+        for v in used().filter(|&v| locked(v)) {
+            number.entry(key(v)).or_insert_with(|| {
+                places.push(VertexId::new(v));
+                places.len() as u32 - 1
+            });
+        }
+        let standing: Vec<(u32, u32)> =
+            used().filter_map(|v| Some((v as u32, *number.get(&key(v))?))).collect();
+        let mut is_locked = vec![false; model.points.len()];
+        standing.iter().for_each(|x| is_locked[x.0 as usize] = true);
+        let faces = model.faces.iter().filter(|t| t.iter().all(|v| is_locked[v.index()])).count();
+        Self { places, standing, faces }
+    }
+
+    /// Gives those that stand at locked places clusters from `first` on.
+    pub(super) fn set_apart(&self, cluster_of: &mut [u32], first: usize) {
+        for &(v, place) in &self.standing {
+            cluster_of[v as usize] = first as u32 + place;
+        }
+    }
+}

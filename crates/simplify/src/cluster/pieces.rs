@@ -1,0 +1,68 @@
+//! Work in pieces of fixed size, joined in their order: the same bytes on any number of threads.
+
+use std::ops::Range;
+
+#[cfg(feature = "rayon")]
+use rayon::prelude::*;
+
+/// Elements in a piece: long enough to be worth handing out.
+const PIECE: usize = 1 << 14;
+
+/// Calls `work` for each piece of `0..count`; results in the order of the pieces.
+pub(super) fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+    each(count.div_ceil(PIECE), |k| work(k * PIECE..((k + 1) * PIECE).min(count)))
+}
+
+/// Calls `work` for each piece of a slice, with the index where it begins.
+pub(super) fn fill<T: Send>(items: &mut [T], work: impl Fn(usize, &mut [T]) + Sync) {
+    shared(items, PIECE, |k, piece| work(k * PIECE, piece));
+}
+
+/// Calls `work` for each run of `len` items, with the number of the run.
+pub(super) fn shared<T: Send>(items: &mut [T], len: usize, work: impl Fn(usize, &mut [T]) + Sync) {
+    #[cfg(feature = "rayon")]
+    items.par_chunks_mut(len).enumerate().for_each(|(k, share)| work(k, share));
+    #[cfg(not(feature = "rayon"))]
+    items.chunks_mut(len).enumerate().for_each(|(k, share)| work(k, share));
+}
+
+/// Calls `work` with each number below `count`; results in their order.
+pub(super) fn each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    #[cfg(feature = "rayon")]
+    return (0..count).into_par_iter().map(&work).collect();
+    #[cfg(not(feature = "rayon"))]
+    (0..count).map(work).collect()
+}
+
+/// Into how many parts work is shared out that no fixed pieces can be made of; no result depends on it.
+pub(super) fn shares() -> usize {
+    #[cfg(feature = "rayon")]
+    return match rayon::current_num_threads() {
+        1 => 1,
+        threads => 8 * threads,
+    };
+    #[cfg(not(feature = "rayon"))]
+    1
+}
+
+/// Runs of 2^shift numbers below `count`, about `shares` of them: the shift, and how many there are.
+pub(super) fn split(count: usize, shares: usize) -> (u32, usize) {
+    let shift = count.div_ceil(shares).max(1).next_power_of_two().trailing_zeros();
+    (shift, count.div_ceil(1 << shift).max(1))
+}
+
+/// Sorts by whatever tells all items apart.
+pub(super) fn sort<T: Ord + Send>(items: &mut [T]) {
+    #[cfg(feature = "rayon")]
+    items.par_sort_unstable();
+    #[cfg(not(feature = "rayon"))]
+    items.sort_unstable();
+}
+
+/// Both results, made side by side where there are threads.
+pub(super) fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    #[cfg(feature = "rayon")]
+    return rayon::join(a, b);
+    #[cfg(not(feature = "rayon"))]
+    (a(), b())
+}

@@ -1,0 +1,151 @@
+//! Clusters first, and the rest by edge collapse: huge meshes in little time and memory. [Garland-Shaffer 2002]
+
+use lodsmith_core::WedgeId;
+
+use super::model::Place;
+use super::{Made, Run, clustered};
+use crate::care::Held;
+use crate::collapse::Goal;
+use crate::control::Control;
+use crate::options::{Length, Measure, Method, MethodOptions, SimplifyOptions, Stop};
+use crate::report::{Clustered, Report, StoppedBy};
+use crate::run::{self, Input};
+use crate::{Simplified, SimplifyError};
+
+/// How many times the goal the first stage leaves. (Measured in docs/methods/cluster.md.)
+const FACTOR: usize = 8;
+/// It leaves no more than this share of the input, for else it would save nothing...
+const MOST: f64 = 0.35;
+/// ... and nothing is clustered that would leave less than so many times the goal.
+const LEAST_FACTOR: f64 = 3.0;
+/// Share of an error that an edge of a cell takes, where the error alone ends the run. (Measured: the distance is about
+/// half a diagonal of a cell at most, so three quarters and more are left to the collapses.)
+const CELL_OF_ERROR: f64 = 0.25;
+/// Second stages in search of an error, at most.
+const RUNS: usize = 4;
+
+impl<P: Place> Run<'_, P> {
+    /// Both stages. The second works on the clusters alone; what is measured is the distance from the input.
+    pub(super) fn in_two_stages(
+        mut self,
+        control: &mut dyn Control,
+    ) -> Result<(Simplified, Held), SimplifyError> {
+        let goal = self.goal;
+        let memoryless = SimplifyOptions {
+            method: Method::Memoryless,
+            of_method: MethodOptions::default(),
+            weld: None,
+            prune: None,
+            ..self.options.clone()
+        };
+        let vertices = self.model.points.len() - self.model.cleanup.unused_vertices;
+        let (faces, factor) = (self.model.sound_faces(), |goal: usize, all: usize| {
+            (MOST * all as f64 / goal.max(1) as f64).min(FACTOR as f64)
+        });
+        let by_faces = goal.faces.map(|n| factor(n, faces));
+        // The first stop met ends the run, so the one that leaves more counts.
+        let least = by_faces
+            .into_iter()
+            .chain(goal.vertices.map(|n| factor(n, vertices)))
+            .fold(f64::INFINITY, f64::min);
+        let times = |n: usize| (n as f64 * least) as usize;
+        let is_worth_it = least >= LEAST_FACTOR;
+        self.goal = Goal { faces: goal.faces.map(times), vertices: goal.vertices.map(times) };
+        let limit = self.options.stop.error.map(|e| e.in_units(self.diagonal));
+        if let Some(limit) = limit {
+            // The finer of both: an error is no reason to leave more than the goal needs.
+            let by_error = self.longest() / (CELL_OF_ERROR * limit.max(f64::MIN_POSITIVE));
+            if self.goal.faces.is_none() && self.goal.vertices.is_none() {
+                self.coarsest = Some(self.coarsest.unwrap_or(1.0).max(by_error).min(super::FINEST));
+            }
+        }
+        if !is_worth_it || self.is_met() {
+            return at_once(self.input, &memoryless, control);
+        }
+        let first = self.reach_goal(control)?;
+        let clusters = clustered(&first);
+        let mesh = &first.mesh;
+        let input = Input { surface: mesh.surface(), mesh: mesh.regions().map(|_| mesh), joined: None };
+        let mut options = SimplifyOptions {
+            stop: Stop { faces: goal.faces, vertices: goal.vertices, ..Stop::default() },
+            measure: Measure::Auto,
+            locked: first.locked.clone(),
+            ..memoryless.clone()
+        };
+        options.guards.max_edge = options.guards.max_edge.map(|l| Length::Units(l.in_units(self.diagonal)));
+        let is_measured = limit.is_some() || self.options.measure == Measure::Always;
+        let reference = if is_measured { self.reference(control) } else { None };
+        let mut share = limit;
+        for stage in 1.. {
+            options.stop.error = share.map(Length::Units);
+            let (mut done, held) = run::run_by_method(&input, &options, control)?;
+            let measured = reference.as_ref().and_then(|r| self.measured(r, &done.mesh, control));
+            let got = measured.as_ref().map_or(0.0, |m| m.hausdorff.symmetric);
+            let is_over = done.report.stopped_by == StoppedBy::Caller;
+            if let (Some(limit), Some(own)) = (limit, &mut share)
+                && got > limit
+                && stage < RUNS
+                && !is_over
+            {
+                *own *= (0.95 * limit / got).clamp(0.2, 0.95);
+                continue;
+            }
+            if done.report.stopped_by == StoppedBy::Refusals && !done.report.reached && !is_over {
+                // Clusters that grew together can be in the way: then all the detail is needed after all.
+                let alone = at_once(self.input, &memoryless, control)?;
+                if alone.0.report.faces < done.report.faces {
+                    return Ok(alone);
+                }
+            }
+            let held = through(&first, &held, done.mesh.face_count());
+            let second = done.report;
+            let made = Made {
+                estimate: first.estimate.hypot(second.error.estimate),
+                mesh: done.mesh,
+                held,
+                ..first
+            };
+            self.goal = goal;
+            self.is_over |= is_over;
+            let by = match second.stopped_by {
+                StoppedBy::Error if limit.is_some_and(|l| got <= l) => StoppedBy::Error,
+                StoppedBy::Error => StoppedBy::Exhausted,
+                by => by,
+            };
+            let (mut done_, held) = self.told(Made { by, ..made }, measured)?;
+            let report = &mut done_.report;
+            report.clustered = Some(clusters);
+            (report.refusals, report.collapses) = (second.refusals, second.collapses);
+            (report.parts_removed, report.necks_cut) = (second.parts_removed, second.necks_cut);
+            (report.seams_relaxed, report.fitted) = (second.seams_relaxed, second.fitted);
+            report.proposals = second.proposals;
+            report.cleanup.duplicate_faces += second.cleanup.duplicate_faces;
+            done = done_;
+            return Ok((done, held));
+        }
+        unreachable!("the last run returns")
+    }
+}
+
+/// The second stage without the first.
+fn at_once(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<(Simplified, Held), SimplifyError> {
+    let (mut done, held) = run::run_by_method(input, options, control)?;
+    let Report { input_faces: faces, input_vertices: vertices, .. } = done.report;
+    done.report.clustered = Some(Clustered { faces, vertices, ..Clustered::default() });
+    Ok((done, held))
+}
+
+/// What the first stage held, where the second held it on.
+fn through(first: &Made, second: &Held, faces: usize) -> Held {
+    let mut source: Vec<Option<WedgeId>> = vec![None; first.mesh.wedge_count()];
+    for (f, t) in first.mesh.triangles().iter().enumerate() {
+        for (k, w) in t.iter().enumerate() {
+            source[w.index()] = first.held.at(f, k).or(source[w.index()]);
+        }
+    }
+    Held::new((0..faces).map(|f| [0, 1, 2].map(|k| second.at(f, k).and_then(|w| source[w.index()]))))
+}

@@ -1,0 +1,123 @@
+//! What a metric sees that judges an edge from the stars of its ends.
+
+use lodsmith_core::VertexId;
+
+use super::Engine;
+use super::commit::Candidate;
+use super::kind::distinct;
+use super::store::{Ring, Spoke};
+use crate::guard::BORDER;
+use crate::metric::{Around, At, Judge, Line, Metric, Place, Wall};
+use crate::options::Placement;
+
+impl<M: Metric> Engine<M> {
+    /// Where kinds and options let the merged vertex of u-v go; `None` if neither end may move.
+    pub(super) fn place(&self, u: VertexId, v: VertexId) -> Option<Place> {
+        let [x, z] = [u, v].map(|w| self.store.v[w.index()].kind);
+        Some(match (x, z) {
+            (k, l) if k.is_free() && l.is_free() => match self.rules.placement {
+                Placement::Optimal => Place::Anywhere,
+                Placement::Endpoint => Place::Ends,
+                Placement::Midpoint => Place::Middle,
+            },
+            (k, l) if k.is_fixed() && l.is_fixed() => return None,
+            (k, _) if k.is_fixed() => Place::Kept,
+            (_, l) if l.is_fixed() => Place::Removed,
+            // Both ends are points of the curve; what lies between is a chord of it.
+            (k, l) if k.is_rail() && l.is_rail() => Place::Ends,
+            (k, _) if k.is_rail() => Place::Kept,
+            _ => Place::Removed,
+        })
+    }
+
+    /// Hands over what the metric says of the edges from `u` to `owned`, each by itself. Says how many may not go.
+    #[inline(never)]
+    pub(super) fn judge_owned(
+        &mut self,
+        u: VertexId,
+        owned: &[VertexId],
+        ru: &Ring,
+        mut take: impl FnMut(Candidate),
+    ) -> u64 {
+        let mut rv = std::mem::take(&mut self.other_ring);
+        let mut stuck = 0;
+        for &v in owned {
+            match M::JUDGE {
+                Judge::Ends => rv.clear(),
+                _ => self.store.ring(v, &mut rv),
+            }
+            match self.judged(u, v, ru, &rv) {
+                Some(c) if c.cost <= self.rules.max_cost => take(c),
+                Some(_) => {}
+                // What is beyond the limit anyway is not refused.
+                None => stuck += u64::from(self.is_within_limit(u, v)),
+            }
+        }
+        self.other_ring = rv;
+        stuck
+    }
+
+    /// Whether the squared length of an edge is no more than costs may be, where they have a limit.
+    fn is_within_limit(&self, u: VertexId, v: VertexId) -> bool {
+        (self.store.p(v) - self.store.p(u)).length_squared() <= self.rules.max_cost
+    }
+
+    /// What the metric says of the edge u-v; `None` if it may not go.
+    #[inline(never)]
+    pub(super) fn judged(&mut self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Option<Candidate> {
+        let place = self.place(u, v)?;
+        let mut around = std::mem::take(&mut self.around);
+        self.look_around(u, v, place, ru, rv, &mut around);
+        let judged = M::judge(&around, self.mean_face);
+        self.around = around;
+        // (A cost without bound, on input of extreme sizes, would look like one that is not known.)
+        judged.map(|(cost, step)| Candidate { cost: cost.clamp(0.0, f32::MAX), removed: v, step })
+    }
+
+    fn look_around(&self, u: VertexId, v: VertexId, place: Place, ru: &Ring, rv: &Ring, around: &mut Around) {
+        let origin = self.store.p(u).as_dvec3();
+        let at = |w: VertexId| self.store.p(w).as_dvec3() - origin;
+        around.d = at(v);
+        around.place = place;
+        around.walls.clear();
+        around.lines.clear();
+        let stars = !matches!(M::JUDGE, Judge::Ends);
+        if stars {
+            let wall = |r: &Spoke, side: At| Wall { at: side, a: at(r.a), b: at(r.b) };
+            let of_u = |r: &Spoke| wall(r, if r.has(v) { At::Both } else { At::Kept });
+            around.walls.extend(ru.iter().map(of_u));
+            around.walls.extend(rv.iter().filter(|r| !r.has(u)).map(|r| wall(r, At::Removed)));
+        }
+        let [x, z] = [u, v].map(|w| self.store.v[w.index()].kind);
+        around.on_lines = [x.has_lines(), z.has_lines()].map(|on| on && self.has_lines());
+        if around.on_lines == [false; 2] {
+            return;
+        }
+        let mut line = |ring: &Ring, w: VertexId, seams: bool, side: At| {
+            let weight = f64::from(self.line_weight(ring, w, seams) / BORDER);
+            if weight > 0.0 {
+                let faces = || ring.iter().filter(|r| r.has(w));
+                let sense = match faces().count() {
+                    1 if faces().any(|r| r.a == w) => 1.0,
+                    1 => -1.0,
+                    _ => 0.0,
+                };
+                around.lines.push(Line { at: side, to: at(w), weight, sense });
+            }
+        };
+        if !stars {
+            line(ru, v, x.is_seam() && z.is_seam(), At::Both);
+            return;
+        }
+        if around.on_lines[0] {
+            for w in distinct(ru) {
+                line(ru, w, x.is_seam(), if w == v { At::Both } else { At::Kept });
+            }
+        }
+        if around.on_lines[1] {
+            for w in distinct(rv).filter(|&w| w != u) {
+                line(rv, w, z.is_seam(), At::Removed);
+            }
+        }
+    }
+}

@@ -1,0 +1,240 @@
+//! Vertices near each other that may be worth joining, found by a tree over their places.
+
+use glam::Vec3;
+
+/// Partners that one vertex finds, at most: the nearest.
+const MOST: usize = 4;
+/// Vertices that are looked at for one, at most. (Guessed; a sheet has that many within eleven edges. Past it the distance
+/// asked for is far too large for the mesh as it is, and what is found are the nearest.)
+const LOOKS: usize = 400;
+/// Vertices in a leaf of the tree.
+const LEAF: usize = 8;
+/// Cosine between a direction and a normal from which on the surface is open there: 73 degrees. (Guessed; the corners of six
+/// triangles that shrank away from their common vertex see each other at 60.)
+const OPEN: f32 = 0.3;
+
+/// A vertex, and where its surface is open.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Site {
+    pub(super) p: Vec3,
+    /// The connected part that it belongs to.
+    pub(super) part: u32,
+    /// Unit normal, or nothing.
+    pub(super) normal: Vec3,
+    /// On a border the unit vector that leads away from the surface, in its plane; nothing where it leads everywhere.
+    pub(super) out: Option<Vec3>,
+}
+
+impl Site {
+    fn is_open_to(&self, way: Vec3, length: f32) -> bool {
+        match self.out {
+            Some(out) => out == Vec3::ZERO || out.dot(way) > OPEN * length,
+            None => self.normal.dot(way) > OPEN * length,
+        }
+    }
+    fn turns_its_back_on(&self, way: Vec3, length: f32) -> bool {
+        self.out.is_none() && self.normal.dot(way) < -OPEN * length
+    }
+    /// Whether joining the two makes sense. Within a part they have to see each other across the open: next to each other
+    /// on one sheet, or on the two sides of a thin wall, they do not. Vertices of two parts only must not stand back to
+    /// back.
+    #[inline(always)]
+    fn suits(&self, other: &Self, length: f32) -> bool {
+        let way = other.p - self.p;
+        if self.part == other.part {
+            self.is_open_to(way, length) && other.is_open_to(-way, length)
+        } else {
+            !(self.turns_its_back_on(way, length) && other.turns_its_back_on(-way, length))
+        }
+    }
+}
+
+/// Two sites by index, the lower one first, and their squared distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Near {
+    pub(super) ends: [u32; 2],
+    pub(super) distance_sq: f32,
+}
+
+/// Pairs of sites that suit each other within `reach`, the nearest first: for each site its [`MOST`] nearest, found among
+/// the [`LOOKS`] that it comes by first. `go_on` is asked for every site; `None` if it says no. Cost: O(n log n).
+pub(super) fn near_pairs(sites: &[Site], reach: f32, mut go_on: impl FnMut() -> bool) -> Option<Vec<Near>> {
+    let tree = Tree::new(sites);
+    let mut pairs = Vec::new();
+    for i in 0..sites.len() as u32 {
+        if !go_on() {
+            return None;
+        }
+        let mut search =
+            Search { sites, of: i, reach_sq: reach * reach, found: [(0.0, 0); MOST], count: 0, looks: 0 };
+        tree.visit(0, sites.len(), &mut search);
+        for &(distance_sq, j) in &search.found[..search.count] {
+            pairs.push(Near { ends: [i.min(j), i.max(j)], distance_sq });
+        }
+    }
+    pairs.sort_unstable_by(|a, b| a.distance_sq.total_cmp(&b.distance_sq).then(a.ends.cmp(&b.ends)));
+    pairs.dedup_by_key(|p| p.ends);
+    Some(pairs)
+}
+
+/// Places halved again and again across their longest extent; the middle one of a range parts it.
+struct Tree {
+    points: Vec<(Vec3, u32)>,
+    /// The axis that a range is parted across, at its middle.
+    axes: Vec<u8>,
+}
+
+struct Search<'a> {
+    sites: &'a [Site],
+    of: u32,
+    /// Beyond this nothing is wanted any more.
+    reach_sq: f32,
+    found: [(f32, u32); MOST],
+    count: usize,
+    looks: usize,
+}
+
+impl Search<'_> {
+    #[inline(always)]
+    fn look(&mut self, &(p, j): &(Vec3, u32)) {
+        self.looks += 1;
+        let own = &self.sites[self.of as usize];
+        let distance_sq = (p - own.p).length_squared();
+        if distance_sq < self.reach_sq
+            && j != self.of
+            && own.suits(&self.sites[j as usize], distance_sq.sqrt())
+        {
+            let at = self.found[..self.count].partition_point(|f| (f.0, f.1) < (distance_sq, j));
+            self.count = (self.count + 1).min(MOST);
+            self.found[at..self.count].rotate_right(1);
+            self.found[at] = (distance_sq, j);
+            if self.count == MOST {
+                self.reach_sq = self.found[MOST - 1].0;
+            }
+        }
+    }
+}
+
+impl Tree {
+    fn new(sites: &[Site]) -> Self {
+        let points: Vec<(Vec3, u32)> = sites.iter().enumerate().map(|(i, s)| (s.p, i as u32)).collect();
+        let mut tree = Self { axes: vec![0; points.len()], points };
+        tree.part(0, sites.len());
+        tree
+    }
+
+    fn part(&mut self, from: usize, to: usize) {
+        if to - from <= LEAF {
+            return;
+        }
+        let range = &mut self.points[from..to];
+        let none = (Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY));
+        let (min, max) = range.iter().fold(none, |(min, max), x| (min.min(x.0), max.max(x.0)));
+        let extent = max - min;
+        let axis = (0..3).max_by(|&i, &j| extent[i].total_cmp(&extent[j]).then(j.cmp(&i))).unwrap_or(0);
+        let middle = (from + to) / 2;
+        range.select_nth_unstable_by(middle - from, |a, b| {
+            a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1))
+        });
+        self.axes[middle] = axis as u8;
+        self.part(from, middle);
+        self.part(middle + 1, to);
+    }
+
+    /// Looks at a range, the half with the place first.
+    fn visit(&self, from: usize, to: usize, search: &mut Search<'_>) {
+        if search.looks >= LOOKS {
+            return;
+        }
+        if to - from <= LEAF {
+            self.points[from..to].iter().for_each(|x| search.look(x));
+            return;
+        }
+        let middle = (from + to) / 2;
+        let axis = usize::from(self.axes[middle]);
+        let beyond = search.sites[search.of as usize].p[axis] - self.points[middle].0[axis];
+        let halves = [(from, middle), (middle + 1, to)];
+        let own = usize::from(beyond > 0.0);
+        self.visit(halves[own].0, halves[own].1, search);
+        if beyond * beyond <= search.reach_sq {
+            search.look(&self.points[middle]);
+            self.visit(halves[1 - own].0, halves[1 - own].1, search);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn random_sites(count: usize, part_count: u32) -> Vec<Site> {
+        let mut x = 0x9E37_79B9u32;
+        let mut random = move || {
+            x ^= x << 13;
+            x ^= x >> 17;
+            x ^= x << 5;
+            x as f32 / u32::MAX as f32
+        };
+        let mut site = |i: usize| Site {
+            p: Vec3::new(random(), random(), random()),
+            part: i as u32 % part_count,
+            ..Site::default()
+        };
+        (0..count).map(&mut site).collect()
+    }
+
+    #[test]
+    fn all_near_ones_are_found() {
+        let sites = random_sites(300, 300);
+        let reach = 0.08f32;
+        let found = near_pairs(&sites, reach, || true).unwrap();
+        assert!(found.is_sorted_by(|a, b| a.distance_sq <= b.distance_sq));
+        let mut wanted = 0;
+        for i in 0..300u32 {
+            for j in i + 1..300 {
+                let near = sites[i as usize].p.distance_squared(sites[j as usize].p) < reach * reach;
+                assert_eq!(near, found.iter().any(|f| f.ends == [i, j]), "{i} {j}");
+                wanted += usize::from(near);
+            }
+        }
+        assert!(wanted > 50, "{wanted}");
+    }
+
+    #[test]
+    fn of_very_many_the_nearest_are_found() {
+        let sites = random_sites(5000, 5000);
+        let found = near_pairs(&sites, 10.0, || true).unwrap();
+        assert!(found.len() <= MOST * sites.len());
+        for i in 0..5000u32 {
+            let own = sites[i as usize].p;
+            let near = |j: &u32| own.distance_squared(sites[*j as usize].p);
+            let nearest = (0..5000).filter(|j| *j != i).min_by(|a, b| near(a).total_cmp(&near(b))).unwrap();
+            assert!(found.iter().any(|f| f.ends == [i.min(nearest), i.max(nearest)]), "{i}");
+        }
+    }
+
+    #[test]
+    fn a_place_with_everything_ends() {
+        // All at one place, all of one part without a normal: nothing suits, and no one looks at all the others.
+        let sites = vec![Site::default(); 200_000];
+        assert_eq!(near_pairs(&sites, 1.0, || true).unwrap(), []);
+        assert_eq!(near_pairs(&sites, 1.0, || false), None);
+    }
+
+    #[test]
+    fn walls_and_sheets_are_let_be() {
+        let at = |x: f32, y: f32, part, normal| Site { p: Vec3::new(x, y, 0.0), part, normal, out: None };
+        let suits = |a: Site, b: Site| a.suits(&b, a.p.distance(b.p)) && b.suits(&a, a.p.distance(b.p));
+        // Two sides of a gap, and of a wall.
+        assert!(suits(at(0.0, 0.0, 0, Vec3::Y), at(0.0, 0.1, 0, -Vec3::Y)));
+        assert!(!suits(at(0.0, 0.0, 0, -Vec3::Y), at(0.0, 0.1, 0, Vec3::Y)));
+        assert!(!suits(at(0.0, 0.0, 0, -Vec3::Y), at(0.0, 0.1, 1, Vec3::Y)));
+        // Side by side on one sheet, and on two.
+        assert!(!suits(at(0.0, 0.0, 0, Vec3::Y), at(0.1, 0.0, 0, Vec3::Y)));
+        assert!(suits(at(0.0, 0.0, 0, Vec3::Y), at(0.1, 0.0, 1, Vec3::Y)));
+        // Across a crack, and along it.
+        let border = |x, y, out| Site { out: Some(out), ..at(x, y, 0, Vec3::Z) };
+        assert!(suits(border(0.0, 0.0, Vec3::Y), border(0.0, 0.1, -Vec3::Y)));
+        assert!(!suits(border(0.0, 0.0, Vec3::Y), border(0.1, 0.0, Vec3::Y)));
+    }
+}

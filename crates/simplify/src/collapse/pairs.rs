@@ -1,0 +1,737 @@
+//! Pairs of vertices that share no edge, contracted as edges are. [Garland-Heckbert 1997]
+//!
+//! Against the paper: pairs are found anew as positions move, but not where they are neighbours along the surface anyway or
+//! stand back to back (near); a pair pays for the gap that it closes; and unless the topology is free, pairs come together
+//! with those beside them where one alone would leave surfaces hanging together in a point (bundle).
+
+use glam::Vec3;
+use lodsmith_core::VertexId;
+
+use super::bundle::{Bundle, Changed, Effect};
+use super::commit::{FOLD, NO_AREA, Outcome, SUSPECT_TURN, TIE, WORSE_SHAPE, Wing, merged_position};
+use super::evaluate::best_place;
+use super::kind::{Kind, distinct, faces_at};
+use super::near::{Site, near_pairs};
+use super::order::NONE;
+use super::store::{Facing, Ring, Vertex};
+use super::{ASK_EVERY, Engine, Goal, UNKNOWN};
+use crate::control::Verdict;
+use crate::metric::{Form, Metric};
+use crate::options::{BorderPolicy, Placement, TopologyPolicy};
+use crate::report::Refusal;
+use crate::tensor::Tensor;
+
+/// What the square of a gap counts, times the mean area of a triangle: two flat sheets side by side would cost nothing
+/// else. (Guessed, so that a gap costs about as much as an edge of its length where the surface is slightly curved; flat
+/// places are merged before.)
+const GAP: f32 = 1e-4;
+/// Pairs are looked for again when so many percent of the vertices of the last time are left.
+const RENEW_PERCENT: usize = 70;
+/// With fewer vertices than this they are looked for after every sweep that changed anything: the last ones matter.
+const RENEW_BELOW: usize = 2000;
+/// A vertex of more faces is not looked at, nor its neighbours.
+const MOST_FACES: usize = 200;
+/// Ways that are tried to join two vertices together with those beside them, the nearest first.
+const MOST_WAYS: usize = 3;
+
+/// Two vertices, the one that stays first, and what their contraction costs, as last seen.
+#[derive(Clone, Copy)]
+struct Pair {
+    ends: [VertexId; 2],
+    bound: f32,
+}
+
+/// Pairs that may be contracted.
+pub(crate) struct Pairs {
+    /// The distance within which they are looked for.
+    reach: f32,
+    list: Vec<Pair>,
+    /// When they were found: the numbering of the store, its live vertices, and the collapses done by then.
+    found_at: Option<(u32, usize, u64)>,
+    work: Work,
+}
+
+/// What a look at a pair works with; made once.
+#[derive(Default)]
+struct Work {
+    bundle: Bundle,
+    ru: Ring,
+    rv: Ring,
+    ring: Ring,
+    ways: Vec<(f32, Vec<[VertexId; 2]>)>,
+}
+
+impl Pairs {
+    pub(crate) fn new(reach: f32) -> Self {
+        Self { reach, list: Vec::new(), found_at: None, work: Work::default() }
+    }
+    pub(super) fn bounds(&self) -> impl Iterator<Item = f32> + '_ {
+        self.list.iter().map(|p| p.bound)
+    }
+}
+
+impl<M: Metric> Engine<M> {
+    /// Contracts the pairs that cost at most `tau`, the nearest first, until the goal is met; with `probe` only finds out
+    /// what they cost. `ask` is asked now and then whether to go on.
+    pub(super) fn contract_pairs(
+        &mut self,
+        goal: &Goal,
+        tau: f32,
+        probe: bool,
+        mut ask: impl FnMut(&Self) -> Verdict,
+    ) -> Verdict {
+        let Some(mut pairs) = self.pairs.take() else { return Verdict::Continue };
+        let is_current = |engine: &Self, at: (u32, usize, u64)| {
+            at.0 == engine.store.generation
+                && engine.store.live_vertices * 100 >= at.1 * RENEW_PERCENT
+                && (at.2 == engine.collapses || !probe && engine.store.live_vertices >= RENEW_BELOW)
+        };
+        let mut verdict = Verdict::Continue;
+        if !pairs.found_at.is_some_and(|at| is_current(self, at)) {
+            verdict = self.find_pairs(&mut pairs, &mut ask);
+        }
+        let mut list = std::mem::take(&mut pairs.list);
+        let tau = if probe { f32::MAX } else { tau };
+        for (i, pair) in list.iter_mut().enumerate() {
+            if verdict != Verdict::Continue || self.needed(goal) == Some(0) {
+                break;
+            }
+            if i % ASK_EVERY == ASK_EVERY - 1 {
+                verdict = ask(self);
+            }
+            if pair.bound <= tau || probe {
+                pair.bound = match self.contract(pair.ends, pairs.reach, tau, probe, &mut pairs.work) {
+                    Outcome::Done => f32::INFINITY,
+                    Outcome::Later(cost) => cost,
+                    Outcome::Refused(why) => {
+                        self.refuse(why);
+                        // Asked again when the sweeps have come this far; things change around here.
+                        if probe { f32::INFINITY } else { 4.0 * tau + 1e-20 }
+                    }
+                };
+            }
+        }
+        pairs.list = list;
+        self.pairs = Some(pairs);
+        verdict
+    }
+
+    /// Lets pairs nearer than `reach` be contracted; before anything was merged.
+    pub(crate) fn watch_pairs(&mut self, reach: f32) {
+        self.pairs = Some(Pairs::new(reach));
+        if M::MEMORYLESS || !self.has_lines() {
+            return;
+        }
+        self.lines = vec![M::Memory::default(); self.store.merged_into.len()];
+        let mut ring = Ring::new();
+        for u in (0..self.store.v.len() as u32).map(VertexId) {
+            let x = self.store.v[u.index()];
+            if x.kind.has_lines() {
+                self.store.ring(u, &mut ring);
+                let mut sum = Tensor::default();
+                self.add_lines_to(&mut sum, u, &ring);
+                *M::tensor(&mut self.lines[x.origin.index()]) = sum;
+            }
+        }
+    }
+
+    /// Merges what lines say at two vertices, by number in the ordered input, `d` apart; the first goes by `y`.
+    pub(super) fn merge_lines(&mut self, origins: [VertexId; 2], d: Vec3, y: Vec3) {
+        let merged = M::merged(&self.form_of_lines(origins, d), y);
+        for origin in origins {
+            if let Some(lines) = self.lines.get_mut(origin.index()) {
+                *lines = merged;
+            }
+        }
+    }
+
+    /// Takes away what a vertex remembers of lines if its borders have closed.
+    fn forget_lines(&mut self, w: VertexId) {
+        let x = self.store.v[w.index()];
+        let Some(lines) = self.lines.get_mut(x.origin.index()).filter(|_| !x.kind.is_feature()) else {
+            return;
+        };
+        let (own, none) = (std::mem::take(lines), M::Memory::default());
+        let (form, lines) = (M::form(&x.q, &none, Vec3::ZERO), M::form(&own, &none, Vec3::ZERO));
+        let planes = Form { a: form.a.less(&lines.a), h: form.h - lines.h, c: form.c - lines.c };
+        self.store.v[w.index()].q = M::merged(&planes, Vec3::ZERO);
+    }
+
+    fn form_of_lines(&self, origins: [VertexId; 2], d: Vec3) -> Form {
+        let of = |origin: VertexId| self.lines.get(origin.index()).copied().unwrap_or_default();
+        M::form(&of(origins[0]), &of(origins[1]), d)
+    }
+
+    /// How many pairs within `reach` could be contracted at some cost. Nothing is changed.
+    pub(super) fn possible_pairs(&mut self, reach: f32) -> usize {
+        let mut pairs = Pairs::new(reach);
+        self.find_pairs(&mut pairs, &mut |_: &Self| Verdict::Continue);
+        let list = std::mem::take(&mut pairs.list);
+        let mut is_possible = |pair: &&Pair| {
+            let outcome = self.contract(pair.ends, reach, f32::MAX, true, &mut pairs.work);
+            matches!(outcome, Outcome::Later(cost) if cost.is_finite())
+        };
+        list.iter().filter(&mut is_possible).count()
+    }
+
+    /// Looks for pairs afresh.
+    fn find_pairs(&mut self, pairs: &mut Pairs, ask: &mut impl FnMut(&Self) -> Verdict) -> Verdict {
+        let (alive, sites) = self.sites();
+        let (mut verdict, mut asked) = (Verdict::Continue, 0usize);
+        let found = near_pairs(&sites, pairs.reach, || {
+            asked += 1;
+            if asked.is_multiple_of(ASK_EVERY) {
+                verdict = ask(self);
+            }
+            verdict == Verdict::Continue
+        });
+        let mut all: Vec<(f32, [VertexId; 2])> = Vec::new();
+        all.extend(
+            found.unwrap_or_default().iter().map(|n| (n.distance_sq, n.ends.map(|i| alive[i as usize]))),
+        );
+        let mut ring = Ring::new();
+        all.retain(|&(_, [u, v])| !self.store.is_edge(u, v, &mut ring));
+        self.find_slits(&alive, pairs.reach, &mut all);
+        all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        pairs.list.clear();
+        pairs.list.extend(all.into_iter().map(|(_, ends)| Pair { ends, bound: UNKNOWN }));
+        pairs.found_at = Some((self.store.generation, self.store.live_vertices, self.collapses));
+        verdict
+    }
+
+    /// The live vertices, and how each stands.
+    fn sites(&self) -> (Vec<VertexId>, Vec<Site>) {
+        let store = &self.store;
+        let part_of = self.label_parts();
+        let mut normals = vec![Vec3::ZERO; store.v.len()];
+        for t in store.t.iter().filter(|t| t[0] != NONE) {
+            let [a, b, c] = t.map(|w| store.p(w));
+            let normal = (b - a).cross(c - a);
+            t.iter().for_each(|w| normals[w.index()] += normal);
+        }
+        let alive: Vec<VertexId> =
+            (0..store.v.len() as u32).map(VertexId).filter(|u| !store.v[u.index()].kind.is_gone()).collect();
+        let sites = alive.iter().map(|&u| Site {
+            p: store.p(u),
+            part: part_of[u.index()],
+            normal: normals[u.index()].normalize_or_zero(),
+            out: self.way_out(u),
+        });
+        let sites = sites.collect();
+        (alive, sites)
+    }
+
+    /// The direction away from the surface in its plane, where a vertex is on a border; none in particular where its
+    /// borders lead several ways.
+    fn way_out(&self, u: VertexId) -> Option<Vec3> {
+        let store = &self.store;
+        if !store.v[u.index()].kind.is_feature() {
+            return None;
+        }
+        let ring: Vec<[VertexId; 2]> = store
+            .listed(u)
+            .iter()
+            .filter(|c| store.t[c.face()][0] != NONE)
+            .map(|c| [1, 2].map(|i| store.t[c.face()][(c.k() + i) % 3]))
+            .collect();
+        let (mut out, mut length) = (Vec3::ZERO, 0f32);
+        for &[a, b] in &ring {
+            let (to_a, to_b) = (store.p(a) - store.p(u), store.p(b) - store.p(u));
+            let normal = to_a.cross(to_b).normalize_or_zero();
+            for (w, edge) in [(a, to_a), (b, -to_b)] {
+                if ring.iter().filter(|r| r.contains(&w)).count() == 1 {
+                    out += edge.cross(normal);
+                    length += edge.length();
+                }
+            }
+        }
+        (length > 0.0)
+            .then(|| if out.length() > 0.25 * length { out.normalize_or_zero() } else { Vec3::ZERO })
+    }
+
+    /// Adds border edges shorter than `reach` that another way along borders leads round in two: closing a slit, they
+    /// come together with a third, which no collapse of an edge may do.
+    fn find_slits(&mut self, alive: &[VertexId], reach: f32, all: &mut Vec<(f32, [VertexId; 2])>) {
+        let (mut ru, mut rv) = (Ring::new(), Ring::new());
+        for &u in alive {
+            if !self.store.v[u.index()].kind.is_feature() {
+                continue;
+            }
+            self.store.ring(u, &mut ru);
+            if ru.len() > MOST_FACES {
+                continue;
+            }
+            for v in distinct(&ru).filter(|&v| v > u && faces_at(&ru, v) == 1) {
+                let distance_sq = (self.store.p(v) - self.store.p(u)).length_squared();
+                if distance_sq >= reach * reach || self.store.listed(v).len() > MOST_FACES {
+                    continue;
+                }
+                self.store.ring(v, &mut rv);
+                let is_apex = |w: VertexId| ru.iter().any(|r| r.has(v) && r.has(w));
+                let is_third = |w: VertexId| !is_apex(w) && faces_at(&ru, w) == 1 && faces_at(&rv, w) == 1;
+                if distinct(&rv).any(is_third) {
+                    all.push((distance_sq, [u, v]));
+                }
+            }
+        }
+    }
+
+    /// Contracts a pair, with those beside it where that is better, if topology, guards and cost allow it. With `probe`
+    /// nothing is changed and the cost is said.
+    fn contract(
+        &mut self,
+        [u, v]: [VertexId; 2],
+        reach: f32,
+        tau: f32,
+        probe: bool,
+        work: &mut Work,
+    ) -> Outcome {
+        let is_gone = |w: VertexId| self.store.v[w.index()].kind.is_gone();
+        if is_gone(u) || is_gone(v) || (self.store.p(v) - self.store.p(u)).length_squared() >= reach * reach {
+            return Outcome::Later(f32::INFINITY);
+        }
+        // Those beside it cost more on top, so this is the least; most pairs are too dear at any time.
+        let least = match self.place_pair(u, v, &mut work.ring) {
+            Ok((_, cost)) => (cost + self.gap(u, v)) * self.price_of(u, v),
+            Err(why) => return Outcome::Refused(why),
+        };
+        if least > tau && !probe {
+            return Outcome::Later(least);
+        }
+        self.store.ring(u, &mut work.ru);
+        self.store.ring(v, &mut work.rv);
+        let is_large = |w: VertexId| self.store.listed(w).len() > MOST_FACES;
+        if work.ru.len() + work.rv.len() > MOST_FACES
+            || work.ru.iter().chain(&work.rv).any(|r| is_large(r.a) || is_large(r.b))
+        {
+            return Outcome::Refused(Refusal::Valence);
+        }
+        work.bundle.set(&mut self.store, &[[u, v]]);
+        let alone = work.bundle.effect(&mut self.store);
+        if alone == Effect::Manifold {
+            return self.try_bundle(tau, probe, work);
+        }
+        let mut why = Refusal::LinkCondition;
+        if faces_at(&work.ru, v) == 0 {
+            self.find_ways(u, v, reach, work);
+            for i in 0..work.ways.len() {
+                work.bundle.set(&mut self.store, &work.ways[i].1);
+                if work.bundle.effect(&mut self.store) != Effect::Manifold {
+                    continue;
+                }
+                match self.try_bundle(tau, probe, work) {
+                    Outcome::Refused(other) => why = other,
+                    done => return done,
+                }
+            }
+        }
+        let may = match self.rules.topology {
+            TopologyPolicy::Preserve => false,
+            // A point where borders meet would be held there, and keep others from going.
+            TopologyPolicy::Relaxed => {
+                let is_open = |w: VertexId| self.store.v[w.index()].kind.is_feature();
+                alone == Effect::Singular && !is_open(u) && !is_open(v)
+            }
+            TopologyPolicy::Free => true,
+        };
+        if !may {
+            return Outcome::Refused(why);
+        }
+        work.bundle.set(&mut self.store, &[[u, v]]);
+        self.try_bundle(tau, probe, work)
+    }
+
+    /// The pairs beside one that may join the surfaces along an edge or by two faces: nearest first.
+    fn find_ways(&mut self, u: VertexId, v: VertexId, reach: f32, work: &mut Work) {
+        let Work { ru, rv, ring, ways, .. } = work;
+        ways.clear();
+        let apart = |engine: &Self, x: VertexId, y: VertexId| {
+            (engine.store.p(x) - engine.store.p(y)).length_squared()
+        };
+        let is_end = |w: VertexId| w == u || w == v;
+        let side_of = |ring: &Ring| -> Vec<VertexId> {
+            distinct(ring).filter(|&w| faces_at(ring, w) == 1 && !is_end(w)).collect()
+        };
+        let (sides_u, sides_v) = (side_of(ru), side_of(rv));
+        for &x in &sides_u {
+            for &y in sides_v.iter().filter(|y| **y != x) {
+                let distance_sq = apart(self, x, y);
+                if distance_sq < reach * reach && !self.store.is_edge(x, y, ring) {
+                    ways.push((distance_sq, vec![[u, v], [x.min(y), x.max(y)]]));
+                }
+            }
+        }
+        for r in ru.iter() {
+            for s in rv.iter() {
+                // Two faces that face each other run round in opposite ways.
+                let others = [[r.a, s.b], [r.b, s.a]];
+                if others.as_flattened().iter().any(|w| is_end(*w)) || r.a == s.a || r.b == s.b {
+                    continue;
+                }
+                let mut sum = 0.0;
+                let mut all = vec![[u, v]];
+                for [x, y] in others.into_iter().filter(|[x, y]| x != y) {
+                    let distance_sq = apart(self, x, y);
+                    sum += distance_sq;
+                    all.push([x.min(y), x.max(y)]);
+                    if distance_sq >= reach * reach || self.store.is_edge(x, y, ring) {
+                        all.clear();
+                        break;
+                    }
+                }
+                if all.len() > 1 {
+                    ways.push((sum, all));
+                }
+            }
+        }
+        ways.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+        ways.truncate(MOST_WAYS);
+    }
+
+    /// Places the pairs of a bundle, asks the guards, and contracts them if they cost at most `tau`.
+    fn try_bundle(&mut self, tau: f32, probe: bool, work: &mut Work) -> Outcome {
+        let bundle = &mut work.bundle;
+        if bundle.faces.iter().filter(|c| c.is_gone).count() >= self.store.live_faces {
+            return Outcome::Refused(Refusal::Component);
+        }
+        let (mut price, mut remembered, mut gaps) = (0f32, 0f32, 0f32);
+        for i in 0..bundle.joints.len() {
+            let joint = bundle.joints[i];
+            match self.place_pair(joint.u, joint.v, &mut work.ring) {
+                Ok((at, cost)) => {
+                    bundle.joints[i].at = at;
+                    remembered += cost;
+                }
+                Err(why) => return Outcome::Refused(why),
+            }
+            price = price.max(self.price_of(joint.u, joint.v));
+            gaps += self.gap(joint.u, joint.v);
+        }
+        let moved = match self.loss(bundle, &mut work.ring) {
+            Ok(moved) => moved,
+            Err(why) => return Outcome::Refused(why),
+        };
+        let loss = if M::MEMORYLESS { moved.cost } else { remembered };
+        let plain = loss + gaps;
+        let mut cost = plain * (WORSE_SHAPE / moved.shape.sqrt().max(1e-4)).max(1.0);
+        let tau = tau / price;
+        for joint in &bundle.joints {
+            if cost > tau && !probe {
+                break;
+            }
+            cost = self.charge_pair(joint.u, joint.v, joint.at, cost, tau, true, &mut work.ring);
+        }
+        if cost > tau || probe {
+            return Outcome::Later(cost * price);
+        }
+        self.spent += f64::from(plain);
+        self.join(bundle, &mut work.ring);
+        Outcome::Done
+    }
+
+    /// What the way between two vertices costs.
+    fn gap(&self, u: VertexId, v: VertexId) -> f32 {
+        GAP * self.area * (self.store.p(v) - self.store.p(u)).length_squared()
+    }
+
+    fn price_of(&self, u: VertexId, v: VertexId) -> f32 {
+        self.price(self.store.v[u.index()].origin, self.store.v[v.index()].origin)
+    }
+
+    /// Where two vertices meet, and what the metric remembers of that.
+    fn place_pair(&mut self, u: VertexId, v: VertexId, ring: &mut Ring) -> Result<(Vec3, f32), Refusal> {
+        let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
+        let d = z.p - x.p;
+        if x.kind.is_locked() && z.kind.is_locked() || self.is_either_locked(u, v) && d == Vec3::ZERO {
+            return Err(Refusal::Locked);
+        }
+        // Of the planes alone: the line of a border that closes is no loss.
+        let form = if M::MEMORYLESS {
+            let (own, other) = (self.planes(u, ring), self.planes(v, ring));
+            let mut a = own;
+            a.add(&other);
+            let h = other.times(d);
+            Form { a, h, c: d.dot(h) }
+        } else {
+            self.form_of_planes(&x, &z)
+        };
+        let cost = |y: Vec3| self.cost_of(&form, d, y);
+        let better = |a: Vec3, b: Vec3| if cost(b) < cost(a) { b } else { a };
+        let holds = matches!(self.rules.border, BorderPolicy::Slide | BorderPolicy::Lock);
+        let stays = |k: Kind| k.is_locked() || holds && k.is_feature();
+        let y = match [x.kind, z.kind].map(|k| (stays(k), k.is_complex())) {
+            [(true, _), (true, _)] => return Err(Refusal::Border),
+            [(true, _), _] | [(_, true), (false, false)] => Vec3::ZERO,
+            [_, (true, _)] | [(_, false), (_, true)] => d,
+            [(_, true), (_, true)] => better(Vec3::ZERO, d),
+            _ => match self.rules.placement {
+                Placement::Endpoint => better(Vec3::ZERO, d),
+                Placement::Midpoint => d * 0.5,
+                Placement::Optimal => {
+                    best_place::<M>(&form, d).unwrap_or_else(|| better(better(d * 0.5, Vec3::ZERO), d))
+                }
+            },
+        };
+        Ok((merged_position(x.p, z.p, y), cost(y)))
+    }
+
+    /// What a metric with memory holds of planes at two vertices.
+    fn form_of_planes(&self, x: &Vertex<M::Memory>, z: &Vertex<M::Memory>) -> Form {
+        let d = z.p - x.p;
+        let (form, lines) = (M::form(&x.q, &z.q, d), self.form_of_lines([x.origin, z.origin], d));
+        Form { a: form.a.less(&lines.a), h: form.h - lines.h, c: form.c - lines.c }
+    }
+
+    /// The planes of a star.
+    fn planes(&mut self, u: VertexId, ring: &mut Ring) -> Tensor {
+        self.store.ring(u, ring);
+        let p = self.store.p(u);
+        let mut sum = Tensor::default();
+        for r in ring.iter() {
+            let normal = (self.store.p(r.a) - p).cross(self.store.p(r.b) - p);
+            sum.add(&Tensor::outer(normal, M::plane_weight(normal.length(), self.mean_face)));
+        }
+        sum
+    }
+
+    /// What a bundle loses of the planes around it, and the worst shape it leaves.
+    fn loss(&mut self, bundle: &Bundle, ring: &mut Ring) -> Result<Moved, Refusal> {
+        let mut moved = Moved { cost: 0.0, shape: 1.0 };
+        let (mut peak, mut turned) = (0f32, false);
+        for joint in &bundle.joints {
+            for w in [joint.u, joint.v] {
+                let step_sq = (joint.at - self.store.p(w)).length_squared();
+                if step_sq > self.rules.max_step_sq {
+                    return Err(Refusal::Cost);
+                }
+            }
+        }
+        for c in &bundle.faces {
+            let p = c.before.map(|w| self.store.p(w));
+            let normal = (p[1] - p[0]).cross(p[2] - p[0]);
+            let length = normal.length();
+            let unit = normal / length.max(1e-30);
+            for (w, p) in c.before.into_iter().zip(p) {
+                let Some(at) = bundle.place_of(w) else { continue };
+                let height = unit.dot(at - p);
+                moved.cost += length * height * height;
+                moved.cost += 0.5 * TIE * length * (at - p).length_squared();
+                peak = peak.max(height * height);
+            }
+            if c.is_gone {
+                continue;
+            }
+            let q = self.after(bundle, c);
+            let after = (q[1] - q[0]).cross(q[2] - q[0]);
+            let (before_sq, after_sq, dot) =
+                (normal.length_squared(), after.length_squared(), normal.dot(after));
+            let around = |p: [Vec3; 3]| {
+                (p[1] - p[0]).length_squared()
+                    + (p[2] - p[1]).length_squared()
+                    + (p[0] - p[2]).length_squared()
+            };
+            let shape = |area_sq: f32, p: [Vec3; 3]| 12.0 * area_sq / (around(p) * around(p)).max(1e-37);
+            let (old_shape, new_shape) = (shape(before_sq, p), shape(after_sq, q));
+            let turns = !((dot > 0.0) & (dot * dot > self.rules.max_turn * before_sq * after_sq));
+            // A face without area has no normal that could turn.
+            if turns && (old_shape > NO_AREA || after_sq == 0.0) {
+                return Err(Refusal::NormalFlip);
+            }
+            if new_shape < NO_AREA && old_shape > new_shape {
+                return Err(Refusal::Quality);
+            }
+            if new_shape < self.rules.min_shape && new_shape < old_shape {
+                return Err(Refusal::Quality);
+            }
+            turned |= dot * dot < SUSPECT_TURN * before_sq * after_sq;
+            moved.shape = moved.shape.min(new_shape);
+            for k in 0..3 {
+                let sides = [p, q].map(|p| (p[(k + 1) % 3] - p[k]).length_squared());
+                if sides[1] > self.rules.max_edge_sq && sides[1] > sides[0] {
+                    return Err(Refusal::EdgeLength);
+                }
+            }
+        }
+        if M::MEMORYLESS {
+            moved.cost += self.peak_weight() * peak;
+        }
+        if peak > self.rules.max_step_sq {
+            return Err(Refusal::Cost);
+        }
+        self.ask_valence(bundle)?;
+        if self.bundle_folds(bundle, turned, ring) { Err(Refusal::NormalFlip) } else { Ok(moved) }
+    }
+
+    fn after(&self, bundle: &Bundle, c: &Changed) -> [Vec3; 3] {
+        c.after.map(|w| bundle.place_of(w).unwrap_or_else(|| self.store.p(w)))
+    }
+
+    fn ask_valence(&self, bundle: &Bundle) -> Result<(), Refusal> {
+        if self.rules.max_valence == usize::MAX {
+            return Ok(());
+        }
+        for joint in &bundle.joints {
+            let mut around: Vec<VertexId> = Vec::new();
+            let stays = bundle.faces.iter().filter(|c| !c.is_gone && c.after.contains(&joint.u));
+            around.extend(stays.flat_map(|c| c.after).filter(|w| *w != joint.u));
+            around.sort_unstable();
+            around.dedup();
+            if around.len() > self.rules.max_valence {
+                return Err(Refusal::Valence);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether faces come to lie back to back at an edge that was not there before, or, where one `turned` far, at any.
+    fn bundle_folds(&mut self, bundle: &Bundle, turned: bool, ring: &mut Ring) -> bool {
+        let mut sides: Vec<([VertexId; 2], Vec3, usize)> = Vec::new();
+        for c in bundle.faces.iter().filter(|c| !c.is_gone) {
+            let q = self.after(bundle, c);
+            let normal = (q[1] - q[0]).cross(q[2] - q[0]).normalize_or_zero();
+            for k in 0..3 {
+                let (a, b) = (c.after[k], c.after[(k + 1) % 3]);
+                sides.push(([a.min(b), a.max(b)], normal, c.face));
+            }
+        }
+        sides.sort_unstable_by_key(|s| (s.0, s.2));
+        for same in sides.chunk_by(|a, b| a.0 == b.0) {
+            if let [(edge, n, face), (_, m, other)] = same
+                && n.dot(*m) < FOLD
+            {
+                let shares = |face: usize, other: usize| {
+                    let (t, o) = (self.store.t[face], self.store.t[other]);
+                    t.iter().filter(|w| o.contains(w)).count() == 2
+                };
+                if turned || !shares(*face, *other) || bundle.place_of(edge[0]).is_none() {
+                    return true;
+                }
+            }
+            let [([a, b], n, face)] = same else { continue };
+            if !turned || bundle.place_of(*a).is_some() || bundle.place_of(*b).is_some() {
+                continue;
+            }
+            self.store.ring(*a, ring);
+            for r in ring
+                .iter()
+                .filter(|r| r.has(*b) && r.corner.face() != *face && !bundle.is_gone(r.corner.face()))
+            {
+                let [p, q, r] = self.store.t[r.corner.face()].map(|w| self.store.p(w));
+                if n.dot((q - p).cross(r - p).normalize_or_zero()) < FOLD {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// In the late phase: the cost with what the samples of the two lose. Without `probe` they change hands.
+    #[expect(clippy::too_many_arguments, reason = "those of a charge, by name of the vertex")]
+    fn charge_pair(
+        &mut self,
+        u: VertexId,
+        v: VertexId,
+        at: Vec3,
+        cost: f32,
+        tau: f32,
+        probe: bool,
+        ring: &mut Ring,
+    ) -> f32 {
+        if self.late.is_none() {
+            return cost;
+        }
+        self.wings.clear();
+        for end in [u, v] {
+            self.store.ring(end, ring);
+            self.wings.extend(ring.iter().map(|r| Wing {
+                corner: r.corner,
+                a: r.a,
+                b: r.b,
+                normal: Vec3::ZERO,
+                length: 0.0,
+                after: Vec3::ZERO,
+                both: r.has(u) || r.has(v),
+            }));
+        }
+        let [x, z] = [u, v].map(|w| self.store.v[w.index()].origin);
+        self.charge(x, z, at, cost, tau, probe)
+    }
+
+    /// Does what was asked: all pairs of the bundle become one each.
+    fn join(&mut self, bundle: &Bundle, ring: &mut Ring) {
+        let mut touched: Vec<VertexId> = bundle.faces.iter().flat_map(|c| c.before).collect();
+        touched.sort_unstable();
+        touched.dedup();
+        for &joint in &bundle.joints {
+            self.charge_pair(joint.u, joint.v, joint.at, 0.0, f32::MAX, false, ring);
+            self.merge_ends(joint.u, joint.v, joint.at, ring);
+        }
+        for c in bundle.faces.iter().filter(|c| c.is_gone) {
+            self.store.remove_face(c.face);
+        }
+        touched.retain(|&w| bundle.now(w) == w);
+        for &w in &touched {
+            self.store.ring(w, ring);
+            if ring.is_empty() {
+                let x = &mut self.store.v[w.index()];
+                x.kind = x.kind.gone();
+                self.store.bound[w.index()] = f32::INFINITY;
+                self.store.live_vertices -= 1;
+            } else {
+                self.chain_wedges_of(w, ring);
+                self.store.bound[w.index()] = UNKNOWN;
+            }
+        }
+        touched.retain(|w| !self.store.v[w.index()].kind.is_gone());
+        for &w in &touched {
+            self.refresh(w, ring);
+            self.forget_lines(w);
+        }
+        self.pairs_contracted += bundle.joints.len();
+    }
+
+    /// Gives all corners of `v` to `u`, at the place `at`.
+    fn merge_ends(&mut self, u: VertexId, v: VertexId, at: Vec3, ring: &mut Ring) {
+        let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
+        self.share_wedges(u, v, ring);
+        self.store.ring(u, ring);
+        let mut corners: Vec<_> = ring.iter().map(|r| r.corner).collect();
+        self.store.ring(v, ring);
+        for r in ring.iter() {
+            // A face that has both goes with the bundle.
+            if !r.has(u) {
+                corners.push(r.corner);
+            }
+        }
+        self.store.hang(u, &corners);
+        // Whose place was kept gives its number: the result then has that vertex of the input.
+        let [own, other] = [&x, &z].map(|end| end.p == at && !end.kind.is_moved());
+        let kept_v = other && !own;
+        let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
+        self.store.merged_into[merged.index()] = origin;
+        self.merge_prices(origin, merged);
+        if !M::MEMORYLESS {
+            let (d, y) = (z.p - x.p, at - x.p);
+            self.store.v[u.index()].q = M::merged(&M::form(&x.q, &z.q, d), y);
+            self.merge_lines([x.origin, z.origin], d, y);
+        }
+        let kept = &mut self.store.v[u.index()];
+        let facing = x.facing.direction() + z.facing.direction();
+        let agree = x.facing.direction().dot(z.facing.direction()) > 0.0;
+        (kept.p, kept.origin, kept.kind) = (at, origin, x.kind.union(z.kind).moved(!(own || other)));
+        // Surfaces that face each other have no direction in common.
+        kept.facing = if agree { Facing::of(facing) } else { Facing::default() };
+        let removed = &mut self.store.v[v.index()];
+        removed.kind = removed.kind.gone();
+        self.store.bound[v.index()] = f32::INFINITY;
+        self.store.live_vertices -= 1;
+        self.collapses += 1;
+    }
+}
+
+/// What a bundle of pairs does to the faces around it.
+struct Moved {
+    cost: f32,
+    /// Square of the worst shape.
+    shape: f32,
+}

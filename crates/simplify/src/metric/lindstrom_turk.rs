@@ -1,0 +1,241 @@
+//! Volume and borders kept, by the present surface alone. [Lindstrom-Turk 1998] [Lindstrom-Turk 1999]
+//!
+//! The place of the merged vertex is pinned by three linear equations, taken in this order as long as each lies farther
+//! than a degree from those before it: the volume stays; the area that a border bounds stays; the sum of the squares of
+//! the volumes that faces sweep, and of the areas that border edges sweep, is least; the new edges are short. The cost is
+//! half that sum. It has the dimension of a volume squared, and is kept here divided by the mean area of the input.
+//!
+//! The engine first asks tensors of n nᵀ weighted by area, which bound the cost about from below, and comes here with
+//! what looks cheap enough.
+
+use glam::{DMat3, DVec3, Vec3};
+
+use super::{Around, At, Form, Judge, Metric, PartSize, Place};
+use crate::collapse::TIE;
+use crate::tensor::Tensor;
+
+/// Sine of the angle, one degree, that a plane keeps from the others. [Lindstrom-Turk 1998]
+const COMPATIBLE: f64 = 0.017_452_406_437_283_51;
+/// Share of the trace under which a gradient is rounding: positions are of single precision.
+const NOISE: f64 = 1e-10;
+/// Share of the length of all normals under which their sum is rounding.
+const NO_VOLUME: f64 = 1e-6;
+/// What squared areas at borders count against squared volumes, times the squared length of the edge: volumes are a sixth
+/// of n·y, areas half of e × y, and the weights of both are a half.
+const BORDER: f64 = 9.0;
+
+pub(crate) struct LindstromTurk;
+
+impl Metric for LindstromTurk {
+    type Memory = Tensor;
+    const MEMORYLESS: bool = true;
+    const JUDGE: Judge = Judge::FormThenStars;
+    /// An area more than those of [`super::Memoryless`].
+    const PRICE_POWER: f32 = 1.4;
+    /// (0.32 to 0.49: places between the faces that go halve their distances.)
+    const KEPT_LOSS: f64 = 0.42;
+
+    #[inline(always)]
+    fn tensor_of(memory: &Tensor) -> &Tensor {
+        memory
+    }
+    #[inline(always)]
+    fn tensor(memory: &mut Tensor) -> &mut Tensor {
+        memory
+    }
+    #[inline(always)]
+    fn form(kept: &Tensor, removed: &Tensor, d: Vec3) -> Form {
+        super::Memoryless::form(kept, removed, d)
+    }
+    #[inline(always)]
+    fn merged(form: &Form, _: Vec3) -> Tensor {
+        form.a
+    }
+    #[inline(always)]
+    fn plane_weight(_: f32, mean: f32) -> f32 {
+        1.0 / mean
+    }
+    /// As if the edge that goes were as long as this one.
+    #[inline(always)]
+    fn line(edge: Vec3, weight: f32, mean: f32) -> Tensor {
+        Tensor::line(edge, weight * BORDER as f32 * 0.1 * edge.length_squared() / mean)
+    }
+
+    #[inline(never)]
+    fn judge(around: &Around, mean: f32) -> Option<(f32, Vec3)> {
+        let loss = Loss::new(around);
+        let step = match around.place {
+            Place::Anywhere => loss.best_place(around),
+            Place::Middle => around.d * 0.5,
+            Place::Kept => DVec3::ZERO,
+            Place::Removed => around.d,
+            Place::Ends if loss.at(around.d) < loss.at(DVec3::ZERO) => around.d,
+            Place::Ends => DVec3::ZERO,
+        };
+        let off = step - around.d;
+        let tie = f64::from(TIE) * 0.5 * loss.trace() * (step.length_squared() + off.length_squared());
+        Some((((loss.at(step) + tie) / f64::from(mean)) as f32, step.as_vec3()))
+    }
+
+    fn part_rate(rate: f32, part: &PartSize, mean: f32) -> f32 {
+        rate * part.face / mean
+    }
+}
+
+/// The sum of squares y·A·y − 2 h·y + c, 36 times that of volumes, and what else pins the place.
+struct Loss {
+    a: DMat3,
+    h: DVec3,
+    c: f64,
+    /// Where volume · y equals this number, the volume stays.
+    volume: (DVec3, f64),
+}
+
+impl Loss {
+    fn new(around: &Around) -> Self {
+        let d = around.d;
+        // (xx, yy, zz) and (xy, xz, yz), by component: no column twice.
+        let (mut squares, mut products) = (DVec3::ZERO, DVec3::ZERO);
+        let (mut h, mut c) = (DVec3::ZERO, 0.0);
+        let (mut sum, mut level) = (DVec3::ZERO, 0.0);
+        for wall in &around.walls {
+            let n = (wall.b - wall.a).cross(around.end(wall.at) - wall.a);
+            squares += n * n;
+            products += DVec3::new(n.x * n.y, n.x * n.z, n.y * n.z);
+            sum += n;
+            if wall.at == At::Removed {
+                let k = n.dot(d);
+                h += n * k;
+                c += k * k;
+                level += k;
+            }
+        }
+        for line in &around.lines {
+            let from = around.end(line.at);
+            let e = line.to - from;
+            let weight = BORDER * line.weight * d.length_squared();
+            let add = (DVec3::splat(e.length_squared()) - e * e) * weight;
+            let mixed = DVec3::new(e.x * e.y, e.x * e.z, e.y * e.z) * -weight;
+            squares += add;
+            products += mixed;
+            if line.at == At::Removed {
+                let to_line = matrix(add, mixed) * d;
+                h += to_line;
+                c += d.dot(to_line);
+            }
+        }
+        Self { a: matrix(squares, products), h, c, volume: (sum, level) }
+    }
+
+    fn trace(&self) -> f64 {
+        self.a.x_axis.x + self.a.y_axis.y + self.a.z_axis.z
+    }
+
+    fn at(&self, y: DVec3) -> f64 {
+        (y.dot(self.a * y) - 2.0 * self.h.dot(y) + self.c).max(0.0)
+    }
+
+    fn best_place(&self, around: &Around) -> DVec3 {
+        let mut pins = Pins::default();
+        pins.pin(self.volume.0, self.volume.1, NO_VOLUME * self.trace().sqrt());
+        if !around.lines.is_empty() {
+            pin_border(&mut pins, around);
+        }
+        let least = NOISE * self.trace();
+        for q in pins.rest().into_iter().flatten() {
+            pins.pin(self.a * q, q.dot(self.h), least);
+        }
+        if pins.count < 3 {
+            let centre = middle_of_rim(around);
+            for q in pins.rest().into_iter().flatten() {
+                pins.pin(q, q.dot(centre), 0.0);
+            }
+        }
+        pins.place()
+    }
+}
+
+/// The area vector that the border bounds changes by e × (y − p) for each of its edges e at p, by half. What is across
+/// the sum of e can be kept; what is along it is the same for all y.
+fn pin_border(pins: &mut Pins, around: &Around) {
+    let (mut along, mut moment, mut size_sq) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+    for line in around.lines.iter().filter(|l| l.sense != 0.0) {
+        let from = around.end(line.at);
+        let e = (line.to - from) * line.sense;
+        along += e;
+        moment += e.cross(from);
+        size_sq += e.length_squared();
+    }
+    let length_sq = along.length_squared();
+    if length_sq <= 1e-12 * size_sq {
+        return;
+    }
+    let nearest = moment.cross(along) / length_sq;
+    let out = moment - along * (moment.dot(along) / length_sq);
+    // Across the border within its plane; of a straight one, any way across.
+    let across = out.cross(along);
+    let least = 1e-6 * size_sq * along.length();
+    let first = if across.length() > least { across } else { along.any_orthogonal_vector() };
+    pins.pin(first, first.dot(nearest), 0.0);
+    let second = along.cross(first);
+    pins.pin(second, second.dot(nearest), 0.0);
+}
+
+/// The sum of the squared distances to the rim of the star, each face counting its two edges, is least here.
+fn middle_of_rim(around: &Around) -> DVec3 {
+    let rim = around.walls.iter().filter(|w| w.at != At::Both);
+    let (sum, count) = rim.fold((DVec3::ZERO, 0.0), |(sum, n), w| (sum + w.a + w.b, n + 2.0));
+    if count > 0.0 { sum / count } else { around.d * 0.5 }
+}
+
+fn matrix(squares: DVec3, products: DVec3) -> DMat3 {
+    let (s, p) = (squares, products);
+    DMat3::from_cols(DVec3::new(s.x, p.x, p.y), DVec3::new(p.x, s.y, p.z), DVec3::new(p.y, p.z, s.z))
+}
+
+/// Planes that a place lies on, made orthogonal.
+#[derive(Default)]
+struct Pins {
+    axes: [DVec3; 3],
+    at: [f64; 3],
+    count: usize,
+}
+
+impl Pins {
+    /// Adds the plane n·y = level, unless it is full, n is no longer than `least`, or the plane comes within a degree of
+    /// what is pinned.
+    fn pin(&mut self, n: DVec3, level: f64, least: f64) {
+        let length = n.length();
+        if self.count == 3 || length <= least || length == 0.0 {
+            return;
+        }
+        let (mut rest, mut level) = (n / length, level / length);
+        for k in 0..self.count {
+            let along = rest.dot(self.axes[k]);
+            rest -= self.axes[k] * along;
+            level -= self.at[k] * along;
+        }
+        let left = rest.length();
+        if left > COMPATIBLE {
+            (self.axes[self.count], self.at[self.count]) = (rest / left, level / left);
+            self.count += 1;
+        }
+    }
+
+    /// Directions that are free.
+    fn rest(&self) -> [Option<DVec3>; 3] {
+        match self.count {
+            0 => [Some(DVec3::X), Some(DVec3::Y), Some(DVec3::Z)],
+            1 => {
+                let (a, b) = self.axes[0].any_orthonormal_pair();
+                [Some(a), Some(b), None]
+            }
+            2 => [Some(self.axes[0].cross(self.axes[1])), None, None],
+            _ => [None; 3],
+        }
+    }
+
+    fn place(&self) -> DVec3 {
+        (0..self.count).map(|k| self.axes[k] * self.at[k]).sum()
+    }
+}

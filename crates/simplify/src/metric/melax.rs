@@ -1,0 +1,152 @@
+//! Length times curvature, onto vertices of the input. [Melax 1998]
+//!
+//! Giving up u for v costs |uv| · max over the faces f of u, min over the faces g on uv, of (1 − f·g) / 2: how far the
+//! faces of u turn away from those that it would be merged along. Against the article: a vertex on a border (or another
+//! feature edge) goes along it only, and the turn of the border there counts like one of faces; the article knows closed
+//! surfaces only.
+
+use glam::{DVec3, Vec3};
+
+use super::{Around, At, Form, Judge, Metric, PartSize, Place, Wall};
+use crate::tensor::Tensor;
+
+/// What length alone counts against curvature: decides among flat places only. (Normals in single precision are not
+/// better.)
+const TIE: f64 = 1e-7;
+/// Faces on an edge that are looked at.
+const MOST_SIDES: usize = 4;
+
+pub(crate) struct Melax;
+
+impl Metric for Melax {
+    type Memory = Tensor;
+    const MEMORYLESS: bool = false;
+    const JUDGE: Judge = Judge::Stars;
+    /// On a smooth surface the cost falls with the density of triangles to 1.5, on a rough one to 0.5.
+    const PRICE_POWER: f32 = 0.4;
+
+    fn tensor_of(memory: &Tensor) -> &Tensor {
+        memory
+    }
+    fn tensor(memory: &mut Tensor) -> &mut Tensor {
+        memory
+    }
+    fn form(_: &Tensor, _: &Tensor, _: Vec3) -> Form {
+        Form::default()
+    }
+    fn merged(_: &Form, _: Vec3) -> Tensor {
+        Tensor::default()
+    }
+
+    fn judge(around: &Around, _: f32) -> Option<(f32, Vec3)> {
+        let length = around.d.length();
+        let [kept, removed] = turns(around).map(|turn| turn.map(|t| (length * (t + TIE)) as f32));
+        let onto_kept = removed.map(|cost| (cost, Vec3::ZERO));
+        let onto_removed = kept.map(|cost| (cost, around.d.as_vec3()));
+        match (around.place, onto_kept, onto_removed) {
+            (Place::Kept, onto, _) | (Place::Removed, _, onto) => onto,
+            (_, Some(a), Some(b)) if b.0 < a.0 => Some(b),
+            (_, a, b) => a.or(b),
+        }
+    }
+
+    /// A part goes when an edge as long as itself would, between faces at right angles.
+    fn part_rate(_: f32, part: &PartSize, _: f32) -> f32 {
+        0.5 * part.price * part.size_sq.sqrt()
+    }
+}
+
+/// How far the stars of the two ends turn away from the edge, from 0 to 1; `None` for one that may not be given up.
+fn turns(around: &Around) -> [Option<f64>; 2] {
+    let normal = |w: &Wall| (w.b - w.a).cross(around.end(w.at) - w.a).normalize_or_zero();
+    // Two, but for borders and non-manifold edges.
+    let (mut sides, mut count) = ([DVec3::ZERO; MOST_SIDES], 0);
+    for w in around.walls.iter().filter(|w| w.at == At::Both).take(MOST_SIDES) {
+        sides[count] = normal(w);
+        count += 1;
+    }
+    // Cosines: the least of a star, of the greatest with a side.
+    let mut least = [1f64; 2];
+    for w in around.walls.iter().filter(|w| w.at != At::Both) {
+        let n = normal(w);
+        let nearest = sides[..count].iter().fold(-1.0, |most, s| f64::max(most, n.dot(*s)));
+        let of_end = &mut least[usize::from(w.at == At::Removed)];
+        *of_end = of_end.min(nearest);
+    }
+    [At::Kept, At::Removed].map(|end| {
+        let i = usize::from(end == At::Removed);
+        let turn = 0.5 - 0.5 * least[i];
+        if around.on_lines[i] { Some(turn.max(turn_of_line(around, end)?)) } else { Some(turn) }
+    })
+}
+
+/// How far the feature edges at an end turn away from the edge; `None` where that is none of them.
+fn turn_of_line(around: &Around, end: At) -> Option<f64> {
+    if !around.is_line() {
+        return None;
+    }
+    let here = around.end(end);
+    let onward = (around.d - here - here).normalize_or_zero();
+    let others = around.lines.iter().filter(|l| l.at == end);
+    Some(others.fold(0.0, |most, line| {
+        let back = (here - line.to).normalize_or_zero();
+        f64::max(most, line.weight.min(1.0) * (0.5 - 0.5 * back.dot(onward)))
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metric::Line;
+
+    /// A flat strip along x with its ends at (0, 0, 0) and (1, 0, 0); `tip` is where the face beyond the kept end goes.
+    fn strip(tip: DVec3) -> Around {
+        let d = DVec3::X;
+        let wall = |at, a, b| Wall { at, a, b };
+        Around {
+            d,
+            place: Place::Ends,
+            walls: vec![
+                wall(At::Both, d, DVec3::Y),
+                wall(At::Both, -DVec3::Y, d),
+                wall(At::Kept, DVec3::Y, tip),
+                wall(At::Kept, tip, -DVec3::Y),
+                wall(At::Removed, DVec3::new(2.0, 0.0, 0.0), DVec3::Y),
+                wall(At::Removed, -DVec3::Y, DVec3::new(2.0, 0.0, 0.0)),
+            ],
+            ..Around::default()
+        }
+    }
+
+    #[test]
+    fn the_end_whose_faces_do_not_turn_is_given_up() {
+        //      Y           The kept end has faces that stand up; the removed one lies flat.
+        //    / | \
+        // tip--0---d--2
+        //    \ | /
+        //     -Y
+        let (cost, step) = Melax::judge(&strip(DVec3::new(-1.0, 0.0, 1.0)), 1.0).unwrap();
+        assert_eq!(step, Vec3::ZERO);
+        assert!(cost <= 2.0 * TIE as f32, "{cost}");
+        let (cost, step) =
+            Melax::judge(&Around { place: Place::Removed, ..strip(DVec3::new(-1.0, 0.0, 1.0)) }, 1.0)
+                .unwrap();
+        // Their normals are (1, 0, 1) / √2, half a right angle off z.
+        assert_eq!(step, Vec3::X);
+        assert!((f64::from(cost) - (0.5 - 0.5 / 2f64.sqrt())).abs() < 1e-6, "{cost}");
+    }
+
+    #[test]
+    fn borders_are_left_along_themselves_only_and_at_the_cost_of_their_turn() {
+        let mut around = strip(-DVec3::X);
+        around.on_lines = [true, false];
+        around.lines = vec![Line { at: At::Kept, to: DVec3::new(0.0, 1.0, 0.0), weight: 1.0, sense: 1.0 }];
+        assert_eq!(Melax::judge(&Around { place: Place::Removed, ..around.clone() }, 1.0), None);
+        // The edge itself on the border, which turns by a right angle at the kept end.
+        around.lines.push(Line { at: At::Both, to: around.d, weight: 1.0, sense: -1.0 });
+        around.on_lines = [true, true];
+        let (cost, step) = Melax::judge(&Around { place: Place::Removed, ..around }, 1.0).unwrap();
+        assert_eq!(step, Vec3::X);
+        assert!((cost - 0.5).abs() < 1e-6, "{cost}");
+    }
+}

@@ -1,0 +1,104 @@
+//! Which methods take what: an option that a method has no use for is an error, not a surprise.
+
+use super::{BorderPolicy, Fit, Guards, Method, Placement, SimplifyOptions, TopologyPolicy};
+use crate::SimplifyError;
+
+use Method::{
+    Cluster, LindstromTurk, Melax, Memoryless, Planar, Quadric, Remesh, ShortestEdge, Unsubdivide,
+    VertexRemoval,
+};
+
+/// Collapses whose merged vertex may go anywhere.
+const MOVING: &[Method] = &[Memoryless, Quadric, LindstromTurk, ShortestEdge];
+/// Methods whose vertices may be, or are, vertices of the input.
+const KEEPING: &[Method] =
+    &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide];
+/// Methods that take one vertex after the other, and may refuse.
+const CHOOSING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval];
+/// The same, and regions that are turned little.
+const TURNING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar];
+/// Methods that know where a border is.
+const BORDERED: &[Method] =
+    &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide, Remesh];
+
+impl SimplifyOptions {
+    /// Whether all options are of the method, and go together.
+    pub(super) fn check_method(&self) -> Result<(), SimplifyError> {
+        let method = self.method;
+        let not = |option, takers| Err(SimplifyError::NotOfMethod { option, takers, method });
+        let own = &self.of_method;
+        for (option, takers) in own.set() {
+            if !takers.contains(&method) {
+                return not(option, takers);
+            }
+        }
+        let unlike = [
+            ("voxel", own.voxel.is_some(), "edge-length", own.edge_length.is_some()),
+            ("voxel", own.voxel.is_some(), "subdivisions", own.subdivisions.is_some()),
+            ("voxel", own.voxel.is_some(), "adaptive", own.adaptive),
+            ("voxel", own.voxel.is_some(), "iterations", own.iterations.is_some()),
+            ("voxel", own.voxel.is_some(), "angle", own.angle_deg.is_some()),
+            ("subdivisions", own.subdivisions.is_some(), "adaptive", own.adaptive),
+        ];
+        if let Some(&(first, _, second, _)) = unlike.iter().find(|x| x.1 && x.3) {
+            return Err(SimplifyError::NotTogether { first, second });
+        }
+        // A voxel surface is the input's no more; a second stage is one of collapses, after one of clusters.
+        let is_voxel = own.voxel.is_some();
+        let takes = |takers: &[Method]| match () {
+            () if own.two_stage => takers.contains(&Memoryless),
+            () => takers.contains(&method),
+        };
+        for (option, is_given, takers) in self.shared() {
+            if is_given && is_voxel {
+                return Err(SimplifyError::NotTogether { first: "voxel", second: option });
+            }
+            if is_given && !takes(takers) {
+                return not(option, takers);
+            }
+        }
+        let clusters = method == Cluster;
+        let keeps_topology = self.topology == TopologyPolicy::Preserve;
+        for (option, is_unknown, takers) in [
+            ("topology preserve", keeps_topology && clusters, BORDERED),
+            ("importance", clusters && self.importance.is_some(), CHOOSING),
+        ] {
+            if is_unknown {
+                return not(option, takers);
+            }
+        }
+        let second = match () {
+            () if is_voxel && keeps_topology => "topology preserve",
+            () if is_voxel && self.locked.is_some() => "lock",
+            () => return Ok(()),
+        };
+        Err(SimplifyError::NotTogether { first: "voxel", second })
+    }
+
+    /// Options that most methods share: names, whether they ask for something, who takes them.
+    fn shared(&self) -> [(&'static str, bool, &'static [Method]); 9] {
+        let guards = &self.guards;
+        let Guards { max_normal_deg, min_quality, max_valence, max_edge } = guards;
+        [
+            ("placement midpoint", self.placement == Placement::Midpoint, MOVING),
+            ("placement endpoint", self.placement == Placement::Endpoint, KEEPING),
+            ("fit on", self.fit == Fit::On, MOVING),
+            ("border slide", self.border == BorderPolicy::Slide, BORDERED),
+            ("border lock", self.border == BorderPolicy::Lock, BORDERED),
+            ("max-normal", max_normal_deg.is_some(), TURNING),
+            ("importance", self.importance.is_some(), CHOOSING),
+            ("min-quality or max-valence", min_quality.is_some() || max_valence.is_some(), CHOOSING),
+            ("max-edge", max_edge.is_some(), CHOOSING),
+        ]
+    }
+
+    /// The same with the placement that the method has, where it has one of its own.
+    pub(crate) fn with_own_placement(&self) -> Self {
+        let placement = match (self.method, self.placement) {
+            (Melax, _) => Placement::Endpoint,
+            (ShortestEdge, Placement::Optimal) => Placement::Midpoint,
+            (_, placement) => placement,
+        };
+        Self { placement, ..self.clone() }
+    }
+}

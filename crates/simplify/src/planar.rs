@@ -1,0 +1,134 @@
+//! Coplanar faces become as few triangles as their outline needs.
+//!
+//! ```text
+//! regions: faces round a large one, over manifold edges, while all keep to one plane and their attributes to one line
+//! chains:  the borders of regions, from corner to corner; what lies on a line goes, for both sides at once
+//! fill:    each region anew, by constrained Delaunay triangulation of what is left of its outline
+//! ```
+//!
+//! Regions as in [Hinker-Hansen 1993], with the bounds of [Kalvin-Taylor 1996]; chains by [Douglas-Peucker 1973]; filling by
+//! [Chew 1989]. That borders are shared, that attributes count, and what is done when filling fails is ours.
+//!
+//! Where that cannot be done (an outline that is not simple in its plane, an edge that would stand twice) a region keeps its
+//! outline, and if that is not enough, all of its faces. The surface stays joined in any case: chains lose vertices only
+//! where all regions along them are filled anew.
+
+mod chains;
+mod channels;
+mod fill;
+mod merge;
+mod regions;
+
+use glam::DVec3;
+use lodsmith_core::{PositionsView, Surface, Topology, VertexId};
+
+use crate::SimplifyError;
+use crate::collapse::order::NONE;
+use crate::control::Control;
+use crate::options::{BorderPolicy, Length, TopologyPolicy};
+use crate::rebuild::{Ending, Made, Task};
+use chains::Chains;
+use channels::Channels;
+use merge::{Before, Count, Merge};
+use regions::{Field, Tolerance};
+
+/// Without an option, as a share of the diagonal: three times what single precision rounds by. (Measured on ten models of
+/// machine parts: at a third of it rounding parts faces of one plane, at ten times as much curved sides begin to merge.)
+const FLAT: f64 = 2e-7;
+/// Without an option: as Blender's limited dissolve.
+const ANGLE_DEG: f64 = 5.0;
+/// What double precision rounds by, in the frame: no tolerance is less.
+const LEAST_FLAT: f64 = 1e-13;
+
+/// Merges coplanar regions, those first that save most, until the goal is met or there are no more.
+///
+/// Vertices of the result are vertices of the ground. Distances both ways are at most about twice the tolerance. Of the
+/// last region before a goal as many vertices stay inside as the goal allows.
+/// Cost: O(n log n).
+pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
+    let ground = task.ground;
+    let faces = &ground.faces;
+    let count = |n: Option<usize>| n.map_or(0, |n| i64::try_from(n).unwrap_or(i64::MAX));
+    let goal = Count { faces: count(task.goal.faces), vertices: count(task.goal.vertices) };
+    let all = Count { faces: faces.len() as i64, vertices: ground.points.len() as i64 };
+    if all.meets(goal) {
+        let made = used(&ground.points, faces.clone());
+        return Ok(Made { stands_for: Some((0..faces.len()).collect()), end: Ending::Goal, ..made });
+    }
+    let positions = PositionsView::F64(bytemuck::cast_slice(&ground.points));
+    let topology = Topology::unwelded(&Surface::with_triangles(positions, faces.clone())?);
+    let tolerance = tolerance(task);
+    let flat = ground.frame.user_length(tolerance.flat);
+    let channels = Channels::new(task.mesh, ground, &task.options.weights, flat);
+    let is_locked = |v: VertexId| ground.locked.as_ref().is_some_and(|l| l[v.index()]);
+    let field = Field {
+        points: &ground.points,
+        faces,
+        topology: &topology,
+        channels: &channels,
+        given: ground.regions.as_deref(),
+        is_fixed: &|f| faces[f].iter().all(|&v| is_locked(v)),
+        tolerance,
+    };
+    let regions = regions::grow(&field, control)?;
+    let keeps_border = task.options.border == BorderPolicy::Lock;
+    let is_held = |v: VertexId| is_locked(v) || keeps_border && topology.vertex(v).is_on_border();
+    let (chains, places) = Chains::new(&topology, &regions, &ground.points, is_held, tolerance.flat);
+    let before = Before {
+        points: &ground.points,
+        faces,
+        topology: &topology,
+        regions: &regions,
+        chains: &chains,
+        places: &places,
+        is_locked: &is_locked,
+        noise: tolerance.noise,
+        may_close: task.options.topology != TopologyPolicy::Preserve,
+    };
+    let merged = Merge::new(before).run(goal, all, control)?;
+    let made = used(&ground.points, merged.faces);
+    let left = Count { faces: made.faces.len() as i64, vertices: made.points.len() as i64 };
+    let end = match () {
+        () if left.meets(goal) => Ending::Goal,
+        () if merged.is_over || regions.is_over => Ending::Finish,
+        () => Ending::Exhausted,
+    };
+    Ok(Made {
+        stands_for: Some(merged.stands_for),
+        end,
+        steps: merged.filled,
+        refusals: merged.refusals,
+        ..made
+    })
+}
+
+/// Faces on vertices of the ground, with those that they use.
+fn used(points: &[DVec3], faces: Vec<[VertexId; 3]>) -> Made {
+    let mut number = vec![NONE; points.len()];
+    for v in faces.iter().flatten() {
+        number[v.index()] = VertexId(0);
+    }
+    let mut made = Made::default();
+    for (v, number) in number.iter_mut().enumerate().filter(|x| *x.1 != NONE) {
+        *number = VertexId::new(made.points.len());
+        made.points.push(points[v]);
+        made.kept.push(VertexId::new(v));
+    }
+    made.faces = faces.into_iter().map(|t| t.map(|v| number[v.index()])).collect();
+    made
+}
+
+fn tolerance(task: &Task<'_>) -> Tolerance {
+    let own = &task.options.of_method;
+    let noise = task.ground.length(Length::OfDiagonal(FLAT));
+    // A limit of the error is a tolerance too, and the only one where no other is given.
+    let flat = match (own.flat.map(|l| task.ground.length(l)), task.step) {
+        (Some(flat), Some(step)) => flat.min(step),
+        (flat, step) => flat.or(step).unwrap_or(noise),
+    };
+    let angle_deg = own.angle_deg.unwrap_or(ANGLE_DEG);
+    let angle_deg =
+        task.options.guards.max_normal_deg.map_or(angle_deg, |most| angle_deg.min(most)).min(89.0);
+    let flat = flat.max(LEAST_FLAT);
+    Tolerance { flat, angle_rad: angle_deg.to_radians(), noise: noise.min(flat) }
+}

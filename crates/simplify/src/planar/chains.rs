@@ -1,0 +1,279 @@
+//! The borders of regions: chains of edges between corners, which both sides share.
+
+use glam::DVec3;
+use lodsmith_core::topology::EdgeKind;
+use lodsmith_core::{HalfEdgeId, Topology, VertexId};
+
+use super::regions::Regions;
+
+/// Chains are cut in the middle where they have been cut at their farthest vertex so many times on end: no chain takes
+/// quadratic time. (Chains that are halved about evenly have fewer vertices than 2 to this power.)
+const DEEPEST: u32 = 40;
+
+/// All borders of regions.
+pub(super) struct Chains {
+    start: Vec<usize>,
+    vertices: Vec<VertexId>,
+    /// Whether a vertex is needed, for each of `vertices`.
+    needed: Vec<bool>,
+    needed_edges: Vec<usize>,
+    /// Whether a chain goes round without a corner.
+    is_free: Vec<bool>,
+    side_start: Vec<usize>,
+    sides: Vec<Side>,
+}
+
+/// A region along a chain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Side {
+    pub(super) region: u32,
+    /// Whether its faces are wound the way of the chain.
+    pub(super) is_forward: bool,
+}
+
+/// What the borders say of a vertex.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Place {
+    /// No border comes here.
+    #[default]
+    Inside,
+    /// Two edges of borders, between the same regions.
+    Along([HalfEdgeId; 2]),
+    /// A border edge that waits for a second one.
+    One(HalfEdgeId),
+    /// Any others.
+    Corner,
+}
+
+/// Whether the edge of a half-edge is part of a border.
+pub(super) fn is_border(topology: &Topology, regions: &Regions, h: HalfEdgeId) -> bool {
+    let of = |h: HalfEdgeId| regions.of_face[h.face().index()];
+    topology.kind(h) != Some(EdgeKind::Inner) || topology.twin(h).is_none_or(|g| of(g) != of(h))
+}
+
+impl Chains {
+    /// Finds the chains. `is_held` says which vertices have to stay; `flat` is how far those that are not needed may lie
+    /// from the edges that take their place. Cost: O(n log n).
+    pub(super) fn new(
+        topology: &Topology,
+        regions: &Regions,
+        points: &[DVec3],
+        is_held: impl Fn(VertexId) -> bool,
+        flat: f64,
+    ) -> (Self, Vec<Place>) {
+        let mut places = vec![Place::default(); points.len()];
+        let edges = || topology.edges().filter(|&h| is_border(topology, regions, h));
+        for h in edges() {
+            for v in [topology.origin(h), topology.target(h)] {
+                let place = &mut places[v.index()];
+                *place = match *place {
+                    Place::Inside => Place::One(h),
+                    Place::One(g) => Place::Along([g, h]),
+                    Place::Along(_) | Place::Corner => Place::Corner,
+                };
+            }
+        }
+        let mut buffers = [Vec::new(), Vec::new()];
+        for (v, place) in places.iter_mut().enumerate() {
+            let v = VertexId::new(v);
+            let stays = match *place {
+                Place::Inside => false,
+                Place::One(_) | Place::Corner => true,
+                Place::Along([g, h]) => {
+                    let [a, b] = &mut buffers;
+                    sides(topology, regions, g, topology.target(g) == v, a);
+                    sides(topology, regions, h, topology.origin(h) == v, b);
+                    a != b || is_held(v)
+                }
+            };
+            if stays {
+                *place = Place::Corner;
+            }
+        }
+        let mut all = Self {
+            start: vec![0],
+            vertices: Vec::new(),
+            needed: Vec::new(),
+            needed_edges: Vec::new(),
+            is_free: Vec::new(),
+            side_start: vec![0],
+            sides: Vec::new(),
+        };
+        let mut is_walked = vec![false; 3 * topology.face_count()];
+        let is_corner = |v: VertexId| places[v.index()] == Place::Corner;
+        for from_corners in [true, false] {
+            for h in edges() {
+                let (a, b) = (topology.origin(h), topology.target(h));
+                let from = if from_corners && !is_corner(a) { b } else { a };
+                if !is_walked[h.index()] && (!from_corners || is_corner(from)) {
+                    all.walk(topology, regions, &places, from, h, &mut is_walked);
+                }
+            }
+        }
+        all.find_needed(points, flat);
+        (all, places)
+    }
+
+    /// Follows a border from a vertex along an edge to the next corner, or round.
+    fn walk(
+        &mut self,
+        topology: &Topology,
+        regions: &Regions,
+        places: &[Place],
+        from: VertexId,
+        first: HalfEdgeId,
+        is_walked: &mut [bool],
+    ) {
+        self.vertices.push(from);
+        let (mut at, mut h) = (from, first);
+        loop {
+            is_walked[h.index()] = true;
+            at = if topology.origin(h) == at { topology.target(h) } else { topology.origin(h) };
+            self.vertices.push(at);
+            match places[at.index()] {
+                Place::Along([a, b]) if at != from => h = if a == h { b } else { a },
+                _ => break,
+            }
+        }
+        self.start.push(self.vertices.len());
+        self.is_free.push(places[from.index()] != Place::Corner);
+        let mut buffer = Vec::new();
+        sides(topology, regions, first, topology.origin(first) == from, &mut buffer);
+        self.sides.extend(buffer);
+        self.side_start.push(self.sides.len());
+    }
+
+    /// Douglas-Peucker on each chain. Those that are closed keep three vertices.
+    fn find_needed(&mut self, points: &[DVec3], flat: f64) {
+        self.needed = vec![false; self.vertices.len()];
+        let mut chain = Vec::new();
+        for c in 0..self.count() {
+            let (first, last) = (self.start[c], self.start[c + 1]);
+            chain.clear();
+            chain.extend(self.vertices[first..last].iter().map(|v| points[v.index()]));
+            let needed = &mut self.needed[first..last];
+            let end = chain.len() - 1;
+            if self.vertices[first] != self.vertices[last - 1] {
+                (needed[0], needed[end]) = (true, true);
+                split(&chain, 0, end, flat, needed);
+            } else {
+                let closed = &mut self.vertices[first..last];
+                if self.is_free[c] {
+                    // Without a corner it may begin anywhere: at a tip, so that no vertex is kept for nothing.
+                    let centre = chain[..end].iter().sum::<DVec3>() / end as f64;
+                    let tip = farthest(&chain[..end], |p| p.distance_squared(centre));
+                    closed[..end].rotate_left(tip);
+                    closed[end] = closed[0];
+                    chain[..end].rotate_left(tip);
+                    chain[end] = chain[0];
+                }
+                let across = farthest(&chain[..end], |p| p.distance_squared(chain[0]));
+                (needed[0], needed[across], needed[end]) = (true, true, true);
+                split(&chain, 0, across, flat, needed);
+                split(&chain, across, end, flat, needed);
+                if needed[..end].iter().filter(|n| **n).count() < 3 {
+                    let aside = |p: DVec3| to_segment_sq(p, chain[0], chain[across]);
+                    needed[farthest(&chain[..end], aside)] = true;
+                }
+            }
+            self.needed_edges.push(needed.iter().filter(|n| **n).count() - 1);
+        }
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.start.len() - 1
+    }
+    /// The regions along a chain, in order; one twice where it lies on both sides.
+    pub(super) fn sides(&self, chain: usize) -> &[Side] {
+        &self.sides[self.side_start[chain]..self.side_start[chain + 1]]
+    }
+    /// Vertices that are not needed.
+    pub(super) fn needless(&self, chain: usize) -> usize {
+        self.edge_count(chain) - self.needed_edges[chain]
+    }
+    pub(super) fn edge_count(&self, chain: usize) -> usize {
+        self.start[chain + 1] - self.start[chain] - 1
+    }
+    /// The vertices of a chain: all, or those that are needed.
+    pub(super) fn vertices(&self, chain: usize, all: bool) -> impl Iterator<Item = VertexId> + '_ {
+        let range = self.start[chain]..self.start[chain + 1];
+        range.filter(move |&i| all || self.needed[i]).map(|i| self.vertices[i])
+    }
+}
+
+/// The regions along an edge, in order, seen in its direction or against it.
+fn sides(topology: &Topology, regions: &Regions, h: HalfEdgeId, along: bool, out: &mut Vec<Side>) {
+    out.clear();
+    out.extend(topology.edge(h).map(|g| Side {
+        region: regions.of_face[g.face().index()],
+        is_forward: (topology.origin(g) == topology.origin(h)) == along,
+    }));
+    out.sort_unstable();
+}
+
+/// Marks the vertices between two of a chain that lie farther than `flat` from what takes their place.
+fn split(chain: &[DVec3], first: usize, last: usize, flat: f64, needed: &mut [bool]) {
+    let mut open = vec![(first, last, 0)];
+    while let Some((a, b, depth)) = open.pop() {
+        let (mut worst, mut at) = (flat * flat, None);
+        for i in a + 1..b {
+            let d = to_segment_sq(chain[i], chain[a], chain[b]);
+            if d > worst {
+                (worst, at) = (d, Some(i));
+            }
+        }
+        if let Some(i) = at {
+            let i = if depth < DEEPEST { i } else { a + (b - a) / 2 };
+            needed[i] = true;
+            open.extend([(a, i, depth + 1), (i, b, depth + 1)]);
+        }
+    }
+}
+
+/// The first of those for which `size` is largest.
+fn farthest(points: &[DVec3], size: impl Fn(DVec3) -> f64) -> usize {
+    let better = |best: (usize, f64), (i, &p): (usize, &DVec3)| {
+        let s = size(p);
+        if s > best.1 { (i, s) } else { best }
+    };
+    points.iter().enumerate().fold((0, f64::NEG_INFINITY), better).0
+}
+
+fn to_segment_sq(p: DVec3, a: DVec3, b: DVec3) -> f64 {
+    let (ab, ap) = (b - a, p - a);
+    let length_sq = ab.length_squared();
+    let t = if length_sq > 0.0 { (ap.dot(ab) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
+    (ap - ab * t).length_squared()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kept(points: &[[f64; 2]], flat: f64) -> Vec<usize> {
+        let chain: Vec<DVec3> = points.iter().map(|p| DVec3::new(p[0], p[1], 0.0)).collect();
+        let mut needed = vec![false; chain.len()];
+        split(&chain, 0, chain.len() - 1, flat, &mut needed);
+        (0..chain.len()).filter(|&i| needed[i]).collect()
+    }
+
+    #[test]
+    fn vertices_on_a_line_are_not_needed() {
+        //            4
+        // 0--1--2--3/
+        let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [4.0, 1.0]];
+        assert_eq!(kept(&points, 1e-9), [3]);
+        assert_eq!(kept(&points, 1.0), []);
+        // There and back again: the tip is needed, though it lies on the line.
+        assert_eq!(kept(&[[0.0, 0.0], [1.0, 0.0], [4.0, 0.0], [2.0, 0.0]], 1e-9), [2]);
+    }
+
+    #[test]
+    fn a_chain_that_shrinks_from_end_to_end_is_quick() {
+        // The farthest vertex is always the next one.
+        let points: Vec<[f64; 2]> =
+            (0..200_000).map(|i| [f64::from(i), (-f64::from(i) / 300.0).exp() * f64::from(i % 2)]).collect();
+        let kept = kept(&points, 1e-9);
+        assert!(kept.len() < points.len() && kept.len() > 1000, "{}", kept.len());
+    }
+}

@@ -1,0 +1,94 @@
+//! Attributes as numbers that have to go on linearly over a region.
+
+use lodsmith_core::{Morphed, Semantic, TriMesh, WedgeId};
+
+use crate::options::AttributeWeights;
+use crate::rebuild::Ground;
+
+/// What may be between a value and the linear function of its region. Half a texel of a texture of 4096; a step of colours
+/// of eight bits; about half a degree; and as shares of the largest value, weights of skins and values of a name.
+const UV: f32 = 1e-4;
+const COLOR: f32 = 0.004;
+const NORMAL: f32 = 0.01;
+const OTHER: f32 = 1e-3;
+/// What single precision rounds by, as a share of the largest value.
+const ROUNDING: f32 = 5e-7;
+
+/// All numbers that stand at corners and vary.
+#[derive(Default)]
+pub(super) struct Channels<'a> {
+    scalars: Vec<Scalar<'a>>,
+    /// By face.
+    wedges: Vec<[WedgeId; 3]>,
+}
+
+struct Scalar<'a> {
+    values: &'a [f32],
+    width: usize,
+    at: usize,
+    tolerance: f64,
+}
+
+impl<'a> Channels<'a> {
+    /// Those of a mesh that have a weight, for faces of the ground; `flat` is in user units.
+    pub(super) fn new(
+        mesh: Option<&'a TriMesh>,
+        ground: &Ground,
+        weights: &AttributeWeights,
+        flat: f64,
+    ) -> Self {
+        let mut all = Self::default();
+        let Some(mesh) = mesh else { return all };
+        let mut add = |values: &'a [f32], width: usize, weight: f64, tolerance: f32, share: f32| {
+            for at in (0..width).filter(|_| weight > 0.0) {
+                let of = || values.iter().skip(at).step_by(width);
+                if of().all(|x| *x == values[at]) {
+                    continue;
+                }
+                let largest = of().fold(0f32, |m, x| m.max(x.abs()));
+                let tolerance = f64::from(tolerance).max(f64::from(share) * f64::from(largest));
+                all.scalars.push(Scalar { values, width, at, tolerance });
+            }
+        };
+        if let Some(x) = mesh.uvs() {
+            add(bytemuck::cast_slice(x), 2, weights.uv, UV, ROUNDING);
+        }
+        if let Some(x) = mesh.colors() {
+            add(bytemuck::cast_slice(x), 4, weights.color, COLOR, ROUNDING);
+        }
+        if let Some(x) = mesh.normals() {
+            add(bytemuck::cast_slice(x), 3, weights.normal, NORMAL, ROUNDING);
+        }
+        for a in mesh.further_attributes() {
+            let (weight, tolerance, share) = match a.semantic {
+                Semantic::Uv(_) => (weights.uv, UV, ROUNDING),
+                Semantic::Color(_) => (weights.color, COLOR, ROUNDING),
+                // Directions, like normals; numbers of joints have to be the same all over.
+                Semantic::Tangent => (weights.normal, NORMAL, ROUNDING),
+                Semantic::Joints(_) => (weights.other, 0.0, 0.0),
+                Semantic::Morph { of: Morphed::Position, .. } => (weights.morph, flat as f32, ROUNDING),
+                Semantic::Morph { .. } => (weights.morph, NORMAL, ROUNDING),
+                Semantic::Weights(_) | Semantic::Custom(_) => (weights.other, 0.0, OTHER),
+            };
+            add(&a.values, a.width, weight, tolerance, share);
+        }
+        if !all.scalars.is_empty() {
+            all.wedges = ground.origin.iter().map(|f| mesh.triangles()[f.index()]).collect();
+        }
+        all
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.scalars.len()
+    }
+
+    pub(super) fn tolerance(&self, channel: usize) -> f64 {
+        self.scalars[channel].tolerance
+    }
+
+    #[inline]
+    pub(super) fn value(&self, channel: usize, face: usize, corner: usize) -> f64 {
+        let s = &self.scalars[channel];
+        f64::from(s.values[self.wedges[face][corner].index() * s.width + s.at])
+    }
+}

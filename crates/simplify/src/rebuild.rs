@@ -1,0 +1,427 @@
+//! Methods that make a new surface at once, instead of edge by edge: what they start from, and what becomes of theirs.
+
+mod distinct;
+mod dress;
+
+use glam::DVec3;
+use lodsmith_core::geometry::frame::UnitFrame;
+use lodsmith_core::spatial::Bvh;
+use lodsmith_core::{Bounds, FaceId, Positions, PositionsView, RegionId, Surface, TriMesh, VertexId};
+
+use crate::attributes::Rows;
+use crate::care::Held;
+use crate::collapse::order::{self, NONE, Ordered};
+use crate::collapse::{End, Goal};
+use crate::control::{Control, Stage, Verdict};
+use crate::options::{Length, Method, SimplifyOptions};
+use crate::report::Refusal;
+use crate::run::{Input, Outcome, Run};
+use crate::{SimplifyError, planar, remesh, unsubdivide, vertex_removal};
+use dress::{Clothes, Dressed, Shading};
+
+/// The input of such a method: equal places are one vertex, faces without three places and those that stand twice are left
+/// out. In double precision, in a frame from -1 to 1; vertices along a Morton curve, faces by their least vertex.
+pub(crate) struct Ground {
+    pub(crate) frame: UnitFrame,
+    pub(crate) points: Vec<DVec3>,
+    pub(crate) faces: Vec<[VertexId; 3]>,
+    /// The face of the input that each face is.
+    pub(crate) origin: Vec<FaceId>,
+    /// The region of each face, where there are several.
+    pub(crate) regions: Option<Vec<RegionId>>,
+    /// Whether each vertex is locked, where any is.
+    pub(crate) locked: Option<Vec<bool>>,
+    /// What a step costs times at each vertex, where places are not equally important.
+    pub(crate) prices: Option<Vec<f32>>,
+    /// Faces that were there already, left out.
+    pub(crate) duplicate_faces: usize,
+    /// Diagonal of the box, in user units.
+    pub(crate) diagonal: f64,
+    /// Whether positions leave in single precision.
+    pub(crate) is_single: bool,
+    /// A vertex of the input at each place.
+    first: Vec<VertexId>,
+}
+
+impl Ground {
+    /// A length of the options, in the frame.
+    pub(crate) fn length(&self, length: Length) -> f64 {
+        self.frame.unit_length(length.in_units(self.diagonal))
+    }
+}
+
+/// What such a method is told.
+pub(crate) struct Task<'a> {
+    pub(crate) ground: &'a Ground,
+    /// What the ground was made from, where attributes are kept: `origin` names its faces.
+    pub(crate) mesh: Option<&'a TriMesh>,
+    pub(crate) options: &'a SimplifyOptions,
+    /// Counts at which it may end; none where it goes on by itself.
+    pub(crate) goal: Goal,
+    /// In search of an error: the largest distance that a step may leave, in the frame.
+    pub(crate) step: Option<f64>,
+}
+
+/// What such a method makes.
+#[derive(Default)]
+pub(crate) struct Made {
+    /// In the frame; each is named by a face.
+    pub(crate) points: Vec<DVec3>,
+    /// The vertex of the ground that each point still is, bit by bit, or [`NONE`].
+    pub(crate) kept: Vec<VertexId>,
+    pub(crate) faces: Vec<[VertexId; 3]>,
+    /// For each face one of the ground that it stands for, where the method knows it; else it is found by place.
+    pub(crate) stands_for: Option<Vec<usize>>,
+    /// The region of each face, where that is settled already.
+    pub(crate) regions: Option<Vec<RegionId>>,
+    pub(crate) end: Ending,
+    /// Steps taken: what the report calls collapses.
+    pub(crate) steps: u64,
+    pub(crate) refusals: [u64; Refusal::ALL.len()],
+    pub(crate) parts_removed: usize,
+    pub(crate) necks_cut: usize,
+    /// RMS distance in the frame, where the method has a figure; else it is measured with few samples.
+    pub(crate) estimate: Option<f64>,
+}
+
+/// How such a method came to its end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// The goal is met.
+    Goal,
+    /// It has nothing more to take away.
+    #[default]
+    Exhausted,
+    /// What is left was refused.
+    Stuck,
+    /// The caller wants the best so far.
+    Finish,
+}
+
+/// Whether an error is kept by the steps of the method, and not by their number.
+pub(crate) fn goes_by_step(method: Method) -> bool {
+    matches!(method, Method::Planar | Method::Unsubdivide)
+}
+
+/// One run to a goal by the options' method.
+pub(crate) fn pass(
+    run: &mut Run<'_, '_>,
+    goal: Goal,
+    step: Option<f64>,
+    control: &mut dyn Control,
+) -> Result<Outcome, SimplifyError> {
+    control.stage(Stage::Prepare);
+    let ground = ground(run);
+    control.stage(Stage::Collapse);
+    match control.progress(0.0) {
+        Verdict::Continue => {}
+        Verdict::Finish => return outcome(run, &ground, untouched(&ground)),
+        Verdict::Cancel => return Err(SimplifyError::Cancelled),
+    }
+    let step = step.map(|s| ground.frame.unit_length(s));
+    let task = Task { ground: &ground, mesh: run.input.mesh, options: run.options, goal, step };
+    let made = match run.options.method {
+        Method::VertexRemoval => vertex_removal::make(&task, control)?,
+        Method::Planar => planar::make(&task, control)?,
+        Method::Unsubdivide => unsubdivide::make(&task, control)?,
+        Method::Remesh => remesh::make(&task, control)?,
+        other => unreachable!("{other:?} collapses"),
+    };
+    outcome(run, &ground, made)
+}
+
+fn ground(run: &Run<'_, '_>) -> Ground {
+    let locked = run.care.locked().map(<[bool]>::to_vec);
+    Ground { locked, prices: run.care.prices(), ..ground_of(run.input, run.ordered) }
+}
+
+/// The ground without what the options ask of single vertices.
+fn ground_of(input: &Input<'_>, ordered: &Ordered) -> Ground {
+    let surface = &input.surface;
+    let positions = surface.positions();
+    let mut first = vec![NONE; ordered.point_count];
+    for (i, r) in ordered.rank.iter().enumerate().rev() {
+        if *r != NONE {
+            first[r.index()] = VertexId::new(i);
+        }
+    }
+    let places: Vec<[f64; 3]> = first.iter().map(|&v| positions.get(v)).collect();
+    let bounds = PositionsView::F64(&places).bounds().unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] });
+    let frame = UnitFrame::of(&bounds);
+    let mut faces = match ordered.faces.is_empty() {
+        // Taken by a pass before.
+        true => ordered.faces_again(surface),
+        false => ordered.faces.clone(),
+    };
+    let mut origin = ordered.of_faces(surface, FaceId::new, FaceId(0));
+    let regions = input.mesh.and_then(TriMesh::regions).filter(|r| r.iter().any(|x| *x != r[0]));
+    let mut regions = regions.map(|r| ordered.of_faces(surface, |i| r[i], RegionId(0)));
+    let keep = distinct::first_of_each(&faces);
+    let duplicate_faces = keep.iter().filter(|k| !**k).count();
+    if duplicate_faces > 0 {
+        distinct::retain(&mut faces, &keep);
+        distinct::retain(&mut origin, &keep);
+        regions.iter_mut().for_each(|r| distinct::retain(r, &keep));
+    }
+    Ground {
+        frame,
+        points: places.iter().map(|&p| frame.unit_from_user(p)).collect(),
+        faces,
+        origin,
+        regions,
+        locked: None,
+        prices: None,
+        duplicate_faces,
+        diagonal: ordered.diagonal,
+        is_single: matches!(positions, PositionsView::F32(_)),
+        first,
+    }
+}
+
+/// The ground as it is: the best so far, before the first step.
+fn untouched(ground: &Ground) -> Made {
+    let mut number = vec![NONE; ground.points.len()];
+    let mut made = Made { end: Ending::Finish, estimate: Some(0.0), ..Made::default() };
+    for &v in ground.faces.as_flattened() {
+        if number[v.index()] == NONE {
+            number[v.index()] = VertexId::new(made.points.len());
+            made.points.push(ground.points[v.index()]);
+            made.kept.push(v);
+        }
+    }
+    made.faces = ground.faces.iter().map(|t| t.map(|v| number[v.index()])).collect();
+    made
+}
+
+fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, SimplifyError> {
+    let positions = run.input.surface.positions();
+    let place = |i: usize| match made.kept[i] {
+        NONE => ground.frame.user_from_unit(made.points[i]),
+        kept => positions.get(ground.first[kept.index()]),
+    };
+    let places = (0..made.points.len()).map(place);
+    let positions = match positions {
+        PositionsView::F32(_) => Positions::F32(places.map(|p| p.map(|x| x as f32)).collect()),
+        PositionsView::F64(_) => Positions::F64(places.collect()),
+    };
+    let estimate = made.estimate.unwrap_or_else(|| estimate(ground, &made));
+    let end = match made.end {
+        Ending::Goal => End::Goal,
+        Ending::Exhausted => End::Exhausted,
+        Ending::Stuck => End::Stuck,
+        Ending::Finish => End::Finish,
+    };
+    let (mesh, held) = dressed(run.input, run.ordered, ground, &made, positions, None)?;
+    Ok(Outcome {
+        mesh,
+        end,
+        estimate: ground.frame.user_length(estimate),
+        fitted: false,
+        refusals: made.refusals,
+        collapses: made.steps,
+        parts_removed: made.parts_removed,
+        necks_cut: made.necks_cut,
+        pairs_contracted: 0,
+        touches: false,
+        seams_relaxed: false,
+        duplicate_faces: ground.duplicate_faces,
+        proposals: Vec::new(),
+        held,
+    })
+}
+
+/// A result whose seams gave way, with what the input carries at each place: a face over a seam would show what lies
+/// between two pieces of the texture. Its shading stays.
+pub(crate) fn dressed_again(
+    run: &Run<'_, '_>,
+    mesh: &TriMesh,
+    shading: Shading<'_>,
+) -> Result<TriMesh, SimplifyError> {
+    dressed_bare(run.input, run.ordered, mesh, Some(shading))
+}
+
+/// A mesh that carries nothing, with what the input carries at each place.
+pub(crate) fn dressed_new(input: &Input<'_>, mesh: &TriMesh) -> Result<TriMesh, SimplifyError> {
+    dressed_bare(input, &order::order(&input.surface), mesh, None)
+}
+
+fn dressed_bare(
+    input: &Input<'_>,
+    ordered: &Ordered,
+    mesh: &TriMesh,
+    shading: Option<Shading<'_>>,
+) -> Result<TriMesh, SimplifyError> {
+    let ground = ground_of(input, ordered);
+    let surface = mesh.surface();
+    let view = surface.positions();
+    let points: Vec<DVec3> = view.iter().map(|p| ground.frame.unit_from_user(p)).collect();
+    let made = Made {
+        kept: vec![NONE; points.len()],
+        points,
+        faces: surface.triangles().to_vec(),
+        regions: mesh.regions().map(<[_]>::to_vec),
+        ..Made::default()
+    };
+    Ok(dressed(input, ordered, &ground, &made, mesh.positions().clone(), shading)?.0)
+}
+
+/// The new mesh with what the input carries there.
+fn dressed(
+    input: &Input<'_>,
+    ordered: &Ordered,
+    ground: &Ground,
+    made: &Made,
+    positions: Positions,
+    shading: Option<Shading<'_>>,
+) -> Result<(TriMesh, Held), SimplifyError> {
+    let place = |mesh: &TriMesh, w| ordered.rank[input.joined(mesh.vertex_of(w)).index()];
+    let rows = |mesh: &TriMesh| Rows::new(mesh, |w| place(mesh, w));
+    let Some((input, (rows, attributes))) = input.mesh.and_then(|mesh| Some((mesh, rows(mesh)?))) else {
+        return Ok((TriMesh::new(positions, made.faces.clone())?, Held::default()));
+    };
+    let wedges: Vec<_> = ground.origin.iter().map(|f| input.triangles()[f.index()]).collect();
+    let corners: Vec<_> = wedges.iter().map(|t| t.map(|w| rows.wedge_rows[w.index()])).collect();
+    let clothes =
+        Clothes { ground, rows: &rows, attributes: &attributes, corners: &corners, wedges: &wedges, shading };
+    let Dressed { corners, attributes, regions, held } = dress::dress(&clothes, made)?;
+    let mut mesh = rows.mesh(Some(&attributes), positions, &made.faces, &corners)?;
+    let all_one = || input.regions().and_then(|all| all.first().map(|&r| vec![r; made.faces.len()]));
+    mesh.set_regions(regions.or_else(all_one))?;
+    held.restore(&mut mesh, input);
+    Ok((mesh, held))
+}
+
+/// Vertices of the input that an estimate looks at, at most.
+const LOOKS: usize = 2000;
+
+/// The RMS distance of some vertices of the ground from what was made, in the frame.
+fn estimate(ground: &Ground, made: &Made) -> f64 {
+    let points: Vec<[f64; 3]> = made.points.iter().map(|p| p.to_array()).collect();
+    let Ok(surface) = Surface::new(PositionsView::F64(&points), bytemuck::cast_slice(&made.faces)) else {
+        return 0.0;
+    };
+    let tree = Bvh::new(&surface);
+    let stride = ground.points.len().div_ceil(LOOKS).max(1);
+    let hits: Vec<f64> = ground
+        .points
+        .iter()
+        .step_by(stride)
+        .filter_map(|p| tree.closest(p.to_array()))
+        .map(|h| h.distance)
+        .collect();
+    (hits.iter().map(|d| d * d).sum::<f64>() / hits.len().max(1) as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::WedgeId;
+
+    use super::*;
+    use crate::control::NoControl;
+    use crate::run;
+
+    const SIDE: u32 = 8;
+
+    /// A flat square of 2 · 8 · 8 faces; the textures of its left and its right half lie apart.
+    fn square() -> TriMesh {
+        let at = |x: u32, y: u32| VertexId(y * (SIDE + 1) + x);
+        let places = (0..=SIDE).flat_map(|y| (0..=SIDE).map(move |x| [x as f32, y as f32, 0.0]));
+        let positions: Vec<[f32; 3]> = places.collect();
+        let (mut vertex_of, mut uvs, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+        for (x, y) in (0..SIDE).flat_map(|y| (0..SIDE).map(move |x| (x, y))) {
+            let quad = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+            let first = vertex_of.len() as u32;
+            for v in quad {
+                let [u, t, _] = positions[v.index()];
+                vertex_of.push(v);
+                uvs.push([u + if x < SIDE / 2 { 0.0 } else { 100.0 }, t]);
+            }
+            triangles.extend([[0, 1, 2], [0, 2, 3]].map(|t| t.map(|k| WedgeId(first + k))));
+        }
+        let mut mesh = TriMesh::with_wedges(Positions::F32(positions), vertex_of, triangles).unwrap();
+        mesh.set_uvs(Some(uvs)).unwrap();
+        mesh
+    }
+
+    fn rebuilt(mesh: &TriMesh, pass: run::Pass) -> TriMesh {
+        let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
+        let options = SimplifyOptions { measure: crate::Measure::Auto, ..SimplifyOptions::default() };
+        run::run_with(pass, &input, &options, &mut NoControl).unwrap().0.mesh
+    }
+
+    /// Place and texture of each corner, by face, in an order of their own.
+    fn told(mesh: &TriMesh) -> Vec<Vec<[String; 2]>> {
+        let view = mesh.positions().view();
+        let uvs = mesh.uvs().unwrap();
+        let corner =
+            |w: &WedgeId| [format!("{:?}", view.get(mesh.vertex_of(*w))), format!("{:?}", uvs[w.index()])];
+        let mut all: Vec<Vec<_>> = mesh.triangles().iter().map(|t| t.iter().map(corner).collect()).collect();
+        all.iter_mut().for_each(|t: &mut Vec<[String; 2]>| t.sort());
+        all.sort();
+        all
+    }
+
+    #[test]
+    fn a_surface_that_stays_carries_the_same() {
+        let mesh = square();
+        let same = rebuilt(&mesh, |run, _, _, _| {
+            let ground = ground(run);
+            let kept = (0..ground.points.len()).map(VertexId::new).collect();
+            let made =
+                Made { points: ground.points.clone(), kept, faces: ground.faces.clone(), ..Made::default() };
+            outcome(run, &ground, made)
+        });
+        assert_eq!(told(&same), told(&mesh));
+        let middle = SIDE as usize + 1;
+        assert_eq!(
+            same.wedge_count(),
+            same.vertex_count() + middle,
+            "two wedges along the seam, one elsewhere"
+        );
+    }
+
+    #[test]
+    fn new_faces_take_their_values_from_one_side() {
+        // Four strips over the whole height.
+        let mesh = square();
+        let strips = rebuilt(&mesh, |run, _, _, _| {
+            let ground = ground(run);
+            let cuts = [0.0, 2.0, 4.0, 6.0, 8.0];
+            let mut made = Made::default();
+            for x in cuts {
+                for y in [0.0, 8.0] {
+                    made.points.push(ground.frame.unit_from_user([x, y, 0.0]));
+                    made.kept.push(NONE);
+                }
+            }
+            for i in (0..8).step_by(2) {
+                made.faces.extend([[i, i + 2, i + 3], [i, i + 3, i + 1]].map(|t| t.map(VertexId)));
+            }
+            outcome(run, &ground, made)
+        });
+        let (view, uvs) = (strips.positions().view(), strips.uvs().unwrap());
+        for t in strips.triangles() {
+            let right = t.iter().all(|w| view.get(strips.vertex_of(*w))[0] >= 4.0);
+            for w in t {
+                let p = view.get(strips.vertex_of(*w));
+                let wanted = [p[0] as f32 + if right { 100.0 } else { 0.0 }, p[1] as f32];
+                assert!(
+                    (0..2).all(|k| (uvs[w.index()][k] - wanted[k]).abs() < 1e-4),
+                    "{p:?}: {:?}",
+                    uvs[w.index()]
+                );
+            }
+        }
+        assert_eq!(strips.wedge_count(), 12, "two along the seam");
+
+        let whole = rebuilt(&mesh, |run, _, _, _| {
+            let ground = ground(run);
+            let places = [[0.0, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 8.0, 0.0]];
+            let points = places.map(|p| ground.frame.unit_from_user(p)).to_vec();
+            let faces = vec![[0, 1, 2].map(VertexId)];
+            outcome(run, &ground, Made { points, kept: vec![NONE; 3], faces, ..Made::default() })
+        });
+        let uvs = whole.uvs().unwrap();
+        assert!(uvs.iter().all(|uv| uv[0] < 50.0), "a face over a seam is on one side of it: {uvs:?}");
+    }
+}

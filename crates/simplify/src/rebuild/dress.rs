@@ -1,0 +1,334 @@
+//! What the corners of a new surface carry, from the nearest places of the old one.
+//!
+//! A new face belongs to one place of the old surface: the one under its centre. From there its corners look for their
+//! nearest points without stepping over a seam, so a face that lies over a seam takes all of its values from one side. Seams
+//! of shading are another matter than those of textures: each has its own neighbourhood.
+
+use glam::DVec3;
+use lodsmith_core::geometry::triangle::{double_area_normal, nearest, weights_at};
+use lodsmith_core::spatial::Bvh;
+use lodsmith_core::{FaceId, PositionsView, RegionId, Surface, VertexId, WedgeId};
+
+use super::{Ground, Made};
+use crate::SimplifyError;
+use crate::attributes::Rows;
+use crate::care::Held;
+use crate::collapse::attributes::{Attributes, Pulls};
+use crate::collapse::order::NONE;
+
+/// No neighbour: a border, a seam or a fork.
+const ALONE: u32 = u32::MAX;
+/// Cosine of the angle beyond which a face of the old surface is no place for one of the new.
+const AWAY: f64 = -0.2;
+/// How far a corner is drawn towards the middle of its face where several old faces are equally near.
+const INWARDS: f64 = 0.1;
+/// Rows at one vertex whose values differ by less than this share of the largest of their kind are one.
+const ALIKE: f32 = 1e-5;
+
+/// Values at the corners of the old surface.
+pub(super) struct Clothes<'a> {
+    pub(super) ground: &'a Ground,
+    pub(super) rows: &'a Rows,
+    pub(super) attributes: &'a Attributes,
+    /// The row of each corner of the ground.
+    pub(super) corners: &'a [[WedgeId; 3]],
+    /// The wedge of the input there.
+    pub(super) wedges: &'a [[WedgeId; 3]],
+    /// What the new corners have of shading already, where that stays.
+    pub(super) shading: Option<Shading<'a>>,
+}
+
+/// Values of the new corners, and the row of each.
+pub(crate) type Shading<'a> = (&'a Attributes, &'a [[WedgeId; 3]]);
+
+/// What the new surface carries.
+pub(super) struct Dressed {
+    pub(super) corners: Vec<[WedgeId; 3]>,
+    pub(super) attributes: Attributes,
+    pub(super) regions: Option<Vec<RegionId>>,
+    pub(super) held: Held,
+}
+
+/// Dresses the faces of `made`. Cost: O(n log n) for n faces of the ground; a new face looks at the old ones under it.
+pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, SimplifyError> {
+    let Clothes { ground, rows, attributes, .. } = *clothes;
+    let points: Vec<[f64; 3]> = ground.points.iter().map(|p| p.to_array()).collect();
+    let surface = Surface::new(PositionsView::F64(&points), bytemuck::cast_slice(&ground.faces))?;
+    let tree = Bvh::new(&surface);
+    let width = rows.width();
+    let is_shading: Vec<bool> = rows.shading();
+    let same = |a: WedgeId, b: WedgeId, shading: bool| {
+        let (x, y) = (attributes.of(a), attributes.of(b));
+        let pulls = shading
+            || attributes.pulls.is_empty()
+            || attributes.pulls[a.index()] == attributes.pulls[b.index()];
+        a == b || pulls && (0..width).all(|k| is_shading[k] != shading || x[k].to_bits() == y[k].to_bits())
+    };
+    let region = |f: usize| ground.regions.as_ref().map(|r| r[f]);
+    let has_others = is_shading.contains(&false) || !attributes.pulls.is_empty();
+    let has = [has_others, clothes.shading.is_none() && is_shading.contains(&true)];
+    let links = |shading: bool| {
+        let joined = |[f, g]: [usize; 2], corners: [[usize; 2]; 2]| {
+            let row = |f: usize, k: usize| clothes.corners[f][k];
+            region(f) == region(g) && corners.into_iter().all(|[a, b]| same(row(f, a), row(g, b), shading))
+        };
+        neighbours(&ground.faces, ground.points.len(), joined)
+    };
+    let mut patches = [false, true]
+        .map(|shading| has[usize::from(shading)].then(|| Patch::new(links(shading), ground.faces.len())));
+
+    let largest = rows.largest();
+    let mut values: Vec<f32> = Vec::new();
+    let mut pulls: Vec<Pulls> = Vec::new();
+    // Rows of each new vertex so far, as a chain.
+    let mut first = vec![NO_ROW; made.points.len()];
+    let mut next: Vec<u32> = Vec::new();
+    let mut corners = vec![[WedgeId(0); 3]; made.faces.len()];
+    let mut held = Vec::with_capacity(made.faces.len());
+    let mut regions = ground.regions.as_ref().map(|_| Vec::with_capacity(made.faces.len()));
+    let mut row = vec![0f32; width];
+    let settled = |i: usize| made.regions.as_ref().filter(|_| ground.regions.is_some()).map(|r| r[i]);
+    for (i, t) in made.faces.iter().enumerate() {
+        let places = t.map(|v| made.points[v.index()]);
+        let centre = (places[0] + places[1] + places[2]) / 3.0;
+        let normal = double_area_normal(places);
+        let under = match &made.stands_for {
+            Some(known) => known[i],
+            None => under(&tree, ground, centre, normal, settled(i)),
+        };
+        if let (Some(regions), Some(own)) = (&mut regions, settled(i).or_else(|| region(under))) {
+            regions.push(own);
+        }
+        for patch in patches.iter_mut().flatten() {
+            patch.grow(ground, under, centre, places.iter().map(|p| p.distance(centre)).fold(0.0, f64::max));
+        }
+        let mut own_held = [None; 3];
+        for (k, &v) in t.iter().enumerate() {
+            let mut exact = true;
+            let mut own_pulls = Pulls::new();
+            let mut wedge = None;
+            for (patch, shading) in patches.iter().zip([false, true]) {
+                let Some(patch) = patch else { continue };
+                let at = patch.nearest(ground, places[k], centre, made.kept[v.index()]);
+                let at_corner = at.weights.iter().position(|w| *w >= 1.0);
+                let rows_there = clothes.corners[at.face];
+                for lane in (0..width).filter(|&lane| is_shading[lane] == shading) {
+                    row[lane] = match at_corner {
+                        Some(c) => attributes.of(rows_there[c])[lane],
+                        None => {
+                            let part =
+                                |c: usize| at.weights[c] * f64::from(attributes.of(rows_there[c])[lane]);
+                            (part(0) + part(1) + part(2)) as f32
+                        }
+                    };
+                }
+                if !shading && !attributes.pulls.is_empty() {
+                    own_pulls = blend(&rows_there.map(|r| &attributes.pulls[r.index()]), &at.weights);
+                }
+                let own =
+                    at_corner.filter(|_| made.kept[v.index()] != NONE).map(|c| clothes.wedges[at.face][c]);
+                exact &= own.is_some() && wedge.is_none_or(|w| Some(w) == own);
+                wedge = own;
+            }
+            if let Some((own, wedges)) = clothes.shading {
+                for lane in (0..width).filter(|&lane| is_shading[lane]) {
+                    row[lane] = own.of(wedges[i][k])[lane];
+                }
+            }
+            own_held[k] = wedge.filter(|_| exact);
+            // An equal row of this vertex, or a new one.
+            let mut known = first[v.index()];
+            while known != NO_ROW {
+                let r = known as usize;
+                let is_alike = |k: usize| (values[r * width + k] - row[k]).abs() <= ALIKE * largest[k];
+                if (0..width).all(is_alike) && (pulls.is_empty() || alike(&pulls[r], &own_pulls)) {
+                    break;
+                }
+                known = next[r];
+            }
+            if known == NO_ROW {
+                known = next.len() as u32;
+                next.push(std::mem::replace(&mut first[v.index()], known));
+                values.extend_from_slice(&row);
+                if !attributes.pulls.is_empty() {
+                    pulls.push(own_pulls);
+                }
+            }
+            corners[i][k] = WedgeId(known);
+        }
+        held.push(own_held);
+    }
+    let attributes = Attributes::new(
+        next.len(),
+        width,
+        attributes.directions.clone(),
+        attributes.textures.clone(),
+        &values,
+        pulls,
+    );
+    Ok(Dressed { corners, attributes, regions, held: Held::new(held.into_iter()) })
+}
+
+const NO_ROW: u32 = u32::MAX;
+
+/// The face of the ground nearest to the centre of a new face, of its region where that is settled, that does not look the
+/// other way; if all do, the nearest of the region; if there is none, the nearest.
+fn under(tree: &Bvh, ground: &Ground, centre: DVec3, normal: DVec3, settled: Option<RegionId>) -> usize {
+    let is_ours = |f: FaceId| settled.is_none() || ground.regions.as_ref().map(|r| r[f.index()]) == settled;
+    let faces_us = |f: FaceId| {
+        let own = double_area_normal(ground.faces[f.index()].map(|v| ground.points[v.index()]));
+        own.dot(normal) > AWAY * own.length() * normal.length()
+    };
+    let place = centre.to_array();
+    let hit = tree.closest_of(place, |f| is_ours(f) && faces_us(f));
+    let hit = hit.or_else(|| tree.closest_of(place, is_ours)).or_else(|| tree.closest(place));
+    hit.map_or(0, |h| h.face.index())
+}
+
+/// For each edge of each face (the one from corner k to the next) the face beyond it, or [`ALONE`].
+fn neighbours(
+    faces: &[[VertexId; 3]],
+    vertices: usize,
+    joined: impl Fn([usize; 2], [[usize; 2]; 2]) -> bool,
+) -> Vec<[u32; 3]> {
+    // Edges by their lesser end: a counting sort, then a look through the few at each vertex.
+    let ends = |f: usize, k: usize| [faces[f][k], faces[f][(k + 1) % 3]];
+    let mut at = vec![0u32; vertices + 1];
+    for f in 0..faces.len() {
+        for k in 0..3 {
+            let [a, b] = ends(f, k);
+            at[a.min(b).index() + 1] += 1;
+        }
+    }
+    for i in 0..vertices {
+        at[i + 1] += at[i];
+    }
+    let mut slots = at.clone();
+    let mut edges = vec![(0u32, 0u32); 3 * faces.len()];
+    for f in 0..faces.len() {
+        for k in 0..3 {
+            let [a, b] = ends(f, k);
+            let slot = &mut slots[a.min(b).index()];
+            edges[*slot as usize] = (a.max(b).0, (3 * f + k) as u32);
+            *slot += 1;
+        }
+    }
+    let mut beyond = vec![[ALONE; 3]; faces.len()];
+    for i in 0..vertices {
+        let own = &mut edges[at[i] as usize..at[i + 1] as usize];
+        own.sort_unstable();
+        for same in own.chunk_by(|a, b| a.0 == b.0) {
+            let &[(_, one), (_, other)] = same else { continue };
+            let [(f, k), (g, l)] = [one, other].map(|x| (x as usize / 3, x as usize % 3));
+            // Corners at the same vertex, on either side.
+            let is_turned = faces[f][k] == faces[g][l];
+            let pairs = match is_turned {
+                true => [[k, l], [(k + 1) % 3, (l + 1) % 3]],
+                false => [[k, (l + 1) % 3], [(k + 1) % 3, l]],
+            };
+            if joined([f, g], pairs) {
+                (beyond[f][k], beyond[g][l]) = (g as u32, f as u32);
+            }
+        }
+    }
+    beyond
+}
+
+/// Old faces around the place of a new one, as far as no seam lies between.
+struct Patch {
+    links: Vec<[u32; 3]>,
+    faces: Vec<u32>,
+    seen: Vec<u32>,
+    turn: u32,
+}
+
+/// The nearest point of a patch.
+struct Place {
+    face: usize,
+    weights: [f64; 3],
+}
+
+impl Patch {
+    fn new(links: Vec<[u32; 3]>, faces: usize) -> Self {
+        Self { links, faces: Vec::new(), seen: vec![0; faces], turn: 0 }
+    }
+
+    /// Takes the faces around `from` whose distance from the centre is up to the radius, and more if the surface is further
+    /// away.
+    fn grow(&mut self, ground: &Ground, from: usize, centre: DVec3, radius: f64) {
+        let distance_sq =
+            |f: usize| nearest(centre, ground.faces[f].map(|v| ground.points[v.index()])).distance_sq;
+        let reach = radius + distance_sq(from).sqrt();
+        self.turn += 1;
+        self.faces.clear();
+        self.faces.push(from as u32);
+        self.seen[from] = self.turn;
+        let mut looked = 0;
+        while looked < self.faces.len() {
+            for g in self.links[self.faces[looked] as usize] {
+                if g != ALONE && self.seen[g as usize] != self.turn {
+                    self.seen[g as usize] = self.turn;
+                    if distance_sq(g as usize) <= reach * reach {
+                        self.faces.push(g);
+                    }
+                }
+            }
+            looked += 1;
+        }
+    }
+
+    /// The nearest point to a corner; where several faces share it, on the one towards the centre. A vertex that was kept is
+    /// found as itself, where the patch has it.
+    fn nearest(&self, ground: &Ground, place: DVec3, centre: DVec3, kept: VertexId) -> Place {
+        let corners = |f: u32| ground.faces[f as usize].map(|v| ground.points[v.index()]);
+        let inwards = place.lerp(centre, INWARDS);
+        let mut best = (f64::INFINITY, f64::INFINITY, u32::MAX, None);
+        for &f in &self.faces {
+            let own =
+                if kept == NONE { None } else { ground.faces[f as usize].iter().position(|v| *v == kept) };
+            let distance_sq = if own.is_some() { 0.0 } else { nearest(place, corners(f)).distance_sq };
+            // Equal but for rounding, in a frame of size 1.
+            if distance_sq.sqrt() > best.0.sqrt() + 1e-12 {
+                continue;
+            }
+            let aside = nearest(inwards, corners(f)).distance_sq;
+            let is_nearer = distance_sq.sqrt() + 1e-12 < best.0.sqrt();
+            if is_nearer || (aside, f) < (best.1, best.2) {
+                best = (distance_sq.min(best.0), aside, f, own);
+            }
+        }
+        let face = best.2 as usize;
+        let weights = match best.3 {
+            Some(c) => [0, 1, 2].map(|k| f64::from(u8::from(k == c))),
+            None => {
+                let own = corners(best.2);
+                weights_at(nearest(place, own).point, own)
+            }
+        };
+        Place { face, weights }
+    }
+}
+
+/// Joints of a blend, the strongest first.
+fn blend(of: &[&Pulls; 3], weights: &[f64; 3]) -> Pulls {
+    let mut all: Pulls = Vec::new();
+    for (pulls, weight) in of.iter().zip(weights).filter(|x| *x.1 > 0.0) {
+        for &(joint, pull) in *pulls {
+            let pull = pull * *weight as f32;
+            match all.iter_mut().find(|x| x.0 == joint) {
+                Some(known) => known.1 += pull,
+                None => all.push((joint, pull)),
+            }
+        }
+    }
+    all.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    all
+}
+
+/// Whether two sets of joints pull alike, but for rounding.
+fn alike(a: &Pulls, b: &Pulls) -> bool {
+    let pull = |of: &Pulls, joint: u32| of.iter().find(|x| x.0 == joint).map_or(0.0, |x| x.1);
+    let one_way =
+        |a: &Pulls, b: &Pulls| a.iter().all(|x| (x.1 - pull(b, x.0)).abs() <= ALIKE * x.1.abs().max(1.0));
+    one_way(a, b) && one_way(b, a)
+}

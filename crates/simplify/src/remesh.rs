@@ -1,0 +1,118 @@
+//! New meshes on the old surface: isotropic ones, with edges of one length or as short as the surface is curved, and
+//! semi-regular ones, whose coarser levels are part of the finer ones.
+
+use std::collections::{HashMap, HashSet};
+
+use glam::DVec3;
+use lodsmith_core::mesh::compact::compact;
+use lodsmith_core::{MeshError, TriMesh, VertexId, WedgeId};
+
+use crate::SimplifyError;
+use crate::collapse::order::NONE;
+use crate::control::Control;
+use crate::rebuild::{Ground, Made, Task};
+
+mod guide;
+mod half_edges;
+mod isotropic;
+mod relax;
+mod semi_regular;
+mod settle;
+mod sizing;
+mod voxel;
+
+pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
+    if task.options.of_method.voxel.is_some() {
+        return voxel::make(task, control);
+    }
+    let mut made = match task.options.of_method.subdivisions {
+        Some(levels) => semi_regular::make(task, levels, control)?,
+        None => isotropic::make(task, control)?,
+    };
+    part(task.ground, &mut made);
+    Ok(made)
+}
+
+/// How far a vertex goes that came to the place of another: this share of the way to the middle of its neighbours.
+const PARTED: f64 = 1e-3;
+
+/// Moves vertices apart that came to one place, where sheets of the input touch: in a file they would be one.
+fn part(ground: &Ground, made: &mut Made) {
+    let place = |p: DVec3| {
+        let p = ground.frame.user_from_unit(p);
+        if ground.is_single { p.map(|x| u64::from((x as f32).to_bits())) } else { p.map(f64::to_bits) }
+    };
+    let mut taken = HashSet::with_capacity(made.points.len());
+    let own = |made: &Made, v: usize| made.kept[v] == NONE;
+    // What is of the input stays.
+    for v in (0..made.points.len()).filter(|&v| !own(made, v)) {
+        taken.insert(place(made.points[v]));
+    }
+    let late: Vec<usize> =
+        (0..made.points.len()).filter(|&v| own(made, v) && !taken.insert(place(made.points[v]))).collect();
+    if late.is_empty() {
+        return;
+    }
+    let mut middles: HashMap<usize, (DVec3, f64)> = late.iter().map(|&v| (v, (DVec3::ZERO, 0.0))).collect();
+    for t in &made.faces {
+        for v in t {
+            if let Some((sum, count)) = middles.get_mut(&v.index()) {
+                *sum += t.iter().map(|w| made.points[w.index()]).sum::<DVec3>();
+                *count += 3.0;
+            }
+        }
+    }
+    for v in late {
+        let (sum, count) = middles[&v];
+        made.points[v] = made.points[v].lerp(sum / count, PARTED);
+    }
+}
+
+/// The levels of a semi-regular mesh, coarsest first, as [`simplify`](crate::simplify) makes it with
+/// [`MethodOptions::subdivisions`](crate::MethodOptions) of as many `subdivisions`; the last one is the mesh itself.
+///
+/// Vertex k of a level is vertex k of the next, at the same place, and faces 4k to 4k + 3 of the next are face k: one
+/// basis for all. Where the run ended before it had made all levels there are fewer: as long as the faces come in fours
+/// with a middle one. Cost: O(n).
+pub fn levels(mesh: &TriMesh, subdivisions: usize) -> Vec<TriMesh> {
+    let mut levels = vec![mesh.clone()];
+    for _ in 0..subdivisions {
+        let Some(coarser) = coarser(&levels[levels.len() - 1]) else { break };
+        levels.push(coarser);
+    }
+    levels.reverse();
+    levels
+}
+
+fn coarser(mesh: &TriMesh) -> Option<TriMesh> {
+    let (fours, rest) = mesh.triangles().as_chunks::<4>();
+    let vertex = |w: WedgeId| mesh.vertex_of(w);
+    let is_one = |four: &[[WedgeId; 3]; 4]| {
+        let middle = four[3].map(vertex);
+        let sides = [four[1][2], four[2][0], four[0][1]].map(vertex);
+        middle == sides && vertex(four[0][2]) == middle[1] && vertex(four[1][0]) == middle[2]
+    };
+    if !rest.is_empty() || fours.is_empty() || !fours.iter().all(is_one) {
+        return None;
+    }
+    let triangles = fours.iter().map(|four| [four[0][0], four[1][1], four[2][2]]).collect();
+    let vertex_of = (0..mesh.wedge_count()).map(|w| vertex(WedgeId::new(w))).collect();
+    let coarse = with_attributes_of(mesh, vertex_of, triangles);
+    Some(compact(&coarse.expect("wedges, vertices and values are those of a mesh")).mesh)
+}
+
+fn with_attributes_of(
+    mesh: &TriMesh,
+    vertex_of: Vec<VertexId>,
+    triangles: Vec<[WedgeId; 3]>,
+) -> Result<TriMesh, MeshError> {
+    let mut result = TriMesh::with_wedges(mesh.positions().clone(), vertex_of, triangles)?;
+    result.set_normals(mesh.normals().map(<[_]>::to_vec))?;
+    result.set_uvs(mesh.uvs().map(<[_]>::to_vec))?;
+    result.set_colors(mesh.colors().map(<[_]>::to_vec))?;
+    for attribute in mesh.further_attributes() {
+        result.add_attribute(attribute.clone())?;
+    }
+    result.set_regions(mesh.regions().map(|r| r.iter().step_by(4).copied().collect()))?;
+    Ok(result)
+}

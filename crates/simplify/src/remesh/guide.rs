@@ -1,0 +1,311 @@
+//! What a remesh starts from and what it is held against: the input, made lighter first where that saves time, its
+//! curves, and trees over both.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use lodsmith_core::spatial::{Bvh, Hint};
+use lodsmith_core::{HalfEdgeId, Positions, PositionsView, Surface, TriMesh, VertexId};
+
+use super::half_edges::{HalfEdges, Line, OPEN, picked};
+use crate::collapse::order::NONE;
+use crate::control::{Control, Stage, Verdict};
+use crate::options::{BorderPolicy, Fit, Length, SimplifyOptions, Stop, TopologyPolicy};
+use crate::rebuild::{Ground, Task};
+use crate::run::{Input, run};
+use crate::{Simplified, SimplifyError, StoppedBy};
+
+/// A bend beyond this is a crease, in degrees. (A guess.)
+const CREASE_DEG: f64 = 50.0;
+/// A line turns a corner where its two sides meet at less than 180 degrees minus this, right there and some way off. (A
+/// guess.)
+const CORNER_DEG: f64 = 45.0;
+/// How far off, in wanted edge lengths. (A guess.)
+const CORNER_REACH: f64 = 0.7;
+/// Creases shorter than this, in wanted edge lengths, are no creases at this size. (A guess.)
+const SHORT: f64 = 2.0;
+/// An edge of the lighter mesh is one of a crease if it lies within this part of its length from one of the input. (A guess.)
+const NEAR_CREASE: f64 = 0.15;
+
+/// The original, and how to come back to it.
+pub(super) struct Land<'a> {
+    pub(super) ground: &'a Ground,
+    pub(super) tree: Bvh,
+    /// By [`Line::CURVES`]: trees over segments.
+    curves: [Option<Bvh>; 3],
+    /// Cosine of the bend that makes a crease.
+    crease_cos: f64,
+}
+
+/// What the engine made of the input.
+pub(super) struct Lighter {
+    pub(super) mesh: HalfEdges,
+    pub(super) parts_removed: usize,
+    pub(super) necks_cut: usize,
+    pub(super) steps: u64,
+    pub(super) is_finished: bool,
+}
+
+impl<'a> Land<'a> {
+    /// The land of a task, and its mesh with all lines.
+    pub(super) fn new(task: &Task<'a>) -> (Self, HalfEdges) {
+        let ground = task.ground;
+        let mut mesh = HalfEdges::new(
+            &ground.points,
+            &ground.faces,
+            ground.regions.as_deref(),
+            ground.locked.as_deref(),
+        );
+        let crease_cos = task.options.of_method.angle_deg.unwrap_or(CREASE_DEG).to_radians().cos();
+        let bent: Vec<HalfEdgeId> = bends(&mesh, crease_cos).collect();
+        bent.into_iter().for_each(|h| mesh.set_line(h, Line::Crease));
+        let curves = Line::CURVES.map(|line| {
+            let segments: Vec<[VertexId; 3]> = mesh
+                .half_edges()
+                .filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == line)
+                .map(|h| [mesh.from(h), mesh.to(h), mesh.to(h)])
+                .collect();
+            (!segments.is_empty()).then(|| tree(&mesh.points, &segments))
+        });
+        let land = Self { ground, tree: tree(&ground.points, &ground.faces), curves, crease_cos };
+        (land, mesh)
+    }
+
+    /// The tree over the curves of a kind.
+    pub(super) fn curve(&self, line: Line) -> Option<&Bvh> {
+        let k = Line::CURVES.iter().position(|l| *l == line)?;
+        self.curves[k].as_ref()
+    }
+
+    /// The normal of the original at one of its faces, of length 1 or 0.
+    pub(super) fn normal(&self, face: usize) -> DVec3 {
+        let [a, b, c] = self.ground.faces[face].map(|v| self.ground.points[v.index()]);
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+
+    /// The mesh to start from: the input with `wanted` faces, with its lines.
+    pub(super) fn lighter(
+        &self,
+        task: &Task<'_>,
+        wanted: usize,
+        topology: TopologyPolicy,
+        control: &mut dyn Control,
+    ) -> Result<Lighter, SimplifyError> {
+        let ground = self.ground;
+        let mut mesh = TriMesh::new(
+            Positions::F64(ground.points.iter().map(|p| p.to_array()).collect()),
+            ground.faces.clone(),
+        )?;
+        mesh.set_regions(ground.regions.clone())?;
+        let mut options = engine_options(task.options, wanted);
+        options.topology = topology;
+        options.locked = ground.locked.clone().map(Into::into);
+        let lighter = made_lighter(&mesh, &options, control)?;
+        let points: Vec<DVec3> = lighter.mesh.positions().view().iter().map(DVec3::from).collect();
+        let places: HashMap<[u64; 3], VertexId> =
+            ground.points.iter().zip(0..).map(|(p, v)| (bits(*p), VertexId(v))).collect();
+        let kept: Vec<VertexId> =
+            points.iter().map(|p| places.get(&bits(*p)).copied().unwrap_or(NONE)).collect();
+        let locked = ground
+            .locked
+            .as_ref()
+            .map(|locked| kept.iter().map(|v| *v != NONE && locked[v.index()]).collect::<Vec<bool>>());
+        let surface = lighter.mesh.surface();
+        let mut mesh =
+            HalfEdges::new(&points, surface.triangles(), lighter.mesh.regions(), locked.as_deref());
+        mesh.kept = picked(&kept, &mesh.kept);
+        self.find_creases(&mut mesh);
+        let report = lighter.report;
+        Ok(Lighter {
+            mesh,
+            parts_removed: report.parts_removed,
+            necks_cut: report.necks_cut,
+            steps: report.collapses,
+            is_finished: report.stopped_by == StoppedBy::Caller,
+        })
+    }
+
+    /// The edges of a mesh near the original that lie along its creases and seams.
+    pub(super) fn lines_of(&self, points: &[DVec3], faces: &[[VertexId; 3]]) -> HashMap<[VertexId; 2], Line> {
+        let mut mesh = HalfEdges::new(points, faces, None, None);
+        self.find_creases(&mut mesh);
+        if let Some(seams) = self.curve(Line::Seam) {
+            let found: Vec<HalfEdgeId> =
+                mesh.half_edges().filter(|&h| mesh.is_first(h) && is_along(&mesh, h, seams)).collect();
+            found.into_iter().for_each(|h| mesh.set_line(h, mesh.line[h.index()].max(Line::Seam)));
+        }
+        let marked = mesh.half_edges().filter(|h| matches!(mesh.line[h.index()], Line::Crease | Line::Seam));
+        let name = |v: VertexId| mesh.kept[v.index()];
+        marked
+            .map(|h| {
+                let (a, b) = (name(mesh.from(h)), name(mesh.to(h)));
+                ([a.min(b), a.max(b)], mesh.line[h.index()])
+            })
+            .collect()
+    }
+
+    /// Marks bent edges that lie along a crease of the original.
+    fn find_creases(&self, mesh: &mut HalfEdges) {
+        let Some(creases) = self.curve(Line::Crease) else { return };
+        // A lighter mesh rounds what it cuts.
+        let loose = (0.7 * self.crease_cos.acos()).cos();
+        let found: Vec<HalfEdgeId> = bends(mesh, loose).filter(|&h| is_along(mesh, h, creases)).collect();
+        found.into_iter().for_each(|h| mesh.set_line(h, Line::Crease));
+    }
+}
+
+/// Whether an edge lies along curves of the original, at three places.
+fn is_along(mesh: &HalfEdges, h: HalfEdgeId, curves: &Bvh) -> bool {
+    let (a, b) = (mesh.at(mesh.from(h)), mesh.at(mesh.to(h)));
+    let near = NEAR_CREASE * a.distance(b);
+    let at = |t: f64| a.lerp(b, t).to_array();
+    [0.2, 0.5, 0.8].iter().all(|&t| curves.closest_within(at(t), near, &mut Hint::default()).is_some())
+}
+
+/// Edges of the smooth surface that are bent by more than an angle.
+fn bends(mesh: &HalfEdges, cos: f64) -> impl Iterator<Item = HalfEdgeId> {
+    mesh.half_edges().filter(move |&h| {
+        if !mesh.is_first(h) || mesh.twin(h) == OPEN || mesh.line[h.index()] != Line::None {
+            return false;
+        }
+        let (n, m) = (mesh.normal(h.face().index()), mesh.normal(mesh.twin(h).face().index()));
+        let scale = n.length() * m.length();
+        scale > 0.0 && n.dot(m) < cos * scale
+    })
+}
+
+fn bits(p: DVec3) -> [u64; 3] {
+    p.to_array().map(f64::to_bits)
+}
+
+pub(super) fn tree(points: &[DVec3], faces: &[[VertexId; 3]]) -> Bvh {
+    let points: Vec<[f64; 3]> = points.iter().map(|p| p.to_array()).collect();
+    Bvh::new(&Surface::new(PositionsView::F64(&points), faces).expect("faces name points"))
+}
+
+/// What the engine is told where it works for a remesh.
+pub(super) fn engine_options(of: &SimplifyOptions, faces: usize) -> SimplifyOptions {
+    let mut options = SimplifyOptions::new(Stop::faces(faces));
+    (options.border, options.topology, options.fit) = (of.border, of.topology, Fit::Off);
+    options
+}
+
+/// One run of the engine, followed by the caller of the remesh.
+pub(super) fn made_lighter(
+    mesh: &TriMesh,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<Simplified, SimplifyError> {
+    let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
+    Ok(run(&input, options, &mut Within(control))?.0)
+}
+
+/// Asks the caller, but tells of no stages: a run inside another.
+struct Within<'a>(&'a mut dyn Control);
+
+impl Control for Within<'_> {
+    fn stage(&mut self, _: Stage) {}
+    fn progress(&mut self, _: f64) -> Verdict {
+        self.0.progress(0.0)
+    }
+}
+
+/// Settles what lines are at an edge length: creases too short for it are none; corners are pinned. Says on which line
+/// each vertex lies.
+pub(super) fn settle_lines(mesh: &mut HalfEdges, length: f64, border: BorderPolicy) -> Vec<Line> {
+    drop_short_creases(mesh, length);
+    if border == BorderPolicy::Lock {
+        let open: Vec<HalfEdgeId> =
+            mesh.half_edges().filter(|h| mesh.line[h.index()] == Line::Border).collect();
+        for h in open {
+            mesh.set_line(h, Line::Fixed);
+            for v in [mesh.from(h), mesh.to(h)] {
+                mesh.pinned[v.index()] = true;
+            }
+        }
+    }
+    let mut lines = Vec::new();
+    let mut on = vec![Line::None; mesh.points.len()];
+    let mut corners = Vec::new();
+    for v in (0..mesh.points.len()).map(VertexId::new) {
+        mesh.lines_at(v, &mut lines);
+        let kinds = lines.iter().map(|x| mesh.line[x.0.index()]);
+        on[v.index()] = kinds.clone().max().unwrap_or_default();
+        let is_curve = lines.len() == 2 && mesh.line[lines[0].0.index()] == mesh.line[lines[1].0.index()];
+        if !lines.is_empty() && (!is_curve || turns(mesh, v, [lines[0].1, lines[1].1], length)) {
+            corners.push(v);
+        }
+    }
+    corners.into_iter().for_each(|v| mesh.pinned[v.index()] = true);
+    on
+}
+
+/// Whether a line turns a corner at `v`, right there and also as seen from some way off.
+fn turns(mesh: &HalfEdges, v: VertexId, next: [VertexId; 2], length: f64) -> bool {
+    let at = mesh.at(v);
+    let is_sharp = |a: DVec3, b: DVec3| {
+        let (a, b) = ((a - at).normalize_or_zero(), (b - at).normalize_or_zero());
+        a.dot(b) > -CORNER_DEG.to_radians().cos()
+    };
+    if !is_sharp(mesh.at(next[0]), mesh.at(next[1])) {
+        return false;
+    }
+    let far = next.map(|n| along(mesh, v, n, CORNER_REACH * length));
+    is_sharp(far[0], far[1])
+}
+
+/// Edges of a line that are followed from one vertex, at most.
+const MOST_STEPS: usize = 64;
+
+/// The point some way along a line.
+fn along(mesh: &HalfEdges, mut last: VertexId, mut v: VertexId, reach: f64) -> DVec3 {
+    let mut lines = Vec::new();
+    let mut gone = 0.0;
+    for _ in 0..MOST_STEPS {
+        let (a, b) = (mesh.at(last), mesh.at(v));
+        let step = a.distance(b);
+        if gone + step >= reach {
+            return a.lerp(b, ((reach - gone) / step).clamp(0.0, 1.0));
+        }
+        gone += step;
+        mesh.lines_at(v, &mut lines);
+        let next = lines.iter().map(|x| x.1).find(|w| *w != last);
+        match next {
+            Some(next) if lines.len() == 2 => (last, v) = (v, next),
+            _ => return b,
+        }
+    }
+    mesh.at(v)
+}
+
+/// Unmarks creases that hang together over less than some edge lengths.
+fn drop_short_creases(mesh: &mut HalfEdges, length: f64) {
+    let creases: Vec<HalfEdgeId> =
+        mesh.half_edges().filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == Line::Crease).collect();
+    let mut part: Vec<u32> = (0..mesh.points.len() as u32).collect();
+    fn find(part: &mut [u32], mut v: u32) -> u32 {
+        while part[v as usize] != v {
+            part[v as usize] = part[part[v as usize] as usize];
+            v = part[v as usize];
+        }
+        v
+    }
+    for &h in &creases {
+        let (a, b) = (find(&mut part, mesh.from(h).0), find(&mut part, mesh.to(h).0));
+        part[a.max(b) as usize] = a.min(b);
+    }
+    let mut total = vec![0f64; mesh.points.len()];
+    for &h in &creases {
+        total[find(&mut part, mesh.from(h).0) as usize] += mesh.length_sq(h).sqrt();
+    }
+    for h in creases {
+        if total[find(&mut part, mesh.from(h).0) as usize] < SHORT * length {
+            mesh.set_line(h, Line::None);
+        }
+    }
+}
+
+/// The length of edges that a task asks for, in the frame.
+pub(super) fn asked_length(task: &Task<'_>) -> Option<f64> {
+    task.options.of_method.edge_length.map(|l: Length| task.ground.length(l))
+}

@@ -1,0 +1,158 @@
+//! Vertices glide over the surface until they lie evenly, and come back onto the original.
+
+use glam::DVec3;
+use lodsmith_core::VertexId;
+use lodsmith_core::spatial::{Bvh, Hint};
+
+use super::guide::Land;
+use super::half_edges::{HalfEdges, Line};
+use crate::collapse::order::NONE;
+
+/// Least cosine between the normals of a face before and after a vertex moves. (A guess.)
+const TURN: f64 = 0.3;
+/// A face may get so flat: its doubled area over the square of its longest edge. (A guess: an eighth of an equilateral
+/// one.)
+const FLAT: f64 = 0.1;
+
+/// RMS distance from its planes that a vertex may glide by, in edge lengths. (A guess.)
+const RIDGE: f64 = 0.06;
+
+/// Where queries ended for each vertex.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Hints {
+    pub(super) surface: Hint,
+    pub(super) curve: Hint,
+    pub(super) field: Hint,
+}
+
+/// Whether the faces around a vertex keep facing their way, and keep a shape, when it moves.
+pub(super) fn may_move(mesh: &HalfEdges, v: VertexId, to: DVec3) -> bool {
+    let at = mesh.at(v);
+    mesh.around(v).all(|h| {
+        let (a, b) = (mesh.at(mesh.to(h)), mesh.at(mesh.from(h.prev())));
+        keeps_facing([at, a, b], [to, a, b], TURN)
+    })
+}
+
+/// Whether a face may become another: it turns little, and is no sliver, or was a worse one.
+pub(super) fn keeps_facing(old: [DVec3; 3], new: [DVec3; 3], turn: f64) -> bool {
+    let normal = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]);
+    let longest_sq = |t: [DVec3; 3]| {
+        t[0].distance_squared(t[1]).max(t[1].distance_squared(t[2])).max(t[2].distance_squared(t[0]))
+    };
+    let (n, m) = (normal(old), normal(new));
+    let (a, b) = (n.length(), m.length());
+    let shape = b / longest_sq(new).max(f64::MIN_POSITIVE);
+    let was = a / longest_sq(old).max(f64::MIN_POSITIVE);
+    // What had no area had no side.
+    let faces = n.dot(m) >= turn * a * b || was < 1e-9;
+    faces && b > 0.0 && (shape >= FLAT || shape >= was)
+}
+
+/// The point of the land for a vertex that would like to be at `to`; none where the land there faces another way.
+pub(super) fn landed(
+    land: &Land<'_>,
+    to: DVec3,
+    line: Line,
+    facing: DVec3,
+    hints: &mut Hints,
+) -> Option<DVec3> {
+    if let Some(curve) = land.curve(line) {
+        return curve.closest_from(to.to_array(), &mut hints.curve).map(|h| DVec3::from(h.point));
+    }
+    let hit = land.tree.closest_from(to.to_array(), &mut hints.surface)?;
+    (land.normal(hit.face.index()).dot(facing) >= 0.0).then(|| DVec3::from(hit.point))
+}
+
+/// Where a vertex would lie evenly among its neighbours, beside the surface at most, and the way that the surface faces
+/// there.
+pub(super) fn even_place(
+    mesh: &HalfEdges,
+    v: VertexId,
+    on: &[Line],
+    sizes: Option<&[f64]>,
+) -> Option<(DVec3, DVec3)> {
+    let at = mesh.at(v);
+    let (mut sum, mut weight, mut facing) = (DVec3::ZERO, 0.0, DVec3::ZERO);
+    for h in mesh.around(v) {
+        let (i, j) = (mesh.to(h), mesh.from(h.prev()));
+        let (a, b) = (mesh.at(i), mesh.at(j));
+        let n = (a - at).cross(b - at);
+        facing += n;
+        let size = sizes.map_or(1.0, |s| (s[v.index()] + s[i.index()] + s[j.index()]) / 3.0);
+        let w = n.length() / (size * size);
+        sum += w * (at + a + b);
+        weight += 3.0 * w;
+    }
+    let facing = facing.normalize_or_zero();
+    if on[v.index()] != Line::None {
+        let mut lines = Vec::with_capacity(4);
+        mesh.lines_at(v, &mut lines);
+        let [(_, a), (_, b)] = lines[..] else { return None };
+        let (a, b) = (mesh.at(a), mesh.at(b));
+        let middle = 0.5 * (a + b);
+        let way = (b - a).normalize_or_zero();
+        return Some((at + way * way.dot(middle - at), facing));
+    }
+    (weight > 0.0).then(|| {
+        let step = sum / weight - at;
+        (at + step - facing * facing.dot(step), facing)
+    })
+}
+
+/// Moves one vertex to its even place on the land, or half of the way where that would fold the surface. Returns whether
+/// it moved.
+pub(super) fn relax(
+    mesh: &mut HalfEdges,
+    v: VertexId,
+    on: &[Line],
+    sizes: Option<&[f64]>,
+    land: &Land<'_>,
+    hints: &mut Hints,
+) -> bool {
+    let Some((wish, facing)) = even_place(mesh, v, on, sizes) else { return false };
+    let at = mesh.at(v);
+    for share in [1.0, 0.4] {
+        let Some(to) = landed(land, at.lerp(wish, share), on[v.index()], facing, hints) else { continue };
+        let leaves = on[v.index()] == Line::None && leaves_ridge(mesh, v, to);
+        if !leaves && may_move(mesh, v, to) {
+            mesh.points[v.index()] = to;
+            mesh.kept[v.index()] = NONE;
+            return true;
+        }
+    }
+    false
+}
+
+/// Whether a vertex would leave the planes of its faces by more than the bend of a smooth surface explains: on a ridge
+/// that is no crease, gliding down one side would cut it off.
+fn leaves_ridge(mesh: &HalfEdges, v: VertexId, to: DVec3) -> bool {
+    let step = to - mesh.at(v);
+    let (mut off, mut area) = (0.0, 0.0);
+    for h in mesh.around(v) {
+        let n = mesh.normal(h.face().index());
+        let doubled = n.length();
+        if doubled > 0.0 {
+            off += n.dot(step).powi(2) / doubled;
+            area += doubled;
+        }
+    }
+    // Six equilateral triangles of edge l have 5.2 l², doubled.
+    off > RIDGE * RIDGE * area * area / 5.2
+}
+
+/// The value of a field at the place of a vertex: `values` at the vertices of the faces under the tree.
+pub(super) fn value_at(
+    tree: &Bvh,
+    points: &[DVec3],
+    faces: &[[VertexId; 3]],
+    values: &[f64],
+    at: DVec3,
+    hint: &mut Hint,
+) -> Option<f64> {
+    let hit = tree.closest_from(at.to_array(), hint)?;
+    let t = faces[hit.face.index()];
+    let weights =
+        lodsmith_core::geometry::triangle::weights_at(DVec3::from(hit.point), t.map(|v| points[v.index()]));
+    Some((0..3).map(|k| weights[k] * values[t[k].index()]).sum())
+}

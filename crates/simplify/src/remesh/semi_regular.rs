@@ -1,0 +1,163 @@
+//! Semi-regular meshes: a base, and levels of 4:1 subdivision laid onto the original. After the idea of
+//! [Eck et al. 1995]; where that paper spreads harmonic maps over patches, vertices here glide until they lie evenly.
+//!
+//! ```text
+//!        2                 face f becomes faces 4f … 4f+3; child k holds corner k of its parent as its own corner k,
+//!       / \                and the last one is the middle. New vertices stand behind the old ones, so a coarser
+//!      /4f+2\              level is read off a finer one.
+//!     5 ---- 4
+//!    / \4f+3/ \
+//!   /4f \  /4f+1\
+//!  0 ---- 3 ---- 1
+//! ```
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use lodsmith_core::{HalfEdgeId, VertexId};
+
+use super::guide::{self, Land};
+use super::half_edges::{HalfEdges, Line};
+use super::isotropic;
+use super::relax::{self, Hints};
+use super::settle::settle;
+use crate::SimplifyError;
+use crate::collapse::order::NONE;
+use crate::control::{Control, Verdict};
+use crate::options::Fit;
+use crate::rebuild::{Ending, Made, Task};
+
+/// Times that new vertices glide on each level. (A guess.)
+const ROUNDS: usize = 3;
+/// Times that all vertices glide on the last level. (A guess.)
+const LAST_ROUNDS: usize = 5;
+
+type Edge = [VertexId; 2];
+type Lines = HashMap<Edge, Line>;
+
+pub(super) fn make(task: &Task<'_>, levels: usize, control: &mut dyn Control) -> Result<Made, SimplifyError> {
+    let ground = task.ground;
+    let share = |n: usize| n.checked_shr(2 * levels as u32).unwrap_or(0).max(1);
+    // A closed surface has about twice as many faces as vertices.
+    let by_vertices = task.goal.vertices.map(|n| share(2 * n));
+    let wanted = task.goal.faces.map(share).into_iter().chain(by_vertices).max();
+    let wanted = wanted.unwrap_or(usize::MAX).min(share(ground.faces.len()));
+    let (land, _) = Land::new(task);
+    let base = land.lighter(task, wanted, task.options.topology, control)?;
+    let mut made = isotropic::made(&base.mesh);
+    (made.parts_removed, made.necks_cut) = (base.parts_removed, base.necks_cut);
+    (made.steps, made.end) = (base.steps, Ending::Goal);
+    let finest = made.faces.len().saturating_mul(1usize.checked_shl(2 * levels as u32).unwrap_or(usize::MAX));
+    if base.is_finished {
+        return Ok(Made { end: Ending::Finish, ..made });
+    }
+    if made.faces.len() > wanted || finest > ground.faces.len() {
+        return match task.step {
+            // In search of an error there are other counts to try.
+            Some(_) => Ok(Made { end: Ending::Stuck, ..made }),
+            None => Err(SimplifyError::BadOption {
+                option: "subdivisions",
+                wanted: "fewer: no base of this shape is light enough for so many and this count",
+                got: levels as f64,
+            }),
+        };
+    }
+    let mut lines = land.lines_of(&made.points, &made.faces);
+    for level in 1..=levels {
+        let fresh = made.points.len();
+        made.faces = subdivided(&mut made.points, &made.faces, &mut lines);
+        made.kept.resize(made.points.len(), NONE);
+        made.steps += (made.points.len() - fresh) as u64;
+        lay(task, &land, &mut made, &lines, fresh, level == levels);
+        match control.progress(level as f64 / levels as f64) {
+            Verdict::Cancel => return Err(SimplifyError::Cancelled),
+            Verdict::Finish => return Ok(Made { end: Ending::Finish, ..made }),
+            Verdict::Continue => {}
+        }
+    }
+    let met = |count: usize, n: Option<usize>| n.is_some_and(|n| count <= n);
+    if !met(made.faces.len(), task.goal.faces) && !met(made.points.len(), task.goal.vertices) {
+        made.end = Ending::Stuck;
+    }
+    Ok(made)
+}
+
+fn edge(a: VertexId, b: VertexId) -> Edge {
+    [a.min(b), a.max(b)]
+}
+
+/// Four faces for each, with new vertices in the middles of the edges.
+fn subdivided(points: &mut Vec<DVec3>, faces: &[[VertexId; 3]], lines: &mut Lines) -> Vec<[VertexId; 3]> {
+    let mut middles: HashMap<Edge, VertexId> = HashMap::with_capacity(faces.len() * 3 / 2);
+    let mut finer_lines = Lines::new();
+    let mut finer = Vec::with_capacity(4 * faces.len());
+    for &t in faces {
+        let m = [0, 1, 2].map(|k| {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            *middles.entry(edge(a, b)).or_insert_with(|| {
+                let m = VertexId::new(points.len());
+                points.push(0.5 * (points[a.index()] + points[b.index()]));
+                if let Some(&line) = lines.get(&edge(a, b)) {
+                    finer_lines.insert(edge(a, m), line);
+                    finer_lines.insert(edge(m, b), line);
+                }
+                m
+            })
+        });
+        finer.extend([[t[0], m[0], m[2]], [m[0], t[1], m[1]], [m[2], m[1], t[2]], [m[1], m[2], m[0]]]);
+    }
+    *lines = finer_lines;
+    finer
+}
+
+/// Lays the vertices from `fresh` on onto the original, evenly; on the last level all glide.
+fn lay(task: &Task<'_>, land: &Land<'_>, made: &mut Made, lines: &Lines, fresh: usize, is_last: bool) {
+    let mut mesh = HalfEdges::new(&made.points, &made.faces, None, None);
+    let marked: Vec<(HalfEdgeId, Line)> = mesh
+        .half_edges()
+        .filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == Line::None)
+        .filter_map(|h| {
+            let name = |v: VertexId| mesh.kept[v.index()];
+            lines.get(&edge(name(mesh.from(h)), name(mesh.to(h)))).map(|line| (h, *line))
+        })
+        .collect();
+    marked.into_iter().for_each(|(h, line)| mesh.set_line(h, line));
+    let on = guide::settle_lines(&mut mesh, 0.0, task.options.border);
+    let names = mesh.kept.clone();
+    let locked = task.ground.locked.as_deref();
+    for (pinned, name) in mesh.pinned.iter_mut().zip(&names) {
+        let kept = made.kept[name.index()];
+        *pinned |= locked.is_some_and(|l| kept != NONE && l[kept.index()]);
+    }
+    let mut hints = vec![Hints::default(); mesh.points.len()];
+    let all = || (0..names.len()).map(VertexId::new);
+    let is_fresh = |v: VertexId| names[v.index()].index() >= fresh;
+    for v in all().filter(|&v| is_fresh(v) && !mesh.pinned[v.index()]).collect::<Vec<_>>() {
+        let facing: DVec3 = mesh.around(v).map(|h| mesh.normal(h.face().index())).sum();
+        let to = relax::landed(land, mesh.at(v), on[v.index()], facing, &mut hints[v.index()]);
+        if let Some(to) = to.filter(|to| relax::may_move(&mesh, v, *to)) {
+            mesh.points[v.index()] = to;
+        }
+    }
+    let rounds = if is_last { ROUNDS + LAST_ROUNDS } else { ROUNDS };
+    for round in 0..rounds {
+        if round < 2 {
+            // What no vertex is nearest to yet, such as the tip of an ear, draws the surface on.
+            settle(&mut mesh, &on, land);
+        }
+        for v in all() {
+            if !mesh.pinned[v.index()] && (is_fresh(v) || round >= ROUNDS) {
+                relax::relax(&mut mesh, v, &on, None, land, &mut hints[v.index()]);
+            }
+        }
+    }
+    if is_last && task.options.fit != Fit::Off {
+        settle(&mut mesh, &on, land);
+    }
+    for (v, name) in names.iter().enumerate() {
+        let name = name.index();
+        if made.points[name] != mesh.points[v] {
+            (made.points[name], made.kept[name]) = (mesh.points[v], NONE);
+        }
+    }
+}

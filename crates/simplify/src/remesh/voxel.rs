@@ -1,0 +1,449 @@
+//! A closed surface around any input, by the points of a grid that lie inside.
+//!
+//! ```text
+//! turn faces so that neighbours agree, closed parts outward
+//! for each part: does the winding number jump across its faces as across a solid's?
+//!     yes: inside is where its winding number is above a half
+//!     no (open sheets, soup): inside is what a flood from outside does not reach, round the part thickened
+//! from the cells at the faces follow the border of the inside; add points where it is ambiguous
+//! one vertex to a cell, placed by the planes of the nearest faces, kept within its cell
+//! more faces than wanted: collapse, keeping the topology as long as that goes
+//! ```
+
+mod extract;
+mod winding;
+
+use std::collections::{HashMap, HashSet};
+
+use glam::{DMat3, DVec3};
+use lodsmith_core::geometry::triangle::nearest;
+use lodsmith_core::measure::chunks;
+use lodsmith_core::spatial::Bvh;
+use lodsmith_core::spatial::bvh::Hint;
+use lodsmith_core::topology::Topology;
+use lodsmith_core::{FaceId, Positions, PositionsView, Surface, TriMesh, VertexId};
+
+use self::extract::{At, CORNERS, SIDES, missing, plus, quads};
+use self::winding::Winding;
+use crate::SimplifyError;
+use crate::clean::orient;
+use crate::collapse::order::NONE;
+use crate::control::{Control, Verdict};
+use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
+use crate::rebuild::{Ending, Made, Task};
+use crate::report::StoppedBy;
+use crate::run;
+
+/// Cells that the surface may pass through, at most: some 400 bytes each at the peak.
+const MOST_CELLS: f64 = 8e6;
+/// Points of the grid that the flood may look at, at most: two bits each.
+const MOST_POINTS: f64 = 4e9;
+/// Faces of a part that are asked whether it is a solid, at most.
+const LOOKS: usize = 4000;
+/// A part is a solid if the winding number is near a whole number in front of this share of its area.
+const SOLID: f64 = 0.9;
+/// How near. The middle of a flat sheet is at a half, a hole as wide as it is far at about 0.15.
+const NEAR_WHOLE: f64 = 0.25;
+/// Sheets are thickened by so many voxels to each side: above a half, so that no step of the flood passes through; a hole
+/// up to one and a half voxels wide closes.
+const THICK: f64 = 0.75;
+/// Vertices keep so far from the sides of their cells, so that no two meet.
+const MARGIN: f64 = 0.02;
+/// Weight of the mean place against the planes, each of which has 1. Guessed.
+const PULL: f64 = 0.05;
+
+/// The grid, in the frame of the ground.
+struct Grid {
+    origin: DVec3,
+    h: f64,
+    size: At,
+}
+
+impl Grid {
+    fn point(&self, at: At) -> DVec3 {
+        self.origin + self.h * DVec3::new(f64::from(at[0]), f64::from(at[1]), f64::from(at[2]))
+    }
+    fn cell(&self, p: DVec3) -> At {
+        ((p - self.origin) / self.h).floor().to_array().map(|x| x as i32)
+    }
+}
+
+type Face = [DVec3; 3];
+
+pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
+    let ground = task.ground;
+    let h = task.options.of_method.voxel.map_or(0.0, |d| ground.length(d));
+    let mut ask = |done: f64| match control.progress(done) {
+        Verdict::Cancel => Err(SimplifyError::Cancelled),
+        Verdict::Continue | Verdict::Finish => Ok(()),
+    };
+    let places: Vec<[f64; 3]> = ground.points.iter().map(|p| p.to_array()).collect();
+    let mut faces = ground.faces.clone();
+    let turned = orient::turned(&Surface::new(PositionsView::F64(&places), &faces)?);
+    faces.iter_mut().zip(turned).filter(|x| x.1).for_each(|x| x.0.swap(1, 2));
+    let surface = Surface::new(PositionsView::F64(&places), &faces)?;
+    let corners: Vec<Face> = faces.iter().map(|t| t.map(|v| ground.points[v.index()])).collect();
+    let area: f64 = corners.iter().map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum();
+    let too_fine = |limit: &'static str| SimplifyError::BadOption {
+        option: "voxel",
+        wanted: limit,
+        got: ground.frame.user_length(h),
+    };
+    const CELLS: &str = "longer: the surface may pass through 8 million cells at most";
+    const POINTS: &str = "longer: round open sheets the grid may have 4 billion points at most";
+    // A surface passes through 1.5 cells for each square of its area (measured: 1 to 1.7), a thickened one twice.
+    let perimeter: f64 = 2.0 / h;
+    if area / (h * h) > MOST_CELLS || perimeter * perimeter * perimeter > 1e18 {
+        return Err(too_fine(CELLS));
+    }
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for p in corners.iter().flatten() {
+        (min, max) = (min.min(*p), max.max(*p));
+    }
+    // Off the faces of what is aligned with the axes: a point on a face is neither in nor out.
+    let origin = min - DVec3::splat(3.37 * h);
+    let size = ((max - origin) / h + 4.0).ceil().to_array().map(|x| x as i32);
+    let grid = Grid { origin, h, size };
+    ask(0.05)?;
+
+    let is_solid = solid_faces(&surface, &corners, h);
+    let pick = |solid: bool| -> Vec<Face> {
+        corners.iter().zip(&is_solid).filter(|x| *x.1 == solid).map(|x| *x.0).collect()
+    };
+    let (solid, sheets) = (pick(true), pick(false));
+    let mut seeds: Vec<At> = Vec::new();
+    touched(&grid, &solid, 0.9 * h, |cell, _| seeds.push(cell));
+    let flood = if sheets.is_empty() {
+        Flood::none()
+    } else {
+        if grid.size.iter().map(|&n| f64::from(n)).product::<f64>() > MOST_POINTS {
+            return Err(too_fine(POINTS));
+        }
+        touched(&grid, &sheets, (THICK + 0.9) * h, |cell, _| seeds.push(cell));
+        Flood::new(&grid, &sheets, &mut ask)?
+    };
+    seeds.sort_unstable();
+    seeds.dedup();
+    ask(0.2)?;
+    let tree = Winding::new(solid);
+    let is_inside = |at: At| flood.holds(at) || tree.at(grid.point(at)) > 0.5;
+    let (cells, signs) = followed(seeds, is_inside, || too_fine(CELLS), &mut ask)?;
+    ask(0.6)?;
+
+    let points = placed(&grid, &cells, &signs, &Bvh::new(&surface), &corners);
+    let quads = quads(&cells, &signs);
+    let mut split = Vec::with_capacity(quads.len() * 2);
+    for [a, b, c, d] in quads {
+        let length = |u: VertexId, v: VertexId| points[u.index()].distance_squared(points[v.index()]);
+        if length(a, c) <= length(b, d) {
+            split.extend([[a, b, c], [a, c, d]]);
+        } else {
+            split.extend([[b, c, d], [b, d, a]]);
+        }
+    }
+    ask(0.65)?;
+    lighter(task, points, split, control)
+}
+
+/// For each face whether its part bounds a solid.
+fn solid_faces(surface: &Surface<'_>, corners: &[Face], h: f64) -> Vec<bool> {
+    let parts = Topology::unwelded(surface).components();
+    let mut is_solid = vec![false; corners.len()];
+    let mut of_part: Vec<Vec<usize>> = vec![Vec::new(); parts.count()];
+    for f in 0..corners.len() {
+        if let Some(part) = parts.of_face(FaceId::new(f)) {
+            of_part[part].push(f);
+        }
+    }
+    for faces in of_part {
+        let tree = Winding::new(faces.iter().map(|&f| corners[f]).collect());
+        let asked: Vec<usize> = faces.iter().copied().step_by(faces.len().div_ceil(LOOKS).max(1)).collect();
+        let sums = chunks::map(asked.len(), |range| {
+            let (mut good, mut all) = (0.0, 0.0);
+            for &f in &asked[range] {
+                let [a, b, c] = corners[f];
+                let normal = (b - a).cross(c - a);
+                let area = normal.length();
+                let (middle, off) = ((a + b + c) / 3.0, normal.normalize_or_zero() * (1e-3 * h));
+                let (front, back) = (tree.at(middle + off), tree.at(middle - off));
+                all += area;
+                let is_whole = (front - front.round()).abs() <= NEAR_WHOLE && front.round() >= 0.0;
+                // Two sides of a sheet, back to back, have no inside between them.
+                good += if is_whole && back - front > 0.5 { area } else { 0.0 };
+            }
+            (good, all)
+        });
+        let (good, all) = sums.iter().fold((0.0, 0.0), |x, y| (x.0 + y.0, x.1 + y.1));
+        if good >= SOLID * all && all > 0.0 {
+            faces.iter().for_each(|&f| is_solid[f] = true);
+        }
+    }
+    is_solid
+}
+
+/// Calls for each cell whose middle lies within a distance of a face; a cell may come several times.
+fn touched(grid: &Grid, faces: &[Face], within: f64, mut call: impl FnMut(At, DVec3)) {
+    let half = DVec3::splat(0.5 * grid.h);
+    let mut stack: Vec<Face> = Vec::new();
+    for &face in faces {
+        stack.push(face);
+        while let Some(t) = stack.pop() {
+            let [a, b, c] = t;
+            let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+            if longest > 16.0 * grid.h * grid.h {
+                // In halves over the longest edge: a needle becomes a row, not a heap.
+                let [a, b, c] = if a.distance_squared(b) == longest {
+                    [a, b, c]
+                } else if b.distance_squared(c) == longest {
+                    [b, c, a]
+                } else {
+                    [c, a, b]
+                };
+                let m = (a + b) / 2.0;
+                stack.extend([[a, m, c], [m, b, c]]);
+                continue;
+            }
+            let low = grid.cell(a.min(b).min(c) - DVec3::splat(within) - half);
+            let high = grid.cell(a.max(b).max(c) + DVec3::splat(within) - half);
+            for x in low[0]..=high[0] + 1 {
+                for y in low[1]..=high[1] + 1 {
+                    for z in low[2]..=high[2] + 1 {
+                        let middle = grid.point([x, y, z]) + half;
+                        if nearest(middle, t).distance_sq <= within * within {
+                            call([x, y, z], middle);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The points that a flood from outside does not reach.
+struct Flood {
+    size: [usize; 3],
+    /// Bits: reached by the flood, or not.
+    is_out: Vec<u64>,
+}
+
+impl Flood {
+    fn none() -> Self {
+        Self { size: [0; 3], is_out: Vec::new() }
+    }
+
+    fn new(
+        grid: &Grid,
+        sheets: &[Face],
+        ask: &mut dyn FnMut(f64) -> Result<(), SimplifyError>,
+    ) -> Result<Self, SimplifyError> {
+        let size = grid.size.map(|n| n as usize);
+        let words = (size[0] * size[1] * size[2]).div_ceil(64);
+        let mut this = Self { size, is_out: vec![0; words] };
+        let mut wall = vec![0u64; words];
+        // Points are the middles of the cells of a grid moved by half a voxel.
+        let moved = Grid { origin: grid.origin - DVec3::splat(0.5 * grid.h), ..*grid };
+        touched(&moved, sheets, THICK * grid.h, |at, _| {
+            if let Some(i) = this.index(at) {
+                wall[i / 64] |= 1 << (i % 64);
+            }
+        });
+        let mut stack = vec![[0; 3]];
+        this.is_out[0] |= 1;
+        let mut steps = 0u64;
+        while let Some(at) = stack.pop() {
+            steps += 1;
+            if steps.is_multiple_of(1 << 20) {
+                ask(0.1)?;
+            }
+            for (_, step) in SIDES {
+                let next = plus(at, step);
+                let Some(i) = this.index(next) else { continue };
+                let bit = 1 << (i % 64);
+                if (wall[i / 64] | this.is_out[i / 64]) & bit == 0 {
+                    this.is_out[i / 64] |= bit;
+                    stack.push(next);
+                }
+            }
+        }
+        Ok(this)
+    }
+
+    fn index(&self, at: At) -> Option<usize> {
+        let is_there = (0..3).all(|k| at[k] >= 0 && (at[k] as usize) < self.size[k]);
+        is_there.then(|| (at[2] as usize * self.size[1] + at[1] as usize) * self.size[0] + at[0] as usize)
+    }
+
+    fn holds(&self, at: At) -> bool {
+        self.index(at).is_some_and(|i| self.is_out[i / 64] >> (i % 64) & 1 == 0)
+    }
+}
+
+type Followed = (Vec<At>, HashMap<At, bool>);
+
+/// The cells that the border of the inside passes through, in order, and the signs of their corners.
+fn followed(
+    seeds: Vec<At>,
+    is_inside: impl Fn(At) -> bool + Sync,
+    too_fine: impl Fn() -> SimplifyError,
+    ask: &mut dyn FnMut(f64) -> Result<(), SimplifyError>,
+) -> Result<Followed, SimplifyError> {
+    let mut signs: HashMap<At, bool> = HashMap::new();
+    let mut seen: HashSet<At> = HashSet::new();
+    let mut front = seeds;
+    let mut mixed: Vec<At> = Vec::new();
+    while !front.is_empty() {
+        ask(0.3)?;
+        front.sort_unstable();
+        front.dedup();
+        let mut corners: Vec<At> = front.iter().flat_map(|&c| CORNERS.map(|o| plus(c, o))).collect();
+        corners.retain(|c| !signs.contains_key(c));
+        corners.sort_unstable();
+        corners.dedup();
+        let found = chunks::map(corners.len(), |range| {
+            corners[range].iter().map(|&c| is_inside(c)).collect::<Vec<bool>>()
+        });
+        signs.extend(corners.iter().copied().zip(found.into_iter().flatten()));
+        let mut next = Vec::new();
+        let mut at = 0;
+        // Grows while it is walked: a point that is added changes the cells round it.
+        while let Some(&cell) = front.get(at) {
+            at += 1;
+            seen.insert(cell);
+            let mask = (0..8).fold(0u8, |m, k| m | u8::from(signs[&plus(cell, CORNERS[k])]) << k);
+            let more = missing(mask);
+            for k in (0..8).filter(|k| more >> k & 1 == 1) {
+                let point = plus(cell, CORNERS[k]);
+                signs.insert(point, true);
+                for o in CORNERS {
+                    let near = [0, 1, 2].map(|k| point[k] - o[k]);
+                    let is_known = CORNERS.iter().all(|&o| signs.contains_key(&plus(near, o)));
+                    if is_known { front.push(near) } else { next.push(near) }
+                }
+            }
+            let mask = mask | more;
+            if matches!(mask, 0 | 0xFF) {
+                continue;
+            }
+            mixed.push(cell);
+            for (side, step) in SIDES {
+                let count: u8 = side.iter().map(|&c| mask >> c & 1).sum();
+                let beyond = plus(cell, step);
+                if !matches!(count, 0 | 4) && !seen.contains(&beyond) {
+                    next.push(beyond);
+                }
+            }
+            if mixed.len() as f64 > 4.0 * MOST_CELLS {
+                return Err(too_fine());
+            }
+        }
+        front = next;
+    }
+    mixed.sort_unstable();
+    mixed.dedup();
+    // Points were added since.
+    mixed.retain(|&cell| {
+        let inside = CORNERS.iter().filter(|&&o| signs[&plus(cell, o)]).count();
+        !matches!(inside, 0 | 8)
+    });
+    Ok((mixed, signs))
+}
+
+/// A vertex for each cell: near the planes of the faces nearest to the edges that the border crosses, in the cell.
+fn placed(grid: &Grid, cells: &[At], signs: &HashMap<At, bool>, tree: &Bvh, corners: &[Face]) -> Vec<DVec3> {
+    let reach = 2.0 * grid.h;
+    let all = chunks::map(cells.len(), |range| {
+        let mut hint = Hint::default();
+        let mut place = |cell: At| {
+            let middle = grid.point(cell) + DVec3::splat(0.5 * grid.h);
+            let (mut a, mut b, mut mean, mut count) = (DMat3::ZERO, DVec3::ZERO, DVec3::ZERO, 0.0);
+            for k in 0..8 {
+                for axis in (0..3).filter(|axis| k >> axis & 1 == 0) {
+                    let (p, q) = (plus(cell, CORNERS[k]), plus(cell, CORNERS[k | 1 << axis]));
+                    if signs[&p] == signs[&q] {
+                        continue;
+                    }
+                    let on_edge = (grid.point(p) + grid.point(q)) / 2.0;
+                    count += 1.0;
+                    let Some(hit) = tree.closest_within(on_edge.to_array(), reach, &mut hint) else {
+                        mean += on_edge - middle;
+                        continue;
+                    };
+                    let [x, y, z] = corners[hit.face.index()];
+                    let (near, normal) = (DVec3::from(hit.point) - middle, (y - x).cross(z - x));
+                    let normal = normal.normalize_or_zero();
+                    mean += near;
+                    a += DMat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z);
+                    b += normal * normal.dot(near);
+                }
+            }
+            mean /= f64::max(count, 1.0);
+            let pull = PULL * f64::max(count, 1.0);
+            let x = (a + DMat3::from_diagonal(DVec3::splat(pull))).inverse() * (b + pull * mean);
+            let half = (0.5 - MARGIN) * grid.h;
+            let x = if x.is_finite() { x } else { mean };
+            middle + x.clamp(DVec3::splat(-half), DVec3::splat(half))
+        };
+        cells[range].iter().map(|&c| place(c)).collect::<Vec<_>>()
+    });
+    all.into_iter().flatten().collect()
+}
+
+/// The surface itself, or collapsed to the goal: never more faces than the input, where a closed surface can have so few.
+fn lighter(
+    task: &Task<'_>,
+    points: Vec<DVec3>,
+    faces: Vec<[VertexId; 3]>,
+    control: &mut dyn Control,
+) -> Result<Made, SimplifyError> {
+    let made = |points: Vec<DVec3>, faces, steps, end| Made {
+        kept: vec![NONE; points.len()],
+        points,
+        faces,
+        steps,
+        end,
+        ..Made::default()
+    };
+    if faces.is_empty() {
+        return Err(SimplifyError::BadOption {
+            option: "voxel",
+            wanted: "shorter: all of the input fits between the points of the grid",
+            got: task.options.of_method.voxel.map_or(0.0, |d| d.in_units(task.ground.diagonal)),
+        });
+    }
+    let most = task.ground.origin.len();
+    let by_faces = task.goal.faces;
+    let is_over = |goal: Option<usize>, count: usize| goal.is_none_or(|n| count > n);
+    let has_goal = by_faces.is_some() || task.goal.vertices.is_some();
+    let wants_less = has_goal && is_over(by_faces, faces.len()) && is_over(task.goal.vertices, points.len());
+    if !wants_less && faces.len() <= most {
+        let steps = faces.len() as u64;
+        let end = if has_goal { Ending::Goal } else { Ending::Exhausted };
+        return Ok(made(points, faces, steps, end));
+    }
+    let stop = Stop {
+        faces: if has_goal && wants_less { by_faces.map(|n| n.min(most)) } else { Some(most) },
+        vertices: task.goal.vertices.filter(|_| wants_less),
+        ..Stop::default()
+    };
+    let mut options = SimplifyOptions::new(stop);
+    options.method = Method::Memoryless;
+    options.topology = TopologyPolicy::Preserve;
+    let mesh = TriMesh::new(Positions::F64(points.iter().map(|p| p.to_array()).collect()), faces)?;
+    let input = run::Input { surface: mesh.surface(), mesh: None, joined: None };
+    let (mut done, _) = run::run(&input, &options, control)?;
+    if !done.report.reached && done.report.stopped_by != StoppedBy::Caller {
+        // Handles are cut and parts go only where it takes that; no border comes of it.
+        options.topology = TopologyPolicy::Relaxed;
+        done = run::run(&input, &options, control)?.0;
+    }
+    let end = match done.report.stopped_by {
+        StoppedBy::Caller => Ending::Finish,
+        StoppedBy::Faces | StoppedBy::Vertices if has_goal => Ending::Goal,
+        StoppedBy::Faces | StoppedBy::Vertices => Ending::Exhausted,
+        _ => Ending::Stuck,
+    };
+    let points = done.mesh.positions().view().iter().map(DVec3::from).collect();
+    let faces = bytemuck::cast_slice(done.mesh.triangles()).to_vec();
+    let parts_removed = done.report.parts_removed;
+    Ok(Made { parts_removed, ..made(points, faces, done.report.collapses, end) })
+}

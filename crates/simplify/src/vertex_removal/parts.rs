@@ -1,0 +1,51 @@
+//! Whole parts, when nothing else can go.
+
+use lodsmith_core::VertexId;
+
+use super::is_met;
+use super::store::Store;
+use crate::rebuild::Task;
+
+/// Takes whole parts away, those of the smallest box first, until the goal is met: never the largest, and none with a
+/// locked vertex. Says how many went. Cost: O(n log n).
+pub(super) fn remove_cheapest(store: &mut Store<'_>, task: &Task<'_>) -> usize {
+    let mut root: Vec<VertexId> = (0..store.points.len()).map(VertexId::new).collect();
+    let find = |root: &mut Vec<VertexId>, mut v: VertexId| {
+        while root[v.index()] != v {
+            root[v.index()] = root[root[v.index()].index()];
+            v = root[v.index()];
+        }
+        v
+    };
+    for (_, [a, b, c]) in store.faces() {
+        for (x, y) in [(a, b), (b, c)] {
+            let (x, y) = (find(&mut root, x), find(&mut root, y));
+            root[x.max(y).index()] = x.min(y);
+        }
+    }
+    let mut faces: Vec<_> = store.faces().map(|(f, t)| (find(&mut root, t[0]), f)).collect();
+    faces.sort_unstable();
+    let locked = task.ground.locked.as_deref();
+    let mut parts: Vec<_> = faces
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|part| {
+            let corners = || part.iter().flat_map(|x| store.face(x.1));
+            let points = || corners().map(|v| store.point(v));
+            let first = store.point(part[0].0);
+            let (min, max) = points().fold((first, first), |(a, b), p| (a.min(p), b.max(p)));
+            let is_held = locked.is_some_and(|l| corners().any(|v| l[v.index()]));
+            ((max - min).length(), is_held, part)
+        })
+        .collect();
+    parts.sort_by(|a, b| a.0.total_cmp(&b.0));
+    parts.pop();
+    let mut removed = 0;
+    for (_, _, part) in parts.iter().filter(|p| !p.1) {
+        if is_met(store, task) {
+            break;
+        }
+        part.iter().for_each(|x| store.take(x.1));
+        removed += 1;
+    }
+    removed
+}

@@ -1,0 +1,106 @@
+//! The faces round a vertex in order, and what kind of vertex that makes it.
+
+use glam::DVec3;
+use lodsmith_core::{FaceId, VertexId};
+
+use super::store::Store;
+use crate::report::Refusal;
+
+/// Vertices with more faces stay until their neighbours are fewer: tables of a star are of 64 bits, and a hub of
+/// thousands of faces is not looked at each time one of them changes.
+pub(super) const MOST: usize = 63;
+
+/// How a vertex may go. [Schroeder et al. 1992] Complex vertices, where the surface is no disc, are refused beforehand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Class {
+    /// Inside a surface without a crease, or where creases meet or end: a corner costs what it stands out.
+    Inside,
+    /// On a crease, which runs through these two of the ring.
+    Edge(usize, usize),
+    /// On a border, which runs through the first and the last of the ring.
+    Border,
+}
+
+/// Face `i` lies between `ring[i]` and the next one; on a border there is one vertex more than faces.
+#[derive(Default)]
+pub(super) struct Star {
+    pub(super) ring: Vec<VertexId>,
+    pub(super) faces: Vec<FaceId>,
+    /// Twice the area of each face, along its normal.
+    pub(super) areas: Vec<DVec3>,
+    pub(super) is_closed: bool,
+    next: Vec<(VertexId, VertexId, FaceId)>,
+}
+
+impl Star {
+    /// Walks round a vertex.
+    pub(super) fn gather(&mut self, store: &mut Store<'_>, v: VertexId) -> Result<(), Refusal> {
+        self.next.clear();
+        if store.degree(v) > MOST {
+            return Err(Refusal::Valence);
+        }
+        store.tidy(v);
+        self.next.extend(store.corners_at(v).iter().map(|c| (c.next, c.last, c.face)));
+        let is_target = |x: VertexId| self.next.iter().any(|e| e.1 == x);
+        let open = self.next.iter().position(|e| !is_target(e.0));
+        self.is_closed = open.is_none();
+        self.ring.clear();
+        self.faces.clear();
+        self.areas.clear();
+        // A closed ring begins at the same face whatever the order of the list.
+        let first = (0..self.next.len()).min_by_key(|&i| self.next[i].0).ok_or(Refusal::NonManifold)?;
+        self.next.swap(0, open.unwrap_or(first));
+        let p = store.point(v);
+        for i in 0..self.next.len() {
+            let (from, to, f) = self.next[i];
+            self.ring.push(from);
+            self.faces.push(f);
+            self.areas.push((store.point(from) - p).cross(store.point(to) - p));
+            if let Some(k) = (i + 1..self.next.len()).find(|&k| self.next[k].0 == to) {
+                self.next.swap(i + 1, k);
+            } else if i + 1 < self.next.len() {
+                return Err(Refusal::NonManifold);
+            }
+        }
+        let last = self.next[self.next.len() - 1].1;
+        if self.is_closed != (last == self.ring[0]) {
+            return Err(Refusal::NonManifold);
+        }
+        if !self.is_closed {
+            self.ring.push(last);
+        }
+        let repeats = |i: usize| self.ring[..i].contains(&self.ring[i]);
+        if (1..self.ring.len()).any(repeats) { Err(Refusal::NonManifold) } else { Ok(()) }
+    }
+
+    /// What kind of vertex it is. Creases are bent by more than an angle with this cosine; borders of regions are creases
+    /// that have to stay.
+    pub(super) fn class(&self, store: &Store<'_>, crease_cos: f64) -> Result<Class, Refusal> {
+        let count = self.faces.len();
+        let inner = usize::from(!self.is_closed)..count;
+        let before = |i: usize| (i + count - 1) % count;
+        let mut borders = inner.clone().filter(|&i| {
+            let [a, b] = [before(i), i].map(|i| store.region(self.faces[i]));
+            a != b
+        });
+        match [borders.next(), borders.next(), borders.next()] {
+            [None, ..] => {}
+            [Some(a), Some(b), None] if self.is_closed => {
+                // A region of one face between them would be gone.
+                return if b - a == 1 || before(a) == b { Err(Refusal::Seam) } else { Ok(Class::Edge(a, b)) };
+            }
+            _ => return Err(Refusal::Seam),
+        }
+        if !self.is_closed {
+            return Ok(Class::Border);
+        }
+        let mut creases = inner.filter(|&i| {
+            let [a, b] = [self.areas[before(i)], self.areas[i]];
+            a.dot(b) < crease_cos * (a.length_squared() * b.length_squared()).sqrt()
+        });
+        Ok(match [creases.next(), creases.next(), creases.next()] {
+            [Some(a), Some(b), None] if b - a > 1 && before(a) != b => Class::Edge(a, b),
+            _ => Class::Inside,
+        })
+    }
+}

@@ -1,0 +1,179 @@
+//! Faces that come and go, and which of them stand at each vertex.
+
+use glam::DVec3;
+use lodsmith_core::{FaceId, RegionId, VertexId};
+
+use crate::collapse::order::NONE;
+use crate::rebuild::Ground;
+
+/// Room for faces that a vertex gains, beside those that it has. (Guessed; a list that is full moves.)
+const SPARE: u32 = 4;
+
+/// A face that is gone.
+const GONE: [VertexId; 3] = [NONE; 3];
+
+/// Lists longer than this keep faces that are gone until they are walked: to look for each would take long.
+pub(super) const HUB: usize = 256;
+
+/// A face at a vertex, and its other two.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner {
+    pub(super) next: VertexId,
+    pub(super) last: VertexId,
+    pub(super) face: FaceId,
+}
+
+const NO_CORNER: Corner = Corner { next: NONE, last: NONE, face: FaceId(0) };
+
+/// What is walked most, the faces at a vertex, lies in one piece. Numbers of faces are given out once.
+pub(super) struct Store<'a> {
+    pub(super) points: &'a [DVec3],
+    faces: Vec<[VertexId; 3]>,
+    /// The face of the ground that each face stands for, where there are regions.
+    stands_for: Option<Vec<u32>>,
+    regions: Option<&'a [RegionId]>,
+    lists: Vec<List>,
+    corners: Vec<Corner>,
+    pub(super) face_count: usize,
+    pub(super) vertex_count: usize,
+}
+
+/// Where the faces of a vertex are listed, and how many of them are left.
+#[derive(Clone, Copy, Default)]
+struct List {
+    start: u32,
+    len: u32,
+    room: u32,
+    live: u32,
+}
+
+impl<'a> Store<'a> {
+    pub(super) fn new(ground: &'a Ground) -> Self {
+        let faces = ground.faces.clone();
+        let mut lists = vec![List::default(); ground.points.len()];
+        for v in faces.iter().flatten() {
+            lists[v.index()].live += 1;
+        }
+        let mut start = 0;
+        for list in &mut lists {
+            (list.start, list.room) = (start, list.live + SPARE);
+            start += list.room;
+        }
+        let mut corners = vec![NO_CORNER; start as usize];
+        for (f, &[a, b, c]) in faces.iter().enumerate() {
+            for (v, next, last) in [(a, b, c), (b, c, a), (c, a, b)] {
+                let list = &mut lists[v.index()];
+                corners[(list.start + list.len) as usize] = Corner { next, last, face: FaceId::new(f) };
+                list.len += 1;
+            }
+        }
+        let regions = ground.regions.as_deref();
+        Self {
+            points: &ground.points,
+            stands_for: regions.map(|_| (0..faces.len() as u32).collect()),
+            regions,
+            face_count: faces.len(),
+            vertex_count: lists.iter().filter(|l| l.live > 0).count(),
+            faces,
+            lists,
+            corners,
+        }
+    }
+
+    pub(super) fn point(&self, v: VertexId) -> DVec3 {
+        self.points[v.index()]
+    }
+    pub(super) fn face(&self, f: FaceId) -> [VertexId; 3] {
+        self.faces[f.index()]
+    }
+    /// Those that are left.
+    pub(super) fn faces(&self) -> impl Iterator<Item = (FaceId, [VertexId; 3])> {
+        self.faces.iter().enumerate().filter(|x| *x.1 != GONE).map(|(f, t)| (FaceId::new(f), *t))
+    }
+    /// The number of faces at a vertex.
+    pub(super) fn degree(&self, v: VertexId) -> usize {
+        self.lists[v.index()].live as usize
+    }
+    pub(super) fn region(&self, f: FaceId) -> Option<RegionId> {
+        Some(self.regions?[self.stands_for.as_ref()?[f.index()] as usize])
+    }
+    /// The face of the ground that a face stands for, where that is kept.
+    pub(super) fn stands_for(&self, f: FaceId) -> Option<usize> {
+        Some(self.stands_for.as_ref()?[f.index()] as usize)
+    }
+
+    /// What stands at a vertex whose list is tidy.
+    #[inline]
+    pub(super) fn corners_at(&self, v: VertexId) -> &[Corner] {
+        let list = &self.lists[v.index()];
+        &self.corners[list.start as usize..(list.start + list.len) as usize]
+    }
+
+    /// Leaves faces that are gone out of the list of a vertex.
+    #[inline]
+    pub(super) fn tidy(&mut self, v: VertexId) {
+        let list = &mut self.lists[v.index()];
+        if list.len == list.live {
+            return;
+        }
+        let at = &mut self.corners[list.start as usize..(list.start + list.len) as usize];
+        let mut kept = 0;
+        for i in 0..at.len() {
+            if self.faces[at[i].face.index()] != GONE {
+                at[kept] = at[i];
+                kept += 1;
+            }
+        }
+        list.len = kept as u32;
+    }
+
+    pub(super) fn take(&mut self, f: FaceId) {
+        let t = std::mem::replace(&mut self.faces[f.index()], GONE);
+        for v in t {
+            let list = &mut self.lists[v.index()];
+            list.live -= 1;
+            self.vertex_count -= usize::from(list.live == 0);
+            if list.len as usize <= HUB {
+                let at = &mut self.corners[list.start as usize..(list.start + list.len) as usize];
+                let i = at.iter().position(|c| c.face == f).expect("a face stands at its vertices");
+                at[i] = at[at.len() - 1];
+                list.len -= 1;
+            }
+        }
+        self.face_count -= 1;
+    }
+
+    /// Adds a face that takes the place of another.
+    pub(super) fn add(&mut self, t: [VertexId; 3], instead_of: FaceId) {
+        let f = FaceId::new(self.faces.len());
+        self.faces.push(t);
+        if let Some(all) = &mut self.stands_for {
+            all.push(all[instead_of.index()]);
+        }
+        let [a, b, c] = t;
+        for (v, next, last) in [(a, b, c), (b, c, a), (c, a, b)] {
+            if self.lists[v.index()].len == self.lists[v.index()].room {
+                self.make_room(v);
+            }
+            let list = &mut self.lists[v.index()];
+            self.vertex_count += usize::from(list.live == 0);
+            self.corners[(list.start + list.len) as usize] = Corner { next, last, face: f };
+            list.len += 1;
+            list.live += 1;
+        }
+        self.face_count += 1;
+    }
+
+    fn make_room(&mut self, v: VertexId) {
+        self.tidy(v);
+        let list = &mut self.lists[v.index()];
+        // A quarter of it has to be free, or the next one would come too soon.
+        if list.len * 4 <= list.room * 3 {
+            return;
+        }
+        let from = list.start as usize;
+        (list.start, list.room) = (self.corners.len() as u32, 2 * list.len + SPARE);
+        self.corners.extend_from_within(from..from + list.len as usize);
+        self.corners.resize((list.start + list.room) as usize, NO_CORNER);
+    }
+}

@@ -1,0 +1,294 @@
+//! What a clean-up promises.
+
+use lodsmith::core::mesh::weld::weld_mesh;
+use lodsmith::core::topology::{Topology, size_of};
+use lodsmith::core::{Positions, RegionId, TriMesh, WedgeId, arbitrary, shapes};
+use lodsmith::{CleanOptions, Cleaned, Length, NoControl, NonManifold, SimplifyError, clean};
+use proptest::prelude::*;
+
+fn mesh(positions: &[[f64; 3]], faces: &[[u32; 3]]) -> TriMesh {
+    TriMesh::new(Positions::F64(positions.to_vec()), bytemuck::cast_slice(faces).to_vec()).unwrap()
+}
+
+fn with(non_manifold: NonManifold) -> CleanOptions {
+    let mut options = CleanOptions::default();
+    options.non_manifold = non_manifold;
+    options
+}
+
+fn run(mesh: &TriMesh, options: &CleanOptions) -> Cleaned {
+    clean(mesh, options, &mut NoControl).unwrap()
+}
+
+/// The same faces moved by a vector, and turned over if asked.
+fn beside(base: &TriMesh, by: [f64; 3], scale: f64, turned: bool) -> Buffers {
+    let view = base.positions().view();
+    let positions = view.iter().map(|p| [0, 1, 2].map(|k| p[k] * scale + by[k])).collect();
+    let turn = |t: [u32; 3]| if turned { [t[0], t[2], t[1]] } else { t };
+    let faces = base.triangles().iter().map(|t| turn(t.map(|w| base.vertex_of(w).0))).collect();
+    (positions, faces)
+}
+
+type Buffers = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
+fn joined(parts: &[Buffers]) -> TriMesh {
+    let (mut positions, mut faces) = (Vec::new(), Vec::new());
+    for (p, f) in parts {
+        let first = positions.len() as u32;
+        positions.extend_from_slice(p);
+        faces.extend(f.iter().map(|t| t.map(|v| v + first)));
+    }
+    mesh(&positions, &faces)
+}
+
+/// A cube with a corner at a place; faces outward.
+fn cube(at: [f64; 3]) -> Buffers {
+    let corner = |i: u32| [i & 1, i >> 1 & 1, i >> 2].map(f64::from);
+    let positions = (0..8).map(|i| [0, 1, 2].map(|k| corner(i)[k] + at[k])).collect();
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    (positions, quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect())
+}
+
+#[test]
+fn nothing_happens_to_a_clean_mesh() {
+    for base in [shapes::icosphere(2), shapes::torus(12, 8)] {
+        for policy in [NonManifold::Keep, NonManifold::Cut, NonManifold::Merge] {
+            let got = run(&base, &with(policy));
+            assert_eq!(got.mesh, base);
+            assert_eq!(got.report.left, Default::default());
+            assert_eq!(got.report.flipped_faces + got.report.welded_vertices + got.report.sewn_edges, 0);
+        }
+    }
+}
+
+#[test]
+fn every_step_is_counted() {
+    let sphere = shapes::icosphere(2);
+    let (mut p, mut f) = beside(&sphere, [0.0; 3], 1.0, false);
+    let (count, faces) = (p.len() as u32, f.len());
+    // Some faces turned, one twice, one naming a place twice, one not finite, a vertex twice, one for nobody.
+    for t in f.iter_mut().step_by(3) {
+        t.swap(0, 1);
+    }
+    let turned = faces.div_ceil(3);
+    p.extend([p[5], [f64::NAN; 3], [9.0; 3]]);
+    f.push([f[0][1], f[0][2], f[0][0]]);
+    f.push([5, count, 7]);
+    f.push([1, 2, count + 1]);
+    let got = run(&mesh(&p, &f), &CleanOptions::default());
+    let r = got.report;
+    assert_eq!((r.welded_vertices, r.duplicate_faces, r.degenerate_faces, r.non_finite_faces), (1, 1, 1, 1));
+    assert_eq!((r.flipped_faces, r.unused_vertices), (turned, 2));
+    assert_eq!((r.faces, r.vertices), (faces, count as usize));
+    assert_eq!(r.left, Default::default());
+    assert!(size_of(&got.mesh.surface()).volume > 4.0);
+}
+
+#[test]
+fn closed_parts_look_outward_but_cavities_stay() {
+    let sphere = shapes::icosphere(2);
+    let inward = beside(&sphere, [0.0; 3], 1.0, true);
+    let got = run(&joined(&[inward]), &CleanOptions::default());
+    assert_eq!(got.report.flipped_faces, sphere.face_count());
+    // A cavity in a ball; another ball beside it, inside out.
+    let parts = [
+        beside(&sphere, [0.0; 3], 1.0, false),
+        beside(&sphere, [0.1; 3], 0.3, true),
+        beside(&sphere, [5.0, 0.0, 0.0], 1.0, true),
+    ];
+    let all = joined(&parts);
+    let got = run(&all, &CleanOptions::default());
+    assert_eq!(got.report.flipped_faces, sphere.face_count());
+    let n = 2 * sphere.face_count();
+    assert_eq!(got.mesh.triangles()[..n], all.triangles()[..n]);
+    // In a ball in a cavity: outward again, for it lies inside two.
+    let parts = [parts[0].clone(), parts[1].clone(), beside(&sphere, [0.1; 3], 0.1, true)];
+    assert_eq!(run(&joined(&parts), &CleanOptions::default()).report.flipped_faces, sphere.face_count());
+}
+
+#[test]
+fn an_open_part_follows_most_of_its_faces() {
+    let sheet = shapes::grid(6);
+    let (p, mut f) = beside(&sheet, [0.0; 3], 1.0, false);
+    for t in f.iter_mut().take(10) {
+        t.swap(1, 2);
+    }
+    let got = run(&mesh(&p, &f), &CleanOptions::default());
+    assert_eq!((got.report.flipped_faces, got.report.left.misoriented_edges), (10, 0));
+    assert!(got.report.left.border_edges > 0);
+}
+
+#[test]
+fn cubes_that_touch_are_parted_and_stay_closed() {
+    for (at, welded, parted) in [([1.0, 1.0, 0.0], 2, 2), ([1.0, 1.0, 1.0], 1, 1)] {
+        let both = joined(&[cube([0.0; 3]), cube(at)]);
+        let kept = run(&both, &CleanOptions::default());
+        assert_eq!(kept.report.welded_vertices, welded);
+        assert!(kept.report.left.non_manifold_vertices > 0);
+        let cut = run(&both, &with(NonManifold::Cut));
+        assert_eq!((cut.report.parted_vertices, cut.report.left), (parted, Default::default()));
+        assert_eq!(cut.mesh.vertex_count(), 16);
+        // Their own numbers keep them apart, and there is no border to sew.
+        let merged = run(&both, &with(NonManifold::Merge));
+        assert_eq!((merged.mesh, merged.report.left), (both, Default::default()));
+    }
+}
+
+#[test]
+fn a_wall_between_two_cubes_is_shared_out() {
+    // Each has its own face in the middle, back to back.
+    let both = joined(&[cube([0.0; 3]), cube([1.0, 0.0, 0.0])]);
+    let cut = run(&both, &with(NonManifold::Cut));
+    assert_eq!(cut.report.left.opposite_faces, 2);
+    let counts = Topology::unwelded(&cut.mesh.surface()).counts();
+    assert!(counts.is_closed() && counts.is_manifold() && counts.is_oriented());
+    assert_eq!(counts.component_count, 2);
+}
+
+#[test]
+fn cracks_are_sewn_without_joining_what_touches() {
+    // Two cubes along an edge, every face of them by itself.
+    let (mut p, mut f) = (Vec::new(), Vec::new());
+    for (cp, cf) in [cube([0.0; 3]), cube([1.0, 1.0, 0.0])] {
+        for t in cf {
+            f.push([p.len() as u32, p.len() as u32 + 1, p.len() as u32 + 2]);
+            p.extend(t.map(|v| cp[v as usize]));
+        }
+    }
+    let got = run(&mesh(&p, &f), &with(NonManifold::Merge));
+    assert_eq!((got.report.sewn_edges, got.report.welded_vertices), (36, 72 - 16));
+    assert_eq!(got.report.left, Default::default());
+    assert_eq!(run(&mesh(&p, &f), &CleanOptions::default()).report.left.non_manifold_edges, 1);
+}
+
+#[test]
+fn a_one_sided_strip_is_told_and_cut() {
+    let strip = shapes::mobius_strip(20);
+    let kept = run(&strip, &CleanOptions::default());
+    assert!(kept.report.left.misoriented_edges > 0);
+    let cut = run(&strip, &with(NonManifold::Cut));
+    let counts = Topology::unwelded(&cut.mesh.surface()).counts();
+    assert!(counts.is_manifold() && counts.is_oriented());
+}
+
+#[test]
+fn faces_without_area_go_and_open_nothing() {
+    //   3-------2      the corner 4 lies on the diagonal, in a face without area
+    //   |    4' |
+    //   0-------1
+    let p = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 0.0]];
+    let got = run(&mesh(&p, &[[0, 1, 4], [4, 1, 2], [0, 4, 2], [0, 2, 3]]), &CleanOptions::default());
+    assert_eq!((got.report.zero_area_faces, got.report.left.zero_area_faces), (1, 0));
+    assert_eq!((got.mesh.face_count(), got.report.left.border_edges), (4, 4));
+    assert!((size_of(&got.mesh.surface()).area - 1.0).abs() < 1e-12);
+    // A fin on an edge that has two faces already, and one on the border.
+    let got = run(&mesh(&p, &[[0, 1, 2], [0, 2, 3], [0, 4, 2]]), &CleanOptions::default());
+    assert_eq!((got.mesh.face_count(), got.mesh.vertex_count()), (2, 4));
+    assert_eq!(got.report.left.non_manifold_edges, 0);
+}
+
+#[test]
+fn small_parts_go_and_the_largest_stays() {
+    let sphere = shapes::icosphere(2);
+    let parts = joined(&[
+        beside(&sphere, [0.0; 3], 1.0, false),
+        beside(&sphere, [4.0, 0.0, 0.0], 0.01, false),
+        beside(&sphere, [0.0, 4.0, 0.0], 0.02, false),
+    ]);
+    let mut options = CleanOptions::default();
+    options.prune = Some(Length::OfDiagonal(0.05));
+    let got = run(&parts, &options);
+    assert_eq!((got.report.pruned.parts, got.mesh.face_count()), (2, sphere.face_count()));
+    options.prune = Some(Length::Units(1e9));
+    let got = run(&parts, &options);
+    assert!(got.report.pruned.largest_kept && got.mesh.face_count() == sphere.face_count());
+}
+
+#[test]
+fn near_vertices_join_within_the_distance() {
+    let (mut p, mut f) = (Vec::new(), Vec::new());
+    let (cp, cf) = cube([0.0; 3]);
+    for (i, t) in cf.iter().enumerate() {
+        f.push([3 * i as u32, 3 * i as u32 + 1, 3 * i as u32 + 2]);
+        p.extend(t.map(|v| cp[v as usize].map(|x| x + 1e-6 * i as f64)));
+    }
+    let soup = mesh(&p, &f);
+    assert_eq!(run(&soup, &CleanOptions::default()).report.left.border_edges, 36);
+    for policy in [NonManifold::Keep, NonManifold::Merge] {
+        let mut options = with(policy);
+        options.weld = Some(Length::Units(1e-4));
+        let got = run(&soup, &options);
+        assert_eq!((got.mesh.vertex_count(), got.report.left), (8, Default::default()));
+    }
+}
+
+#[test]
+fn attributes_and_regions_stay_with_their_corners() {
+    // Every corner has its own colour, every face its own region; two cubes share an edge.
+    let base = weld_mesh(&joined(&[cube([0.0; 3]), cube([1.0, 1.0, 0.0])]), None).mesh;
+    let corners = base.triangles().as_flattened();
+    let map = corners.iter().map(|&w| base.vertex_of(w)).collect();
+    let faces = (0..base.face_count() as u32).map(|f| [0, 1, 2].map(|k| WedgeId(3 * f + k))).collect();
+    let mut laden = TriMesh::with_wedges(base.positions().clone(), map, faces).unwrap();
+    laden.set_colors(Some((0..corners.len()).map(|i| [i as f32, 0.0, 0.0, 1.0]).collect())).unwrap();
+    laden.set_regions(Some((0..base.face_count()).map(RegionId::new).collect())).unwrap();
+    for policy in [NonManifold::Keep, NonManifold::Cut, NonManifold::Merge] {
+        let got = run(&laden, &with(policy)).mesh;
+        assert_eq!(got.regions(), laden.regions());
+        let colors = got.colors().unwrap();
+        let told = got.triangles().as_flattened().iter().map(|w| colors[w.index()][0]);
+        assert!(told.eq((0..corners.len()).map(|i| i as f32)));
+        let places = |m: &TriMesh| -> Vec<[f64; 3]> {
+            let view = m.positions().view();
+            m.triangles().as_flattened().iter().map(|&w| view.get(m.vertex_of(w))).collect()
+        };
+        assert_eq!(places(&got), places(&laden));
+    }
+}
+
+#[test]
+fn what_cannot_be_is_an_error() {
+    let flat = mesh(&[[0.0; 3], [1.0, 0.0, 0.0]], &[[0, 1, 1]]);
+    let got = clean(&flat, &CleanOptions::default(), &mut NoControl);
+    assert_eq!(got, Err(SimplifyError::NoFaces { faces: 1 }));
+    let mut options = CleanOptions::default();
+    options.weld = Some(Length::Units(f64::NAN));
+    let got = clean(&shapes::icosphere(0), &options, &mut NoControl);
+    assert!(matches!(got, Err(SimplifyError::BadOption { option: "weld", .. })));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn a_cut_surface_is_manifold_and_oriented(soup in arbitrary::soup(24, arbitrary::Coordinates::NotFinite)) {
+        if let Ok(cut) = clean(&soup, &with(NonManifold::Cut), &mut NoControl) {
+            let surface = cut.mesh.surface();
+            let counts = Topology::unwelded(&surface).counts();
+            prop_assert!(counts.is_manifold() && counts.is_oriented(), "{counts:?}");
+            // Nothing is broken that was not told.
+            let kept = run(&soup, &CleanOptions::default());
+            prop_assert_eq!(kept.mesh.face_count(), cut.mesh.face_count());
+            let vertices = cut.mesh.vertex_count();
+            prop_assert_eq!(vertices, kept.mesh.vertex_count() + cut.report.parted_vertices);
+            // Once is enough, by its own numbers.
+            let again = run(&cut.mesh, &with(NonManifold::Merge));
+            prop_assert!(again.report.left.border_edges <= cut.report.left.border_edges);
+        }
+    }
+
+    #[test]
+    fn sewing_leaves_no_two_borders_that_could_be_one(soup in arbitrary::soup(24, arbitrary::Coordinates::NotFinite)) {
+        if let Ok(sewn) = clean(&soup, &with(NonManifold::Merge), &mut NoControl) {
+            let surface = sewn.mesh.surface();
+            let own = Topology::unwelded(&surface);
+            let counts = Topology::new(&surface).counts();
+            // Where the places make one edge of two faces that agree, so do the numbers.
+            let by_place = Topology::new(&surface);
+            for h in by_place.edges() {
+                let Some(g) = by_place.twin(h).filter(|&g| by_place.origin(g) != by_place.origin(h)) else { continue };
+                prop_assert_eq!(own.twin(h), Some(g), "{:?}", counts);
+            }
+        }
+    }
+}

@@ -1,0 +1,819 @@
+//! What every method owes, whatever it is: one table of promises, and all of them on every shape.
+
+mod support;
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use lodsmith::core::mesh::defects::defects;
+use lodsmith::core::topology::EdgeKind;
+use lodsmith::core::{Positions, Topology, TriMesh, VertexId, shapes};
+use lodsmith::{
+    BorderPolicy, Control, Fit, Guards, Length, Method, MethodOptions, NoControl, Placement, Simplified,
+    SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
+};
+use support::{Complaints, Random, bits, bytes, complaints, counts, laden, places, run, told};
+
+/// What may be wrong with a mesh, by number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Count {
+    BorderEdges,
+    NonManifoldEdges,
+    NonManifoldVertices,
+    /// Edges whose faces are wound against each other; an edge of four faces may become one.
+    MisorientedOrNonManifoldEdges,
+    /// Faces over the same three places as another, turned the other way.
+    FacesBackToBack,
+    ZeroAreaFaces,
+    /// Edges at which two faces lie back to back or nearly, on shapes that have none: faces that were turned over.
+    Folds,
+}
+
+impl Count {
+    const ALL: [Self; 7] = [
+        Self::BorderEdges,
+        Self::NonManifoldEdges,
+        Self::NonManifoldVertices,
+        Self::MisorientedOrNonManifoldEdges,
+        Self::FacesBackToBack,
+        Self::ZeroAreaFaces,
+        Self::Folds,
+    ];
+}
+
+/// What a method promises beyond what all do.
+struct Promise {
+    method: Method,
+    /// Counts that lie in its nature to rise, with the default topology; the documents say so.
+    may_rise: &'static [Count],
+    /// Its vertices are vertices of the input, with what stands on them, sound or not.
+    is_subset: bool,
+    /// It takes away as much as its target asks for, on shapes that are clean; else only what is its own to take.
+    goes_all_the_way: bool,
+}
+
+/// In the order of [`Method::ALL`].
+const PROMISES: [Promise; 10] = [
+    Promise { method: Method::Memoryless, may_rise: &[], is_subset: false, goes_all_the_way: true },
+    Promise { method: Method::Quadric, may_rise: &[], is_subset: false, goes_all_the_way: true },
+    Promise { method: Method::LindstromTurk, may_rise: &[], is_subset: false, goes_all_the_way: true },
+    Promise { method: Method::Melax, may_rise: &[], is_subset: true, goes_all_the_way: true },
+    Promise { method: Method::ShortestEdge, may_rise: &[], is_subset: false, goes_all_the_way: true },
+    // Whatever falls into one cell is joined: sheets that were apart touch, and faces between are gone.
+    Promise {
+        method: Method::Cluster,
+        may_rise: &[
+            Count::BorderEdges,
+            Count::NonManifoldEdges,
+            Count::NonManifoldVertices,
+            Count::MisorientedOrNonManifoldEdges,
+            Count::FacesBackToBack,
+            Count::ZeroAreaFaces,
+            Count::Folds,
+        ],
+        is_subset: false,
+        goes_all_the_way: true,
+    },
+    Promise { method: Method::VertexRemoval, may_rise: &[], is_subset: true, goes_all_the_way: true },
+    Promise { method: Method::Planar, may_rise: &[], is_subset: true, goes_all_the_way: false },
+    Promise { method: Method::Unsubdivide, may_rise: &[], is_subset: true, goes_all_the_way: false },
+    // Borders are laid out anew, with edges of the new length.
+    Promise {
+        method: Method::Remesh,
+        may_rise: &[Count::BorderEdges],
+        is_subset: false,
+        goes_all_the_way: true,
+    },
+];
+
+const TOPOLOGIES: [TopologyPolicy; 3] =
+    [TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free];
+
+/// Counts to stop at: half, a tenth, one that none can meet, vertices, a ratio, one that is met already, several, none.
+fn stops(mesh: &TriMesh) -> Vec<Stop> {
+    let (faces, vertices) = (mesh.face_count(), mesh.vertex_count());
+    vec![
+        Stop::faces((faces / 2).max(1)),
+        Stop::faces((faces / 10).max(1)),
+        Stop::faces(1),
+        Stop::faces(0),
+        Stop::vertices(vertices / 3),
+        Stop::ratio(0.25),
+        Stop::faces(faces),
+        Stop { faces: Some(faces / 4), vertices: Some(vertices / 2), ratio: Some(0.3), error: None },
+        Stop::default(),
+    ]
+}
+
+fn options(method: Method, stop: Stop) -> SimplifyOptions {
+    let mut options = SimplifyOptions::new(stop);
+    options.method = method;
+    options
+}
+
+/// Whether an error says that the method does not take this option, and names others that do.
+fn is_refusal(error: &SimplifyError, method: Method) -> bool {
+    match error {
+        SimplifyError::NotOfMethod { takers, method: of, .. } => {
+            *of == method && !takers.contains(&method) && !takers.is_empty()
+        }
+        // A length at which nothing would be left, or more than there was.
+        SimplifyError::BadOption { option, .. } => {
+            ["cell", "edge-length", "voxel", "subdivisions"].contains(option)
+        }
+        _ => false,
+    }
+}
+
+/// Runs and holds the result against all promises. `None` where the method refuses an option that is not its own, or
+/// complains.
+fn tried(
+    all: &mut Complaints,
+    name: &str,
+    mesh: &TriMesh,
+    promise: &Promise,
+    options: &SimplifyOptions,
+) -> Option<Simplified> {
+    let case = case(name, options);
+    match run(mesh, options) {
+        Ok(Ok(done)) => {
+            all.add(&case, complaints(mesh, options, &done));
+            all.add(&case, defect_complaints(mesh, options, promise, &done));
+            if promise.is_subset && options.weld.is_none() {
+                let strange = places(&done.mesh).difference(&places(mesh)).count();
+                all.check(&case, strange == 0, &format!("{strange} vertices are not of the input"));
+            }
+            Some(done)
+        }
+        Ok(Err(error)) if is_refusal(&error, promise.method) => None,
+        Ok(Err(error)) => {
+            all.add(&case, [format!("fails: {error}")]);
+            None
+        }
+        Err(panic) => {
+            all.add(&case, [panic]);
+            None
+        }
+    }
+}
+
+fn case(name: &str, options: &SimplifyOptions) -> String {
+    let method = options.method.name();
+    let own = match options.of_method == MethodOptions::default() {
+        true => String::new(),
+        false => format!(", {:?}", options.of_method),
+    };
+    format!("{name}, {method}: {}{own}", told(options))
+}
+
+/// Counts that rose and should not have.
+fn defect_complaints(
+    mesh: &TriMesh,
+    options: &SimplifyOptions,
+    promise: &Promise,
+    done: &Simplified,
+) -> Vec<String> {
+    let mut found = Vec::new();
+    let new = defects(&done.mesh.surface());
+    let flat = new.degenerate_face_count;
+    found.extend((flat > 0).then(|| format!("{flat} faces with two corners at one place")));
+    let twice = new.same_winding_duplicate_count;
+    found.extend((twice > 0).then(|| format!("{twice} faces stand twice, by place")));
+    if options.topology == TopologyPolicy::Free {
+        return found;
+    }
+    for count in Count::ALL.into_iter().filter(|c| !promise.may_rise.contains(c) && *c != Count::Folds) {
+        let [was, is] = [mesh, &done.mesh].map(|m| number(m, count));
+        found.extend((is > was).then(|| format!("{count:?}: {was} became {is}")));
+    }
+    if options.topology == TopologyPolicy::Preserve {
+        let (old, new) = (counts(mesh), counts(&done.mesh));
+        let mut stays = |what: &str, old: i64, new: i64| {
+            found.extend((old != new).then(|| format!("{what}: {old} became {new}")));
+        };
+        stays("parts", old.component_count as i64, new.component_count as i64);
+        if old.is_manifold() {
+            stays("Euler number", old.euler(), new.euler());
+            stays("border loops", old.border_loop_count as i64, new.border_loop_count as i64);
+        }
+    }
+    found
+}
+
+fn number(mesh: &TriMesh, count: Count) -> usize {
+    let topology = || counts(mesh);
+    match count {
+        Count::BorderEdges => topology().border_edge_count,
+        Count::NonManifoldEdges => topology().non_manifold_edge_count,
+        Count::NonManifoldVertices => topology().non_manifold_vertex_count,
+        Count::MisorientedOrNonManifoldEdges => {
+            topology().misoriented_edge_count + topology().non_manifold_edge_count
+        }
+        Count::FacesBackToBack => defects(&mesh.surface()).opposite_duplicate_count,
+        Count::ZeroAreaFaces => defects(&mesh.surface()).zero_area_face_count,
+        Count::Folds => folds(mesh),
+    }
+}
+
+/// Edges whose two faces turn by more than 150 degrees against each other.
+fn folds(mesh: &TriMesh) -> usize {
+    let surface = mesh.surface();
+    let topology = Topology::new(&surface);
+    let normal = |f: lodsmith::core::FaceId| {
+        let [a, b, c] = surface.triangles()[f.index()].map(|v| surface.positions().get(v));
+        let to = |p: [f64; 3]| [0, 1, 2].map(|k| p[k] - a[k]);
+        let (u, v) = (to(b), to(c));
+        [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+    };
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let inner = topology.edges().filter(|&h| topology.kind(h) == Some(EdgeKind::Inner));
+    let is_fold = |(a, b): &([f64; 3], [f64; 3])| {
+        dot(*a, *b) < 150f64.to_radians().cos() * (dot(*a, *a) * dot(*b, *b)).sqrt()
+    };
+    let pairs = inner.filter_map(|h| Some((normal(h.face()), normal(topology.twin(h)?.face()))));
+    pairs.filter(is_fold).count()
+}
+
+#[test]
+fn each_method_has_its_row() {
+    assert_eq!(PROMISES.map(|p| p.method), Method::ALL);
+    let names: HashSet<&str> = Method::ALL.iter().map(|m| m.name()).collect();
+    assert_eq!(names.len(), Method::ALL.len(), "each has a word of its own");
+}
+
+#[test]
+fn every_shape_to_every_count() {
+    let mut all = Complaints::default();
+    for promise in PROMISES.iter() {
+        for (name, mesh) in shapes::all() {
+            for stop in stops(&mesh) {
+                for topology in TOPOLOGIES {
+                    let mut options = options(promise.method, stop);
+                    options.topology = topology;
+                    let done = tried(&mut all, name, &mesh, promise, &options);
+                    let is_default = topology == TopologyPolicy::default();
+                    let told = done.is_some() || !is_default;
+                    all.check(&case(name, &options), told, "the default topology is refused");
+                }
+            }
+        }
+    }
+    all.settle();
+}
+
+/// A search measures many times, so each method takes every third shape, and each shape is some method's.
+#[test]
+fn every_shape_within_an_error() {
+    let mut all = Complaints::default();
+    for (i, promise) in PROMISES.iter().enumerate() {
+        for (name, mesh) in shapes::all().into_iter().skip(i % 3).step_by(3) {
+            let options = options(promise.method, Stop::error(Length::OfDiagonal(0.01)));
+            let Some(done) = tried(&mut all, name, &mesh, promise, &options) else { continue };
+            let by = done.report.stopped_by;
+            let text = format!("the error is kept, and yet not reached: {by:?}");
+            all.check(&case(name, &options), done.report.reached, &text);
+        }
+    }
+    all.settle();
+}
+
+#[test]
+fn an_error_of_nothing_and_a_count_together() {
+    let mut all = Complaints::default();
+    for promise in PROMISES.iter() {
+        let cases = [
+            ("fine_cube", shapes::cube(6), Length::OfDiagonal(0.0)),
+            ("blob", shapes::blob(3, 2), Length::OfDiagonal(0.2)),
+        ];
+        for (name, mesh, error) in cases {
+            let stop = Stop { faces: Some(60), error: Some(error), ..Stop::default() };
+            let options = options(promise.method, stop);
+            let Some(done) = tried(&mut all, name, &mesh, promise, &options) else { continue };
+            let faces = done.mesh.face_count();
+            // A generous error leaves the count to stop it.
+            let is_count_first = promise.goes_all_the_way && name == "blob";
+            let text = format!("{faces} faces by {:?}", done.report.stopped_by);
+            all.check(&case(name, &options), !is_count_first || faces <= 60, &text);
+        }
+    }
+    all.settle();
+}
+
+#[test]
+fn clean_shapes_come_to_the_target_without_folds() {
+    let mut all = Complaints::default();
+    for promise in PROMISES.iter() {
+        for name in ["fine_cube", "icosphere", "blob", "torus", "grid", "wavy_sheet", "cylinder"] {
+            let mesh = shapes::all().into_iter().find(|s| s.0 == name).expect("it is a shape").1;
+            for ratio in [0.5, 0.2] {
+                let options = options(promise.method, Stop::ratio(ratio));
+                let Some(done) = tried(&mut all, name, &mesh, promise, &options) else { continue };
+                let case = case(name, &options);
+                let (faces, report) = (done.mesh.face_count(), &done.report);
+                if promise.goes_all_the_way {
+                    let why = format!("{faces} faces, {:?}: {:?}", report.stopped_by, report.refusals);
+                    all.check(&case, report.reached, &why);
+                    // Far below the target would be a waste.
+                    let enough = 0.5 * ratio * mesh.face_count() as f64;
+                    all.check(&case, faces as f64 >= enough, &format!("{faces} faces, far below the target"));
+                }
+                if !promise.may_rise.contains(&Count::Folds) {
+                    let [was, is] = [&mesh, &done.mesh].map(|m| number(m, Count::Folds));
+                    all.check(&case, is <= was, &format!("{was} folds became {is}"));
+                }
+            }
+        }
+    }
+    all.settle();
+}
+
+fn in_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads start").install(work)
+}
+
+#[test]
+fn the_same_bytes_again_and_with_any_threads() {
+    let mut all = Complaints::default();
+    for promise in PROMISES.iter() {
+        let mut meshes = shapes::all();
+        meshes.push(("large_blob", shapes::blob(5, 3)));
+        for (name, mesh) in meshes {
+            for stop in [Stop::ratio(0.3), Stop::faces(12)] {
+                let options = options(promise.method, stop);
+                let case = case(name, &options);
+                let results = [1, 2, 1].map(|n| in_threads(n, || simplify(&mesh, &options, &mut NoControl)));
+                let [Ok(one), Ok(two), Ok(again)] = results else {
+                    all.add(&case, ["fails".to_owned()]);
+                    continue;
+                };
+                let same =
+                    |a: &Simplified, b: &Simplified| bytes(&a.mesh) == bytes(&b.mesh) && a.report == b.report;
+                all.check(&case, same(&one, &again), "another result when run again");
+                all.check(&case, same(&one, &two), "another result with two threads");
+            }
+        }
+    }
+    all.settle();
+}
+
+/// Answers with a verdict from one question on; holds what it is told against what was told before.
+struct Asked {
+    questions: usize,
+    from: usize,
+    verdict: Verdict,
+    last: f64,
+    wrongs: Vec<String>,
+}
+
+impl Asked {
+    fn new(from: usize, verdict: Verdict) -> Self {
+        Self { questions: 0, from, verdict, last: 0.0, wrongs: Vec::new() }
+    }
+}
+
+impl Control for Asked {
+    fn stage(&mut self, _: Stage) {
+        self.last = 0.0;
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        if !(done >= self.last && done <= 1.0) {
+            self.wrongs.push(format!("progress {done} after {}", self.last));
+        }
+        self.last = done;
+        self.questions += 1;
+        if self.questions > self.from { self.verdict } else { Verdict::Continue }
+    }
+}
+
+/// Times that a run on [`large`] asks, at least: "a few thousand steps" are 16 thousand here.
+const QUESTIONS: usize = 5;
+
+/// Large enough that a run asks several times.
+fn large() -> TriMesh {
+    shapes::blob(6, 2)
+}
+
+#[test]
+fn callers_are_asked_and_obeyed() {
+    let mut all = Complaints::default();
+    let mesh = large();
+    for promise in PROMISES.iter() {
+        let options = options(promise.method, Stop::ratio(0.05));
+        let case = case("a large blob", &options);
+        let mut watching = Asked::new(usize::MAX, Verdict::Continue);
+        let Ok(whole) = simplify(&mesh, &options, &mut watching) else {
+            all.add(&case, ["fails".to_owned()]);
+            continue;
+        };
+        all.add(&case, watching.wrongs);
+        let asked = watching.questions;
+        let text = format!("asked {asked} times for {} faces", mesh.face_count());
+        // Clusters are counted in passes, of a few milliseconds each.
+        let least = if promise.method == Method::Cluster { 2 } else { QUESTIONS };
+        all.check(&case, asked >= least, &text);
+        for from in [0, 1, asked / 2, asked.saturating_sub(1)] {
+            let mut control = Asked::new(from, Verdict::Cancel);
+            let done = simplify(&mesh, &options, &mut control);
+            let text = format!("cancelled at question {} of {asked}, it goes on", from + 1);
+            all.check(&case, matches!(done, Err(SimplifyError::Cancelled)), &text);
+
+            let mut control = Asked::new(from, Verdict::Finish);
+            let case = format!("{case}, finished at question {} of {asked}", from + 1);
+            let done = match simplify(&mesh, &options, &mut control) {
+                Ok(done) => done,
+                Err(error) => {
+                    all.add(&case, [format!("fails: {error}")]);
+                    continue;
+                }
+            };
+            all.add(&case, defect_complaints(&mesh, &options, promise, &done));
+            let (faces, report) = (done.mesh.face_count(), &done.report);
+            let told = (report.faces, report.vertices) == (faces, done.mesh.vertex_count());
+            all.check(&case, told, "the report tells another mesh");
+            all.check(&case, faces > 0 && faces <= mesh.face_count(), &format!("{faces} faces"));
+            if report.stopped_by == StoppedBy::Caller {
+                all.check(&case, !report.reached, "ended by the caller, and yet reached");
+            } else {
+                // What was left to do when the question came is done all the same.
+                all.check(&case, from > 1, "it goes on");
+                all.check(&case, faces == whole.mesh.face_count(), "neither the whole result nor an end");
+            }
+        }
+    }
+    all.settle();
+}
+
+#[test]
+fn cancelling_while_an_error_is_searched_for() {
+    let mut all = Complaints::default();
+    let mesh = shapes::blob(3, 2);
+    for promise in PROMISES.iter() {
+        let options = options(promise.method, Stop::error(Length::OfDiagonal(0.005)));
+        let case = case("a blob", &options);
+        let mut watching = Asked::new(usize::MAX, Verdict::Continue);
+        let whole = simplify(&mesh, &options, &mut watching);
+        all.check(&case, whole.is_ok(), "fails");
+        for from in [0, watching.questions / 2, watching.questions.saturating_sub(1)] {
+            let done = simplify(&mesh, &options, &mut Asked::new(from, Verdict::Cancel));
+            let text = format!("cancelled at question {} of {}, it goes on", from + 1, watching.questions);
+            all.check(&case, matches!(done, Err(SimplifyError::Cancelled)), &text);
+        }
+        let from = watching.questions / 2;
+        let Ok(done) = simplify(&mesh, &options, &mut Asked::new(from, Verdict::Finish)) else {
+            all.add(&case, [format!("finished at question {}, it fails", from + 1)]);
+            continue;
+        };
+        let measured = done.report.error.measured.as_ref().map(|m| m.hausdorff.symmetric);
+        let limit = 0.005 * done.report.error.diagonal;
+        let is_within = measured.is_some_and(|d| d <= 1.0001 * limit);
+        let text = format!("finished at question {}: {measured:?} beyond {limit}", from + 1);
+        all.check(&case, is_within, &text);
+    }
+    all.settle();
+}
+
+/// The words under which the report names what it dropped.
+fn title(name: &str) -> &str {
+    let known = [
+        ("normals", "normals"),
+        ("uvs", "uvs"),
+        ("colours", "colors"),
+        ("Tangent", "tangents"),
+        ("Uv", "further texture coordinates"),
+        ("Color", "further colours"),
+        ("Joints", "joints"),
+        ("Weights", "weights"),
+        ("Morph", "morph targets"),
+        ("Custom", "custom attribute"),
+    ];
+    known.into_iter().find(|(start, _)| name.starts_with(start)).map_or(name, |(_, title)| title)
+}
+
+#[test]
+fn attributes_come_along_or_are_named() {
+    let mut all = Complaints::default();
+    for promise in PROMISES.iter() {
+        let mut random = Random(11);
+        for (name, plain) in shapes::all() {
+            for round in 0..4 {
+                let mesh = laden::laden(&plain, &mut random);
+                let stop =
+                    random.pick(&[Stop::ratio(0.5), Stop::ratio(0.1), Stop::faces(4), Stop::default()]);
+                let options = options(promise.method, stop);
+                let name = format!("{name} {round}");
+                let Some(done) = tried(&mut all, &name, &mesh, promise, &options) else { continue };
+                all.add(&case(&name, &options), attribute_complaints(&mesh, promise, &done));
+            }
+        }
+    }
+    all.settle();
+}
+
+fn attribute_complaints(mesh: &TriMesh, promise: &Promise, done: &Simplified) -> Vec<String> {
+    let mut found = Vec::new();
+    let (old, new) = (laden::kinds(mesh), laden::kinds(&done.mesh));
+    let is_in = |all: &[(String, usize, Vec<f32>)], kind: &(String, usize, Vec<f32>)| {
+        all.iter().any(|k| (&k.0, k.1) == (&kind.0, kind.1))
+    };
+    for kind in old.iter().filter(|k| !is_in(&new, k)) {
+        if !done.report.dropped.contains(&title(&kind.0)) {
+            found.push(format!("{} are gone, and the report drops {:?}", kind.0, done.report.dropped));
+        }
+    }
+    for kind in new.iter().filter(|k| !is_in(&old, k)) {
+        found.push(format!("{} are new", kind.0));
+    }
+    for (name, width, values) in &new {
+        let wanted = width * done.mesh.wedge_count();
+        if values.len() != wanted {
+            found.push(format!("{} values of {name}, {wanted} wanted", values.len()));
+        }
+        let own = old.iter().find(|k| k.0 == *name).map(|k| &k.2);
+        let was_finite = own.is_some_and(|v| v.iter().all(|x| x.is_finite()));
+        // What stays a vertex of the input has what that had, sound or not.
+        let keeps_some = promise.is_subset || promise.method == Method::Remesh;
+        if (was_finite || !keeps_some)
+            && let Some(i) = values.iter().position(|x| !x.is_finite())
+        {
+            found.push(format!("{name} of wedge {} are {}", i / width, values[i]));
+        }
+    }
+    let used: HashSet<_> = done.mesh.triangles().iter().flatten().collect();
+    if used.len() != done.mesh.wedge_count() {
+        found.push(format!("{} of {} wedges are used", used.len(), done.mesh.wedge_count()));
+    }
+    match (mesh.regions(), done.mesh.regions()) {
+        (Some(was), Some(is)) => {
+            let known: HashSet<_> = was.iter().collect();
+            if let Some(strange) = is.iter().find(|r| !known.contains(r)) {
+                found.push(format!("{strange:?} is no region of the input"));
+            }
+        }
+        (Some(_), None) if !done.report.dropped.contains(&"regions") => {
+            found.push("regions are gone without a word".to_owned());
+        }
+        (None, Some(_)) => found.push("regions are new".to_owned()),
+        _ => {}
+    }
+    found
+}
+
+/// In double precision, on a grid so coarse that moves and doublings round nothing.
+fn gridded(mesh: &TriMesh, scale: f64, shift: [f64; 3]) -> TriMesh {
+    const FINE: f64 = (1u32 << 20) as f64;
+    let place = |p: [f64; 3]| [0, 1, 2].map(|k| ((p[k] * FINE).round() / FINE + shift[k]) * scale);
+    let places = mesh.positions().view().iter().map(place).collect();
+    TriMesh::new(Positions::F64(places), mesh.surface().triangles().to_vec()).expect("the same faces")
+}
+
+#[test]
+fn size_and_place_change_nothing() {
+    let mut all = Complaints::default();
+    let far = [f64::from(1u32 << 20), -f64::from(1u32 << 22), f64::from(1u32 << 18)];
+    let cases = [
+        ("tiny", 2f64.powi(-60), [0.0; 3]),
+        ("huge", 2f64.powi(60), [0.0; 3]),
+        ("far off", 1.0, far),
+        ("tiny and far off", 2f64.powi(-50), far),
+    ];
+    for promise in PROMISES.iter() {
+        for (name, mesh) in shapes::all() {
+            let options = options(promise.method, Stop::ratio(0.3));
+            let plain = gridded(&mesh, 1.0, [0.0; 3]);
+            let Ok(near) = simplify(&plain, &options, &mut NoControl) else {
+                all.add(&case(name, &options), ["fails".to_owned()]);
+                continue;
+            };
+            for (how, scale, shift) in cases {
+                let case = format!("{}, {how}", case(name, &options));
+                let moved = gridded(&mesh, scale, shift);
+                let Ok(done) = simplify(&moved, &options, &mut NoControl) else {
+                    all.add(&case, ["fails".to_owned()]);
+                    continue;
+                };
+                let same = done.mesh.triangles() == near.mesh.triangles();
+                let [a, b] = [&near, &done].map(|d| d.mesh.face_count());
+                all.check(&case, same, &format!("other faces: {b} for {a}"));
+                if !same {
+                    continue;
+                }
+                let pairs = near.mesh.positions().view();
+                let pairs = pairs.iter().zip(done.mesh.positions().view().iter().collect::<Vec<_>>());
+                let off = |(p, q): ([f64; 3], [f64; 3])| {
+                    [0, 1, 2].map(|k| (q[k] / scale - shift[k] - p[k]).abs()).into_iter().fold(0.0, f64::max)
+                };
+                let worst = pairs.map(off).fold(0.0, f64::max);
+                let limit = 1e-7 * near.report.error.diagonal;
+                all.check(&case, worst <= limit, &format!("a vertex {worst} off"));
+                let ratio = done.report.error.estimate / (scale * near.report.error.estimate);
+                let is_scaled = near.report.error.estimate == 0.0 || (ratio - 1.0).abs() < 1e-3;
+                all.check(&case, is_scaled, &format!("an estimate {ratio} times as large"));
+            }
+        }
+    }
+    all.settle();
+}
+
+#[test]
+fn nothing_to_simplify_is_an_error() {
+    let mut all = Complaints::default();
+    let mesh = |places: Vec<[f64; 3]>, faces: &[[u32; 3]]| {
+        let faces = faces.iter().map(|t| t.map(VertexId)).collect();
+        TriMesh::new(Positions::F64(places), faces).expect("indices are in range")
+    };
+    let nan = f64::NAN;
+    let cases = [
+        ("no vertex", mesh(Vec::new(), &[])),
+        ("no face", mesh(vec![[0.0; 3], [1.0; 3]], &[])),
+        ("one place", mesh(vec![[1.0; 3]; 3], &[[0, 1, 2]])),
+        ("a line", mesh(vec![[0.0; 3], [1.0; 3], [2.0; 3]], &[[0, 1, 2], [2, 1, 0]])),
+        ("no numbers", mesh(vec![[nan; 3], [1.0, nan, 0.0], [2.0, 0.0, nan]], &[[0, 1, 2]])),
+        ("infinities", mesh(vec![[f64::INFINITY; 3], [1.0, 0.0, 0.0], [2.0, 1.0, 0.0]], &[[0, 1, 2]])),
+    ];
+    for promise in PROMISES.iter() {
+        for (name, mesh) in &cases {
+            for stop in [Stop::faces(1), Stop::error(Length::OfDiagonal(0.1)), Stop::default()] {
+                let options = options(promise.method, stop);
+                let case = case(name, &options);
+                match run(mesh, &options) {
+                    Ok(Err(SimplifyError::NoFaces { faces })) if faces == mesh.face_count() => {}
+                    other => all.add(&case, [format!("{:?}", other.map(|r| r.map(|d| d.report)))]),
+                }
+            }
+        }
+    }
+    all.settle();
+}
+
+/// Sound faces among others: what is broken is left out, and the rest is done.
+#[test]
+fn broken_faces_among_sound_ones_go() {
+    let mut all = Complaints::default();
+    for promise in PROMISES.iter() {
+        let sound = shapes::icosphere(2);
+        let mut places: Vec<[f64; 3]> = sound.positions().view().iter().collect();
+        let mut faces = sound.surface().triangles().to_vec();
+        let v = |i: usize| VertexId::new(i);
+        places.extend([[f64::NAN; 3], [f64::INFINITY, 0.0, 0.0], [9.0; 3]]);
+        let n = places.len();
+        faces.extend([[v(0), v(1), v(n - 3)], [v(n - 2), v(3), v(4)], [v(5), v(5), v(6)]]);
+        faces.extend(faces[..3].to_vec());
+        let mesh = TriMesh::new(Positions::F64(places), faces).expect("indices are in range");
+        for stop in [Stop::ratio(0.5), Stop::faces(20), Stop::error(Length::OfDiagonal(0.02))] {
+            let options = options(promise.method, stop);
+            let Some(done) = tried(&mut all, "a broken sphere", &mesh, promise, &options) else { continue };
+            let case = case("a broken sphere", &options);
+            let c = &done.report.cleanup;
+            let told = (c.non_finite_faces, c.degenerate_faces) == (2, 1);
+            all.check(&case, told, &format!("mended: {c:?}"));
+            let closed = counts(&done.mesh).is_closed() || promise.may_rise.contains(&Count::BorderEdges);
+            all.check(&case, closed, "a closed surface was opened");
+        }
+    }
+    all.settle();
+}
+
+/// Options of single methods, with a value that is fine, and who takes them.
+fn own_options() -> Vec<(&'static str, MethodOptions, &'static [Method])> {
+    use Method::{Cluster, Memoryless, Planar, Quadric, Remesh, ShortestEdge, Unsubdivide, VertexRemoval};
+    let with = |set: fn(&mut MethodOptions)| {
+        let mut own = MethodOptions::default();
+        set(&mut own);
+        own
+    };
+    const LENGTH: Option<Length> = Some(Length::OfDiagonal(0.05));
+    vec![
+        ("pairs", with(|o| o.pairs = LENGTH), &[Memoryless, Quadric]),
+        ("cell", with(|o| o.cell = LENGTH), &[Cluster]),
+        ("two-stage", with(|o| o.two_stage = true), &[Cluster]),
+        ("edge-length", with(|o| o.edge_length = LENGTH), &[ShortestEdge, Remesh]),
+        ("angle", with(|o| o.angle_deg = Some(5.0)), &[Planar, VertexRemoval, Remesh]),
+        ("flat", with(|o| o.flat = LENGTH), &[Planar]),
+        ("iterations", with(|o| o.iterations = Some(2)), &[Unsubdivide, Remesh]),
+        ("voxel", with(|o| o.voxel = LENGTH), &[Remesh]),
+        ("subdivisions", with(|o| o.subdivisions = Some(2)), &[Remesh]),
+        ("adaptive", with(|o| o.adaptive = true), &[Remesh]),
+    ]
+}
+
+#[test]
+fn options_of_other_methods_are_refused_by_name() {
+    let mesh = shapes::icosphere(2);
+    for promise in &PROMISES {
+        for (name, own, takers) in own_options() {
+            if takers.contains(&promise.method) {
+                continue;
+            }
+            let mut options = options(promise.method, Stop::ratio(0.5));
+            options.of_method = own;
+            match simplify(&mesh, &options, &mut NoControl) {
+                Err(SimplifyError::NotOfMethod { option, takers: told, method }) => {
+                    assert_eq!((option, told, method), (name, takers, promise.method));
+                }
+                other => panic!("{name} for {}: {:?}", promise.method.name(), other.map(|d| d.report)),
+            }
+        }
+    }
+}
+
+#[test]
+fn own_options_keep_the_promises_too() {
+    let mut all = Complaints::default();
+    for promise in PROMISES.iter() {
+        for (_, own, takers) in own_options() {
+            if !takers.contains(&promise.method) {
+                continue;
+            }
+            for (name, mesh) in shapes::all() {
+                for stop in [Stop::ratio(0.4), Stop::default()] {
+                    let mut options = options(promise.method, stop);
+                    options.of_method = own;
+                    let closes = own.voxel.is_some();
+                    let case = case(name, &options);
+                    let done = match closes {
+                        // A new surface around the input has a topology of its own.
+                        true => match run(&mesh, &options) {
+                            Ok(Ok(done)) => Some(done),
+                            Ok(Err(error)) if is_refusal(&error, promise.method) => None,
+                            other => {
+                                all.add(&case, [format!("{:?}", other.map(|r| r.map(|d| d.report)))]);
+                                None
+                            }
+                        },
+                        false => tried(&mut all, name, &mesh, promise, &options),
+                    };
+                    let Some(done) = done else { continue };
+                    if closes {
+                        let c = counts(&done.mesh);
+                        let sound = c.is_closed() && c.is_manifold() && c.is_oriented();
+                        all.check(&case, sound, &format!("not closed and manifold: {c:?}"));
+                    }
+                }
+            }
+        }
+    }
+    all.settle();
+}
+
+/// The ends of border edges, by place.
+fn border(mesh: &TriMesh) -> HashSet<[u64; 3]> {
+    let surface = mesh.surface();
+    let topology = Topology::new(&surface);
+    let edges = topology.edges().filter(|&h| topology.kind(h) == Some(EdgeKind::Border));
+    edges
+        .flat_map(|h| [topology.origin(h), topology.target(h)])
+        .map(|v| bits(surface.positions().get(v)))
+        .collect()
+}
+
+/// Options that many methods share, and what must hold where one takes them.
+#[test]
+fn shared_options_are_honoured_or_refused() {
+    type Set = fn(&mut SimplifyOptions, &TriMesh);
+    let shared: [(&str, Set); 12] = [
+        ("placement endpoint", |o, _| o.placement = Placement::Endpoint),
+        ("placement midpoint", |o, _| o.placement = Placement::Midpoint),
+        ("fit on", |o, _| o.fit = Fit::On),
+        ("fit off", |o, _| o.fit = Fit::Off),
+        ("border lock", |o, _| o.border = BorderPolicy::Lock),
+        ("border slide", |o, _| o.border = BorderPolicy::Slide),
+        ("border free", |o, _| o.border = BorderPolicy::Free),
+        ("guards", |o, _| {
+            o.guards = Guards { max_edge: Some(Length::OfDiagonal(0.5)), ..Guards::default() };
+        }),
+        ("locked", |o, m| o.locked = Some((0..m.vertex_count()).map(|v| v % 7 == 0).collect())),
+        ("importance", |o, m| o.importance = Some(Arc::from(vec![2f32; m.vertex_count()]))),
+        ("weld", |o, _| o.weld = Some(Length::OfDiagonal(1e-4))),
+        ("prune", |o, _| o.prune = Some(Length::OfDiagonal(0.01))),
+    ];
+    let mut all = Complaints::default();
+    for promise in PROMISES.iter() {
+        for (what, set) in shared {
+            for (name, mesh) in shapes::all() {
+                let mut options = options(promise.method, Stop::ratio(0.3));
+                set(&mut options, &mesh);
+                let case = case(name, &options);
+                let Some(done) = tried(&mut all, name, &mesh, promise, &options) else { continue };
+                let here = places(&done.mesh);
+                match what {
+                    "placement endpoint" => {
+                        let strange = here.difference(&places(&mesh)).count();
+                        all.check(&case, strange == 0, &format!("{strange} vertices are not of the input"));
+                    }
+                    "border lock" if done.report.parts_removed == 0 => {
+                        let gone = border(&mesh).difference(&here).count();
+                        all.check(&case, gone == 0, &format!("{gone} border vertices are gone"));
+                    }
+                    "locked" => {
+                        let locked = options.locked.as_deref().unwrap_or_default();
+                        // Clusters can leave a single locked vertex without any face, and it goes.
+                        let may_go = promise.method == Method::Cluster;
+                        all.add(&case, laden::locked_complaints(&mesh, locked, may_go, &done.mesh));
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+    all.settle();
+}

@@ -1,0 +1,369 @@
+//! Every method over every model of a folder, to 50, 10 and 1 %.
+//!
+//! Held of each result: no crash and no hang, at most the triangles asked for where the report says `reached` and a
+//! reason where it does not, never more than before, a distance that can be measured, and no count of defects above
+//! that of the input but those that lie in the nature of the method ([`MAY_RISE`]).
+
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{Context, Result, ensure};
+use serde_json::Value;
+
+use super::{Limits, Outcome, RATIOS, READ, call, ending, one_line, value};
+
+/// Counts of defects that a method may raise, for what it is. Folds are told and not held: on noisy scans no method is
+/// without some.
+const MAY_RISE: &[(&str, &[&str])] = &[
+    ("cluster", &["non_manifold_edges", "border_edges", "misoriented_edges"]),
+    // Borders are laid out anew, with edges of the new length.
+    ("remesh", &["border_edges"]),
+];
+/// Models of more triangles are left out unless asked for: the whole is to take minutes.
+pub(super) const LARGEST: u64 = 250_000;
+/// Samples of each measure: enough to see that a result lies where it should.
+const SAMPLES: &str = "5000";
+
+/// What is asked of the sweep.
+pub(super) struct Sweep {
+    pub(super) command: PathBuf,
+    pub(super) folder: PathBuf,
+    pub(super) files: Vec<PathBuf>,
+    /// For one method on one model.
+    pub(super) limits: Limits,
+    pub(super) largest: u64,
+}
+
+/// How one method did on one model at one ratio.
+struct Case {
+    method: String,
+    /// `.` reached, `*` ended above the target with a reason, `!` something is wrong.
+    mark: char,
+    seconds: f64,
+    rms: Option<f64>,
+    folds: u64,
+    problems: Vec<String>,
+}
+
+/// A model and all that was made of it.
+struct Row {
+    name: String,
+    faces: Option<u64>,
+    /// For each ratio that was run.
+    cases: Vec<Vec<Case>>,
+    /// Why there are none.
+    skipped: Option<String>,
+}
+
+impl Sweep {
+    /// Runs, several models at once, and prints the tables.
+    pub(super) fn run(&self) -> Result<()> {
+        let next = AtomicUsize::new(0);
+        let rows: Mutex<BTreeMap<usize, Result<Row>>> = Mutex::default();
+        let workers = std::thread::available_parallelism().map_or(1, usize::from);
+        std::thread::scope(|scope| {
+            for _ in 0..workers {
+                scope.spawn(|| {
+                    while let Some((i, file)) = take(&self.files, &next) {
+                        let row = self.row(file);
+                        rows.lock().expect("no thread panics with it").insert(i, row);
+                    }
+                });
+            }
+        });
+        let rows: Vec<Row> =
+            rows.into_inner().expect("no thread panics with it").into_values().collect::<Result<_>>()?;
+        print(&rows)
+    }
+
+    fn row(&self, file: &Path) -> Result<Row> {
+        let name = file.strip_prefix(&self.folder).unwrap_or(file).to_string_lossy().replace('\\', "/");
+        let mut row = Row { name, faces: None, cases: Vec::new(), skipped: None };
+        if !READ.contains(&&*ending(file)) {
+            row.skipped = Some("not a format that is read".to_owned());
+            return Ok(row);
+        }
+        let info = call(&self.command, &["info".as_ref(), file.as_os_str(), "--json".as_ref()], self.limits)?;
+        let Some(about) = value(&info).filter(|_| info.status == Some(0)) else {
+            // What a damaged file is answered with is held by the plain sweep.
+            row.skipped = Some(one_line(&info));
+            return Ok(row);
+        };
+        row.faces = about["faces"].as_u64();
+        if row.faces.is_none_or(|n| n > self.largest) {
+            row.skipped = Some(format!("more than {} triangles: --largest N", self.largest));
+            return Ok(row);
+        }
+        for ratio in RATIOS {
+            row.cases.push(self.cases(file, ratio)?);
+        }
+        Ok(row)
+    }
+
+    /// All methods at once; one by one where that did not end well, to know which is at fault.
+    fn cases(&self, file: &Path, ratio: f64) -> Result<Vec<Case>> {
+        let all = self.call(file, ratio, None)?;
+        if let Some(report) = value(&all).filter(|_| matches!(all.status, Some(0 | 1))) {
+            return Ok(judged(&report, ratio));
+        }
+        let mut cases = Vec::new();
+        for method in METHODS {
+            let one = self.call(file, ratio, Some(method))?;
+            match value(&one).filter(|_| matches!(one.status, Some(0 | 1))) {
+                Some(report) => cases.extend(judged(&report, ratio)),
+                None => cases.push(Case {
+                    method: method.to_owned(),
+                    mark: '!',
+                    seconds: one.seconds,
+                    rms: None,
+                    folds: 0,
+                    problems: vec![format!(
+                        "ends with {:?} after {:.1} s: {}",
+                        one.status,
+                        one.seconds,
+                        one_line(&one)
+                    )],
+                }),
+            }
+        }
+        Ok(cases)
+    }
+
+    fn call(&self, file: &Path, ratio: f64, method: Option<&str>) -> Result<Outcome> {
+        let (ratio, limit) = (ratio.to_string(), self.limits.seconds.to_string());
+        let mut args: Vec<&OsStr> = vec!["methods".as_ref(), file.as_os_str()];
+        let words =
+            ["--json", "--threads", "1", "--samples", SAMPLES, "--ratio", &ratio, "--time-limit", &limit];
+        args.extend(words.iter().map(OsStr::new));
+        let count = match method {
+            Some(method) => {
+                args.extend(["--method", method].map(OsStr::new));
+                1
+            }
+            None => METHODS.len(),
+        };
+        let limits = Limits { seconds: self.limits.seconds * count as f64, ..self.limits };
+        call(&self.command, &args, limits)
+    }
+}
+
+/// The words of all methods.
+const METHODS: [&str; lodsmith::Method::ALL.len()] = {
+    let mut names = [""; lodsmith::Method::ALL.len()];
+    let mut i = 0;
+    while i < names.len() {
+        names[i] = lodsmith::Method::ALL[i].name();
+        i += 1;
+    }
+    names
+};
+
+fn take<'a, T>(items: &'a [T], next: &AtomicUsize) -> Option<(usize, &'a T)> {
+    let i = next.fetch_add(1, Ordering::Relaxed);
+    items.get(i).map(|item| (i, item))
+}
+
+/// Reads the report of `lodsmith methods`.
+fn judged(report: &Value, ratio: f64) -> Vec<Case> {
+    let before = report["input"]["faces"].as_u64().unwrap_or(0);
+    let rows = report["methods"].as_array().map_or(&[][..], Vec::as_slice);
+    // Where all say the same, the mesh is at fault.
+    let input = &report["input"]["defects"];
+    let of_mesh = rows.first().map(|r| &r["error"]).filter(|e| rows.iter().all(|r| r["error"] == **e));
+    let of_mesh = of_mesh.is_some_and(Value::is_string);
+    rows.iter().map(|row| judged_one(row, (before, input), ratio, of_mesh)).collect()
+}
+
+/// Edges that are misoriented or non-manifold: one of four faces may become one of two that go the same way.
+fn twisted(defects: &Value) -> Option<u64> {
+    Some(defects["misoriented_edges"].as_u64()? + defects["non_manifold_edges"].as_u64()?)
+}
+
+fn judged_one(row: &Value, (before, input): (u64, &Value), ratio: f64, of_mesh: bool) -> Case {
+    let method = row["method"].as_str().unwrap_or_default().to_owned();
+    let mut case = Case { method, mark: '*', seconds: 0.0, rms: None, folds: 0, problems: Vec::new() };
+    let mut problem = |text: String| case.problems.push(text);
+    if let Some(error) = row["error"].as_str() {
+        if !of_mesh || error.contains("a fault of this program") {
+            problem(error.to_owned());
+            case.mark = '!';
+        }
+        return case;
+    }
+    let faces = row["faces"].as_u64().unwrap_or(u64::MAX);
+    let target = ((before as f64 * ratio).round() as u64).max(1);
+    let reached = row["reached"] == true;
+    if faces > before {
+        problem(format!("{faces} faces from {before}"));
+    }
+    if reached && faces > target {
+        problem(format!("reached with {faces} faces of {target}"));
+    }
+    let why = row["stopped_by"].as_str().unwrap_or_default();
+    let has_refusals = row["refusals"].as_object().is_some_and(|r| !r.is_empty());
+    match why {
+        "time_limit" => problem("still at work at the limit of time".to_owned()),
+        "refusals" if !has_refusals => problem("not reached, and no reason".to_owned()),
+        _ => {}
+    }
+    if row["measured"].is_null() {
+        problem("its distance cannot be measured".to_owned());
+    }
+    let may_rise = MAY_RISE.iter().find(|m| m.0 == case.method).map_or(&[][..], |m| m.1);
+    for (name, n) in row["new_defects"].as_object().into_iter().flatten() {
+        let n = n.as_u64().unwrap_or(u64::MAX);
+        let is_twist_undone = name == "misoriented_edges" && twisted(&row["defects"]) <= twisted(input);
+        if name == "folds" {
+            case.folds = n;
+        } else if is_twist_undone {
+            // Not more of them than before.
+        } else if n > 0 && !may_rise.contains(&name.as_str()) {
+            case.problems.push(format!("{n} new {}", name.replace('_', " ")));
+        }
+    }
+    case.seconds = row["seconds"].as_object().into_iter().flatten().filter_map(|s| s.1.as_f64()).sum();
+    case.rms = row["relative_to_diagonal"]["rms"].as_f64();
+    case.mark = match (case.problems.is_empty(), reached) {
+        (false, _) => '!',
+        (true, true) => '.',
+        (true, false) => '*',
+    };
+    case
+}
+
+fn print(rows: &[Row]) -> Result<()> {
+    println!(
+        "`.` reached, `*` ended above the target with a reason, `!` something is wrong; for 50, 10 and 1 %\n"
+    );
+    println!("| file | faces | {} | |", METHODS.join(" | "));
+    println!("|---|--:|{}---|", "---|".repeat(METHODS.len()));
+    let mut failed = 0;
+    for row in rows {
+        let marks = |method: &str| -> String {
+            row.cases.iter().flatten().filter(|c| c.method == method).map(|c| c.mark).collect()
+        };
+        let marks: Vec<_> = METHODS.iter().map(|m| marks(m)).collect();
+        let told = |(cases, ratio): (&Vec<Case>, f64)| -> Vec<String> {
+            let of = |c: &Case| {
+                (!c.problems.is_empty())
+                    .then(|| format!("{} to {ratio}: {}", c.method, c.problems.join(", ")))
+            };
+            cases.iter().filter_map(of).collect()
+        };
+        let problems: Vec<String> = row.cases.iter().zip(RATIOS).flat_map(told).collect();
+        failed += usize::from(!problems.is_empty());
+        let remark = match (&row.skipped, problems.is_empty()) {
+            (Some(why), _) => format!("left out: {why}"),
+            (None, true) => String::new(),
+            (None, false) => format!("**FAILS**: {}", problems.join("; ")),
+        };
+        let faces = row.faces.map_or("-".to_owned(), |n| n.to_string());
+        println!("| {} | {faces} | {} | {} |", row.name, marks.join(" | "), remark.replace('|', "\\|"));
+    }
+    println!(
+        "\n| method | runs | reached | above the target | wrong | new folds | seconds | slowest | RMS to the default's |"
+    );
+    println!("|---|--:|--:|--:|--:|--:|--:|--:|--:|");
+    for method in METHODS {
+        println!("{}", summary(rows, method));
+    }
+    let tried = rows.iter().filter(|r| r.skipped.is_none()).count();
+    println!("\n{tried} models of {} files, {failed} with problems", rows.len());
+    ensure!(tried > 0, "no model was tried");
+    ensure!(failed == 0, "{failed} of {tried} models have problems");
+    Ok(())
+}
+
+fn summary(rows: &[Row], method: &str) -> String {
+    let all = || rows.iter().flat_map(|r| &r.cases);
+    let own: Vec<&Case> = all().flatten().filter(|c| c.method == method).collect();
+    let marked = |mark: char| own.iter().filter(|c| c.mark == mark).count();
+    let seconds: f64 = own.iter().map(|c| c.seconds).sum();
+    let slowest = own.iter().fold(0f64, |m, c| m.max(c.seconds));
+    // Where both reached the same target, so that the distances mean the same.
+    let rms = |cases: &[Case], name: &str| {
+        cases.iter().find(|c| c.method == name && c.mark == '.').and_then(|c| c.rms).filter(|r| *r > 1e-9)
+    };
+    let ratios: Vec<f64> =
+        all().filter_map(|c| Some(rms(c, method)?.ln() - rms(c, METHODS[0])?.ln())).collect();
+    let mean = (ratios.iter().sum::<f64>() / ratios.len().max(1) as f64).exp();
+    format!(
+        "| {method} | {} | {} | {} | {} | {} | {seconds:.1} | {slowest:.2} | {} |",
+        own.len(),
+        marked('.'),
+        marked('*'),
+        marked('!'),
+        own.iter().map(|c| c.folds).sum::<u64>(),
+        if ratios.is_empty() { "-".to_owned() } else { format!("{mean:.2} in {}", ratios.len()) },
+    )
+}
+
+/// Reads what follows a word of the command line as a number.
+pub(super) fn count(word: Option<&String>) -> Result<u64> {
+    let word = word.context("--largest needs a number of triangles")?;
+    word.parse().with_context(|| format!("--largest {word}: a number of triangles is wanted"))
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn row(change: impl Fn(&mut Value)) -> Value {
+        let mut row = json!({
+            "method": "quadric", "faces": 50, "reached": true, "stopped_by": "ratio", "refusals": {},
+            "measured": {}, "new_defects": { "border_edges": 0, "folds": 0, "misoriented_edges": 0 },
+            "defects": { "misoriented_edges": 0, "non_manifold_edges": 2 }, "seconds": { "simplify": 0.5 },
+            "relative_to_diagonal": { "rms": 0.01 },
+        });
+        change(&mut row);
+        row
+    }
+
+    #[test]
+    fn what_is_right_is_told_from_what_is_not() {
+        let input = json!({ "misoriented_edges": 0, "non_manifold_edges": 3 });
+        let mark = |change: &dyn Fn(&mut Value)| judged_one(&row(change), (100, &input), 0.5, false).mark;
+        assert_eq!(mark(&|_| {}), '.');
+        assert_eq!(mark(&|r| r["new_defects"]["folds"] = 3.into()), '.');
+        assert_eq!(mark(&|r| r["faces"] = 51.into()), '!');
+        assert_eq!(mark(&|r| r["new_defects"]["border_edges"] = 1.into()), '!');
+        assert_eq!(mark(&|r| r["measured"] = Value::Null), '!');
+        assert_eq!(mark(&|r| r["error"] = "no".into()), '!');
+        let twisted = |r: &mut Value, n: u64| {
+            r["new_defects"]["misoriented_edges"] = n.into();
+            r["defects"]["misoriented_edges"] = n.into();
+        };
+        assert_eq!(mark(&|r| twisted(r, 1)), '.');
+        assert_eq!(mark(&|r| twisted(r, 2)), '!');
+        let short = |r: &mut Value, by: &str| {
+            (r["reached"], r["faces"], r["stopped_by"]) = (false.into(), 80.into(), by.into());
+        };
+        assert_eq!(mark(&|r| short(r, "exhausted")), '*');
+        assert_eq!(mark(&|r| short(r, "refusals")), '!');
+        assert_eq!(mark(&|r| short(r, "time_limit")), '!');
+        let refused = |r: &mut Value| {
+            short(r, "refusals");
+            r["refusals"] = json!({ "border": 3 });
+        };
+        assert_eq!(mark(&refused), '*');
+        let cluster = |r: &mut Value| {
+            r["method"] = "cluster".into();
+            r["new_defects"]["border_edges"] = 9.into();
+        };
+        assert_eq!(mark(&cluster), '.');
+    }
+
+    #[test]
+    fn an_error_of_all_is_of_the_mesh() {
+        let fails = |error: &str| json!({ "method": "a", "error": error });
+        let report = |b: &str| json!({ "input": { "faces": 1 }, "methods": [fails("flat"), fails(b)] });
+        let wrong = |report: &Value| judged(report, 0.5).iter().filter(|c| c.mark == '!').count();
+        assert_eq!(wrong(&report("flat")), 0);
+        assert_eq!(wrong(&report("a fault of this program")), 2);
+    }
+}
