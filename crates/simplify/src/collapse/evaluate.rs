@@ -12,9 +12,7 @@ use crate::metric::{Form, Judge, Metric};
 use crate::options::Placement;
 
 /// Pull of the best position towards the middle of the edge, a share of the trace. (docs/decisions/0003)
-const CENTRE: f32 = 1e-6;
-/// The same for sums with a memory: planes of a few faces alone say little of a place within them.
-const CENTRE_OF_SUMS: f32 = 1e-5;
+const CENTRE: f32 = 1e-5;
 /// Largest squared distance over the mean one, as assumed until it is computed. (docs/decisions/0001)
 const PEAK_GUESS: f32 = 4.0;
 /// Share of trace³ under which the system is not solved. (Guessed.)
@@ -92,7 +90,7 @@ impl<M: Metric> Engine<M> {
             self.add_attributes_to_four(u, ends, &d, (&mut a, &mut h, &mut c), ru, members);
         }
         let trace = a[0] + a[1] + a[2];
-        let r = trace * centre::<M>();
+        let r = trace * CENTRE;
         let (m0, m1, m2) = (a[0] + r, a[1] + r, a[2] + r);
         let adjugate = [
             m1 * m2 - a[5] * a[5],
@@ -193,7 +191,7 @@ impl<M: Metric> Engine<M> {
             Placement::Endpoint => return ends(),
             Placement::Midpoint => return at(d * 0.5),
         }
-        if let Some(y) = best_place::<M>(&form, d) {
+        if let Some(y) = best_place(&form, d) {
             return at(y);
         }
         let (mid, ends) = (d * 0.5, ends()?);
@@ -203,10 +201,10 @@ impl<M: Metric> Engine<M> {
 
 /// The place of least cost by a form in edge `d`, unless it is not known or far from the middle.
 #[inline(always)]
-pub(super) fn best_place<M: Metric>(form: &Form, d: Vec3) -> Option<Vec3> {
+pub(super) fn best_place(form: &Form, d: Vec3) -> Option<Vec3> {
     let Form { a, h, .. } = form;
     let (trace, mid) = (a.trace(), d * 0.5);
-    let r = centre::<M>() * trace;
+    let r = CENTRE * trace;
     let (adjugate, det) = a.damped(r).adjugate();
     if det > MIN_DET * trace * trace * trace {
         let y = adjugate.times(*h + mid * r) * (1.0 / det);
@@ -230,9 +228,4 @@ fn times(a: &[f32x4; 6], d: &[f32x4; 3]) -> [f32x4; 3] {
         a[3] * d[0] + a[1] * d[1] + a[5] * d[2],
         a[4] * d[0] + a[5] * d[1] + a[2] * d[2],
     ]
-}
-
-/// The pull of the best position towards the middle of an edge.
-const fn centre<M: Metric>() -> f32 {
-    if M::MEMORYLESS { CENTRE } else { CENTRE_OF_SUMS }
 }

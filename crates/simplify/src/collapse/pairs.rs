@@ -468,7 +468,7 @@ impl<M: Metric> Engine<M> {
                 Placement::Endpoint => better(Vec3::ZERO, d),
                 Placement::Midpoint => d * 0.5,
                 Placement::Optimal => {
-                    best_place::<M>(&form, d).unwrap_or_else(|| better(better(d * 0.5, Vec3::ZERO), d))
+                    best_place(&form, d).unwrap_or_else(|| better(better(d * 0.5, Vec3::ZERO), d))
                 }
             },
         };
