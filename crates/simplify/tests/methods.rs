@@ -77,10 +77,10 @@ const PROMISES: [Promise; 10] = [
     Promise { method: Method::VertexRemoval, may_rise: &[], is_subset: true, goes_all_the_way: true },
     Promise { method: Method::Planar, may_rise: &[], is_subset: true, goes_all_the_way: false },
     Promise { method: Method::Unsubdivide, may_rise: &[], is_subset: true, goes_all_the_way: false },
-    // Borders are laid out anew, with edges of the new length.
+    // Borders are laid out anew, with edges of the new length; where a tube is hardly wider than an edge, it can fold.
     Promise {
         method: Method::Remesh,
-        may_rise: &[Count::BorderEdges],
+        may_rise: &[Count::BorderEdges, Count::Folds],
         is_subset: false,
         goes_all_the_way: true,
     },
