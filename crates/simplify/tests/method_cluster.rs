@@ -42,7 +42,9 @@ fn counts_are_met_from_below_and_nearly() {
     for wanted in [20_000, 8000, 2000, 500] {
         let done = simplify(&sphere, &options(Stop::faces(wanted)), &mut NoControl).unwrap();
         let faces = done.mesh.face_count();
-        assert!(faces <= wanted && faces as f64 > 0.85 * wanted as f64, "{faces} of {wanted}");
+        // The octants of the sphere change all at once, which few cells feel.
+        let near = if wanted > 500 { 0.93 } else { 0.85 };
+        assert!(faces <= wanted && faces as f64 > near * wanted as f64, "{faces} of {wanted}");
         assert_eq!((done.report.stopped_by, done.report.reached), (StoppedBy::Faces, true));
         let done = simplify(&sphere, &options(Stop::vertices(wanted / 2)), &mut NoControl).unwrap();
         let vertices = done.mesh.vertex_count();

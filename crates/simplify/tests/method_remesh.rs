@@ -133,7 +133,7 @@ fn adaptive_is_closer_at_the_same_count() {
         .map(|(_, options)| simplify(&mesh, &options, &mut NoControl).unwrap().mesh)
         .collect();
     let [even, adaptive] = [error(&mesh, &done[0]), error(&mesh, &done[1])];
-    assert!(adaptive < 0.95 * even, "{adaptive} against {even}");
+    assert!(adaptive < 0.9 * even, "{adaptive} against {even}");
 }
 
 #[test]
