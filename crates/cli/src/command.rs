@@ -1,5 +1,6 @@
 //! One module for each subcommand.
 
+mod batch;
 mod clean;
 mod compare;
 mod completions;

@@ -1,50 +1,32 @@
 //! `lodsmith clean`: mends what is broken, writes, and says what was done.
 
-use std::fs;
 use std::time::Instant;
 
-use anyhow::Context as _;
 use lodsmith::{CleanOptions, CleanReport, Cleaned, Control, Length, SimplifyError, Stage, Verdict};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Loaded, Warning};
 use serde_json::{Map, Value, json};
 
-use super::simplify::worse;
-use super::{show_warnings, texts};
+use super::{batch, show_warnings, texts};
 use crate::args::CleanArgs;
 use crate::exit::{self, Interrupted, Status};
 use crate::file::{self, Input, Sink};
 use crate::images;
-use crate::in_order::{self, Turn};
+use crate::in_order::Turn;
 use crate::numbers::{counted, grouped, micros, seconds};
 use crate::orient::orient;
 use crate::output::Output;
-use crate::plan::{self, Job};
+use crate::plan::Job;
 use crate::progress::{FileProgress, Progress};
 
 /// Cleans every input.
 pub(super) fn run(args: &CleanArgs) -> anyhow::Result<Status> {
-    let jobs = plan::jobs(&args.wanted())?;
-    if let (Some(folder), false) = (&args.out_dir, args.dry_run) {
-        fs::create_dir_all(folder)
-            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-    }
-    let is_stdout_taken = !args.dry_run && jobs.iter().any(|j| matches!(j.output, Some((Sink::Stdout, _))));
-    let out = Output::new(&args.run, args.json, is_stdout_taken);
-    let progress = Progress::new(jobs.len(), args.run.quiet);
-    let mut status = Status::Done;
-    in_order::each(
-        &jobs,
-        args.run.threads(),
-        |job, turn| exit::guarded(|| clean_one(job, args, &progress, turn)),
-        |i, outcome| {
-            let path = jobs[i].source.to_string();
-            let own = progress.aside(|| show(&out, &path, outcome, &jobs[i], args));
-            status = worse(status, own);
-        },
-    )?;
-    progress.finish();
-    out.finish(status)
+    batch::run(
+        &args.wanted(),
+        &args.run,
+        |job, progress, turn| clean_one(job, args, progress, turn),
+        |out, path, outcome, job| show(out, path, outcome, job, args),
+    )
 }
 
 /// What was done with one input.

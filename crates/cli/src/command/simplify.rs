@@ -1,9 +1,7 @@
 //! `lodsmith simplify`: reads, makes lighter, writes, and says how it went.
 
-use std::fs;
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use lodsmith::core::TriMesh;
 use lodsmith::core::measure::{Comparison, TwoWay};
 use lodsmith::{MeshCounts, Part, Report, Simplified, SimplifiedScene};
@@ -11,7 +9,7 @@ use lodsmith_io::gltf::{Scene, SceneMesh};
 use lodsmith_io::{Format, Loaded, Warning};
 use serde_json::{Map, Value, json};
 
-use super::{show_warnings, texts};
+use super::{batch, show_warnings, texts};
 use crate::args::{Normals, SimplifyArgs, TexturesChoice};
 use crate::exit::{self, Interrupted, Status, usage};
 use crate::file::{self, Input, Sink};
@@ -19,10 +17,10 @@ use crate::in_order::Turn;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
-use crate::plan::{self, Job};
+use crate::plan::Job;
 use crate::progress::Progress;
 use crate::watch::{Clock, Watch, not_interrupted};
-use crate::{care, images, in_order, normals, proposals};
+use crate::{care, images, normals, proposals};
 
 /// Makes every input lighter.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
@@ -31,34 +29,12 @@ pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
             "a target is needed: --faces, --vertices, --ratio, --error, or what the method ends by",
         ));
     }
-    let jobs = plan::jobs(&args.wanted())?;
-    if let (Some(folder), false) = (&args.out_dir, args.dry_run) {
-        fs::create_dir_all(folder)
-            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-    }
-    let is_stdout_taken = !args.dry_run && jobs.iter().any(|j| matches!(j.output, Some((Sink::Stdout, _))));
-    let out = Output::new(&args.run, args.json, is_stdout_taken);
-    let progress = Progress::new(jobs.len(), args.run.quiet);
-    let mut status = Status::Done;
-    in_order::each(
-        &jobs,
-        args.run.threads(),
-        |job, turn| exit::guarded(|| simplify_one(job, args, &progress, turn)),
-        |i, outcome| {
-            let path = jobs[i].source.to_string();
-            let own = progress.aside(|| show(&out, &path, outcome, &jobs[i], args));
-            status = worse(status, own);
-        },
-    )?;
-    progress.finish();
-    out.finish(status)
-}
-
-/// The status of two files together: an end from outside, then a failure, then a broken strictness.
-pub(super) fn worse(a: Status, b: Status) -> Status {
-    let rank =
-        |s| [Status::Done, Status::Strict, Status::Failed, Status::Interrupted].iter().position(|x| *x == s);
-    if rank(b) > rank(a) { b } else { a }
+    batch::run(
+        &args.wanted(),
+        &args.run,
+        |job, progress, turn| simplify_one(job, args, progress, turn),
+        |out, path, outcome, job| show(out, path, outcome, job, args),
+    )
 }
 
 /// What was done with one input.
@@ -462,16 +438,4 @@ fn cleanup(report: &Report) -> [(&'static str, usize); 5] {
         ("non_finite_faces", c.non_finite_faces),
         ("unused_vertices", c.unused_vertices),
     ]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_failure_outweighs_strictness() {
-        assert_eq!(worse(Status::Strict, Status::Failed), Status::Failed);
-        assert_eq!(worse(Status::Failed, Status::Strict), Status::Failed);
-        assert_eq!(worse(Status::Done, Status::Done), Status::Done);
-    }
 }

@@ -1,0 +1,63 @@
+//! Several inputs, one after the other or side by side, each with a result of its own.
+
+use std::fs;
+
+use anyhow::Context as _;
+
+use crate::args::Run;
+use crate::exit::{self, Status};
+use crate::file::Sink;
+use crate::in_order::{self, Turn};
+use crate::output::Output;
+use crate::plan::{self, Job, Wanted};
+use crate::progress::Progress;
+
+/// Works on every input, and shows the outcomes in the order of the inputs; `show` says which status each alone would end
+/// with.
+pub(super) fn run<T: Send>(
+    wanted: &Wanted<'_>,
+    run: &Run,
+    work: impl Fn(&Job, &Progress, &Turn<'_>) -> anyhow::Result<T> + Sync,
+    show: impl Fn(&Output, &str, anyhow::Result<T>, &Job) -> Status,
+) -> anyhow::Result<Status> {
+    let jobs = plan::jobs(wanted)?;
+    if let (Some(folder), false) = (wanted.out_dir, wanted.dry_run) {
+        fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    }
+    let is_stdout_taken = !wanted.dry_run && jobs.iter().any(|j| matches!(j.output, Some((Sink::Stdout, _))));
+    let out = Output::new(run, wanted.json, is_stdout_taken);
+    let progress = Progress::new(jobs.len(), run.quiet);
+    let mut status = Status::Done;
+    in_order::each(
+        &jobs,
+        run.threads(),
+        |job, turn| exit::guarded(|| work(job, &progress, turn)),
+        |i, outcome| {
+            let path = jobs[i].source.to_string();
+            let own = progress.aside(|| show(&out, &path, outcome, &jobs[i]));
+            status = worse(status, own);
+        },
+    )?;
+    progress.finish();
+    out.finish(status)
+}
+
+/// The status of two files together: an end from outside, then a failure, then a broken strictness.
+fn worse(a: Status, b: Status) -> Status {
+    let rank =
+        |s| [Status::Done, Status::Strict, Status::Failed, Status::Interrupted].iter().position(|x| *x == s);
+    if rank(b) > rank(a) { b } else { a }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_outweighs_strictness() {
+        assert_eq!(worse(Status::Strict, Status::Failed), Status::Failed);
+        assert_eq!(worse(Status::Failed, Status::Strict), Status::Failed);
+        assert_eq!(worse(Status::Done, Status::Done), Status::Done);
+    }
+}
