@@ -7,8 +7,10 @@ pub mod arbitrary;
 pub mod correspondence;
 pub mod geometry;
 pub mod ids;
+pub mod image;
 pub mod measure;
 pub mod mesh;
+pub mod model;
 pub mod polygon;
 pub mod sampling;
 pub mod shapes;
@@ -17,5 +19,7 @@ pub mod topology;
 
 pub use correspondence::{Correspondence, Source, correspondence};
 pub use ids::{FaceId, HalfEdgeId, RegionId, VertexId, WedgeId};
+pub use image::Image;
 pub use mesh::{Attribute, Bounds, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh};
+pub use model::Model;
 pub use topology::Topology;

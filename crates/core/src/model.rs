@@ -1,0 +1,100 @@
+//! What is to be seen: meshes placed by nodes, with what they look like and how they move.
+//!
+//! Plain data, the same for every format: whoever reads fills it, whoever draws walks it. A mesh without a scene around it
+//! is a model of one node.
+
+pub mod animation;
+pub mod material;
+
+use std::sync::Arc;
+
+use glam::DMat4;
+
+use crate::image::Image;
+use crate::mesh::TriMesh;
+
+pub use animation::{Animation, Channel, Interpolation, Pose, Skin, Track, Transform};
+pub use material::{AlphaMode, Material, Sampler, TextureRef, Wrap};
+
+/// Meshes, where they stand, what they look like, and how they move.
+///
+/// Indices name places in the lists of the same model and are in range: whoever makes a model sees to it.
+#[derive(Clone, Debug, Default)]
+pub struct Model {
+    /// The meshes, each once however often it stands somewhere.
+    pub meshes: Vec<ModelMesh>,
+    /// Who stands where. Children come by number; roots are those of [`Model::roots`].
+    pub nodes: Vec<Node>,
+    /// Nodes without a parent that are to be seen.
+    pub roots: Vec<usize>,
+    /// What surfaces look like.
+    pub materials: Vec<Material>,
+    /// Pictures on surfaces, decoded.
+    pub images: Vec<Arc<Image>>,
+    /// Joints that pull meshes.
+    pub skins: Vec<Skin>,
+    /// What moves.
+    pub animations: Vec<Animation>,
+}
+
+/// A mesh of a model.
+#[derive(Clone, Debug)]
+pub struct ModelMesh {
+    /// Its name, for people.
+    pub name: String,
+    /// Its triangles, in its own coordinates.
+    pub mesh: Arc<TriMesh>,
+    /// The material of each region of the mesh, by number; one entry for a mesh without regions. `None` is a plain one.
+    pub materials: Vec<Option<usize>>,
+    /// How strong each morph target is at rest.
+    pub morph_weights: Vec<f32>,
+}
+
+/// A place, and what stands there.
+#[derive(Clone, Debug, Default)]
+pub struct Node {
+    /// Its name, for people; empty without one.
+    pub name: String,
+    /// Where it stands as seen from its parent.
+    pub transform: Transform,
+    /// Who moves with it.
+    pub children: Vec<usize>,
+    /// The mesh that stands here.
+    pub mesh: Option<usize>,
+    /// The skin that pulls the mesh.
+    pub skin: Option<usize>,
+    /// Strengths of the morph targets here, where they are not those of the mesh.
+    pub morph_weights: Option<Vec<f32>>,
+}
+
+/// A mesh where it is to be drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Instance {
+    /// The node.
+    pub node: usize,
+    /// The mesh.
+    pub mesh: usize,
+    /// From the coordinates of the mesh to those of the model. A skinned mesh does not heed it: its joints place it.
+    pub world_from_mesh: DMat4,
+}
+
+impl Model {
+    /// A model of one mesh, with a plain material.
+    pub fn of_mesh(mesh: impl Into<Arc<TriMesh>>) -> Self {
+        let mesh = mesh.into();
+        let regions = mesh.regions().and_then(|r| r.iter().map(|r| r.index() + 1).max()).unwrap_or(1);
+        let mesh = ModelMesh {
+            name: String::new(),
+            mesh,
+            materials: vec![None; regions],
+            morph_weights: Vec::new(),
+        };
+        let node = Node { mesh: Some(0), ..Node::default() };
+        Self { meshes: vec![mesh], nodes: vec![node], roots: vec![0], ..Self::default() }
+    }
+
+    /// Triangles as they are drawn: those of a mesh as often as nodes place it.
+    pub fn face_count(&self) -> usize {
+        self.instances(&Pose::default()).iter().map(|i| self.meshes[i.mesh].mesh.face_count()).sum()
+    }
+}

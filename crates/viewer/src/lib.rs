@@ -1,0 +1,1 @@
+//! The window: original and lighter mesh side by side, live while you drag.
