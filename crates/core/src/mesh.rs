@@ -8,6 +8,7 @@ pub mod attributes;
 pub mod compact;
 pub mod defects;
 pub mod normals;
+pub mod part;
 pub mod weld;
 
 pub use attributes::{Attribute, Morphed, Semantic};
