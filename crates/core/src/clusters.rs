@@ -178,6 +178,23 @@ pub struct Meshlet {
     pub triangles: Vec<[u8; 3]>,
 }
 
+/// What there is of one level.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LevelCounts {
+    /// Its clusters.
+    pub clusters: usize,
+    /// Those that nothing coarser stands for.
+    pub coarsest_clusters: usize,
+    /// Their triangles.
+    pub faces: usize,
+    /// Their vertices, those of several clusters once for each.
+    pub wedges: usize,
+    /// The least error among them.
+    pub least_error: f64,
+    /// The largest.
+    pub largest_error: f64,
+}
+
 /// A mesh at many levels of detail: clusters, and the groups through which they follow each other.
 ///
 /// Groups are numbered so that what comes out of one goes into a later one only.
@@ -316,6 +333,24 @@ impl ClusterLod {
         self.groups.iter().fold(0.0, |most, g| most.max(g.error))
     }
 
+    /// What there is of each level, the original first.
+    pub fn level_counts(&self) -> Vec<LevelCounts> {
+        let mut all: Vec<LevelCounts> = Vec::new();
+        for id in self.ids() {
+            let level = self.level(id) as usize;
+            while all.len() <= level {
+                all.push(LevelCounts { least_error: f64::INFINITY, ..LevelCounts::default() });
+            }
+            let (own, error) = (&mut all[level], self.own(id).error);
+            own.clusters += 1;
+            own.coarsest_clusters += usize::from(self.parent(id).is_none());
+            own.faces += self.clusters[id.index()].face_count;
+            own.wedges += self.wedge_count(id);
+            (own.least_error, own.largest_error) = (own.least_error.min(error), own.largest_error.max(error));
+        }
+        all
+    }
+
     /// The clusters whose error is at most `error` and whose parents' is above: the lightest surface that is nowhere
     /// farther off. Ids ascend. Cost: O(clusters).
     pub fn cut(&self, error: f64) -> Vec<ClusterId> {
@@ -410,6 +445,13 @@ mod tests {
         assert_eq!(lod.cut(0.49), [0, 1].map(ClusterId));
         assert_eq!(lod.cut(0.5), [2].map(ClusterId));
         assert_eq!((lod.level(ClusterId(0)), lod.level(ClusterId(2))), (0, 1));
+        let counts = lod.level_counts();
+        assert_eq!(
+            counts.iter().map(|c| (c.clusters, c.faces, c.wedges)).collect::<Vec<_>>(),
+            [(2, 2, 6), (1, 1, 3)]
+        );
+        assert_eq!((counts[0].largest_error, counts[1].largest_error), (0.0, 0.5));
+        assert_eq!((counts[0].coarsest_clusters, counts[1].coarsest_clusters), (0, 1));
         let eye = |x| Eye { position: [x, 0.0, 0.0], pixels_per_unit: 100.0, near: 0.1 };
         // 0.5 units fill 50 pixels at a distance of 1 from the sphere, 5 at 10.
         assert_eq!(lod.cut_for_view(&eye(3.0), 5.0), [0, 1].map(ClusterId));

@@ -355,6 +355,12 @@ impl TriMesh {
     pub fn further_attributes(&self) -> &[Attribute] {
         &self.further
     }
+    /// The same mesh without some of [`TriMesh::further_attributes`].
+    #[must_use]
+    pub fn without_further(mut self, is_left_out: impl Fn(&Semantic) -> bool) -> Self {
+        self.further.retain(|a| !is_left_out(&a.semantic));
+        self
+    }
     /// The values of one of [`TriMesh::further_attributes`], to be changed.
     ///
     /// # Panics
