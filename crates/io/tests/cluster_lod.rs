@@ -50,9 +50,9 @@ fn stored(is_double: bool, is_laden: bool) -> StoredClusterLod {
     }
     mesh.set_regions(Some([0, 0, 1, 1, 0, 1].map(RegionId).to_vec())).unwrap();
     let mut first = Region::default();
-    (first.object, first.material) = (Some(b"sheet"), Some(b"caf\xe9"));
+    (first.object, first.material) = (Some(&b"sheet"[..]), Some(&b"caf\xe9"[..]));
     let mut second = first;
-    (second.groups, second.smoothing) = (Some(b"a b"), Some(b"off"));
+    (second.groups, second.smoothing) = (Some(&b"a b"[..]), Some(&b"off"[..]));
     StoredClusterLod { lod: levels(mesh), regions: Regions::named(&[first, second]) }
 }
 

@@ -12,13 +12,13 @@ const OLD_BORDER: u32 = 2;
 pub(super) type Edge = [VertexId; 2];
 
 /// An edge of a cluster that faces of other clusters may share.
-struct Rim {
+struct Open {
     edge: Edge,
     member: u32,
 }
 
 /// The edges of clusters that are not between two faces of theirs that look the same way.
-fn rims(build: &Build, front: &[Front]) -> Vec<Rim> {
+fn open_edges(build: &Build, front: &[Front]) -> Vec<Open> {
     let per_cluster = crate::cluster::pieces::each(front.len(), |member| {
         let mut edges: Vec<(Edge, i32)> = Vec::new();
         for &f in &front[member].faces {
@@ -27,9 +27,9 @@ fn rims(build: &Build, front: &[Front]) -> Vec<Rim> {
         edges.sort_unstable();
         let runs = edges.chunk_by(|a, b| a.0 == b.0);
         let open = runs.filter(|run| run.len() != 2 || run.iter().map(|e| e.1).sum::<i32>() != 0);
-        open.map(|run| Rim { edge: run[0].0, member: member as u32 }).collect::<Vec<_>>()
+        open.map(|run| Open { edge: run[0].0, member: member as u32 }).collect::<Vec<_>>()
     });
-    let mut all: Vec<Rim> = per_cluster.into_iter().flatten().collect();
+    let mut all: Vec<Open> = per_cluster.into_iter().flatten().collect();
     all.sort_unstable_by_key(|r| (r.edge, r.member));
     all
 }
@@ -44,10 +44,10 @@ pub(super) fn directed(t: [VertexId; 3]) -> [(Edge, i32); 3] {
 
 /// Which clusters share how much border: pairs in both directions, sorted.
 fn links(build: &Build, front: &[Front]) -> Vec<(u32, u32, u32)> {
-    let rims = rims(build, front);
+    let open = open_edges(build, front);
     let from = |i: u32| build.clusters[front[i as usize].cluster].from;
     let mut links: Vec<(u32, u32, u32)> = Vec::new();
-    for run in rims.chunk_by(|a, b| a.edge == b.edge) {
+    for run in open.chunk_by(|a, b| a.edge == b.edge) {
         for pair in run.windows(2) {
             let (a, b) = (pair[0].member, pair[1].member);
             let weight = if from(a) == from(b) { 1 } else { OLD_BORDER };
@@ -198,9 +198,9 @@ pub(super) fn borders(build: &Build, front: &[Front], groups: &[Vec<usize>]) -> 
         }
     }
     let mut edges = Vec::new();
-    let rims = rims(build, front);
-    for run in rims.chunk_by(|a, b| a.edge == b.edge) {
-        let group = |r: &Rim| group_of[r.member as usize];
+    let open = open_edges(build, front);
+    for run in open.chunk_by(|a, b| a.edge == b.edge) {
+        let group = |r: &Open| group_of[r.member as usize];
         if run.iter().any(|r| group(r) != group(&run[0])) {
             edges.extend(run.iter().map(|r| (group(r), r.edge)));
         }

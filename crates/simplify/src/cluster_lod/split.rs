@@ -15,7 +15,7 @@ use crate::cluster::pieces::each;
 const PIECE: usize = 8;
 /// How many vertices a compact patch of n triangles has beyond n / 2, over the root of n: half of its border. (A hexagon
 /// has 1.2; ragged ones more; guessed.)
-const RIM: f64 = 2.0;
+const BORDER: f64 = 2.0;
 
 /// What a cluster may hold.
 #[derive(Clone, Copy, Debug)]
@@ -28,10 +28,10 @@ impl Budget {
     /// How many faces a cluster gets where there are so many wedges on so many faces.
     pub(super) fn faces(&self, wedges: usize, faces: usize) -> usize {
         let count = faces.max(1) as f64;
-        // Without the rim of the set itself.
-        let each = ((wedges as f64 - RIM * count.sqrt()) / count).max(0.5);
-        let fits = |n: &usize| each * *n as f64 + RIM * (*n as f64).sqrt() <= self.vertices as f64;
-        // Where every corner is a wedge of its own there is no rim to share.
+        // Without the border of the set itself.
+        let each = ((wedges as f64 - BORDER * count.sqrt()) / count).max(0.5);
+        let fits = |n: &usize| each * *n as f64 + BORDER * (*n as f64).sqrt() <= self.vertices as f64;
+        // Where every corner is a wedge of its own there is no border to share.
         let alone = self.vertices / 3;
         (1..=self.triangles).rev().find(fits).unwrap_or(1).max(alone.min(self.triangles)).max(1)
     }
