@@ -2,6 +2,7 @@
 
 mod choice;
 mod clean;
+mod clusters;
 mod methods;
 mod of_method;
 mod scope;
@@ -16,6 +17,7 @@ use lodsmith_io::Format;
 
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use clean::CleanArgs;
+pub(crate) use clusters::{BuildArgs, ClustersCommand, CutArgs, LevelsArgs};
 pub(crate) use methods::MethodsArgs;
 pub(crate) use simplify::{Importance, Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
@@ -47,6 +49,9 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Weld, orient, drop what is broken, and say what was done
     Clean(Box<CleanArgs>),
+    /// Clusters of many levels of detail, for engines that choose among them while they draw
+    #[command(subcommand)]
+    Clusters(ClustersCommand),
     /// Every method on one model: time, error, validity
     Methods(Box<MethodsArgs>),
     /// Print what a shell needs to complete commands
@@ -56,7 +61,7 @@ pub(crate) enum Command {
     },
     /// Print a manual page
     Man {
-        /// The page of this command; without it, the one that lists them all
+        /// The page of this command, such as simplify or "clusters build"; without it, the one that lists them all
         command: Option<String>,
     },
 }

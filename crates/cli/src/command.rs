@@ -2,6 +2,7 @@
 
 mod batch;
 mod clean;
+mod clusters;
 mod compare;
 mod completions;
 mod convert;
@@ -24,6 +25,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Clean(args) => clean::run(&args),
+        Command::Clusters(command) => clusters::run(&command),
         Command::Methods(args) => methods::run(&args),
         Command::Completions { shell } => completions::run(shell),
         Command::Man { command } => man::run(command.as_deref()),

@@ -127,7 +127,7 @@ pub(crate) fn read_scene(
 }
 
 /// The error without the name of the file, which the caller has.
-fn unnamed(error: ReadError) -> anyhow::Error {
+pub(crate) fn unnamed(error: ReadError) -> anyhow::Error {
     match error {
         ReadError::File { source, .. } => told(*source),
         e => told(e),
@@ -220,6 +220,17 @@ pub(crate) fn write_scene(
         |out| lodsmith_io::write_scene_to(scene, replaced, format, relink, out),
         |path, _| lodsmith_io::write_scene_path(scene, replaced, path, &options, relink),
     )
+}
+
+/// Writes a file that is no mesh; in all else as [`write()`].
+pub(crate) fn write_other(
+    sink: &Sink,
+    force: bool,
+    to_stream: impl FnOnce(&mut dyn io::Write) -> Result<(), WriteError>,
+    to_path: impl FnOnce(&Path) -> Result<(), WriteError>,
+) -> anyhow::Result<()> {
+    let nothing = |()| Vec::new();
+    write_with(sink, force, |out| to_stream(out).map(nothing), |path, _| to_path(path).map(nothing)).map(drop)
 }
 
 fn write_with(

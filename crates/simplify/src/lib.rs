@@ -4,6 +4,7 @@ mod attributes;
 mod care;
 pub mod clean;
 mod cluster;
+pub mod cluster_lod;
 mod collapse;
 pub mod control;
 mod escalate;
@@ -26,6 +27,7 @@ mod unsubdivide;
 mod vertex_removal;
 
 pub use clean::{CleanOptions, CleanReport, Cleaned, NonManifold, clean};
+pub use cluster_lod::{BuiltClusterLod, ClusterLodOptions, ClusterLodReport, cluster_lod};
 pub use control::{Control, NoControl, Stage, Verdict};
 pub use escalate::Escalation;
 pub use lodsmith_core as core;

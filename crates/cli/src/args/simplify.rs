@@ -240,7 +240,7 @@ impl AttributeName {
         ("border", Self::Border),
     ];
 
-    fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
+    pub(super) fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
         match self {
             Self::Normal => &mut weights.normal,
             Self::Uv => &mut weights.uv,
