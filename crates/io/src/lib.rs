@@ -25,4 +25,6 @@ pub use format::Format;
 pub use limits::Limits;
 pub use obj::{Regions, Textures};
 pub use read::{Contents, Loaded, ReadOptions, read_bytes, read_path, read_scene_bytes, read_scene_path};
-pub use write::{WriteOptions, write_path, write_scene_path, write_scene_to, write_to};
+pub use write::{
+    WriteOptions, write_levels_path, write_levels_to, write_path, write_scene_path, write_scene_to, write_to,
+};

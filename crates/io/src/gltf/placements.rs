@@ -3,6 +3,7 @@
 use serde_json::Value;
 
 use super::container::{entry, list, whole};
+use super::lod::nodes_of_levels;
 use crate::error::ReadError;
 
 /// An affine map: three rows of four.
@@ -113,6 +114,12 @@ pub(super) fn placed(json: &Value) -> Result<Vec<Placement>, ReadError> {
                 if let Some(flag) = has_parent.get_mut(child) {
                     *flag = true;
                 }
+            }
+        }
+        // Lower levels of detail stand where their node does, and are no roots.
+        for level in nodes_of_levels(json) {
+            if let Some(flag) = has_parent.get_mut(level) {
+                *flag = true;
             }
         }
         roots.extend((0..nodes.len()).filter(|&i| !has_parent[i]));
