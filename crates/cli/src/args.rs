@@ -3,6 +3,7 @@
 mod choice;
 mod clean;
 mod clusters;
+mod lod;
 mod methods;
 mod of_method;
 mod scope;
@@ -18,8 +19,9 @@ use lodsmith_io::Format;
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use clean::CleanArgs;
 pub(crate) use clusters::{BuildArgs, ClustersCommand, CutArgs, LevelsArgs};
+pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
-pub(crate) use simplify::{Importance, Normals, SimplifyArgs};
+pub(crate) use simplify::{How, Importance, Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
 use crate::file::{Sink, Source};
@@ -41,6 +43,8 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Make it lighter
     Simplify(Box<SimplifyArgs>),
+    /// A chain of levels of detail
+    Lod(Box<LodArgs>),
     /// What is in this file, and what is wrong with it
     Info(InfoArgs),
     /// How far is one from the other

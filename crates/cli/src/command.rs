@@ -7,6 +7,7 @@ mod compare;
 mod completions;
 mod convert;
 mod info;
+mod lod;
 mod man;
 mod methods;
 mod simplify;
@@ -21,6 +22,7 @@ use crate::output::{self, Output};
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
     match cli.command {
         Command::Simplify(args) => simplify::run(&args),
+        Command::Lod(args) => lod::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),

@@ -112,6 +112,16 @@ pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0, "it must be above 0")
 }
 
+/// A part of a whole that is not all of it.
+pub(crate) fn below_one(text: &str) -> Result<f64, String> {
+    number(text, |x| x > 0.0 && x < 1.0, "it must be above 0 and below 1")
+}
+
+/// A field of view: between 0 and 180 degrees.
+pub(crate) fn view_deg(text: &str) -> Result<f64, String> {
+    number(text, |x| x > 0.0 && x < 180.0, "it must be above 0 and below 180 degrees")
+}
+
 /// A turn of a face: above 0, up to 180 degrees.
 pub(crate) fn turn_deg(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0 && x <= 180.0, "it must be above 0 and not above 180 degrees")
