@@ -169,7 +169,9 @@ impl<'a> Targets<'a> {
 }
 
 /// The joints of each wedge with their weights, four in a set.
-struct JointSets<'a>(Vec<(&'a [[f32; 4]], &'a [[f32; 4]])>);
+struct JointSets<'a>(Vec<(Fours<'a>, Fours<'a>)>);
+/// Four numbers for each wedge.
+type Fours<'a> = &'a [[f32; 4]];
 
 impl<'a> JointSets<'a> {
     /// `None` for a mesh that has none.
