@@ -141,6 +141,15 @@ pub(crate) struct CompareArgs {
     /// (.ply), or as a picture (.png, .jpg, .webp)
     #[arg(long, value_name = "OUT")]
     pub(crate) heatmap: Option<PathBuf>,
+    /// Draw both from so many sides, the same every time, and measure how much the pictures differ to the eye
+    #[arg(long, value_name = "N", value_parser = values::count)]
+    pub(crate) views: Option<usize>,
+    /// Pixels of these pictures
+    #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "512x512", requires = "views")]
+    pub(crate) size: [usize; 2],
+    /// Write these pictures in pairs, the reference first (.png, .jpg, .webp)
+    #[arg(long, value_name = "OUT", requires = "views")]
+    pub(crate) views_sheet: Option<PathBuf>,
     /// Samples each way, spread by area; all vertices come on top
     #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
     pub(crate) samples: usize,

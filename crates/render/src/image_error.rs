@@ -12,7 +12,7 @@ mod views;
 use lodsmith_core::Image;
 
 pub use flip::{PIXELS_PER_DEGREE, flip};
-pub use views::directions;
+pub use views::cameras;
 
 use planes::{grey_level, linear_of};
 
