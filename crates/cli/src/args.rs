@@ -6,6 +6,7 @@ mod clusters;
 mod lod;
 mod methods;
 mod of_method;
+mod render;
 mod scope;
 mod simplify;
 mod values;
@@ -22,6 +23,7 @@ pub(crate) use clusters::{BuildArgs, ClustersCommand, CutArgs, LevelsArgs};
 pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
 pub(crate) use simplify::{How, Importance, Normals, SimplifyArgs};
+pub(crate) use render::{LookArgs, PlaceArgs, RenderArgs};
 pub(crate) use values::TypedLength;
 
 use crate::file::{Sink, Source};
@@ -58,6 +60,8 @@ pub(crate) enum Command {
     Clusters(ClustersCommand),
     /// Every method on one model: time, error, validity
     Methods(Box<MethodsArgs>),
+    /// A picture, without a window
+    Render(Box<RenderArgs>),
     /// Print what a shell needs to complete commands
     Completions {
         /// The shell
@@ -142,9 +146,19 @@ pub(crate) struct CompareArgs {
     /// What it does look like
     #[arg(value_name = "CANDIDATE")]
     pub(crate) candidate: Source,
-    /// Write the reference with its distance to the candidate as colours, blue for none and red for the largest
-    #[arg(long, value_name = "OUT.ply")]
+    /// Write the reference with its distance to the candidate as colours, blue for none and red for the largest: as a mesh
+    /// (.ply), or as a picture (.png, .jpg, .webp)
+    #[arg(long, value_name = "OUT")]
     pub(crate) heatmap: Option<PathBuf>,
+    /// Draw both from so many sides, the same every time, and measure how much the pictures differ to the eye
+    #[arg(long, value_name = "N", value_parser = values::count)]
+    pub(crate) views: Option<usize>,
+    /// Pixels of these pictures
+    #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "512x512", requires = "views")]
+    pub(crate) size: [usize; 2],
+    /// Write these pictures in pairs, the reference first (.png, .jpg, .webp)
+    #[arg(long, value_name = "OUT", requires = "views")]
+    pub(crate) views_sheet: Option<PathBuf>,
     /// Samples each way, spread by area; all vertices come on top
     #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
     pub(crate) samples: usize,

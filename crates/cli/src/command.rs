@@ -10,6 +10,7 @@ mod info;
 mod lod;
 mod man;
 mod methods;
+mod render;
 mod simplify;
 
 use lodsmith_io::Warning;
@@ -29,6 +30,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Clean(args) => clean::run(&args),
         Command::Clusters(command) => clusters::run(&command),
         Command::Methods(args) => methods::run(&args),
+        Command::Render(args) => render::run(&args),
         Command::Completions { shell } => completions::run(shell),
         Command::Man { command } => man::run(command.as_deref()),
     }
