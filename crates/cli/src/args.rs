@@ -4,6 +4,7 @@ mod choice;
 mod clean;
 mod methods;
 mod of_method;
+mod render;
 mod scope;
 mod simplify;
 mod values;
@@ -17,6 +18,7 @@ use lodsmith_io::Format;
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use clean::CleanArgs;
 pub(crate) use methods::MethodsArgs;
+pub(crate) use render::{LookArgs, PlaceArgs, RenderArgs};
 pub(crate) use simplify::{Importance, Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
@@ -49,6 +51,8 @@ pub(crate) enum Command {
     Clean(Box<CleanArgs>),
     /// Every method on one model: time, error, validity
     Methods(Box<MethodsArgs>),
+    /// A picture, without a window
+    Render(Box<RenderArgs>),
     /// Print what a shell needs to complete commands
     Completions {
         /// The shell
@@ -133,8 +137,9 @@ pub(crate) struct CompareArgs {
     /// What it does look like
     #[arg(value_name = "CANDIDATE")]
     pub(crate) candidate: Source,
-    /// Write the reference with its distance to the candidate as colours, blue for none and red for the largest
-    #[arg(long, value_name = "OUT.ply")]
+    /// Write the reference with its distance to the candidate as colours, blue for none and red for the largest: as a mesh
+    /// (.ply), or as a picture (.png, .jpg, .webp)
+    #[arg(long, value_name = "OUT")]
     pub(crate) heatmap: Option<PathBuf>,
     /// Samples each way, spread by area; all vertices come on top
     #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]

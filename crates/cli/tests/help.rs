@@ -56,3 +56,8 @@ fn options_of_later_releases_are_not_known() {
         assert!(!help(&["simplify"]).contains(option), "{option}");
     }
 }
+
+#[test]
+fn help_of_render() {
+    insta::assert_snapshot!(help(&["render"]));
+}

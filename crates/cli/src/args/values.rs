@@ -127,6 +127,47 @@ pub(crate) fn quality(text: &str) -> Result<f64, String> {
     number(text, |x| (0.0..=1.0).contains(&x), "it must be from 0 to 1")
 }
 
+/// Any finite number.
+pub(crate) fn finite(text: &str) -> Result<f64, String> {
+    number(text, |_| true, "it must be finite")
+}
+
+/// Degrees above the horizon.
+pub(crate) fn elevation_deg(text: &str) -> Result<f64, String> {
+    number(text, |x| (-90.0..=90.0).contains(&x), "it must be from -90 to 90 degrees")
+}
+
+/// The angle of a lens.
+pub(crate) fn fov_deg(text: &str) -> Result<f64, String> {
+    number(text, |x| (1.0..=170.0).contains(&x), "it must be from 1 to 170 degrees")
+}
+
+/// Pixels across and down: `1200x800`.
+pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
+    let most = lodsmith_render::SIDE_MAX;
+    let wanted = || format!("a size is WxH in pixels, such as 1200x800, up to {most} a side");
+    let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(wanted)?;
+    let side = |text: &str| text.parse::<usize>().ok().filter(|n| (1..=most).contains(n)).ok_or_else(wanted);
+    Ok([side(width)?, side(height)?])
+}
+
+/// A colour as `#rrggbb`, in sRGB from 0 to 1.
+pub(crate) fn color(text: &str) -> Result<[f32; 3], String> {
+    let wanted = || "a colour is #rrggbb, such as #cc9e66".to_owned();
+    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii()).ok_or_else(wanted)?;
+    let byte = |i: usize| u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).map_err(|_| wanted());
+    Ok([byte(0)?, byte(1)?, byte(2)?].map(|b| f32::from(b) / 255.0))
+}
+
+/// Two numbers, the first the lower one: `0,0.5`.
+pub(crate) fn range(text: &str) -> Result<[f32; 2], String> {
+    let wanted = || "a range is LOW,HIGH, such as 0,0.5".to_owned();
+    let (low, high) = text.split_once(',').ok_or_else(wanted)?;
+    let side = |text: &str| text.trim().parse::<f32>().ok().filter(|x| x.is_finite()).ok_or_else(wanted);
+    let (low, high) = (side(low)?, side(high)?);
+    if low < high { Ok([low, high]) } else { Err(wanted()) }
+}
+
 /// Time in seconds; a year is as good as for ever.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     above_zero(text).map(|s| s.min(365.0 * 86400.0))
@@ -180,6 +221,20 @@ mod tests {
         for bad in ["", "=2", "a=", "a=b", "a=0", "a=-1", "a=nan", "a=1e9"] {
             assert!(importance(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn pictures_are_told_by_numbers() {
+        assert_eq!(size("1200x800"), Ok([1200, 800]));
+        assert_eq!(color("#cc9e66"), Ok([0.8, 158.0 / 255.0, 0.4]));
+        assert_eq!(range("0, 0.5"), Ok([0.0, 0.5]));
+        for bad in ["", "12", "0x5", "5x0", "x", "20000x20000", "-1x5"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        for bad in ["", "1", "1,0", "nan,1", "0,0", "0,inf"] {
+            assert!(range(bad).is_err(), "{bad}");
+        }
+        assert!(color("#ääää").is_err() && elevation_deg("91").is_err() && fov_deg("0").is_err());
     }
 
     #[test]
