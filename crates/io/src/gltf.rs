@@ -13,6 +13,7 @@ mod lists;
 mod materials;
 mod mesh;
 mod meshopt;
+mod model;
 mod names;
 mod placements;
 mod primitive;
@@ -34,7 +35,7 @@ use lodsmith_core::TriMesh;
 
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
-use crate::obj::{Textures, looks};
+use crate::obj::{Purpose, Textures, looks};
 use crate::read::{Loaded, ReadOptions};
 use crate::write::WriteOptions;
 
@@ -98,7 +99,7 @@ pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io:
         .regions
         .as_deref()
         .filter(|_| options.textures != Textures::None)
-        .and_then(|regions| looks(mesh, regions))
+        .and_then(|regions| looks(mesh, regions, Purpose::Gltf))
         .unwrap_or_default();
     write::write(mesh, looks, options.format != Some(Format::Gltf), out)
 }

@@ -67,13 +67,15 @@ pub struct Loaded {
     /// Those of the wanted properties that the file has and the mesh does not carry, with one number for each vertex of
     /// the mesh. Only PLY has such properties; a list is none.
     pub properties: Vec<(String, Vec<f32>)>,
+    /// Those that the file was read under.
+    pub(crate) limits: Limits,
 }
 
 impl Loaded {
     /// A mesh from a format without regions.
     pub(crate) fn new(mesh: TriMesh, format: Format, contents: Contents, warnings: Vec<Warning>) -> Self {
-        let (regions, properties) = (Regions::default(), Vec::new());
-        Self { mesh, format, contents, warnings, regions, properties }
+        let (regions, properties, limits) = (Regions::default(), Vec::new(), Limits::default());
+        Self { mesh, format, contents, warnings, regions, properties, limits }
     }
 }
 
@@ -208,6 +210,7 @@ fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Res
 
 /// Refuses a mesh without faces, and tells where the ending of the path names another format.
 fn with_hint(mut loaded: Loaded, hint: Option<Format>, options: &ReadOptions) -> Result<Loaded, ReadError> {
+    loaded.limits = options.limits;
     if loaded.mesh.face_count() == 0 {
         return Err(ReadError::NoFaces { vertices: loaded.mesh.vertex_count() });
     }

@@ -18,6 +18,7 @@ use super::placements;
 use super::{inventory, replace, unpack};
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
+use crate::limits::Limits;
 use crate::read::{Contents, ReadOptions};
 
 /// A glTF file as a whole: nodes, materials, animations and all else as they are, and its meshes one by one.
@@ -34,6 +35,11 @@ pub struct Scene {
     contents: Contents,
     warnings: Vec<Warning>,
     format: Format,
+    /// How many bytes of the buffers came out of compressed streams.
+    pub(super) unpacked: usize,
+    /// Where images are that are files.
+    pub(super) folder: Option<PathBuf>,
+    pub(super) limits: Limits,
 }
 
 /// A mesh of a scene.
@@ -47,7 +53,7 @@ pub struct SceneMesh {
     /// of the file. Points and lines are not among them, so there may be no face.
     ///
     /// An attribute that only some primitives have is zero on the others, or white if it is a colour.
-    pub mesh: TriMesh,
+    pub mesh: Arc<TriMesh>,
     /// How often nodes of the default scene place it (of all roots where there is no scene); 0 if none does.
     pub instances: usize,
     /// The largest factor by which a node that places it makes lengths longer; 1 if none does. What joints do to a
@@ -97,7 +103,7 @@ impl Scene {
                 let name = mesh["name"].as_str().map_or(name, str::to_owned);
                 meshes.push(SceneMesh {
                     name,
-                    mesh: mesh_in_file,
+                    mesh: Arc::new(mesh_in_file),
                     instances: 0,
                     scale: 1.0,
                     world_from_mesh: None,
@@ -116,7 +122,8 @@ impl Scene {
         let placed_faces = |m: &SceneMesh| m.instances.saturating_mul(m.mesh.face_count());
         contents.polygons = meshes.iter().fold(0, |n, m| placed_faces(m).saturating_add(n));
         let bounds = bounds(&placed, &meshes);
-        Ok(Self { json, buffers, meshes, bounds, contents, warnings, format })
+        let (folder, limits) = (options.folder.clone(), options.limits);
+        Ok(Self { json, buffers, meshes, bounds, contents, warnings, format, unpacked, folder, limits })
     }
 
     /// The meshes, in the order of the file.
