@@ -9,6 +9,7 @@ mod info;
 mod man;
 mod methods;
 mod simplify;
+mod view;
 
 use lodsmith_io::Warning;
 
@@ -25,6 +26,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Convert(args) => convert::run(&args),
         Command::Clean(args) => clean::run(&args),
         Command::Methods(args) => methods::run(&args),
+        Command::View(args) => view::run(&args),
         Command::Completions { shell } => completions::run(shell),
         Command::Man { command } => man::run(command.as_deref()),
     }
