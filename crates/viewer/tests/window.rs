@@ -107,7 +107,10 @@ fn a_window_opens_drags_holds_restores_and_exports() {
     let model = folder.path().join("sphere.ply");
     lodsmith_io::write_path(&shapes::icosphere(5), &model, &Default::default()).unwrap();
     let out = folder.path().join("sphere_low.ply");
-    let viewer = Command::new(env!("CARGO_BIN_EXE_lodsmith-window"))
+    // Beside the tests lie the examples.
+    let tests = std::env::current_exe().unwrap();
+    let program = tests.parent().and_then(Path::parent).unwrap().join("examples/window");
+    let viewer = Command::new(program)
         .arg(&model)
         .env("DISPLAY", &name)
         .env_remove("WAYLAND_DISPLAY")
