@@ -62,6 +62,8 @@ pub(crate) enum Command {
     Methods(Box<MethodsArgs>),
     /// A picture, without a window
     Render(Box<RenderArgs>),
+    /// A window: original and result side by side, live while you drag
+    View(ViewArgs),
     /// Print what a shell needs to complete commands
     Completions {
         /// The shell
@@ -173,6 +175,13 @@ pub(crate) struct CompareArgs {
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) run: Run,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ViewArgs {
+    /// Files to open, or a session; without any, the window says what to do
+    #[arg(value_name = "IN")]
+    pub(crate) inputs: Vec<PathBuf>,
 }
 
 #[derive(Args, Debug)]

@@ -12,6 +12,7 @@ mod man;
 mod methods;
 mod render;
 mod simplify;
+mod view;
 
 use lodsmith_io::Warning;
 
@@ -31,6 +32,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Clusters(command) => clusters::run(&command),
         Command::Methods(args) => methods::run(&args),
         Command::Render(args) => render::run(&args),
+        Command::View(args) => view::run(&args),
         Command::Completions { shell } => completions::run(shell),
         Command::Man { command } => man::run(command.as_deref()),
     }
