@@ -13,19 +13,9 @@ pub(crate) fn orient(mesh: &mut TriMesh, writing: &Writing) {
     let up = writing.up;
     mesh.map_positions(|p| turn(p, up).map(|x| x * scale));
     if up.is_some() {
-        turn_normals(mesh, up);
+        let normals = mesh.normals().map(|n| n.iter().map(|&n| turn(n, up)).collect());
+        mesh.set_normals(normals).expect("there are as many as before");
     }
-}
-
-/// Turns a mesh so that this axis is up, where the other one was.
-pub(crate) fn turn_up(mesh: &mut TriMesh, up: Up) {
-    mesh.map_positions(|p| turn(p, Some(up)));
-    turn_normals(mesh, Some(up));
-}
-
-fn turn_normals(mesh: &mut TriMesh, up: Option<Up>) {
-    let normals = mesh.normals().map(|n| n.iter().map(|&n| turn(n, up)).collect());
-    mesh.set_normals(normals).expect("there are as many as before");
 }
 
 /// A quarter turn about x: right-handed stays right-handed, and zero stays a positive one.

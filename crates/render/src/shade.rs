@@ -5,6 +5,7 @@ mod material;
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
+use lodsmith_core::model::VertexColors;
 use lodsmith_core::{Image, WedgeId};
 
 use crate::light::LightKind;
@@ -342,7 +343,10 @@ impl<'a> Shader<'a> {
         let [a, b, c] = hit.wedges.map(|w| colors[w.index()]);
         let mixed = [0, 1, 2, 3].map(|k| hit.b[0] * a[k] + hit.b[1] * b[k] + hit.b[2] * c[k]);
         let rgb = [mixed[0], mixed[1], mixed[2]];
-        let rgb = if self.subject.has_linear_colors { Vec3::from(rgb) } else { linear::of_srgb(rgb) };
+        let rgb = match self.subject.vertex_colors {
+            VertexColors::Linear => Vec3::from(rgb),
+            VertexColors::Srgb => linear::of_srgb(rgb),
+        };
         (rgb.clamp(Vec3::ZERO, Vec3::ONE), mixed[3].clamp(0.0, 1.0))
     }
 
