@@ -18,7 +18,7 @@ use crate::view::View;
 
 /// How much light a plain surface throws straight back, and how narrow that gleam is: 2 to this power. (By eye.)
 const GLEAM: f32 = 0.10;
-const GLEAM_SQUARINGS: u32 = 5;
+const GLEAM_SQUARINGS: u32 = 3;
 /// Height of a triangle in pixels from which on its lines have their full strength; below they would cover all. (By eye.)
 const WIRE_FULL_PX: f32 = 8.0;
 /// Strength of lines where triangles vanish.
@@ -355,14 +355,14 @@ impl<'a> Shader<'a> {
     fn lit(&self, albedo: Vec3, n: Vec3, hit: &Hit<'_>) -> Vec3 {
         let place = self.place(hit);
         let to_eye = self.to_eye(place);
+        let mirrored = n * (2.0 * n.dot(to_eye)) - to_eye;
         let mut diffuse = self.ambient(n);
         let mut gleam = Vec3::ZERO;
         self.each_light(place, |to_light, color| {
             let along = n.dot(to_light);
             if along > 0.0 {
                 diffuse += color * along;
-                let half = to_light + to_eye;
-                let mut g = n.dot(half).max(0.0) / half.length().max(1e-6);
+                let mut g = mirrored.dot(to_light).max(0.0);
                 (0..GLEAM_SQUARINGS).for_each(|_| g *= g);
                 gleam += color * g;
             }
