@@ -696,7 +696,7 @@ fn hovering(ctx: &egui::Context) {
         return;
     }
     let screen = ctx.content_rect();
-    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::new("drop"));
+    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop"));
     let painter = ctx.layer_painter(layer);
     painter.rect_filled(screen, 0.0, egui::Color32::from_black_alpha(160));
     let font = egui::FontId::proportional(28.0);

@@ -289,7 +289,7 @@ fn detail_of(response: &Response) -> Option<f64> {
 fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
     let x = all.left() + all.width() * layout.wipe.clamp(0.0, 1.0);
     let grab = Rect::from_min_max(pos2(x - 8.0, all.top()), pos2(x + 8.0, all.bottom()));
-    let response = ui.interact(grab, ui.id().with("wipe"), Sense::drag());
+    let response = ui.interact(grab, ui.scope_id().with("wipe"), Sense::drag());
     response.widget_info(|| egui::WidgetInfo::slider(true, f64::from(layout.wipe), "Wipe"));
     let p = palette(ui);
     let response = response.on_hover_cursor(egui::CursorIcon::ResizeHorizontal);

@@ -104,7 +104,7 @@ impl Dialog {
             },
             Kind::Window(chooser) => {
                 let purpose = self.purpose;
-                let modal = egui::Modal::new(egui::Id::new("chooser")).show(ctx, |ui| chooser.show(ui, purpose));
+                let modal = egui::Modal::new(egui::Id::unique("chooser")).show(ctx, |ui| chooser.show(ui, purpose));
                 match modal.inner {
                     Answer::Open if modal.should_close() => Answer::Closed,
                     answer => answer,

@@ -17,12 +17,17 @@ use crate::settings::Settings;
 use crate::words::Simplification;
 
 /// Something to be seen, and its buffers on the graphics card.
-#[derive(Clone)]
 pub struct Shown<T> {
     /// What it is.
     pub content: Arc<T>,
     /// How it is drawn; `None` where there is no card.
     pub draw: Option<Drawing>,
+}
+
+impl<T> Clone for Shown<T> {
+    fn clone(&self) -> Self {
+        Self { content: self.content.clone(), draw: self.draw.clone() }
+    }
 }
 
 /// Buffers that the window draws and the worker puts distances into.

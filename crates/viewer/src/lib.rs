@@ -99,6 +99,5 @@ fn told(error: eframe::Error) -> ViewError {
             Err(e) => ViewError::Window { reason: e.to_string() },
         },
         eframe::Error::Wgpu(e) => ViewError::NoGpu(gpu::GpuError::NoAdapter { reason: e.to_string() }),
-        e => ViewError::Window { reason: e.to_string() },
     }
 }
