@@ -610,6 +610,8 @@ impl eframe::App for App {
         self.arrive(&ctx);
         self.keys(&ctx);
         self.want();
+        let have_changed = std::mem::take(&mut self.document.own_files_changed);
+        self.facts.shader_error = self.pictures.follow_files(&self.document.settings().look, have_changed);
         self.facts.triangles_drawn = self.pictures.triangles;
         self.facts.error_px = self.document.lighter().and_then(|l| {
             let e = &l.content.report.error;

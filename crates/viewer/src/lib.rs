@@ -15,6 +15,7 @@ pub mod job;
 pub mod keys;
 pub mod log;
 pub mod numbers;
+mod own_files;
 pub mod panel;
 pub mod session;
 pub mod settings;

@@ -35,7 +35,7 @@ fn a_ball_is_drawn_once() {
     let pose = Pose::default();
     let mut target = gpu.target([200, 100]);
     let bounds = bounds(&model);
-    let mut look = Look::default();
+    let look = Look::default();
     let placed = [Placed::new(&drawn, &pose)];
     let camera = Camera::fitting(&bounds, StandardView::Iso, 2.0);
     let frame = Frame {
@@ -46,6 +46,8 @@ fn a_ball_is_drawn_once() {
         lighting: &Lighting::default(),
         background: Background::Transparent,
         ground: false,
+        matcap: None,
+        shader: None,
     };
     let first = gpu.draw(&mut target, &frame);
     assert!(first.drawn && first.triangles == model.face_count() as u64, "{first:?}");
@@ -59,6 +61,6 @@ fn a_ball_is_drawn_once() {
         let bytes: &[u8] = bytemuck::cast_slice(image.pixels());
         image::save_buffer(path, bytes, 200, 100, image::ColorType::Rgba8).unwrap();
     }
-    look.wireframe = true;
+    let look = Look { wireframe: true, ..look.clone() };
     assert!(gpu.draw(&mut target, &Frame { look: &look, ..frame }).drawn, "another look");
 }
