@@ -610,6 +610,8 @@ impl eframe::App for App {
         self.arrive(&ctx);
         self.keys(&ctx);
         self.want();
+        let have_changed = std::mem::take(&mut self.document.own_files_changed);
+        self.facts.shader_error = self.pictures.follow_files(&self.document.settings().look, have_changed);
         self.facts.triangles_drawn = self.pictures.triangles;
         self.facts.error_px = self.document.lighter().and_then(|l| {
             let e = &l.content.report.error;
@@ -696,7 +698,7 @@ fn hovering(ctx: &egui::Context) {
         return;
     }
     let screen = ctx.content_rect();
-    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::new("drop"));
+    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop"));
     let painter = ctx.layer_painter(layer);
     painter.rect_filled(screen, 0.0, egui::Color32::from_black_alpha(160));
     let font = egui::FontId::proportional(28.0);

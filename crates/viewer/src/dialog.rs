@@ -11,7 +11,7 @@ use crate::theme::{palette, weak};
 
 /// What is chosen, and what for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
+pub(crate) enum Purpose {
     /// Models to open.
     Open,
     /// A session to open.
@@ -61,9 +61,9 @@ impl Purpose {
 }
 
 /// A dialog that is open.
-pub struct Dialog {
+pub(crate) struct Dialog {
     /// What for.
-    pub purpose: Purpose,
+    pub(crate) purpose: Purpose,
     kind: Kind,
 }
 
@@ -73,7 +73,7 @@ enum Kind {
 }
 
 /// How far a dialog is.
-pub enum Answer {
+pub(crate) enum Answer {
     /// Nothing was chosen yet.
     Open,
     /// Nothing will be.
@@ -84,7 +84,7 @@ pub enum Answer {
 
 impl Dialog {
     /// Opens one. `start` is a folder, or the file that is offered.
-    pub fn new(purpose: Purpose, start: &Path, use_system: bool, wake: impl Fn() + Send + 'static) -> Self {
+    pub(crate) fn new(purpose: Purpose, start: &Path, use_system: bool, wake: impl Fn() + Send + 'static) -> Self {
         let kind = if use_system && has_system_dialogs() {
             Kind::System(system(purpose, start, wake))
         } else {
@@ -94,7 +94,7 @@ impl Dialog {
     }
 
     /// Shows it, if it is one of ours.
-    pub fn show(&mut self, ctx: &egui::Context) -> Answer {
+    pub(crate) fn show(&mut self, ctx: &egui::Context) -> Answer {
         match &mut self.kind {
             Kind::System(receiver) => match receiver.try_recv() {
                 Ok(files) if files.is_empty() => Answer::Closed,
@@ -104,7 +104,7 @@ impl Dialog {
             },
             Kind::Window(chooser) => {
                 let purpose = self.purpose;
-                let modal = egui::Modal::new(egui::Id::new("chooser")).show(ctx, |ui| chooser.show(ui, purpose));
+                let modal = egui::Modal::new(egui::Id::unique("chooser")).show(ctx, |ui| chooser.show(ui, purpose));
                 match modal.inner {
                     Answer::Open if modal.should_close() => Answer::Closed,
                     answer => answer,

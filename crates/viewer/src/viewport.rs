@@ -200,7 +200,7 @@ pub fn aspect(rect: Rect) -> f64 {
 
 /// A picture's place, drawn with a name that tests and screen readers find.
 pub fn place(ui: &mut egui::Ui, rect: Rect, name: &'static str) -> Response {
-    let response = ui.interact(rect, ui.id().with(name), egui::Sense::click_and_drag());
+    let response = ui.interact(rect, ui.scope_id().with(name), egui::Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, name));
     response
 }

@@ -91,7 +91,7 @@ impl Form {
 
     /// Shows it.
     pub fn show(&mut self, ctx: &egui::Context, document: &Document) -> Answer {
-        let modal = egui::Modal::new(egui::Id::new("export")).show(ctx, |ui| self.form(ui, document));
+        let modal = egui::Modal::new(egui::Id::unique("export")).show(ctx, |ui| self.form(ui, document));
         match modal.inner {
             Answer::Open if modal.should_close() => Answer::Closed,
             answer => answer,
@@ -135,8 +135,9 @@ impl Form {
         if self.is_all_levels {
             let tip = "Parts of the triangles, in percent; a file for each";
             parts::field(ui, "Levels, %", tip, |ui| {
+                let is_good = self.ratios().is_some();
                 let mut edit = egui::TextEdit::singleline(&mut self.levels).desired_width(ui.available_width() - 8.0);
-                if self.ratios().is_none() {
+                if !is_good {
                     edit = edit.text_color(palette(ui).error);
                 }
                 ui.add(edit);

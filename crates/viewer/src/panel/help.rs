@@ -7,7 +7,7 @@ use crate::theme::{number, palette, weak};
 
 /// The sheet; whether it is to be closed.
 pub fn show(ctx: &egui::Context) -> bool {
-    let modal = egui::Modal::new(egui::Id::new("help")).show(ctx, |ui| {
+    let modal = egui::Modal::new(egui::Id::unique("help")).show(ctx, |ui| {
         let screen = ctx.content_rect();
         ui.set_width((screen.width() - 80.0).clamp(320.0, 900.0));
         ui.horizontal(|ui| {

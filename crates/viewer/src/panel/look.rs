@@ -78,7 +78,7 @@ fn own(ui: &mut Ui, scope: &mut Scope<'_>, all: &mut Appearance) {
     parts::heading(ui, "Of your own");
     let tip = "A picture of a lit ball (PNG, JPEG): read again when it changes";
     parts::field(ui, "Matcap", tip, |ui| file(ui, &mut all.matcap, Say::ChooseMatcap, scope));
-    let tip = "A WGSL file with `fn shade(s: Surface) -> vec3<f32>`: read again when it changes";
+    let tip = "A WGSL file with `fn surface(at: Surface) -> vec4<f32>`, a linear colour: read again when it changes";
     parts::field(ui, "Shader", tip, |ui| file(ui, &mut all.shader, Say::ChooseShader, scope));
     if let Some(error) = &scope.facts.shader_error {
         parts::told(ui, crate::log::Level::Error, error);

@@ -180,7 +180,7 @@ pub fn typed(
     width: f32,
     is_good: impl Fn(&str) -> bool,
 ) -> Option<String> {
-    let id = ui.id().with(("typed", name));
+    let id = ui.scope_id().with(("typed", name));
     let kept: Option<String> = ui.data(|d| d.get_temp(id));
     let mut text = kept.clone().unwrap_or_else(|| now.to_owned());
     let good = is_good(&text);
