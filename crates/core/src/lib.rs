@@ -15,6 +15,7 @@ pub mod polygon;
 pub mod sampling;
 pub mod shapes;
 pub mod spatial;
+pub mod splits;
 pub mod topology;
 
 pub use correspondence::{Correspondence, Source, correspondence};
@@ -22,4 +23,5 @@ pub use ids::{FaceId, HalfEdgeId, RegionId, VertexId, WedgeId};
 pub use image::Image;
 pub use mesh::{Attribute, Bounds, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh};
 pub use model::Model;
+pub use splits::Splits;
 pub use topology::Topology;
