@@ -116,7 +116,7 @@ impl Progressive {
     /// full mesh afterwards.
     ///
     /// A stop at an error is one of the [estimate](Self::error). Methods that make a new mesh at once have no road.
-    /// Cost: about twice the time and four times the memory of a run of [`simplify`](crate::simplify()).
+    /// Cost: three to four times the time of a run of [`simplify`](crate::simplify()) to the end.
     ///
     /// # Errors
     /// As [`simplify`](crate::simplify()); [`SimplifyError::NotOfMethod`] for a method without contractions.
