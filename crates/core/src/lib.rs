@@ -16,6 +16,7 @@ pub mod polygon;
 pub mod sampling;
 pub mod shapes;
 pub mod spatial;
+pub mod splits;
 pub mod topology;
 
 pub use clusters::{Cluster, ClusterLod};
@@ -24,4 +25,5 @@ pub use ids::{ClusterId, FaceId, GroupId, HalfEdgeId, RegionId, VertexId, WedgeI
 pub use image::Image;
 pub use mesh::{Attribute, Bounds, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh};
 pub use model::Model;
+pub use splits::Splits;
 pub use topology::Topology;

@@ -1,33 +1,30 @@
 //! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
 
 mod chain;
+mod start;
 mod trunk;
 
-use glam::Vec3;
 use lodsmith_core::measure::{self, CompareOptions, Comparison};
 use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::mesh::weld;
-use lodsmith_core::{Attribute, Positions, PositionsView, RegionId, Surface, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{Attribute, Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId};
 
-use crate::attributes::{Ground, Rows, with_wedges};
+use crate::attributes::{Rows, with_wedges};
 use crate::care::{self, Care, Held, Known};
-use crate::collapse::attributes::Attributes;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::{self, NONE, Ordered};
-use crate::collapse::{End, Engine, Goal, Look, Original, Wedges};
+use crate::collapse::{End, Engine, Goal, Look, Original};
 use crate::control::{Control, Stage, Verdict};
-use crate::metric::{EdgeLength, Judge, LindstromTurk, Melax, Memoryless, Metric, Quadric};
-use crate::options::{Fit, Length, Measure, Method, Placement, SimplifyOptions, TopologyPolicy};
+use crate::metric::{EdgeLength, LindstromTurk, Melax, Memoryless, Metric, Quadric};
+use crate::options::{Length, Measure, Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
 use crate::{Simplified, SimplifyError, cluster, escalate, prune, rebuild, shading};
 pub(crate) use chain::{is_chained, run_chain};
+pub(crate) use start::Started;
 use trunk::{Trace, Trunk};
 
-/// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
-/// again when it comes to it, which takes some percent more time and 18 bytes a face less.
-const COPY_UP_TO: usize = 1_000_000;
 /// Runs of the engine in search of an error, at most.
 const ERROR_RUNS: usize = 12;
 /// Distances below this share of the diagonal are rounding.
@@ -51,10 +48,10 @@ impl Input<'_> {
 }
 
 /// The ordered input, kept or made again.
-struct Source<'a> {
-    surface: &'a Surface<'a>,
-    ordered: &'a Ordered,
-    is_kept: bool,
+pub(crate) struct Source<'a> {
+    pub(crate) surface: &'a Surface<'a>,
+    pub(crate) ordered: &'a Ordered,
+    pub(crate) is_kept: bool,
 }
 
 impl Original for Source<'_> {
@@ -203,6 +200,20 @@ fn run_welded(
 pub(crate) type Pass =
     fn(&mut Run<'_, '_>, Goal, Option<f64>, &mut dyn Control) -> Result<Outcome, SimplifyError>;
 
+/// How a method on sweeps does it.
+pub(crate) fn collapses(method: Method) -> Option<Pass> {
+    match method {
+        Method::Memoryless => Some(|run, goal, step, control| run.pass::<Memoryless>(goal, step, control)),
+        Method::Quadric => Some(|run, goal, step, control| run.pass::<Quadric>(goal, step, control)),
+        Method::LindstromTurk => {
+            Some(|run, goal, step, control| run.pass::<LindstromTurk>(goal, step, control))
+        }
+        Method::Melax => Some(|run, goal, step, control| run.pass::<Melax>(goal, step, control)),
+        Method::ShortestEdge => Some(|run, goal, step, control| run.pass::<EdgeLength>(goal, step, control)),
+        _ => None,
+    }
+}
+
 pub(crate) fn run_by_method(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -215,14 +226,7 @@ pub(crate) fn run_by_method(
 }
 
 fn pass_of(method: Method) -> Pass {
-    match method {
-        Method::Memoryless => |run, goal, step, control| run.pass::<Memoryless>(goal, step, control),
-        Method::Quadric => |run, goal, step, control| run.pass::<Quadric>(goal, step, control),
-        Method::LindstromTurk => |run, goal, step, control| run.pass::<LindstromTurk>(goal, step, control),
-        Method::Melax => |run, goal, step, control| run.pass::<Melax>(goal, step, control),
-        Method::ShortestEdge => |run, goal, step, control| run.pass::<EdgeLength>(goal, step, control),
-        _ => rebuild::pass,
-    }
+    collapses(method).unwrap_or(rebuild::pass)
 }
 
 pub(crate) fn run_with(
@@ -334,11 +338,11 @@ pub(crate) struct Run<'a, 'b> {
     pub(crate) input: &'a Input<'b>,
     pub(crate) options: &'a SimplifyOptions,
     pub(crate) ordered: &'a mut Ordered,
-    goal: Goal,
+    pub(crate) goal: Goal,
     pub(crate) care: &'a Care,
-    pass: Pass,
+    pub(crate) pass: Pass,
     /// Whether outcomes say what their vertices came from.
-    is_traced: bool,
+    pub(crate) is_traced: bool,
 }
 
 type Finished = (Outcome, Option<Comparison>, bool);
@@ -518,61 +522,6 @@ impl Run<'_, '_> {
         self.finish(engine, &root, end, proposes, control)
     }
 
-    /// The regions of the ordered faces, where there are several.
-    fn regions(&self) -> Option<Vec<RegionId>> {
-        let regions = self.input.mesh?.regions()?;
-        regions
-            .iter()
-            .any(|r| *r != regions[0])
-            .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i], RegionId(0)))
-    }
-
-    fn wants_fit<M: Metric>(&self) -> bool {
-        match self.options.fit {
-            Fit::Off => false,
-            Fit::On => self.options.placement != Placement::Endpoint,
-            Fit::Auto => matches!(M::JUDGE, Judge::Engine) && self.options.placement == Placement::Optimal,
-        }
-    }
-
-    /// The wedges of the ordered faces, where there are attributes or regions.
-    fn corners(&self, faces: &[[VertexId; 3]], points: &[Vec3]) -> Corners {
-        let none = Corners { wedges: None, endpoints: None, rows: None };
-        let Some(mesh) = self.input.mesh.filter(|m| m.has_attributes() || m.regions().is_some()) else {
-            return none;
-        };
-        let mut wedges = self.ordered.wedges(&self.input.surface, mesh);
-        debug_assert_eq!(wedges.len(), faces.len());
-        if self.options.placement == Placement::Endpoint {
-            let uvs = mesh.uvs().map(<[_]>::to_vec);
-            let endpoints = Wedges { uvs, normals: mesh.normals().map(<[_]>::to_vec) };
-            return Corners { wedges: Some(wedges), endpoints: Some(endpoints), rows: None };
-        }
-        let Some((rows, mut attributes)) = Rows::new(mesh, |w| self.place(mesh, w)) else { return none };
-        for w in wedges.iter_mut().flatten() {
-            *w = rows.wedge_rows[w.index()];
-        }
-        if attributes.is_empty() && mesh.regions().is_none() {
-            // All the same everywhere: nothing to take along.
-            return Corners { wedges: None, endpoints: None, rows: Some((rows, None)) };
-        }
-        self.weigh(&rows, &mut attributes, (faces, &wedges, points), &self.goal);
-        Corners { wedges: Some(wedges), endpoints: None, rows: Some((rows, Some(attributes))) }
-    }
-
-    /// Sets what attributes count on the way to a goal.
-    fn weigh(
-        &self,
-        rows: &Rows,
-        attributes: &mut Attributes,
-        (faces, wedges, points): (&[[VertexId; 3]], &[[WedgeId; 3]], &[Vec3]),
-        goal: &Goal,
-    ) {
-        let edge = result_edge(faces, points, goal);
-        let on = Ground { faces, wedges, points, frame: self.ordered.frame, edge };
-        rows.weigh(attributes, &self.options.weights, &on);
-    }
-
     /// Number of a wedge's vertex in the ordered input.
     pub(crate) fn place(&self, mesh: &TriMesh, w: WedgeId) -> VertexId {
         self.ordered.rank[self.input.joined(mesh.vertex_of(w)).index()]
@@ -654,30 +603,6 @@ impl Run<'_, '_> {
         }
         Ok(result)
     }
-}
-
-/// About how long the edges of a result will be, in the unit frame: those of equilateral triangles.
-fn result_edge(faces: &[[VertexId; 3]], points: &[Vec3], goal: &Goal) -> f64 {
-    let doubled = |t: &[VertexId; 3]| {
-        let [a, b, c] = t.map(|v| points[v.index()]);
-        f64::from((b - a).cross(c - a).length())
-    };
-    let area = 0.5 * faces.iter().map(doubled).sum::<f64>();
-    let by_vertices = goal.vertices.map(|n| 2 * n);
-    let count = goal.faces.or(by_vertices).unwrap_or(faces.len() / 10).clamp(1, faces.len().max(1));
-    (area / (0.433 * count as f64)).sqrt()
-}
-
-/// How near vertices have to be that are contracted as pairs, in the unit frame. (A box has a diagonal below 2 there.)
-fn pairs_reach(distance: Length, frame: order::Frame, diagonal: f64) -> f32 {
-    frame.unit_length(distance.in_units(diagonal)).min(2.0) as f32
-}
-
-/// What stands at the corners of the ordered faces.
-struct Corners {
-    wedges: Option<Vec<[WedgeId; 3]>>,
-    endpoints: Option<Wedges>,
-    rows: Option<(Rows, Option<Attributes>)>,
 }
 
 /// The result's wedges, numbered in the order of the faces, with their attributes from the input.

@@ -4,15 +4,15 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 use lodsmith_core::mesh::weld;
 
-use super::{COPY_UP_TO, Corners, Leave, Outcome, Run, Source, pairs_reach};
+use super::start::pairs_reach;
+use super::{Leave, Outcome, Run, Source, Started};
 use crate::SimplifyError;
 use crate::attributes::Rows;
-use crate::collapse::store::Store;
 use crate::collapse::{End, Engine, Goal, Sweeps};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit;
 use crate::guard::Rules;
-use crate::metric::{Judge, Metric};
+use crate::metric::Metric;
 use crate::rebuild;
 
 /// An engine, and what every result of it needs.
@@ -54,64 +54,9 @@ impl Run<'_, '_> {
         (goals, level): (&[Goal], usize),
         control: &mut dyn Control,
     ) -> Result<Trunk<M>, SimplifyError> {
-        let options = self.options;
-        let surface = &self.input.surface;
         control.stage(Stage::Prepare);
-        let frame = self.ordered.frame;
-        let mut rules = Rules::new(options, frame, self.ordered.diagonal);
-        if let Some(step) = step {
-            let unit = frame.unit_length(step) as f32;
-            rules.max_step_sq = unit * unit;
-        }
-        // The search for an error runs several times from the same start, and a chain looks back at each level.
-        let again = step.is_some() || !goals.is_empty();
-        if self.ordered.points.is_empty() {
-            // Taken by a pass before.
-            self.ordered.points = self.ordered.points_again(surface);
-            self.ordered.faces = self.ordered.faces_again(surface);
-        }
-        let is_kept = self.ordered.faces.len() <= COPY_UP_TO || again;
-        let (points, faces) = if is_kept {
-            (self.ordered.points.clone(), self.ordered.faces.clone())
-        } else {
-            (std::mem::take(&mut self.ordered.points), std::mem::take(&mut self.ordered.faces))
-        };
-        let regions = self.regions();
-        let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
-        let mut weights = Vec::new();
-        if !matches!(M::JUDGE, Judge::Engine) {
-            if let Some((_, Some(attributes))) = &mut rows {
-                attributes.weights_mut().fill(0.0);
-            }
-        } else if let (Some((rows, Some(attributes))), Some(wedges)) = (&mut rows, &wedges) {
-            for goal in goals {
-                self.weigh(rows, attributes, (&faces, wedges, &points), goal);
-                weights.push(attributes.weights_mut().to_vec());
-            }
-            if let Some(first) = weights.get(level) {
-                attributes.weights_mut().copy_from_slice(first);
-            }
-        }
-        let (rows, attributes) = rows.unzip();
-        let attributes = attributes.flatten();
-        let originals = match (&attributes, &wedges) {
-            (Some(attributes), Some(wedges)) if self.wants_fit::<M>() && attributes.lanes() > 0 => {
-                Some(fit::Originals::new(attributes, wedges))
-            }
-            _ => None,
-        };
-        let mut store = Store::<M>::new(points, faces, wedges, regions);
-        if let Some(classes) = &options.region_classes {
-            store.classes = classes.to_vec();
-        }
-        if let Some(locked) = self.care.locked() {
-            store.lock(locked);
-        }
-        let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
-        engine.set_prices(self.care.prices());
-        if let Some(distance) = options.of_method.pairs {
-            engine.watch_pairs(pairs_reach(distance, frame, self.ordered.diagonal));
-        }
+        let Started { mut engine, rows, originals, duplicate_faces, is_kept, weights } =
+            self.start::<M>(step, false, (goals, level))?;
 
         control.stage(Stage::Collapse);
         if leave.parts {
