@@ -163,10 +163,14 @@ pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Forma
         Sink::Path(path) => hint_of(path),
         Sink::Stdout => None,
     };
-    to.or(hint).ok_or_else(|| match sink {
-        Sink::Stdout => exit::usage("standard output has no ending: say the format with --to"),
-        Sink::Path(path) => exit::usage(WriteError::UnknownFormat { path: path.clone() }.to_string()),
-    })
+    match (to.or(hint), sink) {
+        (Some(Format::Lpm), _) => Err(exit::usage(WriteError::NeedsSplits.to_string())),
+        (Some(format), _) => Ok(format),
+        (None, Sink::Stdout) => Err(exit::usage("standard output has no ending: say the format with --to")),
+        (None, Sink::Path(path)) => {
+            Err(exit::usage(WriteError::UnknownFormat { path: path.clone() }.to_string()))
+        }
+    }
 }
 
 /// A sink that is a folder is a fault of the command line.
