@@ -4,6 +4,7 @@ mod choice;
 mod clean;
 mod methods;
 mod of_method;
+mod progressive;
 mod scope;
 mod simplify;
 mod values;
@@ -17,7 +18,8 @@ use lodsmith_io::Format;
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use clean::CleanArgs;
 pub(crate) use methods::MethodsArgs;
-pub(crate) use simplify::{Importance, Normals, SimplifyArgs};
+pub(crate) use progressive::{BuildArgs, ExtractArgs, LpmInfoArgs, Progressive};
+pub(crate) use simplify::{How, Importance, Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
 use crate::file::{Sink, Source};
@@ -49,6 +51,9 @@ pub(crate) enum Command {
     Clean(Box<CleanArgs>),
     /// Every method on one model: time, error, validity
     Methods(Box<MethodsArgs>),
+    /// A mesh that runs between all levels, in one file
+    #[command(subcommand)]
+    Progressive(Progressive),
     /// Print what a shell needs to complete commands
     Completions {
         /// The shell
@@ -87,7 +92,7 @@ impl Run {
 #[command(next_help_heading = "Writing")]
 pub(crate) struct Writing {
     /// Format of the output, whatever its ending
-    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
+    #[arg(long, value_name = "FORMAT", value_parser = values::written_format())]
     pub(crate) to: Option<Format>,
     /// Text instead of binary (PLY, STL)
     #[arg(long)]

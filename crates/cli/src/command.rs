@@ -8,6 +8,7 @@ mod convert;
 mod info;
 mod man;
 mod methods;
+mod progressive;
 mod simplify;
 
 use lodsmith_io::Warning;
@@ -25,6 +26,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Convert(args) => convert::run(&args),
         Command::Clean(args) => clean::run(&args),
         Command::Methods(args) => methods::run(&args),
+        Command::Progressive(action) => progressive::run(&action),
         Command::Completions { shell } => completions::run(shell),
         Command::Man { command } => man::run(command.as_deref()),
     }

@@ -15,7 +15,7 @@ use lodsmith_core::splits::{Counts, Splits};
 
 pub(crate) use container::MAGIC;
 pub use read::LpmReader;
-pub use write::write;
+pub use write::{write, write_path};
 
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
@@ -31,15 +31,17 @@ pub const MOST_BITS: u8 = 24;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LpmOptions {
-    /// Bits of a coordinate, [`LEAST_BITS`] to [`MOST_BITS`]; `None` keeps every bit of everything.
+    /// Bits of a coordinate, [`LEAST_BITS`] to [`MOST_BITS`]; `None` keeps every bit of every level.
     pub bits: Option<u8>,
+    /// Whether fits of checkpoints keep every bit too. It makes a file two to three times as large, and no level closer.
+    pub exact_fits: bool,
     /// Whether the images of materials go into the file.
     pub with_textures: bool,
 }
 
 impl Default for LpmOptions {
     fn default() -> Self {
-        Self { bits: None, with_textures: true }
+        Self { bits: None, exact_fits: false, with_textures: true }
     }
 }
 
@@ -81,8 +83,25 @@ pub struct LpmSizes {
     pub checkpoints: u64,
     /// The order of the original.
     pub original: u64,
-    /// What is skipped here.
+    /// The end mark, and what is skipped here.
     pub others: u64,
+}
+
+impl LpmSizes {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.head + self.materials + self.base + self.splits + self.checkpoints + self.original + self.others
+    }
+}
+
+/// What was written.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct LpmWritten {
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+    /// Where the bytes are.
+    pub sizes: LpmSizes,
 }
 
 /// Reads a file, or its beginning.

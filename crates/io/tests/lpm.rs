@@ -15,8 +15,10 @@ use record::{Dice, record};
 fn written(splits: &Splits, bits: Option<u8>) -> Vec<u8> {
     let mut options = LpmOptions::default();
     options.bits = bits;
+    options.exact_fits = bits.is_none();
     let mut out = Vec::new();
-    assert_eq!(lpm::write(splits, None, &options, &mut out).unwrap(), []);
+    let written = lpm::write(splits, None, &options, &mut out).unwrap();
+    assert_eq!((written.warnings, written.sizes.total()), (Vec::new(), out.len() as u64));
     out
 }
 
@@ -224,6 +226,29 @@ fn rounded_files_are_as_close_as_their_grid() {
 }
 
 #[test]
+fn fits_are_rounded_by_their_error_unless_every_bit_is_asked_for() {
+    let splits = record(&rich(false), 20, 5);
+    let mut out = Vec::new();
+    lpm::write(&splits, None, &LpmOptions::default(), &mut out).unwrap();
+    let back = read(&out).splits;
+    assert!(out.len() < written(&splits, None).len());
+    let mut plain = back.clone().into_data();
+    for (a, b) in plain.checkpoints.iter_mut().zip(&splits.checkpoints) {
+        let off = |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0f32, |m, (a, b)| m.max((a - b).abs()));
+        let moved = off(a.moves.as_flattened(), b.moves.as_flattened());
+        assert!(moved > 0.0 && f64::from(moved) <= b.error / 16.0, "{moved} {}", b.error);
+        let largest = b.changes.iter().fold(0f32, |m, x| m.max(x.abs()));
+        assert!(off(&a.changes, &b.changes) <= largest / 512.0);
+        assert_eq!((&a.vertices, &a.wedges), (&b.vertices, &b.wedges));
+        a.clone_from(b);
+    }
+    assert_same(&plain, &splits);
+    let mut again = Vec::new();
+    lpm::write(&back, None, &LpmOptions::default(), &mut again).unwrap();
+    assert_eq!(read(&again).splits.checkpoints[0].moves, back.checkpoints[0].moves);
+}
+
+#[test]
 fn what_has_no_place_on_a_grid_is_refused() {
     let positions = Positions::F32(vec![[0.0; 3], [f32::NAN, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     let mesh = TriMesh::new(positions, vec![[0, 1, 2].map(VertexId)]).unwrap();
@@ -332,7 +357,7 @@ fn chunks_that_are_not_known_are_skipped_or_refused_by_their_first_letter() {
     };
     for at in [base, *chunks(&bytes).last().unwrap()] {
         let skipped = read(&with(at, b"note"));
-        assert!(skipped.is_complete && skipped.sizes.others == 15);
+        assert!(skipped.is_complete && skipped.sizes.total() == bytes.len() as u64 + 15);
         match lpm::read(&with(at, b"NOTE")[..], &ReadOptions::default()) {
             Ok(part) => assert!(!part.is_complete && at != base),
             Err(e) => assert!(at == base && e.to_string().contains("base mesh is missing"), "{e}"),

@@ -184,9 +184,40 @@ pub(crate) struct How {
     weld: Option<TypedLength>,
 }
 
+impl How {
+    /// What the engine is told by all commands that simplify.
+    pub(super) fn options(
+        &self,
+        stop: Stop,
+        of_method: &OfMethod,
+        scope: &Scope,
+        guards: &GuardArgs,
+    ) -> SimplifyOptions {
+        let mut options = SimplifyOptions::preset(self.preset.into(), stop);
+        options.method = self.method.into();
+        options.of_method = of_method.options();
+        options.fit = self.fit.into();
+        options.placement = self.placement.into();
+        options.border = self.border.map_or(options.border, Into::into);
+        options.topology = self.topology.map_or(options.topology, Into::into);
+        for (name, weight) in &self.weight {
+            *name.of(&mut options.weights) = *weight;
+        }
+        options.weld = self.weld.as_ref().map(|d| d.length).or(options.weld);
+        options.guards = Guards {
+            max_normal_deg: guards.max_normal,
+            min_quality: guards.min_quality,
+            max_valence: guards.max_valence,
+            max_edge: guards.max_edge.as_ref().map(|d| d.length),
+        };
+        scope.apply(&mut options);
+        options
+    }
+}
+
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Guards of the result")]
-struct GuardArgs {
+pub(super) struct GuardArgs {
     /// Largest turn of a face in one step
     #[arg(long, value_name = "DEG", value_parser = values::turn_deg)]
     max_normal: Option<f64>,
@@ -284,25 +315,7 @@ impl SimplifyArgs {
 
     /// What the engine is told.
     pub(crate) fn options(&self) -> SimplifyOptions {
-        let (how, guards) = (&self.how, &self.guards);
-        let mut options = SimplifyOptions::preset(how.preset.into(), self.target.stop());
-        options.method = how.method.into();
-        options.of_method = self.of_method.options();
-        options.fit = how.fit.into();
-        options.placement = how.placement.into();
-        options.border = how.border.map_or(options.border, Into::into);
-        options.topology = how.topology.map_or(options.topology, Into::into);
-        for (name, weight) in &how.weight {
-            *name.of(&mut options.weights) = *weight;
-        }
-        options.weld = how.weld.as_ref().map(|d| d.length).or(options.weld);
-        options.guards = Guards {
-            max_normal_deg: guards.max_normal,
-            min_quality: guards.min_quality,
-            max_valence: guards.max_valence,
-            max_edge: guards.max_edge.as_ref().map(|d| d.length),
-        };
-        self.scope.apply(&mut options);
+        let mut options = self.how.options(self.target.stop(), &self.of_method, &self.scope, &self.guards);
         let is_measured = self.deviation.measure || self.is_bounded();
         options.measure = if is_measured { Measure::Always } else { Measure::default() };
         options.seed = self.seed;

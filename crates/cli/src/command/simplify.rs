@@ -84,16 +84,18 @@ fn simplify_one(
         Done { input_format, report, warnings, meshes, threads: rayon::current_num_threads(), clock }
     };
     let loaded = match whole {
-        None => Box::new(file::read_with(&job.source, args.from, care::properties(args))?),
-        Some((sink, format)) => match file::read_scene(&job.source, args.from, care::properties(args))? {
-            Input::Mesh(loaded) => loaded,
-            Input::Scene(scene) => {
-                let from = scene.format();
-                let mut watch = Watch::new(&mut clock, &bar, deadline);
-                let told = simplify_scene(*scene, job, (sink, *format), args, &mut watch)?;
-                return Ok(done(clock, from, told));
+        None => Box::new(file::read_with(&job.source, args.from, care::properties(&args.how))?),
+        Some((sink, format)) => {
+            match file::read_scene(&job.source, args.from, care::properties(&args.how))? {
+                Input::Mesh(loaded) => loaded,
+                Input::Scene(scene) => {
+                    let from = scene.format();
+                    let mut watch = Watch::new(&mut clock, &bar, deadline);
+                    let told = simplify_scene(*scene, job, (sink, *format), args, &mut watch)?;
+                    return Ok(done(clock, from, told));
+                }
             }
-        },
+        }
     };
     let from = loaded.format;
     let told = simplify_mesh(*loaded, job, args, &mut Watch::new(&mut clock, &bar, deadline), turn)?;
@@ -109,7 +111,7 @@ fn simplify_mesh(
     turn: &Turn<'_>,
 ) -> anyhow::Result<Told> {
     let mut options = args.options();
-    care::of_mesh(args, &loaded, &mut options)?;
+    care::of_mesh(&args.how, &loaded, &mut options)?;
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
     let carries = |to: Format| matches!(to, Format::Obj | Format::Gltf | Format::Glb);
     let is_wanted = !matches!(args.writing.textures, TexturesChoice::None);
@@ -178,7 +180,7 @@ fn simplify_scene(
     }
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let mut options = args.options();
-    care::of_scene(args, &scene, &taken, &mut options)?;
+    care::of_scene(&args.how, &scene, &taken, &mut options)?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, watch);
     let SimplifiedScene { meshes: mut lighter, report, counts } = not_interrupted(done)?;
 

@@ -16,13 +16,15 @@ pub(super) const DONE: [u8; 4] = *b"DONE";
 /// Bytes of a chunk beside its content.
 pub(super) const AROUND: u64 = 12;
 
-pub(super) fn write_chunk(out: &mut dyn Write, kind: [u8; 4], bytes: &[u8]) -> io::Result<()> {
+/// Writes a chunk; returns how many bytes that makes.
+pub(super) fn write_chunk(out: &mut dyn Write, kind: [u8; 4], bytes: &[u8]) -> io::Result<u64> {
     let length = u32::try_from(bytes.len())
         .map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, "a chunk of LPM holds up to 4 GiB"))?;
     out.write_all(&length.to_le_bytes())?;
     out.write_all(&kind)?;
     out.write_all(bytes)?;
-    out.write_all(&checksum(kind, bytes).to_le_bytes())
+    out.write_all(&checksum(kind, bytes).to_le_bytes())?;
+    Ok(u64::from(length) + AROUND)
 }
 
 fn checksum(kind: [u8; 4], bytes: &[u8]) -> u32 {

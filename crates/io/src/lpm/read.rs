@@ -224,6 +224,7 @@ impl<R: Read> LpmReader<R> {
                 read_original(&self.walk, bytes).map(|original| self.data.original = Some(original))
             }
             container::DONE => {
+                self.sizes.others += size;
                 let count = bytes.try_into().map(u32::from_le_bytes);
                 let is_right = count.is_ok_and(|n| n as usize == self.level());
                 if is_right {

@@ -11,11 +11,11 @@ pub(super) fn place_f64(bits: i64) -> i64 {
     bits ^ (((bits >> 63) as u64) >> 1) as i64
 }
 
-fn code_f32(x: f32) -> i32 {
+pub(super) fn code_f32(x: f32) -> i32 {
     place_f32(x.to_bits() as i32)
 }
 
-fn value_f32(code: i32) -> f32 {
+pub(super) fn value_f32(code: i32) -> f32 {
     f32::from_bits(place_f32(code) as u32)
 }
 
@@ -82,19 +82,6 @@ impl PlaceCode {
             Positions::F64(to) => to.push(p),
         }
     }
-    /// A move of a fit.
-    pub(super) fn code_of_move(&self, by: [f32; 3]) -> [i64; 3] {
-        match self {
-            Self::Grid { step, .. } => by.map(|x| (f64::from(x) / step).round() as i64),
-            _ => by.map(|x| i64::from(code_f32(x))),
-        }
-    }
-    pub(super) fn move_of(&self, code: [i64; 3]) -> [f32; 3] {
-        match self {
-            Self::Grid { step, .. } => code.map(|c| (c as f64 * step) as f32),
-            _ => code.map(|c| value_f32(c as i32)),
-        }
-    }
 }
 
 /// What the numbers of an attribute mean.
@@ -147,26 +134,6 @@ impl ValueCode {
                 out.extend(off_octahedron([codes[0], codes[1]], *bits));
                 out.push(codes[2] as f32);
             }
-        }
-    }
-    /// What a fit adds to a row, value by value.
-    pub(super) fn code_of_change(&self, change: f32, value: usize) -> i32 {
-        match self.step(value) {
-            None => code_f32(change),
-            Some(step) => (f64::from(change) / step).round() as i32,
-        }
-    }
-    pub(super) fn change_of(&self, code: i32, value: usize) -> f32 {
-        match self.step(value) {
-            None => value_f32(code),
-            Some(step) => (f64::from(code) * step) as f32,
-        }
-    }
-    fn step(&self, value: usize) -> Option<f64> {
-        match self {
-            Self::Float => None,
-            Self::Grid { axes, .. } => Some(axes[value][1]),
-            Self::Direction { bits } | Self::Tangent { bits } => Some(1.0 / half_axis(*bits)),
         }
     }
 }
@@ -237,6 +204,5 @@ mod tests {
         let mut back = Positions::F32(Vec::new());
         grid.push(code, &mut back);
         assert_eq!(back, Positions::F32(vec![[0.0, 7.0, 5.0]]));
-        assert_eq!(grid.move_of(grid.code_of_move([0.5, -0.25, 0.01])), [0.5, -0.25, 0.0]);
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::ops::Range;
+use std::path::Path;
 
 use lodsmith_core::splits::{Changes, Counts, SplitData, Splits};
 use lodsmith_core::{Positions, Semantic};
@@ -14,9 +15,10 @@ use super::range::Encoder;
 use super::step::{Shape, Steps};
 use super::values::{PlaceCode, ValueCode};
 use super::walk::{Step, Walk};
-use super::{LEAST_BITS, LpmOptions, MOST_BITS};
-use crate::error::Warning;
+use super::{LEAST_BITS, LpmOptions, LpmWritten, MOST_BITS};
+use crate::error::WriteError;
 use crate::obj::Regions;
+use crate::write::write_file;
 
 /// Splits in a chunk. Guessed: a few kilobytes, so that a stream shows something new several times a second.
 const IN_CHUNK: usize = 2048;
@@ -31,7 +33,8 @@ const FEWER: u8 = 4;
 /// Writes a file.
 ///
 /// Within a split, changes are written in the order of their elements; of two changes of one element the later. Splits
-/// that are in that order come back bit for bit unless [`LpmOptions::bits`] is given. With it, positions and attributes
+/// that are in that order come back bit for bit unless [`LpmOptions::bits`] is given, but for the fits of checkpoints, which
+/// are rounded to an eighth of the error that they leave. With bits, positions and attributes
 /// are rounded, and the numbers of the original are left out.
 ///
 /// Cost: O(n).
@@ -43,15 +46,16 @@ pub fn write(
     regions: Option<&Regions>,
     options: &LpmOptions,
     out: &mut dyn Write,
-) -> io::Result<Vec<Warning>> {
-    let mut warnings = Vec::new();
+) -> io::Result<LpmWritten> {
+    let mut written = LpmWritten::default();
+    let sizes = &mut written.sizes;
     let head = head_of(splits, options).map_err(|text| io::Error::new(io::ErrorKind::InvalidInput, text))?;
     out.write_all(&MAGIC)?;
-    write_chunk(out, container::HEAD, &head.to_bytes())?;
+    sizes.head = MAGIC.len() as u64 + write_chunk(out, container::HEAD, &head.to_bytes())?;
     if let Some(regions) = regions.filter(|r| !r.is_empty() || r.has_materials()) {
         let (bytes, lost) = regions.pack(options.with_textures)?;
-        write_chunk(out, container::MATERIALS, &bytes)?;
-        warnings.extend(lost);
+        sizes.materials = write_chunk(out, container::MATERIALS, &bytes)?;
+        written.warnings = lost;
     }
     let mut checkpoints = Checkpoints::default();
     let mut waiting = splits.checkpoints.iter().peekable();
@@ -79,23 +83,39 @@ pub fn write(
         }
         let bytes = encoder.finish();
         if begin == 0 {
-            write_chunk(out, container::BASE, &bytes)?;
+            sizes.base = write_chunk(out, container::BASE, &bytes)?;
         } else {
             let mut all = ((end - begin) as u32).to_le_bytes().to_vec();
             all.extend(bytes);
-            write_chunk(out, container::SPLITS, &all)?;
+            sizes.splits += write_chunk(out, container::SPLITS, &all)?;
+            sizes.chunks += 1;
         }
         begin = end;
         while let Some(checkpoint) = waiting.next_if(|c| (c.level as usize) < end) {
-            write_chunk(out, container::CHECKPOINT, &checkpoints.write(&head, checkpoint))?;
+            let bytes = checkpoints.write(&head, checkpoint, options.exact_fits);
+            sizes.checkpoints += write_chunk(out, container::CHECKPOINT, &bytes)?;
         }
     }
     if let (Some(original), true) = (&splits.original, head.is_exact()) {
-        write_chunk(out, container::ORIGINAL, &write_original(&walk, original))?;
+        sizes.original = write_chunk(out, container::ORIGINAL, &write_original(&walk, original))?;
     }
-    write_chunk(out, container::DONE, &(splits.len() as u32).to_le_bytes())?;
+    sizes.others = write_chunk(out, container::DONE, &(splits.len() as u32).to_le_bytes())?;
     out.flush()?;
-    Ok(warnings)
+    Ok(written)
+}
+
+/// The same to a path: to a temporary file beside it, which is then renamed. An existing file survives a failure.
+///
+/// # Errors
+/// [`WriteError`], which names the path; nothing is left behind.
+pub fn write_path(
+    splits: &Splits,
+    regions: Option<&Regions>,
+    options: &LpmOptions,
+    path: &Path,
+) -> Result<LpmWritten, WriteError> {
+    write_file(path, |out| write(splits, regions, options, out))
+        .map_err(|source| WriteError::Io { path: path.to_owned(), source })
 }
 
 /// Makes a step of split s - 1, or of the base.
