@@ -324,15 +324,14 @@ fn check_numbers(data: &SplitData) -> Result<(), SplitsError> {
         false => Err(SplitsError::OutOfRange { array, entry, index, count: count as usize }),
     };
     let born = |before: &Counts, after: &Counts| -> Result<(), SplitsError> {
-        for f in before.faces as usize..after.faces as usize {
-            data.faces[f].iter().try_for_each(|w| within("faces", f, w.0, after.wedges))?;
+        let faces = &data.faces[before.faces as usize..after.faces as usize];
+        for (f, t) in (before.faces as usize..).zip(faces) {
+            t.iter().try_for_each(|w| within("faces", f, w.0, after.wedges))?;
         }
-        if let Some(vertex_of) = &data.vertex_of {
-            for w in before.wedges as usize..after.wedges as usize {
-                within("vertices of wedges", w, vertex_of[w].0, after.vertices)?;
-            }
-        }
-        Ok(())
+        let Some(vertex_of) = &data.vertex_of else { return Ok(()) };
+        let wedges = &vertex_of[before.wedges as usize..after.wedges as usize];
+        let mut owners = (before.wedges as usize..).zip(wedges);
+        owners.try_for_each(|(w, v)| within("vertices of wedges", w, v.0, after.vertices))
     };
     born(&Counts::default(), &data.counts[0])?;
     for (s, c) in data.counts.windows(2).enumerate() {

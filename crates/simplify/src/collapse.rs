@@ -36,6 +36,7 @@ mod near;
 pub(crate) mod order;
 pub(crate) mod pairs;
 mod parts;
+pub(crate) mod record;
 mod seams;
 mod star;
 pub(crate) mod store;
@@ -60,6 +61,7 @@ use late::Late;
 use merge::Merge;
 use pairs::Pairs;
 use parts::Parts;
+use record::Record;
 use seams::Looseness;
 use store::{Facing, Ring, Store};
 pub(crate) use wedges::Wedges;
@@ -139,6 +141,10 @@ pub(crate) struct Engine<M: Metric> {
     /// Where vertices that share no edge are contracted too.
     pub(crate) pairs: Option<Pairs>,
     pub(crate) pairs_contracted: usize,
+    /// Whether whole parts stay, even when nothing else can go.
+    pub(crate) keeps_parts: bool,
+    /// What is done, so that it can be taken back.
+    pub(crate) record: Option<Box<Record>>,
     /// With pairs and a metric with memory: the part of it that is of lines, by number in the ordered input; else empty.
     lines: Vec<M::Memory>,
     /// Sum of the costs paid: twice an area times a squared distance.
@@ -181,6 +187,8 @@ impl<M: Metric> Engine<M> {
             necks_cut: 0,
             pairs: None,
             pairs_contracted: 0,
+            keeps_parts: false,
+            record: None,
             lines: Vec::new(),
             spent: 0.0,
             lost: 0.0,
@@ -378,7 +386,11 @@ impl<M: Metric> Engine<M> {
 
     /// The threshold of the next sweep from the bounds, which may be those of some vertices only.
     fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
-        let quantile = if self.late.is_some() { late::QUANTILE } else { QUANTILE };
+        let quantile = match () {
+            () if self.late.is_some() => late::QUANTILE,
+            () if self.record.is_some() => record::QUANTILE,
+            () => QUANTILE,
+        };
         let mut want = histogram.known() as f64 * quantile;
         if let Some(needed) = self.needed(goal) {
             // The last sweeps take only most of what is left, so that the cheapest go.
@@ -631,6 +643,11 @@ impl<M: Metric> Engine<M> {
         }
         self.store.finish();
         end
+    }
+
+    /// Twice the area of the present input, in the unit frame; above 0.
+    pub(crate) fn area_of_input(&self) -> f64 {
+        self.total_area.max(f64::MIN_POSITIVE)
     }
 
     /// Whether seams had to give way.

@@ -12,6 +12,7 @@ mod guard;
 mod metric;
 pub mod options;
 mod planar;
+mod progressive;
 pub mod proposal;
 mod prune;
 mod rebuild;
@@ -34,6 +35,7 @@ pub use options::{
     AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, MethodOptions, Placement, Preset,
     SimplifyOptions, Stop, TopologyPolicy,
 };
+pub use progressive::{Changed, Progressive};
 pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
 pub use report::{Cleanup, Clustered, ErrorReport, Refusal, Report, StoppedBy};

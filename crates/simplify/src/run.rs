@@ -1,31 +1,30 @@
 //! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
 
+mod start;
+
 use glam::Vec3;
 use lodsmith_core::measure::{self, CompareOptions, Comparison};
 use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::mesh::weld;
-use lodsmith_core::{Attribute, Positions, PositionsView, RegionId, Surface, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{Attribute, Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId};
 
-use crate::attributes::{Ground, Rows, with_wedges};
+use crate::attributes::{Rows, with_wedges};
 use crate::care::{self, Care, Held, Known};
-use crate::collapse::attributes::Attributes;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::{self, NONE, Ordered};
-use crate::collapse::store::Store;
-use crate::collapse::{End, Engine, Goal, Look, Original, Wedges};
+use crate::collapse::{End, Engine, Goal, Look, Original};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit;
 use crate::guard::Rules;
-use crate::metric::{EdgeLength, Judge, LindstromTurk, Melax, Memoryless, Metric, Quadric};
-use crate::options::{Fit, Length, Measure, Method, Placement, SimplifyOptions, TopologyPolicy};
+use crate::metric::{EdgeLength, LindstromTurk, Melax, Memoryless, Metric, Quadric};
+use crate::options::{Length, Measure, Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
 use crate::{Simplified, SimplifyError, cluster, escalate, prune, rebuild, shading};
+pub(crate) use start::Started;
+use start::pairs_reach;
 
-/// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
-/// again when it comes to it, which takes some percent more time and 18 bytes a face less.
-const COPY_UP_TO: usize = 1_000_000;
 /// Runs of the engine in search of an error, at most.
 const ERROR_RUNS: usize = 12;
 /// Distances below this share of the diagonal are rounding.
@@ -49,10 +48,10 @@ impl Input<'_> {
 }
 
 /// The ordered input, kept or made again.
-struct Source<'a> {
-    surface: &'a Surface<'a>,
-    ordered: &'a Ordered,
-    is_kept: bool,
+pub(crate) struct Source<'a> {
+    pub(crate) surface: &'a Surface<'a>,
+    pub(crate) ordered: &'a Ordered,
+    pub(crate) is_kept: bool,
 }
 
 impl Original for Source<'_> {
@@ -175,20 +174,29 @@ fn run_welded(
 pub(crate) type Pass =
     fn(&mut Run<'_, '_>, Goal, Option<f64>, &mut dyn Control) -> Result<Outcome, SimplifyError>;
 
+/// How a method on sweeps does it.
+pub(crate) fn collapses(method: Method) -> Option<Pass> {
+    match method {
+        Method::Memoryless => Some(|run, goal, step, control| run.pass::<Memoryless>(goal, step, control)),
+        Method::Quadric => Some(|run, goal, step, control| run.pass::<Quadric>(goal, step, control)),
+        Method::LindstromTurk => {
+            Some(|run, goal, step, control| run.pass::<LindstromTurk>(goal, step, control))
+        }
+        Method::Melax => Some(|run, goal, step, control| run.pass::<Melax>(goal, step, control)),
+        Method::ShortestEdge => Some(|run, goal, step, control| run.pass::<EdgeLength>(goal, step, control)),
+        _ => None,
+    }
+}
+
 pub(crate) fn run_by_method(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<(Simplified, Held), SimplifyError> {
-    let pass: Pass = match options.method {
-        Method::Memoryless => |run, goal, step, control| run.pass::<Memoryless>(goal, step, control),
-        Method::Quadric => |run, goal, step, control| run.pass::<Quadric>(goal, step, control),
-        Method::LindstromTurk => |run, goal, step, control| run.pass::<LindstromTurk>(goal, step, control),
-        Method::Melax => |run, goal, step, control| run.pass::<Melax>(goal, step, control),
-        Method::ShortestEdge => |run, goal, step, control| run.pass::<EdgeLength>(goal, step, control),
-        Method::Cluster => return cluster::run(input, options, control),
-        _ => rebuild::pass,
-    };
+    if options.method == Method::Cluster {
+        return cluster::run(input, options, control);
+    }
+    let pass = collapses(options.method).unwrap_or(rebuild::pass);
     run_with(pass, input, options, control)
 }
 
@@ -281,9 +289,9 @@ pub(crate) struct Run<'a, 'b> {
     pub(crate) input: &'a Input<'b>,
     pub(crate) options: &'a SimplifyOptions,
     pub(crate) ordered: &'a mut Ordered,
-    goal: Goal,
+    pub(crate) goal: Goal,
     pub(crate) care: &'a Care,
-    pass: Pass,
+    pub(crate) pass: Pass,
 }
 
 type Finished = (Outcome, Option<Comparison>, bool);
@@ -458,58 +466,17 @@ impl Run<'_, '_> {
         let surface = &self.input.surface;
         control.stage(Stage::Prepare);
         let frame = self.ordered.frame;
-        let mut rules = Rules::new(options, frame, self.ordered.diagonal);
-        if let Some(step) = step {
-            let unit = frame.unit_length(step) as f32;
-            rules.max_step_sq = unit * unit;
-        }
         // The search for an error runs several times from the same start.
         let again = step.is_some();
-        if self.ordered.points.is_empty() {
-            // Taken by a pass before.
-            self.ordered.points = self.ordered.points_again(surface);
-            self.ordered.faces = self.ordered.faces_again(surface);
-        }
-        let keep = self.ordered.faces.len() <= COPY_UP_TO || again;
-        let (points, faces) = if keep {
-            (self.ordered.points.clone(), self.ordered.faces.clone())
-        } else {
-            (std::mem::take(&mut self.ordered.points), std::mem::take(&mut self.ordered.faces))
-        };
-        let regions = self.regions();
-        let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
-        if !matches!(M::JUDGE, Judge::Engine)
-            && let Some((_, Some(attributes))) = &mut rows
-        {
-            attributes.weights_mut().fill(0.0);
-        }
-        let (rows, attributes) = rows.unzip();
-        let attributes = attributes.flatten();
-        let originals = match (&attributes, &wedges) {
-            (Some(attributes), Some(wedges)) if self.wants_fit::<M>() && attributes.lanes() > 0 => {
-                Some(fit::Originals::new(attributes, wedges))
-            }
-            _ => None,
-        };
-        let mut store = Store::<M>::new(points, faces, wedges, regions);
-        if let Some(classes) = &options.region_classes {
-            store.classes = classes.to_vec();
-        }
-        if let Some(locked) = self.care.locked() {
-            store.lock(locked);
-        }
-        let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
-        engine.set_prices(self.care.prices());
-        if let Some(distance) = options.of_method.pairs {
-            engine.watch_pairs(pairs_reach(distance, frame, self.ordered.diagonal));
-        }
+        let Started { mut engine, rows, originals, duplicate_faces, is_kept } =
+            self.start::<M>(step, false)?;
 
         control.stage(Stage::Collapse);
         if leave.parts {
             engine.cuts_necks = leave.cuts;
             engine.watch_parts();
         }
-        let source = Source { surface, ordered: self.ordered, is_kept: keep };
+        let source = Source { surface, ordered: self.ordered, is_kept };
         let end = engine.sweep(goal, &source, control);
         if end == End::Cancel {
             return Err(SimplifyError::Cancelled);
@@ -581,63 +548,6 @@ impl Run<'_, '_> {
             mesh,
             held,
         })
-    }
-
-    /// The regions of the ordered faces, where there are several.
-    fn regions(&self) -> Option<Vec<RegionId>> {
-        let regions = self.input.mesh?.regions()?;
-        regions
-            .iter()
-            .any(|r| *r != regions[0])
-            .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i], RegionId(0)))
-    }
-
-    fn wants_fit<M: Metric>(&self) -> bool {
-        match self.options.fit {
-            Fit::Off => false,
-            Fit::On => self.options.placement != Placement::Endpoint,
-            Fit::Auto => matches!(M::JUDGE, Judge::Engine) && self.options.placement == Placement::Optimal,
-        }
-    }
-
-    /// The wedges of the ordered faces, where there are attributes or regions.
-    fn corners(&self, faces: &[[VertexId; 3]], points: &[Vec3]) -> Corners {
-        let none = Corners { wedges: None, endpoints: None, rows: None };
-        let Some(mesh) = self.input.mesh.filter(|m| m.has_attributes() || m.regions().is_some()) else {
-            return none;
-        };
-        let mut wedges = self.ordered.wedges(&self.input.surface, mesh);
-        debug_assert_eq!(wedges.len(), faces.len());
-        if self.options.placement == Placement::Endpoint {
-            let uvs = mesh.uvs().map(<[_]>::to_vec);
-            let endpoints = Wedges { uvs, normals: mesh.normals().map(<[_]>::to_vec) };
-            return Corners { wedges: Some(wedges), endpoints: Some(endpoints), rows: None };
-        }
-        let Some((rows, mut attributes)) = Rows::new(mesh, |w| self.place(mesh, w)) else { return none };
-        for w in wedges.iter_mut().flatten() {
-            *w = rows.wedge_rows[w.index()];
-        }
-        if attributes.is_empty() && mesh.regions().is_none() {
-            // All the same everywhere: nothing to take along.
-            return Corners { wedges: None, endpoints: None, rows: Some((rows, None)) };
-        }
-        let edge = self.result_edge(faces, points);
-        let frame = self.ordered.frame;
-        let on = Ground { faces, wedges: &wedges, points, frame, edge };
-        rows.weigh(&mut attributes, &self.options.weights, &on);
-        Corners { wedges: Some(wedges), endpoints: None, rows: Some((rows, Some(attributes))) }
-    }
-
-    /// About how long the edges of the result will be, in the unit frame: those of equilateral triangles.
-    fn result_edge(&self, faces: &[[VertexId; 3]], points: &[Vec3]) -> f64 {
-        let doubled = |t: &[VertexId; 3]| {
-            let [a, b, c] = t.map(|v| points[v.index()]);
-            f64::from((b - a).cross(c - a).length())
-        };
-        let area = 0.5 * faces.iter().map(doubled).sum::<f64>();
-        let by_vertices = self.goal.vertices.map(|n| 2 * n);
-        let count = self.goal.faces.or(by_vertices).unwrap_or(faces.len() / 10).clamp(1, faces.len().max(1));
-        (area / (0.433 * count as f64)).sqrt()
     }
 
     /// Number of a wedge's vertex in the ordered input.
@@ -721,18 +631,6 @@ impl Run<'_, '_> {
         }
         Ok(result)
     }
-}
-
-/// How near vertices have to be that are contracted as pairs, in the unit frame. (A box has a diagonal below 2 there.)
-fn pairs_reach(distance: Length, frame: order::Frame, diagonal: f64) -> f32 {
-    frame.unit_length(distance.in_units(diagonal)).min(2.0) as f32
-}
-
-/// What stands at the corners of the ordered faces.
-struct Corners {
-    wedges: Option<Vec<[WedgeId; 3]>>,
-    endpoints: Option<Wedges>,
-    rows: Option<(Rows, Option<Attributes>)>,
 }
 
 /// The result's wedges, numbered in the order of the faces, with their attributes from the input.

@@ -233,8 +233,14 @@ impl<M: Metric> Engine<M> {
         }
         self.spent += f64::from(plain);
         match &neck {
-            None => self.change(u, v, y, shared, ru, rv),
-            Some(neck) => self.cut(u, v, y, neck, ru, rv),
+            None => {
+                self.change(u, v, y, shared, ru, rv);
+                self.note(ru.iter().chain(rv).map(|r| r.corner.face()), &[u], cost * price);
+            }
+            Some(neck) => {
+                self.cut(u, v, y, neck, ru, rv);
+                self.note_cut(u, v, neck, [ru, rv], cost * price);
+            }
         }
         Outcome::Done
     }
@@ -293,6 +299,9 @@ impl<M: Metric> Engine<M> {
         let kept_v = is_place_of(&z) && !is_place_of(&x);
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
         self.store.merged_into[merged.index()] = origin;
+        if let Some(record) = &mut self.record {
+            record.merge(merged, origin);
+        }
         self.merge_prices(origin, merged);
         let unmoved = kept_v || (y == Vec3::ZERO && !x.kind.is_moved());
         let kept = &mut self.store.v[u.index()];

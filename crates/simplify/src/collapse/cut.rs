@@ -184,6 +184,15 @@ impl<M: Metric> Engine<M> {
         self.necks_cut += 1;
     }
 
+    /// Notes a cut that was just made.
+    #[inline(never)]
+    pub(super) fn note_cut(&mut self, u: VertexId, v: VertexId, neck: &Neck, rings: [&Ring; 2], cost: f32) {
+        let other_w = VertexId::new(self.store.v.len() - 1);
+        let beside = neck.of_w.iter().flatten().map(|c| c.face());
+        let faces = rings.into_iter().flatten().map(|r| r.corner.face()).chain(beside);
+        self.note(faces, &[u, v, neck.w, other_w], cost);
+    }
+
     /// Deals the samples of the first of two vertices at one place to both.
     fn share_samples(&mut self, ends: [VertexId; 2]) {
         let Some(mut late) = self.late.take() else { return };

@@ -426,6 +426,8 @@ impl<M: Metric> Engine<M> {
         }
         self.spent += f64::from(plain);
         self.join(bundle, &mut work.ring);
+        let moved: Vec<VertexId> = bundle.joints.iter().map(|j| j.u).collect();
+        self.note(bundle.faces.iter().map(|c| c.face), &moved, cost * price);
         Outcome::Done
     }
 
@@ -709,6 +711,9 @@ impl<M: Metric> Engine<M> {
         let kept_v = other && !own;
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
         self.store.merged_into[merged.index()] = origin;
+        if let Some(record) = &mut self.record {
+            record.merge(merged, origin);
+        }
         self.merge_prices(origin, merged);
         if !M::MEMORYLESS {
             let (d, y) = (z.p - x.p, at - x.p);

@@ -68,7 +68,8 @@ pub(crate) struct Parts {
 impl<M: Metric> Engine<M> {
     /// Removes whole parts, the cheapest first, until the goal is met or one part is left. Says whether it is met.
     pub(crate) fn remove_parts(&mut self, goal: &Goal) -> bool {
-        if self.rules.topology == TopologyPolicy::Preserve || self.needed(goal).is_none() {
+        let stay = self.keeps_parts || self.rules.topology == TopologyPolicy::Preserve;
+        if stay || self.needed(goal).is_none() {
             return false;
         }
         self.store.compact();
@@ -79,6 +80,9 @@ impl<M: Metric> Engine<M> {
         order.retain(|&i| parts[i].price < f32::INFINITY);
         let faces: Vec<usize> = parts.iter().map(|p| p.faces).collect();
         let cost: Vec<f32> = parts.iter().map(Part::cost).collect();
+        if let Some(record) = &mut self.record {
+            record.bar();
+        }
         self.drop_parts(goal, &order, &faces, &cost, &part_of);
         self.needed(goal) == Some(0)
     }
@@ -130,6 +134,7 @@ impl<M: Metric> Engine<M> {
     /// Drops these parts, in this order, until the goal is met; `part_of` is by vertex of the store.
     fn drop_parts(&mut self, goal: &Goal, order: &[usize], faces: &[usize], cost: &[f32], part_of: &[u32]) {
         let mut gone = vec![false; faces.len()];
+        let faces_of = self.record.as_ref().map(|_| self.faces_of_parts(part_of, faces.len()));
         let mut vertices = vec![0usize; faces.len()];
         for (_, &p) in self.store.v.iter().zip(part_of).filter(|x| !x.0.kind.is_gone()) {
             vertices[p as usize] += 1;
@@ -143,6 +148,11 @@ impl<M: Metric> Engine<M> {
             self.store.live_faces -= faces[i];
             self.store.live_vertices -= vertices[i];
             self.parts_removed += 1;
+            if let Some(faces_of) = &faces_of {
+                faces_of[i].iter().for_each(|&f| self.store.t[f][0] = NONE);
+                let face = 2.0 * cost[i] / faces[i].max(1) as f32;
+                self.note(faces_of[i].iter().copied(), &[], face);
+            }
         }
         for t in self.store.t.iter_mut().filter(|t| t[0] != NONE) {
             if gone[part_of[t[0].index()] as usize] {
@@ -150,6 +160,15 @@ impl<M: Metric> Engine<M> {
             }
         }
         self.store.compact();
+    }
+
+    /// The living faces of each part.
+    fn faces_of_parts(&self, part_of: &[u32], parts: usize) -> Vec<Vec<usize>> {
+        let mut faces = vec![Vec::new(); parts];
+        for (f, t) in self.store.t.iter().enumerate().filter(|t| t.1[0] != NONE) {
+            faces[part_of[t[0].index()] as usize].push(f);
+        }
+        faces
     }
 
     /// How many parts there are in a compact store.

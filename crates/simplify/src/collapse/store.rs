@@ -97,6 +97,8 @@ pub(crate) struct Store<M: Metric> {
     pub(crate) first_wedge: Vec<WedgeId>,
     /// The region of each face, where there are several.
     pub(crate) regions: Option<Vec<RegionId>>,
+    /// What each face is called in a record, where one is kept.
+    pub(crate) names: Option<Vec<u32>>,
     /// The class of each region; one beyond the list is a class of its own.
     pub(crate) classes: Vec<RegionId>,
     corners: Vec<Corner>,
@@ -155,6 +157,7 @@ impl<M: Metric> Store<M> {
             wedges,
             first_wedge: Vec::new(),
             regions,
+            names: None,
             classes: Vec::new(),
             stamp: 0,
             generation: 0,
@@ -200,6 +203,7 @@ impl<M: Metric> Store<M> {
     pub(crate) fn compact(&mut self) {
         retain_living(&mut self.wedges, &self.t);
         retain_living(&mut self.regions, &self.t);
+        retain_living(&mut self.names, &self.t);
         self.t.retain(|t| t[0] != NONE);
         let mut map = vec![NONE; self.v.len()];
         for w in self.t.iter().flatten() {

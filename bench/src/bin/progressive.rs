@@ -1,0 +1,133 @@
+//! Levels of a progressive mesh beside single runs of the same size: errors, times, speed of the walk.
+//!
+//! ```text
+//! progressive FILE... [--method NAME] [--between]
+//! ```
+//! RMS is two-way and measured (`compare`, the same seed for both), in percent of the diagonal. With `--between`, levels
+//! lie halfway between checkpoints, where corrections are blended.
+#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+use lodsmith::{Method, NoControl, Progressive, SimplifyOptions, Stop, simplify};
+use lodsmith_core::TriMesh;
+use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
+
+/// Shares of the faces, in percent.
+const SHARES: [f64; 8] = [70.0, 50.0, 35.0, 20.0, 10.0, 5.0, 2.0, 1.0];
+/// Contractions and splits of a timing, at least.
+const ENOUGH: usize = 20_000_000;
+
+fn main() -> Result<()> {
+    let mut options = SimplifyOptions::default();
+    let (mut files, mut between) = (Vec::new(), false);
+    let mut words = std::env::args().skip(1);
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--method" => {
+                let name = words.next().context("--method needs a name")?;
+                let known = Method::ALL.into_iter().find(|m| m.name() == name);
+                options.method = known.with_context(|| format!("no method {name}"))?;
+            }
+            "--between" => between = true,
+            file => files.push(file.to_owned()),
+        }
+    }
+    ensure!(!files.is_empty(), "usage: progressive FILE... [--method NAME] [--between]");
+    for file in files {
+        let mesh = lodsmith_io::read_path(Path::new(&file), &lodsmith_io::ReadOptions::default())
+            .with_context(|| format!("reading {file}"))?
+            .mesh;
+        let name = Path::new(&file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        report(&name, &mesh, &options, between)?;
+    }
+    Ok(())
+}
+
+fn report(name: &str, mesh: &TriMesh, options: &SimplifyOptions, between: bool) -> Result<()> {
+    let start = Instant::now();
+    let mut road = Progressive::build(mesh, options, &mut NoControl)?;
+    let secs = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    simplify(mesh, &to(options, 1), &mut NoControl)?;
+    let single = start.elapsed().as_secs_f64();
+    let data = road.splits();
+    let fits: usize = data.checkpoints.iter().map(|c| c.vertices.len()).sum();
+    println!(
+        "\n## {name}: {} faces, {} levels, base {} faces; built in {secs:.2} s (one run to the end {single:.2} s), {} \
+         checkpoints with {fits} moves, {:.2} corners and {:.2} moves a split",
+        mesh.face_count(),
+        road.levels(),
+        data.counts[0].faces,
+        data.checkpoints.len(),
+        data.corners.at.len() as f64 / data.len().max(1) as f64,
+        data.places.at.len() as f64 / data.len().max(1) as f64,
+    );
+    ensure!(road.mesh()? == *mesh, "{name}: the full level is not the input");
+    let (down, up) = walk(&mut road);
+    println!("{:.1} M contractions/s, {:.1} M splits/s", down / 1e6, up / 1e6);
+    ensure!(road.mesh()? == *mesh, "{name}: the full level is not the input after the walk");
+    println!("| faces | % | single | road | fitted | road/single | fitted/single | estimate/fitted |");
+    println!("|---|---|---|---|---|---|---|---|");
+    let reference = Prepared::new(&mesh.surface())?;
+    for share in shares(&road, between) {
+        let goal = ((mesh.face_count() as f64 * share / 100.0).round() as usize).max(4);
+        if goal < 20 || road.splits().counts[0].faces as usize > goal {
+            continue;
+        }
+        road.to_faces(goal);
+        let single = simplify(mesh, &to(options, goal), &mut NoControl)?;
+        let rms = |m: &TriMesh| -> Result<f64> {
+            let compared =
+                compare_prepared(&reference, &Prepared::new(&m.surface())?, &CompareOptions::default());
+            Ok(100.0 * compared.rms.symmetric / compared.diagonal)
+        };
+        let (one, raw, fitted) = (rms(&single.mesh)?, rms(&road.mesh()?)?, rms(&road.fitted_mesh()?)?);
+        let estimate = 100.0 * road.error() / single.report.error.diagonal;
+        println!(
+            "| {} | {share:.1} | {one:.5} | {raw:.5} | {fitted:.5} | {:.3} | {:.3} | {:.2} |",
+            road.face_count(),
+            raw / one,
+            fitted / one,
+            estimate / fitted
+        );
+    }
+    Ok(())
+}
+
+/// The same options with a number of faces as their stop.
+fn to(options: &SimplifyOptions, faces: usize) -> SimplifyOptions {
+    let mut options = options.clone();
+    options.stop = Stop::faces(faces);
+    options
+}
+
+/// Shares of the faces: round ones, or halfway between checkpoints.
+fn shares(road: &Progressive, between: bool) -> Vec<f64> {
+    if !between {
+        return SHARES.to_vec();
+    }
+    let counts = &road.splits().counts;
+    let all = f64::from(counts[road.top()].faces);
+    let faces = |level: u32| f64::from(counts[level as usize].faces);
+    let pairs = road.splits().checkpoints.windows(2).rev();
+    pairs.map(|c| 100.0 * (faces(c[0].level) * faces(c[1].level)).sqrt() / all).step_by(2).collect()
+}
+
+/// Contractions and splits a second, over the whole road.
+fn walk(road: &mut Progressive) -> (f64, f64) {
+    let rounds = ENOUGH.div_ceil(road.top().max(1)).min(200);
+    let (mut down, mut up) = (0.0, 0.0);
+    for _ in 0..rounds {
+        let start = Instant::now();
+        road.to_level(0);
+        down += start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        road.to_level(road.top());
+        up += start.elapsed().as_secs_f64();
+    }
+    let steps = (rounds * road.top()) as f64;
+    (steps / down, steps / up)
+}

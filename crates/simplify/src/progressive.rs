@@ -1,0 +1,519 @@
+//! Progressive meshes: a simplification that runs both ways.
+//!
+//! Every contraction of a run is recorded with what it changed (`collapse/record`), put in an order in which each level
+//! is a good mesh (`arrange`), and can be taken back to the bit. What the engine's fit would make of a level stands in
+//! checkpoints beside the splits (`correct`). (docs/progressive.md, docs/decisions/0016)
+
+mod arrange;
+mod build;
+mod checkpoints;
+mod correct;
+mod extract;
+
+use std::mem::replace;
+use std::ops::Range;
+use std::sync::Arc;
+
+use lodsmith_core::splits::{Changes, Counts, Layout};
+use lodsmith_core::{MeshError, Positions, PositionsView, RegionId, Splits, TriMesh, VertexId, WedgeId};
+
+use crate::SimplifyError;
+use crate::control::Control;
+use crate::options::{Method, SimplifyOptions};
+
+/// Elements that are marked as changed together.
+const BLOCK: usize = 256;
+
+/// The methods that are recorded: those that contract one edge or pair after the other.
+pub(crate) const PROGRESSIVE: &[Method] =
+    &[Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax, Method::ShortestEdge];
+
+/// A mesh that moves between levels: 0 is the base, and each split leads to the next, up to the full mesh.
+///
+/// What a level is depends on its number alone, not on the way there. Buffers keep their length and their numbers: at any
+/// level the live elements are the first [`Counts`] of them, and a vertex that no face uses may be among them.
+/// Copies share what never changes, so that many levels of one mesh can be held at once.
+///
+/// ```
+/// use lodsmith::core::shapes;
+/// use lodsmith::{NoControl, Progressive, SimplifyOptions};
+///
+/// let mesh = shapes::icosphere(3);
+/// let mut road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl)?;
+/// road.to_faces(100);
+/// assert!(road.faces().len() <= 100);
+/// let light = road.fitted_mesh()?;
+/// road.to_level(road.top());
+/// assert_eq!(road.mesh()?, mesh);
+/// # assert!(light.face_count() <= 100);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Progressive {
+    road: Arc<Road>,
+    level: usize,
+    faces: Vec<[WedgeId; 3]>,
+    vertex_of: Option<Vec<VertexId>>,
+    values: Vec<f32>,
+    positions: Positions,
+}
+
+/// What never changes: the splits, and what each of their changes has on the coarser side.
+#[derive(Debug)]
+struct Road {
+    splits: Splits,
+    corners: Vec<WedgeId>,
+    owners: Vec<VertexId>,
+    rows: Vec<f32>,
+    places: Positions,
+    /// Vertices in use, for each level.
+    vertices: Vec<u32>,
+    /// The most of them at this and all coarser levels.
+    most_vertices: Vec<u32>,
+}
+
+/// What a move changed of the buffers that draw a mesh: rising ranges that do not touch, each a little larger than need
+/// be. Elements that died are not among them, and those that were born are.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Changed {
+    /// Of [`Progressive::faces`].
+    pub faces: Vec<Range<usize>>,
+    /// Of [`Progressive::vertex_map`] and [`Progressive::values`].
+    pub wedges: Vec<Range<usize>>,
+    /// Of [`Progressive::positions`].
+    pub vertices: Vec<Range<usize>>,
+}
+
+/// Blocks of elements that were touched.
+struct Marks(Vec<bool>);
+
+impl Marks {
+    fn new(count: usize) -> Self {
+        Self(vec![false; count.div_ceil(BLOCK)])
+    }
+    #[inline(always)]
+    fn add(&mut self, element: usize) {
+        self.0[element / BLOCK] = true;
+    }
+    /// The touched ranges below `count`, with all from `born` on.
+    fn ranges(&self, born: usize, count: usize) -> Vec<Range<usize>> {
+        let mut ranges: Vec<Range<usize>> = Vec::new();
+        let blocks = self.0.iter().enumerate().filter(|b| *b.1).map(|b| b.0 * BLOCK..(b.0 + 1) * BLOCK);
+        for r in blocks.chain(std::iter::once(born..count)) {
+            let (start, end) = (r.start.min(count), r.end.min(count));
+            match ranges.last_mut() {
+                Some(last) if start <= last.end => last.end = last.end.max(end),
+                _ if start < end => ranges.push(start..end),
+                _ => {}
+            }
+        }
+        ranges
+    }
+}
+
+impl Progressive {
+    /// Records the simplification of a mesh as far as its stops allow, or as far as it goes without any. Stands at the
+    /// full mesh afterwards.
+    ///
+    /// A stop at an error is one of the [estimate](Self::error). Methods that make a new mesh at once have no road.
+    /// Cost: about twice the time and four times the memory of a run of [`simplify`](crate::simplify()).
+    ///
+    /// # Errors
+    /// As [`simplify`](crate::simplify()); [`SimplifyError::NotOfMethod`] for a method without contractions.
+    pub fn build(
+        mesh: &TriMesh,
+        options: &SimplifyOptions,
+        control: &mut dyn Control,
+    ) -> Result<Self, SimplifyError> {
+        build::build(mesh, options, control)
+    }
+
+    /// A road from splits; stands at its full mesh. Cost: O(n).
+    pub fn new(splits: Splits) -> Self {
+        let (mut faces, mut vertex_of) = (splits.faces.clone(), splits.vertex_of.clone());
+        let (mut values, mut positions) = (splits.values.clone(), splits.positions.clone());
+        let (level, mut road) = (splits.len(), Road::unwalked(splits));
+        road.walk(&mut faces, &mut vertex_of, &mut values, &mut positions);
+        Self { road: Arc::new(road), level, faces, vertex_of, values, positions }
+    }
+
+    /// The same road with a level as its base, at which it stands.
+    pub fn without_below(mut self, level: usize) -> Self {
+        self.to_level(level);
+        let base = (!self.road.splits.checkpoints.is_empty()).then(|| self.checkpoint());
+        let (level, faces, vertex_of) = (self.level, self.faces, self.vertex_of);
+        let splits = Arc::try_unwrap(self.road).map_or_else(|road| road.splits.clone(), |road| road.splits);
+        // Elements that are not born yet stand in the buffers as they will be.
+        let mut data = splits.into_data();
+        (data.faces, data.vertex_of, data.values, data.positions) =
+            (faces, vertex_of, self.values, self.positions);
+        data.counts.drain(..level);
+        let width = data.layout.width();
+        let corners = behind(&mut data.corners, level);
+        data.corners.to.drain(..corners);
+        let owners = behind(&mut data.owners, level);
+        data.owners.to.drain(..owners);
+        let rows = behind(&mut data.rows, level);
+        data.rows.to.drain(..rows * width);
+        let places = behind(&mut data.places, level);
+        match &mut data.places.to {
+            Positions::F32(p) => drop(p.drain(..places)),
+            Positions::F64(p) => drop(p.drain(..places)),
+        }
+        data.checkpoints.retain(|c| c.level as usize > level);
+        data.checkpoints.splice(0..0, base);
+        data.checkpoints.iter_mut().for_each(|c| c.level -= level as u32);
+        let mut road = Self::new(Splits::new(data).expect("a road from one of its levels on"));
+        road.to_level(0);
+        road
+    }
+
+    /// The splits, with base and checkpoints.
+    pub fn splits(&self) -> &Splits {
+        &self.road.splits
+    }
+    /// The splits, without a copy if no other copy of the road is left.
+    pub fn into_splits(self) -> Splits {
+        Arc::try_unwrap(self.road).map_or_else(|road| road.splits.clone(), |road| road.splits)
+    }
+    /// The finest level: as many as there are splits.
+    pub fn top(&self) -> usize {
+        self.road.splits.len()
+    }
+    /// How many levels there are: one more than splits.
+    pub fn levels(&self) -> usize {
+        self.top() + 1
+    }
+    /// The present level: how many splits are done.
+    pub fn level(&self) -> usize {
+        self.level
+    }
+    /// Elements at the present level.
+    pub fn counts(&self) -> Counts {
+        self.road.splits.counts[self.level]
+    }
+    /// Faces at the present level.
+    pub fn face_count(&self) -> usize {
+        self.counts().faces as usize
+    }
+    /// Vertices at the present level that a face uses.
+    pub fn vertex_count(&self) -> usize {
+        self.road.vertices[self.level] as usize
+    }
+
+    /// Three wedges for each live face.
+    pub fn faces(&self) -> &[[WedgeId; 3]] {
+        &self.faces[..self.face_count()]
+    }
+    /// The regions of the live faces; `None` where all are one.
+    pub fn regions(&self) -> Option<&[RegionId]> {
+        self.road.splits.regions.as_ref().map(|r| &r[..self.face_count()])
+    }
+    /// The vertex of each wedge; `None` where wedge i is vertex i.
+    pub fn vertex_map(&self) -> Option<&[VertexId]> {
+        self.vertex_of.as_ref().map(|map| &map[..self.counts().wedges as usize])
+    }
+    /// Positions of the vertices, as they are on the road, without a fit.
+    pub fn positions(&self) -> PositionsView<'_> {
+        let count = self.counts().vertices as usize;
+        match &self.positions {
+            Positions::F32(p) => PositionsView::F32(&p[..count]),
+            Positions::F64(p) => PositionsView::F64(&p[..count]),
+        }
+    }
+    /// A row of values for each wedge; [`Progressive::layout`] says what they are.
+    pub fn values(&self) -> &[f32] {
+        &self.values[..self.counts().wedges as usize * self.layout().width()]
+    }
+    /// What stands in a row of values.
+    pub fn layout(&self) -> &Layout {
+        &self.road.splits.layout
+    }
+
+    /// The finest level with at most `n` faces, or the base.
+    pub fn level_of_faces(&self, n: usize) -> usize {
+        self.road.splits.counts.partition_point(|c| c.faces as usize <= n).saturating_sub(1)
+    }
+    /// The finest level with at most `n` vertices in use, there and at all coarser ones, or the base.
+    pub fn level_of_vertices(&self, n: usize) -> usize {
+        self.road.most_vertices.partition_point(|&v| v as usize <= n).saturating_sub(1)
+    }
+    /// The coarsest level whose estimated error is at most `distance`, or the full mesh.
+    pub fn level_of_error(&self, distance: f64) -> usize {
+        let (mut low, mut high) = (0, self.top());
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if self.error_at(middle) <= distance { high = middle } else { low = middle + 1 }
+        }
+        high
+    }
+    /// Goes to [the level](Self::level_of_faces) of a number of faces.
+    pub fn to_faces(&mut self, n: usize) -> Changed {
+        self.to_level(self.level_of_faces(n))
+    }
+    /// Goes to [the level](Self::level_of_vertices) of a number of vertices.
+    pub fn to_vertices(&mut self, n: usize) -> Changed {
+        self.to_level(self.level_of_vertices(n))
+    }
+    /// Goes to [the level](Self::level_of_error) of an estimated error.
+    pub fn to_error(&mut self, distance: f64) -> Changed {
+        self.to_level(self.level_of_error(distance))
+    }
+    /// Goes to a level, or to the full mesh if there are not so many.
+    pub fn to_level(&mut self, level: usize) -> Changed {
+        let level = level.min(self.top());
+        if level >= self.level { self.refine(level - self.level) } else { self.coarsen(self.level - level) }
+    }
+
+    /// Does so many splits, or as many as there are. Cost: O(what they change).
+    pub fn refine(&mut self, splits: usize) -> Changed {
+        let before = self.counts();
+        let to = self.level.saturating_add(splits).min(self.top());
+        let road = Arc::clone(&self.road);
+        let data = &road.splits;
+        let range = self.level..to;
+        let side = Side { corners: &data.corners.to, owners: &data.owners.to, rows: &data.rows.to };
+        self.level = to;
+        self.apply(&road, range, &side, &data.places.to, false, before)
+    }
+
+    /// Takes so many splits back, or as many as were done. Cost: O(what they change).
+    pub fn coarsen(&mut self, splits: usize) -> Changed {
+        let to = self.level.saturating_sub(splits);
+        let road = Arc::clone(&self.road);
+        let range = to..self.level;
+        let side = Side { corners: &road.corners, owners: &road.owners, rows: &road.rows };
+        self.level = to;
+        let now = self.counts();
+        self.apply(&road, range, &side, &road.places, true, now)
+    }
+
+    /// Gives everything that splits change the values of one side: the last word is that of the last split, or of the
+    /// first where they are taken back.
+    fn apply(
+        &mut self,
+        road: &Road,
+        splits: Range<usize>,
+        side: &Side<'_>,
+        places: &Positions,
+        back: bool,
+        born: Counts,
+    ) -> Changed {
+        let data = &road.splits;
+        let mut faces = Marks::new(self.faces.len());
+        let mut wedges = Marks::new(self.wedge_slots());
+        let mut vertices = Marks::new(self.positions.len());
+        // The changes of one kind stand side by side, whichever split they are of, and kinds know nothing of each other.
+        let of = |ends: &[u32]| ends[splits.start] as usize..ends[splits.end] as usize;
+        each(of(&data.corners.ends), back, |i| {
+            let at = data.corners.at[i] as usize;
+            self.faces[at / 3][at % 3] = side.corners[i];
+            faces.add(at / 3);
+        });
+        if let Some(map) = &mut self.vertex_of {
+            each(of(&data.owners.ends), back, |i| {
+                let at = data.owners.at[i].index();
+                map[at] = side.owners[i];
+                wedges.add(at);
+            });
+        }
+        let width = data.layout.width();
+        if width > 0 {
+            each(of(&data.rows.ends), back, |i| {
+                let at = data.rows.at[i].index();
+                self.values[at * width..][..width].copy_from_slice(&side.rows[i * width..][..width]);
+                wedges.add(at);
+            });
+        }
+        match (&mut self.positions, places) {
+            (Positions::F32(p), Positions::F32(to)) => each(of(&data.places.ends), back, |i| {
+                let at = data.places.at[i].index();
+                p[at] = to[i];
+                vertices.add(at);
+            }),
+            (Positions::F64(p), Positions::F64(to)) => each(of(&data.places.ends), back, |i| {
+                let at = data.places.at[i].index();
+                p[at] = to[i];
+                vertices.add(at);
+            }),
+            _ => unreachable!("splits with mixed precision are refused"),
+        }
+        let now = self.counts();
+        Changed {
+            faces: faces.ranges(born.faces as usize, now.faces as usize),
+            wedges: wedges.ranges(born.wedges as usize, now.wedges as usize),
+            vertices: vertices.ranges(born.vertices as usize, now.vertices as usize),
+        }
+    }
+
+    fn wedge_slots(&self) -> usize {
+        self.vertex_of.as_ref().map_or(self.positions.len(), Vec::len)
+    }
+
+    /// The mesh of the present level, as it is on the road. The full level is the mesh that was recorded, bit for bit;
+    /// others have no unused vertices, and the order of the recorded mesh where it is known.
+    ///
+    /// # Errors
+    /// [`MeshError`], if splits of a file say what no mesh can be.
+    pub fn mesh(&self) -> Result<TriMesh, MeshError> {
+        self.extract(&self.positions, &self.values)
+    }
+    /// The mesh of the present level, with the fit of its checkpoints.
+    ///
+    /// # Errors
+    /// As [`Progressive::mesh`].
+    pub fn fitted_mesh(&self) -> Result<TriMesh, MeshError> {
+        let mut positions = self.positions.clone();
+        let mut values = self.values.clone();
+        self.correct(&mut positions, &mut values);
+        self.extract(&positions, &values)
+    }
+    /// Positions with the fit of the checkpoints, as many as [`Progressive::positions`].
+    pub fn fitted_positions(&self) -> Positions {
+        let mut positions = match self.positions() {
+            PositionsView::F32(p) => Positions::F32(p.to_vec()),
+            PositionsView::F64(p) => Positions::F64(p.to_vec()),
+        };
+        self.correct(&mut positions, &mut []);
+        positions
+    }
+    /// About how far the present level, with its fit, is from the full mesh (RMS), in the units of the positions; never
+    /// less for a coarser level. It is read off the checkpoints, and between them off the count of faces. Without
+    /// checkpoints, 0.
+    pub fn error(&self) -> f64 {
+        self.error_at(self.level)
+    }
+}
+
+/// Leaves out what the first splits change. Says how many entries those are.
+fn behind<A, T>(changes: &mut Changes<A, T>, splits: usize) -> usize {
+    let gone = changes.ends[splits];
+    changes.ends.drain(..splits);
+    changes.ends.iter_mut().for_each(|end| *end -= gone);
+    changes.at.drain(..gone as usize);
+    gone as usize
+}
+
+/// What changes lead to, in one direction.
+struct Side<'a> {
+    corners: &'a [WedgeId],
+    owners: &'a [VertexId],
+    rows: &'a [f32],
+}
+
+#[inline(always)]
+fn each(range: Range<usize>, back: bool, mut what: impl FnMut(usize)) {
+    if back { range.rev().for_each(&mut what) } else { range.for_each(&mut what) }
+}
+
+impl Road {
+    fn unwalked(splits: Splits) -> Self {
+        let places = match &splits.positions {
+            Positions::F32(_) => Positions::F32(Vec::new()),
+            Positions::F64(_) => Positions::F64(Vec::new()),
+        };
+        let (corners, owners, rows) = (Vec::new(), Vec::new(), Vec::new());
+        Self { splits, corners, owners, rows, places, vertices: Vec::new(), most_vertices: Vec::new() }
+    }
+
+    /// Walks from the base to the top with buffers as they are at the base, and writes down what each change finds.
+    fn walk(
+        &mut self,
+        faces: &mut [[WedgeId; 3]],
+        map: &mut Option<Vec<VertexId>>,
+        values: &mut [f32],
+        positions: &mut Positions,
+    ) {
+        let data = &self.splits;
+        let width = data.layout.width();
+        for (i, w) in data.rows.at.iter().enumerate() {
+            let row = &mut values[w.index() * width..][..width];
+            self.rows.extend_from_slice(row);
+            row.copy_from_slice(&data.rows.to[i * width..][..width]);
+        }
+        let places = &data.places;
+        match (&mut *positions, &mut self.places, &places.to) {
+            (Positions::F32(p), Positions::F32(from), Positions::F32(to)) => {
+                from.extend(places.at.iter().zip(to).map(|(v, to)| replace(&mut p[v.index()], *to)));
+            }
+            (Positions::F64(p), Positions::F64(from), Positions::F64(to)) => {
+                from.extend(places.at.iter().zip(to).map(|(v, to)| replace(&mut p[v.index()], *to)));
+            }
+            _ => unreachable!("splits with mixed precision are refused"),
+        }
+        let wedges = map.as_ref().map_or(positions.len(), Vec::len);
+        let mut uses = Uses { of_wedge: vec![0; wedges], of_vertex: vec![0; positions.len()], live: 0 };
+        let (mut born, mut most) = (0, 0);
+        for (level, c) in data.counts.iter().enumerate() {
+            if let Some(split) = level.checked_sub(1) {
+                if let Some(map) = map {
+                    for i in data.owners.of(split) {
+                        let (w, to) = (data.owners.at[i], data.owners.to[i]);
+                        let from = replace(&mut map[w.index()], to);
+                        uses.moved(w, from, to);
+                        self.owners.push(from);
+                    }
+                }
+                for i in data.corners.of(split) {
+                    let at = data.corners.at[i] as usize;
+                    let from = replace(&mut faces[at / 3][at % 3], data.corners.to[i]);
+                    self.corners.push(from);
+                    uses.add(data.corners.to[i], map);
+                    uses.take(from, map);
+                }
+            }
+            for t in &faces[born..c.faces as usize] {
+                t.iter().for_each(|&w| uses.add(w, map));
+            }
+            born = c.faces as usize;
+            most = uses.live.max(most);
+            self.vertices.push(uses.live);
+            self.most_vertices.push(most);
+        }
+    }
+}
+
+/// How many corners each wedge has, and how many such wedges each vertex.
+struct Uses {
+    of_wedge: Vec<u32>,
+    of_vertex: Vec<u32>,
+    live: u32,
+}
+
+impl Uses {
+    #[inline(always)]
+    fn add(&mut self, w: WedgeId, map: &Option<Vec<VertexId>>) {
+        self.of_wedge[w.index()] += 1;
+        if self.of_wedge[w.index()] == 1 {
+            self.gain(owner(w, map));
+        }
+    }
+    #[inline(always)]
+    fn take(&mut self, w: WedgeId, map: &Option<Vec<VertexId>>) {
+        self.of_wedge[w.index()] -= 1;
+        if self.of_wedge[w.index()] == 0 {
+            self.lose(owner(w, map));
+        }
+    }
+    fn moved(&mut self, w: WedgeId, from: VertexId, to: VertexId) {
+        if self.of_wedge[w.index()] > 0 {
+            self.lose(from);
+            self.gain(to);
+        }
+    }
+    #[inline(always)]
+    fn gain(&mut self, v: VertexId) {
+        self.of_vertex[v.index()] += 1;
+        self.live += u32::from(self.of_vertex[v.index()] == 1);
+    }
+    #[inline(always)]
+    fn lose(&mut self, v: VertexId) {
+        self.of_vertex[v.index()] -= 1;
+        self.live -= u32::from(self.of_vertex[v.index()] == 0);
+    }
+}
+
+#[inline(always)]
+fn owner(w: WedgeId, map: &Option<Vec<VertexId>>) -> VertexId {
+    map.as_ref().map_or(VertexId(w.0), |map| map[w.index()])
+}

@@ -1,0 +1,281 @@
+//! From a record to a base mesh and splits.
+
+use lodsmith_core::splits::{Changes, Counts, Layout, NO_ORIGINAL, Original, SplitData};
+use lodsmith_core::{FaceId, Positions, RegionId, TriMesh, VertexId, WedgeId};
+
+use crate::collapse::record::{Copy, Log, Step};
+
+/// Splits, and how their elements were called in the record.
+pub(super) struct Arranged {
+    pub(super) data: SplitData,
+    /// The changes of the record, the first contraction first: as many as there are splits.
+    pub(super) order: Vec<usize>,
+    /// The face of the input for each face.
+    pub(super) faces: Vec<FaceId>,
+    /// The name of each vertex.
+    pub(super) vertices: Vec<VertexId>,
+}
+
+/// Not numbered yet.
+const UNBORN: u32 = u32::MAX;
+
+/// What the values of a mesh are.
+pub(super) fn layout(mesh: &TriMesh) -> Layout {
+    Layout {
+        has_normals: mesh.normals().is_some(),
+        has_uvs: mesh.uvs().is_some(),
+        has_colors: mesh.colors().is_some(),
+        further: mesh.further_attributes().iter().map(|a| (a.semantic.clone(), a.width)).collect(),
+    }
+}
+
+/// The rows of a mesh, wedge after wedge.
+pub(super) fn rows(mesh: &TriMesh) -> Vec<f32> {
+    let mut rows = Vec::with_capacity(mesh.wedge_count() * layout(mesh).width());
+    for w in (0..mesh.wedge_count() as u32).map(WedgeId) {
+        rows.extend(mesh.normals().iter().flat_map(|n| n[w.index()]));
+        rows.extend(mesh.uvs().iter().flat_map(|t| t[w.index()]));
+        rows.extend(mesh.colors().iter().flat_map(|c| c[w.index()]));
+        rows.extend(mesh.further_attributes().iter().flat_map(|a| a.of(w)));
+    }
+    rows
+}
+
+/// The entries of a change in the lists of a log.
+fn entries(steps: &[Step], change: usize, list: usize) -> std::ops::Range<usize> {
+    let before = change.checked_sub(1).map_or(0, |i| steps[i].ends[list]);
+    before as usize..steps[change].ends[list] as usize
+}
+
+/// The mergers of a change.
+pub(super) fn merged(log: &Log, change: usize) -> &[(VertexId, VertexId)] {
+    &log.merged[entries(&log.steps, change, 5)]
+}
+
+/// What is being built, with the mesh as it is at the present level, in the names of the record.
+struct Builder<'a> {
+    copy: Copy,
+    input: &'a TriMesh,
+    number_of_wedge: Vec<u32>,
+    number_of_vertex: Vec<u32>,
+    number_of_face: Vec<u32>,
+    wedges: Vec<WedgeId>,
+    vertices: Vec<VertexId>,
+    faces: Vec<FaceId>,
+    data: SplitData,
+}
+
+/// Puts changes in an order in which each level is good, and elements in that of their birth. `copy` is the mesh at the
+/// end of the record; `by_place` are the faces of the input in an order that is local in space.
+pub(super) fn arrange(input: &TriMesh, copy: Copy, log: &Log, by_place: &[FaceId]) -> Arranged {
+    let steps = &log.steps;
+    let mut order: Vec<usize> = (0..steps.len()).collect();
+    order.sort_by(|&i, &j| steps[i].key.total_cmp(&steps[j].key).then(i.cmp(&j)));
+    let mut is_used = vec![false; input.wedge_count()];
+    input.triangles().iter().flatten().for_each(|w| is_used[w.index()] = true);
+    let mut has_wedge = vec![false; input.vertex_count()];
+    for w in (0..is_used.len()).filter(|&w| is_used[w]).map(WedgeId::new) {
+        has_wedge[input.vertex_of(w).index()] = true;
+    }
+    let is_all = is_used.iter().chain(&has_wedge).all(|x| *x);
+    // The first change is what was mended at the start, which may be nothing.
+    if is_all && (0..5).all(|list| entries(steps, 0, list).is_empty()) {
+        order.retain(|&i| i != 0);
+    }
+    let mut b = Builder::new(input, copy);
+    let mut is_alive = vec![true; input.face_count()];
+    log.dead.iter().for_each(|d| is_alive[d.0.index()] = false);
+    for &f in by_place.iter().filter(|f| is_alive[f.index()]) {
+        b.add_face(f);
+    }
+    b.count();
+    for (i, &change) in order.iter().enumerate().rev() {
+        b.split(log, change);
+        if i == 0 {
+            b.add_unused();
+        }
+        b.count();
+    }
+    if order.is_empty() {
+        b.add_unused();
+        b.data.counts.clear();
+        b.count();
+        b.data.corners.ends.truncate(1);
+        b.data.owners.ends.truncate(1);
+        b.data.rows.ends.truncate(1);
+        b.data.places.ends.truncate(1);
+    }
+    b.finish(order)
+}
+
+impl<'a> Builder<'a> {
+    fn new(input: &'a TriMesh, copy: Copy) -> Self {
+        let empty = |p: &Positions| match p {
+            Positions::F32(_) => Positions::F32(Vec::new()),
+            Positions::F64(_) => Positions::F64(Vec::new()),
+        };
+        let (positions, moved) = (empty(&copy.positions), empty(&copy.positions));
+        let data = SplitData {
+            counts: Vec::new(),
+            faces: Vec::with_capacity(copy.faces.len()),
+            regions: None,
+            vertex_of: Some(Vec::new()),
+            layout: layout(input),
+            values: Vec::with_capacity(copy.rows.len()),
+            positions,
+            corners: Changes::default(),
+            owners: Changes::default(),
+            rows: Changes::default(),
+            places: Changes { ends: Vec::new(), at: Vec::new(), to: moved },
+            checkpoints: Vec::new(),
+            original: None,
+        };
+        Self {
+            number_of_wedge: vec![UNBORN; copy.vertex_of.len()],
+            number_of_vertex: vec![UNBORN; copy.positions.len()],
+            number_of_face: vec![UNBORN; copy.faces.len()],
+            wedges: Vec::with_capacity(copy.vertex_of.len()),
+            vertices: Vec::with_capacity(copy.positions.len()),
+            faces: Vec::with_capacity(copy.faces.len()),
+            copy,
+            input,
+            data,
+        }
+    }
+
+    /// The number of a vertex, born now if need be.
+    fn vertex(&mut self, name: VertexId) -> VertexId {
+        let number = &mut self.number_of_vertex[name.index()];
+        if *number == UNBORN {
+            *number = self.vertices.len() as u32;
+            self.vertices.push(name);
+            match (&mut self.data.positions, &self.copy.positions) {
+                (Positions::F32(all), Positions::F32(p)) => all.push(p[name.index()]),
+                (Positions::F64(all), Positions::F64(p)) => all.push(p[name.index()]),
+                (all, p) => push(all, p.view().get(name)),
+            }
+        }
+        VertexId(*number)
+    }
+
+    /// The number of a wedge, born now if need be.
+    fn wedge(&mut self, name: WedgeId) -> WedgeId {
+        if self.number_of_wedge[name.index()] == UNBORN {
+            self.number_of_wedge[name.index()] = self.wedges.len() as u32;
+            self.wedges.push(name);
+            let width = self.copy.width;
+            self.data.values.extend_from_slice(&self.copy.rows[name.index() * width..][..width]);
+            let vertex = self.vertex(self.copy.vertex_of[name.index()]);
+            self.data.vertex_of.iter_mut().for_each(|all| all.push(vertex));
+        }
+        WedgeId(self.number_of_wedge[name.index()])
+    }
+
+    fn add_face(&mut self, name: FaceId) {
+        let corners = self.copy.faces[name.index()].map(|w| self.wedge(w));
+        self.number_of_face[name.index()] = self.faces.len() as u32;
+        self.faces.push(name);
+        self.data.faces.push(corners);
+    }
+
+    /// Takes a change back.
+    fn split(&mut self, log: &Log, change: usize) {
+        let before = self.data.counts.last().copied().unwrap_or_default();
+        let is_older = |number: u32, count: u32| number < count;
+        let of = |list: usize| entries(&log.steps, change, list);
+        for &(w, v) in &log.owners[of(2)] {
+            self.copy.vertex_of[w.index()] = v;
+        }
+        let width = self.copy.width;
+        for i in of(3) {
+            let w = log.rows[i];
+            let row = &log.values[i * width..][..width];
+            self.copy.rows[w.index() * width..][..width].copy_from_slice(row);
+            if is_older(self.number_of_wedge[w.index()], before.wedges) {
+                self.data.rows.at.push(WedgeId(self.number_of_wedge[w.index()]));
+                self.data.rows.to.extend_from_slice(row);
+            }
+        }
+        for i in of(4) {
+            let (v, p) = (log.places[i], log.positions[i]);
+            set(&mut self.copy.positions, v, p);
+            if is_older(self.number_of_vertex[v.index()], before.vertices) {
+                self.data.places.at.push(VertexId(self.number_of_vertex[v.index()]));
+                push(&mut self.data.places.to, p);
+            }
+        }
+        for &(at, w) in &log.corners[of(1)] {
+            let face = at as usize / 3;
+            self.copy.faces[face][at as usize % 3] = w;
+            let wedge = self.wedge(w);
+            self.data.corners.at.push(self.number_of_face[face] * 3 + at % 3);
+            self.data.corners.to.push(wedge);
+        }
+        for &(w, v) in &log.owners[of(2)] {
+            let number = self.number_of_wedge[w.index()];
+            if is_older(number, before.wedges) {
+                let vertex = self.vertex(v);
+                self.data.owners.at.push(WedgeId(number));
+                self.data.owners.to.push(vertex);
+            }
+        }
+        for &(f, corners) in &log.dead[of(0)] {
+            self.copy.faces[f.index()] = corners;
+            self.add_face(f);
+        }
+    }
+
+    /// Adds what no face of the input uses.
+    fn add_unused(&mut self) {
+        for w in 0..self.input.wedge_count() as u32 {
+            self.wedge(WedgeId(w));
+        }
+        for v in 0..self.input.vertex_count() as u32 {
+            self.vertex(VertexId(v));
+        }
+    }
+
+    /// Ends a level.
+    fn count(&mut self) {
+        let [faces, wedges, vertices] =
+            [self.faces.len(), self.wedges.len(), self.vertices.len()].map(|n| n as u32);
+        self.data.counts.push(Counts { faces, wedges, vertices });
+        self.data.corners.ends.push(self.data.corners.at.len() as u32);
+        self.data.owners.ends.push(self.data.owners.at.len() as u32);
+        self.data.rows.ends.push(self.data.rows.at.len() as u32);
+        self.data.places.ends.push(self.data.places.at.len() as u32);
+    }
+
+    fn finish(self, order: Vec<usize>) -> Arranged {
+        let (mut data, input) = (self.data, self.input);
+        let of_input = |name: u32, count: usize| if (name as usize) < count { name } else { NO_ORIGINAL };
+        data.original = Some(Original {
+            vertices: self.vertices.iter().map(|v| VertexId(of_input(v.0, input.vertex_count()))).collect(),
+            wedges: self.wedges.iter().map(|w| WedgeId(of_input(w.0, input.wedge_count()))).collect(),
+            faces: self.faces.clone(),
+            has_vertex_map: input.vertex_map().is_some(),
+        });
+        let regions = |r: &[RegionId]| self.faces.iter().map(|f| r[f.index()]).collect();
+        data.regions = input.regions().map(regions);
+        let is_same = |all: &Vec<VertexId>| all.iter().enumerate().all(|(w, v)| v.index() == w);
+        let counts_agree = data.counts.iter().all(|c| c.wedges == c.vertices);
+        if counts_agree && data.owners.at.is_empty() && data.vertex_of.as_ref().is_some_and(is_same) {
+            data.vertex_of = None;
+        }
+        Arranged { data, order, faces: self.faces, vertices: self.vertices }
+    }
+}
+
+fn push(all: &mut Positions, p: [f64; 3]) {
+    match all {
+        Positions::F32(all) => all.push(p.map(|x| x as f32)),
+        Positions::F64(all) => all.push(p),
+    }
+}
+
+fn set(all: &mut Positions, v: VertexId, p: [f64; 3]) {
+    match all {
+        Positions::F32(all) => all[v.index()] = p.map(|x| x as f32),
+        Positions::F64(all) => all[v.index()] = p,
+    }
+}

@@ -1,0 +1,216 @@
+//! From a mesh to a road: the run, its record, and the fit of levels.
+
+use lodsmith_core::mesh::defects::is_zero_area;
+use lodsmith_core::mesh::weld;
+use lodsmith_core::{FaceId, Splits, Surface, TriMesh, VertexId, WedgeId};
+
+use super::checkpoints::{Recorded, Weights};
+use super::{PROGRESSIVE, Progressive, arrange};
+use crate::SimplifyError;
+use crate::attributes::Rows;
+use crate::care::{self, Care};
+use crate::collapse::attributes::Attributes;
+use crate::collapse::cut::may_cut;
+use crate::collapse::order::{self, NONE, Ordered};
+use crate::collapse::record::{Copy, Names, Record};
+use crate::collapse::store::Facing;
+use crate::collapse::{End, Engine, Goal};
+use crate::control::{Control, Stage, Verdict};
+use crate::metric::{EdgeLength, LindstromTurk, Melax, Memoryless, Metric, Quadric};
+use crate::options::{Length, Method, Placement, SimplifyOptions, TopologyPolicy};
+use crate::prune;
+use crate::run::{self, Input, Run, Source, Started};
+use crate::shading;
+
+/// The run of a method.
+type Walk = fn(&mut Run<'_, '_>, &TriMesh, &mut dyn Control) -> Result<Progressive, SimplifyError>;
+
+pub(super) fn build(
+    mesh: &TriMesh,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<Progressive, SimplifyError> {
+    options.check()?;
+    care::check(options, mesh.vertex_count())?;
+    let (walk, pass): (Walk, _) = match (options.method, run::collapses(options.method)) {
+        (Method::Quadric, Some(pass)) => (walk::<Quadric>, pass),
+        (Method::LindstromTurk, Some(pass)) => (walk::<LindstromTurk>, pass),
+        (Method::Melax, Some(pass)) => (walk::<Melax>, pass),
+        (Method::ShortestEdge, Some(pass)) => (walk::<EdgeLength>, pass),
+        (_, Some(pass)) => (walk::<Memoryless>, pass),
+        (method, None) => {
+            return Err(SimplifyError::NotOfMethod { option: "progressive", takers: PROGRESSIVE, method });
+        }
+    };
+    if options.escalate {
+        return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });
+    }
+    let mut options = options.with_own_placement();
+    control.stage(Stage::Prepare);
+    if control.progress(0.0) == Verdict::Cancel {
+        return Err(SimplifyError::Cancelled);
+    }
+    let lent = match options.shape_normals {
+        true => shading::shaded(&Input { surface: mesh.surface(), mesh: Some(mesh), joined: None })?,
+        false => None,
+    };
+    let input = prepared(lent.as_ref().unwrap_or(mesh), &mut options)?;
+    let surface = &input.surface;
+    let mut ordered = order::order(surface);
+    let has_area =
+        |t: &[VertexId; 3]| ordered.is_sound(t) && !is_zero_area(t.map(|v| surface.positions().get(v)));
+    if !surface.triangles().iter().any(has_area) {
+        return Err(SimplifyError::NoFaces { faces: mesh.face_count() });
+    }
+    let stop = &options.stop;
+    let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
+    let goal = match counts || options.of_method.ends(options.method) {
+        true => run::goal(&options, mesh.face_count()),
+        false => Goal { faces: Some(1), vertices: None },
+    };
+    let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
+    let care = Care::new(&options, &ordered, |v| input.joined(v));
+    let mut run = Run { input: &input, options: &options, ordered: &mut ordered, goal, care: &care, pass };
+    let built = walk(&mut run, mesh, control)?;
+    let mut built = match limit {
+        Some(limit) => {
+            let level = built.level_of_error(limit);
+            built.without_below(level)
+        }
+        None => built,
+    };
+    built.to_level(built.top());
+    Ok(built)
+}
+
+/// The input without small parts and with near vertices joined, as the options ask for it.
+fn prepared<'a>(mesh: &'a TriMesh, options: &mut SimplifyOptions) -> Result<Input<'a>, SimplifyError> {
+    let mut input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
+    let positions = input.surface.positions();
+    let diagonal = prune::diagonal(&input.surface);
+    if let Some(size) = options.prune {
+        let units = |length: Length| Length::Units(length.in_units(diagonal));
+        (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
+        options.guards.max_edge = options.guards.max_edge.map(units);
+        options.of_method.pairs = options.of_method.pairs.map(units);
+        let near = options.weld.map(|d| d.in_units(diagonal));
+        let locked = options.locked.as_deref();
+        let small = prune::small_parts(&input.surface, size.in_units(diagonal), near, locked);
+        if small.pruned.parts > 0 {
+            let (triangles, _) = prune::without(&input.surface, &small.is_small);
+            input.surface = Surface::with_triangles(positions, triangles)?;
+        }
+    }
+    if let Some(distance) = options.weld {
+        let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
+        let near = weld::weld_within(positions, distance.in_units(diagonal));
+        let (joined, _) = care::weld_onto_locked(&near, positions, options);
+        let triangles = input.surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
+        input.surface = Surface::with_triangles(positions, triangles)?;
+        input.joined = Some(joined);
+    }
+    Ok(input)
+}
+
+/// Runs to the end of the road, and makes it from what was recorded. `mesh` is the input without normals that were lent
+/// to it.
+fn walk<M: Metric>(
+    run: &mut Run<'_, '_>,
+    mesh: &TriMesh,
+    control: &mut dyn Control,
+) -> Result<Progressive, SimplifyError> {
+    let Started { mut engine, rows, is_kept, .. } = run.start::<M>(None, true)?;
+    let (names, home) = names(run, &engine, rows.as_ref());
+    let layout = arrange::layout(mesh);
+    let by_place = names.faces.clone();
+    let copy = Copy {
+        faces: mesh.triangles().to_vec(),
+        vertex_of: (0..mesh.wedge_count()).map(|w| mesh.vertex_of(WedgeId::new(w))).collect(),
+        width: layout.width(),
+        rows: arrange::rows(mesh),
+        positions: mesh.positions().clone(),
+    };
+    let rows = rows.map(|rows| {
+        let places = rows.places(&layout);
+        (rows, places)
+    });
+    engine.note_start(Box::new(Record::new(names, copy, run.ordered.frame, rows, home)));
+    let facings: Vec<Facing> = engine.store.v.iter().map(|x| x.facing).collect();
+
+    control.stage(Stage::Collapse);
+    let topology = run.options.topology;
+    engine.keeps_parts = topology != TopologyPolicy::Free;
+    if topology == TopologyPolicy::Free {
+        engine.cuts_necks = true;
+        engine.watch_parts();
+    }
+    let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept };
+    let mut end = engine.sweep(&run.goal, &source, control);
+    if end == End::Stuck && topology == TopologyPolicy::Relaxed {
+        // As far as it goes without loss; from here on parts go, and handles.
+        control.stage(Stage::Collapse);
+        engine.resume(may_cut(run.options));
+        end = engine.sweep(&run.goal, &source, control);
+    }
+    let Some(record) = engine.record.take().filter(|_| end != End::Cancel) else {
+        return Err(SimplifyError::Cancelled);
+    };
+    let weights =
+        Weights { kept: M::KEPT_LOSS / 6.0 / engine.area_of_input(), lost: 0.25 / engine.area_of_input() };
+    drop(engine);
+    let Record { copy, log, names, .. } = *record;
+    let arranged = arrange::arrange(mesh, copy, &log, &by_place);
+
+    control.stage(Stage::Fit);
+    let recorded = Recorded {
+        order: &arranged.order,
+        faces: &arranged.faces,
+        vertices: &arranged.vertices,
+        log: &log,
+        origins: &names.vertices,
+        by_place: &by_place,
+        facings: &facings,
+        weights,
+        fits: run.wants_fit::<M>(),
+    };
+    let mut road = Progressive::new(Splits::new(arranged.data).expect("a record names what is there"));
+    let checkpoints = recorded.checkpoints(run, &mut road, control)?;
+    let mut data = road.into_splits().into_data();
+    data.checkpoints = checkpoints;
+    Ok(Progressive::new(Splits::new(data).expect("checkpoints of levels that are there")))
+}
+
+/// What the engine's numbers are called in the input, and, where those of wedges are the input's own, where each stands.
+fn names<M: Metric>(run: &Run<'_, '_>, engine: &Engine<M>, rows: Option<&Rows>) -> (Names, Vec<VertexId>) {
+    let ordered: &Ordered = run.ordered;
+    let mut vertices = vec![NONE; ordered.point_count];
+    for (i, r) in ordered.rank.iter().enumerate().rev().filter(|r| *r.1 != NONE) {
+        vertices[r.index()] = VertexId::new(i);
+    }
+    let faces = ordered.of_faces(&run.input.surface, FaceId::new, FaceId(0));
+    let has_wedges = engine.store.wedges.is_some();
+    let keeps_wedges = has_wedges && run.options.placement == Placement::Endpoint;
+    let (mut wedges, mut home) = (Vec::new(), Vec::new());
+    let Some(mesh) = run.input.mesh else {
+        return (Names { vertices, wedges, faces, has_wedges, keeps_wedges }, home);
+    };
+    let place = |w: WedgeId| run.place(mesh, w);
+    if keeps_wedges {
+        let at = |p: VertexId| if p == NONE { NONE } else { vertices[p.index()] };
+        home.extend((0..mesh.wedge_count()).map(|w| at(place(WedgeId::new(w)))));
+    } else {
+        let count =
+            engine.attributes.as_ref().filter(|_| has_wedges).map_or(vertices.len(), Attributes::count);
+        wedges = vec![WedgeId(u32::MAX); count];
+        for &w in mesh.triangles().iter().flatten().filter(|w| place(**w) != NONE) {
+            let own = match rows.filter(|_| has_wedges) {
+                Some(rows) => rows.wedge_rows[w.index()].index(),
+                None => place(w).index(),
+            };
+            if wedges[own].0 == u32::MAX {
+                wedges[own] = w;
+            }
+        }
+    }
+    (Names { vertices, wedges, faces, has_wedges, keeps_wedges }, home)
+}

@@ -1,0 +1,172 @@
+//! Levels with a fit: what the engine's last step would make of them, and how far they are from the full mesh.
+
+use glam::Vec3;
+use lodsmith_core::splits::Checkpoint;
+use lodsmith_core::{FaceId, VertexId, WedgeId};
+
+use super::{Progressive, arrange};
+use crate::SimplifyError;
+use crate::collapse::kind::Kind;
+use crate::collapse::order::NONE;
+use crate::collapse::record::Log;
+use crate::collapse::store::{Facing, Ring, Store};
+use crate::control::{Control, Verdict};
+use crate::fit;
+use crate::metric::Memoryless;
+use crate::run::Run;
+
+/// Faces of a checkpoint, as a share of those of the finer one before it. (docs/decisions/0016)
+const FACTOR: f64 = 0.84;
+
+/// What the costs of contractions amount to, as squared distances in the unit frame.
+#[derive(Clone, Copy)]
+pub(super) struct Weights {
+    pub(super) kept: f64,
+    pub(super) lost: f64,
+}
+
+/// A road as it was recorded, in the names of the record.
+pub(super) struct Recorded<'a> {
+    /// The changes, the first contraction first.
+    pub(super) order: &'a [usize],
+    /// The face of the input for each face of the road.
+    pub(super) faces: &'a [FaceId],
+    /// The name of each vertex of the road.
+    pub(super) vertices: &'a [VertexId],
+    pub(super) log: &'a Log,
+    /// The name of each vertex of the ordered input, and of those cut off later.
+    pub(super) origins: &'a [VertexId],
+    /// Faces of the input in the order of the engine.
+    pub(super) by_place: &'a [FaceId],
+    /// Where the input faced at the vertices of the ordered input.
+    pub(super) facings: &'a [Facing],
+    pub(super) weights: Weights,
+    /// Whether there is a fit.
+    pub(super) fits: bool,
+}
+
+impl Recorded<'_> {
+    /// The checkpoints of a road, from the coarsest on.
+    pub(super) fn checkpoints(
+        &self,
+        run: &Run<'_, '_>,
+        road: &mut Progressive,
+        control: &mut dyn Control,
+    ) -> Result<Vec<Checkpoint>, SimplifyError> {
+        let top = road.top();
+        // What was mended at the start is no contraction.
+        let begin = top - usize::from(self.order.first() == Some(&0));
+        let levels = self.levels(road, begin);
+        let mut into: Vec<VertexId> = (0..self.origins.len() as u32).map(VertexId).collect();
+        let (mut done, mut spent, mut lost) = (top, 0.0, 0.0);
+        let mut checkpoints = vec![Checkpoint { level: begin as u32, ..Checkpoint::default() }];
+        for (i, &level) in levels.iter().enumerate() {
+            if control.progress(i as f64 / levels.len() as f64) == Verdict::Cancel {
+                return Err(SimplifyError::Cancelled);
+            }
+            while done > level {
+                let change = self.order[top - done];
+                for &(gone, home) in arrange::merged(self.log, change) {
+                    into[gone.index()] = home;
+                }
+                spent += f64::from(self.log.steps[change].spent);
+                lost += f64::from(self.log.steps[change].lost);
+                done -= 1;
+            }
+            road.to_level(level);
+            let kept = self.weights.kept * spent.max(0.0);
+            let lost = self.weights.lost * lost.max(0.0);
+            let mut checkpoint = Checkpoint { level: level as u32, ..Checkpoint::default() };
+            let mut near = kept;
+            if self.fits {
+                near = self.fit(run, road, &into, (kept + lost).sqrt(), &mut checkpoint);
+            }
+            let before = checkpoints.last().map_or(0.0, |c| c.error);
+            let error = run.ordered.frame.user_length((near + lost).sqrt()).min(run.ordered.diagonal);
+            checkpoint.error = if error.is_finite() { error.max(before) } else { before };
+            checkpoints.push(checkpoint);
+        }
+        checkpoints.reverse();
+        Ok(checkpoints)
+    }
+
+    /// The levels below `begin`, from the finest on, the base last.
+    fn levels(&self, road: &Progressive, begin: usize) -> Vec<usize> {
+        let counts = &road.splits().counts;
+        let mut levels = Vec::new();
+        let (mut level, mut wanted) = (begin, f64::from(counts[begin].faces));
+        while level > 0 {
+            wanted *= FACTOR;
+            let next = road.level_of_faces(wanted as usize);
+            if next < level {
+                levels.push(next);
+                level = next;
+            }
+        }
+        levels
+    }
+
+    /// Fits the present level of the road, notes the moves, and says the mean squared distance that is left.
+    fn fit(
+        &self,
+        run: &Run<'_, '_>,
+        road: &Progressive,
+        into: &[VertexId],
+        away: f64,
+        checkpoint: &mut Checkpoint,
+    ) -> f64 {
+        let frame = run.ordered.frame;
+        let counts = road.counts();
+        // Vertices and faces in the order of the engine.
+        let mut number = vec![NONE; road.positions.len()];
+        let names = self.vertices.iter().map(|v| v.index() + 1).max().unwrap_or(0);
+        let mut by_name = vec![NONE; names];
+        let vertex = |w: WedgeId| road.vertex_of.as_ref().map_or(VertexId(w.0), |map| map[w.index()]);
+        for v in road.faces().iter().flatten().map(|&w| vertex(w)) {
+            by_name[self.vertices[v.index()].index()] = v;
+        }
+        let mut origins = Vec::with_capacity(counts.vertices as usize);
+        let mut live = Vec::with_capacity(counts.vertices as usize);
+        for (origin, name) in self.origins.iter().enumerate() {
+            let v = by_name.get(name.index()).copied().unwrap_or(NONE);
+            if v != NONE {
+                number[v.index()] = VertexId::new(live.len());
+                origins.push(VertexId::new(origin));
+                live.push(v);
+            }
+        }
+        let mut place_of_face = vec![u32::MAX; self.faces.len()];
+        for (i, f) in self.by_place.iter().enumerate() {
+            place_of_face[f.index()] = i as u32;
+        }
+        let mut order: Vec<usize> = (0..road.face_count()).collect();
+        order.sort_unstable_by_key(|&f| place_of_face[self.faces[f].index()]);
+        let faces = order.iter().map(|&f| road.faces[f].map(|w| number[vertex(w).index()])).collect();
+        let points = live.iter().map(|&v| frame.unit(road.positions().get(v))).collect();
+        let mut store = Store::<Memoryless>::new(points, faces, None, None);
+        store.merged_into = into.to_vec();
+        store.link();
+        let mut ring = Ring::new();
+        for (i, &origin) in origins.iter().enumerate() {
+            store.ring(VertexId::new(i), &mut ring);
+            let given = run.ordered.points.get(origin.index());
+            let is_locked = run.care.locked().is_some_and(|l| l.get(origin.index()) == Some(&true));
+            let x = &mut store.v[i];
+            x.origin = origin;
+            x.kind = Kind::of(&ring, run.options.border).locked(is_locked).moved(given != Some(&x.p));
+            x.facing = self.facings.get(origin.index()).copied().unwrap_or_default();
+        }
+        let before: Vec<Vec3> = store.v.iter().map(|x| x.p).collect();
+        let rms = fit::fit(&mut store, &run.ordered.points, &run.ordered.faces, away, None).rms;
+        let mut moves: Vec<(VertexId, [f32; 3])> = Vec::new();
+        for (i, &v) in live.iter().enumerate() {
+            let moved = store.v[i].p - before[i];
+            if moved != Vec3::ZERO {
+                moves.push((v, moved.to_array().map(|x| frame.user_length(f64::from(x)) as f32)));
+            }
+        }
+        moves.sort_unstable_by_key(|m| m.0);
+        (checkpoint.vertices, checkpoint.moves) = moves.into_iter().unzip();
+        rms * rms
+    }
+}

@@ -1,0 +1,195 @@
+//! What the fit would make of a level, from the checkpoints on both sides of it.
+//!
+//! A correction belongs to a vertex as it stands at a checkpoint. At a level in between it holds for those whose place no
+//! split changes on the way; where it holds from both sides, the two are blended by the logarithm of the count of faces.
+
+use glam::Vec3;
+use lodsmith_core::splits::{Checkpoint, Counts};
+use lodsmith_core::{Positions, Semantic, VertexId, WedgeId};
+
+use super::Progressive;
+
+impl Progressive {
+    /// The last checkpoint at or below a level, and the first at or above.
+    fn checkpoints(&self, level: usize) -> (Option<&Checkpoint>, Option<&Checkpoint>) {
+        let all = &self.road.splits.checkpoints;
+        let above = all.partition_point(|c| (c.level as usize) < level);
+        let next = all.get(above);
+        match next {
+            Some(c) if c.level as usize == level => (next, None),
+            _ => (above.checked_sub(1).map(|i| &all[i]), next),
+        }
+    }
+
+    /// How far a level is from one to another, from 0 to 1, by the logarithm of the count of faces.
+    fn share(&self, from: u32, level: usize, to: u32) -> f64 {
+        let count = |l: usize| f64::from(self.road.splits.counts[l].faces.max(1)).ln();
+        let [a, x, b] = [from as usize, level, to as usize].map(count);
+        if b > a { (x - a) / (b - a) } else { 0.0 }
+    }
+
+    pub(super) fn error_at(&self, level: usize) -> f64 {
+        match self.checkpoints(level) {
+            (Some(a), Some(b)) => {
+                let t = self.share(a.level, level, b.level);
+                // Errors go about with a power of the count; the full mesh has none.
+                if b.error > 0.0 {
+                    (a.error.ln() * (1.0 - t) + b.error.ln() * t).exp().clamp(b.error, a.error)
+                } else {
+                    a.error * (1.0 - t)
+                }
+            }
+            (Some(c), None) | (None, Some(c)) => c.error,
+            (None, None) => 0.0,
+        }
+    }
+
+    /// What is added to the positions of the present level and, with `rows`, to its rows of values; nothing where no
+    /// checkpoint has any.
+    fn corrections(&self, rows: bool) -> [Vec<f32>; 2] {
+        let (below, above) = self.checkpoints(self.level);
+        let share = match (below, above) {
+            (Some(a), Some(b)) => self.share(a.level, self.level, b.level) as f32,
+            _ => 0.0,
+        };
+        let (sides, data) = ([below, above], &self.road.splits);
+        let has_any = |of: fn(&Checkpoint) -> bool| sides.iter().flatten().any(|c| !of(c));
+        let mut corrections = [Vec::new(), Vec::new()];
+        if has_any(|c| c.vertices.is_empty()) {
+            let count = self.counts().vertices as usize;
+            let (ends, at) = (&data.places.ends, &data.places.at);
+            let held = self.held(sides, count, |c| c.vertices, ends, at, |v| v.index());
+            let moves = sides.map(|c| c.map(|c| (&c.vertices[..], c.moves.as_flattened())));
+            corrections[0] = blended(moves, &held, share, 3, count, |v| v.index());
+        }
+        if rows && has_any(|c| c.wedges.is_empty()) {
+            let count = self.counts().wedges as usize;
+            let (ends, at) = (&data.rows.ends, &data.rows.at);
+            let held = self.held(sides, count, |c| c.wedges, ends, at, |w| w.index());
+            let changes = sides.map(|c| c.map(|c| (&c.wedges[..], &c.changes[..])));
+            corrections[1] = blended(changes, &held, share, self.layout().width(), count, |w| w.index());
+        }
+        corrections
+    }
+
+    /// Adds the corrections of the present level to positions, and to rows of values, where there are any.
+    pub(super) fn correct(&self, positions: &mut Positions, values: &mut [f32]) {
+        let [moves, changes] = self.corrections(!values.is_empty());
+        let moves = moves.as_chunks::<3>().0.iter();
+        match positions {
+            Positions::F32(p) => {
+                for (p, by) in p.iter_mut().zip(moves).filter(|x| *x.1 != [0.0; 3]) {
+                    *p = [0, 1, 2].map(|k| p[k] + by[k]);
+                }
+            }
+            Positions::F64(p) => {
+                for (p, by) in p.iter_mut().zip(moves).filter(|x| *x.1 != [0.0; 3]) {
+                    *p = [0, 1, 2].map(|k| p[k] + f64::from(by[k]));
+                }
+            }
+        }
+        let width = self.layout().width().max(1);
+        for (row, by) in values.chunks_exact_mut(width).zip(changes.chunks_exact(width)) {
+            if by.iter().any(|x| *x != 0.0) {
+                row.iter_mut().zip(by).for_each(|(x, by)| *x += by);
+                self.straighten(row);
+            }
+        }
+    }
+
+    /// The present level as a checkpoint.
+    pub(super) fn checkpoint(&self) -> Checkpoint {
+        let [moves, changes] = self.corrections(true);
+        let width = self.layout().width().max(1);
+        let mut checkpoint =
+            Checkpoint { level: self.level as u32, error: self.error(), ..Checkpoint::default() };
+        for (v, by) in moves.as_chunks::<3>().0.iter().enumerate().filter(|m| *m.1 != [0.0; 3]) {
+            checkpoint.vertices.push(VertexId::new(v));
+            checkpoint.moves.push(*by);
+        }
+        for (w, by) in changes.chunks_exact(width).enumerate() {
+            if by.iter().any(|x| *x != 0.0) {
+                checkpoint.wedges.push(WedgeId::new(w));
+                checkpoint.changes.extend_from_slice(by);
+            }
+        }
+        checkpoint
+    }
+
+    /// Whether each element of the present level is there at the levels of checkpoints too, as it is now.
+    fn held<A: Copy>(
+        &self,
+        sides: [Option<&Checkpoint>; 2],
+        count: usize,
+        born: impl Fn(&Counts) -> u32,
+        ends: &[u32],
+        changed: &[A],
+        index: impl Fn(A) -> usize,
+    ) -> [Vec<bool>; 2] {
+        sides.map(|side| {
+            let Some(c) = side else { return Vec::new() };
+            let (low, high) = (self.level.min(c.level as usize), self.level.max(c.level as usize));
+            let mut held = vec![true; count];
+            let there = (born(&self.road.splits.counts[low]) as usize).min(count);
+            held[there..].fill(false);
+            for &element in &changed[ends[low] as usize..ends[high] as usize] {
+                if let Some(held) = held.get_mut(index(element)) {
+                    *held = false;
+                }
+            }
+            held
+        })
+    }
+
+    /// Makes unit vectors of the directions in a row.
+    fn straighten(&self, row: &mut [f32]) {
+        let layout = self.layout();
+        let mut unit = |at: usize| {
+            let n = Vec3::from_slice(&row[at..at + 3]);
+            if n.length() > 1e-20 {
+                row[at..at + 3].copy_from_slice(&(n / n.length()).to_array());
+            }
+        };
+        if layout.has_normals {
+            unit(0);
+        }
+        let further: usize = layout.further.iter().map(|f| f.1).sum();
+        let mut at = layout.width() - further;
+        for (semantic, width) in &layout.further {
+            if *semantic == Semantic::Tangent && *width >= 3 {
+                unit(at);
+            }
+            at += width;
+        }
+    }
+}
+
+/// What two checkpoints add to elements, for those that each of them holds for: one alone in full.
+fn blended<A: Copy>(
+    sides: [Option<(&[A], &[f32])>; 2],
+    held: &[Vec<bool>; 2],
+    share: f32,
+    width: usize,
+    count: usize,
+    index: impl Fn(A) -> usize,
+) -> Vec<f32> {
+    let mut sum = vec![0f32; width * count];
+    for (i, side) in sides.into_iter().enumerate() {
+        let Some((elements, moves)) = side else { continue };
+        let holds = |side: usize, at: usize| held[side].get(at) == Some(&true);
+        for (&element, by) in elements.iter().zip(moves.chunks_exact(width)) {
+            let at = index(element);
+            if !holds(i, at) {
+                continue;
+            }
+            let weight = match (holds(1 - i, at), i) {
+                (false, _) => 1.0,
+                (true, 0) => 1.0 - share,
+                (true, _) => share,
+            };
+            let sum = sum[at * width..][..width].iter_mut();
+            sum.zip(by).for_each(|(sum, by)| *sum += weight * by);
+        }
+    }
+    sum
+}

@@ -1,0 +1,102 @@
+//! A mesh out of a level.
+
+use lodsmith_core::splits::NO_ORIGINAL;
+use lodsmith_core::{Attribute, FaceId, MeshError, Positions, TriMesh, VertexId, WedgeId};
+
+use super::Progressive;
+
+/// Elements in the order of a result, and the place of each in it.
+struct Order {
+    chosen: Vec<usize>,
+    place: Vec<u32>,
+}
+
+impl Order {
+    /// Those of `is_in`, by their numbers in the original, those without one behind.
+    fn new(is_in: &[bool], number: Option<&[u32]>) -> Self {
+        let mut chosen: Vec<usize> = (0..is_in.len()).filter(|&i| is_in[i]).collect();
+        if let Some(number) = number {
+            chosen.sort_by_key(|&i| number[i]);
+        }
+        let mut place = vec![u32::MAX; is_in.len()];
+        for (k, &i) in chosen.iter().enumerate() {
+            place[i] = k as u32;
+        }
+        Self { chosen, place }
+    }
+}
+
+impl Progressive {
+    /// The mesh of the present level from these positions and values.
+    pub(super) fn extract(&self, positions: &Positions, values: &[f32]) -> Result<TriMesh, MeshError> {
+        let counts = self.counts();
+        let original = self.road.splits.original.as_ref();
+        let is_full = self.level == self.top();
+        let width = self.layout().width();
+        let mut wedge_in = vec![false; counts.wedges as usize];
+        let mut vertex_in = vec![false; counts.vertices as usize];
+        for w in self.faces().iter().flatten() {
+            wedge_in[w.index()] = true;
+        }
+        for w in (0..wedge_in.len()).filter(|&w| wedge_in[w]) {
+            vertex_in[self.owner(w).index()] = true;
+        }
+        if let (Some(original), true) = (original, is_full) {
+            // All that the original has, used or not.
+            wedge_in.iter_mut().zip(&original.wedges).for_each(|(x, w)| *x |= w.0 != NO_ORIGINAL);
+            vertex_in.iter_mut().zip(&original.vertices).for_each(|(x, v)| *x |= v.0 != NO_ORIGINAL);
+        }
+        let wedges = Order::new(&wedge_in, original.map(|o| bytemuck::cast_slice(&o.wedges)));
+        let vertices = Order::new(&vertex_in, original.map(|o| bytemuck::cast_slice(&o.vertices)));
+        let mut faces: Vec<usize> = (0..self.face_count()).collect();
+        if let Some(original) = original {
+            faces.sort_by_key(|&f| original.faces[f]);
+        }
+        let triangles: Vec<[WedgeId; 3]> =
+            faces.iter().map(|&f| self.faces[f].map(|w| WedgeId(wedges.place[w.index()]))).collect();
+        let positions = match positions {
+            Positions::F32(p) => Positions::F32(vertices.chosen.iter().map(|&v| p[v]).collect()),
+            Positions::F64(p) => Positions::F64(vertices.chosen.iter().map(|&v| p[v]).collect()),
+        };
+        let map: Vec<VertexId> =
+            wedges.chosen.iter().map(|&w| VertexId(vertices.place[self.owner(w).index()])).collect();
+        let is_plain = map.len() == positions.len() && map.iter().enumerate().all(|(w, v)| v.index() == w);
+        let keeps_map = is_full && original.is_some_and(|o| o.has_vertex_map);
+        let mut mesh = if is_plain && !keeps_map {
+            TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?
+        } else {
+            TriMesh::with_wedges(positions, map, triangles)?
+        };
+        let row = |w: usize| &values[w * width..][..width];
+        let mut at = 0;
+        let layout = self.layout();
+        if layout.has_normals {
+            mesh.set_normals(Some(wedges.chosen.iter().map(|&w| fixed(row(w), at)).collect()))?;
+            at += 3;
+        }
+        if layout.has_uvs {
+            mesh.set_uvs(Some(wedges.chosen.iter().map(|&w| fixed(row(w), at)).collect()))?;
+            at += 2;
+        }
+        if layout.has_colors {
+            mesh.set_colors(Some(wedges.chosen.iter().map(|&w| fixed(row(w), at)).collect()))?;
+            at += 4;
+        }
+        for (semantic, n) in &layout.further {
+            let all = wedges.chosen.iter().flat_map(|&w| &row(w)[at..at + n]).copied().collect();
+            mesh.add_attribute(Attribute { semantic: semantic.clone(), width: *n, values: all })?;
+            at += n;
+        }
+        let regions = self.road.splits.regions.as_ref();
+        mesh.set_regions(regions.map(|r| faces.iter().map(|&f| r[FaceId::new(f).index()]).collect()))?;
+        Ok(mesh)
+    }
+
+    fn owner(&self, wedge: usize) -> VertexId {
+        self.vertex_of.as_ref().map_or(VertexId(wedge as u32), |map| map[wedge])
+    }
+}
+
+fn fixed<const N: usize>(row: &[f32], at: usize) -> [f32; N] {
+    std::array::from_fn(|k| row[at + k])
+}

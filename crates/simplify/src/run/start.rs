@@ -1,0 +1,159 @@
+//! What a run of the engine begins with.
+
+use glam::Vec3;
+use lodsmith_core::{RegionId, VertexId, WedgeId};
+
+use super::Run;
+use crate::SimplifyError;
+use crate::attributes::{Ground, Rows};
+use crate::collapse::attributes::Attributes;
+use crate::collapse::order;
+use crate::collapse::store::Store;
+use crate::collapse::{Engine, Wedges};
+use crate::fit;
+use crate::guard::Rules;
+use crate::metric::{Judge, Metric};
+use crate::options::{Fit, Length, Placement};
+
+/// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
+/// again when it comes to it, which takes some percent more time and 18 bytes a face less.
+const COPY_UP_TO: usize = 1_000_000;
+
+/// An engine before its first sweep, and what a run needs beside it.
+pub(crate) struct Started<M: Metric> {
+    pub(crate) engine: Engine<M>,
+    pub(crate) rows: Option<Rows>,
+    pub(super) originals: Option<fit::Originals>,
+    pub(super) duplicate_faces: usize,
+    /// Whether the ordered input still has its points and faces.
+    pub(crate) is_kept: bool,
+}
+
+/// What stands at the corners of the ordered faces.
+struct Corners {
+    wedges: Option<Vec<[WedgeId; 3]>>,
+    endpoints: Option<Wedges>,
+    rows: Option<(Rows, Option<Attributes>)>,
+}
+
+impl Run<'_, '_> {
+    /// An engine before its first sweep; `recorded` ones know the faces by their numbers in the ordered input.
+    pub(crate) fn start<M: Metric>(
+        &mut self,
+        step: Option<f64>,
+        recorded: bool,
+    ) -> Result<Started<M>, SimplifyError> {
+        let options = self.options;
+        let surface = &self.input.surface;
+        let frame = self.ordered.frame;
+        let mut rules = Rules::new(options, frame, self.ordered.diagonal);
+        if let Some(step) = step {
+            let unit = frame.unit_length(step) as f32;
+            rules.max_step_sq = unit * unit;
+        }
+        if self.ordered.points.is_empty() {
+            // Taken by a pass before.
+            self.ordered.points = self.ordered.points_again(surface);
+            self.ordered.faces = self.ordered.faces_again(surface);
+        }
+        let is_kept = self.ordered.faces.len() <= COPY_UP_TO || step.is_some() || recorded;
+        let (points, faces) = if is_kept {
+            (self.ordered.points.clone(), self.ordered.faces.clone())
+        } else {
+            (std::mem::take(&mut self.ordered.points), std::mem::take(&mut self.ordered.faces))
+        };
+        let regions = self.regions();
+        let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
+        if !matches!(M::JUDGE, Judge::Engine)
+            && let Some((_, Some(attributes))) = &mut rows
+        {
+            attributes.weights_mut().fill(0.0);
+        }
+        let (rows, attributes) = rows.unzip();
+        let attributes = attributes.flatten();
+        let originals = match (&attributes, &wedges) {
+            (Some(attributes), Some(wedges)) if self.wants_fit::<M>() && attributes.lanes() > 0 => {
+                Some(fit::Originals::new(attributes, wedges))
+            }
+            _ => None,
+        };
+        let mut store = Store::<M>::new(points, faces, wedges, regions);
+        if recorded {
+            store.names = Some((0..store.t.len() as u32).collect());
+        }
+        if let Some(classes) = &options.region_classes {
+            store.classes = classes.to_vec();
+        }
+        if let Some(locked) = self.care.locked() {
+            store.lock(locked);
+        }
+        let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
+        engine.set_prices(self.care.prices());
+        if let Some(distance) = options.of_method.pairs {
+            engine.watch_pairs(pairs_reach(distance, frame, self.ordered.diagonal));
+        }
+        Ok(Started { engine, rows, originals, duplicate_faces, is_kept })
+    }
+
+    /// The regions of the ordered faces, where there are several.
+    fn regions(&self) -> Option<Vec<RegionId>> {
+        let regions = self.input.mesh?.regions()?;
+        regions
+            .iter()
+            .any(|r| *r != regions[0])
+            .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i], RegionId(0)))
+    }
+
+    pub(crate) fn wants_fit<M: Metric>(&self) -> bool {
+        match self.options.fit {
+            Fit::Off => false,
+            Fit::On => self.options.placement != Placement::Endpoint,
+            Fit::Auto => matches!(M::JUDGE, Judge::Engine) && self.options.placement == Placement::Optimal,
+        }
+    }
+
+    /// The wedges of the ordered faces, where there are attributes or regions.
+    fn corners(&self, faces: &[[VertexId; 3]], points: &[Vec3]) -> Corners {
+        let none = Corners { wedges: None, endpoints: None, rows: None };
+        let Some(mesh) = self.input.mesh.filter(|m| m.has_attributes() || m.regions().is_some()) else {
+            return none;
+        };
+        let mut wedges = self.ordered.wedges(&self.input.surface, mesh);
+        debug_assert_eq!(wedges.len(), faces.len());
+        if self.options.placement == Placement::Endpoint {
+            let uvs = mesh.uvs().map(<[_]>::to_vec);
+            let endpoints = Wedges { uvs, normals: mesh.normals().map(<[_]>::to_vec) };
+            return Corners { wedges: Some(wedges), endpoints: Some(endpoints), rows: None };
+        }
+        let Some((rows, mut attributes)) = Rows::new(mesh, |w| self.place(mesh, w)) else { return none };
+        for w in wedges.iter_mut().flatten() {
+            *w = rows.wedge_rows[w.index()];
+        }
+        if attributes.is_empty() && mesh.regions().is_none() {
+            // All the same everywhere: nothing to take along.
+            return Corners { wedges: None, endpoints: None, rows: Some((rows, None)) };
+        }
+        let edge = self.result_edge(faces, points);
+        let frame = self.ordered.frame;
+        let on = Ground { faces, wedges: &wedges, points, frame, edge };
+        rows.weigh(&mut attributes, &self.options.weights, &on);
+        Corners { wedges: Some(wedges), endpoints: None, rows: Some((rows, Some(attributes))) }
+    }
+
+    /// About how long the edges of the result will be, in the unit frame: those of equilateral triangles.
+    fn result_edge(&self, faces: &[[VertexId; 3]], points: &[Vec3]) -> f64 {
+        let doubled = |t: &[VertexId; 3]| {
+            let [a, b, c] = t.map(|v| points[v.index()]);
+            f64::from((b - a).cross(c - a).length())
+        };
+        let area = 0.5 * faces.iter().map(doubled).sum::<f64>();
+        let by_vertices = self.goal.vertices.map(|n| 2 * n);
+        let count = self.goal.faces.or(by_vertices).unwrap_or(faces.len() / 10).clamp(1, faces.len().max(1));
+        (area / (0.433 * count as f64)).sqrt()
+    }
+}
+
+/// How near vertices have to be that are contracted as pairs, in the unit frame. (A box has a diagonal below 2 there.)
+pub(super) fn pairs_reach(distance: Length, frame: order::Frame, diagonal: f64) -> f32 {
+    frame.unit_length(distance.in_units(diagonal)).min(2.0) as f32
+}

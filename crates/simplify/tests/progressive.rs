@@ -1,0 +1,527 @@
+//! Progressive meshes: both ways, to the bit.
+
+mod support;
+
+use std::collections::HashSet;
+use std::ops::Range;
+
+use lodsmith::core::measure::{CompareOptions, Prepared, compare_prepared};
+use lodsmith::core::{Positions, Splits, Topology, TriMesh, WedgeId, shapes};
+use lodsmith::{
+    BorderPolicy, Control, Length, Method, NoControl, Placement, Progressive, SimplifyError, SimplifyOptions,
+    Stage, Stop, TopologyPolicy, Verdict, simplify,
+};
+use support::laden::laden;
+use support::{Complaints, Random, bits, bytes, counts};
+
+const METHODS: [Method; 5] =
+    [Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax, Method::ShortestEdge];
+
+fn built(mesh: &TriMesh, options: &SimplifyOptions) -> Progressive {
+    Progressive::build(mesh, options, &mut NoControl).unwrap()
+}
+
+fn with(set: impl FnOnce(&mut SimplifyOptions)) -> SimplifyOptions {
+    let mut options = SimplifyOptions::default();
+    set(&mut options);
+    options
+}
+
+fn is_same(a: &TriMesh, b: &TriMesh) -> bool {
+    bytes(a) == bytes(b) && a.vertex_map().is_some() == b.vertex_map().is_some()
+}
+
+/// Down and up in steps of one: complaints where a level is not what it was, or no sound mesh.
+fn walk(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
+    let mut road = built(mesh, options);
+    let mut wrong = Vec::new();
+    if !is_same(&road.mesh().unwrap(), mesh) {
+        wrong.push("the full level is not the input".to_owned());
+    }
+    let before = counts(mesh);
+    let may_change = options.topology == TopologyPolicy::Free || options.of_method.pairs.is_some();
+    let mut levels = Vec::new();
+    loop {
+        let level = road.mesh().unwrap();
+        let surface = level.surface();
+        let topology = Topology::unwelded(&surface);
+        topology.check();
+        let now = topology.counts();
+        let number = road.level();
+        let is_mended = number < road.top();
+        if is_mended && !may_change && now.border_edge_count > before.border_edge_count {
+            wrong.push(format!("level {number} has more border edges"));
+        }
+        if is_mended && !may_change && now.non_manifold_edge_count > before.non_manifold_edge_count {
+            wrong.push(format!("level {number} has more non-manifold edges"));
+        }
+        let flat = surface.triangles().iter().filter(|t| t[0] == t[1] || t[1] == t[2] || t[2] == t[0]);
+        if is_mended && flat.count() > 0 {
+            wrong.push(format!("level {number} has degenerate faces"));
+        }
+        if (level.face_count(), level.vertex_count()) != (road.face_count(), road.vertex_count()) && is_mended
+        {
+            wrong.push(format!("level {number} has other counts than it says"));
+        }
+        levels.push(bytes(&level));
+        if road.level() == 0 {
+            break;
+        }
+        road.coarsen(1);
+    }
+    for (number, level) in levels.iter().rev().enumerate() {
+        if bytes(&road.mesh().unwrap()) != *level {
+            wrong.push(format!("level {number} is not the same upwards"));
+        }
+        road.refine(1);
+    }
+    wrong.truncate(3);
+    wrong
+}
+
+#[test]
+fn every_shape_goes_both_ways() {
+    let mut complaints = Complaints::default();
+    for (name, mesh) in shapes::all() {
+        complaints.add(name, walk(&mesh, &SimplifyOptions::default()));
+    }
+    complaints.settle();
+}
+
+#[test]
+fn every_method_goes_both_ways() {
+    let mut complaints = Complaints::default();
+    for method in METHODS {
+        for (name, mesh) in shapes::all().into_iter().filter(|s| s.1.face_count() < 350) {
+            for topology in [TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free] {
+                let options = with(|o| (o.method, o.topology) = (method, topology));
+                complaints.add(&format!("{name} {method:?} {topology:?}"), walk(&mesh, &options));
+            }
+        }
+    }
+    complaints.settle();
+}
+
+#[test]
+fn pairs_and_cuts_go_both_ways() {
+    let mut complaints = Complaints::default();
+    let mut options = SimplifyOptions::default();
+    options.of_method.pairs = Some(Length::OfDiagonal(0.3));
+    for (name, mesh) in [
+        ("tetrahedra", shapes::tetrahedra(8)),
+        ("soup", shapes::soup(40, 3)),
+        ("doubled sheet", shapes::doubled_sheet(4)),
+        ("parts", shapes::two_far_parts()),
+    ] {
+        for topology in [TopologyPolicy::Relaxed, TopologyPolicy::Free] {
+            for method in [Method::Memoryless, Method::Quadric] {
+                (options.topology, options.method) = (topology, method);
+                complaints.add(name, walk(&mesh, &options));
+            }
+        }
+    }
+    // A torus to four faces has to be cut.
+    let torus = shapes::torus(14, 8);
+    for placement in [Placement::Optimal, Placement::Endpoint] {
+        let options = with(|o| (o.placement, o.topology) = (placement, TopologyPolicy::Free));
+        let road = built(&torus, &options);
+        complaints.check("torus", road.splits().counts[0].faces < 14, "no neck was cut");
+        complaints.add("torus", walk(&torus, &options));
+    }
+    complaints.settle();
+}
+
+/// Meshes with attributes, seams, regions, locks, unused and doubled elements, in both precisions.
+#[test]
+fn laden_meshes_go_both_ways() {
+    let mut complaints = Complaints::default();
+    let mut random = Random(0x5eed_0016);
+    for round in 0..120 {
+        let all = shapes::all();
+        let (name, plain) = &all[random.below(all.len() as u64) as usize];
+        if plain.face_count() > 400 {
+            continue;
+        }
+        let mesh = laden(plain, &mut random);
+        let mut options = SimplifyOptions::default();
+        options.method = random.pick(&METHODS);
+        options.topology =
+            random.pick(&[TopologyPolicy::Relaxed, TopologyPolicy::Free, TopologyPolicy::Preserve]);
+        options.border = random.pick(&[BorderPolicy::Keep, BorderPolicy::Slide, BorderPolicy::Lock]);
+        options.shape_normals = random.below(4) == 0;
+        if options.method == Method::Memoryless {
+            options.placement = random.pick(&[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]);
+        }
+        options.weld = (random.below(4) == 0).then_some(Length::OfDiagonal(0.01));
+        options.prune = (random.below(4) == 0).then(|| Length::OfDiagonal(0.3 * random.unit()));
+        if random.below(3) == 0 {
+            options.locked = Some((0..mesh.vertex_count()).map(|_| random.below(5) == 0).collect());
+        }
+        let case = format!("{round}: {name}, {}", support::told(&options));
+        match Progressive::build(&mesh, &options, &mut NoControl) {
+            Ok(_) => complaints.add(&case, walk(&mesh, &options)),
+            Err(SimplifyError::NoFaces { .. }) => {}
+            Err(why) => complaints.add(&case, [why.to_string()]),
+        }
+    }
+    complaints.settle();
+}
+
+/// What the input has beside its surface comes back: doubled and degenerate faces, stray vertices, what is no number.
+#[test]
+fn broken_input_comes_back() {
+    let sphere = shapes::icosphere(2);
+    let Positions::F32(mut points) = sphere.positions().clone() else { panic!("shapes are single") };
+    let mut faces = sphere.surface().triangles().to_vec();
+    let n = points.len() as u32;
+    points.extend([[9.0; 3], [f32::NAN, 0.0, -0.0], points[5]]);
+    let id = lodsmith::core::VertexId;
+    faces.insert(7, faces[3]);
+    faces.insert(0, [id(4), id(4), id(9)]);
+    faces.push([id(1), id(2), id(n + 1)]);
+    faces.push([id(n + 2), id(5), id(6)]);
+    let swapped = faces.iter_mut().find(|t| t.contains(&id(5))).unwrap();
+    *swapped = swapped.map(|v| if v == id(5) { id(n + 2) } else { v });
+    let mesh = TriMesh::new(Positions::F32(points), faces).unwrap();
+    let mut road = built(&mesh, &SimplifyOptions::default());
+    assert!(is_same(&road.mesh().unwrap(), &mesh));
+    road.to_faces(20);
+    assert!(road.mesh().unwrap().positions().view().iter().flatten().all(f64::is_finite));
+    road.to_level(road.top());
+    assert!(is_same(&road.mesh().unwrap(), &mesh));
+}
+
+#[test]
+fn a_thousand_jumps_find_what_steps_find() {
+    let mut random = Random(16);
+    for mesh in
+        [shapes::blob(3, 5), support::charts::two_charts(8), laden(&shapes::torus(16, 10), &mut random)]
+    {
+        let mut road = built(&mesh, &SimplifyOptions::default());
+        let all: Vec<_> = (0..road.levels())
+            .map(|level| {
+                road.to_level(level);
+                (bytes(&road.mesh().unwrap()), bytes(&road.fitted_mesh().unwrap()))
+            })
+            .collect();
+        for _ in 0..1000 {
+            let level = random.below(all.len() as u64) as usize;
+            road.to_level(level);
+            assert_eq!(road.level(), level);
+            assert_eq!(bytes(&road.mesh().unwrap()), all[level].0);
+            assert_eq!(bytes(&road.fitted_mesh().unwrap()), all[level].1);
+        }
+    }
+}
+
+/// Buffers that are patched by what a move says changed are those of the road.
+#[test]
+fn changed_ranges_are_enough() {
+    fn patch<T: Copy>(own: &mut Vec<T>, now: &[T], ranges: &[Range<usize>], stride: usize) {
+        if own.is_empty() {
+            own.extend_from_slice(now);
+        }
+        for r in ranges {
+            own[r.start * stride..r.end * stride].copy_from_slice(&now[r.start * stride..r.end * stride]);
+        }
+    }
+    let mut random = Random(61);
+    for mesh in [shapes::blob(4, 9), laden(&shapes::torus(24, 14), &mut random)] {
+        let mut road = built(&mesh, &SimplifyOptions::default());
+        let (mut faces, mut map, mut values, mut places) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let width = road.layout().width();
+        let mut is_less = false;
+        let mut changed = road.to_level(usize::MAX);
+        patch(&mut faces, road.faces(), &[], 1);
+        patch(&mut map, road.vertex_map().unwrap_or_default(), &[], 1);
+        patch(&mut values, road.values(), &[], width);
+        patch(&mut places, &road.positions().iter().map(bits).collect::<Vec<_>>(), &[], 1);
+        for _ in 0..200 {
+            patch(&mut faces, road.faces(), &changed.faces, 1);
+            patch(
+                &mut map,
+                road.vertex_map().unwrap_or_default(),
+                match road.vertex_map() {
+                    Some(_) => &changed.wedges,
+                    None => &[],
+                },
+                1,
+            );
+            patch(&mut values, road.values(), &changed.wedges, width);
+            let now: Vec<_> = road.positions().iter().map(bits).collect();
+            patch(&mut places, &now, &changed.vertices, 1);
+            let counts = road.counts();
+            assert_eq!(faces[..road.face_count()], *road.faces());
+            assert_eq!(
+                map[..road.vertex_map().map_or(0, <[_]>::len)],
+                *road.vertex_map().unwrap_or_default()
+            );
+            let bits_of = |x: &[f32]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits_of(&values[..counts.wedges as usize * width]), bits_of(road.values()));
+            assert_eq!(places[..counts.vertices as usize], now);
+            let far = random.below(2) == 0;
+            let to = random.below(road.levels() as u64) as usize;
+            changed = match far {
+                true => road.to_level(to),
+                false if to > road.level() => road.refine(3),
+                false => road.coarsen(3),
+            };
+            let touched: usize = changed.faces.iter().map(Range::len).sum();
+            is_less |= touched > 0 && touched < road.face_count();
+        }
+        assert!(is_less || mesh.face_count() < 512, "every move changed everything");
+    }
+}
+
+#[test]
+fn counts_and_errors_lead_to_levels() {
+    let mesh = shapes::blob(4, 2);
+    let mut road = built(&mesh, &SimplifyOptions::default());
+    let full = road.mesh().unwrap();
+    for n in [1, 5, 77, 400, 2000, full.face_count(), usize::MAX] {
+        road.to_faces(n);
+        assert!(road.face_count() <= n || road.level() == 0, "{n}");
+        let next = road.splits().counts.get(road.level() + 1);
+        assert!(next.is_none_or(|c| c.faces as usize > n), "a finer level has {n} faces too");
+        road.to_vertices(n);
+        assert!(road.vertex_count() <= n || road.level() == 0);
+        assert!(road.mesh().unwrap().vertex_count() == road.vertex_count());
+    }
+    let mut last = f64::INFINITY;
+    for level in 0..road.levels() {
+        road.to_level(level);
+        assert!(road.error() <= last, "the error rises at {level}");
+        last = road.error();
+    }
+    assert_eq!(last, 0.0, "the full mesh is what it is");
+    for share in [0.0, 1e-4, 1e-3, 1e-2, 10.0] {
+        let limit = share * 2.0;
+        road.to_error(limit);
+        assert!(road.error() <= limit);
+        if road.level() > 0 {
+            road.coarsen(1);
+            assert!(road.error() > limit, "a coarser level is within {limit} too");
+        }
+    }
+}
+
+/// The estimate of a level against what is measured, and levels against single runs.
+#[test]
+fn levels_are_as_near_as_single_runs() {
+    for (name, mesh) in [("blob", shapes::blob(5, 1)), ("torus", shapes::torus(80, 40))] {
+        let reference = Prepared::new(&mesh.surface()).unwrap();
+        let rms = |m: &TriMesh| {
+            let candidate = Prepared::new(&m.surface()).unwrap();
+            compare_prepared(&reference, &candidate, &CompareOptions::default()).rms.symmetric
+        };
+        let mut road = built(&mesh, &SimplifyOptions::default());
+        for share in [0.6, 0.42, 0.25, 0.1, 0.03] {
+            let goal = (mesh.face_count() as f64 * share) as usize;
+            road.to_faces(goal);
+            let single = simplify(&mesh, &SimplifyOptions::new(Stop::faces(goal)), &mut NoControl).unwrap();
+            let (one, fitted) = (rms(&single.mesh), rms(&road.fitted_mesh().unwrap()));
+            assert!(fitted <= 1.08 * one, "{name} at {share}: {fitted} for {one}");
+            let estimate = road.error() / fitted;
+            assert!(
+                (0.4..2.5).contains(&estimate),
+                "{name} at {share}: estimate {estimate} of what is measured"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_fit_leaves_the_road_alone() {
+    let mesh = shapes::blob(4, 3);
+    let mut road = built(&mesh, &SimplifyOptions::default());
+    road.to_faces(300);
+    let plain = bytes(&road.mesh().unwrap());
+    let fitted = road.fitted_mesh().unwrap();
+    assert_ne!(bytes(&fitted), plain);
+    assert_eq!(bytes(&road.mesh().unwrap()), plain);
+    let positions: HashSet<_> = fitted.positions().view().iter().map(bits).collect();
+    let used: HashSet<_> = road.faces().iter().flatten().map(|w| w.index()).collect();
+    let live = road.fitted_positions();
+    let view = live.view();
+    let live = view.iter().enumerate().filter(|p| used.contains(&p.0)).map(|p| bits(p.1));
+    assert_eq!(live.collect::<HashSet<_>>(), positions);
+}
+
+/// Corrections of values, as a file may bring them: whole at their checkpoint, and normals stay of unit length.
+#[test]
+fn values_are_corrected_too() {
+    let mut mesh = shapes::blob(3, 3);
+    let normals = mesh.positions().view().iter().map(|_| [0.0, 0.0, 1.0]).collect();
+    mesh.set_normals(Some(normals)).unwrap();
+    let uvs = mesh.positions().view().iter().map(|p| [p[0] as f32, p[1] as f32]).collect();
+    mesh.set_uvs(Some(uvs)).unwrap();
+    let mut data = built(&mesh, &SimplifyOptions::default()).into_splits().into_data();
+    let c = &mut data.checkpoints[2];
+    let level = c.level as usize;
+    (c.wedges, c.changes) = (vec![WedgeId(0)], vec![0.0, 1.0, 0.0, 0.25, 0.0]);
+    data.original = None;
+    let mut road = Progressive::new(Splits::new(data).unwrap());
+    road.to_level(level);
+    let (plain, fitted) = (road.mesh().unwrap(), road.fitted_mesh().unwrap());
+    assert_eq!(fitted.uvs().unwrap()[0][0], plain.uvs().unwrap()[0][0] + 0.25);
+    assert_eq!(fitted.uvs().unwrap()[1..], plain.uvs().unwrap()[1..]);
+    let n = fitted.normals().unwrap()[0];
+    assert!((n[1] - 0.5f32.sqrt()).abs() < 1e-6 && (n[2] - 0.5f32.sqrt()).abs() < 1e-6, "{n:?}");
+}
+
+#[test]
+fn locked_vertices_stay_at_all_levels() {
+    let mut random = Random(5);
+    let mesh = laden(&shapes::torus(20, 12), &mut random);
+    let locked: Vec<bool> = (0..mesh.vertex_count()).map(|_| random.below(6) == 0).collect();
+    let options = with(|o| o.locked = Some(locked.clone().into()));
+    let mut road = built(&mesh, &options);
+    let view = mesh.positions().view();
+    let held: HashSet<_> = (0..locked.len())
+        .filter(|&v| locked[v])
+        .map(|v| bits(view.get(lodsmith::core::VertexId::new(v))))
+        .collect();
+    for level in (0..road.levels()).step_by(7) {
+        road.to_level(level);
+        for level in [road.mesh().unwrap(), road.fitted_mesh().unwrap()] {
+            let there: HashSet<_> = level.positions().view().iter().map(bits).collect();
+            assert!(held.is_subset(&there), "a locked vertex moved");
+        }
+    }
+}
+
+#[test]
+fn stops_bound_the_road() {
+    let mesh = shapes::blob(4, 4);
+    let at = |stop: Stop| built(&mesh, &SimplifyOptions::new(stop)).splits().counts[0];
+    let faces = at(Stop::faces(500)).faces;
+    assert!((480..=500).contains(&faces), "{faces}");
+    let vertices = at(Stop::vertices(300)).vertices;
+    assert!((290..=300).contains(&vertices), "{vertices}");
+    let road = built(&mesh, &SimplifyOptions::new(Stop::error(Length::OfDiagonal(0.002))));
+    let base = {
+        let mut base = road.clone();
+        base.to_level(0);
+        base
+    };
+    assert!(base.error() <= 0.002 * 4.0 && base.face_count() < 2000);
+    assert!(is_same(&road.mesh().unwrap(), &mesh));
+    let whole = built(&mesh, &SimplifyOptions::default());
+    assert!(whole.face_count() > base.face_count());
+    let (mut whole, level) = (whole.clone(), whole.level_of_faces(base.face_count()));
+    whole.to_level(level);
+    assert_eq!(bytes(&whole.mesh().unwrap()), bytes(&base.mesh().unwrap()));
+}
+
+#[test]
+fn a_road_of_splits_is_the_same_road() {
+    let mesh = support::charts::two_charts(10);
+    let mut road = built(&mesh, &SimplifyOptions::default());
+    let mut again = Progressive::new(Splits::new(road.splits().clone().into_data()).unwrap());
+    assert!(is_same(&again.mesh().unwrap(), &mesh));
+    for n in [10, 40, 100] {
+        road.to_faces(n);
+        again.to_faces(n);
+        assert_eq!(bytes(&road.fitted_mesh().unwrap()), bytes(&again.fitted_mesh().unwrap()));
+    }
+    let cut = road.clone().without_below(road.level());
+    assert_eq!((cut.level(), cut.face_count()), (0, road.face_count()));
+    assert_eq!(bytes(&cut.fitted_mesh().unwrap()), bytes(&road.fitted_mesh().unwrap()));
+    let mut cut = cut;
+    cut.to_level(cut.top());
+    assert!(is_same(&cut.mesh().unwrap(), &mesh));
+    // Without the numbers of the original the order is that of birth, and nothing else differs.
+    let mut data = road.into_splits().into_data();
+    data.original = None;
+    let bare = Progressive::new(Splits::new(data).unwrap());
+    assert_eq!(bare.mesh().unwrap().face_count(), mesh.face_count());
+}
+
+#[test]
+fn equal_runs_record_equal_splits() {
+    let mut random = Random(77);
+    let mesh = laden(&shapes::noisy_sphere(3, 0.02, 1), &mut random);
+    let [a, b] = [0, 1].map(|_| built(&mesh, &SimplifyOptions::default()).into_splits());
+    assert_eq!(format!("{a:?}"), format!("{b:?}"));
+}
+
+/// Answers after so many questions.
+struct After(usize, Verdict);
+
+impl Control for After {
+    fn stage(&mut self, _: Stage) {}
+    fn progress(&mut self, done: f64) -> Verdict {
+        assert!((0.0..=1.0).contains(&done));
+        self.0 = self.0.saturating_sub(1);
+        if self.0 == 0 { self.1 } else { Verdict::Continue }
+    }
+}
+
+#[test]
+fn a_caller_may_end_it() {
+    let mesh = shapes::blob(4, 6);
+    for n in [1, 2, 5, 9] {
+        let cancelled =
+            Progressive::build(&mesh, &SimplifyOptions::default(), &mut After(n, Verdict::Cancel));
+        assert!(matches!(cancelled, Err(SimplifyError::Cancelled)), "{n}");
+        let road =
+            Progressive::build(&mesh, &SimplifyOptions::default(), &mut After(n, Verdict::Finish)).unwrap();
+        assert!(is_same(&road.mesh().unwrap(), &mesh));
+    }
+}
+
+#[test]
+fn what_has_no_road_is_said() {
+    let mesh = shapes::icosphere(2);
+    for method in Method::ALL.into_iter().filter(|m| !METHODS.contains(m)) {
+        let options = with(|o| o.method = method);
+        let refused = Progressive::build(&mesh, &options, &mut NoControl);
+        let why = refused.unwrap_err().to_string();
+        assert!(why.contains(method.name()) && why.contains("lindstrom-turk"), "{why}");
+    }
+    let options = with(|o| o.escalate = true);
+    assert!(Progressive::build(&mesh, &options, &mut NoControl).is_err());
+    let nothing = TriMesh::new(Positions::F32(Vec::new()), Vec::new()).unwrap();
+    let refused = Progressive::build(&nothing, &SimplifyOptions::default(), &mut NoControl);
+    assert!(matches!(refused, Err(SimplifyError::NoFaces { faces: 0 })));
+}
+
+/// Splits whose numbers are changed by chance are refused, or walked without a panic.
+#[test]
+fn spoiled_splits_are_refused_or_walked() {
+    let mesh = support::charts::two_charts(6);
+    let good = built(&mesh, &SimplifyOptions::default()).into_splits();
+    let mut random = Random(99);
+    let (mut refused, mut walked) = (0, 0);
+    for _ in 0..600 {
+        let mut data = good.clone().into_data();
+        let mut any = |n: usize| random.below(n.max(1) as u64) as usize;
+        let value = [0, 1, 7, 30, u32::MAX, 1 << 30][any(6)];
+        match any(8) {
+            0 => data.faces[any(good.faces.len())][any(3)] = WedgeId(value),
+            1 => data.corners.at[any(good.corners.at.len())] = value,
+            2 => data.corners.to[any(good.corners.at.len())] = WedgeId(value),
+            3 => data.corners.ends[any(good.corners.ends.len())] = value,
+            4 => data.counts[any(good.counts.len())].wedges = value,
+            5 => data.counts[any(good.counts.len())].faces = value,
+            6 => data.checkpoints[any(good.checkpoints.len())].level = value,
+            _ => {
+                if let Some(map) = &mut data.vertex_of {
+                    map[any(good.counts[0].wedges as usize)].0 = value;
+                }
+            }
+        }
+        match Splits::new(data) {
+            Err(_) => refused += 1,
+            Ok(splits) => {
+                walked += 1;
+                let mut road = Progressive::new(splits);
+                for level in [0, road.top() / 2, road.top()] {
+                    road.to_level(level);
+                    assert!(road.mesh().is_ok() && road.fitted_mesh().is_ok());
+                }
+            }
+        }
+    }
+    assert!(refused > 100 && walked > 100, "{refused} {walked}");
+}
