@@ -27,8 +27,8 @@ enum FitCode {
 }
 
 /// A fit is rounded to steps not larger than this share of the error that it leaves. An error of even spread is then
-/// 0.29 / 8 of it along the normal, which together makes 0.07 % more.
-const SHARE: f64 = 8.0;
+/// 0.29 / 4 of it along the normal, which together makes 0.3 % more.
+const SHARE: f64 = 4.0;
 /// Changes of values are rounded to this share of the largest.
 const OF_LARGEST: f64 = 256.0;
 /// Stands for floats.

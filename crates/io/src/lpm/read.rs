@@ -24,6 +24,7 @@ pub struct LpmReader<R> {
     warnings: Vec<Warning>,
     sizes: LpmSizes,
     limits: Limits,
+    unpacked: u64,
     state: State,
     steps: Steps,
     checkpoints: Checkpoints,
@@ -93,6 +94,7 @@ impl<R: Read> LpmReader<R> {
             warnings: Vec::new(),
             sizes: LpmSizes::default(),
             limits,
+            unpacked: 0,
             state: State::Open,
             steps: Steps::new(shape),
             checkpoints: Checkpoints::default(),
@@ -267,6 +269,18 @@ impl<R: Read> LpmReader<R> {
         let changes = [data.corners.at.len(), data.owners.at.len(), data.rows.at.len(), data.places.at.len()];
         if changes.into_iter().any(has_more_than_numbers) {
             return Err(Damaged("more changes than numbers can name"));
+        }
+        let width = head.width() as u64;
+        let sizes = [
+            (step.faces.len(), 24),
+            (step.vertex_of.len() + step.changed.len(), 16 + 8 * width),
+            (step.places.len() + step.moved.len(), 48),
+            (step.corners.len() + step.owners.len(), 8),
+        ];
+        // About what it takes in memory.
+        self.unpacked += sizes.iter().map(|(count, size)| *count as u64 * size).sum::<u64>();
+        if self.unpacked > self.limits.bytes {
+            return Err(Damaged("more is unpacked than the limit allows"));
         }
         walk.take(step);
         data.faces.extend(step.faces.iter().map(|f| f.map(WedgeId)));

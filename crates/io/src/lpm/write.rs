@@ -34,7 +34,7 @@ const FEWER: u8 = 4;
 ///
 /// Within a split, changes are written in the order of their elements; of two changes of one element the later. Splits
 /// that are in that order come back bit for bit unless [`LpmOptions::bits`] is given, but for the fits of checkpoints, which
-/// are rounded to an eighth of the error that they leave. With bits, positions and attributes
+/// are rounded to a quarter of the error that they leave. With bits, positions and attributes
 /// are rounded, and the numbers of the original are left out.
 ///
 /// Cost: O(n).
