@@ -16,6 +16,8 @@ const AFTER_BUILD: &str = "\
 The file holds the base mesh and every step back to the input. Without --bits the input comes out as it went in, to the
 last bit and in its order; with it, positions and attributes are rounded and the order of vertices and faces is not kept.
 
+Methods and presets are those of `lodsmith simplify --help`; methods that make a new mesh at once cannot be recorded.
+
 Examples:
   lodsmith progressive build bunny.obj -o bunny.lpm
   lodsmith progressive build scan.ply -o scan.lpm --bits 16 --ratio 0.01";
@@ -51,7 +53,7 @@ pub(crate) struct BuildArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8)
           .range(i64::from(LEAST_BITS)..=i64::from(MOST_BITS)), help_heading = "Writing")]
     pub(crate) bits: Option<u8>,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Base (the first one met stops; without any, as far as it goes)")]
     pub(crate) target: Target,
     #[command(flatten)]
     pub(crate) how: How,
@@ -64,7 +66,7 @@ pub(crate) struct BuildArgs {
     /// Format of the input, whatever its content
     #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
     pub(crate) from: Option<Format>,
-    /// Images of materials go into the file (copy), or stay away (none)
+    /// Images of materials go into the file (copy, link), or stay away (none)
     #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "Writing")]
     textures: TexturesChoice,
     /// Overwrite a write-protected output too; a folder is never overwritten
@@ -108,7 +110,10 @@ pub(crate) struct ExtractArgs {
     /// The file to write; `-` is standard output
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: Sink,
-    #[command(flatten)]
+    #[command(
+        flatten,
+        next_help_heading = "Level (the first one met on the way down; without any, the finest)"
+    )]
     pub(crate) target: Target,
     /// The level as it stands on the road, without the fit that checkpoints hold
     #[arg(long)]
