@@ -22,7 +22,7 @@ impl Default for Bit {
     }
 }
 
-// Measured: 5 and 7 give files within 0.3 % of the best pair for meshes of 3,000 to 500,000 faces.
+// Guessed: the one soon knows a new mesh, the other is right in the long run.
 const FAST: u32 = 5;
 const SLOW: u32 = 7;
 
