@@ -6,6 +6,7 @@ mod clusters;
 mod lod;
 mod methods;
 mod of_method;
+mod progressive;
 mod render;
 mod scope;
 mod simplify;
@@ -22,8 +23,9 @@ pub(crate) use clean::CleanArgs;
 pub(crate) use clusters::{BuildArgs, ClustersCommand, CutArgs, LevelsArgs};
 pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
-pub(crate) use simplify::{How, Importance, Normals, SimplifyArgs};
+pub(crate) use progressive::{ExtractArgs, LpmBuildArgs, LpmInfoArgs, Progressive};
 pub(crate) use render::{LookArgs, PlaceArgs, RenderArgs};
+pub(crate) use simplify::{How, Importance, Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
 use crate::file::{Sink, Source};
@@ -60,6 +62,9 @@ pub(crate) enum Command {
     Clusters(ClustersCommand),
     /// Every method on one model: time, error, validity
     Methods(Box<MethodsArgs>),
+    /// A mesh that runs between all levels, in one file
+    #[command(subcommand)]
+    Progressive(Progressive),
     /// A picture, without a window
     Render(Box<RenderArgs>),
     /// A window: original and result side by side, live while you drag
@@ -102,7 +107,7 @@ impl Run {
 #[command(next_help_heading = "Writing")]
 pub(crate) struct Writing {
     /// Format of the output, whatever its ending
-    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
+    #[arg(long, value_name = "FORMAT", value_parser = values::written_format())]
     pub(crate) to: Option<Format>,
     /// Text instead of binary (PLY, STL)
     #[arg(long)]

@@ -10,6 +10,7 @@ mod info;
 mod lod;
 mod man;
 mod methods;
+mod progressive;
 mod render;
 mod simplify;
 mod view;
@@ -31,6 +32,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Clean(args) => clean::run(&args),
         Command::Clusters(command) => clusters::run(&command),
         Command::Methods(args) => methods::run(&args),
+        Command::Progressive(action) => progressive::run(&action),
         Command::Render(args) => render::run(&args),
         Command::View(args) => view::run(&args),
         Command::Completions { shell } => completions::run(shell),

@@ -8,11 +8,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::anyhow;
-use lodsmith::core::TriMesh;
+use lodsmith::core::{Splits, TriMesh};
 use lodsmith_io::gltf::{Scene, SceneLevels};
+use lodsmith_io::lpm::{self, LpmWritten};
 use lodsmith_io::sniff::hint_of;
 use lodsmith_io::{
-    Format, Loaded, ModelFile, ReadError, ReadOptions, Regions, Warning, WriteError, WriteOptions,
+    Format, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Warning, WriteError, WriteOptions,
 };
 
 use crate::args::Writing;
@@ -180,10 +181,14 @@ pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Forma
         Sink::Path(path) => hint_of(path),
         Sink::Stdout => None,
     };
-    to.or(hint).ok_or_else(|| match sink {
-        Sink::Stdout => exit::usage("standard output has no ending: say the format with --to"),
-        Sink::Path(path) => exit::usage(WriteError::UnknownFormat { path: path.clone() }.to_string()),
-    })
+    match (to.or(hint), sink) {
+        (Some(Format::Lpm), _) => Err(exit::usage(WriteError::NeedsSplits.to_string())),
+        (Some(format), _) => Ok(format),
+        (None, Sink::Stdout) => Err(exit::usage("standard output has no ending: say the format with --to")),
+        (None, Sink::Path(path)) => {
+            Err(exit::usage(WriteError::UnknownFormat { path: path.clone() }.to_string()))
+        }
+    }
 }
 
 /// A sink that is a folder is a fault of the command line.
@@ -246,7 +251,7 @@ pub(crate) fn write_other(
     to_stream: impl FnOnce(&mut dyn io::Write) -> Result<(), WriteError>,
     to_path: impl FnOnce(&Path) -> Result<(), WriteError>,
 ) -> anyhow::Result<()> {
-    let nothing = |()| Vec::new();
+    let nothing = |()| Vec::<Warning>::new();
     write_with(sink, force, |out| to_stream(out).map(nothing), |path, _| to_path(path).map(nothing)).map(drop)
 }
 
@@ -307,15 +312,48 @@ pub(crate) fn write_text(text: &str, path: &Path, force: bool) -> anyhow::Result
     written.map_err(|e| anyhow!("{}: cannot write: {e}", path.display()))
 }
 
-fn write_with(
+/// Writes a progressive mesh; in all else as [`write()`].
+pub(crate) fn write_lpm(
+    splits: &Splits,
+    regions: &Regions,
+    sink: &Sink,
+    options: &LpmOptions,
+    force: bool,
+) -> anyhow::Result<LpmWritten> {
+    let stream = |source| WriteError::Io { path: "output stream".into(), source };
+    write_with(
+        sink,
+        force,
+        |out| lpm::write(splits, Some(regions), options, &mut io::BufWriter::new(out)).map_err(stream),
+        |path, _| lpm::write_path(splits, Some(regions), options, path),
+    )
+}
+
+/// Reads a progressive mesh, or the beginning of one. The error does not name the source.
+pub(crate) fn read_lpm(source: &Source) -> anyhow::Result<Lpm> {
+    let options = ReadOptions::default();
+    match source {
+        Source::Path(path) => {
+            let file = fs::File::open(path).map_err(|e| match e.kind() {
+                ErrorKind::NotFound => anyhow!("cannot read: there is no such file"),
+                _ => anyhow!("cannot read: {e}"),
+            })?;
+            lpm::read(io::BufReader::new(file), &options)
+        }
+        Source::Stdin => lpm::read(io::stdin().lock(), &options),
+    }
+    .map_err(unnamed)
+}
+
+fn write_with<T: Default>(
     sink: &Sink,
     force: bool,
-    to_stream: impl FnOnce(&mut dyn io::Write) -> Result<Vec<Warning>, WriteError>,
-    to_path: impl FnOnce(&Path, Option<&Path>) -> Result<Vec<Warning>, WriteError>,
-) -> anyhow::Result<Vec<Warning>> {
+    to_stream: impl FnOnce(&mut dyn io::Write) -> Result<T, WriteError>,
+    to_path: impl FnOnce(&Path, Option<&Path>) -> Result<T, WriteError>,
+) -> anyhow::Result<T> {
     match sink {
         Sink::Stdout => match to_stream(&mut io::stdout().lock()) {
-            Err(WriteError::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => Ok(Vec::new()),
+            Err(WriteError::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => Ok(T::default()),
             Err(WriteError::Io { source, .. }) => Err(anyhow!("cannot write to standard output: {source}")),
             result => result.map_err(told),
         },
@@ -357,18 +395,18 @@ pub(crate) fn scene_losses(
 }
 
 /// Puts a new file in the place of one that may not be written to, by way of a neighbour.
-fn replace(
+fn replace<T>(
     path: &Path,
-    write: impl FnOnce(&Path, Option<&Path>) -> Result<Vec<Warning>, WriteError>,
-) -> anyhow::Result<Vec<Warning>> {
+    write: impl FnOnce(&Path, Option<&Path>) -> Result<T, WriteError>,
+) -> anyhow::Result<T> {
     let target = fs::canonicalize(path)?;
     let mut name = OsString::from(format!(".lodsmith-{}-", std::process::id()));
     name.push(target.file_name().unwrap_or_default());
     let neighbour = target.with_file_name(name);
     let written = write(&neighbour, Some(path)).map_err(told);
-    let moved = written.and_then(|warnings| {
+    let moved = written.and_then(|value| {
         fs::rename(&neighbour, &target).map_err(|e| anyhow!("{}: cannot write: {e}", path.display()))?;
-        Ok(warnings)
+        Ok(value)
     });
     if moved.is_err() {
         let _ = fs::remove_file(&neighbour);

@@ -72,3 +72,23 @@ fn options_of_later_releases_are_not_known() {
 fn help_of_render() {
     insta::assert_snapshot!(help(&["render"]));
 }
+
+#[test]
+fn help_of_progressive() {
+    insta::assert_snapshot!(help(&["progressive"]));
+}
+
+#[test]
+fn help_of_progressive_build() {
+    insta::assert_snapshot!(help(&["progressive", "build"]));
+}
+
+#[test]
+fn help_of_progressive_extract() {
+    insta::assert_snapshot!(help(&["progressive", "extract"]));
+}
+
+#[test]
+fn help_of_progressive_info() {
+    insta::assert_snapshot!(help(&["progressive", "info"]));
+}

@@ -46,7 +46,7 @@ pub enum ReadError {
     #[error("{0}")]
     Unsupported(String),
     /// No format is recognised.
-    #[error("not a mesh in any known format (OBJ, OFF, PLY, STL, glTF, GLB): {0}")]
+    #[error("not a mesh in any known format (OBJ, OFF, PLY, STL, glTF, GLB, LPM): {0}")]
     Unknown(String),
     /// A limit stands against it.
     #[error("{what} is {size}, above the limit of {limit}")]
@@ -125,6 +125,9 @@ pub enum WriteError {
         /// The target.
         path: PathBuf,
     },
+    /// The format holds more than a mesh.
+    #[error("LPM holds a progressive mesh, not a mesh alone: `lodsmith progressive build` writes one")]
+    NeedsSplits,
     /// The mesh is too large for the format.
     #[error("{format} cannot hold {what}")]
     TooLarge {

@@ -16,13 +16,17 @@ pub enum Format {
     Gltf,
     /// glTF 2.0 in one binary file.
     Glb,
+    /// A progressive mesh; read at its full level.
+    Lpm,
 }
 
 impl Format {
     /// All of them.
-    pub const ALL: [Self; 6] = [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Gltf, Self::Glb];
+    pub const ALL: [Self; 7] = [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Gltf, Self::Glb, Self::Lpm];
+    /// Those that a mesh alone can be written in.
+    pub const WRITTEN: [Self; 6] = [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Gltf, Self::Glb];
 
-    /// Its name, which is also the usual ending of its files: `obj`, `off`, `ply`, `stl`, `gltf`, `glb`.
+    /// Its name, which is also the usual ending of its files: `obj`, `off`, `ply`, `stl`, `gltf`, `glb`, `lpm`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Obj => "obj",
@@ -31,10 +35,11 @@ impl Format {
             Self::Stl => "stl",
             Self::Gltf => "gltf",
             Self::Glb => "glb",
+            Self::Lpm => "lpm",
         }
     }
 
-    /// Its name as people write it: `OBJ`, `OFF`, `PLY`, `STL`, `glTF`, `GLB`.
+    /// Its name as people write it: `OBJ`, `OFF`, `PLY`, `STL`, `glTF`, `GLB`, `LPM`.
     pub const fn title(self) -> &'static str {
         match self {
             Self::Obj => "OBJ",
@@ -43,6 +48,7 @@ impl Format {
             Self::Stl => "STL",
             Self::Gltf => "glTF",
             Self::Glb => "GLB",
+            Self::Lpm => "LPM",
         }
     }
 

@@ -13,6 +13,7 @@
 mod image_sizes;
 mod looks;
 mod materials;
+mod packed;
 mod read;
 mod regions;
 mod stream;

@@ -204,6 +204,7 @@ fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Res
         Format::Stl => crate::stl::read(if is_binary_stl(&bytes) { &bytes } else { &text }, options),
         Format::Gltf => crate::gltf::read(&text, options),
         Format::Glb => crate::gltf::read(&bytes, options),
+        Format::Lpm => crate::lpm::read_mesh(&bytes, options),
     }?;
     with_hint(loaded, hint, options)
 }

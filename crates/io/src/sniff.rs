@@ -13,6 +13,9 @@ pub fn sniff(bytes: &[u8], hint: Option<Format>) -> Option<Format> {
     if bytes.starts_with(b"glTF") {
         return Some(Format::Glb);
     }
+    if bytes.starts_with(&crate::lpm::MAGIC) {
+        return Some(Format::Lpm);
+    }
     if is_ply(bytes) {
         return Some(Format::Ply);
     }

@@ -220,6 +220,7 @@ fn write_format(
             // The module tells the two apart by this.
             crate::gltf::write(mesh, &WriteOptions { format: Some(format), ..options.clone() }, out)
         }
+        Format::Lpm => Err(io::Error::other(WriteError::NeedsSplits)),
     }?;
     out.flush()?;
     let regions = options.regions.as_deref();

@@ -92,7 +92,10 @@ fn what_is_no_mesh_is_refused() {
         ("\u{1}\u{2}\u{3}", "its first bytes are of none of them"),
     ] {
         let got = error_of(text);
-        assert_eq!(got, format!("not a mesh in any known format (OBJ, OFF, PLY, STL, glTF, GLB): {wanted}"));
+        assert_eq!(
+            got,
+            format!("not a mesh in any known format (OBJ, OFF, PLY, STL, glTF, GLB, LPM): {wanted}")
+        );
     }
     assert_eq!(error_of(THREE), "no faces in the file (3 vertices): nothing to work on");
 }

@@ -6,7 +6,7 @@ use lodsmith_io::{Format, ReadOptions, WriteOptions, read_bytes, write_to};
 
 /// All kinds of files; the flag asks for text.
 fn kinds() -> impl Iterator<Item = (Format, bool)> {
-    Format::ALL.into_iter().flat_map(|format| [(format, false), (format, true)])
+    Format::WRITTEN.into_iter().flat_map(|format| [(format, false), (format, true)])
 }
 
 fn again(mesh: &TriMesh, (format, ascii): (Format, bool)) -> TriMesh {

@@ -28,7 +28,10 @@ pub(crate) struct MethodsArgs {
     /// The file to make lighter; `-` is standard input
     #[arg(value_name = "IN")]
     pub(crate) input: Source,
-    #[command(flatten)]
+    #[command(
+        flatten,
+        next_help_heading = "Target (the first one met stops; one at least, unless the method ends by itself)"
+    )]
     pub(crate) target: Target,
     /// Only this one; may be repeated [default: all]
     #[arg(long, value_name = "METHOD", value_enum, help_heading = "How")]

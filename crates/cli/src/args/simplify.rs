@@ -55,7 +55,10 @@ pub(crate) struct SimplifyArgs {
     /// Names of the results in the folder
     #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_low.{ext}", requires = "out_dir")]
     pub(crate) name: String,
-    #[command(flatten)]
+    #[command(
+        flatten,
+        next_help_heading = "Target (the first one met stops; one at least, unless the method ends by itself)"
+    )]
     pub(crate) target: Target,
     #[command(flatten)]
     pub(crate) how: How,
@@ -99,9 +102,6 @@ pub(crate) struct SimplifyArgs {
 
 /// When to stop.
 #[derive(Args, Debug)]
-#[command(
-    next_help_heading = "Target (the first one met stops; one at least, unless the method ends by itself)"
-)]
 pub(crate) struct Target {
     /// So many triangles
     #[arg(long, value_name = "N", value_parser = values::count)]

@@ -102,6 +102,12 @@ pub(crate) fn format() -> impl TypedValueParser<Value = Format> {
         .map(|name| Format::from_name(&name).expect("the words are the names of formats"))
 }
 
+/// A format that a mesh is written in, by its name.
+pub(crate) fn written_format() -> impl TypedValueParser<Value = Format> {
+    PossibleValuesParser::new(Format::WRITTEN.map(Format::name))
+        .map(|name| Format::from_name(&name).expect("the words are the names of formats"))
+}
+
 /// A part of a whole: above 0, up to 1.
 pub(crate) fn ratio(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0 && x <= 1.0, "it must be above 0 and not above 1")

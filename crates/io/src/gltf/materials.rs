@@ -48,8 +48,12 @@ pub(super) fn regions(
     }
     let mut scribe = Scribe::new(json, buffers, file_bytes);
     let names: Vec<Option<String>> = order.iter().map(|m| m.map(|m| scribe.material(m, &all[m]))).collect();
-    let made =
-        Made { images: scribe.images, unsaid: scribe.unsaid.into_iter().collect(), missing: scribe.missing };
+    let made = Made {
+        images: scribe.images,
+        unsaid: scribe.unsaid.into_iter().collect(),
+        missing: scribe.missing,
+        tints: true,
+    };
     let library = Library::made(scribe.text, folder, made);
     let mut ids = Vec::new();
     if order.len() > 1 {

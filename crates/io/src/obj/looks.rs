@@ -154,7 +154,7 @@ impl Seen {
                 continue;
             }
             let Some(at) = present else { continue };
-            looks.all[at].is_tinted = library.is_made();
+            looks.all[at].is_tinted = library.is_tinted();
             let raw: Vec<f64> = String::from_utf8_lossy(&line[rest..])
                 .split_ascii_whitespace()
                 .map_while(|word| word.parse().ok())

@@ -40,6 +40,8 @@ pub(crate) struct Made {
     pub(crate) unsaid: Vec<String>,
     /// Images that it should name, and why it does not.
     pub(crate) missing: Vec<String>,
+    /// Whether its colours count where there is an image too.
+    pub(crate) tints: bool,
 }
 
 /// An image that is no file.
@@ -63,12 +65,17 @@ impl Library {
         Self { name, text: None, folders: Vec::new(), made: None }
     }
     /// One that is no file; its other textures are looked for in the folder.
-    pub(crate) fn made(text: String, folder: Option<&Path>, mut made: Made) -> Self {
-        made.images.sort_unstable_by(|a, b| a.name.cmp(&b.name));
+    pub(crate) fn made(text: String, folder: Option<&Path>, made: Made) -> Self {
+        let folders = folder.map(Path::to_owned).into_iter().collect();
+        Self { folders, ..Self::packed(text.as_bytes(), made) }
+    }
+    /// One that is no file, and has all of its textures inside.
+    pub(super) fn packed(text: &[u8], mut made: Made) -> Self {
+        made.images.sort_by(|a, b| a.name.cmp(&b.name));
         Self {
             name: Arc::default(),
-            text: Some(text.into_bytes().into()),
-            folders: folder.map(Path::to_owned).into_iter().collect(),
+            text: Some(text.into()),
+            folders: Vec::new(),
             made: Some(Arc::new(made)),
         }
     }
@@ -84,6 +91,11 @@ impl Library {
     /// Whether it is no file.
     pub(super) fn is_made(&self) -> bool {
         self.made.is_some()
+    }
+
+    /// Whether its colours count where there is an image too: many programs write files in which they do not.
+    pub(super) fn is_tinted(&self) -> bool {
+        self.made.as_ref().is_some_and(|made| made.tints)
     }
 
     /// What it had to leave out, where it was made from another format.
@@ -141,7 +153,7 @@ fn read_library(library: &mut Library, folder: &Path, left: &mut u64) -> Result<
 }
 
 /// How many materials the file or its libraries name, and how many textures the libraries do.
-fn counts(regions: &Regions) -> (usize, usize) {
+pub(super) fn counts(regions: &Regions) -> (usize, usize) {
     let mut materials: HashSet<&[u8]> = regions.materials().collect();
     let mut textures = HashSet::new();
     for text in regions.libraries.iter().filter_map(Library::text) {

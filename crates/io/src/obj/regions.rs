@@ -11,7 +11,7 @@ use lodsmith_core::RegionId;
 use super::materials::Library;
 
 /// No name: no such line stands above.
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// The lines that hold for the faces below them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,11 +67,11 @@ impl<'a> Region<'a> {
 /// file only materials make regions, and those without one come first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Regions {
-    names: Vec<Arc<[u8]>>,
+    pub(super) names: Vec<Arc<[u8]>>,
     /// A name, or [`NONE`], for each [`Heading`].
-    entries: Vec<[u32; 4]>,
+    pub(super) entries: Vec<[u32; 4]>,
     /// The names of all materials that the file asks for, by their numbers.
-    materials: Vec<u32>,
+    pub(super) materials: Vec<u32>,
     pub(super) libraries: Vec<Library>,
 }
 

@@ -1,0 +1,156 @@
+//! What can be typed after `lodsmith progressive`.
+
+use clap::{Args, Subcommand};
+use lodsmith::{SimplifyOptions, Stop};
+use lodsmith_io::Format;
+use lodsmith_io::lpm::{LEAST_BITS, LpmOptions, MOST_BITS};
+use serde_json::Value;
+
+use super::of_method::OfMethod;
+use super::scope::Scope;
+use super::simplify::{GuardArgs, How, Shared, Target};
+use super::{Run, TexturesChoice, Writing, values};
+use crate::file::{Sink, Source};
+
+const AFTER_BUILD: &str = "\
+The file holds the base mesh and every step back to the input. Without --bits the input comes out as it went in, to the
+last bit and in its order; with it, positions and attributes are rounded and the order of vertices and faces is not kept.
+
+Methods and presets are those of `lodsmith simplify --help`; methods that make a new mesh at once cannot be recorded.
+
+Examples:
+  lodsmith progressive build bunny.obj -o bunny.lpm
+  lodsmith progressive build scan.ply -o scan.lpm --bits 16 --ratio 0.01";
+
+const AFTER_EXTRACT: &str = "\
+Without a target the finest level is written. A file that ends too early gives what it has, with a warning.
+
+Examples:
+  lodsmith progressive extract bunny.lpm -o low.glb --faces 2000
+  head -c 100000 bunny.lpm | lodsmith progressive extract - -o preview.ply";
+
+/// What is done with progressive meshes.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Progressive {
+    /// Simplify as far as it goes, and keep every step back
+    Build(Box<LpmBuildArgs>),
+    /// Take one level out
+    Extract(Box<ExtractArgs>),
+    /// What is in the file
+    Info(LpmInfoArgs),
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = AFTER_BUILD)]
+pub(crate) struct LpmBuildArgs {
+    /// The mesh to begin with; `-` is standard input
+    #[arg(value_name = "IN")]
+    pub(crate) input: Source,
+    /// The file to write; `-` is standard output
+    #[arg(short, long, value_name = "OUT.lpm")]
+    pub(crate) output: Sink,
+    /// Bits of a coordinate, on a grid; without it every bit is kept
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8)
+          .range(i64::from(LEAST_BITS)..=i64::from(MOST_BITS)), help_heading = "Writing")]
+    pub(crate) bits: Option<u8>,
+    #[command(flatten, next_help_heading = "Base (the first one met stops; without any, as far as it goes)")]
+    pub(crate) target: Target,
+    #[command(flatten)]
+    pub(crate) how: How,
+    #[command(flatten)]
+    of_method: OfMethod,
+    #[command(flatten)]
+    scope: Scope,
+    #[command(flatten)]
+    guards: GuardArgs,
+    /// Format of the input, whatever its content
+    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
+    pub(crate) from: Option<Format>,
+    /// Images of materials go into the file (copy, link), or stay away (none)
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "Writing")]
+    textures: TexturesChoice,
+    /// Overwrite a write-protected output too; a folder is never overwritten
+    #[arg(long, help_heading = "Writing")]
+    pub(crate) force: bool,
+    /// One JSON object
+    #[arg(long, help_heading = "Run")]
+    pub(crate) json: bool,
+    /// End with status 3 if data are dropped
+    #[arg(long, help_heading = "Run")]
+    pub(crate) strict: bool,
+    /// Equal seeds give equal results
+    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Run")]
+    seed: u64,
+    #[command(flatten)]
+    pub(crate) run: Run,
+}
+
+impl LpmBuildArgs {
+    /// What the engine is told.
+    pub(crate) fn options(&self) -> SimplifyOptions {
+        let Self { how, of_method, scope, guards, seed, .. } = self;
+        Shared { how, of_method, scope, guards, seed: *seed }.options(self.target.stop())
+    }
+    /// What the writer is told.
+    pub(crate) fn writing(&self) -> LpmOptions {
+        let mut options = LpmOptions::default();
+        options.bits = self.bits;
+        options.with_textures = !matches!(self.textures, TexturesChoice::None);
+        options
+    }
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = AFTER_EXTRACT)]
+pub(crate) struct ExtractArgs {
+    /// The file to read; `-` is standard input
+    #[arg(value_name = "IN.lpm")]
+    pub(crate) input: Source,
+    /// The file to write; `-` is standard output
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: Sink,
+    #[command(
+        flatten,
+        next_help_heading = "Level (the first one met on the way down; without any, the finest)"
+    )]
+    pub(crate) target: Target,
+    /// The level as it stands on the road, without the fit that checkpoints hold
+    #[arg(long)]
+    pub(crate) no_fit: bool,
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+    /// Overwrite a write-protected output too; a folder is never overwritten
+    #[arg(long, help_heading = "Writing")]
+    pub(crate) force: bool,
+    /// One JSON object
+    #[arg(long, help_heading = "Run")]
+    pub(crate) json: bool,
+    /// End with status 3 if the target is not reached or data are dropped
+    #[arg(long, help_heading = "Run")]
+    pub(crate) strict: bool,
+    #[command(flatten)]
+    pub(crate) run: Run,
+}
+
+impl ExtractArgs {
+    /// Where to stop on the way down.
+    pub(crate) fn stop(&self) -> Stop {
+        self.target.stop()
+    }
+    /// What was asked for, by name.
+    pub(crate) fn target_json(&self) -> Value {
+        self.target.to_json()
+    }
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct LpmInfoArgs {
+    /// The file to look into; `-` is standard input
+    #[arg(value_name = "IN.lpm")]
+    pub(crate) input: Source,
+    /// One JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) run: Run,
+}

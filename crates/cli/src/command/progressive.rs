@@ -1,0 +1,275 @@
+//! `lodsmith progressive`: meshes that run between all levels, in one file.
+
+use std::time::Instant;
+
+use lodsmith::Progressive;
+use lodsmith::core::Splits;
+use lodsmith_io::lpm::LpmSizes;
+use lodsmith_io::{Format, Warning};
+use serde_json::{Map, Value, json};
+
+use super::{show_warnings, texts};
+use crate::args::{self, ExtractArgs, LpmBuildArgs, LpmInfoArgs};
+use crate::exit::{Status, usage};
+use crate::file::{self, Sink};
+use crate::numbers::{counted, grouped, micros, seconds, short};
+use crate::orient::orient;
+use crate::output::{self, Output};
+use crate::progress::Progress;
+use crate::watch::{Clock, Watch, not_interrupted};
+use crate::{care, in_order};
+
+/// Does what was typed behind it.
+pub(super) fn run(action: &args::Progressive) -> anyhow::Result<Status> {
+    match action {
+        args::Progressive::Build(args) => build(args),
+        args::Progressive::Extract(args) => extract(args),
+        args::Progressive::Info(args) => info(args),
+    }
+}
+
+fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
+    file::refuse_folder(&args.output, "")?;
+    let hint = match &args.output {
+        Sink::Path(path) => lodsmith_io::sniff::hint_of(path),
+        Sink::Stdout => None,
+    };
+    if let Some(other) = hint.filter(|&f| f != Format::Lpm) {
+        let text = format!("{}: the ending is that of {}, and the file is LPM", args.output, other.title());
+        return Err(usage(text));
+    }
+    let is_taken = args.output == Sink::Stdout;
+    if is_taken && args.json {
+        return Err(usage("standard output cannot carry the file and --json"));
+    }
+    let out = Output::new(&args.run, args.json, is_taken);
+    let progress = Progress::new(1, args.run.quiet);
+    let path = args.input.to_string();
+    let begin = Instant::now();
+    let built = in_order::pool(args.run.threads())?.install(|| {
+        let bar = progress.file(&path);
+        let mut clock = Clock::new();
+        bar.read();
+        clock.enter("read");
+        let loaded = file::read_with(&args.input, args.from, care::properties(&args.how))?;
+        let mut options = args.options();
+        care::of_mesh(&args.how, &loaded, &mut options)?;
+        let mut warnings = loaded.warnings;
+        if matches!(loaded.format, Format::Gltf | Format::Glb) && loaded.contents.meshes > 1 {
+            warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
+        }
+        let mut watch = Watch::new(&mut clock, &bar, None);
+        let road = not_interrupted(Progressive::build(&loaded.mesh, &options, &mut watch))?;
+        watch.write();
+        let splits = road.into_splits();
+        let written = file::write_lpm(&splits, &loaded.regions, &args.output, &args.writing(), args.force)?;
+        warnings.extend(written.warnings.iter().cloned());
+        clock.end();
+        Ok((splits, loaded.format, written.sizes, warnings, clock))
+    });
+    progress.finish();
+    let (splits, from, sizes, warnings, clock) = built.map_err(|e: anyhow::Error| e.context(path.clone()))?;
+    let (base, full) = ends(&splits);
+    let mut report = json!({
+        "input": { "path": path, "format": from.name(), "faces": full[0], "vertices": full[1] },
+        "output": { "path": args.output.to_string(), "format": "lpm", "bytes": sizes.total() },
+        "method": args.options().method.name(),
+        "target": args.target.to_json(),
+    });
+    merge(&mut report, about(&splits, &sizes, args.bits));
+    report["warnings"] = texts(&warnings).into();
+    report["threads"] = args.run.threads().into();
+    let seconds_of = |(name, s): &(&str, f64)| ((*name).to_owned(), Value::from(micros(*s)));
+    report["seconds"] = Value::Object(clock.stages.iter().map(seconds_of).collect::<Map<_, _>>());
+    out.object(&report);
+    out.line(&format!(
+        "{path} → {}: {} ↔ {}, {}, {}",
+        args.output,
+        grouped(base[0]),
+        counted(full[0], "face", "faces"),
+        bytes_text(&splits, &sizes),
+        seconds(begin.elapsed().as_secs_f64())
+    ));
+    let is_lossy = show_warnings(&out, &path, &warnings, args.strict);
+    out.finish(if is_lossy { Status::Strict } else { Status::Done })
+}
+
+fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
+    let format = file::format_of(&args.output, args.writing.to)?;
+    file::refuse_folder(&args.output, "")?;
+    let is_taken = args.output == Sink::Stdout;
+    if is_taken && args.json {
+        return Err(usage("standard output cannot carry the mesh and --json"));
+    }
+    let out = Output::new(&args.run, args.json, is_taken);
+    let progress = Progress::new(1, args.run.quiet);
+    let path = args.input.to_string();
+    let begin = Instant::now();
+    let extracted = in_order::pool(args.run.threads())?.install(|| {
+        let bar = progress.file(&path);
+        bar.read();
+        let lpm = file::read_lpm(&args.input)?;
+        let full = lpm.announced.1.faces as usize;
+        let diagonal = lpm.splits.positions.view().bounds().map_or(0.0, |b| b.diagonal());
+        let mut road = Progressive::new(lpm.splits);
+        let is_reached = go_to(&mut road, args, full, diagonal);
+        let mut mesh = if args.no_fit { road.mesh() } else { road.fitted_mesh() }?;
+        let counts = [mesh.face_count(), mesh.vertex_count()];
+        bar.write();
+        orient(&mut mesh, &args.writing);
+        let options = file::options(&args.writing, format, lpm.regions);
+        let mut warnings = lpm.warnings;
+        warnings.extend(file::write(&mesh, &args.output, format, &options, args.force)?);
+        Ok((road, counts, full, is_reached, warnings))
+    });
+    progress.finish();
+    let (road, [faces, vertices], full, is_reached, warnings) =
+        extracted.map_err(|e: anyhow::Error| e.context(path.clone()))?;
+    let secs = begin.elapsed().as_secs_f64();
+    out.object(&json!({
+        "input": { "path": path, "format": "lpm", "faces": full, "levels": road.levels() },
+        "output": {
+            "path": args.output.to_string(), "format": format.name(), "faces": faces, "vertices": vertices,
+        },
+        "target": args.target_json(),
+        "reached": is_reached,
+        "level": road.level(),
+        "error": { "estimate": road.error(), "unit": "model" },
+        "warnings": texts(&warnings),
+        "seconds": micros(secs),
+    }));
+    out.line(&format!(
+        "{path} → {}: level {} of {}, {} of {} faces, rms about {}, {}",
+        args.output,
+        grouped(road.level()),
+        grouped(road.top()),
+        grouped(faces),
+        grouped(full),
+        short(road.error()),
+        seconds(secs)
+    ));
+    let mut is_fault = show_warnings(&out, &path, &warnings, args.strict);
+    if !is_reached {
+        let text = format!("{path}: target not reached, the base has {}", counted(faces, "face", "faces"));
+        if args.strict {
+            output::error(&text)
+        } else {
+            out.warning(&text)
+        }
+        is_fault |= args.strict;
+    }
+    out.finish(if is_fault { Status::Strict } else { Status::Done })
+}
+
+/// Goes down to the first level that meets one of the targets; `false` if there is none.
+fn go_to(road: &mut Progressive, args: &ExtractArgs, full: usize, diagonal: f64) -> bool {
+    let stop = args.stop();
+    let share = stop.ratio.map(|r| (r * full as f64).round() as usize);
+    let by_faces = stop.faces.into_iter().chain(share).map(|n| road.level_of_faces(n));
+    let by_vertices = stop.vertices.map(|n| road.level_of_vertices(n));
+    let by_error = stop.error.map(|e| road.level_of_error(e.in_units(diagonal)));
+    let Some(level) = by_faces.chain(by_vertices).chain(by_error).max() else { return true };
+    road.to_level(level);
+    let is_met = |wanted: Option<usize>, got: usize| wanted.is_some_and(|n| got <= n);
+    stop.error.is_some()
+        || is_met(stop.faces, road.face_count())
+        || is_met(share, road.face_count())
+        || is_met(stop.vertices, road.vertex_count())
+}
+
+fn info(args: &LpmInfoArgs) -> anyhow::Result<Status> {
+    let out = Output::new(&args.run, args.json, false);
+    let path = args.input.to_string();
+    let lpm = file::read_lpm(&args.input).map_err(|e| e.context(path.clone()))?;
+    let (base, full) = ends(&lpm.splits);
+    let layout = &lpm.splits.layout;
+    let first = [(layout.has_normals, "normals"), (layout.has_uvs, "uvs"), (layout.has_colors, "colors")];
+    let mut attributes: Vec<&str> = first.iter().filter(|x| x.0).map(|x| x.1).collect();
+    attributes.extend(layout.further.iter().map(|f| f.0.title()));
+    let mut report = json!({
+        "path": path, "format": "lpm", "complete": lpm.is_complete,
+        "announced": { "splits": lpm.announced.0, "faces": lpm.announced.1.faces },
+    });
+    merge(&mut report, about(&lpm.splits, &lpm.sizes, lpm.bits));
+    report["attributes"] = attributes.clone().into();
+    report["materials"] = lpm.regions.materials().len().into();
+    report["warnings"] = texts(&lpm.warnings).into();
+    out.object(&report);
+    out.line(&format!(
+        "{path}: {} ↔ {}, {}",
+        grouped(base[0]),
+        counted(full[0], "face", "faces"),
+        bytes_text(&lpm.splits, &lpm.sizes)
+    ));
+    let kept = match lpm.bits {
+        None => "every bit kept".to_owned(),
+        Some(bits) => format!("positions in {bits} bits"),
+    };
+    let chunks = counted(lpm.sizes.chunks as usize, "chunk", "chunks");
+    out.line(&format!("  {kept}; {chunks}; {}", if lpm.is_complete { "complete" } else { "incomplete" }));
+    if !attributes.is_empty() {
+        out.line(&format!("  attributes: {}", attributes.join(", ")));
+    }
+    if lpm.regions.materials().len() > 0 {
+        out.line(&format!("  {}", counted(lpm.regions.materials().len(), "material", "materials")));
+    }
+    for c in &lpm.splits.checkpoints {
+        let faces = lpm.splits.counts[c.level as usize].faces as usize;
+        out.line(&format!("  {} faces: rms about {}", grouped(faces), short(c.error)));
+    }
+    show_warnings(&out, &path, &lpm.warnings, false);
+    out.finish(Status::Done)
+}
+
+/// Faces and vertices of the base and of the finest level, holes included.
+fn ends(splits: &Splits) -> ([usize; 2], [usize; 2]) {
+    let of = |level: usize| {
+        let counts = splits.counts[level];
+        [counts.faces as usize, counts.vertices as usize]
+    };
+    (of(0), of(splits.len()))
+}
+
+fn per_split(bytes: u64, splits: &Splits) -> f64 {
+    bytes as f64 / splits.len().max(1) as f64
+}
+
+fn bytes_text(splits: &Splits, sizes: &LpmSizes) -> String {
+    let total = usize::try_from(sizes.total()).unwrap_or(usize::MAX);
+    format!(
+        "{}, {} ({:.1} for each of {} splits)",
+        counted(splits.checkpoints.len(), "checkpoint", "checkpoints"),
+        counted(total, "byte", "bytes"),
+        per_split(sizes.splits, splits),
+        grouped(splits.len())
+    )
+}
+
+/// What reports say of a file.
+fn about(splits: &Splits, sizes: &LpmSizes, bits: Option<u8>) -> Value {
+    let (base, full) = ends(splits);
+    let checkpoint = |c: &lodsmith::core::splits::Checkpoint| {
+        json!({
+            "level": c.level, "faces": splits.counts[c.level as usize].faces, "error": c.error,
+        })
+    };
+    json!({
+        "bits": bits,
+        "base": { "faces": base[0], "vertices": base[1] },
+        "full": { "faces": full[0], "vertices": full[1] },
+        "splits": splits.len(),
+        "chunks": sizes.chunks,
+        "bytes": {
+            "total": sizes.total(), "head": sizes.head, "materials": sizes.materials, "base": sizes.base,
+            "splits": sizes.splits, "checkpoints": sizes.checkpoints, "original": sizes.original,
+            "per_split": per_split(sizes.splits, splits),
+        },
+        "checkpoints": splits.checkpoints.iter().map(checkpoint).collect::<Vec<_>>(),
+    })
+}
+
+fn merge(into: &mut Value, more: Value) {
+    if let (Value::Object(into), Value::Object(more)) = (into, more) {
+        into.extend(more);
+    }
+}

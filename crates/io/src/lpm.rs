@@ -1,0 +1,131 @@
+//! LPM: progressive meshes. A base mesh, and all vertex splits that lead to the full one; any beginning of the file that has
+//! the base is a coarser mesh. The format is written down in `docs/lpm.md`.
+
+mod checkpoint;
+mod container;
+mod head;
+mod range;
+mod read;
+mod step;
+mod values;
+mod walk;
+mod write;
+
+use lodsmith_core::splits::{Counts, Splits};
+
+pub(crate) use container::MAGIC;
+pub use read::LpmReader;
+pub use write::{write, write_path};
+
+use crate::error::{ReadError, Warning};
+use crate::format::Format;
+use crate::obj::Regions;
+use crate::read::{Contents, Loaded, ReadOptions};
+
+/// Least bits of a coordinate on a grid. Guessed: fewer are no mesh.
+pub const LEAST_BITS: u8 = 6;
+/// Most bits of a coordinate on a grid: as many as single precision has.
+pub const MOST_BITS: u8 = 24;
+
+/// How a file is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct LpmOptions {
+    /// Bits of a coordinate, [`LEAST_BITS`] to [`MOST_BITS`]; `None` keeps every bit of every level.
+    pub bits: Option<u8>,
+    /// Whether fits of checkpoints keep every bit too. It makes a file two to three times as large, and no level closer.
+    pub exact_fits: bool,
+    /// Whether the images of materials go into the file.
+    pub with_textures: bool,
+}
+
+impl Default for LpmOptions {
+    fn default() -> Self {
+        Self { bits: None, exact_fits: false, with_textures: true }
+    }
+}
+
+/// A file, or its beginning.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Lpm {
+    /// The base and the splits that there are.
+    pub splits: Splits,
+    /// What the regions of its faces stand for.
+    pub regions: Regions,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+    /// Whether all of it is there. If not, a warning says how far it goes.
+    pub is_complete: bool,
+    /// Splits and elements of the full mesh, as the file announces them.
+    pub announced: (usize, Counts),
+    /// Bits of a coordinate; `None` where every bit is kept.
+    pub bits: Option<u8>,
+    /// Where the bytes are.
+    pub sizes: LpmSizes,
+}
+
+/// Bytes by what they are for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct LpmSizes {
+    /// Magic and head.
+    pub head: u64,
+    /// Materials and images.
+    pub materials: u64,
+    /// The base mesh.
+    pub base: u64,
+    /// Splits.
+    pub splits: u64,
+    /// Chunks that they are in.
+    pub chunks: u64,
+    /// Levels with a fit.
+    pub checkpoints: u64,
+    /// The order of the original.
+    pub original: u64,
+    /// The end mark, and what is skipped here.
+    pub others: u64,
+}
+
+impl LpmSizes {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.head + self.materials + self.base + self.splits + self.checkpoints + self.original + self.others
+    }
+}
+
+/// What was written.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct LpmWritten {
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+    /// Where the bytes are.
+    pub sizes: LpmSizes,
+}
+
+/// Reads a file, or its beginning.
+///
+/// # Errors
+/// As [`LpmReader::new`] and [`LpmReader::next_chunk`].
+pub fn read(from: impl std::io::Read, options: &ReadOptions) -> Result<Lpm, ReadError> {
+    LpmReader::new(from, options.limits)?.finish()
+}
+
+/// Reads the full mesh, or the finest that is there.
+pub(crate) fn read_mesh(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
+    let mut reader = LpmReader::new(bytes, options.limits)?;
+    while reader.next_chunk()? {}
+    let mesh = reader.mesh()?;
+    let lpm = reader.into_lpm()?;
+    let mut attributes: Vec<String> = Vec::new();
+    let layout = &lpm.splits.layout;
+    let first = [(layout.has_normals, "normals"), (layout.has_uvs, "uvs"), (layout.has_colors, "colors")];
+    attributes.extend(first.into_iter().filter(|x| x.0).map(|x| x.1.to_owned()));
+    attributes.extend(layout.further.iter().map(|f| f.0.title().to_owned()));
+    let mut contents = Contents { meshes: 1, polygons: mesh.face_count(), attributes, ..Contents::default() };
+    (contents.materials, contents.textures) = lpm.regions.counts();
+    let mut loaded = Loaded::new(mesh, Format::Lpm, contents, lpm.warnings);
+    loaded.regions = lpm.regions;
+    Ok(loaded)
+}

@@ -1,0 +1,439 @@
+//! Splits on their way in, chunk by chunk.
+
+use std::io::Read;
+
+use lodsmith_core::splits::{Changes, Counts, NO_ORIGINAL, Original, SplitData, Splits};
+use lodsmith_core::{Attribute, RegionId, TriMesh, VertexId, WedgeId};
+
+use super::checkpoint::{Checkpoints, read_original};
+use super::container::{self, AROUND, Chunks, Next};
+use super::head::{Head, Kind};
+use super::range::{Coded, Damaged, Decoder};
+use super::step::{Shape, Steps};
+use super::walk::{Step, Walk};
+use super::{Lpm, LpmSizes};
+use crate::error::{ReadError, Warning};
+use crate::limits::Limits;
+use crate::obj::Regions;
+
+/// Reads a file chunk by chunk: after each one there is a mesh.
+pub struct LpmReader<R> {
+    chunks: Chunks<R>,
+    head: Head,
+    regions: Regions,
+    warnings: Vec<Warning>,
+    sizes: LpmSizes,
+    limits: Limits,
+    unpacked: u64,
+    state: State,
+    steps: Steps,
+    checkpoints: Checkpoints,
+    walk: Walk,
+    step: Step,
+    data: SplitData,
+}
+
+/// How far the bytes went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Open,
+    Whole,
+    /// Cut or damaged.
+    Broken,
+}
+
+fn no_changes<A, T: Default>() -> Changes<A, T> {
+    Changes { ends: vec![0], at: Vec::new(), to: T::default() }
+}
+
+impl<R: Read> LpmReader<R> {
+    /// Reads up to the base mesh.
+    ///
+    /// # Errors
+    /// [`ReadError`] where the bytes are of another format, or end or are damaged before the base is there.
+    pub fn new(from: R, limits: Limits) -> Result<Self, ReadError> {
+        let mut chunks = Chunks::new(from, limits.bytes);
+        if !chunks.magic()? {
+            return Err(ReadError::byte(0, "this is no LPM file: its first bytes are others"));
+        }
+        let (kind, bytes) = whole(&mut chunks, limits)?;
+        if kind != container::HEAD {
+            return Err(ReadError::byte(8, "the head is missing"));
+        }
+        let head = Head::from_bytes(&bytes)?;
+        // Guessed: no mesh has as much on a wedge, and so much has to be made of a few bytes.
+        const WIDEST: usize = 1 << 12;
+        if head.channels() > WIDEST || head.width() > WIDEST {
+            return Err(ReadError::element("the head", "it has more than 4,096 values for each wedge"));
+        }
+        let shape = Shape {
+            has_vertex_map: head.has_vertex_map,
+            has_regions: head.has_regions,
+            channels: head.channels(),
+            places: head.places,
+        };
+        let data = SplitData {
+            counts: Vec::new(),
+            faces: Vec::new(),
+            regions: head.has_regions.then(Vec::new),
+            vertex_of: head.has_vertex_map.then(Vec::new),
+            layout: head.layout(),
+            values: Vec::new(),
+            positions: head.no_positions(),
+            corners: no_changes(),
+            owners: no_changes(),
+            rows: no_changes(),
+            places: Changes { ends: vec![0], at: Vec::new(), to: head.no_positions() },
+            checkpoints: Vec::new(),
+            original: None,
+        };
+        let mut reader = Self {
+            chunks,
+            head,
+            regions: Regions::default(),
+            warnings: Vec::new(),
+            sizes: LpmSizes::default(),
+            limits,
+            unpacked: 0,
+            state: State::Open,
+            steps: Steps::new(shape),
+            checkpoints: Checkpoints::default(),
+            walk: Walk::default(),
+            step: Step::default(),
+            data,
+        };
+        reader.sizes.head = reader.chunks.at;
+        loop {
+            let (kind, bytes) = whole(&mut reader.chunks, limits)?;
+            let size = bytes.len() as u64 + AROUND;
+            match kind {
+                container::BASE => {
+                    reader.sizes.base = size;
+                    reader.read_steps(&bytes, 1).map_err(|d| ReadError::element("the base mesh", d.0))?;
+                    return Ok(reader);
+                }
+                container::MATERIALS => {
+                    reader.sizes.materials += size;
+                    let (regions, warnings) = Regions::unpack(&bytes, limits)?;
+                    (reader.regions, reader.warnings) = (regions, warnings);
+                }
+                kind if is_needed(kind) => {
+                    return Err(ReadError::file(
+                        "the base mesh is missing: another chunk stands in its place",
+                    ));
+                }
+                _ => reader.sizes.others += size,
+            }
+        }
+    }
+
+    /// Splits read so far: the level of the mesh that there is.
+    pub fn level(&self) -> usize {
+        self.data.counts.len() - 1
+    }
+    /// Elements of that mesh, holes included.
+    pub fn counts(&self) -> Counts {
+        self.walk.counts()
+    }
+    /// What the head announces of the full mesh; nobody has checked it.
+    pub fn announced(&self) -> (usize, Counts) {
+        (self.head.splits as usize, self.head.full)
+    }
+    /// Whether all of the file is read, and sound.
+    pub fn is_complete(&self) -> bool {
+        self.state == State::Whole
+    }
+    /// What there is to say so far.
+    pub fn warnings(&self) -> &[Warning] {
+        &self.warnings
+    }
+
+    /// Reads one more chunk, and says whether more may come. Where bytes are missing or damaged, what came before stays as
+    /// it is, and a warning says how far that went.
+    ///
+    /// # Errors
+    /// [`ReadError::Io`] where the stream fails, [`ReadError::Limit`].
+    pub fn next_chunk(&mut self) -> Result<bool, ReadError> {
+        if self.state != State::Open {
+            return Ok(false);
+        }
+        let at = self.chunks.at;
+        match self.chunks.next()? {
+            Next::Chunk { kind, bytes } => {
+                if let Err(damaged) = self.chunk(kind, &bytes)? {
+                    self.stop(&format!("byte {at}: {}", damaged.0));
+                }
+            }
+            Next::End => self.stop(&format!("the file ends at byte {}, before its end", self.chunks.at)),
+            Next::Damaged => self.stop(&format!("byte {at}: the checksum does not fit, the file is damaged")),
+            Next::TooLarge => return Err(too_large(&self.chunks, self.limits)),
+        }
+        Ok(self.state == State::Open)
+    }
+
+    /// Reads all that comes.
+    ///
+    /// # Errors
+    /// As [`LpmReader::next_chunk`], and where the splits do not fit together.
+    pub fn finish(mut self) -> Result<Lpm, ReadError> {
+        while self.next_chunk()? {}
+        self.into_lpm()
+    }
+
+    /// What came so far.
+    ///
+    /// # Errors
+    /// Where the splits do not fit together.
+    pub fn into_lpm(self) -> Result<Lpm, ReadError> {
+        let is_complete = self.is_complete();
+        let splits = Splits::new(self.data).map_err(|e| ReadError::file(e.to_string()))?;
+        Ok(Lpm {
+            splits,
+            regions: self.regions,
+            warnings: self.warnings,
+            is_complete,
+            announced: (self.head.splits as usize, self.head.full),
+            bits: (!self.head.is_exact()).then_some(self.head.bits),
+            sizes: self.sizes,
+        })
+    }
+
+    fn chunk(&mut self, kind: [u8; 4], bytes: &[u8]) -> Result<Coded<()>, ReadError> {
+        let size = bytes.len() as u64 + AROUND;
+        Ok(match kind {
+            container::SPLITS => {
+                self.sizes.splits += size;
+                self.sizes.chunks += 1;
+                self.splits(bytes)
+            }
+            container::CHECKPOINT => {
+                self.sizes.checkpoints += size;
+                self.checkpoints.read(&self.head, bytes).and_then(|checkpoint| {
+                    let is_after = self
+                        .data
+                        .checkpoints
+                        .last()
+                        .is_none_or(|c| c.level < checkpoint.level && c.error >= checkpoint.error);
+                    if checkpoint.level as usize > self.level() || !is_after {
+                        return Err(Damaged("a checkpoint stands at the wrong place"));
+                    }
+                    self.data.checkpoints.push(checkpoint);
+                    Ok(())
+                })
+            }
+            container::ORIGINAL => {
+                self.sizes.original += size;
+                read_original(&self.walk, bytes).map(|original| self.data.original = Some(original))
+            }
+            container::DONE => {
+                self.sizes.others += size;
+                let count = bytes.try_into().map(u32::from_le_bytes);
+                let is_right = count.is_ok_and(|n| n as usize == self.level());
+                if is_right {
+                    self.state = State::Whole;
+                    Ok(())
+                } else {
+                    Err(Damaged("not all splits are there"))
+                }
+            }
+            kind if is_needed(kind) => Err(Damaged("a chunk of a kind that is not known here")),
+            _ => {
+                self.sizes.others += size;
+                Ok(())
+            }
+        })
+    }
+
+    fn splits(&mut self, bytes: &[u8]) -> Coded<()> {
+        let (count, bytes) = bytes.split_first_chunk().ok_or(Damaged("a chunk of splits is too short"))?;
+        self.read_steps(bytes, u32::from_le_bytes(*count))
+    }
+
+    /// Reads steps and keeps those that are sound, up to the first that is not.
+    fn read_steps(&mut self, bytes: &[u8], count: u32) -> Coded<()> {
+        let mut decoder = Decoder::new(bytes)?;
+        let nothing = Step::default();
+        for _ in 0..count {
+            let mut step = std::mem::take(&mut self.step);
+            let coded = self.steps.code(&mut decoder, &self.walk, &nothing, &mut step);
+            let fits = coded.and_then(|()| self.keep(&step));
+            self.step = step;
+            fits?;
+        }
+        if decoder.is_at_end() { Ok(()) } else { Err(Damaged("a chunk has bytes that say nothing")) }
+    }
+
+    fn keep(&mut self, step: &Step) -> Coded<()> {
+        let Self { data, head, walk, .. } = self;
+        let has_more_than_numbers = |n: usize| n >= u32::MAX as usize;
+        let changes = [data.corners.at.len(), data.owners.at.len(), data.rows.at.len(), data.places.at.len()];
+        if changes.into_iter().any(has_more_than_numbers) {
+            return Err(Damaged("more changes than numbers can name"));
+        }
+        let width = head.width() as u64;
+        let sizes = [
+            (step.faces.len(), 24),
+            (step.vertex_of.len() + step.changed.len(), 16 + 8 * width),
+            (step.places.len() + step.moved.len(), 48),
+            (step.corners.len() + step.owners.len(), 8),
+        ];
+        // About what it takes in memory.
+        self.unpacked += sizes.iter().map(|(count, size)| *count as u64 * size).sum::<u64>();
+        if self.unpacked > self.limits.bytes {
+            return Err(Damaged("more is unpacked than the limit allows"));
+        }
+        walk.take(step);
+        data.faces.extend(step.faces.iter().map(|f| f.map(WedgeId)));
+        if let Some(regions) = &mut data.regions {
+            regions.extend(step.regions.iter().map(|&r| RegionId(r)));
+        }
+        if let Some(vertex_of) = &mut data.vertex_of {
+            vertex_of.extend(step.vertex_of.iter().map(|&v| VertexId(v)));
+        }
+        let channels = head.channels();
+        for row in step.rows.chunks_exact(channels.max(1)) {
+            head.decode_row(row, &mut data.values);
+        }
+        step.places.iter().for_each(|&p| head.places.push(p, &mut data.positions));
+        data.counts.push(walk.counts());
+        if data.counts.len() == 1 {
+            return Ok(());
+        }
+        data.corners.at.extend(step.corners.iter().map(|c| c.0));
+        data.corners.to.extend(step.corners.iter().map(|c| WedgeId(c.1)));
+        data.corners.ends.push(data.corners.at.len() as u32);
+        data.owners.at.extend(step.owners.iter().map(|o| WedgeId(o.0)));
+        data.owners.to.extend(step.owners.iter().map(|o| VertexId(o.1)));
+        data.owners.ends.push(data.owners.at.len() as u32);
+        data.rows.at.extend(step.changed.iter().map(|&w| WedgeId(w)));
+        for row in step.changed_rows.chunks_exact(channels.max(1)) {
+            head.decode_row(row, &mut data.rows.to);
+        }
+        data.rows.ends.push(data.rows.at.len() as u32);
+        for &(v, place) in &step.moved {
+            data.places.at.push(VertexId(v));
+            head.places.push(place, &mut data.places.to);
+        }
+        data.places.ends.push(data.places.at.len() as u32);
+        Ok(())
+    }
+
+    /// No more can be read; says why and how far it went.
+    fn stop(&mut self, why: &str) {
+        self.state = State::Broken;
+        let counts = self.walk.counts();
+        let text = format!(
+            "{why}: incomplete, {} of {} splits are there, {} of {} faces",
+            self.level(),
+            self.head.splits,
+            counts.faces,
+            self.head.full.faces
+        );
+        self.warnings.push(Warning::lost(text));
+    }
+
+    /// The mesh of the splits read so far, without the elements that no face uses. Once all are read, it is the mesh that was
+    /// written, in its order, where the file says what that was.
+    ///
+    /// # Errors
+    /// [`ReadError::Mesh`] where the file says what cannot be.
+    pub fn mesh(&self) -> Result<TriMesh, ReadError> {
+        let original = self.data.original.as_ref().filter(|_| self.state == State::Whole);
+        mesh_of(&self.head, &self.walk, original)
+    }
+}
+
+fn mesh_of(head: &Head, walk: &Walk, original: Option<&Original>) -> Result<TriMesh, ReadError> {
+    let Counts { faces, wedges, vertices } = walk.counts();
+    let (vertex_order, wedge_order, face_order) = match original {
+        Some(o) => (
+            order_of(bytemuck::cast_slice(&o.vertices)),
+            order_of(bytemuck::cast_slice(&o.wedges)),
+            order_of(bytemuck::cast_slice(&o.faces)),
+        ),
+        None => {
+            let mut is_used = vec![false; wedges as usize];
+            walk.faces.as_flattened().iter().for_each(|&w| is_used[w as usize] = true);
+            let used: Vec<u32> = (0..wedges).filter(|&w| is_used[w as usize]).collect();
+            let mut has_wedge = vec![false; vertices as usize];
+            used.iter().for_each(|&w| has_wedge[walk.vertex_of[w as usize] as usize] = true);
+            let all = (0..vertices).filter(|&v| has_wedge[v as usize]).collect();
+            (all, used, (0..faces).collect())
+        }
+    };
+    let places = |order: &[u32], count: u32| {
+        let mut places = vec![NO_ORIGINAL; count as usize];
+        (0..).zip(order).for_each(|(i, &n)| places[n as usize] = i);
+        places
+    };
+    let (vertex_at, wedge_at) = (places(&vertex_order, vertices), places(&wedge_order, wedges));
+    let mut positions = head.no_positions();
+    vertex_order.iter().for_each(|&v| head.places.push(walk.places[v as usize], &mut positions));
+    let owners: Vec<VertexId> =
+        wedge_order.iter().map(|&w| VertexId(vertex_at[walk.vertex_of[w as usize] as usize])).collect();
+    let triangles: Vec<[WedgeId; 3]> =
+        face_order.iter().map(|&f| walk.faces[f as usize].map(|w| WedgeId(wedge_at[w as usize]))).collect();
+    let is_plain = owners.len() == vertex_order.len() && (0..).zip(&owners).all(|(i, v)| v.0 == i);
+    let keeps_map = original.map_or(head.has_vertex_map, |o| o.has_vertex_map);
+    let mut mesh = match is_plain && !keeps_map {
+        true => TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?,
+        false => TriMesh::with_wedges(positions, owners, triangles)?,
+    };
+    let mut values = Vec::new();
+    let channels = head.channels();
+    for &w in &wedge_order {
+        head.decode_row(&walk.rows[w as usize * channels..][..channels], &mut values);
+    }
+    let width = head.width();
+    let mut begin = 0;
+    for column in &head.columns {
+        let own = values.chunks_exact(width).flat_map(|row| row[begin..begin + column.width].iter().copied());
+        let own: Vec<f32> = own.collect();
+        begin += column.width;
+        match &column.kind {
+            Kind::Normal => mesh.set_normals(Some(bytemuck::cast_slice(&own).to_vec()))?,
+            Kind::Uv => mesh.set_uvs(Some(bytemuck::cast_slice(&own).to_vec()))?,
+            Kind::Color => mesh.set_colors(Some(bytemuck::cast_slice(&own).to_vec()))?,
+            Kind::Further(semantic) => mesh.add_attribute(Attribute {
+                semantic: semantic.clone(),
+                width: column.width,
+                values: own,
+            })?,
+        }
+    }
+    if head.has_regions {
+        mesh.set_regions(Some(face_order.iter().map(|&f| RegionId(walk.regions[f as usize])).collect()))?;
+    }
+    Ok(mesh)
+}
+
+/// The elements of an original, in its order.
+fn order_of(numbers: &[u32]) -> Vec<u32> {
+    let mut order: Vec<u32> =
+        (0..numbers.len() as u32).filter(|&i| numbers[i as usize] != NO_ORIGINAL).collect();
+    order.sort_unstable_by_key(|&i| numbers[i as usize]);
+    order
+}
+
+/// The next chunk, where one has to be.
+fn whole<R: Read>(chunks: &mut Chunks<R>, limits: Limits) -> Result<([u8; 4], Vec<u8>), ReadError> {
+    let at = chunks.at as usize;
+    match chunks.next()? {
+        Next::Chunk { kind, bytes } => Ok((kind, bytes)),
+        Next::End => {
+            let text = format!("the file ends at byte {}, before the base mesh is there", chunks.at);
+            Err(ReadError::file(text))
+        }
+        Next::Damaged => Err(ReadError::byte(at, "the checksum does not fit, the file is damaged")),
+        Next::TooLarge => Err(too_large(chunks, limits)),
+    }
+}
+
+fn too_large<R>(chunks: &Chunks<R>, limits: Limits) -> ReadError {
+    ReadError::Limit { what: "the file", size: chunks.at, limit: limits.bytes }
+}
+
+/// Whether a chunk of no known kind must not be skipped: its first letter is a capital.
+fn is_needed(kind: [u8; 4]) -> bool {
+    !kind[0].is_ascii_lowercase()
+}

@@ -1,0 +1,604 @@
+//! How a split is told: by the ring of the vertex that it splits.
+//!
+//! ```text
+//!      x               x          corners of the ring go over to the new vertex v or stay at u; where they
+//!    / | \           / | \        change sides, at an edge to some x, a new face (u, x, v) stands
+//!   a  u  b   ->    a  u--v b
+//!    \ | /           \ | /
+//! ```
+//!
+//! What does not follow this picture is told by numbers, at any place: nothing is impossible to say. The base mesh is the
+//! split of an empty one.
+
+mod fields;
+
+use super::range::{Below, Bit, Coded, Coder, Damaged, Number};
+use super::values::PlaceCode;
+use super::walk::{Ring, Step, Walk};
+
+/// Channels of rows that have a model of their own; those beyond share the last. Guessed: two morph targets.
+const CHANNELS: usize = 32;
+
+/// Where the new vertex is looked for, from the old place along the way between the centres of both rings. On a regular
+/// mesh it stands half an edge from there, and the centres are 1.4 edges apart.
+const ALONG: f64 = 0.36;
+
+/// What does not change from split to split.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    pub(super) has_vertex_map: bool,
+    pub(super) has_regions: bool,
+    pub(super) channels: usize,
+    pub(super) places: PlaceCode,
+}
+
+/// Elements told by number among those that a step changes.
+#[derive(Default)]
+struct Rest {
+    count: Number,
+    gap: Number,
+}
+
+/// All that is learnt on the way.
+struct Models {
+    born: [Number; 3],
+    has_focus: Bit,
+    focus: Below,
+    owner_moves: [Bit; 2],
+    owner_is_new: Bit,
+    owners: Rest,
+    vertex: [Bit; 8],
+    any_vertex: Below,
+    goes: Vec<Bit>,
+    goes_twice: Bit,
+    target: [[Bit; 4]; 2],
+    born_wedge: Below,
+    any_wedge: Below,
+    corners: Rest,
+    face: [[Bit; 8]; 3],
+    turn: [[Bit; 4]; 2],
+    is_plain: Bit,
+    mend: [[Bit; 4]; 3],
+    told: [[Bit; 8]; 3],
+    back: Number,
+    is_same_region: Bit,
+    region: Number,
+    near: [Vec<Number>; 2],
+    far: [Number; 6],
+    moves: [Bit; 2],
+    moved: Rest,
+    rows: Vec<[Number; 2]>,
+    row_changes: Bit,
+    changed: Rest,
+}
+
+impl Default for Models {
+    fn default() -> Self {
+        Self {
+            born: Default::default(),
+            has_focus: Bit::default(),
+            focus: Below::default(),
+            owner_moves: Default::default(),
+            owner_is_new: Bit::default(),
+            owners: Rest::default(),
+            vertex: Default::default(),
+            any_vertex: Below::default(),
+            goes: vec![Bit::default(); RUNS * TURNS * SIZES * 2],
+            goes_twice: Bit::default(),
+            target: Default::default(),
+            born_wedge: Below::default(),
+            any_wedge: Below::default(),
+            corners: Rest::default(),
+            face: Default::default(),
+            turn: Default::default(),
+            is_plain: Bit::default(),
+            mend: Default::default(),
+            told: Default::default(),
+            back: Number::default(),
+            is_same_region: Bit::default(),
+            region: Number::default(),
+            near: [vec![Number::default(); 65], vec![Number::default(); 65]],
+            far: Default::default(),
+            moves: Default::default(),
+            moved: Rest::default(),
+            rows: vec![Default::default(); CHANNELS],
+            row_changes: Bit::default(),
+            changed: Rest::default(),
+        }
+    }
+}
+
+// What a corner goes by: how many before it went the same way, how often that has turned, how large the ring is, and
+// the way of the last.
+const RUNS: usize = 8;
+const TURNS: usize = 4;
+const SIZES: usize = 13;
+
+/// A face that may be born at an edge of the ring.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    wedges: [u32; 3],
+    /// The wedge of x on the other side of the edge.
+    other: u32,
+    /// A face beside it.
+    beside: u32,
+}
+
+/// Codes one split after the other.
+pub(super) struct Steps {
+    shape: Shape,
+    models: Box<Models>,
+    ring: Ring,
+    /// The wedge of each corner of the ring after the split, and whether that is no longer at the old vertex.
+    after: Vec<(u32, bool)>,
+    candidates: Vec<Candidate>,
+    /// New wedges and the old ones whose corners they took.
+    parents: Vec<(u32, u32)>,
+    targets: Targets,
+}
+
+/// Which wedges corners went to.
+#[derive(Default)]
+struct Targets {
+    /// Old and new, the last few.
+    last: Vec<(u32, u32)>,
+    used: u32,
+}
+
+/// Counts before and after a step.
+#[derive(Clone, Copy)]
+struct Span {
+    faces: [u32; 2],
+    wedges: [u32; 2],
+    vertices: [u32; 2],
+}
+
+impl Steps {
+    pub(super) fn new(shape: Shape) -> Self {
+        Self {
+            shape,
+            models: Box::default(),
+            ring: Ring::default(),
+            after: Vec::new(),
+            candidates: Vec::new(),
+            parents: Vec::new(),
+            targets: Targets::default(),
+        }
+    }
+
+    /// Codes what leads from the mesh of the walk to the next: `want` on the way out; `got` either way.
+    ///
+    /// # Errors
+    /// [`Damaged`], on the way in only.
+    pub(super) fn code<C: Coder>(
+        &mut self,
+        c: &mut C,
+        walk: &Walk,
+        want: &Step,
+        got: &mut Step,
+    ) -> Coded<()> {
+        got.clear();
+        let span = self.births(c, walk, want)?;
+        let focus = self.focus(c, walk, want)?;
+        if focus.is_none_or(|u| !walk.ring(u, &mut self.ring)) {
+            self.ring.corners.clear();
+            self.ring.fans.clear();
+            self.ring.wedges.clear();
+        }
+        if self.shape.has_vertex_map {
+            self.owners(c, span, want, got)?;
+            self.vertices_of(c, focus, span, want, got)?;
+        }
+        self.corners(c, walk, focus, span, want, got)?;
+        self.find_candidates(span, got);
+        self.faces(c, walk, span, want, got)?;
+        self.places(c, walk, focus, span, want, got)?;
+        self.rows(c, walk, span, want, got)
+    }
+
+    fn births<C: Coder>(&mut self, c: &mut C, walk: &Walk, want: &Step) -> Coded<Span> {
+        let before = walk.counts();
+        let models = &mut self.models.born;
+        let faces = c.count(&mut models[0], want.faces.len())?;
+        let vertices = c.count(&mut models[2], want.places.len())?;
+        let wedges = match self.shape.has_vertex_map {
+            true => c.count(&mut models[1], want.vertex_of.len())?,
+            false => vertices,
+        };
+        let span = |before: u32, more: usize, times: u64| {
+            let after = u64::from(before) + more as u64;
+            // The last number is kept free.
+            let fits = after * times < u64::from(u32::MAX);
+            fits.then_some([before, after as u32]).ok_or(Damaged("more elements than numbers can name"))
+        };
+        Ok(Span {
+            faces: span(before.faces, faces, 3)?,
+            wedges: span(before.wedges, wedges, 1)?,
+            vertices: span(before.vertices, vertices, 1)?,
+        })
+    }
+
+    /// The vertex that is split.
+    fn focus<C: Coder>(&mut self, c: &mut C, walk: &Walk, want: &Step) -> Coded<Option<u32>> {
+        let of_wedge = |w: u32| walk.vertex_of[w as usize];
+        let by_corner = want.corners.first().map(|x| of_wedge(walk.corner(x.0)));
+        let by_owner = || want.owners.first().map(|x| of_wedge(x.0));
+        let focus = by_corner.or_else(by_owner).or_else(|| want.moved.first().map(|x| x.0));
+        if !c.bit(&mut self.models.has_focus, focus.is_some())? {
+            return Ok(None);
+        }
+        c.below(&mut self.models.focus, walk.places.len() as u32, focus.unwrap_or(0)).map(Some)
+    }
+
+    /// Wedges that go to another vertex.
+    fn owners<C: Coder>(&mut self, c: &mut C, span: Span, want: &Step, got: &mut Step) -> Coded<()> {
+        let models = &mut *self.models;
+        let mut last = false;
+        for &w in &self.ring.wedges {
+            let to = find(&want.owners, w);
+            last = c.bit(&mut models.owner_moves[usize::from(last)], to.is_some())?;
+            if last {
+                let to = to.unwrap_or(0);
+                let is_new = c.bit(&mut models.owner_is_new, to == span.vertices[0])?;
+                let to = if is_new {
+                    span.vertices[0]
+                } else {
+                    c.below(&mut models.any_vertex, span.vertices[1], to)?
+                };
+                if to >= span.vertices[1] {
+                    return Err(Damaged("a wedge goes to a vertex that is not there"));
+                }
+                got.owners.push((w, to));
+            }
+        }
+        let rest = want.owners.iter().filter(|o| self.ring.wedges.binary_search(&o.0).is_err());
+        let rest: Vec<_> = rest.copied().collect();
+        let mut at = 0;
+        for i in 0..c.count(&mut models.owners.count, rest.len())? {
+            let (w, to) = rest.get(i).copied().unwrap_or_default();
+            let w = gap(c, &mut models.owners.gap, &mut at, w, span.wedges[0])?;
+            got.owners.push((w, c.below(&mut models.any_vertex, span.vertices[1], to)?));
+        }
+        got.owners.sort_by_key(|o| o.0);
+        Ok(())
+    }
+
+    /// The vertices of new wedges.
+    fn vertices_of<C: Coder>(
+        &mut self,
+        c: &mut C,
+        focus: Option<u32>,
+        span: Span,
+        want: &Step,
+        got: &mut Step,
+    ) -> Coded<()> {
+        let models = &mut *self.models;
+        let mut last = span.vertices[0].wrapping_sub(1);
+        for i in 0..(span.wedges[1] - span.wedges[0]) as usize {
+            let vertex = want.vertex_of.get(i).copied().unwrap_or(0);
+            let known = [span.vertices[0], focus.unwrap_or(u32::MAX), last.wrapping_add(1), last];
+            let way = known.iter().position(|&k| k == vertex && k < span.vertices[1]).unwrap_or(4);
+            let way = c.tree(&mut models.vertex, 3, way as u32)?;
+            last = match known.get(way as usize) {
+                Some(&known) => known,
+                None => c.below(&mut models.any_vertex, span.vertices[1], vertex)?,
+            };
+            if last >= span.vertices[1] {
+                return Err(Damaged("a wedge is born to a vertex that is not there"));
+            }
+            got.vertex_of.push(last);
+        }
+        Ok(())
+    }
+
+    /// Corners that go to another wedge: of the ring first, then any.
+    fn corners<C: Coder>(
+        &mut self,
+        c: &mut C,
+        walk: &Walk,
+        focus: Option<u32>,
+        span: Span,
+        want: &Step,
+        got: &mut Step,
+    ) -> Coded<()> {
+        let models = &mut *self.models;
+        self.targets.last.clear();
+        self.targets.used = 0;
+        self.after.clear();
+        self.parents.clear();
+        let owner = |got: &Step, w: u32| match w.checked_sub(span.wedges[0]) {
+            None => find(&got.owners, w).unwrap_or(walk.vertex_of[w as usize]),
+            Some(_) if !self.shape.has_vertex_map => w,
+            Some(born) => got.vertex_of[born as usize],
+        };
+        let size = self.ring.corners.len().min(SIZES - 1);
+        let (mut run, mut turns, mut last) = (0, 0, false);
+        for x in &self.ring.corners {
+            let to = find(&want.corners, x.corner);
+            let is_gone = Some(owner(got, x.wedge)) != focus;
+            let model = match is_gone {
+                true => &mut models.goes_twice,
+                false => &mut models.goes[((size * TURNS + turns) * RUNS + run) * 2 + usize::from(last)],
+            };
+            let mut now = x.wedge;
+            if c.bit(model, to.is_some())? {
+                now = self.targets.code(c, models.any(0), span, x.wedge, to.unwrap_or(0))?;
+                got.corners.push((x.corner, now));
+            }
+            let goes = Some(owner(got, now)) != focus;
+            if goes == last {
+                run = (run + 1).min(RUNS - 1);
+            } else {
+                (run, turns) = (0, (turns + 1).min(TURNS - 1));
+            }
+            last = goes;
+            self.after.push((now, goes));
+        }
+        let mut told: Vec<u32> = self.ring.corners.iter().map(|x| x.corner).collect();
+        told.sort_unstable();
+        let rest = want.corners.iter().filter(|x| told.binary_search(&x.0).is_err());
+        let rest: Vec<_> = rest.copied().collect();
+        let mut at = 0;
+        for i in 0..c.count(&mut models.corners.count, rest.len())? {
+            let (corner, to) = rest.get(i).copied().unwrap_or_default();
+            let corner = gap(c, &mut models.corners.gap, &mut at, corner, span.faces[0] * 3)?;
+            let to = self.targets.code(c, models.any(1), span, walk.corner(corner), to)?;
+            got.corners.push((corner, to));
+        }
+        let born = got.corners.iter().filter(|x| x.1 >= span.wedges[0]);
+        self.parents.extend(born.map(|x| (x.1 - span.wedges[0], walk.corner(x.0))));
+        self.parents.sort_by_key(|p| p.0);
+        self.parents.dedup_by_key(|p| p.0);
+        got.corners.sort_by_key(|x| x.0);
+        Ok(())
+    }
+
+    /// The faces that the picture knows of.
+    fn find_candidates(&mut self, span: Span, got: &Step) {
+        self.candidates.clear();
+        let ring = &self.ring.corners;
+        // What stands opposite of an open end: a new wedge, or the old one where that stays behind.
+        let opposite = |i: usize| {
+            let (old, (now, goes)) = (ring[i].wedge, self.after[i]);
+            if goes && now != old && find(&got.owners, old).is_none() { old } else { span.wedges[0] }
+        };
+        let mut begin = 0;
+        for &(end, is_closed) in &self.ring.fans {
+            let (first, last) = (begin, end - 1);
+            let add = |list: &mut Vec<Candidate>, i: usize, j: usize| {
+                list.push(Candidate {
+                    wedges: [self.after[i].0, ring[i].last, self.after[j].0],
+                    other: ring[j].next,
+                    beside: ring[i].corner / 3,
+                });
+            };
+            if !is_closed {
+                let x = ring[first].next;
+                let wedges = [opposite(first), x, self.after[first].0];
+                self.candidates.push(Candidate { wedges, other: x, beside: ring[first].corner / 3 });
+            }
+            for i in first..last {
+                if self.after[i].1 != self.after[i + 1].1 {
+                    add(&mut self.candidates, i, i + 1);
+                }
+            }
+            if is_closed && self.after[last].1 != self.after[first].1 {
+                add(&mut self.candidates, last, first);
+            }
+            if !is_closed {
+                let x = ring[last].last;
+                let wedges = [self.after[last].0, x, opposite(last)];
+                self.candidates.push(Candidate { wedges, other: x, beside: ring[last].corner / 3 });
+            }
+            begin = end;
+        }
+    }
+
+    fn faces<C: Coder>(
+        &mut self,
+        c: &mut C,
+        walk: &Walk,
+        span: Span,
+        want: &Step,
+        got: &mut Step,
+    ) -> Coded<()> {
+        let mut seen = 0;
+        let mut region = walk.regions.last().copied().unwrap_or(0);
+        for i in 0..(span.faces[1] - span.faces[0]) as usize {
+            let face = want.faces.get(i).copied().unwrap_or_default();
+            let mut told = None;
+            if !self.candidates.is_empty() {
+                // Seven places, and none.
+                let known = self.candidates.iter().take(7).position(|x| turn_of(x, face).is_some());
+                let way = c.tree(&mut self.models.face[i.min(2)], 3, known.unwrap_or(7) as u32)? as usize;
+                if way < 7 {
+                    if way >= self.candidates.len() {
+                        return Err(Damaged("a face is born at an edge that is not there"));
+                    }
+                    told = Some(self.candidates.remove(way));
+                }
+            }
+            let now = match &told {
+                Some(candidate) => self.near_face(c, candidate, i, span, face)?,
+                None => self.far_face(c, got.faces.last(), seen, span, face)?,
+            };
+            let newest = now.iter().filter_map(|w| w.checked_sub(span.wedges[0])).max();
+            seen = newest.map_or(seen, |n| seen.max(n + 1));
+            got.faces.push(now);
+            if self.shape.has_regions {
+                let own = want.regions.get(i).copied().unwrap_or(0);
+                region = told.map_or(region, |t| walk.regions[t.beside as usize]);
+                if !c.bit(&mut self.models.is_same_region, own == region)? {
+                    let told = c.number(&mut self.models.region, u64::from(own))?;
+                    region = u32::try_from(told).map_err(|_| Damaged("a region of no number"))?;
+                }
+                got.regions.push(region);
+            }
+        }
+        Ok(())
+    }
+
+    /// A face at an edge of the ring: which of its corners comes first, and what is not as foreseen.
+    fn near_face<C: Coder>(
+        &mut self,
+        c: &mut C,
+        candidate: &Candidate,
+        i: usize,
+        span: Span,
+        face: [u32; 3],
+    ) -> Coded<[u32; 3]> {
+        let models = &mut *self.models;
+        let turn = turn_of(candidate, face).unwrap_or(0);
+        let turn = c.tree(&mut models.turn[i.min(1)], 2, turn as u32)? as usize;
+        let mut foreseen = candidate.wedges;
+        // Three is no turn, and read as none.
+        foreseen.rotate_left(turn % 3);
+        if c.bit(&mut models.is_plain, face == foreseen)? {
+            return check_face(foreseen, span);
+        }
+        let mut now = [0; 3];
+        for k in 0..3 {
+            let of_picture = (k + turn) % 3;
+            let ways = [foreseen[k], candidate.other];
+            let way = ways.iter().position(|&w| w == face[k]).unwrap_or(match face[k] >= span.wedges[0] {
+                true => 2,
+                false => 3,
+            });
+            let way = c.tree(&mut models.mend[of_picture], 2, way as u32)?;
+            now[k] = models.told(c, way, ways, span, face[k])?;
+        }
+        check_face(now, span)
+    }
+
+    /// A face told by numbers.
+    fn far_face<C: Coder>(
+        &mut self,
+        c: &mut C,
+        last: Option<&[u32; 3]>,
+        seen: u32,
+        span: Span,
+        face: [u32; 3],
+    ) -> Coded<[u32; 3]> {
+        let models = &mut *self.models;
+        let mut now = [0u32; 3];
+        let newest = span.wedges[0] + seen;
+        for k in 0..3 {
+            // Those of the last face are known if there is one.
+            let [a, b, d] = last.copied().unwrap_or([u32::MAX; 3]);
+            let mut next = newest;
+            // A face may well be the first to name several.
+            for &w in &now[..k] {
+                next = next.max(w.saturating_add(1));
+            }
+            let known = [next, a, b, d];
+            let way = known.iter().position(|&w| w == face[k] && w < span.wedges[1]);
+            let is_born = face[k] >= span.wedges[0] && face[k] < next;
+            let way = way.unwrap_or(if is_born { 4 } else { 5 });
+            let way = c.tree(&mut models.told[k], 3, way as u32)? as usize;
+            now[k] = match (known.get(way), way) {
+                (Some(&known), _) => known,
+                (None, 4) => {
+                    let back =
+                        c.number(&mut models.back, u64::from(next.wrapping_sub(face[k]).wrapping_sub(1)))?;
+                    let back = u32::try_from(back).ok().and_then(|b| next.checked_sub(b)?.checked_sub(1));
+                    back.ok_or(Damaged("a face names a wedge before the first"))?
+                }
+                _ => c.below(&mut models.any_wedge, span.wedges[1], face[k])?,
+            };
+            check_face([now[k]; 3], span)?;
+        }
+        Ok(now)
+    }
+}
+
+impl Models {
+    /// Models of what corners go to, in the ring or out of it.
+    fn any(&mut self, i: usize) -> (&mut [Bit; 4], &mut Below, &mut Below) {
+        (&mut self.target[i], &mut self.born_wedge, &mut self.any_wedge)
+    }
+    fn told<C: Coder>(&mut self, c: &mut C, way: u32, ways: [u32; 2], span: Span, wedge: u32) -> Coded<u32> {
+        match way {
+            0 | 1 => Ok(ways[way as usize]),
+            2 => {
+                let born = wedge.wrapping_sub(span.wedges[0]);
+                Ok(span.wedges[0] + c.below(&mut self.born_wedge, span.wedges[1] - span.wedges[0], born)?)
+            }
+            _ => c.below(&mut self.any_wedge, span.wedges[1], wedge),
+        }
+    }
+}
+
+impl Targets {
+    /// The wedge that a corner goes to: the one that an earlier corner of the same wedge went to, the next new one, any
+    /// new one, or any.
+    fn code<C: Coder>(
+        &mut self,
+        c: &mut C,
+        (ways, born_wedge, any_wedge): (&mut [Bit; 4], &mut Below, &mut Below),
+        span: Span,
+        old: u32,
+        to: u32,
+    ) -> Coded<u32> {
+        let same = self.last.iter().rev().find(|x| x.0 == old).map(|x| x.1);
+        let next = span.wedges[0] + self.used;
+        let way = match to {
+            _ if same == Some(to) => 0,
+            _ if to == next && next < span.wedges[1] => 1,
+            _ if to >= span.wedges[0] => 2,
+            _ => 3,
+        };
+        let now = match (c.tree(ways, 2, way)?, same) {
+            (0, Some(same)) => same,
+            (1, _) => next,
+            (2, _) => {
+                let born = span.wedges[1] - span.wedges[0];
+                span.wedges[0] + c.below(born_wedge, born, to.wrapping_sub(span.wedges[0]))?
+            }
+            (_, _) => c.below(any_wedge, span.wedges[1], to)?,
+        };
+        if now >= span.wedges[1] {
+            return Err(Damaged("a corner goes to a wedge that is not there"));
+        }
+        if let Some(born) = now.checked_sub(span.wedges[0]) {
+            self.used = self.used.max(born + 1);
+        }
+        // Guessed: a split has hardly more wedges.
+        if self.last.len() == 8 {
+            self.last.remove(0);
+        }
+        self.last.push((old, now));
+        Ok(now)
+    }
+}
+
+/// How often a candidate has to turn to become a face, but for what stands on its corners.
+fn turn_of(candidate: &Candidate, face: [u32; 3]) -> Option<usize> {
+    let is_near = |k: usize, w: u32| candidate.wedges[k] == w || (k == 1 && candidate.other == w);
+    (0..3).find(|&turn| (0..3).all(|k| is_near((k + turn) % 3, face[k]))).or_else(|| {
+        // On a seam, two of three have to do.
+        (0..3).find(|&turn| (0..3).filter(|&k| is_near((k + turn) % 3, face[k])).count() == 2)
+    })
+}
+
+fn check_face(face: [u32; 3], span: Span) -> Coded<[u32; 3]> {
+    match face.iter().all(|&w| w < span.wedges[1]) {
+        true => Ok(face),
+        false => Err(Damaged("a face names a wedge that is not there")),
+    }
+}
+
+fn find(list: &[(u32, u32)], at: u32) -> Option<u32> {
+    list.binary_search_by_key(&at, |x| x.0).ok().map(|i| list[i].1)
+}
+
+/// The next of rising numbers.
+fn gap<C: Coder>(c: &mut C, model: &mut Number, at: &mut u32, wanted: u32, end: u32) -> Coded<u32> {
+    let gap = c.number(model, u64::from(wanted.wrapping_sub(*at)))?;
+    match u64::from(*at).checked_add(gap).filter(|&now| now < u64::from(end)) {
+        None => Err(Damaged("a change of what is not there")),
+        Some(now) => {
+            *at = now as u32 + 1;
+            Ok(now as u32)
+        }
+    }
+}

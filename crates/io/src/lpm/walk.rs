@@ -1,0 +1,220 @@
+//! The mesh that reader and writer walk along: what a split is told by.
+
+use lodsmith_core::splits::Counts;
+
+const NONE: u32 = u32::MAX;
+
+/// The most wedges and corners of a vertex by which a split is told; beyond, it is told by numbers.
+pub(super) const RING: usize = 64;
+
+/// Members of owners, in lists that go both ways.
+#[derive(Clone, Debug, Default)]
+struct Lists {
+    first: Vec<u32>,
+    /// The member before and the one behind.
+    beside: Vec<[u32; 2]>,
+}
+
+impl Lists {
+    fn add(&mut self, owner: u32, member: u32) {
+        let second = std::mem::replace(&mut self.first[owner as usize], member);
+        if second != NONE {
+            self.beside[second as usize][0] = member;
+        }
+        self.beside[member as usize] = [NONE, second];
+    }
+    fn remove(&mut self, owner: u32, member: u32) {
+        let [before, behind] = self.beside[member as usize];
+        match before {
+            NONE => self.first[owner as usize] = behind,
+            _ => self.beside[before as usize][1] = behind,
+        }
+        if behind != NONE {
+            self.beside[behind as usize][0] = before;
+        }
+    }
+    fn of(&self, owner: u32) -> impl Iterator<Item = u32> + '_ {
+        let some = |m: u32| (m != NONE).then_some(m);
+        std::iter::successors(some(self.first[owner as usize]), move |m| some(self.beside[*m as usize][1]))
+    }
+}
+
+/// The mesh at a level, elements by their birth.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Walk {
+    pub(super) faces: Vec<[u32; 3]>,
+    pub(super) regions: Vec<u32>,
+    /// The vertex of each wedge.
+    pub(super) vertex_of: Vec<u32>,
+    pub(super) places: Vec<[i64; 3]>,
+    pub(super) rows: Vec<i32>,
+    /// Corners of wedges, wedges of vertices.
+    corners: Lists,
+    wedges: Lists,
+}
+
+/// What a split does to a mesh. Elements are born in the order of their numbers; what changes is in the order of the
+/// numbers too, each once.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Step {
+    pub(super) faces: Vec<[u32; 3]>,
+    /// One for each face.
+    pub(super) regions: Vec<u32>,
+    /// The vertex of each wedge that is born.
+    pub(super) vertex_of: Vec<u32>,
+    pub(super) rows: Vec<i32>,
+    pub(super) places: Vec<[i64; 3]>,
+    pub(super) corners: Vec<(u32, u32)>,
+    pub(super) owners: Vec<(u32, u32)>,
+    pub(super) changed: Vec<u32>,
+    pub(super) changed_rows: Vec<i32>,
+    pub(super) moved: Vec<(u32, [i64; 3])>,
+}
+
+impl Step {
+    pub(super) fn clear(&mut self) {
+        self.faces.clear();
+        self.regions.clear();
+        self.vertex_of.clear();
+        self.rows.clear();
+        self.places.clear();
+        self.corners.clear();
+        self.owners.clear();
+        self.changed.clear();
+        self.changed_rows.clear();
+        self.moved.clear();
+    }
+}
+
+/// A corner of a vertex, and what lies beside it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RingCorner {
+    pub(super) corner: u32,
+    pub(super) wedge: u32,
+    /// The wedges of the next and the last corner of its face.
+    pub(super) next: u32,
+    pub(super) last: u32,
+}
+
+/// The corners of a vertex in the order of their fans.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Ring {
+    pub(super) corners: Vec<RingCorner>,
+    /// Where a fan ends, and whether it closes.
+    pub(super) fans: Vec<(usize, bool)>,
+    /// The wedges of the vertex, in the order of their numbers.
+    pub(super) wedges: Vec<u32>,
+    loose: Vec<RingCorner>,
+    is_taken: Vec<bool>,
+}
+
+impl Walk {
+    pub(super) fn counts(&self) -> Counts {
+        Counts {
+            faces: self.faces.len() as u32,
+            wedges: self.vertex_of.len() as u32,
+            vertices: self.places.len() as u32,
+        }
+    }
+    pub(super) fn corner(&self, corner: u32) -> u32 {
+        self.faces[corner as usize / 3][corner as usize % 3]
+    }
+    /// The corners of all wedges of a vertex; the order is that of nothing.
+    pub(super) fn corners_of(&self, vertex: u32) -> impl Iterator<Item = u32> + '_ {
+        self.wedges.of(vertex).flat_map(|w| self.corners.of(w))
+    }
+
+    /// Walks round a vertex. `false`, and an empty ring, if it has too many wedges or corners.
+    ///
+    /// Corners are sorted into fans: each begins with a corner that has none before it, or else with the first one left,
+    /// and goes on over the edge to the last vertex of each face.
+    pub(super) fn ring(&self, vertex: u32, ring: &mut Ring) -> bool {
+        let Ring { corners, fans, wedges, loose, is_taken } = ring;
+        corners.clear();
+        fans.clear();
+        wedges.clear();
+        loose.clear();
+        wedges.extend(self.wedges.of(vertex).take(RING + 1));
+        if wedges.len() > RING {
+            wedges.clear();
+            return false;
+        }
+        for &w in &*wedges {
+            loose.extend(self.corners.of(w).take(RING + 1 - loose.len()).map(|corner| {
+                let (face, k) = (self.faces[corner as usize / 3], corner as usize % 3);
+                RingCorner { corner, wedge: w, next: face[(k + 1) % 3], last: face[(k + 2) % 3] }
+            }));
+        }
+        if loose.len() > RING {
+            wedges.clear();
+            return false;
+        }
+        wedges.sort_unstable();
+        loose.sort_unstable_by_key(|c| c.corner);
+        is_taken.clear();
+        is_taken.resize(loose.len(), false);
+        let vertex_of = |w: u32| self.vertex_of[w as usize];
+        let follows = |a: &RingCorner, b: &RingCorner| vertex_of(a.last) == vertex_of(b.next);
+        for wants_beginning in [true, false] {
+            for first in 0..loose.len() {
+                let has_before =
+                    || loose.iter().enumerate().any(|(i, c)| i != first && follows(c, &loose[first]));
+                if is_taken[first] || (wants_beginning && has_before()) {
+                    continue;
+                }
+                let mut at = Some(first);
+                while let Some(i) = at {
+                    is_taken[i] = true;
+                    corners.push(loose[i]);
+                    at = (0..loose.len()).find(|&j| !is_taken[j] && follows(&loose[i], &loose[j]));
+                }
+                let is_closed = !wants_beginning && follows(&corners[corners.len() - 1], &loose[first]);
+                fans.push((corners.len(), is_closed));
+            }
+        }
+        true
+    }
+
+    /// Does what a split says; its numbers are all there.
+    pub(super) fn take(&mut self, step: &Step) {
+        for &vertex in &step.vertex_of {
+            self.vertex_of.push(vertex);
+        }
+        self.rows.extend_from_slice(&step.rows);
+        self.places.extend_from_slice(&step.places);
+        self.corners.first.resize(self.vertex_of.len(), NONE);
+        self.wedges.first.resize(self.places.len(), NONE);
+        self.wedges.beside.resize(self.vertex_of.len(), [NONE; 2]);
+        for w in self.vertex_of.len() - step.vertex_of.len()..self.vertex_of.len() {
+            self.wedges.add(self.vertex_of[w], w as u32);
+        }
+        for &(w, vertex) in &step.owners {
+            self.wedges.remove(self.vertex_of[w as usize], w);
+            self.wedges.add(vertex, w);
+            self.vertex_of[w as usize] = vertex;
+        }
+        for &(c, w) in &step.corners {
+            let own = &mut self.faces[c as usize / 3][c as usize % 3];
+            self.corners.remove(*own, c);
+            self.corners.add(w, c);
+            *own = w;
+        }
+        for face in &step.faces {
+            let first = self.faces.len() as u32 * 3;
+            self.faces.push(*face);
+            self.corners.beside.resize(self.faces.len() * 3, [NONE; 2]);
+            for (c, &w) in (first..).zip(face) {
+                self.corners.add(w, c);
+            }
+        }
+        self.regions.extend_from_slice(&step.regions);
+        let channels = self.rows.len() / self.vertex_of.len().max(1);
+        for (i, &w) in step.changed.iter().enumerate() {
+            self.rows[w as usize * channels..][..channels]
+                .copy_from_slice(&step.changed_rows[i * channels..][..channels]);
+        }
+        for &(v, place) in &step.moved {
+            self.places[v as usize] = place;
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! Splits on their way out.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::ops::Range;
+use std::path::Path;
+
+use lodsmith_core::splits::{Changes, Counts, SplitData, Splits};
+use lodsmith_core::{Positions, Semantic};
+
+use super::checkpoint::{Checkpoints, write_original};
+use super::container::{self, MAGIC, write_chunk};
+use super::head::{Column, Head, Kind, kinds};
+use super::range::Encoder;
+use super::step::{Shape, Steps};
+use super::values::{PlaceCode, ValueCode};
+use super::walk::{Step, Walk};
+use super::{LEAST_BITS, LpmOptions, LpmWritten, MOST_BITS};
+use crate::error::WriteError;
+use crate::obj::Regions;
+use crate::write::write_file;
+
+/// Splits in a chunk. Guessed: a few kilobytes, so that a stream shows something new several times a second.
+const IN_CHUNK: usize = 2048;
+
+/// Bits of a value of texture coordinates, weights and movements of morph targets.
+const FINE: u8 = 16;
+/// Bits of a colour.
+const COLOR: u8 = 8;
+/// A normal gets so many bits fewer than a position, within bounds: 12 at 16, which is 0.04 degrees.
+const FEWER: u8 = 4;
+
+/// Writes a file.
+///
+/// Within a split, changes are written in the order of their elements; of two changes of one element the later. Splits
+/// that are in that order come back bit for bit unless [`LpmOptions::bits`] is given, but for the fits of checkpoints, which
+/// are rounded to a quarter of the error that they leave. With bits, positions and attributes
+/// are rounded, and the numbers of the original are left out.
+///
+/// Cost: O(n).
+///
+/// # Errors
+/// Where the stream fails, and of the kind `InvalidInput` where `bits` cannot be: positions that are no numbers.
+pub fn write(
+    splits: &Splits,
+    regions: Option<&Regions>,
+    options: &LpmOptions,
+    out: &mut dyn Write,
+) -> io::Result<LpmWritten> {
+    let mut written = LpmWritten::default();
+    let sizes = &mut written.sizes;
+    let head = head_of(splits, options).map_err(|text| io::Error::new(io::ErrorKind::InvalidInput, text))?;
+    out.write_all(&MAGIC)?;
+    sizes.head = MAGIC.len() as u64 + write_chunk(out, container::HEAD, &head.to_bytes())?;
+    if let Some(regions) = regions.filter(|r| !r.is_empty() || r.has_materials()) {
+        let (bytes, lost) = regions.pack(options.with_textures)?;
+        sizes.materials = write_chunk(out, container::MATERIALS, &bytes)?;
+        written.warnings = lost;
+    }
+    let mut checkpoints = Checkpoints::default();
+    let mut waiting = splits.checkpoints.iter().peekable();
+    let shape = Shape {
+        has_vertex_map: head.has_vertex_map,
+        has_regions: head.has_regions,
+        channels: head.channels(),
+        places: head.places,
+    };
+    let (mut steps, mut walk) = (Steps::new(shape), Walk::default());
+    let (mut want, mut got) = (Step::default(), Step::default());
+    let mut begin = 0;
+    // The base is step 0, split s is step s + 1.
+    let count = splits.counts.len();
+    while begin < count {
+        let mut encoder = Encoder::new();
+        let next_stop = waiting.peek().map_or(usize::MAX, |c| c.level as usize + 1);
+        let end = if begin == 0 { 1 } else { count.min(begin + IN_CHUNK).min(next_stop) };
+        for s in begin..end {
+            fill(splits, &head, s, &mut want);
+            let coded = steps.code(&mut encoder, &walk, &want, &mut got);
+            assert!(coded.is_ok(), "what is written is not damaged");
+            debug_assert_eq!(got, want, "a split is told as it is");
+            walk.take(&got);
+        }
+        let bytes = encoder.finish();
+        if begin == 0 {
+            sizes.base = write_chunk(out, container::BASE, &bytes)?;
+        } else {
+            let mut all = ((end - begin) as u32).to_le_bytes().to_vec();
+            all.extend(bytes);
+            sizes.splits += write_chunk(out, container::SPLITS, &all)?;
+            sizes.chunks += 1;
+        }
+        begin = end;
+        while let Some(checkpoint) = waiting.next_if(|c| (c.level as usize) < end) {
+            let bytes = checkpoints.write(&head, checkpoint, options.exact_fits);
+            sizes.checkpoints += write_chunk(out, container::CHECKPOINT, &bytes)?;
+        }
+    }
+    if let (Some(original), true) = (&splits.original, head.is_exact()) {
+        sizes.original = write_chunk(out, container::ORIGINAL, &write_original(&walk, original))?;
+    }
+    sizes.others = write_chunk(out, container::DONE, &(splits.len() as u32).to_le_bytes())?;
+    out.flush()?;
+    Ok(written)
+}
+
+/// The same to a path: to a temporary file beside it, which is then renamed. An existing file survives a failure.
+///
+/// # Errors
+/// [`WriteError`], which names the path; nothing is left behind.
+pub fn write_path(
+    splits: &Splits,
+    regions: Option<&Regions>,
+    options: &LpmOptions,
+    path: &Path,
+) -> Result<LpmWritten, WriteError> {
+    write_file(path, |out| write(splits, regions, options, out))
+        .map_err(|source| WriteError::Io { path: path.to_owned(), source })
+}
+
+/// Makes a step of split s - 1, or of the base.
+fn fill(data: &SplitData, head: &Head, s: usize, step: &mut Step) {
+    step.clear();
+    let before = if s == 0 { Counts::default() } else { data.counts[s - 1] };
+    let after = data.counts[s];
+    let span = |a: u32, b: u32| a as usize..b as usize;
+    let faces = span(before.faces, after.faces);
+    step.faces.extend(data.faces[faces.clone()].iter().map(|f| f.map(|w| w.0)));
+    if let Some(regions) = &data.regions {
+        step.regions.extend(regions[faces].iter().map(|r| r.0));
+    }
+    let wedges = span(before.wedges, after.wedges);
+    match &data.vertex_of {
+        Some(vertex_of) => step.vertex_of.extend(vertex_of[wedges.clone()].iter().map(|v| v.0)),
+        None => step.vertex_of.extend(before.wedges..after.wedges),
+    }
+    let width = head.width();
+    for w in wedges {
+        head.encode_row(&data.values[w * width..(w + 1) * width], &mut step.rows);
+    }
+    let vertices = span(before.vertices, after.vertices);
+    step.places.extend(vertices.map(|v| head.places.code(&data.positions, v)));
+    let Some(s) = s.checked_sub(1) else { return };
+    in_order(&data.corners, s, |at| *at, |i, at| step.corners.push((at, data.corners.to[i].0)));
+    in_order(&data.owners, s, |at| at.0, |i, at| step.owners.push((at, data.owners.to[i].0)));
+    in_order(&data.places, s, |at| at.0, |i, at| step.moved.push((at, head.places.code(&data.places.to, i))));
+    if width > 0 {
+        in_order(
+            &data.rows,
+            s,
+            |at| at.0,
+            |i, at| {
+                step.changed.push(at);
+                head.encode_row(&data.rows.to[i * width..(i + 1) * width], &mut step.changed_rows);
+            },
+        );
+    }
+}
+
+/// The changes of a split in the order of their elements; of several of one element the last.
+fn in_order<A, T>(
+    changes: &Changes<A, T>,
+    split: usize,
+    number: impl Fn(&A) -> u32,
+    mut take: impl FnMut(usize, u32),
+) {
+    let range: Range<usize> = changes.of(split);
+    let numbers = || range.clone().map(|i| number(&changes.at[i]));
+    if numbers().zip(numbers().skip(1)).all(|(a, b)| a < b) {
+        range.clone().zip(numbers()).for_each(|(i, at)| take(i, at));
+        return;
+    }
+    let last: BTreeMap<u32, usize> = numbers().zip(range.clone()).collect();
+    last.into_iter().for_each(|(at, i)| take(i, at));
+}
+
+fn head_of(data: &SplitData, options: &LpmOptions) -> Result<Head, String> {
+    let full = data.counts[data.counts.len() - 1];
+    let mut places = match data.positions {
+        Positions::F32(_) => PlaceCode::F32,
+        Positions::F64(_) => PlaceCode::F64,
+    };
+    if let Some(bits) = options.bits {
+        if !(LEAST_BITS..=MOST_BITS).contains(&bits) {
+            return Err(format!("{bits} bits for a coordinate: it has to be {LEAST_BITS} to {MOST_BITS}"));
+        }
+        places = grid_of(data, bits)?;
+    }
+    let mut columns = Vec::new();
+    let mut begin = 0;
+    let width = data.layout.width();
+    for (kind, own) in kinds(&data.layout) {
+        if own > 4096 || columns.len() >= 4096 {
+            return Err("LPM holds up to 4,096 attributes of up to 4,096 values each".to_owned());
+        }
+        let column = || {
+            let rows = data.values.chunks_exact(width).chain(data.rows.to.chunks_exact(width));
+            rows.map(move |row| &row[begin..begin + own])
+        };
+        let code = options.bits.map_or(ValueCode::Float, |bits| code_of(&kind, own, column, bits));
+        begin += own;
+        columns.push(Column { kind, width: own, code });
+    }
+    Ok(Head {
+        has_vertex_map: data.vertex_of.is_some(),
+        has_regions: data.regions.is_some(),
+        splits: data.counts.len() as u32 - 1,
+        full,
+        base: data.counts[0],
+        places,
+        bits: options.bits.unwrap_or(0),
+        columns,
+    })
+}
+
+/// The grid on which all positions of all levels have their places, with the same step along all axes.
+fn grid_of(data: &SplitData, bits: u8) -> Result<PlaceCode, String> {
+    let all = || data.positions.view().iter().chain(data.places.to.view().iter()).collect::<Vec<_>>();
+    let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for p in all() {
+        if !p.iter().all(|x| x.is_finite()) {
+            return Err(
+                "positions that are no numbers have no place on a grid: write without --bits".to_owned()
+            );
+        }
+        for k in 0..3 {
+            (min[k], max[k]) = (min[k].min(p[k]), max[k].max(p[k]));
+        }
+    }
+    let is_double = matches!(data.positions, Positions::F64(_));
+    let size = (0..3).map(|k| max[k] - min[k]).fold(0.0, f64::max);
+    let step = size / f64::from((1u32 << bits) - 1);
+    if !size.is_finite() && max[0] >= min[0] {
+        return Err("the mesh is too large for a grid: write without --bits".to_owned());
+    }
+    let is_flat = step.is_nan() || step <= 0.0;
+    let min = if max[0] < min[0] { [0.0; 3] } else { min };
+    Ok(PlaceCode::Grid { min, step: if is_flat { 1.0 } else { step }, is_double })
+}
+
+/// How the values of an attribute are rounded; not at all where they are none of the usual ones.
+fn code_of<'a, I: Iterator<Item = &'a [f32]>>(
+    kind: &Kind,
+    width: usize,
+    rows: impl Fn() -> I,
+    bits: u8,
+) -> ValueCode {
+    let is_direction =
+        |row: &[f32]| row[..3].iter().all(|x| x.is_finite()) && row[..3].iter().any(|&x| x != 0.0);
+    let is_whole = |row: &[f32]| row.iter().all(|&x| x.fract() == 0.0 && (0.0..=65535.0).contains(&x));
+    let direction_bits = bits.saturating_sub(FEWER).clamp(8, 16);
+    let fixed = |bits: u8, max: f64| ValueCode::Grid {
+        bits,
+        axes: vec![[0.0, max / f64::from((1u32 << bits) - 1)]; width],
+    };
+    let within = |max: f32| rows().all(|row| row.iter().all(|x| (0.0..=max).contains(x)));
+    match kind {
+        Kind::Normal if rows().all(is_direction) => ValueCode::Direction { bits: direction_bits },
+        Kind::Further(Semantic::Tangent)
+            if width == 4 && rows().all(|row| is_direction(row) && row[3].abs() == 1.0) =>
+        {
+            ValueCode::Tangent { bits: direction_bits }
+        }
+        Kind::Color | Kind::Further(Semantic::Color(_)) if within(1.0) => fixed(COLOR, 1.0),
+        Kind::Further(Semantic::Weights(_)) if within(1.0) => fixed(FINE, 1.0),
+        Kind::Further(Semantic::Joints(_)) if rows().all(is_whole) => fixed(FINE, 65535.0),
+        Kind::Uv | Kind::Further(Semantic::Uv(_) | Semantic::Morph { .. }) => {
+            let mut axes = vec![[f64::INFINITY, f64::NEG_INFINITY]; width];
+            for row in rows() {
+                for (axis, &x) in axes.iter_mut().zip(row) {
+                    if !x.is_finite() {
+                        return ValueCode::Float;
+                    }
+                    *axis = [axis[0].min(f64::from(x)), axis[1].max(f64::from(x))];
+                }
+            }
+            for axis in &mut axes {
+                let size = axis[1] - axis[0];
+                let step = size / f64::from((1u32 << FINE) - 1);
+                *axis = [if size >= 0.0 { axis[0] } else { 0.0 }, if step > 0.0 { step } else { 1.0 }];
+            }
+            ValueCode::Grid { bits: FINE, axes }
+        }
+        _ => ValueCode::Float,
+    }
+}

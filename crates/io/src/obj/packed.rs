@@ -1,0 +1,246 @@
+//! Regions, libraries and images as bytes, for a file that holds all of them.
+
+use std::collections::{HashMap, HashSet};
+use std::io::{self, Read, Write};
+use std::sync::Arc;
+
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+
+use super::materials::{Image, Library, Made, Texture, counts, left_out, lines_of, texture_in};
+use super::regions::Regions;
+use crate::error::{ReadError, Warning};
+use crate::gltf::image_type;
+use crate::limits::Limits;
+
+/// Bytes of all images. Guessed: as many as a GLB can well hold.
+const MOST_BYTES: u64 = 2 << 30;
+
+impl Regions {
+    /// How many materials and textures there are.
+    pub(crate) fn counts(&self) -> (usize, usize) {
+        counts(self)
+    }
+
+    /// All of it as bytes, images from their files. Says what could not go along.
+    pub(crate) fn pack(&self, with_textures: bool) -> io::Result<(Vec<u8>, Vec<Warning>)> {
+        let mut packer =
+            Packer { out: Vec::new(), images: Vec::new(), names: HashSet::new(), left: MOST_BYTES };
+        let (mut missing, mut warnings) = (Vec::new(), Vec::new());
+        packer.number(self.names.len());
+        self.names.iter().for_each(|name| packer.bytes(name));
+        packer.number(self.entries.len());
+        self.entries.as_flattened().iter().for_each(|&name| packer.number(name as usize));
+        packer.number(self.materials.len());
+        self.materials.iter().for_each(|&name| packer.number(name as usize));
+        packer.number(self.libraries.len());
+        for library in &self.libraries {
+            packer.bytes(library.name());
+            let Some(text) = library.text() else {
+                packer.out.push(0);
+                continue;
+            };
+            packer.out.push(if library.is_tinted() { 2 } else { 1 });
+            let text = packer.library(library, text, with_textures, &mut missing);
+            packer.bytes(&text);
+            packer.number(packer.images.len());
+            for image in std::mem::take(&mut packer.images) {
+                packer.bytes(image.name.as_bytes());
+                packer.bytes(&image.bytes);
+            }
+            warnings.extend(library.losses());
+        }
+        if !with_textures && !missing.is_empty() {
+            warnings.push(Warning::note("images dropped: --textures none"));
+        } else {
+            warnings.extend(left_out(&missing));
+        }
+        let mut zlib = ZlibEncoder::new(Vec::new(), Compression::default());
+        zlib.write_all(&packer.out)?;
+        Ok((zlib.finish()?, warnings))
+    }
+
+    /// The same out of bytes of anybody.
+    pub(crate) fn unpack(bytes: &[u8], limits: Limits) -> Result<(Self, Vec<Warning>), ReadError> {
+        let bad = |what: &str| ReadError::element("the materials", what);
+        let most = limits.bytes.min(2 * MOST_BYTES);
+        let mut plain = Vec::new();
+        ZlibDecoder::new(bytes)
+            .take(most.saturating_add(1))
+            .read_to_end(&mut plain)
+            .map_err(|_| bad("their bytes are damaged"))?;
+        if plain.len() as u64 > most {
+            return Err(ReadError::Limit { what: "the materials", size: plain.len() as u64, limit: most });
+        }
+        let mut rest = Unpacker(&plain);
+        let mut regions = Self::default();
+        let mut warnings = Vec::new();
+        let short = || bad("they are too short");
+        for _ in 0..rest.number().ok_or_else(short)? {
+            regions.names.push(rest.bytes().ok_or_else(short)?.into());
+        }
+        let known = regions.names.len() as u32;
+        for _ in 0..rest.number().ok_or_else(short)? {
+            let mut entry = [0; 4];
+            for name in &mut entry {
+                *name = rest.number().ok_or_else(short)?;
+            }
+            if entry.iter().any(|&name| name >= known && name != super::regions::NONE) {
+                return Err(bad("a region has a name that is not there"));
+            }
+            regions.entries.push(entry);
+        }
+        for _ in 0..rest.number().ok_or_else(short)? {
+            let name = rest.number().ok_or_else(short)?;
+            if name >= known {
+                return Err(bad("a material has a name that is not there"));
+            }
+            regions.materials.push(name);
+        }
+        for _ in 0..rest.number().ok_or_else(short)? {
+            let name: Arc<[u8]> = rest.bytes().ok_or_else(short)?.into();
+            let kind = rest.byte().ok_or_else(short)?;
+            if kind == 0 {
+                regions.libraries.push(Library::named(name));
+                continue;
+            }
+            let text = rest.bytes().ok_or_else(short)?;
+            let mut made = Made { tints: kind == 2, ..Made::default() };
+            for _ in 0..rest.number().ok_or_else(short)? {
+                let name = rest.bytes().ok_or_else(short)?;
+                let bytes = rest.bytes().ok_or_else(short)?.to_vec();
+                let Some(name) = plain_name(name) else {
+                    // It might be written outside of the folder where it belongs.
+                    warnings.push(Warning::lost("an image of the file has no plain name: left out"));
+                    continue;
+                };
+                let kind = image_type(&bytes).unwrap_or("application/octet-stream");
+                made.images.push(Image { name, kind, bytes });
+            }
+            regions.libraries.push(Library::packed(text, made));
+        }
+        Ok((regions, warnings))
+    }
+}
+
+/// A name of a file without a way to it, if it is one.
+fn plain_name(name: &[u8]) -> Option<String> {
+    let name = std::str::from_utf8(name).ok()?;
+    let is_plain = !name.is_empty()
+        && !name.starts_with('.')
+        && !name
+            .chars()
+            .any(|c| c.is_control() || matches!(c, '/' | '\\' | ':' | '*' | '?' | '"' | '<' | '>' | '|'));
+    is_plain.then(|| name.to_owned())
+}
+
+struct Packer {
+    out: Vec<u8>,
+    images: Vec<Image>,
+    names: HashSet<String>,
+    left: u64,
+}
+
+impl Packer {
+    fn number(&mut self, number: usize) {
+        self.out.extend((number as u32).to_le_bytes());
+    }
+    fn bytes(&mut self, bytes: &[u8]) {
+        self.number(bytes.len());
+        self.out.extend_from_slice(bytes);
+    }
+
+    /// The text of a library with the names that its images have in the file.
+    fn library(
+        &mut self,
+        library: &Library,
+        text: &[u8],
+        with_textures: bool,
+        missing: &mut Vec<String>,
+    ) -> Vec<u8> {
+        let mut known: HashMap<Vec<u8>, Vec<u8>> = HashMap::new();
+        let mut out = Vec::new();
+        for line in lines_of(text) {
+            let Some(at) = texture_in(line) else {
+                out.extend_from_slice(line);
+                continue;
+            };
+            let old = &line[at.clone()];
+            let new = known.entry(old.to_vec()).or_insert_with(|| {
+                match if with_textures { self.image(library, old) } else { Err("is left out") } {
+                    Ok(name) => name.into_bytes(),
+                    Err(why) => {
+                        missing.push(format!("{} {why}", crate::excerpt::excerpt_of_bytes(old)));
+                        old.to_vec()
+                    }
+                }
+            });
+            out.extend_from_slice(&line[..at.start]);
+            out.extend_from_slice(new);
+            out.extend_from_slice(&line[at.end..]);
+        }
+        out
+    }
+
+    fn image(&mut self, library: &Library, path: &[u8]) -> Result<String, &'static str> {
+        let (own, bytes) = match library.find_texture(path)? {
+            Texture::Inside(image) => (image.name.clone(), image.bytes.clone()),
+            Texture::File(path) => {
+                let mut bytes = Vec::new();
+                let file = std::fs::File::open(&path).map_err(|_| "cannot be read")?;
+                file.take(self.left + 1).read_to_end(&mut bytes).map_err(|_| "cannot be read")?;
+                (path.file_name().unwrap_or_default().to_string_lossy().into_owned(), bytes)
+            }
+        };
+        self.left = self.left.checked_sub(bytes.len() as u64).ok_or("is too large")?;
+        let own = plain_name(own.as_bytes()).unwrap_or_else(|| "texture".to_owned());
+        if let Some(same) = self.images.iter().find(|i| i.bytes == bytes) {
+            return Ok(same.name.clone());
+        }
+        let (stem, ending) =
+            own.rsplit_once('.').map_or((&*own, String::new()), |(s, e)| (s, format!(".{e}")));
+        let mut name = own.clone();
+        let mut number = 1;
+        while !self.names.insert(name.clone()) {
+            number += 1;
+            name = format!("{stem}_{number}{ending}");
+        }
+        self.images.push(Image { name: name.clone(), kind: "", bytes });
+        Ok(name)
+    }
+}
+
+struct Unpacker<'a>(&'a [u8]);
+
+impl<'a> Unpacker<'a> {
+    fn byte(&mut self) -> Option<u8> {
+        let (byte, rest) = self.0.split_first()?;
+        self.0 = rest;
+        Some(*byte)
+    }
+    fn number(&mut self) -> Option<u32> {
+        let (number, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(u32::from_le_bytes(*number))
+    }
+    fn bytes(&mut self) -> Option<&'a [u8]> {
+        let count = self.number()? as usize;
+        let (bytes, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_plain_names_become_files() {
+        for name in ["../a.png", "/a.png", "a\\b.png", "C:a.png", ".hidden", "", "..", "a\0b", "a\nb"] {
+            assert_eq!(plain_name(name.as_bytes()), None, "{name}");
+        }
+        assert_eq!(plain_name("my wood é.png".as_bytes()).as_deref(), Some("my wood é.png"));
+    }
+}
