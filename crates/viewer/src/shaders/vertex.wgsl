@@ -94,8 +94,8 @@ fn placed(wedge: u32, instance: Instance, direction: vec3<f32>) -> Placed {
     var normal_matrix = instance.normal_rows;
     if (instance.ids.w & SKINNED) != 0u && info.joints != NONE {
         matrix = array<vec4<f32>, 3>(vec4(0.0), vec4(0.0), vec4(0.0));
-        for (var set = 0u; set < info.joint_sets; set++) {
-            let at = info.joints + 6u * set;
+        for (var g = 0u; g < info.joint_sets; g++) {
+            let at = info.joints + 6u * g;
             for (var k = 0u; k < 4u; k++) {
                 let weight = bitcast<f32>(word(wedge, at + 2u + k));
                 if weight != 0.0 {
