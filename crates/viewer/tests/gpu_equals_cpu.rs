@@ -46,6 +46,8 @@ fn a_ball_is_drawn_once() {
         lighting: &Lighting::default(),
         background: Background::Transparent,
         ground: false,
+        matcap: None,
+        shader: None,
     };
     let first = gpu.draw(&mut target, &frame);
     assert!(first.drawn && first.triangles == model.face_count() as u64, "{first:?}");

@@ -64,6 +64,8 @@ pub struct Context {
     pub(super) queue: wgpu::Queue,
     pub(super) layouts: Arc<Layouts>,
     pub(super) split: Split,
+    /// Whether a texture can be seen both as sRGB and as light.
+    pub(super) has_views: bool,
     info: Arc<wgpu::AdapterInfo>,
     instance: wgpu::Instance,
 }
@@ -112,7 +114,9 @@ impl Context {
         let split =
             Split { triangles: CHUNK_TRIANGLES.min((bytes / 12) as usize), wedges: (bytes / 64) as usize };
         let layouts = Arc::new(Layouts::new(&device));
-        Ok(Self { device, queue, layouts, split, info: Arc::new(info), instance })
+        let flags = adapter.get_downlevel_capabilities().flags;
+        let has_views = flags.contains(wgpu::DownlevelFlags::VIEW_FORMATS);
+        Ok(Self { device, queue, layouts, split, has_views, info: Arc::new(info), instance })
     }
 
     /// How a window is to ask for its device: with all that the adapter allows, not only what a browser does.

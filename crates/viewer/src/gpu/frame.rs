@@ -6,6 +6,8 @@ use lodsmith_core::model::Pose;
 use lodsmith_render::{Background, Camera, Lighting, Look};
 
 use super::model::DrawModel;
+use super::renderer::Matcap;
+use super::surface_shader::SurfaceShader;
 use super::uniforms::{View, ball};
 
 /// Everything that a picture shows.
@@ -25,6 +27,10 @@ pub struct Frame<'a> {
     pub background: Background,
     /// Whether a grid lies under the model.
     pub ground: bool,
+    /// The lit ball of [`Shading::Matcap`](lodsmith_render::Shading::Matcap); `None` takes one of clay.
+    pub matcap: Option<&'a Matcap>,
+    /// Colours surfaces instead of the look's shading.
+    pub shader: Option<&'a SurfaceShader>,
 }
 
 /// A model somewhere.
@@ -73,6 +79,8 @@ pub(super) struct Shown {
     lighting: Lighting,
     background: Background,
     ground: bool,
+    matcap: Option<u64>,
+    shader: Option<u64>,
 }
 
 impl Shown {
@@ -90,6 +98,8 @@ impl Shown {
             lighting: frame.lighting.clone(),
             background: frame.background,
             ground: frame.ground,
+            matcap: frame.matcap.map(Matcap::id),
+            shader: frame.shader.map(SurfaceShader::id),
         }
     }
 
@@ -108,6 +118,8 @@ impl Shown {
             && self.lighting == *frame.lighting
             && self.background == frame.background
             && self.ground == frame.ground
+            && self.matcap == frame.matcap.map(Matcap::id)
+            && self.shader == frame.shader.map(SurfaceShader::id)
             && self.models.len() == frame.models.len()
             && self.models.iter().zip(frame.models).all(|(was, is)| same(was, is))
     }
@@ -126,6 +138,9 @@ const SKINNED: u32 = 0x10000;
 const MIRRORED: u32 = 0x20000;
 const SELECTED: u32 = 0x40000;
 const HAS_HEAT: u32 = 0x80000;
+const HAS_COLORS: u32 = 0x10_0000;
+const LINEAR_COLORS: u32 = 0x20_0000;
+const OWN_NORMALS: u32 = 0x40_0000;
 /// Morph targets that pull at once at one place; what a shader counts in the lower half of its flags.
 const MORPHS_MAX: usize = 0xffff;
 
@@ -176,6 +191,9 @@ pub(super) fn gather<'a>(frame: &Frame<'a>, view: &View) -> Gathered<'a> {
             let mut flags = morphs.len() as u32;
             flags |= if placed.selected { SELECTED } else { 0 };
             flags |= if mesh.heat_max.is_some() { HAS_HEAT } else { 0 };
+            flags |= if mesh.has_colors { HAS_COLORS } else { 0 };
+            flags |= if model.has_linear_colors { LINEAR_COLORS } else { 0 };
+            flags |= if mesh.has_own_normals { OWN_NORMALS } else { 0 };
             let first_joint = palette.len() as u32;
             if let Some(skin) = skin {
                 flags |= SKINNED;

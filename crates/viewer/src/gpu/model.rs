@@ -12,7 +12,9 @@ use lodsmith_core::{Model, TriMesh, WedgeId};
 
 use super::buffer::Storage;
 use super::context::Context;
+use super::marks::Marks;
 use super::pack::{self, Row};
+use super::texture::Surfaces;
 
 /// A model on the graphics card: its meshes, where they stand, and what they look like.
 ///
@@ -25,6 +27,8 @@ pub struct DrawModel {
     hierarchy: Model,
     pub(super) meshes: Vec<DrawMesh>,
     at_rest: Vec<Instance>,
+    pub(super) surfaces: Surfaces,
+    pub(super) has_linear_colors: bool,
 }
 
 /// A mesh on the graphics card.
@@ -35,11 +39,15 @@ pub(super) struct DrawMesh {
     /// Of a ball round the origin of the unit frame.
     pub(super) radius: f64,
     pub(super) skinned: bool,
+    pub(super) has_colors: bool,
+    pub(super) has_own_normals: bool,
     pub(super) morph_targets: u32,
     pub(super) morph_weights: Vec<f32>,
     /// Greatest of the values of [`DrawModel::set_heat`]; `None` without any.
     pub(super) heat_max: Option<f32>,
     materials: Vec<Option<usize>>,
+    /// Of each page, the marked edges whose ends it holds.
+    marks: Vec<MarkedEdges>,
     frame: UnitFrame,
     row: Row,
     face_count: usize,
@@ -52,6 +60,15 @@ pub(super) struct Chunk {
     indices: Storage,
     pub(super) bind: wgpu::BindGroup,
     pub(super) parts: Vec<Part>,
+}
+
+/// Edges that are drawn as lines.
+struct MarkedEdges {
+    page: usize,
+    edges: Storage,
+    bind: wgpu::BindGroup,
+    /// Six for each line.
+    corners: u32,
 }
 
 /// Triangles of one material.
@@ -101,11 +118,26 @@ impl Context {
         let meshes = model.meshes.iter().map(|m| DrawMesh::new(self, m)).collect();
         let at_rest = hierarchy.instances(&Pose::default());
         let id = NEXT_ID.fetch_add(1, Ordering::Relaxed);
-        DrawModel { context: self.clone(), id, revision: 0, hierarchy, meshes, at_rest }
+        let surfaces = Surfaces::new(self, &model.materials, &model.images);
+        DrawModel {
+            context: self.clone(),
+            id,
+            revision: 0,
+            hierarchy,
+            meshes,
+            at_rest,
+            surfaces,
+            has_linear_colors: false,
+        }
     }
 }
 
 impl DrawModel {
+    /// Whether colours of vertices are linear, as glTF has them; else they are sRGB.
+    pub fn with_linear_colors(self, is_linear: bool) -> Self {
+        Self { has_linear_colors: is_linear, ..self }
+    }
+
     /// Which model it is, and how often it has changed: equal if the picture is the same.
     pub fn version(&self) -> (u64, u64) {
         (self.id, self.revision)
@@ -139,6 +171,16 @@ impl DrawModel {
     /// If there is no such mesh, or not one value for each wedge.
     pub fn set_heat(&mut self, mesh: usize, values: Option<&[f32]>) {
         self.meshes[mesh].set_heat(&self.context, values);
+        self.revision += 1;
+    }
+
+    /// Edges for [`Look::borders`](lodsmith_render::Look::borders) and [`Look::defects`](lodsmith_render::Look::defects);
+    /// they go when the geometry is replaced.
+    ///
+    /// # Panics
+    /// If there is no such mesh, or the marks are those of a larger one.
+    pub fn set_marks(&mut self, mesh: usize, marks: &Marks) {
+        self.meshes[mesh].set_marks(&self.context, marks);
         self.revision += 1;
     }
 
@@ -216,10 +258,13 @@ impl DrawMesh {
             user_from_unit: pack::user_from_unit(&frame),
             radius: f64::from(radius),
             skinned: row.joint_sets > 0,
+            has_colors: mesh.colors().is_some(),
+            has_own_normals: mesh.normals().is_some(),
             morph_targets: pack::morph_target_count(mesh),
             morph_weights: Vec::new(),
             heat_max: None,
             materials: materials.to_vec(),
+            marks: Vec::new(),
             frame,
             row,
             face_count: mesh.face_count(),
@@ -249,10 +294,39 @@ impl DrawMesh {
         self.heat_max = Some(values.iter().copied().filter(|x| x.is_finite()).fold(0.0, f32::max));
     }
 
+    fn set_marks(&mut self, context: &Context, marks: &Marks) {
+        self.marks.clear();
+        for (number, page) in self.pages.iter().enumerate() {
+            let edges: Vec<[u32; 3]> = match &page.wedges {
+                None => marks.edges.clone(),
+                Some(wedges) => {
+                    let mut local = vec![pack::NONE; self.wedge_count];
+                    wedges.iter().enumerate().for_each(|(k, w)| local[w.index()] = k as u32);
+                    let here = |e: &[u32; 3]| [local[e[0] as usize], local[e[1] as usize], e[2]];
+                    marks.edges.iter().map(here).filter(|e| e[0] != pack::NONE && e[1] != pack::NONE).collect()
+                }
+            };
+            if edges.is_empty() {
+                continue;
+            }
+            let storage = Storage::new(context, "marks", bytemuck::cast_slice(&edges));
+            let bind = bind(context, page, &storage);
+            self.marks.push(MarkedEdges { page: number, edges: storage, bind, corners: 6 * edges.len() as u32 });
+        }
+    }
+
+    /// Bindings of marked edges, and how many corners their lines have.
+    pub(super) fn marks(&self) -> impl Iterator<Item = (&wgpu::BindGroup, u32)> {
+        self.marks.iter().map(|m| (&m.bind, m.corners))
+    }
+
     /// Groups of bindings that name buffers of a page, after some of them have moved.
     fn bind_again(&mut self, context: &Context, page: usize) {
         for chunk in self.chunks.iter_mut().filter(|c| c.page == page) {
             chunk.bind = bind(context, &self.pages[page], &chunk.indices);
+        }
+        for marks in self.marks.iter_mut().filter(|m| m.page == page) {
+            marks.bind = bind(context, &self.pages[page], &marks.edges);
         }
     }
 }
@@ -337,6 +411,26 @@ impl Chunk {
         let bind = bind(context, of, &indices);
         Self { page, indices, bind, parts }
     }
+}
+
+/// Bindings of a mesh for passes that read none.
+pub(super) fn no_mesh(context: &Context) -> wgpu::BindGroup {
+    let storage = Storage::new(context, "nothing", &[]);
+    let info = context.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("nothing"),
+        size: size_of::<MeshInfo>() as u64,
+        usage: wgpu::BufferUsages::UNIFORM,
+        mapped_at_creation: false,
+    });
+    let page = Page {
+        wedges: None,
+        info,
+        corners: storage.clone(),
+        rows: storage.clone(),
+        heat: storage.clone(),
+        morphs: storage.clone(),
+    };
+    bind(context, &page, &storage)
 }
 
 fn bind(context: &Context, page: &Page, indices: &Storage) -> wgpu::BindGroup {

@@ -1,18 +1,35 @@
 //! Frames into targets.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use eframe::egui;
 use egui_wgpu::wgpu;
-use lodsmith_core::Model;
+use lodsmith_core::{Image, Model};
 
 use super::buffer::Storage;
 use super::context::{Context, GpuError};
 use super::frame::{Drawn, Frame, Gathered, Shown, gather, heat_range, reach};
 use super::model::DrawModel;
-use super::pipeline::{Pass, Pipelines};
+use super::pipeline::{Pass, Pipelines, shading_number};
 use super::target::Target;
+use lodsmith_render::{Background, Shading};
+
 use super::uniforms::{Globals, LIGHTS_MAX, Seen, View};
+
+/// A picture of a lit ball, looked up by normals.
+pub struct Matcap {
+    id: u64,
+    view: wgpu::TextureView,
+}
+
+static NEXT_MATCAP: AtomicU64 = AtomicU64::new(1);
+
+impl Matcap {
+    pub(super) fn id(&self) -> u64 {
+        self.id
+    }
+}
 
 /// What draws: the device with its pipelines.
 pub struct Gpu {
@@ -24,7 +41,11 @@ pub struct Gpu {
     palette: Storage,
     frame_bind: wgpu::BindGroup,
     plain_material: wgpu::BindGroup,
-    matcap: wgpu::TextureView,
+    no_mesh: wgpu::BindGroup,
+    /// What stands in for a matcap where there is none.
+    white: wgpu::TextureView,
+    /// The matcap of `frame_bind`; 0 is none.
+    bound_matcap: u64,
     sampler: wgpu::Sampler,
 }
 
@@ -64,9 +85,7 @@ impl Gpu {
             })
         };
         let globals = uniform("globals", size_of::<Globals>());
-        let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
-        let white = super::target::texture(&context, [1, 1], 1, wgpu::TextureFormat::Rgba8Unorm, usage);
-        let matcap = white.create_view(&wgpu::TextureViewDescriptor::default());
+        let white = super::texture::texture(&context, &Image::filled(1, 1, [255; 4]), true);
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
@@ -74,9 +93,10 @@ impl Gpu {
         });
         let instances = Storage::new(&context, "instances", &[]);
         let palette = Storage::new(&context, "palette", &[]);
-        let frame_bind = bind_frame(&context, &globals, &instances, &palette, &matcap, &sampler);
-        let material = uniform("material", 256);
-        let plain_material = bind_material(&context, &material, &matcap, &sampler);
+        let frame_bind = bind_frame(&context, &globals, &instances, &palette, &white, &sampler);
+        let nothing = context.upload(&Model::default());
+        let plain_material = nothing.surfaces.plain().clone();
+        let no_mesh = super::model::no_mesh(&context);
         let pipelines = Pipelines::new(&context);
         Self {
             context,
@@ -87,7 +107,9 @@ impl Gpu {
             palette,
             frame_bind,
             plain_material,
-            matcap,
+            no_mesh,
+            white,
+            bound_matcap: 0,
             sampler,
         }
     }
@@ -108,6 +130,11 @@ impl Gpu {
     pub fn upload(&self, model: &Model) -> DrawModel {
         self.context.upload(model)
     }
+    /// A picture of a lit ball, for [`Frame::matcap`].
+    pub fn matcap(&self, image: &Image) -> Matcap {
+        let view = super::texture::texture(&self.context, image, true);
+        Matcap { id: NEXT_MATCAP.fetch_add(1, Ordering::Relaxed), view }
+    }
     /// A picture to draw into, of a size in pixels.
     pub fn target(&self, size: [u32; 2]) -> Target {
         Target::new(self.context.clone(), self.renderer.as_ref(), size)
@@ -125,18 +152,22 @@ impl Gpu {
         let view = View::new(&frame.camera, aspect, reach(frame));
         let gathered = gather(frame, &view);
         self.write_frame(frame, &view, size, target.scale(), &gathered);
-        let surface = Pass::Surface(frame.look.shading);
-        for pass in [Pass::Background, surface] {
-            self.pipelines.prepare(&self.context, pass);
+        let shading = shading_number(frame.look.shading);
+        let [solid, blended] = [false, true].map(|is_blended| Pass::Surface { shading, is_blended });
+        for pass in [Pass::Background, Pass::Ground, Pass::Marks, solid, blended] {
+            self.prepare(pass);
         }
+        let surfaces = match frame.shader {
+            Some(shader) => [&shader.pipelines[0], &shader.pipelines[1]],
+            None => [self.pipelines.get(solid), self.pipelines.get(blended)],
+        };
         let mut drawn = Drawn {
             drawn: true,
             culled: gathered.culled,
             lights_left_out: frame.lighting.lights.len().saturating_sub(LIGHTS_MAX) as u32,
             ..Drawn::default()
         };
-        let mut encoder =
-            self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("frame"),
@@ -145,19 +176,27 @@ impl Gpu {
                 ..wgpu::RenderPassDescriptor::default()
             });
             pass.set_bind_group(0, &self.frame_bind, &[]);
+            pass.set_bind_group(1, &self.no_mesh, &[]);
             pass.set_bind_group(2, &self.plain_material, &[]);
-            if frame.background != lodsmith_render::Background::Transparent {
+            if frame.background != Background::Transparent {
                 pass.set_pipeline(self.pipelines.get(Pass::Background));
                 pass.draw(0..3, 0..1);
             }
-            pass.set_pipeline(self.pipelines.get(surface));
-            for batch in &gathered.batches {
-                let copies = u64::from(batch.instances.end - batch.instances.start);
-                for chunk in &batch.model.meshes[batch.mesh].chunks {
-                    pass.set_bind_group(1, &chunk.bind, &[]);
-                    for part in &chunk.parts {
-                        pass.draw(part.corners.clone(), batch.instances.clone());
-                        drawn.triangles += u64::from(part.corners.end - part.corners.start) / 3 * copies;
+            if frame.ground {
+                pass.set_pipeline(self.pipelines.get(Pass::Ground));
+                pass.draw(0..3, 0..1);
+            }
+            let is_textured = frame.look.shading == Shading::Textured && frame.shader.is_none();
+            for (draws_blended, pipeline) in [false, true].into_iter().zip(surfaces) {
+                pass.set_pipeline(pipeline);
+                draw_surfaces(&mut pass, &gathered, is_textured, draws_blended, &mut drawn);
+            }
+            if frame.look.borders || frame.look.defects {
+                pass.set_pipeline(self.pipelines.get(Pass::Marks));
+                for batch in &gathered.batches {
+                    for (bind, corners) in batch.model.meshes[batch.mesh].marks() {
+                        pass.set_bind_group(1, bind, &[]);
+                        pass.draw(0..corners, batch.instances.clone());
                         drawn.calls += 1;
                     }
                 }
@@ -168,7 +207,29 @@ impl Gpu {
         drawn
     }
 
-    fn write_frame(
+    /// Draws all triangles with one pipeline, whatever their materials.
+    pub(super) fn draw_plain(&self, pass: &mut wgpu::RenderPass<'_>, with: Pass, gathered: &Gathered<'_>) {
+        pass.set_pipeline(self.pipelines.get(with));
+        pass.set_bind_group(0, &self.frame_bind, &[]);
+        pass.set_bind_group(2, &self.plain_material, &[]);
+        for batch in &gathered.batches {
+            for chunk in &batch.model.meshes[batch.mesh].chunks {
+                pass.set_bind_group(1, &chunk.bind, &[]);
+                for part in &chunk.parts {
+                    pass.draw(part.corners.clone(), batch.instances.clone());
+                }
+            }
+        }
+    }
+
+    pub(super) fn prepare(&mut self, pass: Pass) {
+        self.pipelines.prepare(&self.context, pass);
+    }
+    pub(super) fn pipelines(&self) -> &Pipelines {
+        &self.pipelines
+    }
+
+    pub(super) fn write_frame(
         &mut self,
         frame: &Frame<'_>,
         view: &View,
@@ -184,6 +245,7 @@ impl Gpu {
             lighting: frame.lighting,
             background: frame.background,
             heat_range: heat_range(frame),
+            has_matcap: frame.matcap.is_some(),
             scale,
         });
         self.context.queue.write_buffer(&self.globals, 0, bytemuck::bytes_of(&globals));
@@ -191,15 +253,44 @@ impl Gpu {
             self.instances.replace(&self.context, bytemuck::cast_slice(&gathered.instances)),
             self.palette.replace(&self.context, bytemuck::cast_slice(&gathered.palette)),
         ];
-        if moved.contains(&true) {
+        let matcap = frame.matcap.map_or(0, Matcap::id);
+        if moved.contains(&true) || matcap != self.bound_matcap {
+            self.bound_matcap = matcap;
             self.frame_bind = bind_frame(
                 &self.context,
                 &self.globals,
                 &self.instances,
                 &self.palette,
-                &self.matcap,
+                frame.matcap.map_or(&self.white, |m| &m.view),
                 &self.sampler,
             );
+        }
+    }
+}
+
+/// Draws the triangles that one sees through, or all others.
+fn draw_surfaces(
+    pass: &mut wgpu::RenderPass<'_>,
+    gathered: &Gathered<'_>,
+    is_textured: bool,
+    draws_blended: bool,
+    drawn: &mut Drawn,
+) {
+    for batch in &gathered.batches {
+        let copies = u64::from(batch.instances.end - batch.instances.start);
+        let surfaces = &batch.model.surfaces;
+        for chunk in &batch.model.meshes[batch.mesh].chunks {
+            pass.set_bind_group(1, &chunk.bind, &[]);
+            for part in &chunk.parts {
+                let surface = part.material.filter(|_| is_textured).and_then(|m| surfaces.get(m));
+                if surface.is_some_and(|s| s.is_blended) != draws_blended {
+                    continue;
+                }
+                pass.set_bind_group(2, surface.map_or(surfaces.plain(), |s| &s.bind), &[]);
+                pass.draw(part.corners.clone(), batch.instances.clone());
+                drawn.triangles += u64::from(part.corners.end - part.corners.start) / 3 * copies;
+                drawn.calls += 1;
+            }
         }
     }
 }
@@ -223,26 +314,5 @@ fn bind_frame(
             entry(3, wgpu::BindingResource::TextureView(matcap)),
             entry(4, wgpu::BindingResource::Sampler(sampler)),
         ],
-    })
-}
-
-fn bind_material(
-    context: &Context,
-    uniform: &wgpu::Buffer,
-    texture: &wgpu::TextureView,
-    sampler: &wgpu::Sampler,
-) -> wgpu::BindGroup {
-    let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() }];
-    let textures = super::layout::MATERIAL_TEXTURES;
-    for k in 0..textures {
-        let (texture, sampler) =
-            (wgpu::BindingResource::TextureView(texture), wgpu::BindingResource::Sampler(sampler));
-        entries.push(wgpu::BindGroupEntry { binding: 1 + k, resource: texture });
-        entries.push(wgpu::BindGroupEntry { binding: 1 + textures + k, resource: sampler });
-    }
-    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("plain material"),
-        layout: &context.layouts.material,
-        entries: &entries,
     })
 }

@@ -8,9 +8,15 @@ use lodsmith_core::Image;
 
 use super::context::Context;
 use super::frame::Shown;
+use super::uniforms::{linear_from_srgb, srgb_from_linear};
 
-/// Colours are written as sRGB by the shaders, with the opacity multiplied in: what the window blends with.
-pub(super) const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+/// What the window looks up: sRGB as it is stored, with the opacity multiplied in.
+const STORED: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+/// The same for those who draw: they write light, which is stored as sRGB. Where an adapter cannot see a texture in two
+/// ways, shaders encode by themselves.
+pub(super) fn drawn_as(context: &Context) -> wgpu::TextureFormat {
+    if context.has_views { wgpu::TextureFormat::Rgba8UnormSrgb } else { STORED }
+}
 /// Depth is the inverse of the distance: 0 is infinitely far.
 pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
@@ -30,7 +36,10 @@ pub struct Target {
 /// The textures of one size.
 struct Planes {
     color: wgpu::Texture,
+    /// For the window.
     color_view: wgpu::TextureView,
+    /// For drawing.
+    light_view: wgpu::TextureView,
     samples: Option<wgpu::TextureView>,
     depth: wgpu::TextureView,
 }
@@ -92,8 +101,12 @@ impl Target {
         let [width, height] = self.size.map(|x| x as usize);
         let bytes = read_texture(&self.context, &self.planes.color, self.size, 4);
         let pixels = bytes.chunks_exact(4).map(|p| {
-            let alpha = u32::from(p[3]).max(1);
-            let apart = |x: u8| ((u32::from(x) * 255 + alpha / 2) / alpha).min(255) as u8;
+            // Light was multiplied, not what is stored.
+            let alpha = f32::from(p[3].max(1)) / 255.0;
+            let apart = |x: u8| {
+                let light = linear_from_srgb(f32::from(x) / 255.0) / alpha;
+                (srgb_from_linear(light.min(1.0)) * 255.0).round() as u8
+            };
             if p[3] == 255 { [p[0], p[1], p[2], 255] } else { [apart(p[0]), apart(p[1]), apart(p[2]), p[3]] }
         });
         Image::new(width, height, pixels.collect())
@@ -102,8 +115,8 @@ impl Target {
     /// Where passes draw: colours (which are cleared to nothing) and depth.
     pub(super) fn color_attachment(&self) -> wgpu::RenderPassColorAttachment<'_> {
         let (view, resolve_target) = match &self.planes.samples {
-            Some(samples) => (samples, Some(&self.planes.color_view)),
-            None => (&self.planes.color_view, None),
+            Some(samples) => (samples, Some(&self.planes.light_view)),
+            None => (&self.planes.light_view, None),
         };
         let ops = wgpu::Operations {
             load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
@@ -129,11 +142,14 @@ impl Planes {
         let samples = context.sample_count();
         let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
         let usage = attachment | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
-        let color = texture(context, size, 1, COLOR, usage);
+        let color = texture(context, size, 1, STORED, usage);
+        let drawn_as = drawn_as(context);
         let view = |t: &wgpu::Texture| t.create_view(&wgpu::TextureViewDescriptor::default());
+        let as_light = wgpu::TextureViewDescriptor { format: Some(drawn_as), ..Default::default() };
         Self {
+            light_view: color.create_view(&as_light),
             color_view: view(&color),
-            samples: (samples > 1).then(|| view(&texture(context, size, samples, COLOR, attachment))),
+            samples: (samples > 1).then(|| view(&texture(context, size, samples, drawn_as, attachment))),
             depth: view(&texture(context, size, samples, DEPTH, attachment)),
             color,
         }
@@ -161,7 +177,7 @@ pub(super) fn texture(
         dimension: wgpu::TextureDimension::D2,
         format,
         usage,
-        view_formats: &[],
+        view_formats: if format == STORED && context.has_views { &[wgpu::TextureFormat::Rgba8UnormSrgb] } else { &[] },
     })
 }
 

@@ -5,7 +5,7 @@ use lodsmith_core::Bounds;
 use lodsmith_render::{Background, Camera, Lens, LightKind, Lighting, Look};
 
 /// Lights that shaders have room for.
-pub const LIGHTS_MAX: usize = 8;
+pub(super) const LIGHTS_MAX: usize = 8;
 /// Stops of a colour map that shaders have room for.
 const STOPS_MAX: usize = 16;
 /// Nearest depth that is drawn, in distances from the eye to the target. Depth is kept as its inverse in floating
@@ -113,11 +113,15 @@ pub(super) struct Globals {
     wire: [f32; 4],
     /// Width of wires, of borders, in pixels; 1 where back faces are left out; radius of the lit scene, squared.
     widths: [f32; 4],
-    /// Value at the lower end of the colour map, one over the range, number of stops.
+    /// Value at the lower end of the colour map, one over the range, number of stops; 1 with a matcap of one's own.
     heat: [f32; 4],
     background: [[f32; 4]; 2],
     /// Centre of the ground in view coordinates, and the size of a square of its grid.
     ground: [f32; 4],
+    /// Whether borders are shown, and defects.
+    marks: [f32; 4],
+    /// By [`super::marks::Kind`].
+    mark_colors: [[f32; 4]; 4],
     stops: [[f32; 4]; STOPS_MAX],
     lights: [GpuLight; LIGHTS_MAX],
 }
@@ -131,6 +135,7 @@ pub(super) struct Seen<'a> {
     pub(super) lighting: &'a Lighting,
     pub(super) background: Background,
     pub(super) heat_range: [f32; 2],
+    pub(super) has_matcap: bool,
     /// Pixels of the picture for each pixel of the screen.
     pub(super) scale: f32,
 }
@@ -198,25 +203,30 @@ impl Globals {
             wire: look.wire,
             widths: [
                 if look.wireframe { look.wire_width_px * seen.scale } else { 0.0 },
-                BORDER_WIDTH_PX * seen.scale,
+                (MARK_WIDTH_PX + look.wire_width_px - 1.0).clamp(1.0, 64.0) * seen.scale,
                 f32::from(u8::from(look.cull_back)),
                 (radius * radius) as f32,
             ],
-            heat: [least, range, map.len() as f32, 0.0],
+            heat: [least, range, map.len() as f32, f32::from(u8::from(seen.has_matcap))],
             background,
-            ground: four(below, view.length(grid_step(2.0 * ball(bounds).1))),
+            ground: four(below, view.length(grid_step(ball(bounds).1))),
+            marks: [look.borders, look.defects, false, false].map(|x| f32::from(u8::from(x))),
+            mark_colors: super::marks::COLORS.map(opaque),
             stops,
             lights: gpu_lights,
         }
     }
 }
 
-/// Width of borders and of marked edges; chosen by eye.
-const BORDER_WIDTH_PX: f32 = 2.0;
+/// Width of borders and of marked edges next to the width of the wireframe; as in `lodsmith_render`.
+const MARK_WIDTH_PX: f32 = 2.2;
 
-/// Size of the squares of the grid under something of this size: a power of ten, some twenty of them to its length.
-fn grid_step(size: f64) -> f64 {
-    let step = 10f64.powf((size / 20.0).log10().ceil());
+/// Size of the squares of the grid below something of this radius: 1, 2 or 5 times a power of ten, about four to it.
+fn grid_step(radius: f64) -> f64 {
+    let size = radius / 4.0;
+    let power = 10f64.powf(size.log10().floor());
+    let digit = size / power;
+    let step = power * if digit < 1.5 { 1.0 } else if digit < 3.5 { 2.0 } else if digit < 7.5 { 5.0 } else { 10.0 };
     if step.is_finite() && step > 0.0 { step } else { 1.0 }
 }
 
@@ -235,6 +245,10 @@ fn opaque([r, g, b]: [f32; 3]) -> [f32; 4] {
     [r, g, b, 1.0]
 }
 
-fn linear_from_srgb(x: f32) -> f32 {
+pub(super) fn linear_from_srgb(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
+pub(super) fn srgb_from_linear(x: f32) -> f32 {
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }

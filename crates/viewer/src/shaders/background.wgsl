@@ -7,5 +7,6 @@ fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {
 
 @fragment
 fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
-    return mix(globals.background[0], globals.background[1], at.y / globals.picture.y);
+    let color = mix(globals.background[0], globals.background[1], at.y / globals.picture.y);
+    return encoded(vec4(linear_from_srgb(color.rgb), color.a));
 }

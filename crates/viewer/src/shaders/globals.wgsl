@@ -18,6 +18,8 @@ struct Globals {
     heat: vec4<f32>,
     background: array<vec4<f32>, 2>,
     ground: vec4<f32>,
+    marks: vec4<f32>,
+    mark_colors: array<vec4<f32>, 4>,
     stops: array<vec4<f32>, 16>,
     lights: array<Light, 8>,
 }
@@ -31,4 +33,13 @@ fn srgb_from_linear(c: vec3<f32>) -> vec3<f32> {
 
 fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
     return select(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, c <= vec3(0.04045));
+}
+
+// 1 where the picture does not take linear colours: then they are blended as they are stored.
+override ENCODE: u32 = 0u;
+
+// A linear colour with its opacity as the picture takes it: multiplied in.
+fn encoded(color: vec4<f32>) -> vec4<f32> {
+    let rgb = clamp(color.rgb, vec3(0.0), vec3(1.0));
+    return vec4(select(rgb, srgb_from_linear(rgb), ENCODE != 0u) * color.a, color.a);
 }

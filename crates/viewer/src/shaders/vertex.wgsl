@@ -27,6 +27,9 @@ const SKINNED: u32 = 0x10000u;
 const MIRRORED: u32 = 0x20000u;
 const SELECTED: u32 = 0x40000u;
 const HAS_HEAT: u32 = 0x80000u;
+const HAS_COLORS: u32 = 0x100000u;
+const LINEAR_COLORS: u32 = 0x200000u;
+const OWN_NORMALS: u32 = 0x400000u;
 
 @group(0) @binding(1) var<storage, read> instances: array<Instance>;
 @group(0) @binding(2) var<storage, read> palette: array<vec4<f32>>;
@@ -132,7 +135,7 @@ fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) which: u32) -
     out.view = at.place;
     out.clip = globals.clip_from_view * vec4(at.place, 1.0);
     let length = length(at.normal);
-    out.normal = select(vec3(0.0, 0.0, 1.0), at.normal / length, length > 0.0);
+    out.normal = select(vec3(0.0), at.normal / length, length > 0.0);
     out.tangent = vec4(at.tangent, tangent.w);
     out.uv = vec4(pair(wedge, info.uv0), pair(wedge, info.uv1));
     out.color = vec4(1.0);
