@@ -11,10 +11,15 @@ pub(crate) fn orient(mesh: &mut TriMesh, writing: &Writing) {
         return;
     }
     let up = writing.up;
-    mesh.map_positions(|p| turn(p, up).map(|x| x * scale));
+    mesh.map_positions(|p| oriented(p, writing));
     if up.is_some() {
         turn_normals(mesh, up);
     }
+}
+
+/// The place of a point of a mesh after [`orient`].
+pub(crate) fn oriented(p: [f64; 3], writing: &Writing) -> [f64; 3] {
+    turn(p, writing.up).map(|x| x * writing.scale.unwrap_or(1.0))
 }
 
 /// Turns a mesh so that this axis is up, where the other one was.

@@ -1,5 +1,7 @@
 //! `lodsmith compare`: how far one mesh lies from another.
 
+mod views;
+
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -35,6 +37,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         }
         file::refuse_folder(&sink, "")?;
     }
+    let sheet = views::sheet_format(args)?;
     let out = Output::new(&args.run, args.json, false);
     let progress = Progress::new(1, args.run.quiet);
     let begin = Instant::now();
@@ -75,23 +78,34 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
                 Some(red)
             }
         };
-        anyhow::Ok((reference, candidate, comparison, attributes, red))
+        let seen = match args.views {
+            None => None,
+            Some(count) => Some(views::look(args, count, [&reference, &candidate], sheet)?),
+        };
+        anyhow::Ok((reference, candidate, comparison, attributes, red, seen))
     });
     progress.finish();
-    let (reference, candidate, comparison, attributes, red) = compared?;
+    let (reference, candidate, comparison, attributes, red, seen) = compared?;
 
     let mut warnings = Vec::new();
     for (source, loaded) in [(&args.reference, &reference), (&args.candidate, &candidate)] {
         show_warnings(&out, &source.to_string(), &loaded.warnings, false);
         warnings.extend(loaded.warnings.iter().map(|warning| format!("{source}: {warning}")));
     }
-    out.object(&to_json(&comparison, &attributes, &warnings));
+    let mut object = to_json(&comparison, &attributes, &warnings);
+    if let Some(seen) = &seen {
+        object["image"] = seen.to_json();
+    }
+    out.object(&object);
     for line in table(&comparison, &reference, &candidate) {
         out.line(&line);
     }
     for (name, unit, error) in named(&attributes) {
         let [mean, rms, p95] = [error.mean, error.rms, error.p95].map(|x| significant(x.symmetric, 4));
         out.line(&format!("{name:<16}mean {mean}{unit}, rms {rms}{unit}, 95 % below {p95}{unit}"));
+    }
+    for line in seen.iter().flat_map(views::Seen::table) {
+        out.line(&line);
     }
     if let (Some(red), Some(path)) = (red, &args.heatmap) {
         out.line(&format!("heat map        {}: blue 0, red {}", path.display(), significant(red, 3)));
