@@ -164,7 +164,10 @@ impl Pictures {
         }
         match layout.sides {
             Sides::Both => {
-                let line = Rect::from_min_max(pos2(all.center().x - 1.0, all.top()), pos2(all.center().x + 1.0, all.bottom()));
+                let line = Rect::from_min_max(
+                    pos2(all.center().x - 1.0, all.top()),
+                    pos2(all.center().x + 1.0, all.bottom()),
+                );
                 ui.painter().rect_filled(line, 0.0, palette(ui).window);
             }
             Sides::Wipe => wipe(ui, all, layout, says),
@@ -221,6 +224,8 @@ impl Pictures {
             lighting: &lighting,
             background: settings.look.backdrop.background(ui.visuals().dark_mode),
             ground: settings.look.ground,
+            matcap: None,
+            shader: None,
         };
         let drawn: Drawn = gpu.draw(target, &frame);
         if drawn.drawn {

@@ -104,7 +104,8 @@ impl Dialog {
             },
             Kind::Window(chooser) => {
                 let purpose = self.purpose;
-                let modal = egui::Modal::new(egui::Id::new("chooser")).show(ctx, |ui| chooser.show(ui, purpose));
+                let modal =
+                    egui::Modal::new(egui::Id::new("chooser")).show(ctx, |ui| chooser.show(ui, purpose));
                 match modal.inner {
                     Answer::Open if modal.should_close() => Answer::Closed,
                     answer => answer,
@@ -151,15 +152,21 @@ fn system(purpose: Purpose, start: &Path, wake: impl Fn() + Send + 'static) -> R
         }
         Purpose::ExportFolder => {
             let chosen = dialog.pick_folder();
-            std::thread::spawn(move || wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default()));
+            std::thread::spawn(move || {
+                wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default())
+            });
         }
         _ if purpose.is_saving() => {
             let chosen = dialog.save_file();
-            std::thread::spawn(move || wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default()));
+            std::thread::spawn(move || {
+                wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default())
+            });
         }
         _ => {
             let chosen = dialog.pick_file();
-            std::thread::spawn(move || wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default()));
+            std::thread::spawn(move || {
+                wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default())
+            });
         }
     }
     receiver
@@ -180,7 +187,11 @@ const LISTED: usize = 2000;
 impl Chooser {
     fn new(start: &Path) -> Self {
         let start = std::path::absolute(start).unwrap_or_else(|_| start.to_owned());
-        let folder = if start.is_dir() { start.clone() } else { start.parent().map(Path::to_owned).unwrap_or_default() };
+        let folder = if start.is_dir() {
+            start.clone()
+        } else {
+            start.parent().map(Path::to_owned).unwrap_or_default()
+        };
         let text = start.display().to_string();
         let mut new = Self { text, folder: PathBuf::new(), entries: Vec::new(), error: None, is_new: true };
         new.enter(folder);
@@ -198,7 +209,8 @@ impl Chooser {
             .take(LISTED)
             .map(|e| (e.path(), e.path().is_dir()))
             .collect();
-        entries.sort_by_key(|(path, is_folder)| (!is_folder, path.file_name().map(|n| n.to_ascii_lowercase())));
+        entries
+            .sort_by_key(|(path, is_folder)| (!is_folder, path.file_name().map(|n| n.to_ascii_lowercase())));
         (self.entries, self.folder) = (entries, folder);
     }
 
@@ -263,7 +275,10 @@ impl Chooser {
                 }
                 for (path, is_folder) in &self.entries {
                     let name = path.file_name().unwrap_or_default().to_string_lossy();
-                    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+                    let ending = path
+                        .extension()
+                        .map(|e| e.to_string_lossy().to_ascii_lowercase())
+                        .unwrap_or_default();
                     let fits = *is_folder || endings.iter().any(|e| *e == ending);
                     if !fits {
                         continue;

@@ -18,22 +18,23 @@ pub fn show(ctx: &egui::Context) -> bool {
             })
             .inner
         })
-        .inner | {
-            ui.add_space(8.0);
-            egui::ScrollArea::vertical().max_height(screen.height() - 140.0).show(ui, |ui| {
-                ui.columns(3, |columns| {
-                    for (group, title) in Group::ALL {
-                        let column = match group {
-                            Group::File | Group::Detail => 0,
-                            Group::Look | Group::Window => 1,
-                            Group::Camera => 2,
-                        };
-                        block(&mut columns[column], group, title);
-                    }
+        .inner
+            | {
+                ui.add_space(8.0);
+                egui::ScrollArea::vertical().max_height(screen.height() - 140.0).show(ui, |ui| {
+                    ui.columns(3, |columns| {
+                        for (group, title) in Group::ALL {
+                            let column = match group {
+                                Group::File | Group::Detail => 0,
+                                Group::Look | Group::Window => 1,
+                                Group::Camera => 2,
+                            };
+                            block(&mut columns[column], group, title);
+                        }
+                    });
                 });
-            });
-            false
-        }
+                false
+            }
     });
     modal.inner || modal.should_close()
 }

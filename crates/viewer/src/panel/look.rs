@@ -32,7 +32,13 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     parts::field(ui, "Surface", "Its colour where the shading has none of its own", |ui| {
         ui.color_edit_button_rgb(&mut look.surface);
     });
-    parts::switch(ui, "Wireframe", Some(Action::Wireframe), "Lines along the edges of all faces", &mut look.wireframe);
+    parts::switch(
+        ui,
+        "Wireframe",
+        Some(Action::Wireframe),
+        "Lines along the edges of all faces",
+        &mut look.wireframe,
+    );
     ui.add_enabled_ui(look.wireframe, |ui| {
         parts::field(ui, "Wire", "Colour and width of the lines", |ui| {
             ui.color_edit_button_rgba_unmultiplied(&mut look.wire);
@@ -41,8 +47,20 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         });
     });
     parts::switch(ui, "Open borders", Some(Action::Borders), "Edges with one face", &mut look.borders);
-    parts::switch(ui, "Defects", Some(Action::Defects), "Non-manifold edges, faces without area, faces that stand twice", &mut look.defects);
-    parts::switch(ui, "Hide backs", Some(Action::Cull), "Faces seen from behind are left out", &mut look.cull_back);
+    parts::switch(
+        ui,
+        "Defects",
+        Some(Action::Defects),
+        "Non-manifold edges, faces without area, faces that stand twice",
+        &mut look.defects,
+    );
+    parts::switch(
+        ui,
+        "Hide backs",
+        Some(Action::Cull),
+        "Faces seen from behind are left out",
+        &mut look.cull_back,
+    );
 
     parts::heading(ui, "Behind and light");
     let mut backdrop = match all.backdrop {

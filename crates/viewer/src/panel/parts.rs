@@ -105,9 +105,7 @@ pub fn choose<T: Copy + PartialEq>(
                 ui.selectable_value(value, *choice, *word);
             }
         });
-        response.response.widget_info(|| {
-            egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name)
-        });
+        response.response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
     });
     *value != before
 }
@@ -149,7 +147,14 @@ pub fn optional(
 }
 
 /// A whole number that may be off. Whether it changed.
-pub fn optional_count(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<usize>, first: usize, least: usize) -> bool {
+pub fn optional_count(
+    ui: &mut Ui,
+    name: &str,
+    tip: &str,
+    value: &mut Option<usize>,
+    first: usize,
+    least: usize,
+) -> bool {
     let mut number = value.map(|n| n as f64);
     let changed = optional(ui, name, tip, &mut number, first as f64, least as f64..=1000.0);
     *value = number.map(|n| n.round() as usize);
@@ -160,10 +165,15 @@ pub fn optional_count(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<usi
 pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Length>) -> bool {
     let now = value.map(length_text).unwrap_or_default();
     let mut changed = false;
-    let tip = format!("{tip}\n\nA number in the units of the file, or percent of the diagonal such as 0.1%. Empty: off.");
+    let tip = format!(
+        "{tip}\n\nA number in the units of the file, or percent of the diagonal such as 0.1%. Empty: off."
+    );
     field(ui, name, &tip, |ui| {
-        if let Some(typed) = typed(ui, name, &now, "off", ui.available_width(), |t| t.trim().is_empty() || length_of(t).is_some()) {
-            let new = length_of(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
+        if let Some(typed) = typed(ui, name, &now, "off", ui.available_width(), |t| {
+            t.trim().is_empty() || length_of(t).is_some()
+        }) {
+            let new =
+                length_of(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
             changed = new != *value;
             *value = new;
         }

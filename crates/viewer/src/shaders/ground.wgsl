@@ -14,10 +14,10 @@ fn on_floor(at: vec2<f32>) -> vec3<f32> {
     let screen = vec2(2.0 * at.x / globals.picture.x - 1.0, 1.0 - 2.0 * at.y / globals.picture.y);
     let slope = vec2(screen.x / globals.clip_from_view[0][0], screen.y / globals.clip_from_view[1][1]);
     let perspective = globals.picture.z > 0.5;
-    let from = select(vec3(slope, 0.0), vec3(0.0), perspective);
+    let start = select(vec3(slope, 0.0), vec3(0.0), perspective);
     let along = select(vec3(0.0, 0.0, -1.0), vec3(slope, -1.0), perspective);
-    let t = dot(globals.ground.xyz - from, up) / dot(along, up);
-    let hit = from + along * t - globals.ground.xyz;
+    let t = dot(globals.ground.xyz - start, up) / dot(along, up);
+    let hit = start + along * t - globals.ground.xyz;
     return vec3(dot(hit, axes[0].xyz), dot(hit, axes[2].xyz), select(0.0, 1.0, t > 0.0));
 }
 

@@ -8,7 +8,7 @@ struct Line {
 }
 
 @vertex
-fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) which: u32) -> Line {
+fn line(@builtin(vertex_index) corner: u32, @builtin(instance_index) which: u32) -> Line {
     let edge = corner / 6u;
     let k = corner % 6u;
     let instance = instances[which];

@@ -57,12 +57,12 @@ fn lit(albedo: vec3<f32>, n: vec3<f32>, view: vec3<f32>) -> vec3<f32> {
     var light = ambient(n);
     var gleam = vec3(0.0);
     for (var k = 0u; k < u32(globals.picture.w); k++) {
-        let from = arriving(k, view);
-        let along = dot(n, from.to_light);
+        let ray = arriving(k, view);
+        let along = dot(n, ray.to_light);
         if along > 0.0 {
-            light += from.color * along;
-            let half = from.to_light + eye;
-            gleam += from.color * pow(max(dot(n, half), 0.0) / max(length(half), 1e-6), 32.0);
+            light += ray.color * along;
+            let half = ray.to_light + eye;
+            gleam += ray.color * pow(max(dot(n, half), 0.0) / max(length(half), 1e-6), 32.0);
         }
     }
     return albedo * light + 0.10 * gleam;
@@ -78,12 +78,12 @@ fn reflected(base: vec3<f32>, n: vec3<f32>, view: vec3<f32>, rough: f32, metalli
     let n_eye = max(dot(n, eye), 1e-3);
     var light = vec3(0.0);
     for (var k = 0u; k < u32(globals.picture.w); k++) {
-        let from = arriving(k, view);
-        let along = dot(n, from.to_light);
+        let ray = arriving(k, view);
+        let along = dot(n, ray.to_light);
         if along <= 0.0 {
             continue;
         }
-        let between = from.to_light + eye;
+        let between = ray.to_light + eye;
         let half = select(n, normalize(between), dot(between, between) > 1e-12);
         let n_half = max(dot(n, half), 0.0);
         let spread = n_half * n_half * (a2 - 1.0) + 1.0;
@@ -91,7 +91,7 @@ fn reflected(base: vec3<f32>, n: vec3<f32>, view: vec3<f32>, rough: f32, metalli
         let hidden = along * sqrt(n_eye * n_eye * (1.0 - a2) + a2) + n_eye * sqrt(along * along * (1.0 - a2) + a2);
         let fresnel = straight + (1.0 - straight) * pow(1.0 - max(dot(eye, half), 0.0), 5.0);
         let gleam = fresnel * (facets * 0.5 / max(hidden, 1e-4));
-        light += from.color * along * (matt * (1.0 - fresnel) + gleam);
+        light += ray.color * along * (matt * (1.0 - fresnel) + gleam);
     }
     let mirrored = 2.0 * dot(n, eye) * n - eye;
     let around = ambient(mix(mirrored, n, roughness));
