@@ -3,9 +3,11 @@
 
 use std::sync::Arc;
 
-use glam::{DMat4, DVec3};
-use lodsmith_core::model::{AlphaMode, Material, Pose, TextureRef};
-use lodsmith_core::{Bounds, Image, Model, RegionId, TriMesh, shapes};
+use glam::{DMat4, DQuat, DVec3};
+use lodsmith_core::model::{AlphaMode, Material, Node, Pose, Skin, TextureRef, Transform};
+use lodsmith_core::{
+    Attribute, Bounds, Image, Model, Morphed, RegionId, Semantic, TriMesh, VertexId, shapes,
+};
 use lodsmith_render::{
     Background, Camera, Lens, Light, LightKind, Lighting, Look, Shading, StandardView, Subject, View, render,
 };
@@ -315,6 +317,144 @@ fn a_mesh_in_the_buffers_of_another_looks_like_a_new_one_and_nothing_is_left_beh
         counts.extend(gpu.context().resource_counts());
     }
     assert!(counts.windows(2).skip(3).all(|c| c[0] == c[1]), "{counts:?}");
+}
+
+#[test]
+fn a_patched_mesh_looks_like_a_new_one() {
+    let Some(mut gpu) = gpu() else { return };
+    let own = |mut mesh: TriMesh| {
+        let view = mesh.positions().view();
+        let outward = |p| DVec3::from(p).normalize_or_zero().as_vec3().to_array();
+        let normals: Vec<[f32; 3]> = view.iter().map(outward).collect();
+        mesh.set_normals(Some(normals)).unwrap();
+        mesh
+    };
+    for with_normals in [true, false] {
+        let as_asked = |mesh: TriMesh| if with_normals { own(mesh) } else { mesh };
+        let before = as_asked(shapes::icosphere(3));
+        // A dent, a few faces less, and on the way back more again.
+        let mut dented = shapes::icosphere(3);
+        dented.map_positions(|p| if p[0] > 0.6 { [0.6, p[1], p[2]] } else { p });
+        let faces = dented.surface().triangles()[..900].to_vec();
+        let after = as_asked(TriMesh::new(dented.positions().clone(), faces).unwrap());
+        let moved: Vec<usize> = (0..before.vertex_count())
+            .filter(|&v| before.positions().view().iter().nth(v).unwrap()[0] > 0.6)
+            .collect();
+        let ranges: Vec<_> = moved.iter().map(|&v| v..v + 1).collect();
+        let all = 0..before.face_count();
+        let mut drawn = gpu.upload(&Model::of_mesh(before.clone()));
+        assert!(drawn.patch_mesh(0, &after, &[], &ranges));
+        assert_eq!(drawn.face_count(0), 900);
+        let scene = Scene::new("patched", after.clone(), Shading::Smooth);
+        let picture = |gpu: &mut Gpu, drawn: &lodsmith_viewer::gpu::DrawModel| {
+            let mut target = gpu.target(SIZE);
+            let pose = Pose::default();
+            gpu.draw(&mut target, &scene.frame(&[Placed::new(drawn, &pose)]));
+            target.read_back()
+        };
+        let fresh = gpu.upload(&Model::of_mesh(after));
+        assert!(difference(&picture(&mut gpu, &drawn), &picture(&mut gpu, &fresh)) < 0.02, "{with_normals}");
+        assert!(drawn.patch_mesh(0, &before, &[900..all.end], &ranges));
+        let fresh = gpu.upload(&Model::of_mesh(before.clone()));
+        assert!(difference(&picture(&mut gpu, &drawn), &picture(&mut gpu, &fresh)) < 0.02, "{with_normals}");
+        // More than the buffers hold: they grow.
+        let larger = as_asked(shapes::icosphere(4));
+        let (faces, wedges) = (0..larger.face_count(), 0..larger.wedge_count());
+        assert!(drawn.patch_mesh(0, &larger, &[faces], &[wedges]));
+        let fresh = gpu.upload(&Model::of_mesh(larger));
+        assert!(difference(&picture(&mut gpu, &drawn), &picture(&mut gpu, &fresh)) < 0.02, "{with_normals}");
+    }
+    // Regions are sorted, so ranges do not do.
+    let mut regions = shapes::icosphere(2);
+    regions.set_regions(Some((0..regions.face_count()).map(|f| RegionId::new(f % 2)).collect())).unwrap();
+    let mut drawn = gpu.upload(&Model::of_mesh(regions.clone()));
+    assert!(!drawn.patch_mesh(0, &regions, &[0..10], &[]));
+}
+
+/// A tube of two joints with a morph target, in a scene of two nodes that move it.
+fn jointed() -> Model {
+    let mut mesh = shapes::cylinder(24, 16);
+    let up = |mesh: &TriMesh| -> usize {
+        let b = mesh.positions().view().bounds().unwrap();
+        (0..3).max_by(|&a, &c| (b.max[a] - b.min[a]).total_cmp(&(b.max[c] - b.min[c]))).unwrap()
+    };
+    let (axis, b) = (up(&mesh), mesh.positions().view().bounds().unwrap());
+    let share: Vec<f32> = mesh
+        .positions()
+        .view()
+        .iter()
+        .map(|p| ((p[axis] - b.min[axis]) / (b.max[axis] - b.min[axis])) as f32)
+        .collect();
+    let attribute = |semantic, width, values| Attribute { semantic, width, values };
+    let joints = share.iter().flat_map(|_| [0.0, 1.0, 0.0, 0.0]).collect();
+    // Not of sum 1: they count by their sum.
+    let weights = share.iter().flat_map(|s| [2.0 * (1.0 - s), 2.0 * s, 0.0, 0.0]).collect();
+    let view = mesh.positions().view();
+    let bulge: Vec<f32> = view
+        .iter()
+        .zip(&share)
+        .flat_map(|(p, s)| {
+            let grow = (s * std::f32::consts::PI).sin();
+            [0, 1, 2].map(|k| if k == axis { 0.0 } else { p[k] as f32 * grow })
+        })
+        .collect();
+    mesh.add_attribute(attribute(Semantic::Joints(0), 4, joints)).unwrap();
+    mesh.add_attribute(attribute(Semantic::Weights(0), 4, weights)).unwrap();
+    let morph = Semantic::Morph { target: 0, of: Morphed::Position };
+    mesh.add_attribute(attribute(morph, 3, bulge)).unwrap();
+    let surface = mesh.surface();
+    let normals = lodsmith_core::mesh::normals::vertex_normals(&surface, |v| v);
+    let normals = match mesh.vertex_map() {
+        None => normals,
+        Some(map) => map.iter().map(|v| normals[v.index()]).collect(),
+    };
+    mesh.set_normals(Some(normals)).unwrap();
+    let mut model = Model::of_mesh(mesh);
+    model.nodes[0].skin = Some(0);
+    model.nodes.extend([Node::default(), Node::default()]);
+    model.roots = vec![0, 1];
+    model.nodes[1].children = vec![2];
+    model.meshes[0].morph_weights = vec![0.0];
+    model.skins = vec![Skin { joints: vec![1, 2], joint_from_mesh: vec![DMat4::IDENTITY; 2] }];
+    model
+}
+
+#[test]
+fn joints_and_morph_targets_pull_as_on_the_processor() {
+    let Some(mut gpu) = gpu() else { return };
+    let model = jointed();
+    let drawn = gpu.upload(&model);
+    for (name, turn, strength) in [("bent", 0.9, 0.0), ("bulging", 0.0, 0.8), ("both", -0.6, 0.5)] {
+        let parts = |rotation| Transform::Parts { translation: DVec3::ZERO, rotation, scale: DVec3::ONE };
+        let still = parts(DQuat::IDENTITY);
+        let pose = Pose {
+            transforms: vec![
+                still,
+                still,
+                parts(DQuat::from_rotation_x(turn) * DQuat::from_rotation_z(0.5 * turn)),
+            ],
+            morph_weights: vec![Some(vec![strength]), None, None],
+        };
+        let instance = &model.instances(&pose)[0];
+        let mut out = Default::default();
+        assert!(model.deform(instance, &pose, &model.world_from_nodes(&pose), &mut out), "{name}");
+        let mesh = &model.meshes[0].mesh;
+        let positions = lodsmith_core::Positions::F32(out.positions.clone());
+        let faces: Vec<[VertexId; 3]> = mesh.triangles().iter().map(|t| t.map(|w| VertexId(w.0))).collect();
+        let mut bent = TriMesh::new(positions, faces).unwrap();
+        bent.set_normals(Some(out.normals.clone())).unwrap();
+        let scene = Scene::new(name, bent, Shading::Smooth);
+        let cpu = scene.on_cpu();
+        let mut target = gpu.target(SIZE);
+        target.resize(SIZE, if gpu.is_software() { 2.0 } else { 1.0 });
+        gpu.draw(&mut target, &scene.frame(&[Placed::new(&drawn, &pose)]));
+        let image = target.read_back();
+        let image = if target.size() == SIZE { image } else { halved(&image) };
+        keep(&format!("{name}-cpu"), &cpu);
+        keep(&format!("{name}-gpu"), &image);
+        let difference = difference(&cpu, &image);
+        assert!(difference < 1.5, "{name}: {difference}");
+    }
 }
 
 #[test]
