@@ -125,7 +125,7 @@ fn dressed(whole: &TriMesh) -> Result<Model> {
     textured.set_uvs(Some(places.iter().map(uv).collect()))?;
     textured.set_colors(None)?;
     let sampler = Sampler { wrap_u: lodsmith::core::model::Wrap::Mirror, ..Sampler::default() };
-    let texture = TextureRef { image: 0, uv_set: 0, transform: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], sampler };
+    let texture = TextureRef { image: 0, uv_set: 0, transform: TextureRef::PLAIN, sampler };
     let material = Material { base_color_texture: Some(texture), roughness: 0.35, ..Material::default() };
     mesh.set_uvs(textured.uvs().map(<[[f32; 2]]>::to_vec))?;
     let mut model = Model::of_mesh(mesh);

@@ -11,7 +11,9 @@ use anyhow::anyhow;
 use lodsmith::core::TriMesh;
 use lodsmith_io::gltf::{Scene, SceneLevels};
 use lodsmith_io::sniff::hint_of;
-use lodsmith_io::{Format, Loaded, ReadError, ReadOptions, Regions, Warning, WriteError, WriteOptions};
+use lodsmith_io::{
+    Format, Loaded, ModelFile, ReadError, ReadOptions, Regions, Warning, WriteError, WriteOptions,
+};
 
 use crate::args::Writing;
 use crate::exit;
@@ -87,6 +89,21 @@ pub(crate) fn read_with(
         }
     };
     loaded.map_err(unnamed)
+}
+
+/// Reads a file as a model, as it is to be seen. The error does not name the source.
+pub(crate) fn read_model(source: &Source, format: Option<Format>) -> anyhow::Result<ModelFile> {
+    let mut options = ReadOptions::default();
+    options.format = format;
+    let model = match source {
+        Source::Path(path) => lodsmith_io::read_model_path(path, &options),
+        Source::Stdin => {
+            let mut bytes = Vec::new();
+            io::stdin().lock().read_to_end(&mut bytes)?;
+            lodsmith_io::read_model_bytes(&bytes, &options)
+        }
+    };
+    model.map_err(unnamed)
 }
 
 /// What a file is read as.

@@ -13,24 +13,14 @@ pub(crate) fn orient(mesh: &mut TriMesh, writing: &Writing) {
     let up = writing.up;
     mesh.map_positions(|p| oriented(p, writing));
     if up.is_some() {
-        turn_normals(mesh, up);
+        let normals = mesh.normals().map(|n| n.iter().map(|&n| turn(n, up)).collect());
+        mesh.set_normals(normals).expect("there are as many as before");
     }
 }
 
 /// The place of a point of a mesh after [`orient`].
 pub(crate) fn oriented(p: [f64; 3], writing: &Writing) -> [f64; 3] {
     turn(p, writing.up).map(|x| x * writing.scale.unwrap_or(1.0))
-}
-
-/// Turns a mesh so that this axis is up, where the other one was.
-pub(crate) fn turn_up(mesh: &mut TriMesh, up: Up) {
-    mesh.map_positions(|p| turn(p, Some(up)));
-    turn_normals(mesh, Some(up));
-}
-
-fn turn_normals(mesh: &mut TriMesh, up: Option<Up>) {
-    let normals = mesh.normals().map(|n| n.iter().map(|&n| turn(n, up)).collect());
-    mesh.set_normals(normals).expect("there are as many as before");
 }
 
 /// A quarter turn about x: right-handed stays right-handed, and zero stays a positive one.

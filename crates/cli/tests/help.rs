@@ -26,6 +26,11 @@ fn help_of_simplify() {
 }
 
 #[test]
+fn help_of_lod() {
+    insta::assert_snapshot!(help(&["lod"]));
+}
+
+#[test]
 fn help_of_info() {
     insta::assert_snapshot!(help(&["info"]));
 }

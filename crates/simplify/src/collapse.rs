@@ -563,10 +563,16 @@ impl<M: Metric> Engine<M> {
             !M::JUDGE.is_metric() && goal.faces.is_some_and(|n| late::is_extreme(n, self.first_faces));
         let mut scratch = Scratch::default();
         'sweeps: for _ in 0..MOST_SWEEPS {
-            // Where sweeps go on to a goal that is extreme, after one that was not.
-            if sweeps.swept && sweeps.next.is_some() && self.is_late(extreme) {
-                original.with(&mut |points, faces| self.begin_late(points, faces));
-                sweeps.next = Some(self.bounds());
+            // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
+            if sweeps.swept && sweeps.next.is_some() {
+                if self.store.wants_compaction(self.needed(goal)) {
+                    self.store.compact();
+                    sweeps.next = Some(self.bounds());
+                }
+                if self.is_late(extreme) {
+                    original.with(&mut |points, faces| self.begin_late(points, faces));
+                    sweeps.next = Some(self.bounds());
+                }
             }
             if let Some((histogram, looked_at)) = sweeps.next.take() {
                 if forks && self.is_last_stretch(&histogram, looked_at, goal) {

@@ -68,8 +68,9 @@ fn cuts(lod: &ClusterLod, seed: u64) -> Vec<Vec<ClusterId>> {
         all.push(lod.cut_for_view(&eye, 1000.0 * most / size.max(1e-300) * 4.0 * unit(3)));
     }
     // An answer for each group that follows no rule.
-    all.extend((0..8).map(|k| {
-        lod.cut_where(|b| roll(seed + k, b.error.to_bits() ^ b.sphere.center[0].to_bits()) % 3 != 0)
+    all.extend((0..8u64).map(|k| {
+        let chance = |x: f64| roll(seed.wrapping_add(k), x.to_bits());
+        lod.cut_where(|b| !chance(b.error + b.sphere.center[0]).is_multiple_of(3))
     }));
     all
 }

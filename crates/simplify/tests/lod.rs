@@ -124,7 +124,8 @@ fn blending_ends_on_the_coarser_level() {
             LodOptions::new(Levels::Errors(vec![Length::OfDiagonal(0.002), Length::OfDiagonal(0.01)])),
         ),
     ] {
-        let options = LodOptions { geomorph: true, ..options };
+        let mut options = options;
+        options.geomorph = true;
         let chain = lod(&mesh, &options, &mut NoControl).unwrap();
         let diagonal = mesh.positions().view().bounds().unwrap().diagonal();
         let mut own = &mesh;

@@ -217,8 +217,7 @@ impl App {
     fn choose(&mut self, ctx: &egui::Context, purpose: Purpose, start: Option<PathBuf>) {
         let start = start.unwrap_or_else(|| self.start_of_dialogs());
         let ctx = ctx.clone();
-        self.dialog =
-            Some(Dialog::new(purpose, &start, self.use_system_dialogs, move || ctx.request_repaint()));
+        self.dialog = Some(Dialog::new(purpose, &start, self.use_system_dialogs, move || ctx.request_repaint()));
     }
 
     fn chosen(&mut self, purpose: Purpose, files: Vec<PathBuf>) {
@@ -269,8 +268,7 @@ impl App {
             }
             Action::Export => {
                 if let Some(original) = self.document.original() {
-                    self.export =
-                        Some(export::Form::new(&original.content.path, original.content.file.format));
+                    self.export = Some(export::Form::new(&original.content.path, original.content.file.format));
                 }
                 return;
             }
@@ -369,8 +367,7 @@ impl App {
     fn screenshot(&mut self, ctx: &egui::Context) {
         let folder = self.start_of_dialogs();
         let file = self.document.settings().file();
-        let stem =
-            file.and_then(Path::file_stem).map_or("lodsmith".into(), |s| s.to_string_lossy().into_owned());
+        let stem = file.and_then(Path::file_stem).map_or("lodsmith".into(), |s| s.to_string_lossy().into_owned());
         let sender = self.pictures_saved.0.clone();
         let waker = ctx.clone();
         let save = move |image: std::sync::Arc<egui::ColorImage>| {
@@ -446,12 +443,7 @@ impl App {
         }
         let [left, right, bottom] = docks;
         let mut closed = Vec::new();
-        let strip = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin {
-            left: 12,
-            right: 12,
-            top: 10,
-            bottom: 4,
-        });
+        let strip = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin { left: 12, right: 12, top: 10, bottom: 4 });
         if !bottom.is_empty() {
             let dock = egui::Panel::bottom("log").frame(egui::Frame::NONE.fill(p.panel)).resizable(true);
             dock.default_size(160.0).size_range(80.0..=400.0).show(ui, |ui| {
@@ -618,6 +610,8 @@ impl eframe::App for App {
         self.arrive(&ctx);
         self.keys(&ctx);
         self.want();
+        let have_changed = std::mem::take(&mut self.document.own_files_changed);
+        self.facts.shader_error = self.pictures.follow_files(&self.document.settings().look, have_changed);
         self.facts.triangles_drawn = self.pictures.triangles;
         self.facts.error_px = self.document.lighter().and_then(|l| {
             let e = &l.content.report.error;
@@ -682,8 +676,7 @@ fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
                 }
             });
             ui.add_space(16.0);
-            let steps =
-                "Then drag the slider below: the lighter mesh stands beside the original. H shows all keys.";
+            let steps = "Then drag the slider below: the lighter mesh stands beside the original. H shows all keys.";
             ui.label(theme::weak(ui, steps));
             if !facts.recent.is_empty() {
                 ui.add_space(16.0);
@@ -705,7 +698,7 @@ fn hovering(ctx: &egui::Context) {
         return;
     }
     let screen = ctx.content_rect();
-    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::new("drop"));
+    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop"));
     let painter = ctx.layer_painter(layer);
     painter.rect_filled(screen, 0.0, egui::Color32::from_black_alpha(160));
     let font = egui::FontId::proportional(28.0);

@@ -13,8 +13,9 @@ use crate::command::Command;
 use crate::document::{Document, Drawing};
 use crate::gpu::{Drawn, Frame, Gpu, Placed, Target};
 use crate::numbers::{grouped, percent};
+use crate::own_files::OwnFiles;
 use crate::panel::{Say, error};
-use crate::settings::{Layout, Sides};
+use crate::settings::{Appearance, Layout, Sides};
 use crate::theme::palette;
 use crate::viewport::{self, Orbit, turn_matrix, turned_bounds};
 
@@ -65,6 +66,7 @@ pub struct Pictures {
     /// Triangles drawn in the last frame that was drawn.
     pub triangles: u64,
     moved: Option<Instant>,
+    own: OwnFiles,
 }
 
 /// Pixels of a picture for one of the screen while the camera moves, where a processor draws. Measured: a quarter of the
@@ -92,12 +94,22 @@ impl Pictures {
             height_px: 600.0,
             triangles: 0,
             moved: None,
+            own: OwnFiles::default(),
         }
     }
 
     /// The card.
     pub fn gpu(&self) -> Option<&Gpu> {
         self.gpu.as_ref()
+    }
+
+    /// Reads the looks of the user's that are named, and again what has changed. What is wrong with them.
+    pub fn follow_files(&mut self, look: &Appearance, have_changed: bool) -> Option<String> {
+        self.own.follow(self.gpu.as_ref(), look, have_changed);
+        if have_changed {
+            self.targets.iter_mut().flatten().for_each(Target::forget);
+        }
+        self.own.error()
     }
 
     /// From where a side is looked at.
@@ -164,10 +176,7 @@ impl Pictures {
         }
         match layout.sides {
             Sides::Both => {
-                let line = Rect::from_min_max(
-                    pos2(all.center().x - 1.0, all.top()),
-                    pos2(all.center().x + 1.0, all.bottom()),
-                );
+                let line = Rect::from_min_max(pos2(all.center().x - 1.0, all.top()), pos2(all.center().x + 1.0, all.bottom()));
                 ui.painter().rect_filled(line, 0.0, palette(ui).window);
             }
             Sides::Wipe => wipe(ui, all, layout, says),
@@ -224,8 +233,8 @@ impl Pictures {
             lighting: &lighting,
             background: settings.look.backdrop.background(ui.visuals().dark_mode),
             ground: settings.look.ground,
-            matcap: None,
-            shader: None,
+            matcap: self.own.matcap(),
+            shader: self.own.shader(),
         };
         let drawn: Drawn = gpu.draw(target, &frame);
         if drawn.drawn {
@@ -294,7 +303,7 @@ fn detail_of(response: &Response) -> Option<f64> {
 fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
     let x = all.left() + all.width() * layout.wipe.clamp(0.0, 1.0);
     let grab = Rect::from_min_max(pos2(x - 8.0, all.top()), pos2(x + 8.0, all.bottom()));
-    let response = ui.interact(grab, ui.id().with("wipe"), Sense::drag());
+    let response = ui.interact(grab, ui.scope_id().with("wipe"), Sense::drag());
     response.widget_info(|| egui::WidgetInfo::slider(true, f64::from(layout.wipe), "Wipe"));
     let p = palette(ui);
     let response = response.on_hover_cursor(egui::CursorIcon::ResizeHorizontal);

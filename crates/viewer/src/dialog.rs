@@ -11,7 +11,7 @@ use crate::theme::{palette, weak};
 
 /// What is chosen, and what for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
+pub(crate) enum Purpose {
     /// Models to open.
     Open,
     /// A session to open.
@@ -61,9 +61,9 @@ impl Purpose {
 }
 
 /// A dialog that is open.
-pub struct Dialog {
+pub(crate) struct Dialog {
     /// What for.
-    pub purpose: Purpose,
+    pub(crate) purpose: Purpose,
     kind: Kind,
 }
 
@@ -73,7 +73,7 @@ enum Kind {
 }
 
 /// How far a dialog is.
-pub enum Answer {
+pub(crate) enum Answer {
     /// Nothing was chosen yet.
     Open,
     /// Nothing will be.
@@ -84,7 +84,7 @@ pub enum Answer {
 
 impl Dialog {
     /// Opens one. `start` is a folder, or the file that is offered.
-    pub fn new(purpose: Purpose, start: &Path, use_system: bool, wake: impl Fn() + Send + 'static) -> Self {
+    pub(crate) fn new(purpose: Purpose, start: &Path, use_system: bool, wake: impl Fn() + Send + 'static) -> Self {
         let kind = if use_system && has_system_dialogs() {
             Kind::System(system(purpose, start, wake))
         } else {
@@ -94,7 +94,7 @@ impl Dialog {
     }
 
     /// Shows it, if it is one of ours.
-    pub fn show(&mut self, ctx: &egui::Context) -> Answer {
+    pub(crate) fn show(&mut self, ctx: &egui::Context) -> Answer {
         match &mut self.kind {
             Kind::System(receiver) => match receiver.try_recv() {
                 Ok(files) if files.is_empty() => Answer::Closed,
@@ -104,8 +104,7 @@ impl Dialog {
             },
             Kind::Window(chooser) => {
                 let purpose = self.purpose;
-                let modal =
-                    egui::Modal::new(egui::Id::new("chooser")).show(ctx, |ui| chooser.show(ui, purpose));
+                let modal = egui::Modal::new(egui::Id::unique("chooser")).show(ctx, |ui| chooser.show(ui, purpose));
                 match modal.inner {
                     Answer::Open if modal.should_close() => Answer::Closed,
                     answer => answer,
@@ -152,21 +151,15 @@ fn system(purpose: Purpose, start: &Path, wake: impl Fn() + Send + 'static) -> R
         }
         Purpose::ExportFolder => {
             let chosen = dialog.pick_folder();
-            std::thread::spawn(move || {
-                wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default())
-            });
+            std::thread::spawn(move || wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default()));
         }
         _ if purpose.is_saving() => {
             let chosen = dialog.save_file();
-            std::thread::spawn(move || {
-                wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default())
-            });
+            std::thread::spawn(move || wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default()));
         }
         _ => {
             let chosen = dialog.pick_file();
-            std::thread::spawn(move || {
-                wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default())
-            });
+            std::thread::spawn(move || wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default()));
         }
     }
     receiver
@@ -187,11 +180,7 @@ const LISTED: usize = 2000;
 impl Chooser {
     fn new(start: &Path) -> Self {
         let start = std::path::absolute(start).unwrap_or_else(|_| start.to_owned());
-        let folder = if start.is_dir() {
-            start.clone()
-        } else {
-            start.parent().map(Path::to_owned).unwrap_or_default()
-        };
+        let folder = if start.is_dir() { start.clone() } else { start.parent().map(Path::to_owned).unwrap_or_default() };
         let text = start.display().to_string();
         let mut new = Self { text, folder: PathBuf::new(), entries: Vec::new(), error: None, is_new: true };
         new.enter(folder);
@@ -209,8 +198,7 @@ impl Chooser {
             .take(LISTED)
             .map(|e| (e.path(), e.path().is_dir()))
             .collect();
-        entries
-            .sort_by_key(|(path, is_folder)| (!is_folder, path.file_name().map(|n| n.to_ascii_lowercase())));
+        entries.sort_by_key(|(path, is_folder)| (!is_folder, path.file_name().map(|n| n.to_ascii_lowercase())));
         (self.entries, self.folder) = (entries, folder);
     }
 
@@ -275,10 +263,7 @@ impl Chooser {
                 }
                 for (path, is_folder) in &self.entries {
                     let name = path.file_name().unwrap_or_default().to_string_lossy();
-                    let ending = path
-                        .extension()
-                        .map(|e| e.to_string_lossy().to_ascii_lowercase())
-                        .unwrap_or_default();
+                    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
                     let fits = *is_folder || endings.iter().any(|e| *e == ending);
                     if !fits {
                         continue;

@@ -17,12 +17,17 @@ use crate::settings::Settings;
 use crate::words::Simplification;
 
 /// Something to be seen, and its buffers on the graphics card.
-#[derive(Clone)]
 pub struct Shown<T> {
     /// What it is.
     pub content: Arc<T>,
     /// How it is drawn; `None` where there is no card.
     pub draw: Option<Drawing>,
+}
+
+impl<T> Clone for Shown<T> {
+    fn clone(&self) -> Self {
+        Self { content: self.content.clone(), draw: self.draw.clone() }
+    }
 }
 
 /// Buffers that the window draws and the worker puts distances into.
@@ -57,8 +62,11 @@ pub struct Document {
     pub problem: Option<String>,
     /// A file that changed while it was open.
     pub changed: Option<PathBuf>,
+    /// Whether a file that the look names changed.
+    pub own_files_changed: bool,
     /// What was said.
     pub log: Log,
+    watched: Vec<PathBuf>,
 }
 
 /// A file that is being read, and what follows.
@@ -100,6 +108,8 @@ impl Document {
             wants_anatomy: false,
             problem: None,
             changed: None,
+            own_files_changed: false,
+            watched: Vec::new(),
             log: Log::default(),
         }
     }
@@ -126,8 +136,7 @@ impl Document {
     /// Parts and borders of the original and of the result, as far as they are known.
     pub fn anatomies(&self) -> [Option<&Anatomy>; 2] {
         let [one, two] = &self.anatomies;
-        let fits =
-            |a: &Option<(usize, Anatomy)>, key: Option<usize>| a.as_ref().is_some_and(|a| Some(a.0) == key);
+        let fits = |a: &Option<(usize, Anatomy)>, key: Option<usize>| a.as_ref().is_some_and(|a| Some(a.0) == key);
         [(one, self.original.as_ref().map(key)), (two, self.lighter.as_ref().map(key))]
             .map(|(a, key)| if fits(a, key) { a.as_ref().map(|a| &a.1) } else { None })
     }
@@ -200,8 +209,7 @@ impl Document {
         let path = export.path.clone();
         let how = self.settings.simplify.clone();
         self.worker.submit(Kind::Export, move |watch| {
-            let result =
-                export.write(&original, lighter.as_deref(), &how, watch).map_err(|e| format!("{e:#}"));
+            let result = export.write(&original, lighter.as_deref(), &how, watch).map_err(|e| format!("{e:#}"));
             Some(Outcome::Exported { path, result })
         });
     }
@@ -278,6 +286,7 @@ impl Document {
                 }
                 self.fail(text);
             }
+            Message::Changed(path) if self.is_of_look(&path) => self.own_files_changed = true,
             Message::Changed(path) => {
                 self.log.note(format!("{} changed on the disk", path.display()));
                 self.changed = Some(path);
@@ -342,7 +351,7 @@ impl Document {
         for warning in &content.file.warnings {
             self.log.warn(warning.to_string());
         }
-        self.worker.watch(self.settings.files.clone());
+        self.watched.clear();
         (self.problem, self.changed) = (None, None);
         self.original = Some(original);
         (self.lighter, self.measured, self.asked) = (None, None, None);
@@ -368,6 +377,7 @@ impl Document {
         if self.opening.is_some() {
             return;
         }
+        self.watch();
         if self.settings.files.is_empty() {
             (self.original, self.lighter, self.measured, self.asked) = (None, None, None, None);
             return;
@@ -385,6 +395,22 @@ impl Document {
         }
         self.inspect(&original);
         self.measure(&original);
+    }
+
+    /// Tells the worker which files to look at.
+    fn watch(&mut self) {
+        let look = &self.settings.look;
+        let own = look.matcap.iter().chain(&look.shader);
+        let files: Vec<PathBuf> = self.settings.files.iter().chain(own).cloned().collect();
+        if files != self.watched {
+            self.watched.clone_from(&files);
+            self.worker.watch(files);
+        }
+    }
+
+    fn is_of_look(&self, path: &Path) -> bool {
+        let look = &self.settings.look;
+        look.matcap.iter().chain(&look.shader).any(|own| own == path)
     }
 
     fn simplify(&mut self, original: Shown<Original>, how: Simplification) {

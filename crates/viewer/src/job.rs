@@ -144,8 +144,13 @@ const LOOK_EVERY: Duration = Duration::from_millis(1000);
 impl<M: Send + 'static> Worker<M> {
     /// Starts the thread. `wake` is called when there is something to see.
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
-        let queue =
-            Queue { waiting: VecDeque::new(), running: None, watched: Vec::new(), is_ending: false, next: 0 };
+        let queue = Queue {
+            waiting: VecDeque::new(),
+            running: None,
+            watched: Vec::new(),
+            is_ending: false,
+            next: 0,
+        };
         let shared = Arc::new(Shared {
             queue: Mutex::new(queue),
             ready: Condvar::new(),
@@ -273,14 +278,8 @@ fn run<M>(shared: &Arc<Shared>, work: &Mutex<Vec<(u64, Work<M>)>>, results: &Sen
                 shared.ready.wait(queue).unwrap_or_else(PoisonError::into_inner)
             } else {
                 let waited = shared.ready.wait_timeout(queue, LOOK_EVERY);
-                let (mut queue, timeout) = waited.unwrap_or_else(PoisonError::into_inner);
-                if timeout.timed_out() {
-                    for changed in changes(&mut queue.watched) {
-                        let _ = results.send(Message::Changed(changed));
-                        (shared.wake)();
-                    }
-                }
-                queue
+                let (queue, timeout) = waited.unwrap_or_else(PoisonError::into_inner);
+                if timeout.timed_out() { look(shared, queue, results) } else { queue }
             };
         };
         let Some((kind, number)) = next else { continue };
@@ -308,6 +307,26 @@ fn run<M>(shared: &Arc<Shared>, work: &Mutex<Vec<(u64, Work<M>)>>, results: &Sen
         }
         (shared.wake)();
     }
+}
+
+/// Looks at the watched files. A slow disk keeps nobody waiting: the queue is free meanwhile.
+fn look<'a, M>(
+    shared: &'a Shared,
+    queue: MutexGuard<'a, Queue>,
+    results: &Sender<Message<M>>,
+) -> MutexGuard<'a, Queue> {
+    let mut watched = queue.watched.clone();
+    drop(queue);
+    for changed in changes(&mut watched) {
+        let _ = results.send(Message::Changed(changed));
+        (shared.wake)();
+    }
+    let mut queue = lock(&shared.queue);
+    let is_same = queue.watched.iter().map(|w| &w.0).eq(watched.iter().map(|w| &w.0));
+    if is_same {
+        queue.watched = watched;
+    }
+    queue
 }
 
 fn changed_at(path: &PathBuf) -> Option<SystemTime> {

@@ -15,6 +15,7 @@ pub mod job;
 pub mod keys;
 pub mod log;
 pub mod numbers;
+mod own_files;
 pub mod panel;
 pub mod session;
 pub mod settings;
@@ -99,6 +100,5 @@ fn told(error: eframe::Error) -> ViewError {
             Err(e) => ViewError::Window { reason: e.to_string() },
         },
         eframe::Error::Wgpu(e) => ViewError::NoGpu(gpu::GpuError::NoAdapter { reason: e.to_string() }),
-        e => ViewError::Window { reason: e.to_string() },
     }
 }

@@ -90,9 +90,9 @@ impl Orbit {
     /// What the mouse does over a picture. Whether anything changed.
     pub fn interact(&mut self, response: &Response, rect: Rect) -> bool {
         let before = *self;
-        let input = response
-            .ctx
-            .input(|i| (i.modifiers, i.smooth_scroll_delta().y, i.zoom_delta(), i.pointer.hover_pos()));
+        let input = response.ctx.input(|i| {
+            (i.modifiers, i.smooth_scroll_delta().y, i.zoom_delta(), i.pointer.hover_pos())
+        });
         let (modifiers, scroll, pinch, pointer) = input;
         let drag = response.drag_delta();
         let is_panning = response.dragged_by(PointerButton::Middle)
@@ -200,7 +200,7 @@ pub fn aspect(rect: Rect) -> f64 {
 
 /// A picture's place, drawn with a name that tests and screen readers find.
 pub fn place(ui: &mut egui::Ui, rect: Rect, name: &'static str) -> Response {
-    let response = ui.interact(rect, ui.id().with(name), egui::Sense::click_and_drag());
+    let response = ui.interact(rect, ui.scope_id().with(name), egui::Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, name));
     response
 }

@@ -19,7 +19,7 @@ const LONG: Duration = Duration::from_secs(120);
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    for (name, mesh) in [("sphere.ply", shapes::icosphere(4)), ("torus.obj", shapes::torus(0.5, 48, 24))] {
+    for (name, mesh) in [("sphere.ply", shapes::icosphere(4)), ("torus.obj", shapes::torus(48, 24))] {
         lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
     }
     folder

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use eframe::egui::accesskit::Role;
+use eframe::egui::Role;
 use eframe::egui::{self, Key, Modifiers, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable};
@@ -45,7 +45,7 @@ impl Desk {
             return None;
         }
         let folder = tempfile::tempdir().unwrap();
-        let meshes = [("sphere.ply", shapes::icosphere(5)), ("torus.obj", shapes::torus(0.5, 64, 32))];
+        let meshes = [("sphere.ply", shapes::icosphere(5)), ("torus.obj", shapes::torus(64, 32))];
         for (name, mesh) in meshes {
             lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
         }
@@ -342,6 +342,7 @@ fn the_mouse_and_the_arrows_move_both_cameras() {
         unit: egui::MouseWheelUnit::Point,
         delta: egui::vec2(0.0, 200.0),
         phase: egui::TouchPhase::Move,
+        source: egui::MouseWheelSource::Wheel,
         modifiers: Modifiers::NONE,
     });
     desk.harness.run_steps(20);

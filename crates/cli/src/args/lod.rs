@@ -52,6 +52,10 @@ pub(crate) struct LodArgs {
     pub(crate) naming: Naming,
     #[command(flatten)]
     pub(crate) levels: LevelArgs,
+    /// With --count, part of the triangles of the level before
+    #[arg(long, value_name = "F", value_parser = values::below_one, default_value_t = HALF, requires = "count",
+          help_heading = "Levels (one of these)")]
+    factor: f64,
     /// Say of each vertex where it is in the next coarser level: `_GEOMORPH` in GLB, `geomorph_x` and so on in PLY
     #[arg(long, help_heading = "Writing")]
     pub(crate) geomorph: bool,
@@ -108,7 +112,7 @@ pub(crate) struct LodArgs {
 /// Which levels.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Levels (one of these)")]
-#[group(id = "which", required = true, multiple = false, args = ["levels", "faces", "count", "errors"])]
+#[group(required = true, multiple = false)]
 pub(crate) struct LevelArgs {
     /// These parts of the triangles, falling
     #[arg(long, value_name = "R,...", value_delimiter = ',', value_parser = values::ratio)]
@@ -119,9 +123,6 @@ pub(crate) struct LevelArgs {
     /// So many levels, each with the part --factor of the one before
     #[arg(long, value_name = "N", value_parser = values::count)]
     count: Option<usize>,
-    /// Part of the triangles of the level before
-    #[arg(long, value_name = "F", value_parser = values::below_one, default_value_t = HALF, requires = "count")]
-    factor: f64,
     /// Largest deviations, rising, in the units of the file or of the diagonal (0.1%)
     #[arg(long, value_name = "D,...", value_delimiter = ',')]
     errors: Vec<TypedLength>,
@@ -131,9 +132,9 @@ pub(crate) struct LevelArgs {
 const HALF: f64 = 0.5;
 
 impl LevelArgs {
-    fn levels(&self) -> Levels {
+    fn levels(&self, factor: f64) -> Levels {
         match self.count {
-            Some(count) => Levels::Steps { count, factor: self.factor },
+            Some(count) => Levels::Steps { count, factor },
             None if !self.errors.is_empty() => Levels::Errors(self.errors.iter().map(|e| e.length).collect()),
             None if !self.faces.is_empty() => Levels::Faces(self.faces.clone()),
             None => Levels::Ratios(self.levels.clone()),
@@ -141,9 +142,9 @@ impl LevelArgs {
     }
 
     /// What was asked for, by name.
-    pub(crate) fn to_json(&self) -> Value {
+    fn to_json(&self, factor: f64) -> Value {
         match self.count {
-            Some(count) => json!({ "count": count, "factor": self.factor }),
+            Some(count) => json!({ "count": count, "factor": factor }),
             None if !self.errors.is_empty() => {
                 json!({ "errors": self.errors.iter().map(TypedLength::to_json).collect::<Vec<_>>() })
             }
@@ -188,12 +189,17 @@ impl LodArgs {
             guards: &self.guards,
             seed: self.seed,
         };
-        let mut options = LodOptions::new(self.levels.levels());
+        let mut options = LodOptions::new(self.levels.levels(self.factor));
         options.simplify = shared.options(Stop::default());
         // Distances to switch at are no better than the errors that they stand on.
         options.simplify.measure = Measure::Always;
         options.geomorph = self.geomorph;
         options
+    }
+
+    /// What was asked for, by name.
+    pub(crate) fn target(&self) -> Value {
+        self.levels.to_json(self.factor)
     }
 
     pub(crate) fn screen(&self) -> Screen {

@@ -72,7 +72,8 @@ pub(crate) struct RenderArgs {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Look")]
 pub(crate) struct LookArgs {
-    /// What colours surfaces, see below [default: smooth; vertex-colors where there are colours]
+    /// What colours surfaces, see below [default: textured where there are materials, vertex-colors where
+    /// there are colours, else smooth]
     #[arg(long, value_name = "SHADING", value_parser = shading())]
     pub(crate) shading: Option<Shading>,
     /// Colour of the surface, as #rrggbb

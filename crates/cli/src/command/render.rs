@@ -5,12 +5,13 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use lodsmith::core::measure::{Prepared, vertex_distances};
-use lodsmith::core::{Bounds, Image, TriMesh};
+use lodsmith::core::model::{Node, Transform};
+use lodsmith::core::{Bounds, Image, Model, TriMesh};
 use lodsmith::{Method, Simplified, SimplifyOptions, Stop};
-use lodsmith_io::{Format, Loaded, Warning};
+use lodsmith_io::{ModelFile, Warning};
 use lodsmith_render::{
-    Background, Camera, Ground, Legend, Lens, Light, LightKind, Panel, Shading, StandardView, Subject, View,
-    decode, render, sheet,
+    Background, Camera, DQuat, DVec3, Ground, Legend, Lens, Light, LightKind, Panel, Shading, StandardView,
+    Subject, View, decode, render, sheet,
 };
 use serde_json::{Value, json};
 
@@ -20,7 +21,6 @@ use crate::exit::{Status, usage};
 use crate::file::{self, Sink, Source};
 use crate::in_order;
 use crate::numbers::{counted, grouped, micros, seconds, short};
-use crate::orient;
 use crate::output::Output;
 use crate::picture;
 use crate::progress::Progress;
@@ -92,14 +92,20 @@ struct Drawing<'a> {
 /// One picture to be.
 struct Item {
     path: String,
-    mesh: Arc<TriMesh>,
-    format: Format,
+    model: Model,
     /// The target count of a level.
     level: Option<usize>,
     /// Which item it is a level of, or compared with.
     reference: Option<usize>,
     /// Distance of each vertex from the reference.
     distances: Option<Vec<f32>>,
+}
+
+impl Item {
+    /// The mesh that is measured: the only one.
+    fn mesh(&self) -> &TriMesh {
+        &self.model.meshes[0].mesh
+    }
 }
 
 /// What was drawn.
@@ -152,50 +158,60 @@ impl<'a> Drawing<'a> {
             drawing.add(input, args.compare.as_ref().map(|_| 0))?;
             let original = drawing.items.len() - 1;
             for &count in &args.levels {
-                let mesh = drawing.items[original].mesh.clone();
+                let whole = &drawing.items[original].model;
                 let mut options = SimplifyOptions::new(Stop::faces(count));
                 options.method = Method::from(args.method);
                 let mut clock = Clock::new();
-                let done = lodsmith::simplify(&mesh, &options, &mut Watch::new(&mut clock, &bar, None));
+                let mut watch = Watch::new(&mut clock, &bar, None);
+                let done = lodsmith::simplify(&whole.meshes[0].mesh, &options, &mut watch);
                 let Simplified { mesh, .. } = not_interrupted(done).with_context(|| input.to_string())?;
-                let (path, format) = (input.to_string(), drawing.items[original].format);
-                let (mesh, level, reference) = (Arc::new(mesh), Some(count), Some(original));
-                drawing.items.push(Item { path, mesh, format, level, reference, distances: None });
+                let model = whole.with_meshes(vec![Arc::new(mesh)]);
+                let (path, level, reference) = (input.to_string(), Some(count), Some(original));
+                drawing.items.push(Item { path, model, level, reference, distances: None });
             }
         }
         drawing.measure()?;
         Ok(drawing)
     }
 
+    /// Whether distances are wanted. A file is one mesh then, as other commands measure it; else it is what it holds.
+    fn is_measured(args: &RenderArgs) -> bool {
+        args.look.shading == Some(Shading::Heat) || !args.levels.is_empty()
+    }
+
     fn add(&mut self, source: &Source, reference: Option<usize>) -> anyhow::Result<()> {
-        let path = source.to_string();
-        let loaded = file::read(source, self.args.from).with_context(|| path.clone())?;
-        let Loaded { mut mesh, format, warnings, .. } = loaded;
+        let (path, from) = (source.to_string(), self.args.from);
+        let read = || {
+            if Self::is_measured(self.args) {
+                file::read(source, from).map(ModelFile::from)
+            } else {
+                file::read_model(source, from)
+            }
+        };
+        let ModelFile { mut model, warnings, .. } = read().with_context(|| path.clone())?;
         if self.args.place.up == Up::Z {
-            orient::turn_up(&mut mesh, Up::Y);
+            turn(&mut model);
         }
         self.warnings.push((path.clone(), warnings));
-        let mesh = Arc::new(mesh);
-        self.items.push(Item { path, mesh, format, level: None, reference, distances: None });
+        self.items.push(Item { path, model, level: None, reference, distances: None });
         Ok(())
     }
 
     /// How far vertices lie from what they are compared with: for heat, and for captions.
     fn measure(&mut self) -> anyhow::Result<()> {
-        let is_heat = self.args.look.shading == Some(Shading::Heat);
-        if !is_heat && self.args.levels.is_empty() {
+        if !Self::is_measured(self.args) {
             return Ok(());
         }
         for i in 0..self.items.len() {
             let of = self.items[i].reference.unwrap_or(i);
             if of == i {
                 // From itself it is nowhere far.
-                self.items[i].distances = Some(vec![0.0; self.items[i].mesh.vertex_count()]);
+                self.items[i].distances = Some(vec![0.0; self.items[i].mesh().vertex_count()]);
                 continue;
             }
             let path = &self.items[of].path;
-            let reference = Prepared::new(&self.items[of].mesh.surface()).with_context(|| path.clone())?;
-            let distances = vertex_distances(&self.items[i].mesh.surface(), &reference);
+            let reference = Prepared::new(&self.items[of].mesh().surface()).with_context(|| path.clone())?;
+            let distances = vertex_distances(&self.items[i].mesh().surface(), &reference);
             self.items[i].distances = Some(distances.into_iter().map(|d| d as f32).collect());
         }
         Ok(())
@@ -209,8 +225,7 @@ impl<'a> Drawing<'a> {
         let mut rows = Vec::new();
         let mut bounds: Vec<Option<Bounds>> = Vec::new();
         for item in &self.items {
-            let mut subject = Subject::of_mesh(item.mesh.clone())?
-                .with_linear_colors(matches!(item.format, Format::Gltf | Format::Glb));
+            let mut subject = Subject::new(&item.model)?;
             let shading = self.shading(item);
             let largest = item.distances.as_ref().map(|d| largest(d));
             if let Some(distances) = item.distances.as_ref().filter(|_| shading == Shading::Heat) {
@@ -227,7 +242,7 @@ impl<'a> Drawing<'a> {
             let picture = render(&subject, &view).with_context(|| item.path.clone())?;
             let row = Row {
                 path: item.path.clone(),
-                faces: item.mesh.face_count(),
+                faces: item.model.face_count(),
                 level: item.level,
                 largest: largest.filter(|_| item.reference.is_some()),
                 shading,
@@ -252,7 +267,14 @@ impl<'a> Drawing<'a> {
     }
 
     fn shading(&self, item: &Item) -> Shading {
-        let usual = if item.mesh.colors().is_some() { Shading::VertexColors } else { Shading::Smooth };
+        let model = &item.model;
+        let usual = if !model.materials.is_empty() {
+            Shading::Textured
+        } else if model.meshes.iter().any(|m| m.mesh.colors().is_some()) {
+            Shading::VertexColors
+        } else {
+            Shading::Smooth
+        };
         self.args.look.shading.unwrap_or(usual)
     }
 
@@ -266,9 +288,8 @@ impl<'a> Drawing<'a> {
     fn caption(&self, item: &Item, row: &Row) -> Vec<String> {
         let faces = format!("{} {}", grouped(row.faces), if row.faces == 1 { "face" } else { "faces" });
         let name = item.path.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
-        let diagonal = item.reference.map(|of| &self.items[of].mesh).and_then(|mesh| {
-            Subject::of_mesh(mesh.clone()).ok().and_then(|s| s.bounds()).map(|b| b.diagonal())
-        });
+        let whole = item.reference.map(|of| self.items[of].mesh().positions().view());
+        let diagonal = whole.and_then(|positions| positions.bounds()).map(|b| b.diagonal());
         let below = match (item.level, row.largest, diagonal) {
             (Some(_), Some(largest), Some(diagonal)) if diagonal > 0.0 => {
                 format!("max {} %", short(100.0 * largest / diagonal))
@@ -308,6 +329,14 @@ impl<'a> Drawing<'a> {
     }
 }
 
+/// Turns a model whose z is up.
+fn turn(model: &mut Model) {
+    let (rotation, children) = (DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2), model.roots.clone());
+    let transform = Transform::Parts { translation: DVec3::ZERO, rotation, scale: DVec3::ONE };
+    model.roots = vec![model.nodes.len()];
+    model.nodes.push(Node { transform, children, ..Node::default() });
+}
+
 fn lights(look: &LookArgs) -> Vec<Light> {
     // Near lights fade with the square of the distance, which is in radii: as strong as asked at one radius from the centre.
     let as_strong = |light: &Light| match light.kind {
@@ -331,7 +360,7 @@ fn camera(place: &PlaceArgs, bounds: &Bounds, aspect: f64) -> Camera {
         let to_eye = [sin_a * cos_e, sin_e, cos_a * cos_e];
         let up = [-sin_a * sin_e, cos_e, -cos_a * sin_e];
         let distance = camera.distance();
-        camera.eye = camera.target + distance * lodsmith_render::DVec3::from(to_eye);
+        camera.eye = camera.target + distance * DVec3::from(to_eye);
         camera.up = up.into();
     }
     if let Some(fov) = place.fov {

@@ -19,7 +19,7 @@ use lodsmith_core::TriMesh;
 use serde_json::{Map, Value, json};
 
 use super::container::{list, list_mut, number};
-use super::lists::append;
+use super::lists::{append, take_extension};
 
 /// The extension.
 pub(super) const NAME: &str = "MSFT_lod";
@@ -71,7 +71,7 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
         if others.iter().all(Option::is_none) {
             continue;
         }
-        let name = name_of(source, "meshes", m);
+        let name = name_of(source, "meshes", "mesh", m);
         let mut numbers = Vec::with_capacity(others.len());
         for (i, mesh) in others.into_iter().enumerate() {
             let Some(mesh) = mesh else {
@@ -93,7 +93,7 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
     for n in 0..list(source, "nodes").len() {
         let Some(m) = number(&source["nodes"][n]["mesh"]) else { continue };
         let Some(numbers) = of_mesh.get(&m) else { continue };
-        let name = name_of(source, "nodes", n);
+        let name = name_of(source, "nodes", "node", n);
         let host = if needs_own.contains(&n) {
             own_node(&mut json, n, &level_name(&name, &levels.mark, 0))
         } else {
@@ -138,11 +138,9 @@ fn level_name(name: &str, mark: &str, level: usize) -> String {
     format!("{name}{mark}{level}")
 }
 
-/// The name of an element; one without is called after its list and number.
-fn name_of(json: &Value, kind: &str, index: usize) -> String {
-    let kind_of_one = kind.strip_suffix("es").or(kind.strip_suffix('s')).unwrap_or(kind);
-    let kind_of_one = if kind == "nodes" { "node" } else { kind_of_one };
-    json[kind][index]["name"].as_str().map_or_else(|| format!("{kind_of_one}_{index}"), str::to_owned)
+/// The name of an element of a list; one without is called by what it is and its number.
+fn name_of(json: &Value, list: &str, what: &str, index: usize) -> String {
+    json[list][index]["name"].as_str().map_or_else(|| format!("{what}_{index}"), str::to_owned)
 }
 
 /// Without scenes every node that is no child is a root: the nodes of levels would be too.
@@ -187,7 +185,7 @@ fn own_node(json: &mut Value, n: usize, name: &str) -> usize {
             }
         }
     }
-    if let Some(instances) = super::lists::take_extension(&mut json["nodes"][n], INSTANCING) {
+    if let Some(instances) = take_extension(&mut json["nodes"][n], INSTANCING) {
         child["extensions"][INSTANCING] = instances;
     }
     let child = append(json, "nodes", child);

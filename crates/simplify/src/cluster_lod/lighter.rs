@@ -59,11 +59,13 @@ pub(super) fn lighter(
     let full = budget.faces(group.wedges.len(), faces.len());
     let wanted = full * ((faces.len() as f64 * WANTED / full as f64).round() as usize).max(1);
     let wanted = wanted.min((faces.len() as f64 * MOST_WANTED) as usize).max(1);
-    let mut inner = SimplifyOptions::default();
-    inner.locked = Some(Arc::from(locked));
-    inner.weights = options.weights;
-    inner.border = options.border;
-    inner.region_classes = options.region_classes.clone();
+    let mut inner = SimplifyOptions {
+        locked: Some(Arc::from(locked)),
+        weights: options.weights,
+        border: options.border,
+        region_classes: options.region_classes.clone(),
+        ..SimplifyOptions::default()
+    };
     let most = (options.keep_at_most * faces.len() as f64) as usize;
     let mut to = |wanted| {
         inner.stop = Stop::faces(wanted);

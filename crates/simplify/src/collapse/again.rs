@@ -5,6 +5,13 @@ use super::{Engine, Goal, Sweeps};
 use crate::metric::Metric;
 
 impl<M: Metric> Engine<M> {
+    /// A copy that goes on just as this one would.
+    pub(crate) fn branch(&self) -> Self {
+        let mut copy = self.clone();
+        copy.store.make_room_of(&self.store);
+        copy
+    }
+
     /// Makes a finished engine ready for more sweeps, with attributes that count `weights` from here on.
     pub(crate) fn reopen(&mut self, weights: Option<&[f32]>) {
         self.store.reopen();

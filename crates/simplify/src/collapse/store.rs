@@ -240,6 +240,11 @@ impl<M: Metric> Store<M> {
         self.v.shrink_to_fit();
     }
 
+    /// Gives a copy as much room for lists as its original has: when it is used up, the copy is compacted.
+    pub(crate) fn make_room_of(&mut self, original: &Self) {
+        self.corners.reserve_exact(original.corners.capacity() - original.corners.len());
+    }
+
     /// Lets sweeps go on after [`Store::finish`]: every vertex is looked at again.
     pub(crate) fn reopen(&mut self) {
         self.bound = vec![super::UNKNOWN; self.v.len()];

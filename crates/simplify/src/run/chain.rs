@@ -184,7 +184,7 @@ impl Run<'_, '_> {
             Some(sweeps) => {
                 let source = self.source(&grown.root);
                 let ended = grown.engine.go_on(sweeps, goal, true, &source, control);
-                let mut branch = grown.engine.clone();
+                let mut branch = grown.engine.branch();
                 let end = match ended {
                     Some(end) => end,
                     None => {

@@ -206,7 +206,7 @@ pub(super) fn radius(corners: &[Corner]) -> f32 {
 
 /// A direction as a place on an octahedron unfolded to a square, two signed numbers of 16 bits.
 ///
-/// Source: [Cigolle 2014].
+/// Source: [Cigolle et al. 2014].
 pub(super) fn octahedral(n: Vec3) -> u32 {
     let sum = n.abs().element_sum();
     let n = if sum > 0.0 && sum.is_finite() { n / sum } else { Vec3::Z };

@@ -7,7 +7,7 @@ use crate::theme::{number, palette, weak};
 
 /// The sheet; whether it is to be closed.
 pub fn show(ctx: &egui::Context) -> bool {
-    let modal = egui::Modal::new(egui::Id::new("help")).show(ctx, |ui| {
+    let modal = egui::Modal::new(egui::Id::unique("help")).show(ctx, |ui| {
         let screen = ctx.content_rect();
         ui.set_width((screen.width() - 80.0).clamp(320.0, 900.0));
         ui.horizontal(|ui| {
@@ -18,23 +18,22 @@ pub fn show(ctx: &egui::Context) -> bool {
             })
             .inner
         })
-        .inner
-            | {
-                ui.add_space(8.0);
-                egui::ScrollArea::vertical().max_height(screen.height() - 140.0).show(ui, |ui| {
-                    ui.columns(3, |columns| {
-                        for (group, title) in Group::ALL {
-                            let column = match group {
-                                Group::File | Group::Detail => 0,
-                                Group::Look | Group::Window => 1,
-                                Group::Camera => 2,
-                            };
-                            block(&mut columns[column], group, title);
-                        }
-                    });
+        .inner | {
+            ui.add_space(8.0);
+            egui::ScrollArea::vertical().max_height(screen.height() - 140.0).show(ui, |ui| {
+                ui.columns(3, |columns| {
+                    for (group, title) in Group::ALL {
+                        let column = match group {
+                            Group::File | Group::Detail => 0,
+                            Group::Look | Group::Window => 1,
+                            Group::Camera => 2,
+                        };
+                        block(&mut columns[column], group, title);
+                    }
                 });
-                false
-            }
+            });
+            false
+        }
     });
     modal.inner || modal.should_close()
 }

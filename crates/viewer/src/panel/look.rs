@@ -32,13 +32,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     parts::field(ui, "Surface", "Its colour where the shading has none of its own", |ui| {
         ui.color_edit_button_rgb(&mut look.surface);
     });
-    parts::switch(
-        ui,
-        "Wireframe",
-        Some(Action::Wireframe),
-        "Lines along the edges of all faces",
-        &mut look.wireframe,
-    );
+    parts::switch(ui, "Wireframe", Some(Action::Wireframe), "Lines along the edges of all faces", &mut look.wireframe);
     ui.add_enabled_ui(look.wireframe, |ui| {
         parts::field(ui, "Wire", "Colour and width of the lines", |ui| {
             ui.color_edit_button_rgba_unmultiplied(&mut look.wire);
@@ -47,20 +41,8 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         });
     });
     parts::switch(ui, "Open borders", Some(Action::Borders), "Edges with one face", &mut look.borders);
-    parts::switch(
-        ui,
-        "Defects",
-        Some(Action::Defects),
-        "Non-manifold edges, faces without area, faces that stand twice",
-        &mut look.defects,
-    );
-    parts::switch(
-        ui,
-        "Hide backs",
-        Some(Action::Cull),
-        "Faces seen from behind are left out",
-        &mut look.cull_back,
-    );
+    parts::switch(ui, "Defects", Some(Action::Defects), "Non-manifold edges, faces without area, faces that stand twice", &mut look.defects);
+    parts::switch(ui, "Hide backs", Some(Action::Cull), "Faces seen from behind are left out", &mut look.cull_back);
 
     parts::heading(ui, "Behind and light");
     let mut backdrop = match all.backdrop {
@@ -96,7 +78,7 @@ fn own(ui: &mut Ui, scope: &mut Scope<'_>, all: &mut Appearance) {
     parts::heading(ui, "Of your own");
     let tip = "A picture of a lit ball (PNG, JPEG): read again when it changes";
     parts::field(ui, "Matcap", tip, |ui| file(ui, &mut all.matcap, Say::ChooseMatcap, scope));
-    let tip = "A WGSL file with `fn shade(s: Surface) -> vec3<f32>`: read again when it changes";
+    let tip = "A WGSL file with `fn surface(at: Surface) -> vec4<f32>`, a linear colour: read again when it changes";
     parts::field(ui, "Shader", tip, |ui| file(ui, &mut all.shader, Say::ChooseShader, scope));
     if let Some(error) = &scope.facts.shader_error {
         parts::told(ui, crate::log::Level::Error, error);

@@ -105,7 +105,9 @@ pub fn choose<T: Copy + PartialEq>(
                 ui.selectable_value(value, *choice, *word);
             }
         });
-        response.response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
+        response.response.widget_info(|| {
+            egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name)
+        });
     });
     *value != before
 }
@@ -147,14 +149,7 @@ pub fn optional(
 }
 
 /// A whole number that may be off. Whether it changed.
-pub fn optional_count(
-    ui: &mut Ui,
-    name: &str,
-    tip: &str,
-    value: &mut Option<usize>,
-    first: usize,
-    least: usize,
-) -> bool {
+pub fn optional_count(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<usize>, first: usize, least: usize) -> bool {
     let mut number = value.map(|n| n as f64);
     let changed = optional(ui, name, tip, &mut number, first as f64, least as f64..=1000.0);
     *value = number.map(|n| n.round() as usize);
@@ -165,15 +160,10 @@ pub fn optional_count(
 pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Length>) -> bool {
     let now = value.map(length_text).unwrap_or_default();
     let mut changed = false;
-    let tip = format!(
-        "{tip}\n\nA number in the units of the file, or percent of the diagonal such as 0.1%. Empty: off."
-    );
+    let tip = format!("{tip}\n\nA number in the units of the file, or percent of the diagonal such as 0.1%. Empty: off.");
     field(ui, name, &tip, |ui| {
-        if let Some(typed) = typed(ui, name, &now, "off", ui.available_width(), |t| {
-            t.trim().is_empty() || length_of(t).is_some()
-        }) {
-            let new =
-                length_of(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
+        if let Some(typed) = typed(ui, name, &now, "off", ui.available_width(), |t| t.trim().is_empty() || length_of(t).is_some()) {
+            let new = length_of(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
             changed = new != *value;
             *value = new;
         }
@@ -190,7 +180,7 @@ pub fn typed(
     width: f32,
     is_good: impl Fn(&str) -> bool,
 ) -> Option<String> {
-    let id = ui.id().with(("typed", name));
+    let id = ui.scope_id().with(("typed", name));
     let kept: Option<String> = ui.data(|d| d.get_temp(id));
     let mut text = kept.clone().unwrap_or_else(|| now.to_owned());
     let good = is_good(&text);

@@ -44,7 +44,7 @@ pub(super) fn show(
     }
     let times: Vec<String> =
         made.clock.stages.iter().map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
-    out.detail(&format!("  {}, {}", times.join(", "), counted(rayon_threads(args), "thread", "threads")));
+    out.detail(&format!("  {}, {}", times.join(", "), counted(args.run.threads(), "thread", "threads")));
     let mut is_fault = show_warnings(out, path, &made.warnings, args.strict);
     let options = args.options().simplify;
     for (k, level) in made.levels.iter().enumerate() {
@@ -61,10 +61,6 @@ pub(super) fn show(
         }
     }
     if is_fault { Status::Strict } else { Status::Done }
-}
-
-fn rayon_threads(args: &LodArgs) -> usize {
-    args.run.threads()
 }
 
 /// A line for the whole and one for each level.
@@ -137,12 +133,12 @@ fn to_json(made: &Made, path: &str, plan: &Plan, args: &LodArgs) -> Value {
             "format": plan.format().map(lodsmith_io::Format::name),
         },
         "method": options.method.name(),
-        "target": args.levels.to_json(),
+        "target": args.target(),
         "reached": made.levels.iter().all(|l| l.report.reached),
         "screen": { "pixels": screen.pixels, "fov_deg": screen.fov_deg, "height_px": screen.height_px },
         "levels": made.levels.iter().enumerate().map(level).collect::<Vec<_>>(),
         "warnings": texts(&made.warnings),
-        "threads": rayon_threads(args),
+        "threads": args.run.threads(),
         "seconds": seconds,
     });
     if args.dry_run {
