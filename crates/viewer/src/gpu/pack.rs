@@ -174,8 +174,11 @@ pub(super) fn morphs(
     values
 }
 
+/// Where each region begins and ends.
+pub(super) type Regions = Vec<(RegionId, std::ops::Range<usize>)>;
+
 /// Faces in the order of their regions, and where each region begins and ends. Within a region the order stays.
-pub(super) fn by_region(mesh: &TriMesh) -> (Vec<[WedgeId; 3]>, Vec<(RegionId, std::ops::Range<usize>)>) {
+pub(super) fn by_region(mesh: &TriMesh) -> (Vec<[WedgeId; 3]>, Regions) {
     let triangles = mesh.triangles();
     let Some(regions) = mesh.regions() else {
         return (triangles.to_vec(), vec![(RegionId(0), 0..triangles.len())]);
