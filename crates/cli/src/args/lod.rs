@@ -54,6 +54,7 @@ pub(crate) struct LodArgs {
     pub(crate) levels: LevelArgs,
     /// With --count, part of the triangles of the level before
     #[arg(long, value_name = "F", value_parser = values::below_one, default_value_t = HALF, requires = "count",
+          conflicts_with_all = ["levels", "faces", "errors"],
           help_heading = "Levels (one of these)")]
     factor: f64,
     /// Say of each vertex where it is in the next coarser level: `_GEOMORPH` in GLB, `geomorph_x` and so on in PLY

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use anyhow::Context as _;
+use lodsmith::core::model::VertexColors;
 use lodsmith::core::{Image, Model};
 use lodsmith_io::{Format, Loaded, ModelFile, ReadOptions, read_model_path};
 use lodsmith_render::image_error::{ImageError, cameras, image_error};
@@ -39,7 +40,11 @@ pub(super) fn look(
 ) -> anyhow::Result<Seen> {
     let models = [model(&args.reference, loaded[0])?, model(&args.candidate, loaded[1])?];
     let shading = shading_of(&models[0]);
-    let subjects = [Subject::new(&models[0])?, Subject::new(&models[1])?];
+    let subject = |model: &Model| {
+        let is_linear = model.vertex_colors == VertexColors::Linear;
+        Subject::new(model).map(|s| s.with_linear_colors(is_linear))
+    };
+    let subjects = [subject(&models[0])?, subject(&models[1])?];
     let bounds = subjects[0].bounds().ok_or_else(|| usage(format!("{}: nothing to see", args.reference)))?;
     let [width, height] = args.size;
     let mut seen = Seen { views: Vec::new(), size: args.size, shading, draw_seconds: [0.0; 2] };
