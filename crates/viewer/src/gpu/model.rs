@@ -165,6 +165,29 @@ impl DrawModel {
         self.revision += 1;
     }
 
+    /// The same mesh after some of it has changed: only ranges are written where that can be. `faces` and `wedges` are
+    /// what changed of the triangles and of everything that stands on wedges, new ones included. Heat and marks go.
+    ///
+    /// Returns whether ranges were enough. A mesh of several regions or buffers, with morph targets or with other
+    /// attributes than before is replaced as a whole. A mesh without normals has those of its shape made anew.
+    ///
+    /// # Panics
+    /// If there is no such mesh, or a range goes beyond it.
+    pub fn patch_mesh(
+        &mut self,
+        mesh: usize,
+        geometry: &TriMesh,
+        faces: &[Range<usize>],
+        wedges: &[Range<usize>],
+    ) -> bool {
+        let is_enough = self.meshes[mesh].patch(&self.context, geometry, faces, wedges);
+        if !is_enough {
+            self.meshes[mesh].replace(&self.context, geometry);
+        }
+        self.revision += 1;
+        is_enough
+    }
+
     /// Values for [`Shading::Heat`](lodsmith_render::Shading::Heat), one for each wedge of a mesh; `None` takes them away.
     ///
     /// # Panics
@@ -272,6 +295,54 @@ impl DrawMesh {
         }
     }
 
+    fn patch(
+        &mut self,
+        context: &Context,
+        mesh: &TriMesh,
+        faces: &[Range<usize>],
+        wedges: &[Range<usize>],
+    ) -> bool {
+        let split = context.split;
+        let fits = mesh.face_count() <= split.triangles && mesh.wedge_count() <= split.wedges;
+        let is_plain = mesh.regions().is_none() && self.morph_targets == 0 && self.row == Row::of(mesh);
+        let has_own_normals = mesh.normals().is_some();
+        let ([page], [chunk]) = (self.pages.as_mut_slice(), self.chunks.as_mut_slice()) else { return false };
+        let is_whole = page.wedges.is_none() && chunk.parts.len() <= 1;
+        if !(fits && is_plain && is_whole && has_own_normals == self.has_own_normals) {
+            return false;
+        }
+        let mut moved = false;
+        for range in faces {
+            let bytes = bytemuck::cast_slice(&mesh.triangles()[range.clone()]);
+            moved |= chunk.indices.write(context, 12 * range.start as u64, bytes);
+        }
+        // The normals of the shape change round what moved, too.
+        let whole = 0..mesh.wedge_count();
+        let corner_ranges = if has_own_normals { wedges } else { std::slice::from_ref(&whole) };
+        let normals = pack::normals(mesh);
+        for range in corner_ranges {
+            let ids = range.clone().map(WedgeId::new);
+            let corners = pack::corners(mesh, &self.frame, &normals, ids);
+            self.radius = self.radius.max(f64::from(pack::radius(&corners)));
+            moved |= page.corners.write(context, 16 * range.start as u64, bytemuck::cast_slice(&corners));
+        }
+        for range in wedges {
+            let rows = pack::rows(mesh, &self.row, range.clone().map(WedgeId::new));
+            let at = 4 * u64::from(self.row.stride) * range.start as u64;
+            moved |= page.rows.write(context, at, bytemuck::cast_slice(&rows));
+        }
+        let material = self.materials.first().copied().flatten();
+        chunk.parts = vec![Part { material, corners: 0..3 * mesh.face_count() as u32 }];
+        self.face_count = mesh.face_count();
+        self.wedge_count = mesh.wedge_count();
+        self.heat_max = None;
+        self.marks.clear();
+        if moved {
+            self.bind_again(context, 0);
+        }
+        true
+    }
+
     fn set_heat(&mut self, context: &Context, values: Option<&[f32]>) {
         let Some(values) = values else {
             self.heat_max = None;
@@ -303,7 +374,12 @@ impl DrawMesh {
                     let mut local = vec![pack::NONE; self.wedge_count];
                     wedges.iter().enumerate().for_each(|(k, w)| local[w.index()] = k as u32);
                     let here = |e: &[u32; 3]| [local[e[0] as usize], local[e[1] as usize], e[2]];
-                    marks.edges.iter().map(here).filter(|e| e[0] != pack::NONE && e[1] != pack::NONE).collect()
+                    marks
+                        .edges
+                        .iter()
+                        .map(here)
+                        .filter(|e| e[0] != pack::NONE && e[1] != pack::NONE)
+                        .collect()
                 }
             };
             if edges.is_empty() {
@@ -311,7 +387,12 @@ impl DrawMesh {
             }
             let storage = Storage::new(context, "marks", bytemuck::cast_slice(&edges));
             let bind = bind(context, page, &storage);
-            self.marks.push(MarkedEdges { page: number, edges: storage, bind, corners: 6 * edges.len() as u32 });
+            self.marks.push(MarkedEdges {
+                page: number,
+                edges: storage,
+                bind,
+                corners: 6 * edges.len() as u32,
+            });
         }
     }
 

@@ -1,5 +1,7 @@
 //! A mesh as the shaders read it: places with normals, rows of values, indices in the order of their materials.
 
+use std::borrow::Cow;
+
 use glam::{DVec3, Vec2, Vec3};
 use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::mesh::normals::vertex_normals;
@@ -64,15 +66,15 @@ pub(super) fn frame_of(mesh: &TriMesh) -> UnitFrame {
 }
 
 /// Normals of all wedges: the mesh's own, or those of its shape.
-pub(super) fn normals(mesh: &TriMesh) -> Vec<[f32; 3]> {
+pub(super) fn normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
     if let Some(normals) = mesh.normals() {
-        return normals.to_vec();
+        return normals.into();
     }
     let surface = mesh.surface();
     let joined = weld(surface.positions());
     let of_vertex = vertex_normals(&surface, |v| joined.of(v));
     match mesh.vertex_map() {
-        None => of_vertex,
+        None => of_vertex.into(),
         Some(map) => map.iter().map(|v| of_vertex[v.index()]).collect(),
     }
 }
@@ -119,10 +121,17 @@ pub(super) fn rows(mesh: &TriMesh, row: &Row, wedges: impl ExactSizeIterator<Ite
             words.push(octahedral(Vec3::new(t[0], t[1], t[2])));
             words.push(t[3].to_bits());
         }
-        for [joints, weights] in &sets {
-            let j = joints.of(w);
-            words.extend([0, 2].map(|k| j[k] as u32 & 0xffff | (j[k + 1] as u32) << 16));
-            words.extend(weights.of(w).iter().map(|x| x.to_bits()));
+        // Weights count by their sum; where that is zero, the first joint pulls.
+        let sum: f32 = sets.iter().flat_map(|[_, weights]| weights.of(w)).sum();
+        for (set, [joints, weights]) in sets.iter().enumerate() {
+            if sum > 0.0 && sum.is_finite() {
+                let j = joints.of(w);
+                words.extend([0, 2].map(|k| j[k] as u32 & 0xffff | (j[k + 1] as u32) << 16));
+                words.extend(weights.of(w).iter().map(|x| (x / sum).to_bits()));
+            } else {
+                let first = if set == 0 { 1f32 } else { 0.0 };
+                words.extend([0, 0, first.to_bits(), 0, 0, 0]);
+            }
         }
     }
     words
@@ -165,8 +174,11 @@ pub(super) fn morphs(
     values
 }
 
+/// Where each region begins and ends.
+pub(super) type Regions = Vec<(RegionId, std::ops::Range<usize>)>;
+
 /// Faces in the order of their regions, and where each region begins and ends. Within a region the order stays.
-pub(super) fn by_region(mesh: &TriMesh) -> (Vec<[WedgeId; 3]>, Vec<(RegionId, std::ops::Range<usize>)>) {
+pub(super) fn by_region(mesh: &TriMesh) -> (Vec<[WedgeId; 3]>, Regions) {
     let triangles = mesh.triangles();
     let Some(regions) = mesh.regions() else {
         return (triangles.to_vec(), vec![(RegionId(0), 0..triangles.len())]);
@@ -197,7 +209,7 @@ pub(super) fn radius(corners: &[Corner]) -> f32 {
 
 /// A direction as a place on an octahedron unfolded to a square, two signed numbers of 16 bits.
 ///
-/// Source: [Cigolle 2014].
+/// Source: [Cigolle et al. 2014].
 pub(super) fn octahedral(n: Vec3) -> u32 {
     let sum = n.abs().element_sum();
     let n = if sum > 0.0 && sum.is_finite() { n / sum } else { Vec3::Z };

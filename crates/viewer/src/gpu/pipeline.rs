@@ -78,8 +78,13 @@ impl Pipelines {
     }
 
     /// The pipelines of a surface that a file of the user colours: solid, then blended.
-    pub(super) fn of_shader(&self, context: &Context, module: &wgpu::ShaderModule) -> [wgpu::RenderPipeline; 2] {
-        [false, true].map(|is_blended| self.make(context, Pass::Surface { shading: CUSTOM, is_blended }, module))
+    pub(super) fn of_shader(
+        &self,
+        context: &Context,
+        module: &wgpu::ShaderModule,
+    ) -> [wgpu::RenderPipeline; 2] {
+        [false, true]
+            .map(|is_blended| self.make(context, Pass::Surface { shading: CUSTOM, is_blended }, module))
     }
 
     /// A pipeline that was prepared.
@@ -137,7 +142,11 @@ impl Pipelines {
                 module,
                 entry_point: Some("fs"),
                 compilation_options: options,
-                targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::ALL })],
+                targets: &[Some(wgpu::ColorTargetState {
+                    format,
+                    blend,
+                    write_mask: wgpu::ColorWrites::ALL,
+                })],
             }),
             multiview_mask: None,
             cache: None,
@@ -162,7 +171,7 @@ fn module(context: &Context, label: &str, texts: &[&str]) -> wgpu::ShaderModule 
 /// The module of a surface that a file of the user colours, and how many lines stand before the file's first.
 pub(super) fn custom_module(context: &Context, text: &str) -> (wgpu::ShaderModule, u32) {
     let before = [GLOBALS, VERTEX, SURFACE].join("\n");
-    let lines = before.lines().count() as u32;
+    let lines = before.matches('\n').count() as u32 + 1;
     (module(context, "surface of a file", &[&before, text]), lines)
 }
 

@@ -47,8 +47,9 @@ impl Gpu {
         let failed = pollster::block_on(scope.pop());
         let first = info.messages.iter().find(|m| m.message_type == wgpu::CompilationMessageType::Error);
         if let Some(error) = first {
-            let line = error.location.map(|l| l.line_number).and_then(|l| l.checked_sub(before)).filter(|l| *l > 0);
-            return Err(ShaderError { line, message: error.message.clone() });
+            let line =
+                error.location.map(|l| l.line_number).and_then(|l| l.checked_sub(before)).filter(|l| *l > 0);
+            return Err(ShaderError { line, message: without_place(&error.message) });
         }
         if let Some(error) = failed {
             return Err(ShaderError { line: None, message: error.to_string() });
@@ -60,4 +61,10 @@ impl Gpu {
         }
         Ok(SurfaceShader { id: NEXT_ID.fetch_add(1, Ordering::Relaxed), pipelines })
     }
+}
+
+/// What is wrong, without the drawing of where: its line numbers count what stands before the file.
+fn without_place(message: &str) -> String {
+    let first = message.lines().map(str::trim).find(|line| !line.is_empty()).unwrap_or("it cannot be read");
+    first.split_once("error: ").map_or(first, |(_, what)| what).to_owned()
 }
