@@ -11,7 +11,7 @@ use lodsmith_render::Shading;
 
 use crate::ViewOptions;
 use crate::command::{Command, Target};
-use crate::compare::{Pictures, Side, seen_bounds};
+use crate::compare::{Pictures, Side};
 use crate::dialog::{Answer, Dialog, Purpose};
 use crate::document::Document;
 use crate::gpu::{Gpu, GpuError};
@@ -173,7 +173,7 @@ impl App {
                     self.pictures.set_orbit(side, Orbit::of(&pose.camera()), false);
                 }
             }
-            None => self.pictures.look_from(&self.document, 0),
+            None => self.pictures.arrive_from(0),
         }
         let name = panel::files::name(&path);
         ctx.send_viewport_cmd(egui::ViewportCommand::Title(format!("{name} – Lodsmith")));
@@ -217,7 +217,8 @@ impl App {
     fn choose(&mut self, ctx: &egui::Context, purpose: Purpose, start: Option<PathBuf>) {
         let start = start.unwrap_or_else(|| self.start_of_dialogs());
         let ctx = ctx.clone();
-        self.dialog = Some(Dialog::new(purpose, &start, self.use_system_dialogs, move || ctx.request_repaint()));
+        self.dialog =
+            Some(Dialog::new(purpose, &start, self.use_system_dialogs, move || ctx.request_repaint()));
     }
 
     fn chosen(&mut self, purpose: Purpose, files: Vec<PathBuf>) {
@@ -268,7 +269,8 @@ impl App {
             }
             Action::Export => {
                 if let Some(original) = self.document.original() {
-                    self.export = Some(export::Form::new(&original.content.path, original.content.file.format));
+                    self.export =
+                        Some(export::Form::new(&original.content.path, original.content.file.format));
                 }
                 return;
             }
@@ -367,7 +369,8 @@ impl App {
     fn screenshot(&mut self, ctx: &egui::Context) {
         let folder = self.start_of_dialogs();
         let file = self.document.settings().file();
-        let stem = file.and_then(Path::file_stem).map_or("lodsmith".into(), |s| s.to_string_lossy().into_owned());
+        let stem =
+            file.and_then(Path::file_stem).map_or("lodsmith".into(), |s| s.to_string_lossy().into_owned());
         let sender = self.pictures_saved.0.clone();
         let waker = ctx.clone();
         let save = move |image: std::sync::Arc<egui::ColorImage>| {
@@ -443,7 +446,12 @@ impl App {
         }
         let [left, right, bottom] = docks;
         let mut closed = Vec::new();
-        let strip = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin { left: 12, right: 12, top: 10, bottom: 4 });
+        let strip = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin {
+            left: 12,
+            right: 12,
+            top: 10,
+            bottom: 4,
+        });
         if !bottom.is_empty() {
             let dock = egui::Panel::bottom("log").frame(egui::Frame::NONE.fill(p.panel)).resizable(true);
             dock.default_size(160.0).size_range(80.0..=400.0).show(ui, |ui| {
@@ -549,7 +557,7 @@ impl App {
         if let Some(problem) = self.document.problem.clone() {
             bar(ui, p.error, &mut |ui| {
                 is_over = ui.button("Dismiss").clicked();
-                let text = egui::RichText::new(format!("✖  {problem}")).color(p.error);
+                let text = egui::RichText::new(problem.clone()).color(p.error);
                 ui.add(egui::Label::new(text).wrap().selectable(true));
             });
         }
@@ -676,7 +684,8 @@ fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
                 }
             });
             ui.add_space(16.0);
-            let steps = "Then drag the slider below: the lighter mesh stands beside the original. H shows all keys.";
+            let steps =
+                "Then drag the slider below: the lighter mesh stands beside the original. H shows all keys.";
             ui.label(theme::weak(ui, steps));
             if !facts.recent.is_empty() {
                 ui.add_space(16.0);
@@ -715,9 +724,4 @@ fn save_picture(image: &egui::ColorImage, folder: &Path, stem: &str) -> Result<P
     let path = free.ok_or_else(|| format!("{} holds too many of them", folder.display()))?;
     crate::session::write(&path, encoded.get_ref()).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(path)
-}
-
-/// Whether the camera sees anything: for tests.
-pub fn sees_model(app: &App) -> bool {
-    seen_bounds(&app.document).is_some()
 }

@@ -3,7 +3,7 @@
 use std::sync::PoisonError;
 use std::time::{Duration, Instant};
 
-use eframe::egui::{self, Align2, Color32, PointerButton, Rect, Response, Sense, TextStyle, Ui, Vec2, pos2};
+use eframe::egui::{self, Color32, PointerButton, Rect, Response, Sense, Ui, Vec2, pos2};
 use glam::DVec3;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model};
@@ -67,6 +67,8 @@ pub struct Pictures {
     pub triangles: u64,
     moved: Option<Instant>,
     own: OwnFiles,
+    /// The view to begin with, once the size of the pictures is known.
+    arriving: Option<usize>,
 }
 
 /// Pixels of a picture for one of the screen while the camera moves, where a processor draws. Measured: a quarter of the
@@ -95,6 +97,7 @@ impl Pictures {
             triangles: 0,
             moved: None,
             own: OwnFiles::default(),
+            arriving: None,
         }
     }
 
@@ -151,6 +154,12 @@ impl Pictures {
             Sides::Original => vec![(all, all, Side::Original)],
             Sides::Result => vec![(all, all, Side::Result)],
         };
+        if let Some((rect, ..)) = slots.first() {
+            self.aspect = viewport::aspect(*rect);
+        }
+        if let Some(view) = self.arriving.take() {
+            self.look_from(document, view);
+        }
         let mut detail = None;
         let mut is_moved = false;
         let is_wiping = layout.sides == Sides::Wipe;
@@ -176,7 +185,10 @@ impl Pictures {
         }
         match layout.sides {
             Sides::Both => {
-                let line = Rect::from_min_max(pos2(all.center().x - 1.0, all.top()), pos2(all.center().x + 1.0, all.bottom()));
+                let line = Rect::from_min_max(
+                    pos2(all.center().x - 1.0, all.top()),
+                    pos2(all.center().x + 1.0, all.bottom()),
+                );
                 ui.painter().rect_filled(line, 0.0, palette(ui).window);
             }
             Sides::Wipe => wipe(ui, all, layout, says),
@@ -198,7 +210,6 @@ impl Pictures {
         let Some(drawing) = drawing else { return };
         let scale = ui.pixels_per_point();
         let size = [rect.width(), rect.height()].map(|x| (x * scale).round().max(1.0) as u32);
-        self.aspect = viewport::aspect(rect);
         self.height_px = f64::from(size[1]);
 
         let faces = lighter.map_or(original.content.faces, |l| l.content.report.faces);
@@ -271,6 +282,11 @@ impl Pictures {
         self.each_orbit(|orbit| orbit.frame(&bounds, aspect));
     }
 
+    /// The same as [`Pictures::look_from`], for the next time that pictures are shown.
+    pub fn arrive_from(&mut self, view: usize) {
+        self.arriving = Some(view);
+    }
+
     /// From a side with a name, all of the model in sight.
     pub fn look_from(&mut self, document: &Document, view: usize) {
         let Some(bounds) = seen_bounds(document) else { return };
@@ -312,8 +328,10 @@ fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
     painter.vline(x, all.y_range(), egui::Stroke::new(2.0, color));
     let middle = pos2(x, all.center().y);
     painter.circle(middle, 11.0, p.panel, egui::Stroke::new(2.0, color));
-    let font = TextStyle::Body.resolve(ui.style());
-    painter.text(middle, Align2::CENTER_CENTER, "↔", font, color);
+    for side in [-1.0, 1.0] {
+        let tip = [(7.0, 0.0), (3.0, -3.5), (3.0, 3.5)].map(|(x, y)| middle + Vec2::new(side * x, y));
+        painter.add(egui::Shape::convex_polygon(tip.to_vec(), color, egui::Stroke::NONE));
+    }
     if let Some(pointer) = response.interact_pointer_pos().filter(|_| response.dragged()) {
         let wipe = ((pointer.x - all.left()) / all.width()).clamp(0.0, 1.0);
         says.push(Say::Command(Command::Layout(Layout { wipe, ..layout })));

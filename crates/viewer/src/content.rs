@@ -225,7 +225,10 @@ pub fn bounds_of(model: &Model) -> Bounds {
 }
 
 fn largest_scale(matrix: DMat4) -> f64 {
-    [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|a| a.truncate().length()).into_iter().fold(0.0, f64::max)
+    [matrix.x_axis, matrix.y_axis, matrix.z_axis]
+        .map(|a| a.truncate().length())
+        .into_iter()
+        .fold(0.0, f64::max)
 }
 
 /// What is known of the surface of a model: counted after equal places were joined.
@@ -295,7 +298,11 @@ const CHUNK: usize = 1 << 14;
 
 impl Distances {
     /// Measures; `None` if `go_on` says no. `go_on` is told how far it is.
-    pub fn measure(original: &Original, lighter: &Lighter, go_on: &mut dyn FnMut(f64) -> bool) -> Option<Self> {
+    pub fn measure(
+        original: &Original,
+        lighter: &Lighter,
+        go_on: &mut dyn FnMut(f64) -> bool,
+    ) -> Option<Self> {
         let begin = Instant::now();
         let scales = original.scales();
         let mut all = Self::default();

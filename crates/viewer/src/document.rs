@@ -136,7 +136,8 @@ impl Document {
     /// Parts and borders of the original and of the result, as far as they are known.
     pub fn anatomies(&self) -> [Option<&Anatomy>; 2] {
         let [one, two] = &self.anatomies;
-        let fits = |a: &Option<(usize, Anatomy)>, key: Option<usize>| a.as_ref().is_some_and(|a| Some(a.0) == key);
+        let fits =
+            |a: &Option<(usize, Anatomy)>, key: Option<usize>| a.as_ref().is_some_and(|a| Some(a.0) == key);
         [(one, self.original.as_ref().map(key)), (two, self.lighter.as_ref().map(key))]
             .map(|(a, key)| if fits(a, key) { a.as_ref().map(|a| &a.1) } else { None })
     }
@@ -209,7 +210,8 @@ impl Document {
         let path = export.path.clone();
         let how = self.settings.simplify.clone();
         self.worker.submit(Kind::Export, move |watch| {
-            let result = export.write(&original, lighter.as_deref(), &how, watch).map_err(|e| format!("{e:#}"));
+            let result =
+                export.write(&original, lighter.as_deref(), &how, watch).map_err(|e| format!("{e:#}"));
             Some(Outcome::Exported { path, result })
         });
     }

@@ -124,7 +124,8 @@ fn embed(scene: &mut lodsmith_io::gltf::Scene, folder: &Path) -> Vec<Warning> {
         }
     }
     let left = scene.outside_files();
-    let text = |uri: &String| Warning::note(format!("{uri} stays a file of its own, which the scene refers to"));
+    let text =
+        |uri: &String| Warning::note(format!("{uri} stays a file of its own, which the scene refers to"));
     left.first().map(text).into_iter().collect()
 }
 

@@ -144,13 +144,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(1000);
 impl<M: Send + 'static> Worker<M> {
     /// Starts the thread. `wake` is called when there is something to see.
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
-        let queue = Queue {
-            waiting: VecDeque::new(),
-            running: None,
-            watched: Vec::new(),
-            is_ending: false,
-            next: 0,
-        };
+        let queue =
+            Queue { waiting: VecDeque::new(), running: None, watched: Vec::new(), is_ending: false, next: 0 };
         let shared = Arc::new(Shared {
             queue: Mutex::new(queue),
             ready: Condvar::new(),

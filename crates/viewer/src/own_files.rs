@@ -23,7 +23,8 @@ impl OwnFiles {
     /// Reads what the look names and is not known yet; and all again if they have changed.
     pub fn follow(&mut self, gpu: Option<&Gpu>, look: &Appearance, have_changed: bool) {
         let Some(gpu) = gpu else { return };
-        let is_known = |of: Option<&Path>, path: Option<&PathBuf>| !have_changed && of == path.map(PathBuf::as_path);
+        let is_known =
+            |of: Option<&Path>, path: Option<&PathBuf>| !have_changed && of == path.map(PathBuf::as_path);
         if !is_known(self.matcap.as_ref().map(|m| m.0.as_path()), look.matcap.as_ref()) {
             let read = |path: &PathBuf| (path.clone(), image_of(path).map(|image| gpu.matcap(&image)));
             self.matcap = look.matcap.as_ref().map(read);
@@ -53,7 +54,8 @@ impl OwnFiles {
 }
 
 fn image_of(path: &Path) -> Result<Image, String> {
-    let mut reader = image::ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(|e| e.to_string())?;
+    let mut reader =
+        image::ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(|e| e.to_string())?;
     let mut limits = image::Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(LARGEST), Some(LARGEST));
     reader.limits(limits);

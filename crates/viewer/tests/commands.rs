@@ -37,9 +37,9 @@ fn opened(path: &Path) -> Document {
 }
 
 fn faces(document: &Document) -> usize {
-    document.lighter().map_or(document.original().unwrap().content.faces, |l| {
-        placed(&l.content.model, TriMesh::face_count)
-    })
+    document
+        .lighter()
+        .map_or(document.original().unwrap().content.faces, |l| placed(&l.content.model, TriMesh::face_count))
 }
 
 #[test]
@@ -56,7 +56,10 @@ fn a_list_of_commands_replays_a_session() {
         Command::Method(quadric),
         Command::Look(look),
         Command::Turn(Turn([0.0, 1.0, 0.0, 0.0])),
-        Command::KeepCamera(1, Some(Pose { eye: [3.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 })),
+        Command::KeepCamera(
+            1,
+            Some(Pose { eye: [3.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 }),
+        ),
         Command::Show(1),
         Command::Target(Target::Faces(500)),
     ];
@@ -255,7 +258,13 @@ fn a_scene_keeps_its_nodes() {
     assert!(count <= whole / 2, "{count} of {whole}");
     let path = folder.path().join("low.glb");
     let textures = Textures::default();
-    document.export(Export { path: path.clone(), format: Format::Glb, ascii: false, textures, levels: Vec::new() });
+    document.export(Export {
+        path: path.clone(),
+        format: Format::Glb,
+        ascii: false,
+        textures,
+        levels: Vec::new(),
+    });
     assert!(document.settle(LONG));
     let mut again = opened(&path);
     assert!(again.settle(LONG));
@@ -272,5 +281,9 @@ fn writing_where_nothing_can_be_written_is_told() {
     let (format, textures) = (Format::Glb, Textures::default());
     document.export(Export { path, format, ascii: false, textures, levels: Vec::new() });
     assert!(document.settle(LONG));
-    assert!(document.problem.as_deref().is_some_and(|p| p.contains("no/such/folder")), "{:?}", document.problem);
+    assert!(
+        document.problem.as_deref().is_some_and(|p| p.contains("no/such/folder")),
+        "{:?}",
+        document.problem
+    );
 }

@@ -192,7 +192,12 @@ fn a_count_can_be_typed_in_every_unit() {
         desk.harness.run_steps(2);
         desk.press(Key::Enter);
         let stop = desk.app().document().settings().simplify.options.stop;
-        let is_set = [stop.faces == Some(1000), stop.vertices == Some(402), stop.ratio == Some(0.1), stop.error.is_some()];
+        let is_set = [
+            stop.faces == Some(1000),
+            stop.vertices == Some(402),
+            stop.ratio == Some(0.1),
+            stop.error.is_some(),
+        ];
         let which = ["Faces", "Vertices", "Percent", "Error"].iter().position(|u| *u == unit).unwrap();
         assert!(is_set[which], "{unit}: {stop:?}");
         assert!(desk.faces().is_some_and(|n| n < 10_000), "{unit}: {:?}", desk.faces());
@@ -246,8 +251,9 @@ fn every_key_of_the_look_changes_it_and_the_picture() {
     desk.press(Key::Minus);
     desk.press(Key::Minus);
     for b in BINDINGS {
-        let is_look = matches!(b.action, Action::Wireframe | Action::Shade(_) | Action::Ground | Action::Cull)
-            || matches!(b.action, Action::Borders | Action::Defects);
+        let is_look =
+            matches!(b.action, Action::Wireframe | Action::Shade(_) | Action::Ground | Action::Cull)
+                || matches!(b.action, Action::Borders | Action::Defects);
         if !is_look {
             continue;
         }
@@ -395,7 +401,10 @@ fn the_heat_map_has_a_legend_and_a_histogram() {
         desk.picture(if is_light { "heat_light" } else { "heat_dark" });
         // Colours: blue and red are in it.
         let pixels = desk.pixels(RESULT);
-        assert!(pixels.iter().any(|p| p[0] > p[2].saturating_add(60)) && pixels.iter().any(|p| p[2] > p[0].saturating_add(60)));
+        assert!(
+            pixels.iter().any(|p| p[0] > p[2].saturating_add(60))
+                && pixels.iter().any(|p| p[2] > p[0].saturating_add(60))
+        );
     }
 }
 
@@ -443,7 +452,8 @@ fn a_session_is_saved_and_opened_again() {
     desk.press(Key::Enter);
     let path = desk.path("torus.lodsmith.json");
     assert!(path.is_file());
-    let (settings, orbit, faces) = (desk.app().document().settings().clone(), desk.app().orbits()[0], desk.faces());
+    let (settings, orbit, faces) =
+        (desk.app().document().settings().clone(), desk.app().orbits()[0], desk.faces());
     let folder = desk.folder;
     let mut options = ViewOptions::default();
     options.inputs = vec![path];

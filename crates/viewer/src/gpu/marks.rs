@@ -27,7 +27,8 @@ impl Marks {
         for &w in mesh.triangles().iter().flatten() {
             wedge_of[mesh.vertex_of(w).index()] = w;
         }
-        let edge = |ends: [VertexId; 2], kind| [wedge_of[ends[0].index()].0, wedge_of[ends[1].index()].0, kind];
+        let edge =
+            |ends: [VertexId; 2], kind| [wedge_of[ends[0].index()].0, wedge_of[ends[1].index()].0, kind];
         let mut edges = Vec::new();
         for (kind, number) in [(EdgeKind::Border, 0), (EdgeKind::NonManifold, 1)] {
             let found = topology.edges().filter(|&h| topology.kind(h) == Some(kind));

@@ -303,7 +303,12 @@ impl DrawMesh {
                     let mut local = vec![pack::NONE; self.wedge_count];
                     wedges.iter().enumerate().for_each(|(k, w)| local[w.index()] = k as u32);
                     let here = |e: &[u32; 3]| [local[e[0] as usize], local[e[1] as usize], e[2]];
-                    marks.edges.iter().map(here).filter(|e| e[0] != pack::NONE && e[1] != pack::NONE).collect()
+                    marks
+                        .edges
+                        .iter()
+                        .map(here)
+                        .filter(|e| e[0] != pack::NONE && e[1] != pack::NONE)
+                        .collect()
                 }
             };
             if edges.is_empty() {
@@ -311,7 +316,12 @@ impl DrawMesh {
             }
             let storage = Storage::new(context, "marks", bytemuck::cast_slice(&edges));
             let bind = bind(context, page, &storage);
-            self.marks.push(MarkedEdges { page: number, edges: storage, bind, corners: 6 * edges.len() as u32 });
+            self.marks.push(MarkedEdges {
+                page: number,
+                edges: storage,
+                bind,
+                corners: 6 * edges.len() as u32,
+            });
         }
     }
 

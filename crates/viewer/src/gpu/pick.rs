@@ -39,8 +39,10 @@ impl Gpu {
         let (picked_view, depth_view) = (plane(&picked), plane(&depth));
         let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
-            let ops =
-                wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store };
+            let ops = wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                store: wgpu::StoreOp::Store,
+            };
             let color = wgpu::RenderPassColorAttachment {
                 view: &picked_view,
                 depth_slice: None,

@@ -78,8 +78,13 @@ impl Pipelines {
     }
 
     /// The pipelines of a surface that a file of the user colours: solid, then blended.
-    pub(super) fn of_shader(&self, context: &Context, module: &wgpu::ShaderModule) -> [wgpu::RenderPipeline; 2] {
-        [false, true].map(|is_blended| self.make(context, Pass::Surface { shading: CUSTOM, is_blended }, module))
+    pub(super) fn of_shader(
+        &self,
+        context: &Context,
+        module: &wgpu::ShaderModule,
+    ) -> [wgpu::RenderPipeline; 2] {
+        [false, true]
+            .map(|is_blended| self.make(context, Pass::Surface { shading: CUSTOM, is_blended }, module))
     }
 
     /// A pipeline that was prepared.
@@ -137,7 +142,11 @@ impl Pipelines {
                 module,
                 entry_point: Some("fs"),
                 compilation_options: options,
-                targets: &[Some(wgpu::ColorTargetState { format, blend, write_mask: wgpu::ColorWrites::ALL })],
+                targets: &[Some(wgpu::ColorTargetState {
+                    format,
+                    blend,
+                    write_mask: wgpu::ColorWrites::ALL,
+                })],
             }),
             multiview_mask: None,
             cache: None,

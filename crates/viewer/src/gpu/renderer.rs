@@ -167,7 +167,8 @@ impl Gpu {
             lights_left_out: frame.lighting.lights.len().saturating_sub(LIGHTS_MAX) as u32,
             ..Drawn::default()
         };
-        let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder =
+            self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("frame"),

@@ -47,7 +47,8 @@ impl Gpu {
         let failed = pollster::block_on(scope.pop());
         let first = info.messages.iter().find(|m| m.message_type == wgpu::CompilationMessageType::Error);
         if let Some(error) = first {
-            let line = error.location.map(|l| l.line_number).and_then(|l| l.checked_sub(before)).filter(|l| *l > 0);
+            let line =
+                error.location.map(|l| l.line_number).and_then(|l| l.checked_sub(before)).filter(|l| *l > 0);
             return Err(ShaderError { line, message: error.message.clone() });
         }
         if let Some(error) = failed {

@@ -177,7 +177,11 @@ pub(super) fn texture(
         dimension: wgpu::TextureDimension::D2,
         format,
         usage,
-        view_formats: if format == STORED && context.has_views { &[wgpu::TextureFormat::Rgba8UnormSrgb] } else { &[] },
+        view_formats: if format == STORED && context.has_views {
+            &[wgpu::TextureFormat::Rgba8UnormSrgb]
+        } else {
+            &[]
+        },
     })
 }
 

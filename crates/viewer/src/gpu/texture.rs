@@ -54,7 +54,8 @@ impl Surfaces {
                 (&m.occlusion_texture, false),
                 (&m.emissive_texture, true),
             ];
-            let textures = textures.map(|(t, is_color)| t.filter(|t| t.image < images.len()).map(|t| (t, is_color)));
+            let textures =
+                textures.map(|(t, is_color)| t.filter(|t| t.image < images.len()).map(|t| (t, is_color)));
             for (t, is_color) in textures.iter().flatten() {
                 let view = || texture(context, &images[t.image], *is_color);
                 views.entry((t.image, *is_color)).or_insert_with(view);
@@ -184,8 +185,7 @@ pub(super) fn texture(context: &Context, image: &Image, is_color: bool) -> wgpu:
         height: h as u32,
         depth_or_array_layers: 1,
     };
-    let format =
-        if is_color { wgpu::TextureFormat::Rgba8UnormSrgb } else { wgpu::TextureFormat::Rgba8Unorm };
+    let format = if is_color { wgpu::TextureFormat::Rgba8UnormSrgb } else { wgpu::TextureFormat::Rgba8Unorm };
     let texture = context.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("image"),
         size: extent((levels[0].0, levels[0].1)),
@@ -200,7 +200,11 @@ pub(super) fn texture(context: &Context, image: &Image, is_color: bool) -> wgpu:
         context.queue.write_texture(
             wgpu::TexelCopyTextureInfo { mip_level: level as u32, ..texture.as_image_copy() },
             bytemuck::cast_slice(pixels),
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * *w as u32), rows_per_image: None },
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(4 * *w as u32),
+                rows_per_image: None,
+            },
             extent((*w, *h)),
         );
     }

@@ -226,7 +226,16 @@ fn grid_step(radius: f64) -> f64 {
     let size = radius / 4.0;
     let power = 10f64.powf(size.log10().floor());
     let digit = size / power;
-    let step = power * if digit < 1.5 { 1.0 } else if digit < 3.5 { 2.0 } else if digit < 7.5 { 5.0 } else { 10.0 };
+    let step = power
+        * if digit < 1.5 {
+            1.0
+        } else if digit < 3.5 {
+            2.0
+        } else if digit < 7.5 {
+            5.0
+        } else {
+            10.0
+        };
     if step.is_finite() && step > 0.0 { step } else { 1.0 }
 }
 
