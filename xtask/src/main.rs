@@ -18,7 +18,7 @@ cargo xtask corpus DIR --methods [--largest FACES] [...]   every method over eve
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
 cargo xtask sample                                         makes the sample model of the README
-cargo xtask pictures [finial|methods|METHOD...]            draws the picture of the README, and one of each method
+cargo xtask pictures [finial|shadings|methods|METHOD...]   draws the picture of the README, and one of each method
 ";
 
 fn main() -> ExitCode {

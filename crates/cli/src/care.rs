@@ -8,7 +8,7 @@ use lodsmith::core::{RegionId, Semantic, TriMesh, WedgeId};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Loaded};
 
-use crate::args::{Importance, SimplifyArgs};
+use crate::args::{How, Importance};
 
 /// Names in an error, at most.
 const SHOWN: usize = 30;
@@ -25,20 +25,16 @@ struct Named<'a> {
 }
 
 /// Properties of vertices that have to be read beside the mesh.
-pub(crate) fn properties(args: &SimplifyArgs) -> Vec<String> {
-    let importance = args.how.importance.as_ref().map(|i| i.name.clone());
-    args.how.lock.iter().cloned().chain(importance).collect()
+pub(crate) fn properties(how: &How) -> Vec<String> {
+    let importance = how.importance.as_ref().map(|i| i.name.clone());
+    how.lock.iter().cloned().chain(importance).collect()
 }
 
 /// Says in the options what a mesh is asked for.
 ///
 /// # Errors
 /// A name that nothing has; the error lists those that there are.
-pub(crate) fn of_mesh(
-    args: &SimplifyArgs,
-    loaded: &Loaded,
-    options: &mut SimplifyOptions,
-) -> anyhow::Result<()> {
+pub(crate) fn of_mesh(how: &How, loaded: &Loaded, options: &mut SimplifyOptions) -> anyhow::Result<()> {
     options.region_classes = Some(loaded.regions.classes().into());
     let text = |name: &[u8]| String::from_utf8_lossy(name).into_owned();
     let regions = loaded.regions.iter().map(|region| {
@@ -56,7 +52,7 @@ pub(crate) fn of_mesh(
         properties: &loaded.properties,
     };
     let other = loaded.contents.attributes.iter().filter(|a| !PARTS.contains(&a.as_str()));
-    fill(args, &[named], other.cloned().collect(), options).map_err(|e| match loaded.format {
+    fill(how, &[named], other.cloned().collect(), options).map_err(|e| match loaded.format {
         Format::Gltf | Format::Glb => {
             anyhow!("{e} (meshes and nodes have names only where the output is glTF too)")
         }
@@ -69,7 +65,7 @@ pub(crate) fn of_mesh(
 /// # Errors
 /// As [`of_mesh`].
 pub(crate) fn of_scene(
-    args: &SimplifyArgs,
+    how: &How,
     scene: &Scene,
     taken: &[usize],
     options: &mut SimplifyOptions,
@@ -84,7 +80,7 @@ pub(crate) fn of_scene(
             Named { mesh: &mesh.mesh, whole, regions, properties: &[] }
         })
         .collect();
-    fill(args, &all, Vec::new(), options)
+    fill(how, &all, Vec::new(), options)
 }
 
 /// Words for attributes in lists of what a file holds, which have no single number for a vertex.
@@ -93,7 +89,7 @@ const PARTS: [&str; 3] = ["normals", "uvs", "colors"];
 const CHANNELS: [&str; 4] = ["color.r", "color.g", "color.b", "color.a"];
 
 fn fill(
-    args: &SimplifyArgs,
+    how: &How,
     all: &[Named<'_>],
     other_names: Vec<String>,
     options: &mut SimplifyOptions,
@@ -113,9 +109,9 @@ fn fill(
         };
         anyhow!("{option} {name}: nothing has this name; {what}")
     };
-    if !args.how.lock.is_empty() {
+    if !how.lock.is_empty() {
         let mut locked: Vec<Vec<bool>> = all.iter().map(|n| vec![false; n.mesh.vertex_count()]).collect();
-        for name in &args.how.lock {
+        for name in &how.lock {
             let mut found = false;
             for (named, locked) in all.iter().zip(&mut locked) {
                 found |= named.lock(name, locked);
@@ -127,7 +123,7 @@ fn fill(
         }
         options.locked = Some(locked.into_iter().flatten().collect());
     }
-    if let Some(Importance { name, strength }) = &args.how.importance {
+    if let Some(Importance { name, strength }) = &how.importance {
         let values: Vec<_> = all.iter().map(|n| n.values(name)).collect();
         if values.iter().all(Option::is_none) {
             return Err(unknown("--importance", name, Vec::new()));

@@ -26,6 +26,11 @@ fn help_of_simplify() {
 }
 
 #[test]
+fn help_of_lod() {
+    insta::assert_snapshot!(help(&["lod"]));
+}
+
+#[test]
 fn help_of_info() {
     insta::assert_snapshot!(help(&["info"]));
 }
@@ -51,8 +56,19 @@ fn help_of_clean() {
 }
 
 #[test]
+fn help_of_clusters() {
+    let parts = [&["clusters"][..], &["clusters", "build"], &["clusters", "cut"], &["clusters", "info"]];
+    insta::assert_snapshot!(parts.map(help).join("\n----\n"));
+}
+
+#[test]
 fn options_of_later_releases_are_not_known() {
     for option in ["--sharp", "--cache"] {
         assert!(!help(&["simplify"]).contains(option), "{option}");
     }
+}
+
+#[test]
+fn help_of_render() {
+    insta::assert_snapshot!(help(&["render"]));
 }

@@ -4,7 +4,9 @@
 //! is a model of one node.
 
 pub mod animation;
+pub mod deform;
 pub mod material;
+mod pose;
 
 use std::sync::Arc;
 
@@ -14,6 +16,7 @@ use crate::image::Image;
 use crate::mesh::TriMesh;
 
 pub use animation::{Animation, Channel, Interpolation, Pose, Skin, Track, Transform};
+pub use deform::{Deformed, deform};
 pub use material::{AlphaMode, Material, Sampler, TextureRef, Wrap};
 
 /// Meshes, where they stand, what they look like, and how they move.

@@ -10,6 +10,7 @@ mod encode;
 mod geometry;
 mod inventory;
 mod lists;
+mod lod;
 mod materials;
 mod mesh;
 mod meshopt;
@@ -25,6 +26,7 @@ mod slot;
 mod unpack;
 mod write;
 
+pub use lod::SceneLevels;
 pub use names::MeshNames;
 pub(crate) use scene::image_type;
 pub use scene::{Scene, SceneMesh, outside_path};

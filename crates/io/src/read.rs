@@ -228,7 +228,7 @@ fn contradiction(format: Format, hint: Option<Format>, options: &ReadOptions) ->
 }
 
 /// The bytes, out of their gzip if they are in one.
-fn unpacked(bytes: &[u8], limits: Limits) -> Result<Cow<'_, [u8]>, ReadError> {
+pub(crate) fn unpacked(bytes: &[u8], limits: Limits) -> Result<Cow<'_, [u8]>, ReadError> {
     if bytes.starts_with(&GZIP_MAGIC) {
         gunzip(bytes, limits).map(Cow::Owned)
     } else {
@@ -239,7 +239,7 @@ fn unpacked(bytes: &[u8], limits: Limits) -> Result<Cow<'_, [u8]>, ReadError> {
 /// First bytes of a gzip file: its magic, and the only method that there is.
 const GZIP_MAGIC: [u8; 3] = [0x1f, 0x8b, 8];
 
-fn bytes_of(path: &Path, limits: Limits) -> Result<Vec<u8>, ReadError> {
+pub(crate) fn bytes_of(path: &Path, limits: Limits) -> Result<Vec<u8>, ReadError> {
     let mut file = File::open(path).map_err(|e| match e.kind() {
         io::ErrorKind::NotFound => io::Error::new(e.kind(), "there is no such file"),
         _ => e,

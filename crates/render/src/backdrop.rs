@@ -26,6 +26,8 @@ const REACH: f64 = 6.0;
 pub(crate) struct Backdrop {
     /// Of each row, linear; `None` where nothing lies behind.
     rows: Option<Vec<Vec3>>,
+    /// The same as bytes, for pixels that nothing else touches.
+    plain: Vec<[u8; 4]>,
     floor: Option<Floor>,
 }
 
@@ -78,12 +80,27 @@ impl Backdrop {
                 });
             }
         }
-        Ok(Self { rows, floor })
+        let encoder = Encoder::new();
+        let plain = match &rows {
+            None => vec![[0; 4]; height],
+            Some(rows) => {
+                let opaque = |[r, g, b]: [u8; 3]| [r, g, b, 255];
+                rows.iter().map(|&row| opaque(encoder.bytes(row))).collect()
+            }
+        };
+        Ok(Self { rows, plain, floor })
     }
 
     /// A pixel: what was drawn, over what lies behind.
     #[inline(always)]
     pub(crate) fn over(&self, color: [f32; 4], x: usize, y: usize, encoder: Encoder) -> [u8; 4] {
+        if color[3] >= 1.0 {
+            let [r, g, b] = encoder.bytes(Vec3::new(color[0], color[1], color[2]));
+            return [r, g, b, 255];
+        }
+        if color[3] == 0.0 && self.floor.is_none() {
+            return self.plain[y];
+        }
         let mut behind = match &self.rows {
             Some(rows) => {
                 let Vec3 { x, y, z } = rows[y];
@@ -91,9 +108,7 @@ impl Backdrop {
             }
             None => [0.0; 4],
         };
-        if let Some(floor) = &self.floor
-            && color[3] < 1.0
-        {
+        if let Some(floor) = &self.floor {
             floor.draw(x, y, &mut behind);
         }
         over(color, &mut behind);

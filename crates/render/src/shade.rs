@@ -5,6 +5,7 @@ mod material;
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
+use lodsmith_core::model::VertexColors;
 use lodsmith_core::{Image, WedgeId};
 
 use crate::light::LightKind;
@@ -17,7 +18,7 @@ use crate::view::View;
 
 /// How much light a plain surface throws straight back, and how narrow that gleam is: 2 to this power. (By eye.)
 const GLEAM: f32 = 0.10;
-const GLEAM_SQUARINGS: u32 = 5;
+const GLEAM_SQUARINGS: u32 = 3;
 /// Height of a triangle in pixels from which on its lines have their full strength; below they would cover all. (By eye.)
 const WIRE_FULL_PX: f32 = 8.0;
 /// Strength of lines where triangles vanish.
@@ -342,7 +343,10 @@ impl<'a> Shader<'a> {
         let [a, b, c] = hit.wedges.map(|w| colors[w.index()]);
         let mixed = [0, 1, 2, 3].map(|k| hit.b[0] * a[k] + hit.b[1] * b[k] + hit.b[2] * c[k]);
         let rgb = [mixed[0], mixed[1], mixed[2]];
-        let rgb = if self.subject.has_linear_colors { Vec3::from(rgb) } else { linear::of_srgb(rgb) };
+        let rgb = match self.subject.vertex_colors {
+            VertexColors::Linear => Vec3::from(rgb),
+            VertexColors::Srgb => linear::of_srgb(rgb),
+        };
         (rgb.clamp(Vec3::ZERO, Vec3::ONE), mixed[3].clamp(0.0, 1.0))
     }
 
@@ -351,14 +355,14 @@ impl<'a> Shader<'a> {
     fn lit(&self, albedo: Vec3, n: Vec3, hit: &Hit<'_>) -> Vec3 {
         let place = self.place(hit);
         let to_eye = self.to_eye(place);
+        let mirrored = n * (2.0 * n.dot(to_eye)) - to_eye;
         let mut diffuse = self.ambient(n);
         let mut gleam = Vec3::ZERO;
         self.each_light(place, |to_light, color| {
             let along = n.dot(to_light);
             if along > 0.0 {
                 diffuse += color * along;
-                let half = to_light + to_eye;
-                let mut g = n.dot(half).max(0.0) / half.length().max(1e-6);
+                let mut g = mirrored.dot(to_light).max(0.0);
                 (0..GLEAM_SQUARINGS).for_each(|_| g *= g);
                 gleam += color * g;
             }

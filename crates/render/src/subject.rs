@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DMat4, DVec3};
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
-use lodsmith_core::model::Pose;
+use lodsmith_core::model::{Pose, VertexColors};
 use lodsmith_core::{Bounds, Model, TriMesh};
 
 use crate::surfaces::Surfaces;
@@ -17,8 +17,7 @@ pub struct Subject {
     pub(crate) meshes: Vec<Drawn>,
     pub(crate) parts: Vec<Part>,
     pub(crate) surfaces: Surfaces,
-    /// Whether colours of vertices are linear, as glTF has them, or sRGB, as all else.
-    pub(crate) has_linear_colors: bool,
+    pub(crate) vertex_colors: VertexColors,
     bounds: OnceLock<Option<Bounds>>,
 }
 
@@ -85,7 +84,7 @@ impl Subject {
             }
         }
         let surfaces = Surfaces::new(&model.materials, &model.images);
-        Ok(Self { meshes, parts, surfaces, has_linear_colors: false, bounds: OnceLock::new() })
+        Ok(Self { meshes, parts, surfaces, vertex_colors: model.vertex_colors, bounds: OnceLock::new() })
     }
 
     /// A mesh alone, with a plain surface.
@@ -110,12 +109,6 @@ impl Subject {
             drawn.values = Some(own);
         }
         Ok(self)
-    }
-
-    /// With colours of vertices that are linear, as glTF has them; else they are sRGB.
-    pub fn with_linear_colors(mut self, is_linear: bool) -> Self {
-        self.has_linear_colors = is_linear;
-        self
     }
 
     /// Faces to be drawn.

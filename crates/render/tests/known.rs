@@ -10,7 +10,7 @@ use lodsmith_render::{
     Subject, View, render,
 };
 
-const PLAIN: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+const PLAIN: [[f32; 3]; 2] = TextureRef::PLAIN;
 
 fn mesh(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> TriMesh {
     let faces = faces.iter().map(|f| f.map(VertexId)).collect();

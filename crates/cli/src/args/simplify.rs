@@ -186,7 +186,7 @@ pub(crate) struct How {
 
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Guards of the result")]
-struct GuardArgs {
+pub(super) struct GuardArgs {
     /// Largest turn of a face in one step
     #[arg(long, value_name = "DEG", value_parser = values::turn_deg)]
     max_normal: Option<f64>,
@@ -240,7 +240,7 @@ impl AttributeName {
         ("border", Self::Border),
     ];
 
-    fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
+    pub(super) fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
         match self {
             Self::Normal => &mut weights.normal,
             Self::Uv => &mut weights.uv,
@@ -284,28 +284,16 @@ impl SimplifyArgs {
 
     /// What the engine is told.
     pub(crate) fn options(&self) -> SimplifyOptions {
-        let (how, guards) = (&self.how, &self.guards);
-        let mut options = SimplifyOptions::preset(how.preset.into(), self.target.stop());
-        options.method = how.method.into();
-        options.of_method = self.of_method.options();
-        options.fit = how.fit.into();
-        options.placement = how.placement.into();
-        options.border = how.border.map_or(options.border, Into::into);
-        options.topology = how.topology.map_or(options.topology, Into::into);
-        for (name, weight) in &how.weight {
-            *name.of(&mut options.weights) = *weight;
-        }
-        options.weld = how.weld.as_ref().map(|d| d.length).or(options.weld);
-        options.guards = Guards {
-            max_normal_deg: guards.max_normal,
-            min_quality: guards.min_quality,
-            max_valence: guards.max_valence,
-            max_edge: guards.max_edge.as_ref().map(|d| d.length),
+        let shared = Shared {
+            how: &self.how,
+            of_method: &self.of_method,
+            scope: &self.scope,
+            guards: &self.guards,
+            seed: self.seed,
         };
-        self.scope.apply(&mut options);
+        let mut options = shared.options(self.target.stop());
         let is_measured = self.deviation.measure || self.is_bounded();
         options.measure = if is_measured { Measure::Always } else { Measure::default() };
-        options.seed = self.seed;
         options
     }
 
@@ -326,6 +314,42 @@ impl SimplifyArgs {
             Some(bound) => bound == Bound::TwoSided,
             None => self.target.error.is_some(),
         }
+    }
+}
+
+/// What commands share that make meshes lighter.
+pub(super) struct Shared<'a> {
+    pub(super) how: &'a How,
+    pub(super) of_method: &'a OfMethod,
+    pub(super) scope: &'a Scope,
+    pub(super) guards: &'a GuardArgs,
+    pub(super) seed: u64,
+}
+
+impl Shared<'_> {
+    /// What the engine is told, to come to this stop.
+    pub(super) fn options(&self, stop: Stop) -> SimplifyOptions {
+        let (how, guards) = (self.how, self.guards);
+        let mut options = SimplifyOptions::preset(how.preset.into(), stop);
+        options.method = how.method.into();
+        options.of_method = self.of_method.options();
+        options.fit = how.fit.into();
+        options.placement = how.placement.into();
+        options.border = how.border.map_or(options.border, Into::into);
+        options.topology = how.topology.map_or(options.topology, Into::into);
+        for (name, weight) in &how.weight {
+            *name.of(&mut options.weights) = *weight;
+        }
+        options.weld = how.weld.as_ref().map(|d| d.length).or(options.weld);
+        options.guards = Guards {
+            max_normal_deg: guards.max_normal,
+            min_quality: guards.min_quality,
+            max_valence: guards.max_valence,
+            max_edge: guards.max_edge.as_ref().map(|d| d.length),
+        };
+        self.scope.apply(&mut options);
+        options.seed = self.seed;
+        options
     }
 }
 

@@ -3,6 +3,7 @@
 use serde_json::Value;
 
 use super::container::{entry, list, whole};
+use super::lod::nodes_of_levels;
 use crate::error::ReadError;
 
 /// An affine map: three rows of four.
@@ -140,6 +141,12 @@ pub(super) fn roots(json: &Value) -> Result<Vec<usize>, ReadError> {
                 if let Some(flag) = has_parent.get_mut(child) {
                     *flag = true;
                 }
+            }
+        }
+        // Lower levels of detail stand where their node does, and are no roots.
+        for level in nodes_of_levels(json) {
+            if let Some(flag) = has_parent.get_mut(level) {
+                *flag = true;
             }
         }
         roots.extend((0..nodes.len()).filter(|&i| !has_parent[i]));

@@ -12,6 +12,7 @@ use super::accessors::Accessor;
 use super::buffers::{Buffers, relative_path};
 use super::container::{Document, list, list_mut, whole};
 use super::lists::append;
+use super::lod::{self, SceneLevels};
 use super::mesh::{self, Budget};
 use super::names::MeshNames;
 use super::placements;
@@ -177,7 +178,30 @@ impl Scene {
         relink: &dyn Fn(&str) -> Option<String>,
         out: &mut dyn Write,
     ) -> io::Result<Vec<Warning>> {
-        replace::write(self, replaced, format, relink, out)
+        replace::write((&self.json, &self.buffers), replaced, format, relink, out)
+    }
+
+    /// Writes the scene with levels of detail, by the extension `MSFT_lod`: every node with a mesh that has levels names
+    /// others with those, which no scene does. Levels share materials, textures, skins and whatever else they name; a
+    /// mesh of them has primitives as level 0 has them. Morph targets and their animations come along. In all else as
+    /// [`Scene::write`].
+    ///
+    /// # Errors
+    /// As [`Scene::write`]; [`io::ErrorKind::InvalidInput`] for a scene that has levels of detail already.
+    pub fn write_levels(
+        &self,
+        levels: &SceneLevels,
+        format: Format,
+        relink: &dyn Fn(&str) -> Option<String>,
+        out: &mut dyn Write,
+    ) -> io::Result<Vec<Warning>> {
+        let (json, replaced) = lod::with_levels(&self.json, levels)?;
+        replace::write((&json, &self.buffers), &replaced, format, relink, out)
+    }
+
+    /// Whether nodes name others as levels of detail.
+    pub fn has_levels(&self) -> bool {
+        lod::nodes_of_levels(&self.json).next().is_some()
     }
 
     /// Takes an image that is a file of its own into the scene: `bytes` are those of the file that `uri` names. Whether

@@ -170,10 +170,7 @@ impl Shader<'_> {
     fn spot(&self, hit: &Hit<'_>, image: &TextureRef) -> Option<Spot> {
         let all = hit.wedges.map(|w| uv_of(hit, w, image.uv_set));
         let [a, b, c] = [all[0]?, all[1]?, all[2]?];
-        let at = |l: [f32; 3]| {
-            let [u, v] = [0, 1].map(|k| l[0] * a[k] + l[1] * b[k] + l[2] * c[k]);
-            image.transform.map(|[x, y, z]| x * u + y * v + z)
-        };
+        let at = |l: [f32; 3]| image.look_up([0, 1].map(|k| l[0] * a[k] + l[1] * b[k] + l[2] * c[k]));
         let [x, y] = hit.at;
         let uv = at(hit.b);
         let to = |l: [f32; 3]| {
