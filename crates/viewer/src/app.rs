@@ -593,7 +593,10 @@ impl App {
             match form.show(ctx, &self.document) {
                 export::Answer::Open => self.export = Some(form),
                 export::Answer::Closed => {}
-                export::Answer::Write(export) => self.document.export(export),
+                export::Answer::Write(export) => {
+                    let error = self.pictures.allowed_error(&self.document);
+                    self.document.export(export, error);
+                }
                 export::Answer::Choose(is_folder, start) => {
                     self.export = Some(form);
                     let purpose = if is_folder { Purpose::ExportFolder } else { Purpose::ExportFile };

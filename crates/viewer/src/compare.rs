@@ -10,9 +10,10 @@ use lodsmith_core::{Bounds, Model};
 use lodsmith_render::Shading;
 
 use crate::command::Command;
-use crate::document::{Document, Drawing};
+use crate::content::Lighter;
+use crate::document::{Document, Drawing, Shown};
 use crate::gpu::{Drawn, Frame, Gpu, Placed, Target};
-use crate::numbers::{grouped, percent};
+use crate::numbers::{grouped, percent, significant};
 use crate::own_files::OwnFiles;
 use crate::panel::{Say, error};
 use crate::settings::{Appearance, Layout, Sides};
@@ -181,7 +182,9 @@ impl Pictures {
         for (slot, &(rect, seen, side)) in slots.iter().enumerate() {
             let shown = if self.is_flickering { side.other() } else { side };
             self.draw(ui, document, slot, rect, seen, shown);
-            overlay(ui, document, seen, shown);
+            let (lighter, level) = self.result(document);
+            let pixels = lighter.and_then(|l| self.pixels(document, l.content.error()));
+            overlay(ui, document, seen, shown, lighter, level.zip(pixels));
         }
         match layout.sides {
             Sides::Both => {
@@ -197,12 +200,27 @@ impl Pictures {
         detail
     }
 
+    /// What stands on the side of the result: what was asked for, or the level for this distance with its number.
+    fn result<'a>(&self, document: &'a Document) -> (Option<&'a Shown<Lighter>>, Option<usize>) {
+        if document.levels().is_empty() {
+            return (document.lighter(), None);
+        }
+        let (number, level) = document.level_for(self.allowed_error(document));
+        (level, Some(number))
+    }
+
+    /// The largest error that may be seen from here, in the units of the model.
+    pub fn allowed_error(&self, document: &Document) -> f64 {
+        let pixels = document.settings().auto_lod.pixels;
+        self.pixels(document, 1.0).map_or(0.0, |per_unit| pixels / per_unit.max(1e-300))
+    }
+
     /// Draws a side into its picture, and shows that.
     fn draw(&mut self, ui: &Ui, document: &Document, slot: usize, rect: Rect, seen: Rect, side: Side) {
         let painter = ui.painter_at(seen);
         painter.rect_filled(seen, 0.0, palette(ui).window);
+        let lighter = self.result(document).0.filter(|_| side == Side::Result);
         let (Some(gpu), Some(original)) = (self.gpu.as_mut(), document.original()) else { return };
-        let lighter = document.lighter().filter(|_| side == Side::Result);
         let drawing: Option<&Drawing> = match lighter {
             Some(lighter) => lighter.draw.as_ref(),
             None => original.draw.as_ref(),
@@ -339,14 +357,24 @@ fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
 }
 
 /// Which side it is, and how much of it there is; the legend of heat.
-fn overlay(ui: &Ui, document: &Document, seen: Rect, side: Side) {
+fn overlay(
+    ui: &Ui,
+    document: &Document,
+    seen: Rect,
+    side: Side,
+    lighter: Option<&Shown<Lighter>>,
+    level: Option<(usize, f64)>,
+) {
     let Some(original) = document.original() else { return };
-    let lighter = document.lighter().filter(|_| side == Side::Result);
+    let lighter = lighter.filter(|_| side == Side::Result);
     let faces = lighter.map_or(original.content.faces, |l| l.content.report.faces);
     let mut text = format!("{} faces", grouped(faces));
     if let Some(lighter) = lighter {
         let share = faces as f64 / lighter.content.report.input_faces.max(1) as f64;
         text += &format!("  ·  {}", percent(share));
+    }
+    if let Some((number, pixels)) = level.filter(|_| side == Side::Result) {
+        text += &format!("  ·  level {number}  ·  {} px", significant(pixels, 2));
     }
     let p = palette(ui);
     let painter = ui.painter_at(seen);

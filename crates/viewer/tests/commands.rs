@@ -12,7 +12,7 @@ use lodsmith_viewer::command::{Command, Target};
 use lodsmith_viewer::content::placed;
 use lodsmith_viewer::document::Document;
 use lodsmith_viewer::export::Export;
-use lodsmith_viewer::settings::{Appearance, Pose, Turn};
+use lodsmith_viewer::settings::{Appearance, AutoLod, Pose, Turn};
 use lodsmith_viewer::words::Simplification;
 
 const LONG: Duration = Duration::from_secs(120);
@@ -223,7 +223,7 @@ fn what_is_shown_is_what_is_written() {
     for format in Format::ALL {
         let path = folder.path().join(format!("out.{}", format.name()));
         let textures = Textures::default();
-        document.export(Export { path: path.clone(), format, ascii: false, textures, levels: Vec::new() });
+        document.export(Export { path: path.clone(), format, ascii: false, textures, levels: Vec::new() }, 0.0);
         assert!(document.settle(LONG));
         assert_eq!(document.problem, None, "{format:?}");
         let read = lodsmith_io::read_path(&path, &Default::default()).unwrap();
@@ -236,7 +236,7 @@ fn what_is_shown_is_what_is_written() {
         ascii: false,
         textures: Textures::default(),
         levels: vec![1.0, 0.5, 0.1],
-    });
+    }, 0.0);
     assert!(document.settle(LONG));
     let count = |i: usize| {
         let path = levels.join(format!("sphere_lod{i}.glb"));
@@ -274,12 +274,31 @@ fn a_scene_keeps_its_nodes() {
 }
 
 #[test]
+fn levels_go_by_the_error_that_may_be_seen() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    assert!(document.levels().is_empty());
+    document.run(Command::AutoLod(AutoLod { is_on: true, pixels: 1.0 }));
+    assert!(document.settle(LONG));
+    let count = document.levels().len();
+    assert!(count >= 4, "{count}");
+    let number = |error: f64| document.level_for(error).0;
+    assert_eq!(number(0.0), 0, "the original has no error");
+    assert_eq!(number(1e9), count);
+    let middle = document.levels()[1].content.error();
+    assert_eq!(number(middle * 1.0001), 2);
+    document.run(Command::AutoLod(AutoLod { is_on: false, pixels: 1.0 }));
+    assert!(document.settle(LONG));
+    assert!(document.levels().is_empty());
+}
+
+#[test]
 fn writing_where_nothing_can_be_written_is_told() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
     let path = folder.path().join("no/such/folder/out.glb");
     let (format, textures) = (Format::Glb, Textures::default());
-    document.export(Export { path, format, ascii: false, textures, levels: Vec::new() });
+    document.export(Export { path, format, ascii: false, textures, levels: Vec::new() }, 0.0);
     assert!(document.settle(LONG));
     assert!(
         document.problem.as_deref().is_some_and(|p| p.contains("no/such/folder")),

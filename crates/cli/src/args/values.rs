@@ -192,11 +192,6 @@ pub(crate) fn point(text: &str) -> Result<[f64; 3], String> {
     }
 }
 
-/// Height of a view: above 0, below 180 degrees.
-pub(crate) fn view_deg(text: &str) -> Result<f64, String> {
-    number(text, |x| x > 0.0 && x < 180.0, "it must be above 0 and below 180 degrees")
-}
-
 /// Triangles or vertices of a cluster.
 pub(crate) fn cluster_size(text: &str) -> Result<usize, String> {
     within(text, 8, 256)

@@ -205,10 +205,29 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) -> Unit {
                 scope.command(Command::Target(target));
             }
         }
+        by_distance(ui, scope);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| status(ui, scope));
     });
     ui.add_enabled_ui(whole.is_some(), |ui| slider(ui, scope, whole.as_ref(), unit));
     unit
+}
+
+/// The switch for levels by distance, and how much of their error may be seen.
+fn by_distance(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let before = scope.document.settings().auto_lod;
+    let mut auto = before;
+    ui.add_space(8.0);
+    let tip = format!("The level goes by the distance of the camera ({})", Action::AutoLod.key());
+    if parts::segment(ui, "By distance", auto.is_on, &tip) {
+        auto.is_on = !auto.is_on;
+    }
+    if auto.is_on {
+        let drag = egui::DragValue::new(&mut auto.pixels).range(0.05..=50.0).speed(0.02).suffix(" px");
+        ui.add(drag).on_hover_text("Pixels that the error of a level may cover on the screen");
+    }
+    if auto != before {
+        scope.command(Command::AutoLod(auto));
+    }
 }
 
 /// What is going on, or what came out.
