@@ -188,7 +188,7 @@ fn of_scene(
     let mut told = Vec::with_capacity(chain.levels.len());
     if let Some(geomorphs) = chain.geomorph(0) {
         for (&i, geomorph) in taken.iter().zip(geomorphs).filter(|(i, _)| meshes[**i].mesh.face_count() > 0) {
-            let mut mesh = meshes[i].mesh.clone();
+            let mut mesh = TriMesh::clone(&meshes[i].mesh);
             files::carry(&mut mesh, geomorph, |p| p)?;
             replaced[0][i] = Some(mesh);
         }
