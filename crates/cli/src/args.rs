@@ -22,8 +22,8 @@ pub(crate) use clean::CleanArgs;
 pub(crate) use clusters::{BuildArgs, ClustersCommand, CutArgs, LevelsArgs};
 pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
-pub(crate) use simplify::{How, Importance, Normals, SimplifyArgs};
 pub(crate) use render::{LookArgs, PlaceArgs, RenderArgs};
+pub(crate) use simplify::{How, Importance, Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
 use crate::file::{Sink, Source};

@@ -43,6 +43,7 @@ pub struct App {
     arriving: Option<[Pose; 2]>,
     pictures_saved: (Sender<Result<PathBuf, String>>, Receiver<Result<PathBuf, String>>),
     last_frame: Option<Instant>,
+    was_typing: bool,
     sample: Option<tempfile::TempDir>,
 }
 
@@ -88,6 +89,7 @@ impl App {
             arriving: None,
             pictures_saved: channel(),
             last_frame: None,
+            was_typing: false,
             sample: None,
         };
         app.open(options.inputs.clone());
@@ -391,19 +393,26 @@ impl App {
         if self.is_help && ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::H)) {
             self.is_help = false;
         }
-        if is_modal || self.is_help || ctx.egui_wants_keyboard_input() {
-            self.pictures.is_flickering = false;
-            return;
-        }
-        let actions = ctx.input_mut(keys::pressed);
-        if actions.contains(&Action::Panels) {
-            // The same key goes from field to field.
+        // The same key goes from field to field, unless it was nobody's.
+        let was_typing = std::mem::replace(&mut self.was_typing, ctx.egui_wants_keyboard_input());
+        if !was_typing
+            && !is_modal
+            && !self.is_help
+            && ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Tab))
+        {
             ctx.memory_mut(|m| {
                 if let Some(id) = m.focused() {
                     m.surrender_focus(id);
                 }
             });
+            self.was_typing = false;
+            self.act(ctx, Action::Panels);
         }
+        if is_modal || self.is_help || ctx.egui_wants_keyboard_input() {
+            self.pictures.is_flickering = false;
+            return;
+        }
+        let actions = ctx.input_mut(keys::pressed);
         for action in actions {
             self.document.seal();
             self.act(ctx, action);

@@ -472,8 +472,8 @@ mod tests {
     fn a_chain_falls_and_its_errors_rise() {
         let folder = tempfile::tempdir().unwrap();
         let original = sphere(&folder);
-        let chain =
-            Lighter::chain(&original, &Simplification::default(), &[0.5, 0.25, 0.05], &mut NoControl).unwrap();
+        let chain = Lighter::chain(&original, &Simplification::default(), &[0.5, 0.25, 0.05], &mut NoControl)
+            .unwrap();
         let counts: Vec<_> = chain.iter().map(|l| placed(&l.model, TriMesh::face_count)).collect();
         assert!(counts[0] <= 2560 && counts[1] <= 1280 && counts[2] <= 256, "{counts:?}");
         assert!(chain[0].error() < chain[1].error() && chain[1].error() < chain[2].error());

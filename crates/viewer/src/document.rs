@@ -163,7 +163,10 @@ impl Document {
     pub fn levels(&self) -> &[Shown<Lighter>] {
         let is_on = self.settings.auto_lod.is_on;
         let of = self.level_source();
-        self.levels.as_ref().filter(|set| is_on && Some(&set.of) == of.as_ref()).map_or(&[], |set| &set.levels)
+        self.levels
+            .as_ref()
+            .filter(|set| is_on && Some(&set.of) == of.as_ref())
+            .map_or(&[], |set| &set.levels)
     }
 
     /// The lightest level whose error is at most this, in the units of the model: its number from 1, and the level. 0 is

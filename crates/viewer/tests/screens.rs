@@ -95,7 +95,7 @@ impl Desk {
         self.settle();
     }
     fn click(&mut self, label: &str) {
-        self.harness.get_by_label(label).click();
+        self.harness.get_by_role_and_label(Role::Button, label).click();
         self.settle();
     }
     fn drag(&mut self, from: Pos2, to: Pos2) {
@@ -306,7 +306,7 @@ fn sides_are_shown_in_four_ways() {
 fn the_wipe_can_be_dragged() {
     let Some(mut desk) = Desk::open("sphere.ply") else { return };
     desk.press(Key::V);
-    let line = desk.harness.get_by_label("Wipe").rect().center();
+    let line = desk.harness.get_by_role_and_label(Role::Slider, "Wipe").rect().center();
     let line = egui::pos2(line.x, line.y + 60.0);
     desk.drag(line, line - egui::vec2(150.0, 0.0));
     assert!(desk.app().document().settings().layout.wipe < 0.4);

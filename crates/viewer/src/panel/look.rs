@@ -84,10 +84,9 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
     parts::switch(ui, "Ground grid", Some(Action::Ground), "A grid below the model", &mut all.ground);
     parts::choose(ui, "Light", "", &Rig::ALL, &mut all.rig);
-    parts::field(ui, "Brightness", "", |ui| {
-        ui.spacing_mut().slider_width = (ui.available_width() - 64.0).max(40.0);
-        ui.add(egui::Slider::new(&mut all.brightness, 0.2..=3.0).max_decimals(2));
-    });
+    let mut brightness = f64::from(all.brightness);
+    parts::slider(ui, "Brightness", "", &mut brightness, 0.2..=3.0);
+    all.brightness = brightness as f32;
     if all.look.shading == Shading::Heat {
         parts::heading(ui, "Heat map");
         parts::choose(ui, "Colours", "", &MAPS, &mut all.look.color_map);

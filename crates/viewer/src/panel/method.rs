@@ -85,10 +85,7 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
             ("Borders", &mut w.border),
         ];
         for (name, weight) in all {
-            parts::field(ui, name, "Times what it counts by itself; 0 gives it no say", |ui| {
-                ui.spacing_mut().slider_width = (ui.available_width() - 64.0).max(40.0);
-                ui.add(eframe::egui::Slider::new(weight, 0.0..=10.0).max_decimals(2));
-            });
+            parts::slider(ui, name, "Times what it counts by itself; 0 gives it no say", weight, 0.0..=10.0);
         }
     });
     CollapsingHeader::new("Guards").show(ui, |ui| {

@@ -124,6 +124,18 @@ pub fn switch(ui: &mut Ui, text: &str, action: Option<Action>, tip: &str, value:
     response.changed()
 }
 
+/// A number by a slider, with its value after it; both have the name for who listens.
+pub fn slider(ui: &mut Ui, name: &str, tip: &str, value: &mut f64, range: std::ops::RangeInclusive<f64>) {
+    field(ui, name, tip, |ui| {
+        ui.spacing_mut().slider_width = (ui.available_width() - 64.0).max(40.0);
+        let slider = ui.add(egui::Slider::new(value, range.clone()).show_value(false));
+        let number = ui.add(egui::DragValue::new(value).range(range).speed(0.01).max_decimals(2));
+        for response in [slider, number] {
+            let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+        }
+    });
+}
+
 /// A number that may be off. Whether it changed.
 pub fn optional(
     ui: &mut Ui,
