@@ -404,6 +404,7 @@ impl App {
                 if let Some(id) = m.focused() {
                     m.surrender_focus(id);
                 }
+                m.move_focus(egui::FocusDirection::None);
             });
             self.was_typing = false;
             self.act(ctx, Action::Panels);
