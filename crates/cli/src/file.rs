@@ -13,7 +13,8 @@ use lodsmith_io::gltf::{Scene, SceneLevels};
 use lodsmith_io::lpm::{self, LpmWritten};
 use lodsmith_io::sniff::hint_of;
 use lodsmith_io::{
-    Format, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Warning, WriteError, WriteOptions,
+    Format, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Warning, WriteError,
+    WriteOptions,
 };
 
 use crate::args::Writing;

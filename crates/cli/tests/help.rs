@@ -31,6 +31,11 @@ fn help_of_lod() {
 }
 
 #[test]
+fn help_of_view() {
+    insta::assert_snapshot!(help(&["view"]));
+}
+
+#[test]
 fn help_of_info() {
     insta::assert_snapshot!(help(&["info"]));
 }

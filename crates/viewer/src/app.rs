@@ -11,7 +11,7 @@ use lodsmith_render::Shading;
 
 use crate::ViewOptions;
 use crate::command::{Command, Target};
-use crate::compare::{Pictures, Side, seen_bounds};
+use crate::compare::{Pictures, Side};
 use crate::dialog::{Answer, Dialog, Purpose};
 use crate::document::Document;
 use crate::gpu::{Gpu, GpuError};
@@ -43,6 +43,7 @@ pub struct App {
     arriving: Option<[Pose; 2]>,
     pictures_saved: (Sender<Result<PathBuf, String>>, Receiver<Result<PathBuf, String>>),
     last_frame: Option<Instant>,
+    was_typing: bool,
     sample: Option<tempfile::TempDir>,
 }
 
@@ -88,6 +89,7 @@ impl App {
             arriving: None,
             pictures_saved: channel(),
             last_frame: None,
+            was_typing: false,
             sample: None,
         };
         app.open(options.inputs.clone());
@@ -173,7 +175,7 @@ impl App {
                     self.pictures.set_orbit(side, Orbit::of(&pose.camera()), false);
                 }
             }
-            None => self.pictures.look_from(&self.document, 0),
+            None => self.pictures.arrive_from(0),
         }
         let name = panel::files::name(&path);
         ctx.send_viewport_cmd(egui::ViewportCommand::Title(format!("{name} – Lodsmith")));
@@ -217,7 +219,8 @@ impl App {
     fn choose(&mut self, ctx: &egui::Context, purpose: Purpose, start: Option<PathBuf>) {
         let start = start.unwrap_or_else(|| self.start_of_dialogs());
         let ctx = ctx.clone();
-        self.dialog = Some(Dialog::new(purpose, &start, self.use_system_dialogs, move || ctx.request_repaint()));
+        self.dialog =
+            Some(Dialog::new(purpose, &start, self.use_system_dialogs, move || ctx.request_repaint()));
     }
 
     fn chosen(&mut self, purpose: Purpose, files: Vec<PathBuf>) {
@@ -268,7 +271,8 @@ impl App {
             }
             Action::Export => {
                 if let Some(original) = self.document.original() {
-                    self.export = Some(export::Form::new(&original.content.path, original.content.file.format));
+                    self.export =
+                        Some(export::Form::new(&original.content.path, original.content.file.format));
                 }
                 return;
             }
@@ -367,7 +371,8 @@ impl App {
     fn screenshot(&mut self, ctx: &egui::Context) {
         let folder = self.start_of_dialogs();
         let file = self.document.settings().file();
-        let stem = file.and_then(Path::file_stem).map_or("lodsmith".into(), |s| s.to_string_lossy().into_owned());
+        let stem =
+            file.and_then(Path::file_stem).map_or("lodsmith".into(), |s| s.to_string_lossy().into_owned());
         let sender = self.pictures_saved.0.clone();
         let waker = ctx.clone();
         let save = move |image: std::sync::Arc<egui::ColorImage>| {
@@ -388,19 +393,27 @@ impl App {
         if self.is_help && ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::H)) {
             self.is_help = false;
         }
+        // The same key goes from field to field, unless it was nobody's.
+        let was_typing = std::mem::replace(&mut self.was_typing, ctx.egui_wants_keyboard_input());
+        if !was_typing
+            && !is_modal
+            && !self.is_help
+            && ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Tab))
+        {
+            ctx.memory_mut(|m| {
+                if let Some(id) = m.focused() {
+                    m.surrender_focus(id);
+                }
+                m.move_focus(egui::FocusDirection::None);
+            });
+            self.was_typing = false;
+            self.act(ctx, Action::Panels);
+        }
         if is_modal || self.is_help || ctx.egui_wants_keyboard_input() {
             self.pictures.is_flickering = false;
             return;
         }
         let actions = ctx.input_mut(keys::pressed);
-        if actions.contains(&Action::Panels) {
-            // The same key goes from field to field.
-            ctx.memory_mut(|m| {
-                if let Some(id) = m.focused() {
-                    m.surrender_focus(id);
-                }
-            });
-        }
         for action in actions {
             self.document.seal();
             self.act(ctx, action);
@@ -443,7 +456,12 @@ impl App {
         }
         let [left, right, bottom] = docks;
         let mut closed = Vec::new();
-        let strip = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin { left: 12, right: 12, top: 10, bottom: 4 });
+        let strip = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin {
+            left: 12,
+            right: 12,
+            top: 10,
+            bottom: 4,
+        });
         if !bottom.is_empty() {
             let dock = egui::Panel::bottom("log").frame(egui::Frame::NONE.fill(p.panel)).resizable(true);
             dock.default_size(160.0).size_range(80.0..=400.0).show(ui, |ui| {
@@ -549,7 +567,7 @@ impl App {
         if let Some(problem) = self.document.problem.clone() {
             bar(ui, p.error, &mut |ui| {
                 is_over = ui.button("Dismiss").clicked();
-                let text = egui::RichText::new(format!("✖  {problem}")).color(p.error);
+                let text = egui::RichText::new(problem.clone()).color(p.error);
                 ui.add(egui::Label::new(text).wrap().selectable(true));
             });
         }
@@ -585,7 +603,10 @@ impl App {
             match form.show(ctx, &self.document) {
                 export::Answer::Open => self.export = Some(form),
                 export::Answer::Closed => {}
-                export::Answer::Write(export) => self.document.export(export),
+                export::Answer::Write(export) => {
+                    let error = self.pictures.allowed_error(&self.document);
+                    self.document.export(export, error);
+                }
                 export::Answer::Choose(is_folder, start) => {
                     self.export = Some(form);
                     let purpose = if is_folder { Purpose::ExportFolder } else { Purpose::ExportFile };
@@ -676,7 +697,8 @@ fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
                 }
             });
             ui.add_space(16.0);
-            let steps = "Then drag the slider below: the lighter mesh stands beside the original. H shows all keys.";
+            let steps =
+                "Then drag the slider below: the lighter mesh stands beside the original. H shows all keys.";
             ui.label(theme::weak(ui, steps));
             if !facts.recent.is_empty() {
                 ui.add_space(16.0);
@@ -715,9 +737,4 @@ fn save_picture(image: &egui::ColorImage, folder: &Path, stem: &str) -> Result<P
     let path = free.ok_or_else(|| format!("{} holds too many of them", folder.display()))?;
     crate::session::write(&path, encoded.get_ref()).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(path)
-}
-
-/// Whether the camera sees anything: for tests.
-pub fn sees_model(app: &App) -> bool {
-    seen_bounds(&app.document).is_some()
 }

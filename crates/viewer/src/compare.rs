@@ -3,16 +3,17 @@
 use std::sync::PoisonError;
 use std::time::{Duration, Instant};
 
-use eframe::egui::{self, Align2, Color32, PointerButton, Rect, Response, Sense, TextStyle, Ui, Vec2, pos2};
+use eframe::egui::{self, Color32, PointerButton, Rect, Response, Sense, Ui, Vec2, pos2};
 use glam::DVec3;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model};
 use lodsmith_render::Shading;
 
 use crate::command::Command;
-use crate::document::{Document, Drawing};
+use crate::content::Lighter;
+use crate::document::{Document, Drawing, Shown};
 use crate::gpu::{Drawn, Frame, Gpu, Placed, Target};
-use crate::numbers::{grouped, percent};
+use crate::numbers::{grouped, percent, significant};
 use crate::own_files::OwnFiles;
 use crate::panel::{Say, error};
 use crate::settings::{Appearance, Layout, Sides};
@@ -67,6 +68,8 @@ pub struct Pictures {
     pub triangles: u64,
     moved: Option<Instant>,
     own: OwnFiles,
+    /// The view to begin with, once the size of the pictures is known.
+    arriving: Option<usize>,
 }
 
 /// Pixels of a picture for one of the screen while the camera moves, where a processor draws. Measured: a quarter of the
@@ -95,6 +98,7 @@ impl Pictures {
             triangles: 0,
             moved: None,
             own: OwnFiles::default(),
+            arriving: None,
         }
     }
 
@@ -151,6 +155,12 @@ impl Pictures {
             Sides::Original => vec![(all, all, Side::Original)],
             Sides::Result => vec![(all, all, Side::Result)],
         };
+        if let Some((rect, ..)) = slots.first() {
+            self.aspect = viewport::aspect(*rect);
+        }
+        if let Some(view) = self.arriving.take() {
+            self.look_from(document, view);
+        }
         let mut detail = None;
         let mut is_moved = false;
         let is_wiping = layout.sides == Sides::Wipe;
@@ -172,11 +182,16 @@ impl Pictures {
         for (slot, &(rect, seen, side)) in slots.iter().enumerate() {
             let shown = if self.is_flickering { side.other() } else { side };
             self.draw(ui, document, slot, rect, seen, shown);
-            overlay(ui, document, seen, shown);
+            let (lighter, level) = self.result(document);
+            let pixels = lighter.and_then(|l| self.pixels(document, l.content.error()));
+            overlay(ui, document, seen, shown, lighter, level.zip(pixels));
         }
         match layout.sides {
             Sides::Both => {
-                let line = Rect::from_min_max(pos2(all.center().x - 1.0, all.top()), pos2(all.center().x + 1.0, all.bottom()));
+                let line = Rect::from_min_max(
+                    pos2(all.center().x - 1.0, all.top()),
+                    pos2(all.center().x + 1.0, all.bottom()),
+                );
                 ui.painter().rect_filled(line, 0.0, palette(ui).window);
             }
             Sides::Wipe => wipe(ui, all, layout, says),
@@ -185,12 +200,27 @@ impl Pictures {
         detail
     }
 
+    /// What stands on the side of the result: what was asked for, or the level for this distance with its number.
+    fn result<'a>(&self, document: &'a Document) -> (Option<&'a Shown<Lighter>>, Option<usize>) {
+        if document.levels().is_empty() {
+            return (document.lighter(), None);
+        }
+        let (number, level) = document.level_for(self.allowed_error(document));
+        (level, Some(number))
+    }
+
+    /// The largest error that may be seen from here, in the units of the model.
+    pub fn allowed_error(&self, document: &Document) -> f64 {
+        let pixels = document.settings().auto_lod.pixels;
+        self.pixels(document, 1.0).map_or(0.0, |per_unit| pixels / per_unit.max(1e-300))
+    }
+
     /// Draws a side into its picture, and shows that.
     fn draw(&mut self, ui: &Ui, document: &Document, slot: usize, rect: Rect, seen: Rect, side: Side) {
         let painter = ui.painter_at(seen);
         painter.rect_filled(seen, 0.0, palette(ui).window);
+        let lighter = self.result(document).0.filter(|_| side == Side::Result);
         let (Some(gpu), Some(original)) = (self.gpu.as_mut(), document.original()) else { return };
-        let lighter = document.lighter().filter(|_| side == Side::Result);
         let drawing: Option<&Drawing> = match lighter {
             Some(lighter) => lighter.draw.as_ref(),
             None => original.draw.as_ref(),
@@ -198,7 +228,6 @@ impl Pictures {
         let Some(drawing) = drawing else { return };
         let scale = ui.pixels_per_point();
         let size = [rect.width(), rect.height()].map(|x| (x * scale).round().max(1.0) as u32);
-        self.aspect = viewport::aspect(rect);
         self.height_px = f64::from(size[1]);
 
         let faces = lighter.map_or(original.content.faces, |l| l.content.report.faces);
@@ -271,6 +300,11 @@ impl Pictures {
         self.each_orbit(|orbit| orbit.frame(&bounds, aspect));
     }
 
+    /// The same as [`Pictures::look_from`], for the next time that pictures are shown.
+    pub fn arrive_from(&mut self, view: usize) {
+        self.arriving = Some(view);
+    }
+
     /// From a side with a name, all of the model in sight.
     pub fn look_from(&mut self, document: &Document, view: usize) {
         let Some(bounds) = seen_bounds(document) else { return };
@@ -312,8 +346,10 @@ fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
     painter.vline(x, all.y_range(), egui::Stroke::new(2.0, color));
     let middle = pos2(x, all.center().y);
     painter.circle(middle, 11.0, p.panel, egui::Stroke::new(2.0, color));
-    let font = TextStyle::Body.resolve(ui.style());
-    painter.text(middle, Align2::CENTER_CENTER, "↔", font, color);
+    for side in [-1.0, 1.0] {
+        let tip = [(7.0, 0.0), (3.0, -3.5), (3.0, 3.5)].map(|(x, y)| middle + Vec2::new(side * x, y));
+        painter.add(egui::Shape::convex_polygon(tip.to_vec(), color, egui::Stroke::NONE));
+    }
     if let Some(pointer) = response.interact_pointer_pos().filter(|_| response.dragged()) {
         let wipe = ((pointer.x - all.left()) / all.width()).clamp(0.0, 1.0);
         says.push(Say::Command(Command::Layout(Layout { wipe, ..layout })));
@@ -321,14 +357,24 @@ fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
 }
 
 /// Which side it is, and how much of it there is; the legend of heat.
-fn overlay(ui: &Ui, document: &Document, seen: Rect, side: Side) {
+fn overlay(
+    ui: &Ui,
+    document: &Document,
+    seen: Rect,
+    side: Side,
+    lighter: Option<&Shown<Lighter>>,
+    level: Option<(usize, f64)>,
+) {
     let Some(original) = document.original() else { return };
-    let lighter = document.lighter().filter(|_| side == Side::Result);
+    let lighter = lighter.filter(|_| side == Side::Result);
     let faces = lighter.map_or(original.content.faces, |l| l.content.report.faces);
     let mut text = format!("{} faces", grouped(faces));
     if let Some(lighter) = lighter {
         let share = faces as f64 / lighter.content.report.input_faces.max(1) as f64;
         text += &format!("  ·  {}", percent(share));
+    }
+    if let Some((number, pixels)) = level.filter(|_| side == Side::Result) {
+        text += &format!("  ·  level {number}  ·  {} px", significant(pixels, 2));
     }
     let p = palette(ui);
     let painter = ui.painter_at(seen);

@@ -5,7 +5,9 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use glam::{DMat4, DVec3};
-use lodsmith::{Control, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError};
+use lodsmith::{
+    Control, Levels, LodOptions, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError, Stop,
+};
 use lodsmith_core::measure::Prepared;
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::model::Pose;
@@ -103,25 +105,62 @@ impl Lighter {
         control: &mut dyn Control,
     ) -> Result<Self, SimplifyError> {
         let begin = Instant::now();
-        let (mut meshes, report, counts) = match &original.file.source {
+        let (meshes, report, counts) = match &original.file.source {
             ModelSource::Scene(scene) => {
                 let taken = placed_meshes(scene);
                 let parts = parts_of(scene, &taken);
-                let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
-                let done = lodsmith::simplify_scene(&parts, diagonal, &how.options, control)?;
-                let SimplifiedScene { meshes, report, counts } = done;
-                let mut all: Vec<_> = scene.meshes().iter().map(|m| m.mesh.clone()).collect();
-                for (&i, mesh) in taken.iter().zip(meshes) {
-                    all[i] = Arc::new(mesh);
-                }
-                (all, report, counts)
+                let done = lodsmith::simplify_scene(&parts, diagonal_of(scene), &how.options, control)?;
+                of_scene(scene, &taken, done)
             }
             _ => {
                 let mesh = &original.model().meshes[0].mesh;
-                let Simplified { mesh, report } = lodsmith::simplify(mesh, &how.options, control)?;
-                (vec![Arc::new(mesh)], report, Vec::new())
+                of_mesh(lodsmith::simplify(mesh, &how.options, control)?)
             }
         };
+        Self::of(original, how, (meshes, report, counts), begin.elapsed().as_secs_f64())
+    }
+
+    /// Makes several, with these parts of the triangles, falling; one run makes them all where the method can.
+    ///
+    /// # Errors
+    /// As [`lodsmith::lod`].
+    pub fn chain(
+        original: &Original,
+        how: &Simplification,
+        ratios: &[f64],
+        control: &mut dyn Control,
+    ) -> Result<Vec<Self>, SimplifyError> {
+        let begin = Instant::now();
+        let mut options = LodOptions::new(Levels::Ratios(ratios.to_vec()));
+        options.simplify = how.options.clone();
+        options.simplify.stop = Stop::default();
+        let all: Vec<Made> = match &original.file.source {
+            ModelSource::Scene(scene) => {
+                let taken = placed_meshes(scene);
+                let parts = parts_of(scene, &taken);
+                let chain = lodsmith::lod_scene(&parts, diagonal_of(scene), &options, control)?;
+                chain.levels.into_iter().map(|done| of_scene(scene, &taken, done)).collect()
+            }
+            _ => {
+                let chain = lodsmith::lod(&original.model().meshes[0].mesh, &options, control)?;
+                chain.levels.into_iter().map(of_mesh).collect()
+            }
+        };
+        let seconds = begin.elapsed().as_secs_f64() / ratios.len().max(1) as f64;
+        let level = |(made, ratio): (Made, &f64)| {
+            let mut how = how.clone();
+            how.options.stop = Stop::ratio(*ratio);
+            Self::of(original, &how, made, seconds)
+        };
+        all.into_iter().zip(ratios).map(level).collect()
+    }
+
+    fn of(
+        original: &Original,
+        how: &Simplification,
+        (mut meshes, report, counts): Made,
+        seconds: f64,
+    ) -> Result<Self, SimplifyError> {
         for mesh in &mut meshes {
             match how.normals {
                 Normals::Keep => {}
@@ -136,9 +175,33 @@ impl Lighter {
         }
         let warnings = told(&report);
         let model = original.model().with_meshes(meshes);
-        let seconds = begin.elapsed().as_secs_f64();
         Ok(Self { model, report, counts, how: how.clone(), seconds, warnings })
     }
+
+    /// The RMS distance from the original: measured where that was asked for, else estimated.
+    pub fn error(&self) -> f64 {
+        let error = &self.report.error;
+        error.measured.as_ref().map_or(error.estimate, |m| m.rms.symmetric)
+    }
+}
+
+/// The meshes of a result, in the order of the model's.
+type Made = (Vec<Arc<TriMesh>>, Report, Vec<MeshCounts>);
+
+fn diagonal_of(scene: &lodsmith_io::gltf::Scene) -> f64 {
+    scene.bounds().map_or(0.0, |b| b.diagonal())
+}
+
+fn of_mesh(done: Simplified) -> Made {
+    (vec![Arc::new(done.mesh)], done.report, Vec::new())
+}
+
+fn of_scene(scene: &lodsmith_io::gltf::Scene, taken: &[usize], done: SimplifiedScene) -> Made {
+    let mut all: Vec<_> = scene.meshes().iter().map(|m| m.mesh.clone()).collect();
+    for (&i, mesh) in taken.iter().zip(done.meshes) {
+        all[i] = Arc::new(mesh);
+    }
+    (all, done.report, done.counts)
 }
 
 /// The meshes that a run takes: what stands nowhere in the scene stays as it is, unless nothing stands anywhere.
@@ -225,7 +288,10 @@ pub fn bounds_of(model: &Model) -> Bounds {
 }
 
 fn largest_scale(matrix: DMat4) -> f64 {
-    [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|a| a.truncate().length()).into_iter().fold(0.0, f64::max)
+    [matrix.x_axis, matrix.y_axis, matrix.z_axis]
+        .map(|a| a.truncate().length())
+        .into_iter()
+        .fold(0.0, f64::max)
 }
 
 /// What is known of the surface of a model: counted after equal places were joined.
@@ -295,7 +361,11 @@ const CHUNK: usize = 1 << 14;
 
 impl Distances {
     /// Measures; `None` if `go_on` says no. `go_on` is told how far it is.
-    pub fn measure(original: &Original, lighter: &Lighter, go_on: &mut dyn FnMut(f64) -> bool) -> Option<Self> {
+    pub fn measure(
+        original: &Original,
+        lighter: &Lighter,
+        go_on: &mut dyn FnMut(f64) -> bool,
+    ) -> Option<Self> {
         let begin = Instant::now();
         let scales = original.scales();
         let mut all = Self::default();
@@ -370,7 +440,7 @@ fn distances(
 
 #[cfg(test)]
 mod tests {
-    use lodsmith::{NoControl, Stop};
+    use lodsmith::NoControl;
     use lodsmith_core::shapes;
 
     use super::*;
@@ -396,6 +466,17 @@ mod tests {
         let counted: u32 = distances.histogram.iter().sum();
         assert_eq!(counted as usize, original.vertices + lighter.report.vertices);
         assert!(Distances::measure(&original, &lighter, &mut |_| false).is_none());
+    }
+
+    #[test]
+    fn a_chain_falls_and_its_errors_rise() {
+        let folder = tempfile::tempdir().unwrap();
+        let original = sphere(&folder);
+        let chain = Lighter::chain(&original, &Simplification::default(), &[0.5, 0.25, 0.05], &mut NoControl)
+            .unwrap();
+        let counts: Vec<_> = chain.iter().map(|l| placed(&l.model, TriMesh::face_count)).collect();
+        assert!(counts[0] <= 2560 && counts[1] <= 1280 && counts[2] <= 256, "{counts:?}");
+        assert!(chain[0].error() < chain[1].error() && chain[1].error() < chain[2].error());
     }
 
     #[test]

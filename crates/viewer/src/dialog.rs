@@ -84,7 +84,12 @@ pub(crate) enum Answer {
 
 impl Dialog {
     /// Opens one. `start` is a folder, or the file that is offered.
-    pub(crate) fn new(purpose: Purpose, start: &Path, use_system: bool, wake: impl Fn() + Send + 'static) -> Self {
+    pub(crate) fn new(
+        purpose: Purpose,
+        start: &Path,
+        use_system: bool,
+        wake: impl Fn() + Send + 'static,
+    ) -> Self {
         let kind = if use_system && has_system_dialogs() {
             Kind::System(system(purpose, start, wake))
         } else {
@@ -104,7 +109,7 @@ impl Dialog {
             },
             Kind::Window(chooser) => {
                 let purpose = self.purpose;
-                let modal = egui::Modal::new(egui::Id::unique("chooser")).show(ctx, |ui| chooser.show(ui, purpose));
+                let modal = parts::modal(ctx, "chooser").show(ctx, |ui| chooser.show(ui, purpose));
                 match modal.inner {
                     Answer::Open if modal.should_close() => Answer::Closed,
                     answer => answer,
@@ -151,15 +156,21 @@ fn system(purpose: Purpose, start: &Path, wake: impl Fn() + Send + 'static) -> R
         }
         Purpose::ExportFolder => {
             let chosen = dialog.pick_folder();
-            std::thread::spawn(move || wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default()));
+            std::thread::spawn(move || {
+                wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default())
+            });
         }
         _ if purpose.is_saving() => {
             let chosen = dialog.save_file();
-            std::thread::spawn(move || wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default()));
+            std::thread::spawn(move || {
+                wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default())
+            });
         }
         _ => {
             let chosen = dialog.pick_file();
-            std::thread::spawn(move || wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default()));
+            std::thread::spawn(move || {
+                wait(pollster::block_on(chosen).map(|h| paths(vec![h])).unwrap_or_default())
+            });
         }
     }
     receiver
@@ -180,7 +191,11 @@ const LISTED: usize = 2000;
 impl Chooser {
     fn new(start: &Path) -> Self {
         let start = std::path::absolute(start).unwrap_or_else(|_| start.to_owned());
-        let folder = if start.is_dir() { start.clone() } else { start.parent().map(Path::to_owned).unwrap_or_default() };
+        let folder = if start.is_dir() {
+            start.clone()
+        } else {
+            start.parent().map(Path::to_owned).unwrap_or_default()
+        };
         let text = start.display().to_string();
         let mut new = Self { text, folder: PathBuf::new(), entries: Vec::new(), error: None, is_new: true };
         new.enter(folder);
@@ -198,7 +213,8 @@ impl Chooser {
             .take(LISTED)
             .map(|e| (e.path(), e.path().is_dir()))
             .collect();
-        entries.sort_by_key(|(path, is_folder)| (!is_folder, path.file_name().map(|n| n.to_ascii_lowercase())));
+        entries
+            .sort_by_key(|(path, is_folder)| (!is_folder, path.file_name().map(|n| n.to_ascii_lowercase())));
         (self.entries, self.folder) = (entries, folder);
     }
 
@@ -257,18 +273,21 @@ impl Chooser {
         egui::Frame::NONE.fill(palette(ui).sunken).corner_radius(5.0).inner_margin(8.0).show(ui, |ui| {
             egui::ScrollArea::vertical().max_height(height).auto_shrink([false, false]).show(ui, |ui| {
                 if let Some(parent) = self.folder.parent()
-                    && ui.selectable_label(false, "⬆  ..").clicked()
+                    && ui.selectable_label(false, "..  (up)").clicked()
                 {
                     enter = Some(parent.to_owned());
                 }
                 for (path, is_folder) in &self.entries {
                     let name = path.file_name().unwrap_or_default().to_string_lossy();
-                    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+                    let ending = path
+                        .extension()
+                        .map(|e| e.to_string_lossy().to_ascii_lowercase())
+                        .unwrap_or_default();
                     let fits = *is_folder || endings.iter().any(|e| *e == ending);
                     if !fits {
                         continue;
                     }
-                    let text = if *is_folder { format!("🗀  {name}") } else { format!("     {name}") };
+                    let text = if *is_folder { format!("{name}/") } else { name.to_string() };
                     let is_chosen = Path::new(self.text.trim()) == path.as_path();
                     let response = ui.selectable_label(is_chosen, text);
                     if response.clicked() {

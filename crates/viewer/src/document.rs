@@ -39,6 +39,18 @@ struct Measured {
     distances: Arc<Distances>,
 }
 
+/// Levels for distances, from the finest, and what they were made of.
+struct LevelSet {
+    of: (usize, Simplification),
+    levels: Vec<Shown<Lighter>>,
+}
+
+/// Parts of the triangles of the levels by distance.
+const LEVELS: [f64; 9] = [0.5, 0.25, 0.125, 0.0625, 0.03, 0.015, 0.0075, 0.0035, 0.0015];
+
+/// Triangles below which a level is of no use.
+const LEAST_FACES: f64 = 50.0;
+
 /// A document: changed by commands alone.
 pub struct Document {
     settings: Settings,
@@ -67,6 +79,9 @@ pub struct Document {
     /// What was said.
     pub log: Log,
     watched: Vec<PathBuf>,
+    levels: Option<LevelSet>,
+    /// What the last job to make levels was told.
+    asked_levels: Option<(usize, Simplification)>,
 }
 
 /// A file that is being read, and what follows.
@@ -87,6 +102,7 @@ enum Outcome {
     Lighter { how: Simplification, result: Result<Shown<Lighter>, SimplifyError> },
     Inspected { which: usize, key: usize, anatomy: Anatomy },
     Measured(Measured),
+    Levels { of: (usize, Simplification), result: Result<Vec<Shown<Lighter>>, SimplifyError> },
     Exported { path: PathBuf, result: Result<export::Written, String> },
 }
 
@@ -110,6 +126,8 @@ impl Document {
             changed: None,
             own_files_changed: false,
             watched: Vec::new(),
+            levels: None,
+            asked_levels: None,
             log: Log::default(),
         }
     }
@@ -136,10 +154,35 @@ impl Document {
     /// Parts and borders of the original and of the result, as far as they are known.
     pub fn anatomies(&self) -> [Option<&Anatomy>; 2] {
         let [one, two] = &self.anatomies;
-        let fits = |a: &Option<(usize, Anatomy)>, key: Option<usize>| a.as_ref().is_some_and(|a| Some(a.0) == key);
+        let fits =
+            |a: &Option<(usize, Anatomy)>, key: Option<usize>| a.as_ref().is_some_and(|a| Some(a.0) == key);
         [(one, self.original.as_ref().map(key)), (two, self.lighter.as_ref().map(key))]
             .map(|(a, key)| if fits(a, key) { a.as_ref().map(|a| &a.1) } else { None })
     }
+    /// The levels by distance, from the finest; none while it is off, or they are not made.
+    pub fn levels(&self) -> &[Shown<Lighter>] {
+        let is_on = self.settings.auto_lod.is_on;
+        let of = self.level_source();
+        self.levels
+            .as_ref()
+            .filter(|set| is_on && Some(&set.of) == of.as_ref())
+            .map_or(&[], |set| &set.levels)
+    }
+
+    /// The lightest level whose error is at most this, in the units of the model: its number from 1, and the level. 0 is
+    /// the original.
+    pub fn level_for(&self, error: f64) -> (usize, Option<&Shown<Lighter>>) {
+        let levels = self.levels();
+        let number = levels.iter().take_while(|l| l.content.error() <= error).count();
+        (number, number.checked_sub(1).map(|i| &levels[i]))
+    }
+
+    fn level_source(&self) -> Option<(usize, Simplification)> {
+        let mut how = self.settings.simplify.clone();
+        how.options.stop = lodsmith::Stop::default();
+        Some((key(self.original.as_ref()?), how))
+    }
+
     /// What is going on, if anything is.
     pub fn progress(&self) -> Option<Progress> {
         self.worker.progress()
@@ -203,20 +246,25 @@ impl Document {
     }
 
     /// Writes what is asked.
-    pub fn export(&mut self, export: Export) {
+    /// What is shown where the level goes by distance is the one for this error.
+    pub fn export(&mut self, export: Export, level_error: f64) {
         let Some(original) = self.original.as_ref().map(|o| o.content.clone()) else { return };
-        let lighter = self.lighter.as_ref().map(|l| l.content.clone());
+        let lighter = match self.levels().is_empty() {
+            true => self.lighter.as_ref().map(|l| l.content.clone()),
+            false => self.level_for(level_error).1.map(|l| l.content.clone()),
+        };
         let path = export.path.clone();
         let how = self.settings.simplify.clone();
         self.worker.submit(Kind::Export, move |watch| {
-            let result = export.write(&original, lighter.as_deref(), &how, watch).map_err(|e| format!("{e:#}"));
+            let result =
+                export.write(&original, lighter.as_deref(), &how, watch).map_err(|e| format!("{e:#}"));
             Some(Outcome::Exported { path, result })
         });
     }
 
     /// Ends the work that is under way; what is in sight stays.
     pub fn cancel(&mut self) {
-        self.worker.cancel(&[Kind::Load, Kind::Simplify, Kind::Measure, Kind::Export]);
+        self.worker.cancel(&[Kind::Load, Kind::Simplify, Kind::Measure, Kind::Export, Kind::Levels]);
         if self.opening.take().is_some() {
             self.log.note("opening was cancelled");
         }
@@ -321,6 +369,11 @@ impl Document {
             },
             Outcome::Inspected { which, key, anatomy } => self.anatomies[which] = Some((key, anatomy)),
             Outcome::Measured(measured) => self.measured = Some(measured),
+            Outcome::Levels { of, result } => match result {
+                Ok(levels) => self.levels = Some(LevelSet { of, levels }),
+                Err(SimplifyError::Cancelled) => self.asked_levels = None,
+                Err(why) => self.fail(why.to_string()),
+            },
             Outcome::Exported { path, result } => match result {
                 Ok(written) => {
                     for warning in &written.warnings {
@@ -393,6 +446,7 @@ impl Document {
             self.asked = Some(how.clone());
             self.simplify(original.clone(), how.clone());
         }
+        self.make_levels(&original);
         self.inspect(&original);
         self.measure(&original);
     }
@@ -422,6 +476,27 @@ impl Document {
                 Shown { content: Arc::new(lighter), draw }
             });
             Some(Outcome::Lighter { how, result })
+        });
+    }
+
+    /// Starts to make the levels by distance, where they are wanted.
+    fn make_levels(&mut self, original: &Shown<Original>) {
+        let Some(of) = self.level_source().filter(|_| self.settings.auto_lod.is_on) else { return };
+        if self.asked_levels.as_ref() == Some(&of) {
+            return;
+        }
+        self.asked_levels = Some(of.clone());
+        let (context, original) = (self.context.clone(), original.clone());
+        self.worker.submit(Kind::Levels, move |watch| {
+            let fewest = LEAST_FACES / original.content.faces.max(1) as f64;
+            let ratios: Vec<f64> = LEVELS.into_iter().filter(|r| *r > fewest).collect();
+            let made = Lighter::chain(&original.content, &of.1, &ratios, watch);
+            let shown = |level: Lighter| {
+                let draw = context.as_ref().map(|c| Arc::new(Mutex::new(c.upload(&level.model))));
+                Shown { content: Arc::new(level), draw }
+            };
+            let result = made.map(|levels| levels.into_iter().map(shown).collect());
+            Some(Outcome::Levels { of, result })
         });
     }
 

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use lodsmith::Stop;
 use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::outside_path;
 use lodsmith_io::{Format, ModelSource, Textures, Warning, WriteOptions};
@@ -58,10 +57,13 @@ impl Export {
         std::fs::create_dir_all(&self.path).with_context(|| self.path.display().to_string())?;
         let stem = original.path.file_stem().map_or("model".into(), |s| s.to_string_lossy());
         let (mut counts, mut warnings) = (Vec::new(), Vec::new());
-        for (i, &ratio) in self.levels.iter().enumerate() {
-            let mut how = how.clone();
-            how.options.stop = if ratio < 1.0 { Stop::ratio(ratio) } else { Stop::default() };
-            let level = if how.has_end() { Some(Lighter::make(original, &how, watch)?) } else { None };
+        let mut ratios = self.levels.clone();
+        ratios.sort_by(|a, b| b.total_cmp(a));
+        ratios.dedup();
+        let fewer: Vec<f64> = ratios.iter().copied().filter(|r| *r < 1.0).collect();
+        let made = if fewer.is_empty() { Vec::new() } else { Lighter::chain(original, how, &fewer, watch)? };
+        let whole = (fewer.len() < ratios.len()).then_some(None);
+        for (i, level) in whole.into_iter().chain(made.into_iter().map(Some)).enumerate() {
             let path = self.path.join(format!("{stem}_lod{i}.{}", self.format.name()));
             warnings.extend(self.write_one(original, level.as_ref(), &path)?);
             counts.push(grouped(level.as_ref().map_or(original.faces, |l| l.report.faces)));
@@ -124,7 +126,8 @@ fn embed(scene: &mut lodsmith_io::gltf::Scene, folder: &Path) -> Vec<Warning> {
         }
     }
     let left = scene.outside_files();
-    let text = |uri: &String| Warning::note(format!("{uri} stays a file of its own, which the scene refers to"));
+    let text =
+        |uri: &String| Warning::note(format!("{uri} stays a file of its own, which the scene refers to"));
     left.first().map(text).into_iter().collect()
 }
 

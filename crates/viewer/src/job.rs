@@ -23,11 +23,14 @@ pub enum Kind {
     Measure,
     /// A file is written.
     Export,
+    /// Levels for distances.
+    Levels,
 }
 
 impl Kind {
     /// In the order in which waiting ones are taken.
-    pub const ALL: [Self; 5] = [Self::Load, Self::Simplify, Self::Export, Self::Measure, Self::Inspect];
+    pub const ALL: [Self; 6] =
+        [Self::Load, Self::Simplify, Self::Export, Self::Levels, Self::Measure, Self::Inspect];
 
     /// What is going on, for people.
     pub fn title(self) -> &'static str {
@@ -37,6 +40,7 @@ impl Kind {
             Self::Inspect => "Inspecting",
             Self::Measure => "Measuring",
             Self::Export => "Writing",
+            Self::Levels => "Making levels",
         }
     }
 
@@ -144,13 +148,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(1000);
 impl<M: Send + 'static> Worker<M> {
     /// Starts the thread. `wake` is called when there is something to see.
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
-        let queue = Queue {
-            waiting: VecDeque::new(),
-            running: None,
-            watched: Vec::new(),
-            is_ending: false,
-            next: 0,
-        };
+        let queue =
+            Queue { waiting: VecDeque::new(), running: None, watched: Vec::new(), is_ending: false, next: 0 };
         let shared = Arc::new(Shared {
             queue: Mutex::new(queue),
             ready: Condvar::new(),

@@ -9,7 +9,7 @@ use crate::settings::Appearance;
 
 /// What was read, and what was wrong with it.
 #[derive(Default)]
-pub struct OwnFiles {
+pub(crate) struct OwnFiles {
     matcap: Option<(PathBuf, Result<Matcap, String>)>,
     shader: Option<(PathBuf, Result<SurfaceShader, String>)>,
 }
@@ -21,9 +21,10 @@ const LONGEST: u64 = 1 << 20;
 
 impl OwnFiles {
     /// Reads what the look names and is not known yet; and all again if they have changed.
-    pub fn follow(&mut self, gpu: Option<&Gpu>, look: &Appearance, have_changed: bool) {
+    pub(crate) fn follow(&mut self, gpu: Option<&Gpu>, look: &Appearance, have_changed: bool) {
         let Some(gpu) = gpu else { return };
-        let is_known = |of: Option<&Path>, path: Option<&PathBuf>| !have_changed && of == path.map(PathBuf::as_path);
+        let is_known =
+            |of: Option<&Path>, path: Option<&PathBuf>| !have_changed && of == path.map(PathBuf::as_path);
         if !is_known(self.matcap.as_ref().map(|m| m.0.as_path()), look.matcap.as_ref()) {
             let read = |path: &PathBuf| (path.clone(), image_of(path).map(|image| gpu.matcap(&image)));
             self.matcap = look.matcap.as_ref().map(read);
@@ -36,15 +37,15 @@ impl OwnFiles {
     }
 
     /// The picture of a ball.
-    pub fn matcap(&self) -> Option<&Matcap> {
+    pub(crate) fn matcap(&self) -> Option<&Matcap> {
         self.matcap.as_ref().and_then(|m| m.1.as_ref().ok())
     }
     /// The shader.
-    pub fn shader(&self) -> Option<&SurfaceShader> {
+    pub(crate) fn shader(&self) -> Option<&SurfaceShader> {
         self.shader.as_ref().and_then(|s| s.1.as_ref().ok())
     }
     /// What is wrong with them.
-    pub fn error(&self) -> Option<String> {
+    pub(crate) fn error(&self) -> Option<String> {
         let of = |path: &Path, why: &String| format!("{}: {why}", path.display());
         let matcap = self.matcap.as_ref().and_then(|m| m.1.as_ref().err().map(|e| of(&m.0, e)));
         let shader = self.shader.as_ref().and_then(|s| s.1.as_ref().err().map(|e| of(&s.0, e)));
@@ -53,7 +54,8 @@ impl OwnFiles {
 }
 
 fn image_of(path: &Path) -> Result<Image, String> {
-    let mut reader = image::ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(|e| e.to_string())?;
+    let mut reader =
+        image::ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(|e| e.to_string())?;
     let mut limits = image::Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(LARGEST), Some(LARGEST));
     reader.limits(limits);

@@ -41,7 +41,7 @@ pub enum Panel {
 impl Panel {
     /// All of them, in the order of the menu.
     pub const ALL: [Self; 7] =
-        [Self::Files, Self::Method, Self::Report, Self::Info, Self::Look, Self::Error, Self::Log];
+        [Self::Files, Self::Method, Self::Report, Self::Error, Self::Info, Self::Look, Self::Log];
 
     /// Its name.
     pub fn title(self) -> &'static str {

@@ -75,7 +75,8 @@ impl Session {
             }
         }
         let text = serde_json::to_string_pretty(&copy).map_err(io::Error::from);
-        text.and_then(|text| write(path, text.as_bytes())).map_err(|source| SessionError::Io { path: path.to_owned(), source })
+        text.and_then(|text| write(path, text.as_bytes()))
+            .map_err(|source| SessionError::Io { path: path.to_owned(), source })
     }
 
     /// Opens one.

@@ -329,7 +329,8 @@ mod tests {
         settings.look.backdrop = Backdrop::Color([0.1, 0.2, 0.3]);
         settings.simplify.options.stop.ratio = Some(0.25);
         settings.turn = Turn([0.0, 1.0, 0.0, 0.0]);
-        settings.cameras[2] = Some(Pose { eye: [1.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 });
+        settings.cameras[2] =
+            Some(Pose { eye: [1.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 });
         let text = serde_json::to_string(&settings).unwrap();
         assert_eq!(serde_json::from_str::<Settings>(&text).unwrap(), settings);
         assert_eq!(serde_json::from_str::<Settings>("{}").unwrap(), Settings::default());

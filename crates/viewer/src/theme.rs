@@ -1,7 +1,8 @@
 //! How the window looks: two themes, one grid of four points.
 
 use eframe::egui::{
-    self, Color32, CornerRadius, FontFamily, FontId, Margin, RichText, Stroke, TextStyle, Theme, Vec2, Visuals,
+    self, Color32, CornerRadius, FontFamily, FontId, Margin, RichText, Stroke, TextStyle, Theme, Vec2,
+    Visuals,
 };
 
 /// The step of the grid, in points.
@@ -143,9 +144,12 @@ fn visuals(theme: Theme, p: &Palette) -> Visuals {
     w.noninteractive.weak_bg_fill = p.panel;
     w.noninteractive.bg_stroke = Stroke::new(1.0, p.line);
     w.noninteractive.fg_stroke = Stroke::new(1.0, p.text);
-    for (state, fill) in
-        [(&mut w.inactive, p.button), (&mut w.hovered, p.hovered), (&mut w.active, p.hovered), (&mut w.open, p.raised)]
-    {
+    for (state, fill) in [
+        (&mut w.inactive, p.button),
+        (&mut w.hovered, p.hovered),
+        (&mut w.active, p.hovered),
+        (&mut w.open, p.raised),
+    ] {
         state.bg_fill = fill;
         state.weak_bg_fill = fill;
         state.bg_stroke = Stroke::NONE;

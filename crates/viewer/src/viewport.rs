@@ -90,9 +90,9 @@ impl Orbit {
     /// What the mouse does over a picture. Whether anything changed.
     pub fn interact(&mut self, response: &Response, rect: Rect) -> bool {
         let before = *self;
-        let input = response.ctx.input(|i| {
-            (i.modifiers, i.smooth_scroll_delta().y, i.zoom_delta(), i.pointer.hover_pos())
-        });
+        let input = response
+            .ctx
+            .input(|i| (i.modifiers, i.smooth_scroll_delta().y, i.zoom_delta(), i.pointer.hover_pos()));
         let (modifiers, scroll, pinch, pointer) = input;
         let drag = response.drag_delta();
         let is_panning = response.dragged_by(PointerButton::Middle)

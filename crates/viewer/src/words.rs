@@ -43,11 +43,8 @@ pub const PRESETS: Choices<Preset> = &[
 /// Fits by word.
 pub const FITS: Choices<Fit> = &[(Fit::Auto, "auto"), (Fit::On, "on"), (Fit::Off, "off")];
 /// Placements by word.
-pub const PLACEMENTS: Choices<Placement> = &[
-    (Placement::Optimal, "optimal"),
-    (Placement::Endpoint, "endpoint"),
-    (Placement::Midpoint, "midpoint"),
-];
+pub const PLACEMENTS: Choices<Placement> =
+    &[(Placement::Optimal, "optimal"), (Placement::Endpoint, "endpoint"), (Placement::Midpoint, "midpoint")];
 /// Border policies by word.
 pub const BORDERS: Choices<BorderPolicy> = &[
     (BorderPolicy::Keep, "keep"),
@@ -147,9 +144,8 @@ impl Simplification {
         for ((name, now), before) in WEIGHTS.iter().zip(weights(o)).zip(weights(&base)) {
             say("--weight", (now != before).then(|| format!("{name}={now}")));
         }
-        let length = |now: Option<Length>, before: Option<Length>| {
-            now.filter(|_| now != before).map(length_text)
-        };
+        let length =
+            |now: Option<Length>, before: Option<Length>| now.filter(|_| now != before).map(length_text);
         say("--weld", length(o.weld, base.weld));
         say("--prune", length(o.prune, base.prune));
         let number = |x: Option<f64>| x.map(|x| x.to_string());
@@ -231,9 +227,8 @@ impl Simplification {
                 let (name, weight) = value.split_once('=').ok_or_else(wrong)?;
                 let weight: f64 = weight.parse().map_err(|_| wrong())?;
                 let w = &mut o.weights;
-                let places = [
-                    &mut w.normal, &mut w.uv, &mut w.color, &mut w.morph, &mut w.other, &mut w.border,
-                ];
+                let places =
+                    [&mut w.normal, &mut w.uv, &mut w.color, &mut w.morph, &mut w.other, &mut w.border];
                 let place = WEIGHTS.iter().zip(places).find(|(n, _)| **n == name).ok_or_else(wrong)?;
                 *place.1 = weight;
             }
@@ -312,7 +307,8 @@ mod tests {
         (m.angle_deg, m.iterations, m.subdivisions) = (Some(12.5), Some(3), Some(4));
         (m.two_stage, m.adaptive) = (true, true);
         let g = &mut o.guards;
-        (g.max_normal_deg, g.min_quality, g.max_valence, g.max_edge) = (Some(30.0), Some(0.1), Some(9), length);
+        (g.max_normal_deg, g.min_quality, g.max_valence, g.max_edge) =
+            (Some(30.0), Some(0.1), Some(9), length);
         (o.measure, o.escalate, o.per_mesh, o.seed) = (Measure::Always, true, true, 7);
         o.stop = Stop { faces: Some(12), vertices: Some(8), error: length, ..o.stop };
         all.normals = Normals::Recompute;

@@ -12,7 +12,7 @@ use lodsmith_viewer::command::{Command, Target};
 use lodsmith_viewer::content::placed;
 use lodsmith_viewer::document::Document;
 use lodsmith_viewer::export::Export;
-use lodsmith_viewer::settings::{Appearance, Pose, Turn};
+use lodsmith_viewer::settings::{Appearance, AutoLod, Pose, Turn};
 use lodsmith_viewer::words::Simplification;
 
 const LONG: Duration = Duration::from_secs(120);
@@ -37,9 +37,9 @@ fn opened(path: &Path) -> Document {
 }
 
 fn faces(document: &Document) -> usize {
-    document.lighter().map_or(document.original().unwrap().content.faces, |l| {
-        placed(&l.content.model, TriMesh::face_count)
-    })
+    document
+        .lighter()
+        .map_or(document.original().unwrap().content.faces, |l| placed(&l.content.model, TriMesh::face_count))
 }
 
 #[test]
@@ -56,7 +56,10 @@ fn a_list_of_commands_replays_a_session() {
         Command::Method(quadric),
         Command::Look(look),
         Command::Turn(Turn([0.0, 1.0, 0.0, 0.0])),
-        Command::KeepCamera(1, Some(Pose { eye: [3.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 })),
+        Command::KeepCamera(
+            1,
+            Some(Pose { eye: [3.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 }),
+        ),
         Command::Show(1),
         Command::Target(Target::Faces(500)),
     ];
@@ -183,7 +186,6 @@ fn a_target_that_cannot_be_is_told_and_the_last_result_stays() {
     document.run(Command::Target(Target::Faces(300)));
     assert!(document.settle(LONG));
     let count = faces(&document);
-    document.run(Command::Target(Target::Ratio(7.0)));
     document.run(Command::Target(Target::Ratio(-1.0)));
     assert!(document.settle(LONG));
     assert!(document.problem.as_deref().is_some_and(|p| p.contains("ratio")), "{:?}", document.problem);
@@ -220,20 +222,24 @@ fn what_is_shown_is_what_is_written() {
     for format in Format::ALL {
         let path = folder.path().join(format!("out.{}", format.name()));
         let textures = Textures::default();
-        document.export(Export { path: path.clone(), format, ascii: false, textures, levels: Vec::new() });
+        document
+            .export(Export { path: path.clone(), format, ascii: false, textures, levels: Vec::new() }, 0.0);
         assert!(document.settle(LONG));
         assert_eq!(document.problem, None, "{format:?}");
         let read = lodsmith_io::read_path(&path, &Default::default()).unwrap();
         assert_eq!(read.mesh.face_count(), count, "{format:?}");
     }
     let levels = folder.path().join("levels");
-    document.export(Export {
-        path: levels.clone(),
-        format: Format::Glb,
-        ascii: false,
-        textures: Textures::default(),
-        levels: vec![1.0, 0.5, 0.1],
-    });
+    document.export(
+        Export {
+            path: levels.clone(),
+            format: Format::Glb,
+            ascii: false,
+            textures: Textures::default(),
+            levels: vec![1.0, 0.5, 0.1],
+        },
+        0.0,
+    );
     assert!(document.settle(LONG));
     let count = |i: usize| {
         let path = levels.join(format!("sphere_lod{i}.glb"));
@@ -255,7 +261,10 @@ fn a_scene_keeps_its_nodes() {
     assert!(count <= whole / 2, "{count} of {whole}");
     let path = folder.path().join("low.glb");
     let textures = Textures::default();
-    document.export(Export { path: path.clone(), format: Format::Glb, ascii: false, textures, levels: Vec::new() });
+    document.export(
+        Export { path: path.clone(), format: Format::Glb, ascii: false, textures, levels: Vec::new() },
+        0.0,
+    );
     assert!(document.settle(LONG));
     let mut again = opened(&path);
     assert!(again.settle(LONG));
@@ -265,12 +274,35 @@ fn a_scene_keeps_its_nodes() {
 }
 
 #[test]
+fn levels_go_by_the_error_that_may_be_seen() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    assert!(document.levels().is_empty());
+    document.run(Command::AutoLod(AutoLod { is_on: true, pixels: 1.0 }));
+    assert!(document.settle(LONG));
+    let count = document.levels().len();
+    assert!(count >= 4, "{count}");
+    let number = |error: f64| document.level_for(error).0;
+    assert_eq!(number(0.0), 0, "the original has no error");
+    assert_eq!(number(1e9), count);
+    let middle = document.levels()[1].content.error();
+    assert_eq!(number(middle * 1.0001), 2);
+    document.run(Command::AutoLod(AutoLod { is_on: false, pixels: 1.0 }));
+    assert!(document.settle(LONG));
+    assert!(document.levels().is_empty());
+}
+
+#[test]
 fn writing_where_nothing_can_be_written_is_told() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
     let path = folder.path().join("no/such/folder/out.glb");
     let (format, textures) = (Format::Glb, Textures::default());
-    document.export(Export { path, format, ascii: false, textures, levels: Vec::new() });
+    document.export(Export { path, format, ascii: false, textures, levels: Vec::new() }, 0.0);
     assert!(document.settle(LONG));
-    assert!(document.problem.as_deref().is_some_and(|p| p.contains("no/such/folder")), "{:?}", document.problem);
+    assert!(
+        document.problem.as_deref().is_some_and(|p| p.contains("no/such/folder")),
+        "{:?}",
+        document.problem
+    );
 }

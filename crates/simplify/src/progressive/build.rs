@@ -70,8 +70,15 @@ pub(super) fn build(
     };
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
     let care = Care::new(&options, &ordered, |v| input.joined(v));
-    let mut run =
-        Run { input: &input, options: &options, ordered: &mut ordered, goal, care: &care, pass, is_traced: false };
+    let mut run = Run {
+        input: &input,
+        options: &options,
+        ordered: &mut ordered,
+        goal,
+        care: &care,
+        pass,
+        is_traced: false,
+    };
     let built = walk(&mut run, mesh, control)?;
     let mut built = match limit {
         Some(limit) => {

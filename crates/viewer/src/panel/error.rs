@@ -15,7 +15,13 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let document = scope.document;
     let settings = document.settings();
     let mut is_heat = settings.look.look.shading == Shading::Heat;
-    if parts::switch(ui, "Heat map", Some(Action::Shade(6)), "Colour both sides by their distance", &mut is_heat) {
+    if parts::switch(
+        ui,
+        "Heat map",
+        Some(Action::Shade(6)),
+        "Colour both sides by their distance",
+        &mut is_heat,
+    ) {
         let mut look = settings.look.clone();
         look.look.shading = if is_heat { Shading::Heat } else { Shading::Smooth };
         scope.command(Command::Look(look));
@@ -46,7 +52,9 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     parts::heading(ui, "Histogram");
     histogram(ui, distances, &settings.look.look);
     range(ui, scope, distances);
-    ui.label(weak(ui, format!("Measured both ways at all vertices in {}", seconds(distances.seconds))).small());
+    ui.label(
+        weak(ui, format!("Measured both ways at all vertices in {}", seconds(distances.seconds))).small(),
+    );
 }
 
 /// Bars in the colours of the map: how many vertices lie how far off. Heights are logarithmic.
@@ -79,7 +87,9 @@ fn histogram(ui: &mut Ui, distances: &Distances, look: &Look) {
     let [zero, most] = ["0".to_owned(), significant(distances.largest, 3)];
     ui.horizontal(|ui| {
         ui.label(weak(ui, zero).small());
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(weak(ui, most).small()));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.label(weak(ui, most).small())
+        });
     });
 }
 
@@ -133,7 +143,8 @@ pub fn legend(ui: &Ui, picture: Rect, look: &Look, distances: Option<&Distances>
     let steps = 64;
     for i in 0..steps {
         let x = bar.left() + bar.width() * i as f32 / steps as f32;
-        let part = Rect::from_min_max(pos2(x, bar.top()), pos2(x + bar.width() / steps as f32 + 0.5, bar.bottom()));
+        let part =
+            Rect::from_min_max(pos2(x, bar.top()), pos2(x + bar.width() / steps as f32 + 0.5, bar.bottom()));
         painter.rect_filled(part, 0.0, of_map(look.color_map, (i as f32 + 0.5) / steps as f32));
     }
     let [low, high] = ends(look, distances.largest);

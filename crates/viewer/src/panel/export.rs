@@ -84,14 +84,15 @@ impl Form {
     /// The parts that are typed, in percent.
     fn ratios(&self) -> Option<Vec<f64>> {
         let parts = self.levels.split([',', ';', ' ']).filter(|p| !p.trim().is_empty());
-        let ratio = |p: &str| p.trim().trim_end_matches('%').parse::<f64>().ok().filter(|x| *x > 0.0 && *x <= 100.0);
+        let ratio =
+            |p: &str| p.trim().trim_end_matches('%').parse::<f64>().ok().filter(|x| *x > 0.0 && *x <= 100.0);
         let all: Option<Vec<f64>> = parts.map(|p| ratio(p).map(|x| x / 100.0)).collect();
         all.filter(|all| !all.is_empty())
     }
 
     /// Shows it.
     pub fn show(&mut self, ctx: &egui::Context, document: &Document) -> Answer {
-        let modal = egui::Modal::new(egui::Id::unique("export")).show(ctx, |ui| self.form(ui, document));
+        let modal = parts::modal(ctx, "export").show(ctx, |ui| self.form(ui, document));
         match modal.inner {
             Answer::Open if modal.should_close() => Answer::Closed,
             answer => answer,
@@ -136,7 +137,8 @@ impl Form {
             let tip = "Parts of the triangles, in percent; a file for each";
             parts::field(ui, "Levels, %", tip, |ui| {
                 let is_good = self.ratios().is_some();
-                let mut edit = egui::TextEdit::singleline(&mut self.levels).desired_width(ui.available_width() - 8.0);
+                let mut edit =
+                    egui::TextEdit::singleline(&mut self.levels).desired_width(ui.available_width() - 8.0);
                 if !is_good {
                     edit = edit.text_color(palette(ui).error);
                 }
@@ -169,7 +171,8 @@ impl Form {
             if write.clicked() || enter {
                 let levels = if self.is_all_levels { self.ratios().unwrap_or_default() } else { Vec::new() };
                 let (format, textures) = (self.format, self.textures);
-                answer = Answer::Write(Export { path: target, format, ascii: self.is_ascii, textures, levels });
+                answer =
+                    Answer::Write(Export { path: target, format, ascii: self.is_ascii, textures, levels });
             }
             if ui.button("Cancel").clicked() {
                 answer = Answer::Closed;

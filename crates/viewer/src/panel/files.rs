@@ -32,11 +32,13 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     for (i, file) in settings.files.clone().into_iter().enumerate() {
         let name = name(&file);
         let tip = file.display().to_string();
-        if ui.selectable_label(i == settings.shown, name).on_hover_text(tip).clicked() && i != settings.shown {
+        if ui.selectable_label(i == settings.shown, name).on_hover_text(tip).clicked() && i != settings.shown
+        {
             scope.command(Command::Show(i));
         }
     }
-    let recent: Vec<_> = scope.facts.recent.iter().filter(|f| !settings.files.contains(f)).take(8).cloned().collect();
+    let recent: Vec<_> =
+        scope.facts.recent.iter().filter(|f| !settings.files.contains(f)).take(8).cloned().collect();
     if !recent.is_empty() {
         parts::heading(ui, "Recent");
     }

@@ -7,7 +7,7 @@ use crate::theme::{number, palette, weak};
 
 /// The sheet; whether it is to be closed.
 pub fn show(ctx: &egui::Context) -> bool {
-    let modal = egui::Modal::new(egui::Id::unique("help")).show(ctx, |ui| {
+    let modal = super::parts::modal(ctx, "help").show(ctx, |ui| {
         let screen = ctx.content_rect();
         ui.set_width((screen.width() - 80.0).clamp(320.0, 900.0));
         ui.horizontal(|ui| {
@@ -18,29 +18,33 @@ pub fn show(ctx: &egui::Context) -> bool {
             })
             .inner
         })
-        .inner | {
-            ui.add_space(8.0);
-            egui::ScrollArea::vertical().max_height(screen.height() - 140.0).show(ui, |ui| {
-                ui.columns(3, |columns| {
-                    for (group, title) in Group::ALL {
-                        let column = match group {
-                            Group::File | Group::Detail => 0,
-                            Group::Look | Group::Window => 1,
-                            Group::Camera => 2,
-                        };
-                        block(&mut columns[column], group, title);
-                    }
-                });
-            });
-            false
-        }
+        .inner
+            | {
+                ui.add_space(8.0);
+                egui::ScrollArea::vertical()
+                    .max_height(screen.height() - 160.0)
+                    .min_scrolled_height((screen.height() - 160.0).min(640.0))
+                    .show(ui, |ui| {
+                        ui.columns(3, |columns| {
+                            for (group, title) in Group::ALL {
+                                let column = match group {
+                                    Group::File | Group::Detail => 0,
+                                    Group::Look | Group::Window => 1,
+                                    Group::Camera => 2,
+                                };
+                                block(&mut columns[column], group, title);
+                            }
+                        });
+                    });
+                false
+            }
     });
     modal.inner || modal.should_close()
 }
 
 fn block(ui: &mut Ui, group: Group, title: &str) {
     ui.label(RichText::new(title).strong().color(palette(ui).accent));
-    egui::Grid::new(title).num_columns(2).spacing([12.0, 4.0]).show(ui, |ui| {
+    egui::Grid::new(title).num_columns(2).spacing([12.0, 5.0]).show(ui, |ui| {
         for (_, keys, name) in GESTURES.iter().filter(|g| g.0 == group) {
             ui.label(number(*keys).small());
             ui.label(weak(ui, *name));

@@ -80,6 +80,10 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
     parts::fact(ui, "Frame, our part", seconds(scope.facts.frame_secs))
         .on_hover_text(format!("longest: {}", seconds(scope.facts.longest_frame_secs)));
-    parts::fact(ui, "Triangles drawn", grouped(usize::try_from(scope.facts.triangles_drawn).unwrap_or(usize::MAX)));
+    parts::fact(
+        ui,
+        "Triangles drawn",
+        grouped(usize::try_from(scope.facts.triangles_drawn).unwrap_or(usize::MAX)),
+    );
     ui.label(crate::theme::weak(ui, &scope.facts.adapter).small());
 }

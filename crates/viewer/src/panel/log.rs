@@ -15,7 +15,10 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         for entry in entries {
             ui.horizontal_top(|ui| {
                 let secs = entry.at.as_secs();
-                ui.label(number(weak(ui, format!("{:02}:{:02}", secs / 60, secs % 60)).text()).color(crate::theme::palette(ui).weak));
+                ui.label(
+                    number(weak(ui, format!("{:02}:{:02}", secs / 60, secs % 60)).text())
+                        .color(crate::theme::palette(ui).weak),
+                );
                 parts::told(ui, entry.level, &entry.text);
             });
         }

@@ -30,19 +30,44 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let look = &mut all.look;
     parts::choose(ui, "Shading", "What colours the surface", &SHADINGS, &mut look.shading);
     parts::field(ui, "Surface", "Its colour where the shading has none of its own", |ui| {
-        ui.color_edit_button_rgb(&mut look.surface);
+        parts::color(ui, &mut look.surface);
     });
-    parts::switch(ui, "Wireframe", Some(Action::Wireframe), "Lines along the edges of all faces", &mut look.wireframe);
+    parts::switch(
+        ui,
+        "Wireframe",
+        Some(Action::Wireframe),
+        "Lines along the edges of all faces",
+        &mut look.wireframe,
+    );
     ui.add_enabled_ui(look.wireframe, |ui| {
         parts::field(ui, "Wire", "Colour and width of the lines", |ui| {
-            ui.color_edit_button_rgba_unmultiplied(&mut look.wire);
+            let [r, g, b, opacity] = look.wire;
+            let mut rgb = [r, g, b];
+            if parts::color(ui, &mut rgb) {
+                look.wire = [rgb[0], rgb[1], rgb[2], opacity];
+            }
+            let opaque =
+                egui::DragValue::new(&mut look.wire[3]).range(0.0..=1.0).speed(0.01).fixed_decimals(2);
+            ui.add(opaque).on_hover_text("How opaque");
             let width = egui::DragValue::new(&mut look.wire_width_px).range(0.5..=4.0).speed(0.02);
             ui.add(width.suffix(" px").fixed_decimals(1));
         });
     });
     parts::switch(ui, "Open borders", Some(Action::Borders), "Edges with one face", &mut look.borders);
-    parts::switch(ui, "Defects", Some(Action::Defects), "Non-manifold edges, faces without area, faces that stand twice", &mut look.defects);
-    parts::switch(ui, "Hide backs", Some(Action::Cull), "Faces seen from behind are left out", &mut look.cull_back);
+    parts::switch(
+        ui,
+        "Defects",
+        Some(Action::Defects),
+        "Non-manifold edges, faces without area, faces that stand twice",
+        &mut look.defects,
+    );
+    parts::switch(
+        ui,
+        "Hide backs",
+        Some(Action::Cull),
+        "Faces seen from behind are left out",
+        &mut look.cull_back,
+    );
 
     parts::heading(ui, "Behind and light");
     let mut backdrop = match all.backdrop {
@@ -54,15 +79,14 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
     if let Backdrop::Color(color) = &mut all.backdrop {
         parts::field(ui, "Colour", "", |ui| {
-            ui.color_edit_button_rgb(color);
+            parts::color(ui, color);
         });
     }
     parts::switch(ui, "Ground grid", Some(Action::Ground), "A grid below the model", &mut all.ground);
     parts::choose(ui, "Light", "", &Rig::ALL, &mut all.rig);
-    parts::field(ui, "Brightness", "", |ui| {
-        ui.spacing_mut().slider_width = (ui.available_width() - 64.0).max(40.0);
-        ui.add(egui::Slider::new(&mut all.brightness, 0.2..=3.0).max_decimals(2));
-    });
+    let mut brightness = f64::from(all.brightness);
+    parts::slider(ui, "Brightness", "", &mut brightness, 0.2..=3.0);
+    all.brightness = brightness as f32;
     if all.look.shading == Shading::Heat {
         parts::heading(ui, "Heat map");
         parts::choose(ui, "Colours", "", &MAPS, &mut all.look.color_map);

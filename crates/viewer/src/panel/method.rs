@@ -9,7 +9,10 @@ use crate::words::{BORDERS, FITS, NORMALS, PLACEMENTS, PRESETS, Simplification, 
 
 /// A method, and what it is, in a line.
 const METHODS: [(Method, &str); 10] = [
-    (Method::Memoryless, "Costs of the present surface alone, then a fit: the closest mesh [Lindstrom-Turk 1998]"),
+    (
+        Method::Memoryless,
+        "Costs of the present surface alone, then a fit: the closest mesh [Lindstrom-Turk 1998]",
+    ),
     (Method::Quadric, "Sums of plane quadrics that remember the original [Garland-Heckbert 1997]"),
     (Method::LindstromTurk, "Keeps volume and borders, as published [Lindstrom-Turk 1998]"),
     (Method::Melax, "Length times curvature, onto vertices of the input: game levels [Melax 1998]"),
@@ -46,12 +49,30 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
     }
     ui.label(crate::theme::weak(ui, said(o.method)).small());
     of_method(ui, o.method, &mut o.of_method);
-    parts::choose(ui, "Placement", "Where a merged vertex goes; endpoint keeps a subset of the vertices", PLACEMENTS, &mut o.placement);
+    parts::choose(
+        ui,
+        "Placement",
+        "Where a merged vertex goes; endpoint keeps a subset of the vertices",
+        PLACEMENTS,
+        &mut o.placement,
+    );
     parts::choose(ui, "Fit", "Last least-squares step towards the original", FITS, &mut o.fit);
-    parts::choose(ui, "Borders", "Open borders: held in place, moved along themselves, untouched, no care", BORDERS, &mut o.border);
+    parts::choose(
+        ui,
+        "Borders",
+        "Open borders: held in place, moved along themselves, untouched, no care",
+        BORDERS,
+        &mut o.border,
+    );
     let tip = "relaxed: no new defects; preserve: nothing changes; free: handles are cut and parts go where that is cheapest";
     parts::choose(ui, "Topology", tip, TOPOLOGIES, &mut o.topology);
-    parts::choose(ui, "Normals", "Normals of the result: the input's, new ones, or none", NORMALS, &mut how.normals);
+    parts::choose(
+        ui,
+        "Normals",
+        "Normals of the result: the input's, new ones, or none",
+        NORMALS,
+        &mut how.normals,
+    );
 
     CollapsingHeader::new("Weights").show(ui, |ui| {
         let w = &mut o.weights;
@@ -64,21 +85,37 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
             ("Borders", &mut w.border),
         ];
         for (name, weight) in all {
-            parts::field(ui, name, "Times what it counts by itself; 0 gives it no say", |ui| {
-                ui.spacing_mut().slider_width = (ui.available_width() - 64.0).max(40.0);
-                ui.add(eframe::egui::Slider::new(weight, 0.0..=10.0).max_decimals(2));
-            });
+            parts::slider(ui, name, "Times what it counts by itself; 0 gives it no say", weight, 0.0..=10.0);
         }
     });
     CollapsingHeader::new("Guards").show(ui, |ui| {
         let g = &mut o.guards;
-        parts::optional(ui, "Turn of a face", "Largest turn of a face in one step, in degrees", &mut g.max_normal_deg, 30.0, 1.0..=180.0);
-        parts::optional(ui, "Quality", "Least shape of a new face: 1 is equilateral", &mut g.min_quality, 0.1, 0.0..=1.0);
+        parts::optional(
+            ui,
+            "Turn of a face",
+            "Largest turn of a face in one step, in degrees",
+            &mut g.max_normal_deg,
+            30.0,
+            1.0..=180.0,
+        );
+        parts::optional(
+            ui,
+            "Quality",
+            "Least shape of a new face: 1 is equilateral",
+            &mut g.min_quality,
+            0.1,
+            0.0..=1.0,
+        );
         parts::optional_count(ui, "Valence", "Most edges at a vertex", &mut g.max_valence, 12, 3);
         parts::optional_length(ui, "Edge length", "Longest new edge", &mut g.max_edge);
     });
     CollapsingHeader::new("More").show(ui, |ui| {
-        parts::optional_length(ui, "Weld", "Join vertices closer than this first; equal ones always are", &mut o.weld);
+        parts::optional_length(
+            ui,
+            "Weld",
+            "Join vertices closer than this first; equal ones always are",
+            &mut o.weld,
+        );
         parts::optional_length(ui, "Prune", "Connected parts smaller than this go first", &mut o.prune);
         let mut is_measured = o.measure == Measure::Always;
         let tip = "Measure the result against the input, both ways; takes a while";
@@ -123,10 +160,22 @@ fn of_method(ui: &mut Ui, method: Method, m: &mut MethodOptions) {
         }
         Method::Remesh => {
             parts::optional_length(ui, "Edge length", "Length of the new edges", &mut m.edge_length);
-            parts::optional_length(ui, "Voxel", "A closed surface round the input, whatever state it is in", &mut m.voxel);
+            parts::optional_length(
+                ui,
+                "Voxel",
+                "A closed surface round the input, whatever state it is in",
+                &mut m.voxel,
+            );
             angle(ui, m, "Edges bent by more are creases, in degrees", 30.0);
             parts::optional_count(ui, "Rounds", "Rounds of remeshing", &mut m.iterations, 5, 1);
-            parts::optional_count(ui, "Subdivisions", "A base mesh, subdivided so many times", &mut m.subdivisions, 3, 1);
+            parts::optional_count(
+                ui,
+                "Subdivisions",
+                "A base mesh, subdivided so many times",
+                &mut m.subdivisions,
+                3,
+                1,
+            );
             parts::switch(ui, "Adaptive", None, "Short edges where the surface is curved", &mut m.adaptive);
         }
         _ => {}

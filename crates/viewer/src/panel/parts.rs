@@ -105,9 +105,7 @@ pub fn choose<T: Copy + PartialEq>(
                 ui.selectable_value(value, *choice, *word);
             }
         });
-        response.response.widget_info(|| {
-            egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name)
-        });
+        response.response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
     });
     *value != before
 }
@@ -124,6 +122,18 @@ pub fn switch(ui: &mut Ui, text: &str, action: Option<Action>, tip: &str, value:
     let response = ui.checkbox(value, text);
     let response = if tip.is_empty() { response } else { response.on_hover_text(tip) };
     response.changed()
+}
+
+/// A number by a slider, with its value after it; both have the name for who listens.
+pub fn slider(ui: &mut Ui, name: &str, tip: &str, value: &mut f64, range: std::ops::RangeInclusive<f64>) {
+    field(ui, name, tip, |ui| {
+        ui.spacing_mut().slider_width = (ui.available_width() - 64.0).max(40.0);
+        let slider = ui.add(egui::Slider::new(value, range.clone()).show_value(false));
+        let number = ui.add(egui::DragValue::new(value).range(range).speed(0.01).max_decimals(2));
+        for response in [slider, number] {
+            let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+        }
+    });
 }
 
 /// A number that may be off. Whether it changed.
@@ -149,7 +159,14 @@ pub fn optional(
 }
 
 /// A whole number that may be off. Whether it changed.
-pub fn optional_count(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<usize>, first: usize, least: usize) -> bool {
+pub fn optional_count(
+    ui: &mut Ui,
+    name: &str,
+    tip: &str,
+    value: &mut Option<usize>,
+    first: usize,
+    least: usize,
+) -> bool {
     let mut number = value.map(|n| n as f64);
     let changed = optional(ui, name, tip, &mut number, first as f64, least as f64..=1000.0);
     *value = number.map(|n| n.round() as usize);
@@ -160,10 +177,15 @@ pub fn optional_count(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<usi
 pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Length>) -> bool {
     let now = value.map(length_text).unwrap_or_default();
     let mut changed = false;
-    let tip = format!("{tip}\n\nA number in the units of the file, or percent of the diagonal such as 0.1%. Empty: off.");
+    let tip = format!(
+        "{tip}\n\nA number in the units of the file, or percent of the diagonal such as 0.1%. Empty: off."
+    );
     field(ui, name, &tip, |ui| {
-        if let Some(typed) = typed(ui, name, &now, "off", ui.available_width(), |t| t.trim().is_empty() || length_of(t).is_some()) {
-            let new = length_of(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
+        if let Some(typed) = typed(ui, name, &now, "off", ui.available_width(), |t| {
+            t.trim().is_empty() || length_of(t).is_some()
+        }) {
+            let new =
+                length_of(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
             changed = new != *value;
             *value = new;
         }
@@ -219,6 +241,12 @@ pub fn segment(ui: &mut Ui, text: &str, is_chosen: bool, tip: &str) -> bool {
     response.clicked()
 }
 
+/// A dialog over all else, with room round it.
+pub fn modal(ctx: &egui::Context, name: &str) -> egui::Modal {
+    let frame = egui::Frame::popup(&ctx.global_style()).inner_margin(20.0);
+    egui::Modal::new(egui::Id::unique(name)).frame(frame)
+}
+
 /// The button that one is to press.
 pub fn primary(ui: &mut Ui, text: &str) -> Response {
     let p = palette(ui);
@@ -229,17 +257,28 @@ pub fn primary(ui: &mut Ui, text: &str) -> Response {
 pub fn told(ui: &mut Ui, level: crate::log::Level, text: &str) {
     use crate::log::Level;
     let p = palette(ui);
-    let (mark, color) = match level {
-        Level::Good => ("✔", p.good),
-        Level::Note => ("•", p.weak),
-        Level::Warning => ("⚠", p.warning),
-        Level::Error => ("✖", p.error),
+    let color = match level {
+        Level::Good => p.good,
+        Level::Note => p.weak,
+        Level::Warning => p.warning,
+        Level::Error => p.error,
     };
     ui.horizontal_top(|ui| {
-        ui.label(RichText::new(mark).color(color));
+        let (dot, _) = ui.allocate_exact_size(Vec2::new(8.0, 16.0), Sense::hover());
+        ui.painter().circle_filled(dot.center(), 3.5, color);
         let color = if matches!(level, Level::Note | Level::Good) { p.text } else { color };
         ui.add(egui::Label::new(RichText::new(text).color(color)).wrap().selectable(true));
     });
+}
+
+/// A colour in sRGB to choose. Whether it changed.
+pub fn color(ui: &mut Ui, color: &mut [f32; 3]) -> bool {
+    let mut bytes = color.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
+    let is_changed = ui.color_edit_button_srgb(&mut bytes).changed();
+    if is_changed {
+        *color = bytes.map(|b| f32::from(b) / 255.0);
+    }
+    is_changed
 }
 
 /// Text that says why something is empty.

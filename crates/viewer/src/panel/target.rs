@@ -132,7 +132,8 @@ impl Whole {
 
     /// What is typed as a target.
     pub fn typed(&self, unit: Unit, text: &str) -> Option<Target> {
-        let number = || text.trim().trim_end_matches('%').trim().parse::<f64>().ok().filter(|x| x.is_finite());
+        let number =
+            || text.trim().trim_end_matches('%').trim().parse::<f64>().ok().filter(|x| x.is_finite());
         match unit {
             Unit::Faces => count_of(text).filter(|&n| n > 0).map(|n| match n < self.faces {
                 true => Target::Faces(n),
@@ -204,10 +205,29 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) -> Unit {
                 scope.command(Command::Target(target));
             }
         }
+        by_distance(ui, scope);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| status(ui, scope));
     });
     ui.add_enabled_ui(whole.is_some(), |ui| slider(ui, scope, whole.as_ref(), unit));
     unit
+}
+
+/// The switch for levels by distance, and how much of their error may be seen.
+fn by_distance(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let before = scope.document.settings().auto_lod;
+    let mut auto = before;
+    ui.add_space(8.0);
+    let tip = format!("The level goes by the distance of the camera ({})", Action::AutoLod.key());
+    if parts::segment(ui, "By distance", auto.is_on, &tip) {
+        auto.is_on = !auto.is_on;
+    }
+    if auto.is_on {
+        let drag = egui::DragValue::new(&mut auto.pixels).range(0.05..=50.0).speed(0.02).suffix(" px");
+        ui.add(drag).on_hover_text("Pixels that the error of a level may cover on the screen");
+    }
+    if auto != before {
+        scope.command(Command::AutoLod(auto));
+    }
 }
 
 /// What is going on, or what came out.
@@ -220,7 +240,8 @@ fn status(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
     ui.add_space(8.0);
     if let Some(progress) = document.progress() {
-        let stop = ui.button("Stop").on_hover_text(format!("End what is under way ({})", Action::Cancel.key()));
+        let stop =
+            ui.button("Stop").on_hover_text(format!("End what is under way ({})", Action::Cancel.key()));
         if stop.clicked() {
             scope.action(Action::Cancel);
         }
@@ -254,7 +275,8 @@ const MARKS: [(f64, &str); 9] = [
 fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit) {
     let size = Vec2::new(ui.available_width(), 40.0);
     let (rect, mut response) = ui.allocate_exact_size(size, Sense::click_and_drag());
-    let rail = Rect::from_min_max(rect.min + Vec2::new(10.0, 10.0), pos2(rect.right() - 10.0, rect.top() + 16.0));
+    let rail =
+        Rect::from_min_max(rect.min + Vec2::new(10.0, 10.0), pos2(rect.right() - 10.0, rect.top() + 16.0));
     let settings = scope.document.settings();
     let at = whole.map_or(1.0, |w| w.place(settings));
     let p = palette(ui);
@@ -269,7 +291,9 @@ fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit)
         let mut free = f32::INFINITY;
         let marks: Vec<(f64, String)> = match unit {
             Unit::Error => [10.0, 1.0, 0.1, 0.01, 0.001]
-                .map(|p: f64| (((p / 100.0 / ERRORS[1]).ln() / (ERRORS[0] / ERRORS[1]).ln()), format!("{p} %")))
+                .map(|p: f64| {
+                    (((p / 100.0 / ERRORS[1]).ln() / (ERRORS[0] / ERRORS[1]).ln()), format!("{p} %"))
+                })
                 .into_iter()
                 .rev()
                 .collect(),
@@ -293,13 +317,23 @@ fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit)
         if let Some(lighter) = scope.document.lighter() {
             let x = x_of(whole.place_of_faces(lighter.content.report.faces as f64));
             if unit == Unit::Error || (x - x_of(at)).abs() > 3.0 {
-                let mark = [pos2(x, rail.top() - 1.0), pos2(x - 4.0, rail.top() - 8.0), pos2(x + 4.0, rail.top() - 8.0)];
+                let mark = [
+                    pos2(x, rail.top() - 1.0),
+                    pos2(x - 4.0, rail.top() - 8.0),
+                    pos2(x + 4.0, rail.top() - 8.0),
+                ];
                 painter.add(egui::Shape::convex_polygon(mark.to_vec(), p.text, egui::Stroke::NONE));
             }
         }
     }
     let knob = pos2(x_of(at), rail.center().y);
-    let fill = if !enabled { p.hovered } else if response.hovered() || response.dragged() { p.text } else { p.accent };
+    let fill = if !enabled {
+        p.hovered
+    } else if response.hovered() || response.dragged() {
+        p.text
+    } else {
+        p.accent
+    };
     painter.circle(knob, 8.0, fill, egui::Stroke::new(2.0, p.panel));
     if response.has_focus() {
         painter.circle_stroke(knob, 11.0, egui::Stroke::new(1.5, p.accent));
@@ -315,14 +349,6 @@ fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit)
             scope.command(Command::Target(target));
         }
         response.mark_changed();
-    }
-    if response.hovered() && !response.dragged() {
-        response.on_hover_text(format!(
-            "Drag: how much is left. Hold M: fewer and fewer. {}/{}: 10 % fewer or more. {}: the original",
-            Action::Fewer.key(),
-            Action::More.key(),
-            Action::Restore.key()
-        ));
     }
 }
 

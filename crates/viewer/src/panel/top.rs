@@ -23,7 +23,8 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool
             if ui.button("?").on_hover_text(tip(Action::Help, "Keys and mouse")).clicked() {
                 scope.action(Action::Help);
             }
-            let (name, text) = if ui.visuals().dark_mode { ("☀", "Light theme") } else { ("🌙", "Dark theme") };
+            let (name, text) =
+                if ui.visuals().dark_mode { ("Light", "Light theme") } else { ("Dark", "Dark theme") };
             if ui.button(name).on_hover_text(tip(Action::Theme, text)).clicked() {
                 scope.action(Action::Theme);
             }
@@ -57,7 +58,13 @@ fn menus(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
         item(ui, scope, Action::Undo, &named("Undo", undo), undo.is_some());
         item(ui, scope, Action::Redo, &named("Redo", redo), redo.is_some());
         ui.separator();
-        item(ui, scope, Action::Restore, "Restore the original", scope.document.settings().simplify.has_end());
+        item(
+            ui,
+            scope,
+            Action::Restore,
+            "Restore the original",
+            scope.document.settings().simplify.has_end(),
+        );
     });
     ui.menu_button("View", |ui| {
         for action in [Action::Frame, Action::View(0), Action::View(1), Action::View(4), Action::View(5)] {
@@ -77,8 +84,12 @@ fn menus(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
     });
     ui.menu_button("Panels", |ui| {
         for panel in Panel::ALL {
-            let mark = if is_shown(panel) { "✔ " } else { "    " };
-            item(ui, scope, Action::Panel(panel), &format!("{mark}{}", panel.title()), true);
+            let text = if is_shown(panel) {
+                format!("Hide {}", panel.title().to_lowercase())
+            } else {
+                format!("Show {}", panel.title().to_lowercase())
+            };
+            item(ui, scope, Action::Panel(panel), &text, true);
         }
         ui.separator();
         item(ui, scope, Action::Panels, "Hide all", true);
