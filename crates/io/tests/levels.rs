@@ -148,7 +148,7 @@ fn a_file_without_scenes_gets_one() {
     json.as_object_mut().unwrap().retain(|k, _| k != "scenes" && k != "scene");
     json["nodes"] = json!([{ "mesh": 0 }]);
     let scene = Scene::read(&gltf(&json, &bin), &ReadOptions::default()).unwrap();
-    let same = scene.meshes()[0].mesh.clone();
+    let same = TriMesh::clone(&scene.meshes()[0].mesh);
     let levels = SceneLevels::new(vec![Vec::new(), vec![Some(same)]]);
     let got = written(&scene, &levels);
     assert_eq!(got["scenes"], json!([{ "nodes": [0] }]));
@@ -160,7 +160,7 @@ fn named_values_go_into_ply() {
     use lodsmith_core::{Attribute, Semantic};
     let (json, bin) = scenes::small();
     let scene = Scene::read(&gltf(&json, &bin), &ReadOptions::default()).unwrap();
-    let mut mesh = scene.meshes()[0].mesh.clone();
+    let mut mesh = TriMesh::clone(&scene.meshes()[0].mesh);
     let add = |mesh: &mut TriMesh, name: &str, width: usize, values: Vec<f32>| {
         let semantic = Semantic::Custom(name.to_owned());
         mesh.add_attribute(Attribute { semantic, width, values }).unwrap();

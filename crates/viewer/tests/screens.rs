@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use eframe::egui::Role;
 use eframe::egui::{self, Key, Modifiers, Pos2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::{NodeT as _, Queryable};
+use egui_kittest::kittest::Queryable;
 use lodsmith_core::shapes;
 use lodsmith_render::Shading;
 use lodsmith_viewer::ViewOptions;
