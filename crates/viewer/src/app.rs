@@ -23,6 +23,9 @@ use crate::settings::{Pose, Sides, Turn};
 use crate::theme;
 use crate::viewport::{KEY_TURN_RAD, Orbit};
 
+/// Where a picture went, or why not.
+type Saved = Result<PathBuf, String>;
+
 /// The window.
 pub struct App {
     document: Document,
@@ -41,7 +44,7 @@ pub struct App {
     framed: Option<PathBuf>,
     /// Cameras of a session that is being opened.
     arriving: Option<[Pose; 2]>,
-    pictures_saved: (Sender<Result<PathBuf, String>>, Receiver<Result<PathBuf, String>>),
+    pictures_saved: (Sender<Saved>, Receiver<Saved>),
     last_frame: Option<Instant>,
     was_typing: bool,
     sample: Option<tempfile::TempDir>,
