@@ -1,5 +1,6 @@
 //! What is held of every reader.
 
+use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Limits, ReadOptions, WriteOptions, read_bytes, write_to};
 
@@ -11,14 +12,16 @@ pub fn check(bytes: &[u8], format: Format) {
     let mut limits = Limits::default();
     // What a compressed stranger may unpack to.
     limits.bytes = 16 << 20;
+    limits.pixels = 1 << 20;
     options.limits = limits;
     // Four bytes name a face at the least, in a strip one byte does. A glTF scene may place one mesh many times.
     let most = bytes.len().saturating_mul(2);
     if matches!(format, Format::Gltf | Format::Glb)
         && let Ok(scene) = Scene::read(bytes, &options)
     {
+        let _ = scene.model();
         // Whatever becomes of its meshes, a scene that is read is written and read again.
-        let same: Vec<_> = scene.meshes().iter().map(|m| Some(m.mesh.clone())).collect();
+        let same: Vec<_> = scene.meshes().iter().map(|m| Some(TriMesh::clone(&m.mesh))).collect();
         let mut out = Vec::new();
         scene.write(&same, format, &|_| None, &mut out).expect("memory takes all bytes");
         let back = Scene::read(&out, &ReadOptions::default()).expect("what we write, we read");

@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
 
 mod corpus;
+mod look;
 mod pictures;
 mod sample;
 mod tidy;
@@ -17,8 +18,9 @@ cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR
 cargo xtask corpus DIR --methods [--largest FACES] [...]   every method over every model that is not larger
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
+cargo xtask look [[TITLE=]FILE...]                         how much of the look is kept at 50 to 1 %, as a table
 cargo xtask sample                                         makes the sample model of the README
-cargo xtask pictures [finial|methods|METHOD...]            draws the picture of the README, and one of each method
+cargo xtask pictures [finial|shadings|methods|METHOD...]   draws the picture of the README, and one of each method
 ";
 
 fn main() -> ExitCode {
@@ -27,6 +29,7 @@ fn main() -> ExitCode {
     let done = match command {
         "bench" => bench(rest),
         "corpus" => corpus::run(rest),
+        "look" => look::run(rest),
         "tidy" => tidy::run(),
         "goldens" => goldens(rest),
         "sample" => write_sample(),

@@ -2,9 +2,12 @@
 
 mod choice;
 mod clean;
+mod clusters;
+mod lod;
 mod methods;
 mod of_method;
 mod progressive;
+mod render;
 mod scope;
 mod simplify;
 mod values;
@@ -17,8 +20,11 @@ use lodsmith_io::Format;
 
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use clean::CleanArgs;
+pub(crate) use clusters::{BuildArgs, ClustersCommand, CutArgs, LevelsArgs};
+pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
-pub(crate) use progressive::{BuildArgs, ExtractArgs, LpmInfoArgs, Progressive};
+pub(crate) use progressive::{ExtractArgs, LpmInfoArgs, Progressive, ProgressiveBuildArgs};
+pub(crate) use render::{LookArgs, PlaceArgs, RenderArgs};
 pub(crate) use simplify::{How, Importance, Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
@@ -41,6 +47,8 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Make it lighter
     Simplify(Box<SimplifyArgs>),
+    /// A chain of levels of detail
+    Lod(Box<LodArgs>),
     /// What is in this file, and what is wrong with it
     Info(InfoArgs),
     /// How far is one from the other
@@ -49,11 +57,18 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Weld, orient, drop what is broken, and say what was done
     Clean(Box<CleanArgs>),
+    /// Clusters of many levels of detail, for engines that choose among them while they draw
+    #[command(subcommand)]
+    Clusters(ClustersCommand),
     /// Every method on one model: time, error, validity
     Methods(Box<MethodsArgs>),
     /// A mesh that runs between all levels, in one file
     #[command(subcommand)]
     Progressive(Progressive),
+    /// A picture, without a window
+    Render(Box<RenderArgs>),
+    /// A window: original and result side by side, live while you drag
+    View(ViewArgs),
     /// Print what a shell needs to complete commands
     Completions {
         /// The shell
@@ -61,7 +76,7 @@ pub(crate) enum Command {
     },
     /// Print a manual page
     Man {
-        /// The page of this command; without it, the one that lists them all
+        /// The page of this command, such as simplify or "clusters build"; without it, the one that lists them all
         command: Option<String>,
     },
 }
@@ -138,9 +153,19 @@ pub(crate) struct CompareArgs {
     /// What it does look like
     #[arg(value_name = "CANDIDATE")]
     pub(crate) candidate: Source,
-    /// Write the reference with its distance to the candidate as colours, blue for none and red for the largest
-    #[arg(long, value_name = "OUT.ply")]
+    /// Write the reference with its distance to the candidate as colours, blue for none and red for the largest: as a mesh
+    /// (.ply), or as a picture (.png, .jpg, .webp)
+    #[arg(long, value_name = "OUT")]
     pub(crate) heatmap: Option<PathBuf>,
+    /// Draw both from so many sides, the same every time, and measure how much the pictures differ to the eye
+    #[arg(long, value_name = "N", value_parser = values::count)]
+    pub(crate) views: Option<usize>,
+    /// Pixels of these pictures
+    #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "512x512", requires = "views")]
+    pub(crate) size: [usize; 2],
+    /// Write these pictures in pairs, the reference first (.png, .jpg, .webp)
+    #[arg(long, value_name = "OUT", requires = "views")]
+    pub(crate) views_sheet: Option<PathBuf>,
     /// Samples each way, spread by area; all vertices come on top
     #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
     pub(crate) samples: usize,
@@ -155,6 +180,13 @@ pub(crate) struct CompareArgs {
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) run: Run,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ViewArgs {
+    /// Files to open, or a session; without any, the window says what to do
+    #[arg(value_name = "IN")]
+    pub(crate) inputs: Vec<PathBuf>,
 }
 
 #[derive(Args, Debug)]

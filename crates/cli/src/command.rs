@@ -2,14 +2,18 @@
 
 mod batch;
 mod clean;
+mod clusters;
 mod compare;
 mod completions;
 mod convert;
 mod info;
+mod lod;
 mod man;
 mod methods;
 mod progressive;
+mod render;
 mod simplify;
+mod view;
 
 use lodsmith_io::Warning;
 
@@ -21,12 +25,16 @@ use crate::output::{self, Output};
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
     match cli.command {
         Command::Simplify(args) => simplify::run(&args),
+        Command::Lod(args) => lod::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Clean(args) => clean::run(&args),
+        Command::Clusters(command) => clusters::run(&command),
         Command::Methods(args) => methods::run(&args),
         Command::Progressive(action) => progressive::run(&action),
+        Command::Render(args) => render::run(&args),
+        Command::View(args) => view::run(&args),
         Command::Completions { shell } => completions::run(shell),
         Command::Man { command } => man::run(command.as_deref()),
     }

@@ -9,11 +9,12 @@ use std::sync::Arc;
 
 use anyhow::anyhow;
 use lodsmith::core::{Splits, TriMesh};
-use lodsmith_io::gltf::Scene;
+use lodsmith_io::gltf::{Scene, SceneLevels};
 use lodsmith_io::lpm::{self, LpmWritten};
 use lodsmith_io::sniff::hint_of;
 use lodsmith_io::{
-    Format, Loaded, Lpm, LpmOptions, ReadError, ReadOptions, Regions, Warning, WriteError, WriteOptions,
+    Format, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Warning, WriteError,
+    WriteOptions,
 };
 
 use crate::args::Writing;
@@ -92,6 +93,21 @@ pub(crate) fn read_with(
     loaded.map_err(unnamed)
 }
 
+/// Reads a file as a model, as it is to be seen. The error does not name the source.
+pub(crate) fn read_model(source: &Source, format: Option<Format>) -> anyhow::Result<ModelFile> {
+    let mut options = ReadOptions::default();
+    options.format = format;
+    let model = match source {
+        Source::Path(path) => lodsmith_io::read_model_path(path, &options),
+        Source::Stdin => {
+            let mut bytes = Vec::new();
+            io::stdin().lock().read_to_end(&mut bytes)?;
+            lodsmith_io::read_model_bytes(&bytes, &options)
+        }
+    };
+    model.map_err(unnamed)
+}
+
 /// What a file is read as.
 pub(crate) enum Input {
     /// One mesh of all that is placed.
@@ -130,7 +146,7 @@ pub(crate) fn read_scene(
 }
 
 /// The error without the name of the file, which the caller has.
-fn unnamed(error: ReadError) -> anyhow::Error {
+pub(crate) fn unnamed(error: ReadError) -> anyhow::Error {
     match error {
         ReadError::File { source, .. } => told(*source),
         e => told(e),
@@ -227,6 +243,73 @@ pub(crate) fn write_scene(
         |out| lodsmith_io::write_scene_to(scene, replaced, format, relink, out),
         |path, _| lodsmith_io::write_scene_path(scene, replaced, path, &options, relink),
     )
+}
+
+/// Writes a file that is no mesh; in all else as [`write()`].
+pub(crate) fn write_other(
+    sink: &Sink,
+    force: bool,
+    to_stream: impl FnOnce(&mut dyn io::Write) -> Result<(), WriteError>,
+    to_path: impl FnOnce(&Path) -> Result<(), WriteError>,
+) -> anyhow::Result<()> {
+    write_with(sink, force, to_stream, |path, _| to_path(path))
+}
+
+/// Writes a scene with levels of detail; in all else as [`write_scene`].
+pub(crate) fn write_levels(
+    scene: &Scene,
+    levels: &SceneLevels,
+    relink: &dyn Fn(&str) -> Option<String>,
+    sink: &Sink,
+    format: Format,
+    force: bool,
+) -> anyhow::Result<Vec<Warning>> {
+    let mut options = WriteOptions::default();
+    options.format = Some(format);
+    write_with(
+        sink,
+        force,
+        |out| lodsmith_io::write_levels_to(scene, levels, format, relink, out),
+        |path, _| lodsmith_io::write_levels_path(scene, levels, path, &options, relink),
+    )
+}
+
+/// What a scene with levels of detail loses, without writing anything.
+pub(crate) fn levels_losses(
+    scene: &Scene,
+    levels: &SceneLevels,
+    relink: &dyn Fn(&str) -> Option<String>,
+    format: Format,
+) -> anyhow::Result<Vec<Warning>> {
+    lodsmith_io::write_levels_to(scene, levels, format, relink, &mut io::sink()).map_err(told)
+}
+
+/// A mesh as a glTF scene of its own, as writing and reading it would make it; what that could not carry.
+pub(crate) fn as_scene(mesh: &TriMesh, options: &WriteOptions) -> anyhow::Result<(Scene, Vec<Warning>)> {
+    let mut bytes = Vec::new();
+    let warnings = lodsmith_io::write_to(mesh, Format::Glb, options, &mut bytes).map_err(told)?;
+    let scene = Scene::read(&bytes, &ReadOptions::default()).map_err(unnamed)?;
+    Ok((scene, warnings))
+}
+
+/// Writes text to a file of its own.
+pub(crate) fn write_text(text: &str, path: &Path, force: bool) -> anyhow::Result<()> {
+    let about = fs::metadata(path).ok();
+    if about.as_ref().is_some_and(fs::Metadata::is_dir) {
+        return Err(anyhow!("{}: is a folder, which is never overwritten", path.display()));
+    }
+    if about.is_some_and(|a| a.permissions().readonly()) && !force {
+        return Err(anyhow!("{}: cannot write: the file is read-only", path.display()));
+    }
+    let _guard = exit::writing()?;
+    let mut name = OsString::from(format!(".lodsmith-{}-", std::process::id()));
+    name.push(path.file_name().unwrap_or_default());
+    let neighbour = path.with_file_name(name);
+    let written = fs::write(&neighbour, text).and_then(|()| fs::rename(&neighbour, path));
+    if written.is_err() {
+        let _ = fs::remove_file(&neighbour);
+    }
+    written.map_err(|e| anyhow!("{}: cannot write: {e}", path.display()))
 }
 
 /// Writes a progressive mesh; in all else as [`write()`].

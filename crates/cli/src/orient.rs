@@ -11,11 +11,16 @@ pub(crate) fn orient(mesh: &mut TriMesh, writing: &Writing) {
         return;
     }
     let up = writing.up;
-    mesh.map_positions(|p| turn(p, up).map(|x| x * scale));
+    mesh.map_positions(|p| oriented(p, writing));
     if up.is_some() {
         let normals = mesh.normals().map(|n| n.iter().map(|&n| turn(n, up)).collect());
         mesh.set_normals(normals).expect("there are as many as before");
     }
+}
+
+/// The place of a point of a mesh after [`orient`].
+pub(crate) fn oriented(p: [f64; 3], writing: &Writing) -> [f64; 3] {
+    turn(p, writing.up).map(|x| x * writing.scale.unwrap_or(1.0))
 }
 
 /// A quarter turn about x: right-handed stays right-handed, and zero stays a positive one.

@@ -26,6 +26,11 @@ fn help_of_simplify() {
 }
 
 #[test]
+fn help_of_lod() {
+    insta::assert_snapshot!(help(&["lod"]));
+}
+
+#[test]
 fn help_of_info() {
     insta::assert_snapshot!(help(&["info"]));
 }
@@ -48,6 +53,12 @@ fn help_of_methods() {
 #[test]
 fn help_of_clean() {
     insta::assert_snapshot!(help(&["clean"]));
+}
+
+#[test]
+fn help_of_clusters() {
+    let parts = [&["clusters"][..], &["clusters", "build"], &["clusters", "cut"], &["clusters", "info"]];
+    insta::assert_snapshot!(parts.map(help).join("\n----\n"));
 }
 
 #[test]
@@ -75,4 +86,9 @@ fn help_of_progressive_extract() {
 #[test]
 fn help_of_progressive_info() {
     insta::assert_snapshot!(help(&["progressive", "info"]));
+}
+
+#[test]
+fn help_of_render() {
+    insta::assert_snapshot!(help(&["render"]));
 }

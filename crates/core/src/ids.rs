@@ -53,6 +53,14 @@ define_id!(
     RegionId
 );
 define_id!(
+    /// A few neighbouring triangles of one level of detail, drawn together or not at all.
+    ClusterId
+);
+define_id!(
+    /// Clusters that become lighter together.
+    GroupId
+);
+define_id!(
     /// One side of an edge, named by the face corner that it leaves.
     HalfEdgeId
 );

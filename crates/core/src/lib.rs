@@ -4,6 +4,7 @@
 
 #[cfg(feature = "proptest")]
 pub mod arbitrary;
+pub mod clusters;
 pub mod correspondence;
 pub mod geometry;
 pub mod ids;
@@ -18,8 +19,9 @@ pub mod spatial;
 pub mod splits;
 pub mod topology;
 
+pub use clusters::{Cluster, ClusterLod};
 pub use correspondence::{Correspondence, Source, correspondence};
-pub use ids::{FaceId, HalfEdgeId, RegionId, VertexId, WedgeId};
+pub use ids::{ClusterId, FaceId, GroupId, HalfEdgeId, RegionId, VertexId, WedgeId};
 pub use image::Image;
 pub use mesh::{Attribute, Bounds, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh};
 pub use model::Model;

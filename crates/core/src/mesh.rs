@@ -8,6 +8,7 @@ pub mod attributes;
 pub mod compact;
 pub mod defects;
 pub mod normals;
+pub mod part;
 pub mod weld;
 
 pub use attributes::{Attribute, Morphed, Semantic};
@@ -353,6 +354,12 @@ impl TriMesh {
     /// The attributes beside normals, the first texture coordinates and the first colours.
     pub fn further_attributes(&self) -> &[Attribute] {
         &self.further
+    }
+    /// The same mesh without some of [`TriMesh::further_attributes`].
+    #[must_use]
+    pub fn without_further(mut self, is_left_out: impl Fn(&Semantic) -> bool) -> Self {
+        self.further.retain(|a| !is_left_out(&a.semantic));
+        self
     }
     /// The values of one of [`TriMesh::further_attributes`], to be changed.
     ///

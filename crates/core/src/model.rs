@@ -4,7 +4,9 @@
 //! is a model of one node.
 
 pub mod animation;
+pub mod deform;
 pub mod material;
+mod pose;
 
 use std::sync::Arc;
 
@@ -14,6 +16,7 @@ use crate::image::Image;
 use crate::mesh::TriMesh;
 
 pub use animation::{Animation, Channel, Interpolation, Pose, Skin, Track, Transform};
+pub use deform::{Deformed, deform};
 pub use material::{AlphaMode, Material, Sampler, TextureRef, Wrap};
 
 /// Meshes, where they stand, what they look like, and how they move.
@@ -35,6 +38,18 @@ pub struct Model {
     pub skins: Vec<Skin>,
     /// What moves.
     pub animations: Vec<Animation>,
+    /// What the colours of vertices mean.
+    pub vertex_colors: VertexColors,
+}
+
+/// What the numbers of [`TriMesh::colors`] mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum VertexColors {
+    /// As screens take them (sRGB): in all formats that do not say.
+    #[default]
+    Srgb,
+    /// Amounts of light: in glTF, where they are factors of the base colour.
+    Linear,
 }
 
 /// A mesh of a model.
@@ -51,7 +66,7 @@ pub struct ModelMesh {
 }
 
 /// A place, and what stands there.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Node {
     /// Its name, for people; empty without one.
     pub name: String,
@@ -91,6 +106,18 @@ impl Model {
         };
         let node = Node { mesh: Some(0), ..Node::default() };
         Self { meshes: vec![mesh], nodes: vec![node], roots: vec![0], ..Self::default() }
+    }
+
+    /// The same with other meshes in the places of its own, in their order: lighter ones, say. Nodes, materials, skins and
+    /// animations stay, so the meshes must have the regions, joints and morph targets of those before them.
+    ///
+    /// # Panics
+    /// If there is not one for each mesh.
+    #[must_use]
+    pub fn with_meshes(&self, meshes: Vec<Arc<TriMesh>>) -> Self {
+        assert_eq!(meshes.len(), self.meshes.len(), "one mesh for each place");
+        let meshes = self.meshes.iter().zip(meshes).map(|(old, mesh)| ModelMesh { mesh, ..old.clone() });
+        Self { meshes: meshes.collect(), ..self.clone() }
     }
 
     /// Triangles as they are drawn: those of a mesh as often as nodes place it.

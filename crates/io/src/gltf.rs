@@ -10,9 +10,11 @@ mod encode;
 mod geometry;
 mod inventory;
 mod lists;
+mod lod;
 mod materials;
 mod mesh;
 mod meshopt;
+mod model;
 mod names;
 mod placements;
 mod primitive;
@@ -24,6 +26,7 @@ mod slot;
 mod unpack;
 mod write;
 
+pub use lod::SceneLevels;
 pub use names::MeshNames;
 pub(crate) use scene::image_type;
 pub use scene::{Scene, SceneMesh, outside_path};
@@ -34,7 +37,7 @@ use lodsmith_core::TriMesh;
 
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
-use crate::obj::{Textures, looks};
+use crate::obj::{Purpose, Textures, looks};
 use crate::read::{Loaded, ReadOptions};
 use crate::write::WriteOptions;
 
@@ -98,7 +101,7 @@ pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io:
         .regions
         .as_deref()
         .filter(|_| options.textures != Textures::None)
-        .and_then(|regions| looks(mesh, regions))
+        .and_then(|regions| looks(mesh, regions, Purpose::Gltf))
         .unwrap_or_default();
     write::write(mesh, looks, options.format != Some(Format::Gltf), out)
 }

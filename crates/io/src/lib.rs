@@ -4,6 +4,7 @@
 //! decides which one reads ([`sniff`]), the file's ending decides which one writes.
 
 mod attributes;
+pub mod cluster_lod;
 mod distinct;
 pub mod error;
 mod excerpt;
@@ -12,6 +13,7 @@ pub mod gltf;
 pub mod limits;
 mod lines;
 pub mod lpm;
+pub mod model;
 mod numbers;
 pub mod obj;
 pub mod off;
@@ -25,6 +27,9 @@ pub use error::{ReadError, Warning, WriteError};
 pub use format::Format;
 pub use limits::Limits;
 pub use lpm::{Lpm, LpmOptions, LpmReader};
+pub use model::{ModelFile, ModelSource, read_model_bytes, read_model_path};
 pub use obj::{Regions, Textures};
 pub use read::{Contents, Loaded, ReadOptions, read_bytes, read_path, read_scene_bytes, read_scene_path};
-pub use write::{WriteOptions, write_path, write_scene_path, write_scene_to, write_to};
+pub use write::{
+    WriteOptions, write_levels_path, write_levels_to, write_path, write_scene_path, write_scene_to, write_to,
+};

@@ -7,11 +7,13 @@
 pub struct Limits {
     /// Bytes of a file, and of what a compressed file unpacks to.
     pub bytes: u64,
+    /// Pixels of all images of a file together, decoded.
+    pub pixels: u64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        // Guessed: room for a billion triangles as text.
-        Self { bytes: 256 << 30 }
+        // Guessed: room for a billion triangles as text, and for sixty textures of 4096 by 4096.
+        Self { bytes: 256 << 30, pixels: 1 << 30 }
     }
 }

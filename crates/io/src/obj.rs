@@ -21,7 +21,7 @@ mod textures;
 mod wedges;
 mod write;
 
-pub(crate) use looks::{Look, Looks, looks};
+pub(crate) use looks::{Look, Looks, Purpose, looks};
 pub use materials::Library;
 pub(crate) use materials::{Image, Made};
 pub use read::read;

@@ -67,13 +67,15 @@ pub struct Loaded {
     /// Those of the wanted properties that the file has and the mesh does not carry, with one number for each vertex of
     /// the mesh. Only PLY has such properties; a list is none.
     pub properties: Vec<(String, Vec<f32>)>,
+    /// Those that the file was read under.
+    pub(crate) limits: Limits,
 }
 
 impl Loaded {
     /// A mesh from a format without regions.
     pub(crate) fn new(mesh: TriMesh, format: Format, contents: Contents, warnings: Vec<Warning>) -> Self {
-        let (regions, properties) = (Regions::default(), Vec::new());
-        Self { mesh, format, contents, warnings, regions, properties }
+        let (regions, properties, limits) = (Regions::default(), Vec::new(), Limits::default());
+        Self { mesh, format, contents, warnings, regions, properties, limits }
     }
 }
 
@@ -209,6 +211,7 @@ fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Res
 
 /// Refuses a mesh without faces, and tells where the ending of the path names another format.
 fn with_hint(mut loaded: Loaded, hint: Option<Format>, options: &ReadOptions) -> Result<Loaded, ReadError> {
+    loaded.limits = options.limits;
     if loaded.mesh.face_count() == 0 {
         return Err(ReadError::NoFaces { vertices: loaded.mesh.vertex_count() });
     }
@@ -226,7 +229,7 @@ fn contradiction(format: Format, hint: Option<Format>, options: &ReadOptions) ->
 }
 
 /// The bytes, out of their gzip if they are in one.
-fn unpacked(bytes: &[u8], limits: Limits) -> Result<Cow<'_, [u8]>, ReadError> {
+pub(crate) fn unpacked(bytes: &[u8], limits: Limits) -> Result<Cow<'_, [u8]>, ReadError> {
     if bytes.starts_with(&GZIP_MAGIC) {
         gunzip(bytes, limits).map(Cow::Owned)
     } else {
@@ -237,7 +240,7 @@ fn unpacked(bytes: &[u8], limits: Limits) -> Result<Cow<'_, [u8]>, ReadError> {
 /// First bytes of a gzip file: its magic, and the only method that there is.
 const GZIP_MAGIC: [u8; 3] = [0x1f, 0x8b, 8];
 
-fn bytes_of(path: &Path, limits: Limits) -> Result<Vec<u8>, ReadError> {
+pub(crate) fn bytes_of(path: &Path, limits: Limits) -> Result<Vec<u8>, ReadError> {
     let mut file = File::open(path).map_err(|e| match e.kind() {
         io::ErrorKind::NotFound => io::Error::new(e.kind(), "there is no such file"),
         _ => e,

@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 
 use crate::error::{Warning, WriteError};
 use crate::format::Format;
-use crate::gltf::Scene;
+use crate::gltf::{Scene, SceneLevels};
 use crate::obj::{Regions, Textures};
 use crate::sniff::hint_of;
 
@@ -93,6 +93,25 @@ pub fn write_scene_path(
     })
 }
 
+/// Writes a whole scene with levels of detail to a file; see [`Scene::write_levels`]. In all else as [`write_path`].
+///
+/// # Errors
+/// [`WriteError`], which names the path; nothing is left behind.
+pub fn write_levels_path(
+    scene: &Scene,
+    levels: &SceneLevels,
+    path: &Path,
+    options: &WriteOptions,
+    relink: &dyn Fn(&str) -> Option<String>,
+) -> Result<Vec<Warning>, WriteError> {
+    let format = format_of(path, options)?;
+    write_path_with(path, |out| {
+        let warnings = scene.write_levels(levels, format, relink, out)?;
+        out.flush()?;
+        Ok(warnings)
+    })
+}
+
 fn write_path_with(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<Vec<Warning>>,
@@ -140,6 +159,26 @@ pub fn write_scene_to(
 ) -> Result<Vec<Warning>, WriteError> {
     write_stream(out, |out| {
         let warnings = scene.write(replaced, format, relink, out)?;
+        out.flush()?;
+        Ok(warnings)
+    })
+}
+
+/// Writes a whole scene with levels of detail to a stream; see [`Scene::write_levels`].
+///
+/// The stream gets large pieces and is flushed at the end.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn write_levels_to(
+    scene: &Scene,
+    levels: &SceneLevels,
+    format: Format,
+    relink: &dyn Fn(&str) -> Option<String>,
+    out: &mut dyn Write,
+) -> Result<Vec<Warning>, WriteError> {
+    write_stream(out, |out| {
+        let warnings = scene.write_levels(levels, format, relink, out)?;
         out.flush()?;
         Ok(warnings)
     })

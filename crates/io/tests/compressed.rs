@@ -117,7 +117,7 @@ fn scenes_are_written_plainly() {
 fn a_replaced_mesh_is_written_plainly() {
     for (name, bytes, _) in FILES {
         let scene = Scene::read(bytes, &ReadOptions::default()).unwrap();
-        let mesh = scene.meshes()[0].mesh.clone();
+        let mesh = TriMesh::clone(&scene.meshes()[0].mesh);
         let mut out = Vec::new();
         scene.write(&[Some(mesh)], Format::Glb, &|_| None, &mut out).unwrap();
         assert_eq!(faces(&read(&out)).len(), 128, "{name}");

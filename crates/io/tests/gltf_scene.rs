@@ -102,7 +102,7 @@ fn a_mesh_is_read_with_all_that_it_has() {
 fn a_mesh_replaced_by_itself_reads_the_same() {
     let (json, bin) = everything();
     let scene = scene_of(&glb(&json, &bin));
-    let same: Vec<_> = scene.meshes().iter().map(|m| Some(m.mesh.clone())).collect();
+    let same: Vec<_> = scene.meshes().iter().map(|m| Some(TriMesh::clone(&m.mesh))).collect();
     for format in [Format::Glb, Format::Gltf] {
         let mut out = Vec::new();
         assert!(scene.write(&same, format, &|_| None, &mut out).unwrap().iter().all(|w| !w.data_lost));
@@ -250,10 +250,10 @@ fn attributes_that_are_gone_are_named_and_new_ones_come_along() {
 
     let (json, bin) = small();
     let scene = scene_of(&glb(&json, &bin));
-    let mut mesh = scene.meshes()[0].mesh.clone();
+    let mut mesh = TriMesh::clone(&scene.meshes()[0].mesh);
     mesh.set_normals(Some(vec![[0.0, 0.0, 1.0]; mesh.wedge_count()])).unwrap();
     let (got, bytes, _) = written(&scene, &[Some(mesh.clone())], Format::Glb);
-    assert_eq!(scene_of(&glb(&got, &bytes)).meshes()[0].mesh, mesh);
+    assert_eq!(*scene_of(&glb(&got, &bytes)).meshes()[0].mesh, mesh);
 }
 
 #[test]
@@ -269,7 +269,7 @@ fn shared_accessors_stay_for_those_that_still_want_them() {
         "scenes": [{"nodes": [0, 1, 2]}],
     }));
     let scene = scene_of(&glb(&json, &pack.bin));
-    let whole = |i: usize| Some(scene.meshes()[i].mesh.clone());
+    let whole = |i: usize| Some(TriMesh::clone(&scene.meshes()[i].mesh));
     let (got, bytes, _) = written(&scene, &[whole(0)], Format::Glb);
     assert_eq!(got["meshes"][1], json["meshes"][1]);
     assert_ne!(got["meshes"][0]["primitives"][0]["attributes"]["POSITION"], positions);
@@ -292,11 +292,11 @@ fn strips_and_fans_become_triangles() {
         {"attributes": {"POSITION": positions}, "mode": 6},
     ]}]}));
     let scene = scene_of(&glb(&json, &pack.bin));
-    let mesh = scene.meshes()[0].mesh.clone();
+    let mesh = TriMesh::clone(&scene.meshes()[0].mesh);
     assert_eq!((mesh.face_count(), mesh.vertex_count(), mesh.wedge_count()), (6, 5, 10));
     let (got, bytes, _) = written(&scene, &[Some(mesh.clone())], Format::Glb);
     assert_eq!(got["meshes"][0]["primitives"][0]["mode"], 4);
-    assert_eq!(scene_of(&glb(&got, &bytes)).meshes()[0].mesh, mesh);
+    assert_eq!(*scene_of(&glb(&got, &bytes)).meshes()[0].mesh, mesh);
 }
 
 #[test]
@@ -320,18 +320,18 @@ fn quantised_numbers_stay_so_where_they_can() {
         "nodes": [{"mesh": 0, "scale": [0.01, 0.01, 0.01]}],
     }));
     let scene = scene_of(&glb(&json, &pack.bin));
-    let mesh = scene.meshes()[0].mesh.clone();
+    let mesh = TriMesh::clone(&scene.meshes()[0].mesh);
     let (got, bytes, _) = written(&scene, &[Some(mesh.clone())], Format::Glb);
     assert_eq!(got["accessors"][positions]["componentType"], 5123);
     assert_eq!(got["accessors"][normals]["componentType"], 5120);
-    assert_eq!(scene_of(&glb(&got, &bytes)).meshes()[0].mesh, mesh);
+    assert_eq!(*scene_of(&glb(&got, &bytes)).meshes()[0].mesh, mesh);
 
     let mut moved = mesh;
     moved.map_positions(|p| p.map(|x| x + 0.5));
     let (got, bytes, _) = written(&scene, &[Some(moved.clone())], Format::Glb);
     assert_eq!(got["accessors"][positions]["componentType"], 5126);
     assert_eq!(got["extensionsRequired"], json["extensionsRequired"]);
-    assert_eq!(scene_of(&glb(&got, &bytes)).meshes()[0].mesh, moved);
+    assert_eq!(*scene_of(&glb(&got, &bytes)).meshes()[0].mesh, moved);
 }
 
 #[test]
@@ -365,7 +365,7 @@ fn an_image_of_its_own_is_taken_in() {
     assert!(!scene.embed("x.jpg", b"no image".to_vec()));
     assert!(scene.embed("x.jpg", PNG.to_vec()));
     assert!(scene.outside_files().is_empty());
-    let same = Some(scene.meshes()[0].mesh.clone());
+    let same = Some(TriMesh::clone(&scene.meshes()[0].mesh));
     let (got, bytes, _) = written(&scene, &[same], Format::Glb);
     assert_eq!(keys(&got["images"][1]), ["name", "bufferView", "mimeType"]);
     assert_eq!(got["images"][1]["mimeType"], "image/png");
@@ -459,7 +459,7 @@ fn what_cannot_be_read_or_written_is_named() {
 
     let (json, bin) = small();
     let scene = scene_of(&glb(&json, &bin));
-    let mut mesh = scene.meshes()[0].mesh.clone();
+    let mut mesh = TriMesh::clone(&scene.meshes()[0].mesh);
     let fails = |replaced: &[Option<TriMesh>], format: Format| {
         scene.write(replaced, format, &|_| None, &mut Vec::new()).unwrap_err().to_string()
     };
@@ -475,7 +475,7 @@ fn damaged_scenes_get_an_answer() {
     let (json, bin) = everything();
     let rewrite = |bytes: &[u8]| {
         let Ok(scene) = Scene::read(bytes, &ReadOptions::default()) else { return };
-        let same: Vec<_> = scene.meshes().iter().map(|m| Some(m.mesh.clone())).collect();
+        let same: Vec<_> = scene.meshes().iter().map(|m| Some(TriMesh::clone(&m.mesh))).collect();
         let none: Vec<_> = scene.meshes().iter().map(|m| Some(only(&m.mesh, |_| false))).collect();
         for replaced in [&same[..], &none, &[]] {
             let mut out = Vec::new();

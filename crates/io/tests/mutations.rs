@@ -134,7 +134,9 @@ fn damaged_files_get_an_answer() {
                     if matches!(format, Format::Glb | Format::Gltf)
                         && let Ok(scene) = Scene::read(&bytes, &forced)
                     {
-                        let same: Vec<_> = scene.meshes().iter().map(|m| Some(m.mesh.clone())).collect();
+                        let same: Vec<_> =
+                            scene.meshes().iter().map(|m| Some(TriMesh::clone(&m.mesh))).collect();
+                        let _ = scene.model();
                         let _ = scene.write(&same, format, &|_| None, &mut Vec::new());
                     }
                     for loaded in [by_content, by_name].into_iter().flatten() {

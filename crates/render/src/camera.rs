@@ -91,7 +91,7 @@ impl Camera {
     pub fn fitting(bounds: &Bounds, view: StandardView, aspect: f64) -> Self {
         let (to_eye, up) = view.directions();
         let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
-        let target = 0.5 * (min + max);
+        let target = 0.5 * min + 0.5 * max;
         let lens = Lens::Perspective { fov_y_rad: FOV_Y_RAD };
         Self { eye: target + to_eye, target, up, lens }.framing(bounds, aspect)
     }
@@ -99,11 +99,11 @@ impl Camera {
     /// The same direction and lens, moved so that a ball round the box fills a picture of `aspect`.
     pub fn framing(self, bounds: &Bounds, aspect: f64) -> Self {
         let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
-        let target = 0.5 * (min + max);
+        let target = 0.5 * min + 0.5 * max;
         // Halves first: the box may be as large as numbers go. A point has room round it too.
-        let radius = (0.5 * max - 0.5 * min).length().max(1e-6 * target.length()).max(1e-30);
+        let radius = length(0.5 * max - 0.5 * min).max(1e-12 * length(target)).max(1e-290);
         let narrow = aspect.min(1.0);
-        let to_eye = (self.eye - self.target).normalize_or(DVec3::Z);
+        let to_eye = unit(self.eye - self.target).unwrap_or(DVec3::Z);
         match self.lens {
             Lens::Perspective { fov_y_rad } => {
                 let half = (narrow * (0.5 * fov_y_rad).tan()).atan();
@@ -116,6 +116,13 @@ impl Camera {
         }
     }
 
+    /// The directions to the right, up and back, as the camera stands: unit length, square to each other.
+    pub fn axes(&self) -> [DVec3; 3] {
+        let back = unit(self.eye - self.target).unwrap_or(DVec3::Z);
+        let up = self.up_square();
+        [up.cross(back), up, back]
+    }
+
     /// From the coordinates of the model to those of the camera.
     pub fn view_from_world(&self) -> DMat4 {
         let up = self.up_square();
@@ -124,14 +131,14 @@ impl Camera {
 
     /// Up as seen in the picture: square to the view, unit length, whatever `up` says.
     pub fn up_square(&self) -> DVec3 {
-        let along = (self.target - self.eye).normalize_or(DVec3::NEG_Z);
-        let square = |up: DVec3| (up - along * along.dot(up)).try_normalize();
+        let along = unit(self.target - self.eye).unwrap_or(DVec3::NEG_Z);
+        let square = |up: DVec3| unit(up).and_then(|up| (up - along * along.dot(up)).try_normalize());
         square(self.up).or_else(|| square(DVec3::Y)).or_else(|| square(DVec3::Z)).unwrap_or(DVec3::Y)
     }
 
     /// Distance from the eye to the target.
     pub fn distance(&self) -> f64 {
-        self.eye.distance(self.target)
+        length(self.eye - self.target)
     }
 
     /// Length in the model that one pixel of a picture of this height covers, at a distance from the eye.
@@ -142,6 +149,18 @@ impl Camera {
         };
         height / height_px.max(1.0)
     }
+}
+
+/// Length, however large or small the numbers are: the square of 1e200 is not a number that a double holds.
+pub(crate) fn length(v: DVec3) -> f64 {
+    let largest = v.abs().max_element();
+    if largest > 0.0 && largest.is_finite() { largest * (v / largest).length() } else { largest }
+}
+
+/// A direction of unit length, however large or small the numbers are.
+fn unit(v: DVec3) -> Option<DVec3> {
+    let largest = v.abs().max_element();
+    if largest > 0.0 && largest.is_finite() { (v / largest).try_normalize() } else { None }
 }
 
 #[cfg(test)]

@@ -38,8 +38,8 @@ impl ColorMap {
         [0, 1, 2].map(|k| a[k] * (1.0 - share) + b[k] * share)
     }
 
-    /// Colours at even steps.
-    fn stops(self) -> &'static [[f32; 3]] {
+    /// Colours at even steps from 0 to 1; what lies between is blended.
+    pub fn stops(self) -> &'static [[f32; 3]] {
         match self {
             // Chosen by eye.
             Self::Turbo => &[

@@ -1,13 +1,47 @@
 //! Pictures of triangle meshes on the CPU: the same everywhere, no driver and no display needed.
 //!
 //! The words of seeing (cameras, looks, lights, colour maps) live here too, for whoever draws otherwise.
+//!
+//! ```
+//! use lodsmith_core::shapes;
+//! use lodsmith_render::{StandardView, Subject, View, render};
+//!
+//! let subject = Subject::of_mesh(shapes::icosphere(3))?;
+//! let bounds = subject.bounds().expect("a ball has faces");
+//! let picture = render(&subject, &View::of(&bounds, StandardView::Iso, 320, 240))?;
+//! assert_eq!((picture.width(), picture.height()), (320, 240));
+//! # Ok::<(), lodsmith_render::RenderError>(())
+//! ```
 
+mod backdrop;
 pub mod camera;
 pub mod colormap;
+mod crease;
+mod draw;
+pub mod file;
+pub mod image_error;
+mod lettering;
 pub mod light;
+mod linear;
 pub mod look;
+pub mod marks;
+mod projection;
+mod raster;
+mod shade;
+pub mod sheet;
+mod subject;
+mod surfaces;
+mod texture;
+mod view;
 
 pub use camera::{Camera, Lens, StandardView};
 pub use colormap::ColorMap;
+pub use draw::render;
+pub use file::{PictureFormat, decode, encode};
+pub use glam::{DQuat, DVec3};
+pub use image_error::{ImageError, image_error};
 pub use light::{Ambient, Light, LightKind, Lighting};
 pub use look::{Background, Look, Shading};
+pub use sheet::{Legend, Panel, sheet};
+pub use subject::Subject;
+pub use view::{Ground, RenderError, SIDE_MAX, View};

@@ -3,7 +3,7 @@
 use crate::colormap::ColorMap;
 
 /// What colours a surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Shading {
     /// One colour, normals blended over faces: the mesh's own, or those of its shape.
     #[default]

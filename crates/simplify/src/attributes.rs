@@ -28,6 +28,7 @@ const MOST_COUNTED: f64 = 1e6;
 const LARGEST_PULL: f32 = 1e30;
 
 /// The rows of a mesh, and how to read them.
+#[derive(Clone)]
 pub(crate) struct Rows {
     layout: Vec<Column>,
     /// Sets of four joints.
@@ -49,6 +50,7 @@ pub(crate) struct Ground<'a> {
 }
 
 /// Where an attribute stands in a row; one that is the same at all wedges stands in none.
+#[derive(Clone)]
 struct Column {
     of: Of,
     at: usize,
@@ -61,6 +63,7 @@ struct Column {
 }
 
 /// Where columns stand in rows of a mesh.
+#[derive(Clone)]
 pub(crate) struct RowPlaces {
     /// For each column; nothing for one that is the same at all wedges, or was lent.
     columns: Vec<Option<usize>>,
@@ -69,6 +72,7 @@ pub(crate) struct RowPlaces {
 }
 
 /// Which attribute.
+#[derive(Clone)]
 enum Of {
     Normals,
     Uvs,

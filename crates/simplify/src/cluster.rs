@@ -18,7 +18,7 @@ mod faces;
 mod grid;
 mod locked;
 mod model;
-mod pieces;
+pub(crate) mod pieces;
 mod place;
 mod sample;
 mod search;

@@ -20,6 +20,7 @@
 //! least cost last seen at u, and a stale bound only delays or hastens a collapse by a sweep. Exact order buys nothing:
 //! the expected quality is that of a global queue [Wu-Kobbelt 2002], at a fraction of its time.
 
+mod again;
 mod around;
 pub(crate) mod attributes;
 mod bound;
@@ -68,6 +69,10 @@ pub(crate) use wedges::Wedges;
 
 /// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 fewer sweeps: docs/decisions/0002.)
 const QUANTILE: f64 = 0.7;
+/// Share of what is left that the last sweeps take, at most.
+const LAST_SHARE: f64 = 0.85;
+/// How much more than was foreseen a sweep may take, where it must not meet a goal. (Guessed.)
+const AHEAD: f64 = 1.2;
 /// The bound of a vertex that was not looked at yet: below every threshold.
 const UNKNOWN: f32 = 0.0;
 /// Sweeps in vain before everything that is possible at all is looked for.
@@ -117,12 +122,15 @@ pub(crate) trait Original {
     fn with(&self, look: &mut Look<'_>);
 }
 
+#[derive(Clone)]
 pub(crate) struct Engine<M: Metric> {
     pub(crate) store: Store<M>,
     rules: Rules,
     /// Mean over the live triangles, as the tensors count it.
     area: f32,
     total_area: f64,
+    /// Faces that the first sweep begins with.
+    first_faces: usize,
     /// The same over the input, for metrics that measure by it.
     mean_face: f32,
     late: Option<Late>,
@@ -174,6 +182,7 @@ impl<M: Metric> Engine<M> {
             rules,
             area: 0.0,
             total_area: 0.0,
+            first_faces: 0,
             mean_face: 1.0,
             late: None,
             parts: None,
@@ -208,6 +217,7 @@ impl<M: Metric> Engine<M> {
         }
         engine.weigh_attributes();
         engine.weigh_lines();
+        engine.first_faces = engine.store.live_faces;
         (engine, duplicates)
     }
 
@@ -395,7 +405,7 @@ impl<M: Metric> Engine<M> {
         if let Some(needed) = self.needed(goal) {
             // The last sweeps take only most of what is left, so that the cheapest go.
             let share = looked_at as f64 / self.store.v.len().max(1) as f64;
-            want = want.min(needed as f64 * 0.85 * share);
+            want = want.min(needed as f64 * LAST_SHARE * share);
         }
         histogram.threshold((want as usize).max(1))
     }
@@ -519,44 +529,102 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Sweeps until the goal is met, nothing can go any more, or the caller ends it. The store is finished afterwards.
+    /// May be called again with a lower goal, after [`Engine::reopen`].
     pub(crate) fn sweep(&mut self, goal: &Goal, original: &dyn Original, control: &mut dyn Control) -> End {
-        let extreme =
-            !M::JUDGE.is_metric() && goal.faces.is_some_and(|n| late::is_extreme(n, self.store.live_faces));
-        let begun_with = self.needed(goal).unwrap_or(self.store.live_faces / 2).max(1);
-        let start_faces = self.store.live_faces;
+        let mut sweeps = self.begin_sweeps(goal);
+        let end = self.go_on(&mut sweeps, goal, false, original, control).unwrap_or(End::Stuck);
+        if end != End::Cancel {
+            self.store.finish();
+        }
+        end
+    }
+
+    /// Looks around before the first sweep.
+    pub(crate) fn begin_sweeps(&mut self, goal: &Goal) -> Sweeps {
         let mut scratch = Scratch::default();
         self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
         let first = self.first_bounds(&mut scratch);
-        let mut tau = self.threshold(&Histogram::of(&first), first.len(), goal);
-        let mut end = End::Stuck;
-        let (mut probe, mut probed, mut idle, mut highest) = (false, false, 0, tau);
-        let (mut lift, mut at_probe) = (1f32, u64::MAX);
+        let begun_with = self.needed(goal).unwrap_or(self.store.live_faces / 2).max(1);
+        Sweeps {
+            next: Some((Histogram::of(&first), first.len())),
+            begun_with,
+            start_faces: self.store.live_faces,
+            swept: false,
+            tau: 0.0,
+            highest: 0.0,
+            idle: 0,
+            probe: false,
+            probed: false,
+            lift: 1.0,
+            at_probe: u64::MAX,
+        }
+    }
+
+    /// Sweeps on towards a goal, and says why it ended. If it `forks`, it ends before the goal has a say in how much a sweep
+    /// takes, and says nothing: up to there all runs of the same input are the same, and can be gone on with to this goal
+    /// and to others.
+    pub(crate) fn go_on(
+        &mut self,
+        sweeps: &mut Sweeps,
+        goal: &Goal,
+        forks: bool,
+        original: &dyn Original,
+        control: &mut dyn Control,
+    ) -> Option<End> {
+        let extreme =
+            !M::JUDGE.is_metric() && goal.faces.is_some_and(|n| late::is_extreme(n, self.first_faces));
+        let mut scratch = Scratch::default();
         'sweeps: for _ in 0..MOST_SWEEPS {
+            // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
+            if sweeps.swept && sweeps.next.is_some() {
+                if self.store.wants_compaction(self.needed(goal)) {
+                    self.store.compact();
+                    sweeps.next = Some(self.bounds());
+                }
+                if self.is_late(extreme) {
+                    original.with(&mut |points, faces| self.begin_late(points, faces));
+                    sweeps.next = Some(self.bounds());
+                }
+            }
+            if let Some((histogram, looked_at)) = sweeps.next.take() {
+                if forks && self.is_last_stretch(&histogram, looked_at, goal) {
+                    sweeps.next = Some((histogram, looked_at));
+                    return None;
+                }
+                let mut next = self.threshold(&histogram, looked_at, goal);
+                if sweeps.probe {
+                    // What a probe finds is exact; an evaluation may see more, and needs a higher threshold to be tried.
+                    sweeps.lift = if self.collapses == sweeps.at_probe { sweeps.lift * 16.0 } else { 1.0 };
+                    sweeps.at_probe = self.collapses;
+                    next = (next * sweeps.lift).min(f32::MAX);
+                    (sweeps.highest, sweeps.idle) = (next, 0);
+                }
+                // Bounds are stale, some by far: a sweep in vain is no reason to go back to lower ones.
+                sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
+                sweeps.highest = sweeps.highest.max(sweeps.tau);
+                (sweeps.probe, sweeps.probed) = (false, sweeps.probe);
+            }
+            let (tau, probe) = (sweeps.tau, sweeps.probe);
             self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
             let before = self.collapses;
             let refused = self.refused();
+            let done = |engine: &Self| engine.done(goal, sweeps.begun_with, sweeps.start_faces);
             if self.pairs.is_some() {
-                let mut ask = |engine: &Self| control.progress(engine.done(goal, begun_with, start_faces));
+                let mut ask = |engine: &Self| control.progress(done(engine));
                 match self.contract_pairs(goal, tau, probe, &mut ask) {
                     Verdict::Continue => {}
-                    Verdict::Finish => {
-                        end = End::Finish;
-                        break;
-                    }
-                    Verdict::Cancel => return End::Cancel,
+                    Verdict::Finish => return Some(End::Finish),
+                    Verdict::Cancel => return Some(End::Cancel),
                 }
             }
             let goal_faces = goal.faces.unwrap_or(0);
             let goal_vertices = goal.vertices.unwrap_or(0);
             for i in 0..self.store.v.len() {
                 if i % ASK_EVERY == 0 {
-                    match control.progress(self.done(goal, begun_with, start_faces)) {
+                    match control.progress(done(self)) {
                         Verdict::Continue => {}
-                        Verdict::Finish => {
-                            end = End::Finish;
-                            break 'sweeps;
-                        }
-                        Verdict::Cancel => return End::Cancel,
+                        Verdict::Finish => return Some(End::Finish),
+                        Verdict::Cancel => return Some(End::Cancel),
                     }
                 }
                 if self.store.bound[i] <= tau || probe {
@@ -579,70 +647,71 @@ impl<M: Metric> Engine<M> {
                 }
             }
             if self.needed(goal) == Some(0) {
-                end = End::Goal;
-                break;
+                return Some(End::Goal);
             }
-            idle = if self.collapses == before { idle + 1 } else { 0 };
+            sweeps.swept = true;
+            sweeps.idle = if self.collapses == before { sweeps.idle + 1 } else { 0 };
             if self.parts.is_some() && !probe {
                 self.drop_cheap_parts(goal, tau);
                 if self.needed(goal) == Some(0) {
-                    end = End::Goal;
-                    break;
+                    return Some(End::Goal);
                 }
             }
             if self.store.wants_compaction(self.needed(goal)) {
                 self.store.compact();
             }
-            if extreme && self.late.is_none() && self.store.live_faces < late::BEGIN {
+            if self.is_late(extreme) {
                 original.with(&mut |points, faces| self.begin_late(points, faces));
             }
-            let mut histogram = Histogram::of(&self.store.bound);
-            if let Some(pairs) = &self.pairs {
-                histogram.add(pairs.bounds());
-            }
+            let (histogram, looked_at) = self.bounds();
             if histogram.known() == 0 {
-                if probed && self.rules.max_cost.is_finite() {
+                if sweeps.probed && self.rules.max_cost.is_finite() {
                     // Nothing but what is refused stays below the limit.
-                    end = if self.refused() == refused { End::Exhausted } else { End::Stuck };
-                    break;
+                    return Some(if self.refused() == refused { End::Exhausted } else { End::Stuck });
                 }
                 if let (true, true, Some(looser)) =
-                    (probed, self.attributes.is_some(), self.looseness.looser())
+                    (sweeps.probed, self.attributes.is_some(), self.looseness.looser())
                 {
                     // Better a seam out of place than a whole part gone.
                     self.looseness = looser;
-                    (probe, probed) = (true, true);
+                    (sweeps.probe, sweeps.probed) = (true, true);
                     continue;
                 }
-                if probed {
-                    if self.remove_parts(goal) {
-                        end = End::Goal;
-                    }
-                    break;
+                if sweeps.probed {
+                    return Some(if self.remove_parts(goal) { End::Goal } else { End::Stuck });
                 }
-                (probe, probed) = (true, true);
+                (sweeps.probe, sweeps.probed) = (true, true);
                 continue;
             }
-            if idle >= PATIENCE && !probe {
+            if sweeps.idle >= PATIENCE && !probe {
                 // Nothing could go: find out what is possible at all, and at what cost.
-                (probe, probed) = (true, true);
+                (sweeps.probe, sweeps.probed) = (true, true);
                 continue;
             }
-            let mut next = self.threshold(&histogram, self.store.v.len(), goal);
-            if probe {
-                // What a probe finds is exact; an evaluation may see more, and needs a higher threshold to be tried.
-                lift = if self.collapses == at_probe { lift * 16.0 } else { 1.0 };
-                at_probe = self.collapses;
-                next = (next * lift).min(f32::MAX);
-                (highest, idle) = (next, 0);
-            }
-            // Bounds are stale, some by far: a sweep in vain is no reason to go back to lower ones.
-            tau = if idle > 0 { next.max(highest * 1.25) } else { next };
-            highest = highest.max(tau);
-            (probe, probed) = (false, probe);
+            sweeps.next = Some((histogram, looked_at));
         }
-        self.store.finish();
-        end
+        Some(End::Stuck)
+    }
+
+    /// Whether the late phase is to begin.
+    fn is_late(&self, extreme: bool) -> bool {
+        extreme && self.late.is_none() && self.store.live_faces < late::BEGIN
+    }
+
+    /// The bounds of all vertices, and of pairs.
+    fn bounds(&self) -> (Histogram, usize) {
+        let mut histogram = Histogram::of(&self.store.bound);
+        if let Some(pairs) = &self.pairs {
+            histogram.add(pairs.bounds());
+        }
+        (histogram, self.store.v.len())
+    }
+
+    /// Whether the next sweep would be cut short for the goal, or might meet it.
+    fn is_last_stretch(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> bool {
+        let share = looked_at as f64 / self.store.v.len().max(1) as f64;
+        self.needed(goal)
+            .is_some_and(|n| n as f64 * LAST_SHARE * share < AHEAD * QUANTILE * histogram.known() as f64)
     }
 
     /// Twice the area of the present input, in the unit frame; above 0.
@@ -664,6 +733,26 @@ impl<M: Metric> Engine<M> {
         // Not all of a part is as far from the rest as it is large: a quarter, in squares. (Guessed.)
         (kept + 0.25 * self.lost / area).sqrt()
     }
+}
+
+/// Where a run of sweeps stands.
+#[derive(Clone)]
+pub(crate) struct Sweeps {
+    /// What the next threshold is found from, and how many vertices were looked at for it; none while one holds.
+    next: Option<(Histogram, usize)>,
+    begun_with: usize,
+    start_faces: usize,
+    swept: bool,
+    tau: f32,
+    highest: f32,
+    /// Sweeps in vain.
+    idle: usize,
+    /// Whether the next sweep looks for what is possible at all, and whether the last one did.
+    probe: bool,
+    probed: bool,
+    lift: f32,
+    /// Collapses at the last probe.
+    at_probe: u64,
 }
 
 /// What a visit works with; made once.

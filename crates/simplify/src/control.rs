@@ -55,3 +55,27 @@ pub trait Control {
 pub struct NoControl;
 
 impl Control for NoControl {}
+
+/// One of several runs, as a part of the whole.
+pub(crate) struct Share<'a> {
+    pub(crate) control: &'a mut dyn Control,
+    pub(crate) begin: f64,
+    pub(crate) length: f64,
+}
+
+impl<'a> Share<'a> {
+    /// One of `count` equal shares.
+    pub(crate) fn of(control: &'a mut dyn Control, i: usize, count: usize) -> Self {
+        let length = 1.0 / count.max(1) as f64;
+        Self { control, begin: i as f64 * length, length }
+    }
+}
+
+impl Control for Share<'_> {
+    fn stage(&mut self, stage: Stage) {
+        self.control.stage(stage);
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        self.control.progress(self.begin + self.length * done)
+    }
+}

@@ -4,11 +4,13 @@ mod attributes;
 mod care;
 pub mod clean;
 mod cluster;
+pub mod cluster_lod;
 mod collapse;
 pub mod control;
 mod escalate;
 mod fit;
 mod guard;
+pub mod lod;
 mod metric;
 pub mod options;
 mod planar;
@@ -27,8 +29,10 @@ mod unsubdivide;
 mod vertex_removal;
 
 pub use clean::{CleanOptions, CleanReport, Cleaned, NonManifold, clean};
+pub use cluster_lod::{BuiltClusterLod, ClusterLodOptions, ClusterLodReport, cluster_lod};
 pub use control::{Control, NoControl, Stage, Verdict};
 pub use escalate::Escalation;
+pub use lod::{Levels, LodChain, LodOptions, SceneChain, Screen, lod, lod_scene};
 pub use lodsmith_core as core;
 use lodsmith_core::{MeshError, Surface, TriMesh};
 pub use options::{

@@ -47,7 +47,7 @@ impl Judge {
 }
 
 /// How the loss of a collapse is judged.
-pub(crate) trait Metric {
+pub(crate) trait Metric: Clone {
     /// What a vertex carries, relative to its own position.
     type Memory: Copy + Default;
     /// Whether the tensor is that of the present star: then the vertices around swap old planes for new ones.

@@ -2,7 +2,7 @@
 //!
 //! Every contraction of a run is recorded with what it changed (`collapse/record`), put in an order in which each level
 //! is a good mesh (`arrange`), and can be taken back to the bit. What the engine's fit would make of a level stands in
-//! checkpoints beside the splits (`correct`). (docs/progressive.md, docs/decisions/0016)
+//! checkpoints beside the splits (`correct`). (docs/progressive.md, docs/decisions/0018)
 
 mod arrange;
 mod build;
@@ -116,7 +116,7 @@ impl Progressive {
     /// full mesh afterwards.
     ///
     /// A stop at an error is one of the [estimate](Self::error). Methods that make a new mesh at once have no road.
-    /// Cost: about twice the time and four times the memory of a run of [`simplify`](crate::simplify()).
+    /// Cost: three to four times the time of a run of [`simplify`](crate::simplify()) to the end.
     ///
     /// # Errors
     /// As [`simplify`](crate::simplify()); [`SimplifyError::NotOfMethod`] for a method without contractions.

@@ -227,6 +227,7 @@ fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, Si
         duplicate_faces: ground.duplicate_faces,
         proposals: Vec::new(),
         held,
+        trace: None,
     })
 }
 

@@ -1,8 +1,9 @@
 //! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
 
+mod chain;
 mod start;
+mod trunk;
 
-use glam::Vec3;
 use lodsmith_core::measure::{self, CompareOptions, Comparison};
 use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::mesh::weld;
@@ -14,16 +15,15 @@ use crate::collapse::cut::may_cut;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::{End, Engine, Goal, Look, Original};
 use crate::control::{Control, Stage, Verdict};
-use crate::fit;
-use crate::guard::Rules;
 use crate::metric::{EdgeLength, LindstromTurk, Melax, Memoryless, Metric, Quadric};
 use crate::options::{Length, Measure, Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
 use crate::{Simplified, SimplifyError, cluster, escalate, prune, rebuild, shading};
+pub(crate) use chain::{is_chained, run_chain};
 pub(crate) use start::Started;
-use start::pairs_reach;
+use trunk::{Trace, Trunk};
 
 /// Runs of the engine in search of an error, at most.
 const ERROR_RUNS: usize = 12;
@@ -90,7 +90,13 @@ pub(crate) struct Outcome {
     pub(crate) duplicate_faces: usize,
     pub(crate) proposals: Vec<Proposal>,
     pub(crate) held: Held,
+    pub(crate) trace: Option<Trace>,
 }
+
+/// What a run made, and what was held at its corners.
+pub(crate) type Done = (Simplified, Held);
+/// What runs inside the steps that come first: one run, or a chain of them.
+type Inner<'a> = dyn FnMut(&Input<'_>, &SimplifyOptions) -> Result<Vec<Done>, SimplifyError> + 'a;
 
 /// Runs with the options' method, after welding and pruning; once more with looser ones if that is wanted and needed. Says
 /// what was held at the corners of the result.
@@ -98,30 +104,46 @@ pub(crate) fn run(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<(Simplified, Held), SimplifyError> {
+) -> Result<Done, SimplifyError> {
     options.check()?;
     care::check(options, input.surface.positions().len())?;
     let options = &options.with_own_placement();
+    escalate::escalated(options, |options| {
+        let mut all = run_shaded(input, options, &mut |input, options| {
+            Ok(vec![run_by_method(input, options, control)?])
+        })?;
+        Ok(all.swap_remove(0))
+    })
+}
+
+/// Lends the mesh the normals of its shape, where they are to count, and runs.
+fn run_shaded(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    inner: &mut Inner<'_>,
+) -> Result<Vec<Done>, SimplifyError> {
     if options.shape_normals
         && let Some(mesh) = shading::shaded(input)?
     {
         let lent = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
-        let (mut done, held) = escalate::escalated(options, |options| run_pruned(&lent, options, control))?;
-        done.mesh = shading::unshaded(done.mesh)?;
-        let has_seams = |m: &TriMesh| m.has_attributes() || m.regions().is_some();
-        done.report.seams_relaxed &= input.mesh.is_some_and(has_seams);
-        return Ok((done, held));
+        let has_seams = input.mesh.is_some_and(|m| m.has_attributes() || m.regions().is_some());
+        let unshaded = |(mut done, held): Done| {
+            done.mesh = shading::unshaded(done.mesh)?;
+            done.report.seams_relaxed &= has_seams;
+            Ok((done, held))
+        };
+        return run_pruned(&lent, options, inner)?.into_iter().map(unshaded).collect();
     }
-    escalate::escalated(options, |options| run_pruned(input, options, control))
+    run_pruned(input, options, inner)
 }
 
 /// Leaves small parts out, and runs on what is left.
 fn run_pruned(
     input: &Input<'_>,
     options: &SimplifyOptions,
-    control: &mut dyn Control,
-) -> Result<(Simplified, Held), SimplifyError> {
-    let Some(size) = options.prune else { return run_welded(input, options, control) };
+    inner: &mut Inner<'_>,
+) -> Result<Vec<Done>, SimplifyError> {
+    let Some(size) = options.prune else { return run_welded(input, options, inner) };
     let diagonal = prune::diagonal(&input.surface);
     // Shares are of the whole input, small parts and all.
     let units = |length: Length| Length::Units(length.in_units(diagonal));
@@ -132,29 +154,31 @@ fn run_pruned(
     let near = options.weld.map(|d| d.in_units(diagonal));
     let small = prune::small_parts(&input.surface, size.in_units(diagonal), near, options.locked.as_deref());
     if small.pruned.parts == 0 {
-        let mut done = run_welded(input, &options, control)?;
-        done.0.report.pruned = small.pruned;
-        return Ok(done);
+        let mut all = run_welded(input, &options, inner)?;
+        all.iter_mut().for_each(|done| done.0.report.pruned = small.pruned);
+        return Ok(all);
     }
     let (triangles, unused) = prune::without(&input.surface, &small.is_small);
     let surface = Surface::with_triangles(input.surface.positions(), triangles)?;
-    let mut done = run_welded(&Input { surface, mesh: input.mesh, joined: None }, &options, control)?;
-    let report = &mut done.0.report;
-    report.pruned = small.pruned;
-    report.error.diagonal = diagonal;
-    let cleanup = &mut report.cleanup;
-    cleanup.degenerate_faces = cleanup.degenerate_faces.saturating_sub(small.pruned.faces);
-    cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(unused);
-    Ok(done)
+    let mut all = run_welded(&Input { surface, mesh: input.mesh, joined: None }, &options, inner)?;
+    for (done, _) in &mut all {
+        let report = &mut done.report;
+        report.pruned = small.pruned;
+        report.error.diagonal = diagonal;
+        let cleanup = &mut report.cleanup;
+        cleanup.degenerate_faces = cleanup.degenerate_faces.saturating_sub(small.pruned.faces);
+        cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(unused);
+    }
+    Ok(all)
 }
 
 /// Joins near vertices if asked, and runs.
 fn run_welded(
     input: &Input<'_>,
     options: &SimplifyOptions,
-    control: &mut dyn Control,
-) -> Result<(Simplified, Held), SimplifyError> {
-    let Some(distance) = options.weld else { return run_by_method(input, options, control) };
+    inner: &mut Inner<'_>,
+) -> Result<Vec<Done>, SimplifyError> {
+    let Some(distance) = options.weld else { return inner(input, options) };
     let positions = input.surface.positions();
     let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
     let weld = weld::weld_within(positions, distance.in_units(diagonal));
@@ -162,12 +186,14 @@ fn run_welded(
     let triangles = input.surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
     let surface = Surface::with_triangles(positions, triangles)?;
     let welded = Input { surface, mesh: input.mesh, joined: Some(joined) };
-    let mut done = run_by_method(&welded, options, control)?;
-    // The joined vertices have no face any more; they are counted as joined, not as unused.
-    let cleanup = &mut done.0.report.cleanup;
-    cleanup.welded_vertices += merged;
-    cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(merged);
-    Ok(done)
+    let mut all = inner(&welded, options)?;
+    for (done, _) in &mut all {
+        // The joined vertices have no face any more; they are counted as joined, not as unused.
+        let cleanup = &mut done.report.cleanup;
+        cleanup.welded_vertices += merged;
+        cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(merged);
+    }
+    Ok(all)
 }
 
 /// One run to a goal. The largest distance that a step may leave, in user units, is given where the error is searched for.
@@ -192,12 +218,15 @@ pub(crate) fn run_by_method(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<(Simplified, Held), SimplifyError> {
+) -> Result<Done, SimplifyError> {
     if options.method == Method::Cluster {
         return cluster::run(input, options, control);
     }
-    let pass = collapses(options.method).unwrap_or(rebuild::pass);
-    run_with(pass, input, options, control)
+    run_with(pass_of(options.method), input, options, control)
+}
+
+fn pass_of(method: Method) -> Pass {
+    collapses(method).unwrap_or(rebuild::pass)
 }
 
 pub(crate) fn run_with(
@@ -205,28 +234,48 @@ pub(crate) fn run_with(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<(Simplified, Held), SimplifyError> {
+) -> Result<Done, SimplifyError> {
+    let mut ordered = ordered(input, control)?;
+    let goal = goal(options, input.surface.triangles().len());
+    let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
+    let care = Care::new(options, &ordered, |v| input.joined(v));
+    let run = Run { input, options, ordered: &mut ordered, goal, care: &care, pass, is_traced: false };
+    let finished = match limit {
+        Some(limit) if rebuild::goes_by_step(options.method) => run.run_within_step(limit, control)?,
+        Some(limit) => run.run_within_error(limit, control)?,
+        None => run.run_to_goal(control)?,
+    };
+    Ok(told(input, options, &ordered, &care, finished))
+}
+
+/// The input in order, if it has a face with an area.
+fn ordered(input: &Input<'_>, control: &mut dyn Control) -> Result<Ordered, SimplifyError> {
     control.stage(Stage::Prepare);
     if control.progress(0.0) == Verdict::Cancel {
         return Err(SimplifyError::Cancelled);
     }
     let surface = &input.surface;
-    let input_faces = surface.triangles().len();
-    let mut ordered = order::order(surface);
+    let ordered = order::order(surface);
     let has_area =
         |t: &[VertexId; 3]| ordered.is_sound(t) && !is_zero_area(t.map(|v| surface.positions().get(v)));
     if !surface.triangles().iter().any(has_area) {
-        return Err(SimplifyError::NoFaces { faces: input_faces });
+        return Err(SimplifyError::NoFaces { faces: surface.triangles().len() });
     }
+    Ok(ordered)
+}
+
+/// A result, and what there is to say of it.
+fn told(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    ordered: &Ordered,
+    care: &Care,
+    (outcome, measured, by_error): Finished,
+) -> Done {
+    let surface = &input.surface;
+    let input_faces = surface.triangles().len();
     let goal = goal(options, input_faces);
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
-    let care = Care::new(options, &ordered, |v| input.joined(v));
-    let run = Run { input, options, ordered: &mut ordered, goal, care: &care, pass };
-    let (outcome, measured, by_error) = match limit {
-        Some(limit) if rebuild::goes_by_step(options.method) => run.run_within_step(limit, control)?,
-        Some(limit) => run.run_within_error(limit, control)?,
-        None => run.run_to_goal(control)?,
-    };
     let mut cleanup = ordered.cleanup;
     cleanup.duplicate_faces = outcome.duplicate_faces;
     let met = |n: Option<usize>, count: usize| n.is_some_and(|n| count <= n);
@@ -282,7 +331,7 @@ pub(crate) fn run_with(
         pruned: Pruned::default(),
         clustered: None,
     };
-    Ok((Simplified { mesh: outcome.mesh, report }, outcome.held))
+    (Simplified { mesh: outcome.mesh, report }, outcome.held)
 }
 
 pub(crate) struct Run<'a, 'b> {
@@ -292,6 +341,8 @@ pub(crate) struct Run<'a, 'b> {
     pub(crate) goal: Goal,
     pub(crate) care: &'a Care,
     pub(crate) pass: Pass,
+    /// Whether outcomes say what their vertices came from.
+    pub(crate) is_traced: bool,
 }
 
 type Finished = (Outcome, Option<Comparison>, bool);
@@ -462,92 +513,13 @@ impl Run<'_, '_> {
         leave: Leave,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
-        let options = self.options;
-        let surface = &self.input.surface;
-        control.stage(Stage::Prepare);
-        let frame = self.ordered.frame;
-        // The search for an error runs several times from the same start.
-        let again = step.is_some();
-        let Started { mut engine, rows, originals, duplicate_faces, is_kept } =
-            self.start::<M>(step, false)?;
-
-        control.stage(Stage::Collapse);
-        if leave.parts {
-            engine.cuts_necks = leave.cuts;
-            engine.watch_parts();
-        }
-        let source = Source { surface, ordered: self.ordered, is_kept };
-        let end = engine.sweep(goal, &source, control);
-        if end == End::Cancel {
-            return Err(SimplifyError::Cancelled);
-        }
+        let mut trunk = self.begin::<M>(step, leave, (&[], 0), control)?;
+        let end = self.sweep(&mut trunk, goal, control)?;
         // Where parts may go, a first pass is not the last one; a search for an error has its own end.
-        let is_last = leave.parts || goal.is_none() || options.topology == TopologyPolicy::Preserve;
-        let proposals = match end == End::Stuck && is_last && !again {
-            true => engine.proposals(
-                options,
-                |o| Rules::new(o, frame, self.ordered.diagonal),
-                |d| pairs_reach(d, frame, self.ordered.diagonal),
-            ),
-            false => Vec::new(),
-        };
-        let mut fitted = None;
-        let wants_fit = self.wants_fit::<M>() && engine.collapses > 0;
-        if wants_fit {
-            control.stage(Stage::Fit);
-            if control.progress(0.0) == Verdict::Cancel {
-                return Err(SimplifyError::Cancelled);
-            }
-            // What the costs say is too much by about 1.8, as measured on eight models at 50 to 1 %.
-            let away = engine.estimate(None);
-            let mut values = match (&originals, &mut engine.attributes, &engine.store.wedges) {
-                (Some(originals), Some(attributes), Some(wedges)) => {
-                    Some(fit::Values::new(originals, attributes, wedges.clone(), away))
-                }
-                _ => None,
-            };
-            let before: Vec<Vec3> = match &values {
-                Some(_) => engine.store.v.iter().map(|x| x.p).collect(),
-                None => Vec::new(),
-            };
-            source.with(&mut |points, faces| {
-                fitted = Some(fit::fit(&mut engine.store, points, faces, away, values.as_mut()).rms);
-            });
-            if let Some(values) = values {
-                let store = &engine.store;
-                values.solve(|face, k| {
-                    let v = store.t[face][k];
-                    let x = &store.v[v.index()];
-                    (!x.kind.is_locked()).then(|| x.p - before[v.index()])
-                });
-            }
-        }
-        let mut mesh = self.result(&engine, rows.as_ref())?;
-        if let (true, Some(attributes), Some(wedges)) =
-            (engine.has_relaxed_seams(), &engine.attributes, &engine.store.wedges)
-        {
-            mesh = rebuild::dressed_again(self, &mesh, (attributes, wedges))?;
-        }
-        let held = self.held(&engine, rows.as_ref());
-        if let Some(input) = self.input.mesh {
-            held.restore(&mut mesh, input);
-        }
-        Ok(Outcome {
-            estimate: frame.user_length(engine.estimate(fitted)),
-            end,
-            fitted: wants_fit,
-            refusals: engine.refusals,
-            collapses: engine.collapses,
-            parts_removed: engine.parts_removed,
-            necks_cut: engine.necks_cut,
-            pairs_contracted: engine.pairs_contracted,
-            touches: engine.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0,
-            seams_relaxed: engine.has_relaxed_seams(),
-            duplicate_faces,
-            proposals,
-            mesh,
-            held,
-        })
+        let is_last = leave.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
+        let proposes = end == End::Stuck && is_last && step.is_none();
+        let Trunk { engine, root, .. } = trunk;
+        self.finish(engine, &root, end, proposes, control)
     }
 
     /// Number of a wedge's vertex in the ordered input.

@@ -15,7 +15,7 @@ use lodsmith_core::{
 
 use crate::care::{self, Held};
 use crate::control::Control;
-use crate::options::{Length, SimplifyOptions};
+use crate::options::{Length, SimplifyOptions, Stop};
 use crate::report::{Report, StoppedBy};
 use crate::run::{self, Input};
 use crate::{Simplified, SimplifyError, prune};
@@ -104,117 +104,247 @@ pub fn simplify_scene(
     if options.per_mesh {
         return per_mesh::simplify_each(parts, diagonal, options, control);
     }
-    let joining = options.weld.into_iter().chain(options.of_method.pairs);
-    let layout = Layout::new(parts, joining.map(|d| d.in_units(diagonal)).fold(0.0, f64::max));
-    let is_placed = parts.iter().any(|p| p.instances > 0);
-    let times = |p: &Part<'_>| if is_placed { p.instances } else { 1 };
-    let (mesh, table) = layout.together(parts)?;
-    let mut options = options.clone();
-    options.region_classes = options.region_classes.map(|own| classes(&own, &table));
-    let count = |of: &dyn Fn(&Part<'_>) -> usize| parts.iter().map(of).sum::<usize>();
-    let placed = count(&|p| p.mesh.face_count().saturating_mul(times(p)));
-    let units = |length: Length| Length::Units(length.in_units(diagonal));
-    let stop = options.stop;
-    options.stop.error = options.stop.error.map(units);
-    // Parts of one system were often one mesh once, and differ in the last digits where they touched.
-    let rounding = ROUNDING * diagonal;
-    options.weld = match options.weld {
-        Some(weld) => Some(Length::Units(weld.in_units(diagonal).max(rounding))),
-        None => layout.has_neighbours.then_some(Length::Units(rounding)),
-    };
-    options.guards.max_edge = options.guards.max_edge.map(units);
-    options.prune = options.prune.map(units);
-    options.of_method.pairs = options.of_method.pairs.map(units);
-    let instances = |of: fn(&TriMesh) -> usize, meshes: &[TriMesh]| {
-        meshes.iter().zip(parts).map(|(m, p)| of(m).saturating_mul(times(p))).sum::<usize>()
-    };
-    // Which meshes give their triangles shows in the run: where instances differ, or meshes share vertices that each counts
-    // as its own, the count of one is corrected for the next.
-    let by_ratio = options.stop.ratio.map(|r| ((placed as f64 * r).round() as usize).max(1));
-    let faces = options.stop.faces.into_iter().chain(by_ratio).max();
-    let vertices = options.stop.vertices;
-    let counted: fn(&TriMesh) -> usize =
-        if faces.is_none() && vertices.is_some() { TriMesh::vertex_count } else { TriMesh::face_count };
-    let goal = faces.or(vertices);
-    let share = counted(&mesh) as f64 / count(&|p| counted(p.mesh).saturating_mul(times(p))).max(1) as f64;
-    let shares_vertices = layout.has_neighbours && faces.is_none();
-    let same = parts.windows(2).all(|p| times(&p[0]) == times(&p[1]));
-    let most = parts.iter().map(times).max().unwrap_or(1).max(1) as f64;
-    let mut wanted = goal.map(|n| n as f64 * share);
-    let mut before: Option<(f64, f64)> = None;
-    let mut best: Option<(Simplified, Vec<TriMesh>, usize)> = None;
-    for _ in 0..if same && !shares_vertices || goal.is_none() { 1 } else { CORRECTIONS } {
+    Whole::new(parts, diagonal, options)?.run_to(&options.stop, control)
+}
+
+/// A level of a scene, and where the vertices of the level before it went, for each part, where that is known.
+pub(crate) type SceneLevel = (SimplifiedScene, Vec<Vec<Option<[f64; 3]>>>);
+
+/// The levels of a scene, in one run if that meets the counts of the scene; `None` where meshes have to be counted
+/// differently, or the method makes each level by itself.
+pub(crate) fn chain_of_scene(
+    parts: &[Part<'_>],
+    diagonal: f64,
+    options: &SimplifyOptions,
+    stops: &[Stop],
+    is_traced: bool,
+    control: &mut dyn Control,
+) -> Result<Option<Vec<SceneLevel>>, SimplifyError> {
+    if options.per_mesh || !run::is_chained(options, stops) {
+        return Ok(None);
+    }
+    let whole = Whole::new(parts, diagonal, options)?;
+    let goals: Vec<Goal> = stops.iter().map(|stop| whole.goal(stop)).collect();
+    if goals.iter().any(|goal| !whole.is_direct(goal)) {
+        return Ok(None);
+    }
+    let own: Vec<Stop> = goals.iter().map(|goal| whole.own_stop(goal, goal.wanted())).collect();
+    let input = Input { surface: whole.mesh.surface(), mesh: Some(&whole.mesh), joined: None };
+    let (all, mergers) = run::run_chain(&input, &whole.options, &own, is_traced, control)?;
+    let mut first = 0;
+    let mut before: Vec<Vec<VertexId>> = Vec::with_capacity(parts.len());
+    for part in parts {
+        let next = first + part.mesh.vertex_count();
+        before.push((first..next).map(VertexId::new).collect());
+        first = next;
+    }
+    let mut levels = Vec::with_capacity(all.len());
+    for (k, ((done, held), goal)) in all.into_iter().zip(&goals).enumerate() {
+        let view = done.mesh.positions().view();
+        let went = |(numbers, place): (&Vec<VertexId>, &Place)| {
+            let to =
+                |v: &VertexId| mergers.get(k)?.get(v.index()).filter(|to| to.index() < view.len()).copied();
+            numbers.iter().map(|v| to(v).map(|to| place.back(view.get(to)))).collect()
+        };
+        let targets = before.iter().zip(&whole.layout.places).map(went).collect();
+        let (meshes, numbers) = whole.apart(&done.mesh, &held)?;
+        before = numbers;
+        levels.push((whole.told(done.report, meshes, goal), targets));
+    }
+    Ok(Some(levels))
+}
+
+/// What a run is to come to, counted in the scene.
+struct Goal {
+    by_ratio: Option<usize>,
+    faces: Option<usize>,
+    vertices: Option<usize>,
+    stop: Stop,
+    /// What counts, and how much of it.
+    counted: fn(&TriMesh) -> usize,
+    count: Option<usize>,
+    /// How many of the run's own stand for one of the scene.
+    share: f64,
+}
+
+impl Goal {
+    /// The count of the run, as far as is known before it.
+    fn wanted(&self) -> Option<f64> {
+        self.count.map(|n| n as f64 * self.share)
+    }
+    fn is_within(&self, got: usize) -> bool {
+        self.count.is_none_or(|count| got <= count)
+    }
+}
+
+/// All parts of a scene as one mesh, and how they are worked on.
+struct Whole<'a> {
+    parts: &'a [Part<'a>],
+    layout: Layout,
+    mesh: TriMesh,
+    table: Table,
+    /// Lengths are in units.
+    options: SimplifyOptions,
+    diagonal: f64,
+    is_placed: bool,
+}
+
+impl<'a> Whole<'a> {
+    fn new(parts: &'a [Part<'a>], diagonal: f64, options: &SimplifyOptions) -> Result<Self, MeshError> {
+        let joining = options.weld.into_iter().chain(options.of_method.pairs);
+        let layout = Layout::new(parts, joining.map(|d| d.in_units(diagonal)).fold(0.0, f64::max));
+        let is_placed = parts.iter().any(|p| p.instances > 0);
+        let (mesh, table) = layout.together(parts)?;
+        let mut options = options.clone();
+        options.region_classes = options.region_classes.map(|own| classes(&own, &table));
+        let units = |length: Length| Length::Units(length.in_units(diagonal));
+        options.stop.error = options.stop.error.map(units);
+        // Parts of one system were often one mesh once, and differ in the last digits where they touched.
+        let rounding = ROUNDING * diagonal;
+        options.weld = match options.weld {
+            Some(weld) => Some(Length::Units(weld.in_units(diagonal).max(rounding))),
+            None => layout.has_neighbours.then_some(Length::Units(rounding)),
+        };
+        options.guards.max_edge = options.guards.max_edge.map(units);
+        options.prune = options.prune.map(units);
+        options.of_method.pairs = options.of_method.pairs.map(units);
+        Ok(Self { parts, layout, mesh, table, options, diagonal, is_placed })
+    }
+
+    fn times(&self, part: &Part<'_>) -> usize {
+        if self.is_placed { part.instances } else { 1 }
+    }
+
+    /// A count of all instances.
+    fn count(&self, of: impl Fn(&TriMesh) -> usize) -> usize {
+        self.parts.iter().map(|p| of(p.mesh).saturating_mul(self.times(p))).sum()
+    }
+
+    /// The same of other meshes in their places.
+    fn instances(&self, of: impl Fn(&TriMesh) -> usize, meshes: &[TriMesh]) -> usize {
+        meshes.iter().zip(self.parts).map(|(m, p)| of(m).saturating_mul(self.times(p))).sum()
+    }
+
+    fn goal(&self, stop: &Stop) -> Goal {
+        let placed = self.count(TriMesh::face_count);
+        let by_ratio = stop.ratio.map(|r| ((placed as f64 * r).round() as usize).max(1));
+        let faces = stop.faces.into_iter().chain(by_ratio).max();
+        let vertices = stop.vertices;
+        let counted: fn(&TriMesh) -> usize =
+            if faces.is_none() && vertices.is_some() { TriMesh::vertex_count } else { TriMesh::face_count };
+        let share = counted(&self.mesh) as f64 / self.count(counted).max(1) as f64;
+        Goal { by_ratio, faces, vertices, stop: *stop, counted, count: faces.or(vertices), share }
+    }
+
+    /// Whether the count of a run follows from that of the scene: which meshes give their triangles shows in the run, so
+    /// where instances differ, or meshes share vertices that each counts as its own, it has to be looked for.
+    fn is_direct(&self, goal: &Goal) -> bool {
+        let shares_vertices = self.layout.has_neighbours && goal.faces.is_none();
+        let same = self.parts.windows(2).all(|p| self.times(&p[0]) == self.times(&p[1]));
+        same && !shares_vertices || goal.count.is_none()
+    }
+
+    /// The stop of a run that is to come to so many of what counts.
+    fn own_stop(&self, goal: &Goal, wanted: Option<f64>) -> Stop {
         let own = |n: f64| (n.floor() as usize).max(1);
-        match faces {
+        let mut stop = Stop { error: self.options.stop.error, ..Stop::default() };
+        match goal.faces {
             Some(_) => {
-                options.stop.faces = wanted.map(own);
-                options.stop.vertices = vertices.map(|n| own(n as f64 * share));
+                stop.faces = wanted.map(own);
+                stop.vertices = goal.vertices.map(|n| own(n as f64 * goal.share));
             }
-            None => options.stop.vertices = wanted.map(own),
+            None => stop.vertices = wanted.map(own),
         }
-        options.stop.ratio = None;
-        let input = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
-        let (done, held) = run::run(&input, &options, control)?;
-        let meshes = layout.apart(parts, &done.mesh, &table, &held)?;
-        let got = instances(counted, &meshes);
-        let is_within = |got: usize| goal.is_none_or(|goal| got <= goal);
-        // The most within the goal; without one, the fewest.
-        let is_better = best.as_ref().is_none_or(|b| match (is_within(b.2), is_within(got)) {
-            (true, true) => got > b.2,
-            (within_before, within_now) => within_now || !within_before && got < b.2,
-        });
-        let reached = done.report.reached;
-        if is_better {
-            best = Some((done, meshes, got));
-        }
-        let (Some(goal), Some(asked)) = (goal, wanted) else { break };
-        if !reached || (got <= goal && got as f64 > CLOSE * goal as f64) {
-            break;
-        }
-        // So many triangles of the scene for each of the run: at most the instances of a mesh.
-        let slope = before
-            .filter(|(x, _)| (asked - x).abs() >= 1.0)
-            .map_or(1.0 / share, |(x, y)| (got as f64 - y) / (asked - x))
-            .clamp(0.01, most);
-        before = Some((asked, got as f64));
-        // A little below, for being within counts.
-        let aim = goal as f64 * (1.0 + CLOSE) / 2.0;
-        wanted = Some((asked + (aim - got as f64) / slope).max(1.0));
+        stop
     }
-    let Some((done, meshes, _)) = best else { return Err(SimplifyError::NoFaces { faces: placed }) };
-    let mut report = done.report;
-    report.input_faces = placed;
-    report.input_vertices = count(&|p| p.mesh.vertex_count().saturating_mul(times(p)));
-    report.faces = instances(TriMesh::face_count, &meshes);
-    report.vertices = instances(TriMesh::vertex_count, &meshes);
-    report.error.diagonal = diagonal;
-    // The stop is of all instances, whatever the run made of its share.
-    let met = |n: Option<usize>, count: usize| n.is_some_and(|n| count <= n);
-    let [by_faces, by_vertices, by_ratio] =
-        [met(stop.faces, report.faces), met(stop.vertices, report.vertices), met(by_ratio, report.faces)];
-    if stop.error.is_none() && goal.is_some() && report.stopped_by != StoppedBy::Caller {
-        report.reached = by_faces || by_vertices || by_ratio;
-        if report.reached {
-            report.proposals.clear();
-            report.stopped_by = match () {
-                () if by_faces => StoppedBy::Faces,
-                () if by_vertices => StoppedBy::Vertices,
-                () => StoppedBy::Ratio,
-            };
+
+    fn run_to(&self, stop: &Stop, control: &mut dyn Control) -> Result<SimplifiedScene, SimplifyError> {
+        let goal = self.goal(stop);
+        let most = self.parts.iter().map(|p| self.times(p)).max().unwrap_or(1).max(1) as f64;
+        let mut options = self.options.clone();
+        let mut wanted = goal.wanted();
+        let mut before: Option<(f64, f64)> = None;
+        let mut best: Option<(Report, Vec<TriMesh>, usize)> = None;
+        for _ in 0..if self.is_direct(&goal) { 1 } else { CORRECTIONS } {
+            options.stop = self.own_stop(&goal, wanted);
+            let input = Input { surface: self.mesh.surface(), mesh: Some(&self.mesh), joined: None };
+            let (Simplified { mesh, report }, held) = run::run(&input, &options, control)?;
+            let (meshes, _) = self.apart(&mesh, &held)?;
+            let got = self.instances(goal.counted, &meshes);
+            // The most within the goal; without one, the fewest.
+            let is_better = best.as_ref().is_none_or(|b| match (goal.is_within(b.2), goal.is_within(got)) {
+                (true, true) => got > b.2,
+                (within_before, within_now) => within_now || !within_before && got < b.2,
+            });
+            let reached = report.reached;
+            if is_better {
+                best = Some((report, meshes, got));
+            }
+            let (Some(count), Some(asked)) = (goal.count, wanted) else { break };
+            if !reached || (got <= count && got as f64 > CLOSE * count as f64) {
+                break;
+            }
+            // So many triangles of the scene for each of the run: at most the instances of a mesh.
+            let slope = before
+                .filter(|(x, _)| (asked - x).abs() >= 1.0)
+                .map_or(1.0 / goal.share, |(x, y)| (got as f64 - y) / (asked - x))
+                .clamp(0.01, most);
+            before = Some((asked, got as f64));
+            // A little below, for being within counts.
+            let aim = count as f64 * (1.0 + CLOSE) / 2.0;
+            wanted = Some((asked + (aim - got as f64) / slope).max(1.0));
         }
+        let Some((report, meshes, _)) = best else {
+            return Err(SimplifyError::NoFaces { faces: self.count(TriMesh::face_count) });
+        };
+        Ok(self.told(report, meshes, &goal))
     }
-    if let Some(size) = options.prune.filter(|_| report.pruned.parts > 0) {
-        let near = options.weld.map(|d| d.in_units(diagonal));
-        let small =
-            prune::small_parts(&mesh.surface(), size.in_units(diagonal), near, options.locked.as_deref());
-        let regions = mesh.regions().unwrap_or_default();
-        let times_of = |f: usize| times(&parts[table[regions[f].index()].0]);
-        report.pruned.parts = small.first_faces.iter().map(|&f| times_of(f)).sum();
-        let gone = (0..small.is_small.len()).filter(|&f| small.is_small[f]);
-        report.pruned.faces = gone.map(times_of).sum();
+
+    /// The parts of a result, and the numbers that their vertices have in it.
+    fn apart(&self, all: &TriMesh, held: &Held) -> Result<(Vec<TriMesh>, Vec<Vec<VertexId>>), MeshError> {
+        self.layout.apart(self.parts, all, &self.table, held)
     }
-    let counts = parts.iter().zip(&meshes).map(|(p, m)| MeshCounts::new(p, m, report.reached)).collect();
-    Ok(SimplifiedScene { meshes, report, counts })
+
+    /// A result, and its report in terms of the scene.
+    fn told(&self, mut report: Report, meshes: Vec<TriMesh>, goal: &Goal) -> SimplifiedScene {
+        report.input_faces = self.count(TriMesh::face_count);
+        report.input_vertices = self.count(TriMesh::vertex_count);
+        report.faces = self.instances(TriMesh::face_count, &meshes);
+        report.vertices = self.instances(TriMesh::vertex_count, &meshes);
+        report.error.diagonal = self.diagonal;
+        // The stop is of all instances, whatever the run made of its share.
+        let stop = &goal.stop;
+        let met = |n: Option<usize>, count: usize| n.is_some_and(|n| count <= n);
+        let [by_faces, by_vertices, by_ratio] = [
+            met(stop.faces, report.faces),
+            met(stop.vertices, report.vertices),
+            met(goal.by_ratio, report.faces),
+        ];
+        if stop.error.is_none() && goal.count.is_some() && report.stopped_by != StoppedBy::Caller {
+            report.reached = by_faces || by_vertices || by_ratio;
+            if report.reached {
+                report.proposals.clear();
+                report.stopped_by = match () {
+                    () if by_faces => StoppedBy::Faces,
+                    () if by_vertices => StoppedBy::Vertices,
+                    () => StoppedBy::Ratio,
+                };
+            }
+        }
+        if let Some(size) = self.options.prune.filter(|_| report.pruned.parts > 0) {
+            let near = self.options.weld.map(|d| d.in_units(self.diagonal));
+            let locked = self.options.locked.as_deref();
+            let small = prune::small_parts(&self.mesh.surface(), size.in_units(self.diagonal), near, locked);
+            let regions = self.mesh.regions().unwrap_or_default();
+            let times_of = |f: usize| self.times(&self.parts[self.table[regions[f].index()].0]);
+            report.pruned.parts = small.first_faces.iter().map(|&f| times_of(f)).sum();
+            let gone = (0..small.is_small.len()).filter(|&f| small.is_small[f]);
+            report.pruned.faces = gone.map(times_of).sum();
+        }
+        let counts =
+            self.parts.iter().zip(&meshes).map(|(p, m)| MeshCounts::new(p, m, report.reached)).collect();
+        SimplifiedScene { meshes, report, counts }
+    }
 }
 
 /// Where each part lies: scaled, then moved.
@@ -351,14 +481,15 @@ impl Layout {
         Ok((all, table))
     }
 
-    /// The parts of a result again, each with what it had; locked vertices have the very bits of theirs.
+    /// The parts of a result again, each with what it had, and the numbers of their vertices; locked vertices have the very
+    /// bits of theirs.
     fn apart(
         &self,
         parts: &[Part<'_>],
         all: &TriMesh,
         table: &Table,
         held: &Held,
-    ) -> Result<Vec<TriMesh>, MeshError> {
+    ) -> Result<(Vec<TriMesh>, Vec<Vec<VertexId>>), MeshError> {
         let mut faces_of: Vec<Vec<usize>> = vec![Vec::new(); parts.len()];
         let regions = all.regions().unwrap_or_default();
         for (f, r) in regions.iter().enumerate() {
@@ -367,7 +498,7 @@ impl Layout {
         let mut number_of_wedge = vec![u32::MAX; all.wedge_count()];
         let mut number_of_vertex = vec![u32::MAX; all.vertex_count()];
         let view = all.positions().view();
-        let mut meshes = Vec::with_capacity(parts.len());
+        let (mut meshes, mut numbers) = (Vec::with_capacity(parts.len()), Vec::with_capacity(parts.len()));
         let mut first_wedge = 0;
         for ((part, place), faces) in parts.iter().zip(&self.places).zip(&faces_of) {
             let (mut wedges, mut vertices) = (Vec::new(), Vec::new());
@@ -430,8 +561,9 @@ impl Layout {
             // Parts that touch share vertices, and each counts its own.
             wedges.iter().for_each(|w| number_of_wedge[w.index()] = u32::MAX);
             vertices.iter().for_each(|v| number_of_vertex[v.index()] = u32::MAX);
+            numbers.push(vertices);
         }
-        Ok(meshes)
+        Ok((meshes, numbers))
     }
 }
 

@@ -1,1 +1,104 @@
 //! The window: original and lighter mesh side by side, live while you drag.
+//!
+//! A [`document`] changes by [`command`]s alone; long work is a [`job`] on one thread; [`panel`]s read the document and say
+//! what is to be done. [`app`] is the window itself, [`gpu`] draws.
+
+pub mod app;
+pub mod command;
+pub mod compare;
+pub mod content;
+mod dialog;
+pub mod document;
+pub mod export;
+pub mod gpu;
+pub mod job;
+pub mod keys;
+pub mod log;
+pub mod numbers;
+mod own_files;
+pub mod panel;
+pub mod session;
+pub mod settings;
+pub mod theme;
+pub mod viewport;
+pub mod words;
+
+use std::path::PathBuf;
+
+use eframe::egui;
+
+/// What a window begins with.
+#[derive(Clone, Debug)]
+pub struct ViewOptions {
+    /// Files to open, or a session.
+    pub inputs: Vec<PathBuf>,
+    /// Whether recent files and the theme are kept for the next time.
+    pub remember: bool,
+    /// Whether files are chosen by the system's own dialog, where there is one.
+    pub use_system_dialogs: bool,
+    /// The theme; `None` takes the one of the last time.
+    pub is_light: Option<bool>,
+}
+
+impl Default for ViewOptions {
+    fn default() -> Self {
+        Self { inputs: Vec::new(), remember: true, use_system_dialogs: true, is_light: None }
+    }
+}
+
+/// Why there is no window.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ViewError {
+    /// There is no screen.
+    #[error(
+        "there is no display to open a window on ({reason}). On a server, `lodsmith render` makes pictures without one; \
+         a virtual display is `xvfb-run lodsmith view` (on Debian and Ubuntu: apt install xvfb libxkbcommon-x11-0 \
+         mesa-vulkan-drivers libvulkan1)"
+    )]
+    NoDisplay {
+        /// What the system says.
+        reason: String,
+    },
+    /// There is nothing that draws.
+    #[error(transparent)]
+    NoGpu(#[from] gpu::GpuError),
+    /// Something else.
+    #[error("the window cannot be opened: {reason}")]
+    Window {
+        /// What the system says.
+        reason: String,
+    },
+}
+
+/// Opens the window; comes back when it is closed.
+///
+/// # Errors
+/// Each [`ViewError`].
+pub fn run(options: &ViewOptions) -> Result<(), ViewError> {
+    let mut native = eframe::NativeOptions {
+        viewport: egui::ViewportBuilder::default()
+            .with_title("Lodsmith")
+            .with_app_id("lodsmith")
+            .with_inner_size([1440.0, 900.0])
+            .with_min_inner_size([720.0, 480.0])
+            .with_drag_and_drop(true),
+        renderer: eframe::Renderer::Wgpu,
+        ..eframe::NativeOptions::default()
+    };
+    native.wgpu_options.wgpu_setup = gpu::Context::setup();
+    let create: eframe::AppCreator<'_> = Box::new(move |cc| Ok(Box::new(app::App::new(cc, options)?)));
+    eframe::run_native("lodsmith", native, create).map_err(told)
+}
+
+fn told(error: eframe::Error) -> ViewError {
+    match error {
+        eframe::Error::WinitEventLoop(e) => ViewError::NoDisplay { reason: e.to_string() },
+        eframe::Error::Winit(e) => ViewError::NoDisplay { reason: e.to_string() },
+        eframe::Error::AppCreation(e) => match e.downcast::<gpu::GpuError>() {
+            Ok(gpu) => ViewError::NoGpu(*gpu),
+            Err(e) => ViewError::Window { reason: e.to_string() },
+        },
+        eframe::Error::Wgpu(e) => ViewError::NoGpu(gpu::GpuError::NoAdapter { reason: e.to_string() }),
+    }
+}

@@ -43,6 +43,9 @@ pub(crate) struct MethodsArgs {
     /// Folder for the results, each as STEM_METHOD.EXT; it is made if need be
     #[arg(short = 'O', long, value_name = "DIR", help_heading = "Writing")]
     pub(crate) out_dir: Option<PathBuf>,
+    /// A picture of all results side by side: .png, .jpg or .webp
+    #[arg(long, value_name = "OUT", help_heading = "Writing")]
+    pub(crate) sheet: Option<PathBuf>,
     /// Format of the input, whatever its content
     #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
     pub(crate) from: Option<Format>,

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::of_method::OfMethod;
 use super::scope::Scope;
-use super::simplify::{GuardArgs, How, Target};
+use super::simplify::{GuardArgs, How, Shared, Target};
 use super::{Run, TexturesChoice, Writing, values};
 use crate::file::{Sink, Source};
 
@@ -33,7 +33,7 @@ Examples:
 #[derive(Debug, Subcommand)]
 pub(crate) enum Progressive {
     /// Simplify as far as it goes, and keep every step back
-    Build(Box<BuildArgs>),
+    Build(Box<ProgressiveBuildArgs>),
     /// Take one level out
     Extract(Box<ExtractArgs>),
     /// What is in the file
@@ -42,7 +42,7 @@ pub(crate) enum Progressive {
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER_BUILD)]
-pub(crate) struct BuildArgs {
+pub(crate) struct ProgressiveBuildArgs {
     /// The mesh to begin with; `-` is standard input
     #[arg(value_name = "IN")]
     pub(crate) input: Source,
@@ -85,12 +85,11 @@ pub(crate) struct BuildArgs {
     pub(crate) run: Run,
 }
 
-impl BuildArgs {
+impl ProgressiveBuildArgs {
     /// What the engine is told.
     pub(crate) fn options(&self) -> SimplifyOptions {
-        let mut options = self.how.options(self.target.stop(), &self.of_method, &self.scope, &self.guards);
-        options.seed = self.seed;
-        options
+        let (how, of_method, scope, guards) = (&self.how, &self.of_method, &self.scope, &self.guards);
+        Shared { how, of_method, scope, guards, seed: self.seed }.options(self.target.stop())
     }
     /// What the writer is told.
     pub(crate) fn writing(&self) -> LpmOptions {

@@ -184,37 +184,6 @@ pub(crate) struct How {
     weld: Option<TypedLength>,
 }
 
-impl How {
-    /// What the engine is told by all commands that simplify.
-    pub(super) fn options(
-        &self,
-        stop: Stop,
-        of_method: &OfMethod,
-        scope: &Scope,
-        guards: &GuardArgs,
-    ) -> SimplifyOptions {
-        let mut options = SimplifyOptions::preset(self.preset.into(), stop);
-        options.method = self.method.into();
-        options.of_method = of_method.options();
-        options.fit = self.fit.into();
-        options.placement = self.placement.into();
-        options.border = self.border.map_or(options.border, Into::into);
-        options.topology = self.topology.map_or(options.topology, Into::into);
-        for (name, weight) in &self.weight {
-            *name.of(&mut options.weights) = *weight;
-        }
-        options.weld = self.weld.as_ref().map(|d| d.length).or(options.weld);
-        options.guards = Guards {
-            max_normal_deg: guards.max_normal,
-            min_quality: guards.min_quality,
-            max_valence: guards.max_valence,
-            max_edge: guards.max_edge.as_ref().map(|d| d.length),
-        };
-        scope.apply(&mut options);
-        options
-    }
-}
-
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Guards of the result")]
 pub(super) struct GuardArgs {
@@ -271,7 +240,7 @@ impl AttributeName {
         ("border", Self::Border),
     ];
 
-    fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
+    pub(super) fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
         match self {
             Self::Normal => &mut weights.normal,
             Self::Uv => &mut weights.uv,
@@ -315,10 +284,16 @@ impl SimplifyArgs {
 
     /// What the engine is told.
     pub(crate) fn options(&self) -> SimplifyOptions {
-        let mut options = self.how.options(self.target.stop(), &self.of_method, &self.scope, &self.guards);
+        let shared = Shared {
+            how: &self.how,
+            of_method: &self.of_method,
+            scope: &self.scope,
+            guards: &self.guards,
+            seed: self.seed,
+        };
+        let mut options = shared.options(self.target.stop());
         let is_measured = self.deviation.measure || self.is_bounded();
         options.measure = if is_measured { Measure::Always } else { Measure::default() };
-        options.seed = self.seed;
         options
     }
 
@@ -339,6 +314,42 @@ impl SimplifyArgs {
             Some(bound) => bound == Bound::TwoSided,
             None => self.target.error.is_some(),
         }
+    }
+}
+
+/// What commands share that make meshes lighter.
+pub(super) struct Shared<'a> {
+    pub(super) how: &'a How,
+    pub(super) of_method: &'a OfMethod,
+    pub(super) scope: &'a Scope,
+    pub(super) guards: &'a GuardArgs,
+    pub(super) seed: u64,
+}
+
+impl Shared<'_> {
+    /// What the engine is told, to come to this stop.
+    pub(super) fn options(&self, stop: Stop) -> SimplifyOptions {
+        let (how, guards) = (self.how, self.guards);
+        let mut options = SimplifyOptions::preset(how.preset.into(), stop);
+        options.method = how.method.into();
+        options.of_method = self.of_method.options();
+        options.fit = how.fit.into();
+        options.placement = how.placement.into();
+        options.border = how.border.map_or(options.border, Into::into);
+        options.topology = how.topology.map_or(options.topology, Into::into);
+        for (name, weight) in &how.weight {
+            *name.of(&mut options.weights) = *weight;
+        }
+        options.weld = how.weld.as_ref().map(|d| d.length).or(options.weld);
+        options.guards = Guards {
+            max_normal_deg: guards.max_normal,
+            min_quality: guards.min_quality,
+            max_valence: guards.max_valence,
+            max_edge: guards.max_edge.as_ref().map(|d| d.length),
+        };
+        self.scope.apply(&mut options);
+        options.seed = self.seed;
+        options
     }
 }
 

@@ -118,6 +118,16 @@ pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0, "it must be above 0")
 }
 
+/// A part of a whole that is not all of it.
+pub(crate) fn below_one(text: &str) -> Result<f64, String> {
+    number(text, |x| x > 0.0 && x < 1.0, "it must be above 0 and below 1")
+}
+
+/// A field of view: between 0 and 180 degrees.
+pub(crate) fn view_deg(text: &str) -> Result<f64, String> {
+    number(text, |x| x > 0.0 && x < 180.0, "it must be above 0 and below 180 degrees")
+}
+
 /// A turn of a face: above 0, up to 180 degrees.
 pub(crate) fn turn_deg(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0 && x <= 180.0, "it must be above 0 and not above 180 degrees")
@@ -133,9 +143,69 @@ pub(crate) fn quality(text: &str) -> Result<f64, String> {
     number(text, |x| (0.0..=1.0).contains(&x), "it must be from 0 to 1")
 }
 
+/// Any finite number.
+pub(crate) fn finite(text: &str) -> Result<f64, String> {
+    number(text, |_| true, "it must be finite")
+}
+
+/// Degrees above the horizon.
+pub(crate) fn elevation_deg(text: &str) -> Result<f64, String> {
+    number(text, |x| (-90.0..=90.0).contains(&x), "it must be from -90 to 90 degrees")
+}
+
+/// The angle of a lens.
+pub(crate) fn fov_deg(text: &str) -> Result<f64, String> {
+    number(text, |x| (1.0..=170.0).contains(&x), "it must be from 1 to 170 degrees")
+}
+
+/// Pixels across and down: `1200x800`.
+pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
+    let most = lodsmith_render::SIDE_MAX;
+    let wanted = || format!("a size is WxH in pixels, such as 1200x800, up to {most} a side");
+    let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(wanted)?;
+    let side = |text: &str| text.parse::<usize>().ok().filter(|n| (1..=most).contains(n)).ok_or_else(wanted);
+    Ok([side(width)?, side(height)?])
+}
+
+/// A colour as `#rrggbb`, in sRGB from 0 to 1.
+pub(crate) fn color(text: &str) -> Result<[f32; 3], String> {
+    let wanted = || "a colour is #rrggbb, such as #cc9e66".to_owned();
+    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii()).ok_or_else(wanted)?;
+    let byte = |i: usize| u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).map_err(|_| wanted());
+    Ok([byte(0)?, byte(1)?, byte(2)?].map(|b| f32::from(b) / 255.0))
+}
+
+/// Two numbers, the first the lower one: `0,0.5`.
+pub(crate) fn range(text: &str) -> Result<[f32; 2], String> {
+    let wanted = || "a range is LOW,HIGH, such as 0,0.5".to_owned();
+    let (low, high) = text.split_once(',').ok_or_else(wanted)?;
+    let side = |text: &str| text.trim().parse::<f32>().ok().filter(|x| x.is_finite()).ok_or_else(wanted);
+    let (low, high) = (side(low)?, side(high)?);
+    if low < high { Ok([low, high]) } else { Err(wanted()) }
+}
+
 /// Time in seconds; a year is as good as for ever.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     above_zero(text).map(|s| s.min(365.0 * 86400.0))
+}
+
+/// A point: three finite numbers with commas between them.
+pub(crate) fn point(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|x| x.trim().parse()).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y, z]) if [x, y, z].iter().all(|x| x.is_finite()) => Ok([x, y, z]),
+        _ => Err("a point is three numbers with commas between them, such as 0,1.5,-2".to_owned()),
+    }
+}
+
+/// Triangles or vertices of a cluster.
+pub(crate) fn cluster_size(text: &str) -> Result<usize, String> {
+    within(text, 8, 256)
+}
+
+/// Clusters of a group.
+pub(crate) fn group_size(text: &str) -> Result<usize, String> {
+    within(text, 4, 64)
 }
 
 /// A count of at least one.
@@ -164,6 +234,11 @@ fn at_least(text: &str, least: usize) -> Result<usize, String> {
     }
 }
 
+fn within(text: &str, least: usize, most: usize) -> Result<usize, String> {
+    at_least(text, least)
+        .and_then(|n| if n <= most { Ok(n) } else { Err(format!("it must be at most {most}")) })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -189,9 +264,26 @@ mod tests {
     }
 
     #[test]
+    fn pictures_are_told_by_numbers() {
+        assert_eq!(size("1200x800"), Ok([1200, 800]));
+        assert_eq!(color("#cc9e66"), Ok([0.8, 158.0 / 255.0, 0.4]));
+        assert_eq!(range("0, 0.5"), Ok([0.0, 0.5]));
+        for bad in ["", "12", "0x5", "5x0", "x", "20000x20000", "-1x5"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        for bad in ["", "1", "1,0", "nan,1", "0,0", "0,inf"] {
+            assert!(range(bad).is_err(), "{bad}");
+        }
+        assert!(color("#ääää").is_err() && elevation_deg("91").is_err() && fov_deg("0").is_err());
+    }
+
+    #[test]
     fn ranges_are_kept() {
         assert!(ratio("1").is_ok() && ratio("0").is_err() && ratio("1.1").is_err() && ratio("nan").is_err());
         assert!(count("1").is_ok() && count("0").is_err() && count("-1").is_err() && count("1.5").is_err());
+        assert!(cluster_size("256").is_ok() && cluster_size("257").is_err() && group_size("3").is_err());
+        assert_eq!(point("0, 1.5,-2"), Ok([0.0, 1.5, -2.0]));
+        assert!(point("1,2").is_err() && point("1,2,inf").is_err() && view_deg("180").is_err());
         assert!(above_zero("inf").is_err() && seconds("1e300").is_ok());
     }
 }

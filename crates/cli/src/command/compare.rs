@@ -1,5 +1,7 @@
 //! `lodsmith compare`: how far one mesh lies from another.
 
+mod views;
+
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -7,8 +9,9 @@ use lodsmith::core::measure::{
     AttributeError, AttributeErrors, CompareOptions, Comparison, compare, compare_textured,
 };
 use lodsmith::core::spatial::{Bvh, Hint};
-use lodsmith::core::{TriMesh, VertexId};
+use lodsmith::core::{Bounds, Image, TriMesh, VertexId};
 use lodsmith_io::{Format, Loaded, WriteOptions};
+use lodsmith_render::{Background, Legend, Panel, Shading, StandardView, Subject, View, render, sheet};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
@@ -20,6 +23,7 @@ use crate::file::{self, Sink};
 use crate::in_order;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
+use crate::picture;
 use crate::progress::Progress;
 
 /// Measures, and paints the heat map if asked.
@@ -27,11 +31,13 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     file::at_most_one_stdin([&args.reference, &args.candidate])?;
     if let Some(path) = &args.heatmap {
         let sink = Sink::Path(path.clone());
-        if file::format_of(&sink, None).ok() != Some(Format::Ply) {
-            return Err(usage(format!("--heatmap {}: the name of a .ply file is wanted", path.display())));
+        if picture::of_path(path).is_none() && file::format_of(&sink, None).ok() != Some(Format::Ply) {
+            let wanted = "the name of a .ply, .png, .jpg or .webp file is wanted";
+            return Err(usage(format!("--heatmap {}: {wanted}", path.display())));
         }
         file::refuse_folder(&sink, "")?;
     }
+    let sheet = views::sheet_format(args)?;
     let out = Output::new(&args.run, args.json, false);
     let progress = Progress::new(1, args.run.quiet);
     let begin = Instant::now();
@@ -55,30 +61,51 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
             None => None,
             Some(path) => {
                 bar.write();
-                let (map, red) = heatmap(&reference.mesh, &candidate.mesh)?;
-                let mut options = WriteOptions::default();
-                options.format = Some(Format::Ply);
-                file::write(&map, &Sink::Path(path.clone()), Format::Ply, &options, false)?;
+                let (distances, red) = distances(&reference.mesh, &candidate.mesh);
+                let sink = Sink::Path(path.clone());
+                match picture::of_path(path) {
+                    Some(format) => {
+                        let map = heat_picture(&reference.mesh, distances, red)?;
+                        picture::write(&map, &sink, format)?;
+                    }
+                    None => {
+                        let map = heatmap(&reference.mesh, &distances, red)?;
+                        let mut options = WriteOptions::default();
+                        options.format = Some(Format::Ply);
+                        file::write(&map, &sink, Format::Ply, &options, false)?;
+                    }
+                }
                 Some(red)
             }
         };
-        anyhow::Ok((reference, candidate, comparison, attributes, red))
+        let seen = match args.views {
+            None => None,
+            Some(count) => Some(views::look(args, count, [&reference, &candidate], sheet)?),
+        };
+        anyhow::Ok((reference, candidate, comparison, attributes, red, seen))
     });
     progress.finish();
-    let (reference, candidate, comparison, attributes, red) = compared?;
+    let (reference, candidate, comparison, attributes, red, seen) = compared?;
 
     let mut warnings = Vec::new();
     for (source, loaded) in [(&args.reference, &reference), (&args.candidate, &candidate)] {
         show_warnings(&out, &source.to_string(), &loaded.warnings, false);
         warnings.extend(loaded.warnings.iter().map(|warning| format!("{source}: {warning}")));
     }
-    out.object(&to_json(&comparison, &attributes, &warnings));
+    let mut object = to_json(&comparison, &attributes, &warnings);
+    if let Some(seen) = &seen {
+        object["image"] = seen.to_json();
+    }
+    out.object(&object);
     for line in table(&comparison, &reference, &candidate) {
         out.line(&line);
     }
     for (name, unit, error) in named(&attributes) {
         let [mean, rms, p95] = [error.mean, error.rms, error.p95].map(|x| significant(x.symmetric, 4));
         out.line(&format!("{name:<16}mean {mean}{unit}, rms {rms}{unit}, 95 % below {p95}{unit}"));
+    }
+    for line in seen.iter().flat_map(views::Seen::table) {
+        out.line(&line);
     }
     if let (Some(red), Some(path)) = (red, &args.heatmap) {
         out.line(&format!("heat map        {}: blue 0, red {}", path.display(), significant(red, 3)));
@@ -165,8 +192,8 @@ fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> 
     lines
 }
 
-/// The reference with the distance of every vertex to the candidate as its colour, and the distance that is red.
-fn heatmap(reference: &TriMesh, candidate: &TriMesh) -> anyhow::Result<(TriMesh, f64)> {
+/// The distance of every vertex of the reference to the candidate, and the one that is red.
+fn distances(reference: &TriMesh, candidate: &TriMesh) -> (Vec<f64>, f64) {
     // Enough that neighbours share a hint, few enough that threads share the work.
     const BLOCK: usize = 1024;
     let tree = Bvh::new(&candidate.surface());
@@ -183,12 +210,34 @@ fn heatmap(reference: &TriMesh, candidate: &TriMesh) -> anyhow::Result<(TriMesh,
     let largest = distances.iter().fold(0f64, |m, &d| m.max(d));
     // Below this all is noise of the arithmetic, and one colour.
     let noise = 1e-9 * positions.bounds().map_or(0.0, |b| b.diagonal());
-    let red = largest.max(noise);
-    let part = |d: f64| if red > 0.0 { d / red } else { 0.0 };
-    let mut map = TriMesh::new(reference.positions().clone(), surface.triangles().to_vec())?;
-    map.set_colors(Some(distances.into_iter().map(|d| heat(part(d))).collect()))?;
-    Ok((map, red))
+    (distances, largest.max(noise))
 }
+
+/// The reference with these distances as its colours.
+fn heatmap(reference: &TriMesh, distances: &[f64], red: f64) -> anyhow::Result<TriMesh> {
+    let part = |d: f64| if red > 0.0 { d / red } else { 0.0 };
+    let mut map = TriMesh::new(reference.positions().clone(), reference.surface().triangles().to_vec())?;
+    map.set_colors(Some(distances.iter().map(|&d| heat(part(d))).collect()))?;
+    Ok(map)
+}
+
+/// A picture of the reference with these distances as its colours, and what they mean.
+fn heat_picture(reference: &TriMesh, distances: Vec<f64>, red: f64) -> anyhow::Result<Image> {
+    let values = distances.into_iter().map(|d| d as f32).collect();
+    let subject = Subject::of_mesh(reference.clone())?.with_values(vec![values])?;
+    let bounds = subject.bounds().unwrap_or(Bounds { min: [0.0; 3], max: [1.0; 3] });
+    let mut view = View::of(&bounds, StandardView::Iso, HEAT_SIZE[0], HEAT_SIZE[1]);
+    view.background = Background::Transparent;
+    view.look.shading = Shading::Heat;
+    let range = [0.0, red as f32];
+    view.look.heat_range = Some(range);
+    let (map, title) = (view.look.color_map, "distance in the units of the file".to_owned());
+    let panel = Panel { picture: render(&subject, &view)?, caption: Vec::new() };
+    Ok(sheet(&[panel], 1, Background::default(), Some(&Legend { map, range, title })))
+}
+
+/// Pixels of a heat map, as of other pictures.
+const HEAT_SIZE: [usize; 2] = [1200, 800];
 
 /// Blue, cyan, green, yellow, red for 0 to 1.
 fn heat(part: f64) -> [f32; 4] {

@@ -14,10 +14,10 @@ pub(super) fn run(command: Option<&str>) -> anyhow::Result<Status> {
     let page_of = match command {
         None => whole,
         // Building has given it its full name, such as `lodsmith-simplify`.
-        Some(name) => match whole.find_subcommand(name) {
-            Some(found) => found.clone(),
-            None => return Err(usage(format!("there is no command {name}"))),
-        },
+        Some(name) => {
+            let found = name.split(' ').try_fold(&whole, |command, word| command.find_subcommand(word));
+            found.cloned().ok_or_else(|| usage(format!("there is no command {name}")))?
+        }
     };
     let mut page = Vec::new();
     Man::new(page_of).render(&mut page)?;

@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use lodsmith::core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
 use lodsmith::core::mesh::defects::clean_surface;
-use lodsmith::core::{Surface, TriMesh};
+use lodsmith::core::{Image, Surface, TriMesh};
 use lodsmith::{Method, Report, Simplified, Stage};
 use lodsmith_io::{Format, Loaded, Regions, Warning};
+use lodsmith_render::{Background, Panel, Subject, sheet};
 use serde_json::{Value, json};
 
 use super::simplify::{measured_json, refusals};
@@ -20,6 +21,7 @@ use crate::in_order;
 use crate::numbers::{grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
+use crate::picture;
 use crate::plan::{self, Wanted};
 use crate::progress::{FileProgress, Progress};
 use crate::validity::Validity;
@@ -33,6 +35,8 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
         let name = method.name();
         return Err(usage(format!("{name} needs a target: --faces, --vertices, --ratio or --error")));
     }
+    let sheet = args.sheet.clone().map(Sink::Path);
+    let sheet = sheet.map(|sink| picture::format_of(&sink).map(|format| (sink, format))).transpose()?;
     let sinks = methods.iter().map(|&m| sink(args, m)).collect::<anyhow::Result<Vec<_>>>()?;
     if let Some(folder) = &args.out_dir {
         fs::create_dir_all(folder)
@@ -43,7 +47,11 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
     let path = args.input.to_string();
     let tried = in_order::pool(args.run.threads())?.install(|| {
         let jobs: Vec<_> = methods.into_iter().zip(sinks).collect();
-        try_all(&path, jobs, args, &progress)
+        let tried = try_all(&path, jobs, args, &progress)?;
+        if let Some((sink, format)) = &sheet {
+            picture::write(&tried.sheet(), sink, *format)?;
+        }
+        anyhow::Ok(tried)
     });
     progress.finish();
     let tried = tried?;
@@ -81,6 +89,8 @@ struct Tried {
     warnings: Vec<Warning>,
     model: Model,
     rows: Vec<Row>,
+    /// The input and each result as a picture, where a sheet is wanted.
+    panels: Vec<Panel>,
 }
 
 fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> anyhow::Result<Tried> {
@@ -91,6 +101,12 @@ fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> a
     let model = Model::new(mesh, args);
     bar.end();
     let mut rows = Vec::with_capacity(jobs.len());
+    let mut panels = Vec::new();
+    let bounds = args.sheet.as_ref().and_then(|_| Subject::of_mesh(model.mesh.clone()).ok()?.bounds());
+    if args.sheet.is_some() {
+        let faces = format!("{} faces", grouped(model.mesh.face_count()));
+        panels.push(picture::panel(model.mesh.clone(), bounds, vec!["original".to_owned(), faces])?);
+    }
     for (method, sink) in jobs {
         if exit::interrupted() {
             return Err(Interrupted.into());
@@ -100,6 +116,9 @@ fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> a
             let made = model.simplified(method, args, &bar)?;
             bar.stage(Stage::Measure);
             let mut judged = model.judged(&made);
+            if args.sheet.is_some() {
+                panels.push(picture::panel(made.mesh.clone(), bounds, judged.caption(method))?);
+            }
             if let Some((sink, format)) = &sink {
                 bar.write();
                 judged.warnings = write(made.mesh, sink, *format, &regions, args)?;
@@ -114,7 +133,7 @@ fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> a
         };
         rows.push(Row { method, sink, outcome });
     }
-    Ok(Tried { format, warnings, model, rows })
+    Ok(Tried { format, warnings, model, rows, panels })
 }
 
 /// Where the result of a method goes, if anywhere.
@@ -295,6 +314,12 @@ impl Tried {
         lines
     }
 
+    /// All results side by side.
+    fn sheet(&self) -> Image {
+        // The input and ten methods: three rows of four leave one place free.
+        sheet(&self.panels, 4, Background::default(), None)
+    }
+
     fn to_json(&self, path: &str, args: &MethodsArgs) -> Value {
         let model = &self.model;
         json!({
@@ -354,6 +379,18 @@ impl Judged {
             self.defects(model),
             self.carried.line(),
         ]
+    }
+
+    /// What stands below its picture.
+    fn caption(&self, method: Method) -> Vec<String> {
+        let largest = match &self.measured {
+            Some(m) if m.diagonal > 0.0 => {
+                format!("max {} %", short(100.0 * m.hausdorff.symmetric / m.diagonal))
+            }
+            _ => "nothing to measure".to_owned(),
+        };
+        let faces = format!("{} faces, {}", grouped(self.report.faces), seconds(self.clock.total()));
+        vec![method.name().to_owned(), faces, largest]
     }
 
     /// What `-v` adds: times by stage, and what was refused.

@@ -9,7 +9,7 @@ use lodsmith_io::{Format, Warning};
 use serde_json::{Map, Value, json};
 
 use super::{show_warnings, texts};
-use crate::args::{self, BuildArgs, ExtractArgs, LpmInfoArgs};
+use crate::args::{self, ExtractArgs, LpmInfoArgs, ProgressiveBuildArgs};
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink};
 use crate::numbers::{counted, grouped, micros, seconds, short};
@@ -28,7 +28,7 @@ pub(super) fn run(action: &args::Progressive) -> anyhow::Result<Status> {
     }
 }
 
-fn build(args: &BuildArgs) -> anyhow::Result<Status> {
+fn build(args: &ProgressiveBuildArgs) -> anyhow::Result<Status> {
     file::refuse_folder(&args.output, "")?;
     let hint = match &args.output {
         Sink::Path(path) => lodsmith_io::sniff::hint_of(path),

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use lodsmith::core::TriMesh;
 use lodsmith::core::measure::{Comparison, TwoWay};
-use lodsmith::{MeshCounts, Part, Report, Simplified, SimplifiedScene};
+use lodsmith::{MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyOptions};
 use lodsmith_io::gltf::{Scene, SceneMesh};
 use lodsmith_io::{Format, Loaded, Warning};
 use serde_json::{Map, Value, json};
@@ -155,29 +155,7 @@ fn simplify_scene(
     watch: &mut Watch<'_>,
 ) -> anyhow::Result<Told> {
     let meshes = scene.meshes().to_vec();
-    let mut systems = Vec::new();
-    let mut system_of = |m: &SceneMesh| {
-        let matrix = m.world_from_mesh?;
-        // Equal but for rounding: products of the same matrices in another order.
-        let size = matrix.as_flattened().iter().fold(0f64, |m, x| m.max(x.abs()));
-        let near = |s: &[[f64; 4]; 3]| {
-            let pairs = s.as_flattened().iter().zip(matrix.as_flattened());
-            pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-6 * size)
-        };
-        let known = systems.iter().position(near);
-        Some(known.unwrap_or_else(|| {
-            systems.push(matrix);
-            systems.len() - 1
-        }))
-    };
-    let mut parts = Vec::with_capacity(meshes.len());
-    // What stands nowhere in the scene stays as it is, unless nothing stands anywhere.
-    let is_placed = meshes.iter().any(|m| m.instances > 0);
-    let taken: Vec<usize> = (0..meshes.len()).filter(|&i| !is_placed || meshes[i].instances > 0).collect();
-    for m in taken.iter().map(|&i| &meshes[i]) {
-        let system = system_of(m);
-        parts.push(Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system });
-    }
+    let (taken, parts) = parts_of(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let mut options = args.options();
     care::of_scene(&args.how, &scene, &taken, &mut options)?;
@@ -206,7 +184,42 @@ fn simplify_scene(
     Ok(Told { report, warnings, meshes })
 }
 
-fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result<()> {
+/// The meshes of a scene that are worked on, by number and as parts.
+pub(super) fn parts_of(meshes: &[SceneMesh]) -> (Vec<usize>, Vec<Part<'_>>) {
+    let mut systems = Vec::new();
+    let mut system_of = |m: &SceneMesh| {
+        let matrix = m.world_from_mesh?;
+        // Equal but for rounding: products of the same matrices in another order.
+        let size = matrix.as_flattened().iter().fold(0f64, |m, x| m.max(x.abs()));
+        let near = |s: &[[f64; 4]; 3]| {
+            let pairs = s.as_flattened().iter().zip(matrix.as_flattened());
+            pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-6 * size)
+        };
+        let known = systems.iter().position(near);
+        Some(known.unwrap_or_else(|| {
+            systems.push(matrix);
+            systems.len() - 1
+        }))
+    };
+    // What stands nowhere in the scene stays as it is, unless nothing stands anywhere.
+    let is_placed = meshes.iter().any(|m| m.instances > 0);
+    let taken: Vec<usize> = (0..meshes.len()).filter(|&i| !is_placed || meshes[i].instances > 0).collect();
+    let part = |m: &SceneMesh| {
+        let system = system_of(m);
+        (m.instances, m.scale, system)
+    };
+    let said: Vec<_> = taken.iter().map(|&i| &meshes[i]).map(part).collect();
+    let parts = taken.iter().zip(said).map(|(&i, (instances, scale, system))| Part {
+        mesh: &meshes[i].mesh,
+        instances,
+        scale,
+        system,
+    });
+    let parts = parts.collect();
+    (taken, parts)
+}
+
+pub(super) fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result<()> {
     match wanted {
         Normals::Keep => {}
         Normals::Recompute => normals::recompute(mesh),
@@ -216,7 +229,7 @@ fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result<()> {
 }
 
 /// What the user should know of a run.
-fn told(report: &Report) -> Vec<Warning> {
+pub(super) fn told(report: &Report) -> Vec<Warning> {
     let mut warnings: Vec<_> = dropped(report).collect();
     if report.seams_relaxed {
         warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
@@ -252,7 +265,7 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
     }
     let mut is_fault = show_warnings(out, path, &done.warnings, args.strict);
     if !done.report.reached {
-        let text = format!("{path}: {}", not_reached(&done.report, args));
+        let text = format!("{path}: {}", not_reached(&done.report, &args.options(), args.time_limit));
         if args.strict {
             output::error(&text)
         } else {
@@ -264,13 +277,13 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
 }
 
 /// Why the target was not met, and what would help.
-fn not_reached(report: &Report, args: &SimplifyArgs) -> String {
+pub(super) fn not_reached(report: &Report, options: &SimplifyOptions, time_limit: Option<f64>) -> String {
     let mut text = format!("target not reached, stopped by {}", report.stopped_by.name().replace('_', " "));
     let refusals = refusals(report);
     if !refusals.is_empty() {
         text += &format!("; refused: {refusals}");
     }
-    if let Some(help) = proposals::text(report, &args.options(), args.time_limit) {
+    if let Some(help) = proposals::text(report, options, time_limit) {
         text += &format!("; {help}");
     }
     text
@@ -413,7 +426,7 @@ impl Done {
     }
 }
 
-fn mesh_json((name, m): &(String, MeshCounts)) -> Value {
+pub(super) fn mesh_json((name, m): &(String, MeshCounts)) -> Value {
     json!({
         "name": name, "instances": m.instances, "reached": m.reached,
         "input": { "faces": m.input_faces, "vertices": m.input_vertices },

@@ -82,6 +82,21 @@ pub enum Track {
     MorphWeights(Vec<f32>),
 }
 
+impl Track {
+    /// How many values there are.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Translation(values) | Self::Scale(values) => values.len(),
+            Self::Rotation(values) => values.len(),
+            Self::MorphWeights(values) => values.len(),
+        }
+    }
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
 /// How a value goes from one time to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {

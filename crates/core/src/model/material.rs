@@ -15,7 +15,7 @@ pub struct Material {
     pub roughness: f32,
     /// Roughness in green, metal in blue, linear.
     pub metallic_roughness_texture: Option<TextureRef>,
-    /// Normals in the tangent frame of the texture coordinates.
+    /// Normals in the tangent frame of the texture coordinates: red along u, green along v (up in the image), blue out.
     pub normal_texture: Option<TextureRef>,
     /// How much of x and y of the normal map counts.
     pub normal_scale: f32,
@@ -31,6 +31,19 @@ pub struct Material {
     pub double_sided: bool,
     /// Whether light has no say: the colour is shown as it is.
     pub unlit: bool,
+}
+
+impl Material {
+    /// All textures that it may have, to be changed.
+    pub fn textures_mut(&mut self) -> [&mut Option<TextureRef>; 5] {
+        [
+            &mut self.base_color_texture,
+            &mut self.metallic_roughness_texture,
+            &mut self.normal_texture,
+            &mut self.occlusion_texture,
+            &mut self.emissive_texture,
+        ]
+    }
 }
 
 impl Default for Material {
@@ -74,10 +87,23 @@ pub struct TextureRef {
     pub image: usize,
     /// The set of texture coordinates; 0 is the mesh's own.
     pub uv_set: u8,
-    /// Two rows of three: where in the image a pair of texture coordinates looks (KHR_texture_transform).
+    /// Two rows of three: where in the image a pair of texture coordinates looks. Both count from the lower left corner
+    /// of the image, as [`TriMesh::uvs`](crate::TriMesh::uvs) do; rows of [`Image`](crate::Image) count from the top, so
+    /// (u, v) lies in row `(1 - v) * height`.
     pub transform: [[f32; 3]; 2],
     /// How it goes on beyond its edges, and between pixels.
     pub sampler: Sampler,
+}
+
+impl TextureRef {
+    /// A transform that changes nothing.
+    pub const PLAIN: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+    /// Where in the image a pair of texture coordinates looks, from its lower left corner.
+    #[inline]
+    pub fn look_up(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        self.transform.map(|[a, b, c]| a * u + b * v + c)
+    }
 }
 
 /// How an image goes on beyond its edges, and between its pixels.

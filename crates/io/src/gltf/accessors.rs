@@ -110,25 +110,26 @@ pub(super) struct Shape {
     pub(super) width: usize,
 }
 
+/// Types of elements by name, with their numbers of components.
+type Types = [(&'static str, usize)];
+const VECTORS: &Types = &[("SCALAR", 1), ("VEC2", 2), ("VEC3", 3), ("VEC4", 4)];
+const MATRICES: &Types = &[("MAT4", 16)];
+
 impl Shape {
     pub(super) fn new(accessor: &Value, at: &str) -> Result<Self, ReadError> {
+        Self::of_types(accessor, at, VECTORS)
+    }
+
+    fn of_types(accessor: &Value, at: &str, types: &Types) -> Result<Self, ReadError> {
         let Some(count) = whole(accessor, "count", at)? else {
             return Err(ReadError::element(at, "count is missing"));
         };
         let kind = component(accessor, at)?;
-        let width = match accessor["type"].as_str() {
-            Some("SCALAR") => 1,
-            Some("VEC2") => 2,
-            Some("VEC3") => 3,
-            Some("VEC4") => 4,
-            // Matrices are for skins, which are not read.
-            other => {
-                let other = excerpt(other.unwrap_or("missing"));
-                return Err(ReadError::element(
-                    at,
-                    format!("the type is {other}; SCALAR or VEC2 to VEC4 is needed"),
-                ));
-            }
+        let of_type = accessor["type"].as_str();
+        let Some(&(_, width)) = types.iter().find(|(name, _)| Some(*name) == of_type) else {
+            let other = excerpt(of_type.unwrap_or("missing"));
+            let wanted = if types.len() > 1 { "SCALAR or VEC2 to VEC4" } else { types[0].0 };
+            return Err(ReadError::element(at, format!("the type is {other}; {wanted} is needed")));
         };
         Ok(Self { count, kind, width })
     }
@@ -159,9 +160,29 @@ impl<'b> Accessor<'b> {
         index: usize,
         from: &str,
     ) -> Result<Self, ReadError> {
+        Self::of_types(json, buffers, index, from, VECTORS)
+    }
+
+    /// The same of an accessor of matrices of four rows; their numbers stand column by column.
+    pub(super) fn of_matrices(
+        json: &Value,
+        buffers: &'b Buffers<'_>,
+        index: usize,
+        from: &str,
+    ) -> Result<Self, ReadError> {
+        Self::of_types(json, buffers, index, from, MATRICES)
+    }
+
+    fn of_types(
+        json: &Value,
+        buffers: &'b Buffers<'_>,
+        index: usize,
+        from: &str,
+        types: &Types,
+    ) -> Result<Self, ReadError> {
         let (accessor, name) = entry(json, "accessors", index, from)?;
         let at = name.as_str();
-        let Shape { count, kind, width } = Shape::new(accessor, at)?;
+        let Shape { count, kind, width } = Shape::of_types(accessor, at, types)?;
         let size = kind.size() * width;
         let offset = whole(accessor, "byteOffset", at)?.unwrap_or(0);
         let elements = match whole(accessor, "bufferView", at)? {

@@ -2,7 +2,8 @@
 
 use serde_json::Value;
 
-use super::container::{HARMLESS, list};
+use super::container::{HARMLESS, list, number};
+use super::lod::nodes_of_levels;
 use super::placements::Placement;
 use crate::error::Warning;
 use crate::excerpt::excerpt;
@@ -84,6 +85,12 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
     }
     let mut placed = vec![false; meshes.len()];
     placements.iter().for_each(|p| placed[p.mesh] = true);
+    // Those of lower levels go with the extension, which is named above.
+    for level in nodes_of_levels(json) {
+        if let Some(flag) = number(&json["nodes"][level]["mesh"]).and_then(|m| placed.get_mut(m)) {
+            *flag = true;
+        }
+    }
     let left = placed.iter().filter(|p| !**p).count();
     if left > 0 {
         warnings

@@ -48,7 +48,7 @@ impl Budget {
 }
 
 impl Allowance {
-    fn take(&mut self, count: u64) -> Result<(), ReadError> {
+    pub(super) fn take(&mut self, count: u64) -> Result<(), ReadError> {
         self.used = self.used.saturating_add(count);
         if self.used > self.limit {
             return Err(ReadError::Limit { what: self.what, size: self.used, limit: self.limit });

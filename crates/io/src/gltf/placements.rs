@@ -3,6 +3,7 @@
 use serde_json::Value;
 
 use super::container::{entry, list, whole};
+use super::lod::nodes_of_levels;
 use crate::error::ReadError;
 
 /// An affine map: three rows of four.
@@ -104,24 +105,7 @@ pub(super) fn placements(json: &Value) -> Result<Vec<Placement>, ReadError> {
 /// The meshes that nodes of the default scene place; of all roots if there is no scene.
 pub(super) fn placed(json: &Value) -> Result<Vec<Placement>, ReadError> {
     let nodes = list(json, "nodes");
-    let scenes = list(json, "scenes");
-    let mut roots = Vec::new();
-    if scenes.is_empty() {
-        let mut has_parent = vec![false; nodes.len()];
-        for (i, node) in nodes.iter().enumerate() {
-            for child in indices(node, "children", &format!("nodes[{i}]"))? {
-                if let Some(flag) = has_parent.get_mut(child) {
-                    *flag = true;
-                }
-            }
-        }
-        roots.extend((0..nodes.len()).filter(|&i| !has_parent[i]));
-    } else {
-        let default = whole(json, "scene", "scene")?.unwrap_or(0);
-        let (scene, name) = entry(json, "scenes", default, "scene")?;
-        roots.extend(indices(scene, "nodes", &name)?);
-    }
-
+    let roots = roots(json)?;
     let mut placements = Vec::new();
     let mut seen = vec![false; nodes.len()];
     // A stack of our own: a chain of nodes may be longer than the machine's.
@@ -143,6 +127,35 @@ pub(super) fn placed(json: &Value) -> Result<Vec<Placement>, ReadError> {
         open.extend(children.into_iter().rev().map(|c| (c, world_from_node)));
     }
     Ok(placements)
+}
+
+/// Nodes from which the default scene is reached; all without a parent if there is no scene.
+pub(super) fn roots(json: &Value) -> Result<Vec<usize>, ReadError> {
+    let nodes = list(json, "nodes");
+    let scenes = list(json, "scenes");
+    let mut roots = Vec::new();
+    if scenes.is_empty() {
+        let mut has_parent = vec![false; nodes.len()];
+        for (i, node) in nodes.iter().enumerate() {
+            for child in indices(node, "children", &format!("nodes[{i}]"))? {
+                if let Some(flag) = has_parent.get_mut(child) {
+                    *flag = true;
+                }
+            }
+        }
+        // Lower levels of detail stand where their node does, and are no roots.
+        for level in nodes_of_levels(json) {
+            if let Some(flag) = has_parent.get_mut(level) {
+                *flag = true;
+            }
+        }
+        roots.extend((0..nodes.len()).filter(|&i| !has_parent[i]));
+    } else {
+        let default = whole(json, "scene", "scene")?.unwrap_or(0);
+        let (scene, name) = entry(json, "scenes", default, "scene")?;
+        roots.extend(indices(scene, "nodes", &name)?);
+    }
+    Ok(roots)
 }
 
 /// A list of whole numbers.
@@ -174,7 +187,12 @@ fn local(node: &Value, name: &str) -> Result<Affine, ReadError> {
     Ok(Affine([0, 1, 2].map(|r| [rotation[r][0] * s[0], rotation[r][1] * s[1], rotation[r][2] * s[2], t[r]])))
 }
 
-fn numbers<const N: usize>(node: &Value, what: &str, name: &str) -> Result<Option<[f64; N]>, ReadError> {
+/// A list of so many numbers, if it is there.
+pub(super) fn numbers<const N: usize>(
+    node: &Value,
+    what: &str,
+    name: &str,
+) -> Result<Option<[f64; N]>, ReadError> {
     if node[what].is_null() {
         return Ok(None);
     }

@@ -14,6 +14,7 @@ mod tidy;
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io::{self, Write};
+use std::sync::Arc;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -27,7 +28,7 @@ use super::encode::{Kind, encode, settle_weights, unit_directions};
 use super::lists::take_extension;
 use super::mesh::TYPES;
 use super::primitive::Primitive;
-use super::scene::{Scene, relink};
+use super::scene::relink;
 use super::slot::Slot;
 use pieces::{Part, Piece, Spot};
 
@@ -46,7 +47,7 @@ const OF_VERTICES: &str = "CESIUM_primitive_outline";
 const OF_PRIMITIVES: [&str; 3] = ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
 
 pub(super) fn write(
-    scene: &Scene,
+    (source, buffers): (&Value, &[Arc<Vec<u8>>]),
     replaced: &[Option<TriMesh>],
     format: Format,
     new_uri: &dyn Fn(&str) -> Option<String>,
@@ -55,13 +56,13 @@ pub(super) fn write(
     if !matches!(format, Format::Gltf | Format::Glb) {
         return Err(invalid(format!("a scene is written as glTF or GLB, not as {}", format.title())));
     }
-    let mut edit = Edit::new(scene);
+    let mut edit = Edit::new(source);
     for (i, mesh) in replaced.iter().enumerate() {
         if let Some(mesh) = mesh {
             edit.replace(i, mesh)?;
         }
     }
-    let (mut json, bytes, warnings) = edit.finish(scene);
+    let (mut json, bytes, warnings) = edit.finish(buffers);
     relink(&mut json, 0, new_uri);
     let glb = format == Format::Glb;
     set_buffer(&mut json, &bytes, glb);
@@ -112,10 +113,10 @@ struct Edit<'s> {
 }
 
 impl<'s> Edit<'s> {
-    fn new(scene: &'s Scene) -> Self {
+    fn new(source: &'s Value) -> Self {
         Self {
-            source: &scene.json,
-            json: scene.json.clone(),
+            source,
+            json: source.clone(),
             pieces: Vec::new(),
             known: HashMap::new(),
             fresh: Vec::new(),

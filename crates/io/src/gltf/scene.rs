@@ -12,12 +12,14 @@ use super::accessors::Accessor;
 use super::buffers::{Buffers, relative_path};
 use super::container::{Document, list, list_mut, whole};
 use super::lists::append;
+use super::lod::{self, SceneLevels};
 use super::mesh::{self, Budget};
 use super::names::MeshNames;
 use super::placements;
 use super::{inventory, replace, unpack};
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
+use crate::limits::Limits;
 use crate::read::{Contents, ReadOptions};
 
 /// A glTF file as a whole: nodes, materials, animations and all else as they are, and its meshes one by one.
@@ -34,6 +36,11 @@ pub struct Scene {
     contents: Contents,
     warnings: Vec<Warning>,
     format: Format,
+    /// How many bytes of the buffers came out of compressed streams.
+    pub(super) unpacked: usize,
+    /// Where images are that are files.
+    pub(super) folder: Option<PathBuf>,
+    pub(super) limits: Limits,
 }
 
 /// A mesh of a scene.
@@ -47,7 +54,7 @@ pub struct SceneMesh {
     /// of the file. Points and lines are not among them, so there may be no face.
     ///
     /// An attribute that only some primitives have is zero on the others, or white if it is a colour.
-    pub mesh: TriMesh,
+    pub mesh: Arc<TriMesh>,
     /// How often nodes of the default scene place it (of all roots where there is no scene); 0 if none does.
     pub instances: usize,
     /// The largest factor by which a node that places it makes lengths longer; 1 if none does. What joints do to a
@@ -97,7 +104,7 @@ impl Scene {
                 let name = mesh["name"].as_str().map_or(name, str::to_owned);
                 meshes.push(SceneMesh {
                     name,
-                    mesh: mesh_in_file,
+                    mesh: Arc::new(mesh_in_file),
                     instances: 0,
                     scale: 1.0,
                     world_from_mesh: None,
@@ -116,7 +123,8 @@ impl Scene {
         let placed_faces = |m: &SceneMesh| m.instances.saturating_mul(m.mesh.face_count());
         contents.polygons = meshes.iter().fold(0, |n, m| placed_faces(m).saturating_add(n));
         let bounds = bounds(&placed, &meshes);
-        Ok(Self { json, buffers, meshes, bounds, contents, warnings, format })
+        let (folder, limits) = (options.folder.clone(), options.limits);
+        Ok(Self { json, buffers, meshes, bounds, contents, warnings, format, unpacked, folder, limits })
     }
 
     /// The meshes, in the order of the file.
@@ -170,7 +178,30 @@ impl Scene {
         relink: &dyn Fn(&str) -> Option<String>,
         out: &mut dyn Write,
     ) -> io::Result<Vec<Warning>> {
-        replace::write(self, replaced, format, relink, out)
+        replace::write((&self.json, &self.buffers), replaced, format, relink, out)
+    }
+
+    /// Writes the scene with levels of detail, by the extension `MSFT_lod`: every node with a mesh that has levels names
+    /// others with those, which no scene does. Levels share materials, textures, skins and whatever else they name; a
+    /// mesh of them has primitives as level 0 has them. Morph targets and their animations come along. In all else as
+    /// [`Scene::write`].
+    ///
+    /// # Errors
+    /// As [`Scene::write`]; [`io::ErrorKind::InvalidInput`] for a scene that has levels of detail already.
+    pub fn write_levels(
+        &self,
+        levels: &SceneLevels,
+        format: Format,
+        relink: &dyn Fn(&str) -> Option<String>,
+        out: &mut dyn Write,
+    ) -> io::Result<Vec<Warning>> {
+        let (json, replaced) = lod::with_levels(&self.json, levels)?;
+        replace::write((&json, &self.buffers), &replaced, format, relink, out)
+    }
+
+    /// Whether nodes name others as levels of detail.
+    pub fn has_levels(&self) -> bool {
+        lod::nodes_of_levels(&self.json).next().is_some()
     }
 
     /// Takes an image that is a file of its own into the scene: `bytes` are those of the file that `uri` names. Whether

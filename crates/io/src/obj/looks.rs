@@ -17,6 +17,15 @@ use crate::gltf::image_type;
 /// Bytes of all images of one file. Guessed: half of what a GLB can hold.
 const MOST_BYTES: u64 = 2 << 30;
 
+/// What materials are looked up for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// To be written as glTF: PNG and JPEG as they are, and all that cannot be said is told.
+    Gltf,
+    /// To be seen: images of any type, and only those are told that are missing.
+    Picture,
+}
+
 /// How a material looks.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Look {
@@ -30,6 +39,8 @@ pub(crate) struct Look {
     pub(crate) emission: [f64; 3],
     pub(crate) metalness: f64,
     pub(crate) roughness: f64,
+    /// The exponent of highlights as older programs draw them, where there are any and nothing else is said.
+    pub(crate) shininess: Option<f64>,
     /// Images, by their numbers.
     pub(crate) color_image: Option<usize>,
     pub(crate) normal_image: Option<usize>,
@@ -47,7 +58,7 @@ pub(crate) struct Looks {
 }
 
 /// The materials that the regions of a mesh have, with their images; `None` where nothing is known of them.
-pub(crate) fn looks(mesh: &TriMesh, regions: &Regions) -> Option<Looks> {
+pub(crate) fn looks(mesh: &TriMesh, regions: &Regions, purpose: Purpose) -> Option<Looks> {
     if !regions.has_materials() || drops_materials(mesh, regions) {
         return None;
     }
@@ -65,10 +76,12 @@ pub(crate) fn looks(mesh: &TriMesh, regions: &Regions) -> Option<Looks> {
         });
         looks.of_region.push(at);
     }
-    let mut seen = Seen::default();
+    let mut seen = Seen::new(purpose);
     for library in regions.libraries() {
         seen.read(library, &numbers, &mut looks);
-        looks.warnings.extend(library.losses());
+        if purpose == Purpose::Gltf {
+            looks.warnings.extend(library.losses());
+        }
     }
     looks.warnings.extend(seen.warnings());
     Some(looks)
@@ -86,6 +99,7 @@ impl Look {
             emission: [0.0; 3],
             metalness: 0.0,
             roughness: 1.0,
+            shininess: None,
             color_image: None,
             normal_image: None,
             emission_image: None,
@@ -94,8 +108,8 @@ impl Look {
 }
 
 /// What was met in the libraries.
-#[derive(Default)]
 struct Seen {
+    purpose: Purpose,
     /// Images by their files; `None` for those that do not go along.
     images: HashMap<PathBuf, Option<usize>>,
     bytes: u64,
@@ -110,27 +124,43 @@ struct Seen {
 }
 
 impl Seen {
+    fn new(purpose: Purpose) -> Self {
+        Self {
+            purpose,
+            images: HashMap::new(),
+            bytes: 0,
+            described: BTreeSet::new(),
+            unsaid: BTreeSet::new(),
+            highlights: BTreeSet::new(),
+            missing: Vec::new(),
+        }
+    }
+
+    fn takes(&self, kind: Option<&str>) -> bool {
+        self.purpose == Purpose::Picture || matches!(kind, Some("image/png" | "image/jpeg"))
+    }
+
     fn read(&mut self, library: &Library, numbers: &HashMap<&[u8], usize>, looks: &mut Looks) {
         let mut present = None;
         // Of the present material.
-        let (mut color_path, mut has_emission) = (None, false);
+        let (mut color_path, mut has_emission, mut has_highlights) = (None, false, true);
         for line in lines_of(library.text().unwrap_or_default()) {
             let Some((word, rest)) = next_word(line) else { continue };
             let keyword = String::from_utf8_lossy(&line[word]).to_ascii_lowercase();
             if keyword == "newmtl" {
                 let at = numbers.get(line[rest..].trim_ascii()).copied();
                 present = at.filter(|at| self.described.insert(*at));
-                (color_path, has_emission) = (None, false);
+                (color_path, has_emission, has_highlights) = (None, false, true);
                 continue;
             }
             let Some(at) = present else { continue };
             looks.all[at].is_tinted = library.is_tinted();
-            let numbers: Vec<f64> = String::from_utf8_lossy(&line[rest..])
+            let raw: Vec<f64> = String::from_utf8_lossy(&line[rest..])
                 .split_ascii_whitespace()
                 .map_while(|word| word.parse().ok())
                 .filter(|x: &f64| x.is_finite())
-                .map(|x| x.clamp(0.0, 1.0))
                 .collect();
+            let numbers: Vec<f64> = raw.iter().map(|x| x.clamp(0.0, 1.0)).collect();
             let triple = match *numbers.as_slice() {
                 [x] => Some([x; 3]),
                 [r, g, b, ..] => Some([r, g, b]),
@@ -178,6 +208,13 @@ impl Seen {
                 // The light that comes from nowhere, and hints for other ways to shade.
                 "ka" | "map_ka" | "illum" | "ni" | "tf" => {}
                 "ks" | "ns" | "sharpness" => {
+                    let shininess = &mut looks.all[at].shininess;
+                    match keyword.as_str() {
+                        "ks" => has_highlights = numbers.iter().any(|&x| x > 0.0),
+                        "ns" => *shininess = raw.first().copied(),
+                        _ => {}
+                    }
+                    *shininess = shininess.filter(|_| has_highlights);
                     self.highlights.insert(keyword);
                 }
                 other if other.starts_with('#') => {}
@@ -199,8 +236,7 @@ impl Seen {
         if let Some(known) = self.images.get(&key) {
             return *known;
         }
-        let is_known = ["image/png", "image/jpeg"].contains(&image.kind);
-        let number = is_known.then(|| {
+        let number = self.takes(Some(image.kind)).then(|| {
             let stem = image.name.rsplit_once('.').map_or(&*image.name, |(stem, _)| stem);
             images.push(Image { name: stem.to_owned(), ..image.clone() });
             images.len() - 1
@@ -229,22 +265,24 @@ impl Seen {
         let mut bytes = Vec::new();
         let left = MOST_BYTES - self.bytes;
         let read = File::open(&file).and_then(|f| f.take(left + 1).read_to_end(&mut bytes));
-        let kind = image_type(&bytes).filter(|kind| ["image/png", "image/jpeg"].contains(kind));
-        let problem = match (read, kind) {
-            (Err(error), _) => Some(format!("cannot be read: {error}")),
-            (Ok(_), _) if bytes.len() as u64 > left => Some("is too large".to_owned()),
-            (Ok(_), None) => Some("is neither PNG nor JPEG".to_owned()),
-            (Ok(_), Some(_)) => None,
+        let kind = image_type(&bytes);
+        let problem = match read {
+            Err(error) => Some(format!("cannot be read: {error}")),
+            Ok(_) if bytes.len() as u64 > left => Some("is too large".to_owned()),
+            Ok(_) if !self.takes(kind) => Some("is neither PNG nor JPEG".to_owned()),
+            Ok(_) => None,
         };
-        let number = match (problem, kind) {
-            (None, Some(kind)) => {
+        let number = match problem {
+            None => {
                 self.bytes += bytes.len() as u64;
-                let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                images.push(Image { name, kind, bytes });
+                // Some types are told by the ending alone.
+                let name = if self.purpose == Purpose::Gltf { file.file_stem() } else { file.file_name() };
+                let name = name.unwrap_or_default().to_string_lossy().into_owned();
+                images.push(Image { name, kind: kind.unwrap_or_default(), bytes });
                 Some(images.len() - 1)
             }
-            (problem, _) => {
-                self.missing.push(format!("{shown} {}", problem.unwrap_or_default()));
+            Some(problem) => {
+                self.missing.push(format!("{shown} {problem}"));
                 None
             }
         };
@@ -254,6 +292,9 @@ impl Seen {
 
     fn warnings(self) -> Vec<Warning> {
         let mut warnings = left_out(&self.missing);
+        if self.purpose == Purpose::Picture {
+            return warnings;
+        }
         let listed = |words: BTreeSet<String>| words.into_iter().collect::<Vec<_>>().join(", ");
         if !self.unsaid.is_empty() {
             let text = format!("glTF has no word for these of the materials: {}", listed(self.unsaid));

@@ -85,6 +85,23 @@ impl Regions {
         Self { names: all.texts, entries, materials, libraries: vec![library] }
     }
 
+    /// Regions of these names, without libraries: what their materials look like is not known.
+    pub fn named(regions: &[Region<'_>]) -> Self {
+        let mut all = Names::default();
+        let mut materials = Vec::new();
+        let mut entries = Vec::with_capacity(regions.len());
+        let mut seen = HashSet::new();
+        for region in regions {
+            let entry = Heading::ALL.map(|h| region.name(h).map_or(NONE, |n| all.number_of(n)));
+            let material = entry[Heading::Material as usize];
+            if material != NONE && seen.insert(material) {
+                materials.push(material);
+            }
+            entries.push(entry);
+        }
+        Self { names: all.texts, entries, materials, libraries: Vec::new() }
+    }
+
     /// How many there are; 0 where the file has no such lines.
     pub fn len(&self) -> usize {
         self.entries.len()

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{Attribute, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
 use crate::error::Warning;
 
@@ -34,7 +34,10 @@ pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Res
         bytes: are_bytes(c),
         alpha: c.iter().any(|c| c[3] != 1.0),
     });
-    header(mesh, ascii, count, triangles.len(), colors.as_ref(), out)?;
+    let named: Vec<&Attribute> =
+        mesh.further_attributes().iter().filter(|a| matches!(a.semantic, Semantic::Custom(_))).collect();
+    let names = names_of(&named);
+    header(mesh, ascii, (count, triangles.len()), colors.as_ref(), &names, out)?;
 
     let mut sink = Sink { out, piece: Vec::with_capacity(PIECE + 256), ascii };
     for i in 0..count {
@@ -52,6 +55,9 @@ pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Res
             for &x in &c.values[i][..if c.alpha { 4 } else { 3 }] {
                 if c.bytes { sink.byte((x * 255.0).round() as u8) } else { sink.f32(x) }
             }
+        }
+        for a in &named {
+            a.of(WedgeId::new(i)).iter().for_each(|&x| sink.f32(x));
         }
         sink.end_record()?;
     }
@@ -72,6 +78,32 @@ struct Colors<'a> {
     alpha: bool,
 }
 
+/// The properties of named attributes: the name in small letters, without the underscore that glTF asks for, and for several
+/// values the axis or number of each. What PLY cannot have in a name is an underscore, and a name comes once.
+fn names_of(named: &[&Attribute]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for a in named {
+        let Semantic::Custom(own) = &a.semantic else { continue };
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
+        let name: String = own.strip_prefix('_').unwrap_or(own).chars().map(plain).collect();
+        for k in 0..a.width {
+            let mut full = match (a.width, ["x", "y", "z", "w"].get(k)) {
+                (1, _) => name.clone(),
+                (2..=4, Some(axis)) => format!("{name}_{axis}"),
+                _ => format!("{name}_{k}"),
+            };
+            while names.contains(&full) || KNOWN.contains(&full.as_str()) {
+                full.push('_');
+            }
+            names.push(full);
+        }
+    }
+    names
+}
+
+/// What other properties are called.
+const KNOWN: [&str; 13] = ["", "x", "y", "z", "nx", "ny", "nz", "s", "t", "red", "green", "blue", "alpha"];
+
 fn are_bytes(colors: &[[f32; 4]]) -> bool {
     colors.iter().flatten().all(|&x| {
         let byte = (x * 255.0).round();
@@ -82,9 +114,9 @@ fn are_bytes(colors: &[[f32; 4]]) -> bool {
 fn header(
     mesh: &TriMesh,
     ascii: bool,
-    vertices: usize,
-    faces: usize,
+    (vertices, faces): (usize, usize),
     colors: Option<&Colors<'_>>,
+    named: &[String],
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let mut text = String::from("ply\n");
@@ -108,6 +140,7 @@ fn header(
         let kind = if c.bytes { "uchar" } else { "float" };
         names[..if c.alpha { 4 } else { 3 }].iter().for_each(|n| line(&["property", kind, n]));
     }
+    named.iter().for_each(|n| line(&["property", "float", n]));
     line(&["element", "face", &faces.to_string()]);
     // Most readers want signed indices; they reach to 2^31.
     let index = if vertices > i32::MAX as usize { "uint" } else { "int" };

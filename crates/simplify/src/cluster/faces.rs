@@ -90,31 +90,44 @@ fn distinct<'a, I: Iterator<Item = &'a Face>>(
     sorted
 }
 
-/// How many edges have more than two of these faces. Cost: O(F).
+/// How many edges have more than two of these faces, which stand in the order of their least clusters. Cost: O(F).
 pub(super) fn non_manifold_edges(faces: &[Face], clusters: usize) -> usize {
-    let edges = |f: &Face| {
-        let [a, b, c] = f.corners;
-        [(a, b), (b.min(c), b.max(c)), (a, c)]
+    // Of the three edges of a face two are at its least cluster, and at hand there; the third is dealt out.
+    let third = |f: &Face| {
+        let [_, b, c] = f.corners;
+        [b.min(c), b.max(c)]
     };
     let mut at = vec![0u32; clusters + 1];
-    for (low, _) in faces.iter().flat_map(edges) {
+    for [low, _] in faces.iter().map(third) {
         at[low as usize + 1] += 1;
     }
     for i in 0..clusters {
         at[i + 1] += at[i];
     }
-    let mut ends = vec![0u32; 3 * faces.len()];
-    for (low, high) in faces.iter().flat_map(edges) {
+    let mut ends = vec![0u32; faces.len()];
+    for [low, high] in faces.iter().map(third) {
         let slot = &mut at[low as usize];
         ends[*slot as usize] = high;
         *slot += 1;
     }
-    let (mut found, mut start) = (0, 0);
-    for &end in &at[..clusters] {
-        let own = &mut ends[start..end as usize];
-        own.sort_unstable();
-        found += own.chunk_by(|a, b| a == b).filter(|same| same.len() > 2).count();
-        start = end as usize;
+    // Now `at` is where each list ends.
+    let (mut found, mut start, mut left) = (0, 0, faces);
+    let mut own: Vec<u32> = Vec::new();
+    for (least, &end) in at[..clusters].iter().enumerate() {
+        let here = left.iter().take_while(|f| f.corners[0] as usize == least).count();
+        own.clear();
+        own.extend(left[..here].iter().flat_map(|f| [f.corners[1], f.corners[2]]));
+        own.extend(&ends[start..end as usize]);
+        (start, left) = (end as usize, &left[here..]);
+        if own.len() > MANY {
+            own.sort_unstable();
+            found += own.chunk_by(|a, b| a == b).filter(|same| same.len() > 2).count();
+        } else {
+            // Each is counted where it stands for the third time.
+            found += (2..own.len())
+                .filter(|&i| own[..i].iter().filter(|&&other| other == own[i]).count() == 2)
+                .count();
+        }
     }
     found
 }

@@ -27,7 +27,7 @@ pub(super) fn shared<T: Send>(items: &mut [T], len: usize, work: impl Fn(usize, 
 }
 
 /// Calls `work` with each number below `count`; results in their order.
-pub(super) fn each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+pub(crate) fn each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     #[cfg(feature = "rayon")]
     return (0..count).into_par_iter().map(&work).collect();
     #[cfg(not(feature = "rayon"))]

@@ -76,7 +76,7 @@ pub(super) fn search<P: Place, E>(
     let mut resolution = match wanted {
         Some(n) => {
             let faces = (AIM * n.max(1) as f64).min(0.9 * model.faces.len() as f64);
-            Sample::new(model).resolution(model, faces, [low, high])
+            Sample::new(model).resolution(faces, [low, high])
         }
         None => coarsest,
     };

@@ -1,6 +1,7 @@
 //! The threshold of the next sweep: a quantile of the bounds, by a histogram.
 
 /// A histogram of non-negative floats by exponent and four bits of mantissa.
+#[derive(Clone)]
 pub(crate) struct Histogram {
     bins: Box<[u32; 4096]>,
     known: usize,

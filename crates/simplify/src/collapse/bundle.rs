@@ -34,7 +34,7 @@ pub(super) struct Changed {
 }
 
 /// Pairs, and the faces that their contraction changes.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Bundle {
     pub(super) joints: Vec<Joint>,
     pub(super) faces: Vec<Changed>,

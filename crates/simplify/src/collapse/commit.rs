@@ -29,6 +29,7 @@ pub(super) const SUSPECT_TURN: f32 = 0.5;
 pub(super) const FOLD: f32 = -0.8;
 
 /// A triangle of the star of a collapsing edge, before and after.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Wing {
     pub(crate) corner: Corner,
     pub(crate) a: VertexId,

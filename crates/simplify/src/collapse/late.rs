@@ -54,6 +54,7 @@ struct Bag {
 }
 
 /// The bags, by number in the ordered input of their vertex.
+#[derive(Clone)]
 pub(crate) struct Late {
     bag_of: Vec<u32>,
     bags: Vec<Bag>,

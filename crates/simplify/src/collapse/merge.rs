@@ -17,7 +17,7 @@ use crate::tensor::Tensor;
 const MOST_MEMBERS: usize = 24;
 
 /// The wedges of the edge that is looked at, their best values, and the sums that the merged ones will have.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Merge {
     members: Vec<Member>,
     best: Vec<f32x4>,

@@ -42,6 +42,7 @@ struct Pair {
 }
 
 /// Pairs that may be contracted.
+#[derive(Clone)]
 pub(crate) struct Pairs {
     /// The distance within which they are looked for.
     reach: f32,
@@ -52,7 +53,7 @@ pub(crate) struct Pairs {
 }
 
 /// What a look at a pair works with; made once.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Work {
     bundle: Bundle,
     ru: Ring,

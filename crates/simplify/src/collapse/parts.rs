@@ -55,6 +55,7 @@ impl Part {
 }
 
 /// The parts of the input, for a run in which they may go in the order of costs.
+#[derive(Clone)]
 pub(crate) struct Parts {
     /// By number in the ordered input.
     part_of: Vec<u32>,

@@ -17,7 +17,7 @@ use crate::metric::Metric;
 
 /// Share of the bounds that one sweep takes while a record is kept: the road is to be good at every step, not only at its
 /// end. (Measured: at 0.7 levels have up to 1.6 times the RMS of single runs, at 0.25 up to 1.06, at 0.05 up to 1.04; exactly
-/// flat parts want it at 0.05. docs/decisions/0016)
+/// flat parts want it at 0.05. docs/decisions/0018)
 pub(super) const QUANTILE: f64 = 0.05;
 
 /// Lists of changes, each with where those of a change end.
@@ -56,6 +56,7 @@ pub(crate) struct Step {
 }
 
 /// How the engine's numbers are called in the input.
+#[derive(Clone)]
 pub(crate) struct Names {
     /// The vertex of each place.
     pub(crate) vertices: Vec<VertexId>,
@@ -68,6 +69,7 @@ pub(crate) struct Names {
 }
 
 /// The mesh in the names of the input; what is made on the way has numbers beyond.
+#[derive(Clone)]
 pub(crate) struct Copy {
     pub(crate) faces: Vec<[WedgeId; 3]>,
     pub(crate) vertex_of: Vec<VertexId>,
@@ -76,6 +78,7 @@ pub(crate) struct Copy {
     pub(crate) positions: Positions,
 }
 
+#[derive(Clone)]
 pub(crate) struct Record {
     pub(crate) names: Names,
     pub(crate) copy: Copy,

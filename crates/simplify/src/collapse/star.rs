@@ -6,7 +6,7 @@ use wide::f32x4;
 
 /// The triangles around a place, made ready. A point is nearest to the inside of one of them, to an edge of the rim, or to
 /// a spoke, which two triangles share.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Star {
     centre: Vec3,
     triangles: Vec<Triangle>,

@@ -85,6 +85,7 @@ impl Facing {
     }
 }
 
+#[derive(Clone)]
 pub(crate) struct Store<M: Metric> {
     pub(crate) v: Vec<Vertex<M::Memory>>,
     /// The smallest cost, as last seen, of the edges that a vertex owns: those to later vertices.
@@ -241,6 +242,17 @@ impl<M: Metric> Store<M> {
         self.corners.shrink_to_fit();
         self.t.shrink_to_fit();
         self.v.shrink_to_fit();
+    }
+
+    /// Gives a copy as much room for lists as its original has: when it is used up, the copy is compacted.
+    pub(crate) fn make_room_of(&mut self, original: &Self) {
+        self.corners.reserve_exact(original.corners.capacity() - original.corners.len());
+    }
+
+    /// Lets sweeps go on after [`Store::finish`]: every vertex is looked at again.
+    pub(crate) fn reopen(&mut self) {
+        self.bound = vec![super::UNKNOWN; self.v.len()];
+        self.link();
     }
 
     /// Whether the arena of corner lists has no room left for a star of a usual size.

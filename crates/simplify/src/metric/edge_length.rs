@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use super::{Around, Form, Judge, Metric, PartSize, Place};
 use crate::tensor::Tensor;
 
+#[derive(Clone)]
 pub(crate) struct EdgeLength;
 
 impl Metric for EdgeLength {

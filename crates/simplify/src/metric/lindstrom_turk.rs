@@ -24,6 +24,7 @@ const NO_VOLUME: f64 = 1e-6;
 /// of n·y, areas half of e × y, and the weights of both are a half.
 const BORDER: f64 = 9.0;
 
+#[derive(Clone)]
 pub(crate) struct LindstromTurk;
 
 impl Metric for LindstromTurk {

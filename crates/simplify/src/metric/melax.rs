@@ -16,6 +16,7 @@ const TIE: f64 = 1e-7;
 /// Faces on an edge that are looked at.
 const MOST_SIDES: usize = 4;
 
+#[derive(Clone)]
 pub(crate) struct Melax;
 
 impl Metric for Melax {

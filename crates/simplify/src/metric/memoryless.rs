@@ -10,6 +10,7 @@ use glam::Vec3;
 use super::{Form, Judge, Metric};
 use crate::tensor::Tensor;
 
+#[derive(Clone)]
 pub(crate) struct Memoryless;
 
 impl Metric for Memoryless {

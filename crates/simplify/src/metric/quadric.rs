@@ -8,6 +8,7 @@ use glam::Vec3;
 use super::{Form, Judge, Metric};
 use crate::tensor::Tensor;
 
+#[derive(Clone)]
 pub(crate) struct Quadric;
 
 /// y·A·y + 2 g·y + e at the vertex + y.

@@ -70,7 +70,15 @@ pub(super) fn build(
     };
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
     let care = Care::new(&options, &ordered, |v| input.joined(v));
-    let mut run = Run { input: &input, options: &options, ordered: &mut ordered, goal, care: &care, pass };
+    let mut run = Run {
+        input: &input,
+        options: &options,
+        ordered: &mut ordered,
+        goal,
+        care: &care,
+        pass,
+        is_traced: false,
+    };
     let built = walk(&mut run, mesh, control)?;
     let mut built = match limit {
         Some(limit) => {
@@ -119,7 +127,7 @@ fn walk<M: Metric>(
     mesh: &TriMesh,
     control: &mut dyn Control,
 ) -> Result<Progressive, SimplifyError> {
-    let Started { mut engine, rows, is_kept, .. } = run.start::<M>(None, true)?;
+    let Started { mut engine, rows, is_kept, .. } = run.start::<M>(None, true, (&[], 0))?;
     let (names, home) = names(run, &engine, rows.as_ref());
     let layout = arrange::layout(mesh);
     let by_place = names.faces.clone();

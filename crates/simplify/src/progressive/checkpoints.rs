@@ -15,7 +15,7 @@ use crate::fit;
 use crate::metric::Memoryless;
 use crate::run::Run;
 
-/// Faces of a checkpoint, as a share of those of the finer one before it. (docs/decisions/0016)
+/// Faces of a checkpoint, as a share of those of the finer one before it. (docs/decisions/0018)
 const FACTOR: f64 = 0.84;
 
 /// What the costs of contractions amount to, as squared distances in the unit frame.

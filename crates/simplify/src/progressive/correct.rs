@@ -9,6 +9,10 @@ use lodsmith_core::{Positions, Semantic, VertexId, WedgeId};
 
 use super::Progressive;
 
+/// Between checkpoints whose errors differ by more than this factor only the finer one counts: exactly flat parts end
+/// somewhere, and what a fit does beyond must not reach back. (Guessed; on smooth surfaces the factor is 1.2.)
+const JUMP: f64 = 4.0;
+
 impl Progressive {
     /// The last checkpoint at or below a level, and the first at or above.
     fn checkpoints(&self, level: usize) -> (Option<&Checkpoint>, Option<&Checkpoint>) {
@@ -52,7 +56,13 @@ impl Progressive {
             (Some(a), Some(b)) => self.share(a.level, self.level, b.level) as f32,
             _ => 0.0,
         };
-        let (sides, data) = ([below, above], &self.road.splits);
+        let data = &self.road.splits;
+        let is_start = |c: &Checkpoint| data.checkpoints.last().is_some_and(|last| last.level == c.level);
+        let jumps = |a: &Checkpoint, b: &Checkpoint| !is_start(b) && a.error > JUMP * b.error;
+        let sides = match (below, above) {
+            (Some(a), Some(b)) if jumps(a, b) => [None, above],
+            sides => sides.into(),
+        };
         let has_any = |of: fn(&Checkpoint) -> bool| sides.iter().flatten().any(|c| !of(c));
         let mut corrections = [Vec::new(), Vec::new()];
         if has_any(|c| c.vertices.is_empty()) {

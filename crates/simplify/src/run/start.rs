@@ -9,7 +9,7 @@ use crate::attributes::{Ground, Rows};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order;
 use crate::collapse::store::Store;
-use crate::collapse::{Engine, Wedges};
+use crate::collapse::{Engine, Goal, Wedges};
 use crate::fit;
 use crate::guard::Rules;
 use crate::metric::{Judge, Metric};
@@ -27,6 +27,8 @@ pub(crate) struct Started<M: Metric> {
     pub(super) duplicate_faces: usize,
     /// Whether the ordered input still has its points and faces.
     pub(crate) is_kept: bool,
+    /// What attributes count for each goal of a chain.
+    pub(super) weights: Vec<Vec<f32>>,
 }
 
 /// What stands at the corners of the ordered faces.
@@ -37,11 +39,14 @@ struct Corners {
 }
 
 impl Run<'_, '_> {
-    /// An engine before its first sweep; `recorded` ones know the faces by their numbers in the ordered input.
+    /// An engine before its first sweep; `recorded` ones know the faces by their numbers in the ordered input. `step` is
+    /// the largest distance from a plane that one collapse may leave, in user units; `goals` are those of a chain, if it
+    /// is one, and `level` is the first that is swept to.
     pub(crate) fn start<M: Metric>(
         &mut self,
         step: Option<f64>,
         recorded: bool,
+        (goals, level): (&[Goal], usize),
     ) -> Result<Started<M>, SimplifyError> {
         let options = self.options;
         let surface = &self.input.surface;
@@ -56,7 +61,9 @@ impl Run<'_, '_> {
             self.ordered.points = self.ordered.points_again(surface);
             self.ordered.faces = self.ordered.faces_again(surface);
         }
-        let is_kept = self.ordered.faces.len() <= COPY_UP_TO || step.is_some() || recorded;
+        // The search for an error runs several times from the same start, and a chain looks back at each level.
+        let again = step.is_some() || !goals.is_empty() || recorded;
+        let is_kept = self.ordered.faces.len() <= COPY_UP_TO || again;
         let (points, faces) = if is_kept {
             (self.ordered.points.clone(), self.ordered.faces.clone())
         } else {
@@ -64,10 +71,19 @@ impl Run<'_, '_> {
         };
         let regions = self.regions();
         let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
-        if !matches!(M::JUDGE, Judge::Engine)
-            && let Some((_, Some(attributes))) = &mut rows
-        {
-            attributes.weights_mut().fill(0.0);
+        let mut weights = Vec::new();
+        if !matches!(M::JUDGE, Judge::Engine) {
+            if let Some((_, Some(attributes))) = &mut rows {
+                attributes.weights_mut().fill(0.0);
+            }
+        } else if let (Some((rows, Some(attributes))), Some(wedges)) = (&mut rows, &wedges) {
+            for goal in goals {
+                self.weigh(rows, attributes, (&faces, wedges, &points), goal);
+                weights.push(attributes.weights_mut().to_vec());
+            }
+            if let Some(first) = weights.get(level) {
+                attributes.weights_mut().copy_from_slice(first);
+            }
         }
         let (rows, attributes) = rows.unzip();
         let attributes = attributes.flatten();
@@ -92,7 +108,7 @@ impl Run<'_, '_> {
         if let Some(distance) = options.of_method.pairs {
             engine.watch_pairs(pairs_reach(distance, frame, self.ordered.diagonal));
         }
-        Ok(Started { engine, rows, originals, duplicate_faces, is_kept })
+        Ok(Started { engine, rows, originals, duplicate_faces, is_kept, weights })
     }
 
     /// The regions of the ordered faces, where there are several.
@@ -133,24 +149,34 @@ impl Run<'_, '_> {
             // All the same everywhere: nothing to take along.
             return Corners { wedges: None, endpoints: None, rows: Some((rows, None)) };
         }
-        let edge = self.result_edge(faces, points);
-        let frame = self.ordered.frame;
-        let on = Ground { faces, wedges: &wedges, points, frame, edge };
-        rows.weigh(&mut attributes, &self.options.weights, &on);
+        self.weigh(&rows, &mut attributes, (faces, &wedges, points), &self.goal);
         Corners { wedges: Some(wedges), endpoints: None, rows: Some((rows, Some(attributes))) }
     }
 
-    /// About how long the edges of the result will be, in the unit frame: those of equilateral triangles.
-    fn result_edge(&self, faces: &[[VertexId; 3]], points: &[Vec3]) -> f64 {
-        let doubled = |t: &[VertexId; 3]| {
-            let [a, b, c] = t.map(|v| points[v.index()]);
-            f64::from((b - a).cross(c - a).length())
-        };
-        let area = 0.5 * faces.iter().map(doubled).sum::<f64>();
-        let by_vertices = self.goal.vertices.map(|n| 2 * n);
-        let count = self.goal.faces.or(by_vertices).unwrap_or(faces.len() / 10).clamp(1, faces.len().max(1));
-        (area / (0.433 * count as f64)).sqrt()
+    /// Sets what attributes count on the way to a goal.
+    fn weigh(
+        &self,
+        rows: &Rows,
+        attributes: &mut Attributes,
+        (faces, wedges, points): (&[[VertexId; 3]], &[[WedgeId; 3]], &[Vec3]),
+        goal: &Goal,
+    ) {
+        let edge = result_edge(faces, points, goal);
+        let on = Ground { faces, wedges, points, frame: self.ordered.frame, edge };
+        rows.weigh(attributes, &self.options.weights, &on);
     }
+}
+
+/// About how long the edges of a result will be, in the unit frame: those of equilateral triangles.
+fn result_edge(faces: &[[VertexId; 3]], points: &[Vec3], goal: &Goal) -> f64 {
+    let doubled = |t: &[VertexId; 3]| {
+        let [a, b, c] = t.map(|v| points[v.index()]);
+        f64::from((b - a).cross(c - a).length())
+    };
+    let area = 0.5 * faces.iter().map(doubled).sum::<f64>();
+    let by_vertices = goal.vertices.map(|n| 2 * n);
+    let count = goal.faces.or(by_vertices).unwrap_or(faces.len() / 10).clamp(1, faces.len().max(1));
+    (area / (0.433 * count as f64)).sqrt()
 }
 
 /// How near vertices have to be that are contracted as pairs, in the unit frame. (A box has a diagonal below 2 there.)

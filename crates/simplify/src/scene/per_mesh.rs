@@ -7,26 +7,10 @@ use lodsmith_core::topology::size_of;
 use super::{MeshCounts, Part, SimplifiedScene, simplify_scene};
 use crate::SimplifyError;
 use crate::care;
-use crate::control::{Control, Stage, Verdict};
+use crate::control::{Control, Share};
 use crate::escalate::Escalation;
 use crate::options::SimplifyOptions;
 use crate::report::{Refusal, Report, StoppedBy};
-
-/// One of several runs, as a part of the whole.
-struct Share<'a> {
-    control: &'a mut dyn Control,
-    begin: f64,
-    length: f64,
-}
-
-impl Control for Share<'_> {
-    fn stage(&mut self, stage: Stage) {
-        self.control.stage(stage);
-    }
-    fn progress(&mut self, done: f64) -> Verdict {
-        self.control.progress(self.begin + self.length * done)
-    }
-}
 
 /// A run in the sum of all.
 struct Run {

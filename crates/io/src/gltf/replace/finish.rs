@@ -1,6 +1,7 @@
 //! From pieces to the accessors and views of the file, and the bytes of its one buffer.
 
 use std::collections::{BTreeSet, HashSet};
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
@@ -9,7 +10,6 @@ use super::super::lists::{drop_nulls, forget_extensions, move_view, put, renumbe
 use super::super::mesh::TYPES;
 use super::super::references::{Named, each_reference, views_of};
 use super::super::repack::Repacked;
-use super::super::scene::Scene;
 use super::pieces::{Data, Part, Piece, Spot, Stretch};
 use super::{Edit, OF_VERTICES};
 use crate::error::Warning;
@@ -22,7 +22,7 @@ struct Free {
 
 impl Edit<'_> {
     /// Puts the pieces where they belong; the JSON, its bytes and what there is to say.
-    pub(super) fn finish(mut self, scene: &Scene) -> (Value, Vec<u8>, Vec<Warning>) {
+    pub(super) fn finish(mut self, buffers: &[Arc<Vec<u8>>]) -> (Value, Vec<u8>, Vec<Warning>) {
         let is_changed = !self.let_go.is_empty();
         self.free();
         let is_free = |json: &Value, name: &str| -> BTreeSet<usize> {
@@ -37,7 +37,7 @@ impl Edit<'_> {
                 .filter_map(|(_, v)| span(v))
                 .collect::<Vec<_>>()
         };
-        let mut repacked = Repacked::new(&scene.buffers, &spans_of(true), &spans_of(false));
+        let mut repacked = Repacked::new(buffers, &spans_of(true), &spans_of(false));
         for view in list_mut(&mut self.json, "bufferViews") {
             move_view(view, &repacked);
         }

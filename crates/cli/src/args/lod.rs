@@ -1,0 +1,214 @@
+//! What can be typed after `lodsmith lod`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use lodsmith::{Levels, LodOptions, Measure, Screen, SimplifyOptions, Stop};
+use lodsmith_io::Format;
+use serde_json::{Value, json};
+
+use super::of_method::OfMethod;
+use super::scope::Scope;
+use super::simplify::{GuardArgs, How, Normals, Shared};
+use super::{Run, TypedLength, Writing, values};
+use crate::file::{Sink, Source};
+
+const AFTER: &str = "\
+Levels stand beside the original, which is level 0 and stays as it is. Levels by counts come out of one run, each \
+fitted by itself; levels by errors, and those of methods that do not collapse edges, are made one by one.
+
+Each level is measured against the original, both ways. lods.json in the folder says from which distance on its largest \
+deviation is no higher than --pixels, on a screen of --height pixels with a vertical field of view of --fov degrees: \
+error * height / (2 * tan(fov / 2) * pixels).
+
+Names:
+  plain   NAME_lod0.glb, NAME_lod1.glb and so on; meshes and nodes of a single file NAME, NAME_lod1
+  unity   NAME_LOD0, NAME_LOD1: Unity makes a LOD group of meshes with such names
+  unreal, godot: the same; there the levels are assigned by hand, or by script from lods.json
+
+Examples:
+  lodsmith lod bunny.obj -o bunny.glb --levels 0.5,0.25,0.1
+  lodsmith lod tower.glb -O levels --count 4 --factor 0.4 --naming unity
+  lodsmith lod statue.ply -O levels --errors 0.05%,0.2%,1% --geomorph";
+
+#[derive(Args, Debug)]
+#[command(after_help = AFTER)]
+pub(crate) struct LodArgs {
+    /// The file to make levels of; `-` is standard input
+    #[arg(value_name = "IN")]
+    pub(crate) input: Source,
+    /// One GLB or glTF file with all levels (extension MSFT_lod); `-` is standard output
+    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir",
+          required_unless_present_any = ["out_dir", "dry_run"])]
+    pub(crate) output: Option<Sink>,
+    /// Folder for one file of each level, and lods.json; it is made if need be
+    #[arg(short = 'O', long, value_name = "DIR")]
+    pub(crate) out_dir: Option<PathBuf>,
+    /// Names of the files in the folder, instead of those of --naming
+    #[arg(long, value_name = "TEMPLATE", requires = "out_dir")]
+    pub(crate) name: Option<String>,
+    /// How files, meshes and nodes of levels are called, see below
+    #[arg(long, value_name = "STYLE", value_enum, default_value_t = Naming::Plain, help_heading = "Writing")]
+    pub(crate) naming: Naming,
+    #[command(flatten)]
+    pub(crate) levels: LevelArgs,
+    /// With --count, part of the triangles of the level before
+    #[arg(long, value_name = "F", value_parser = values::below_one, default_value_t = HALF, requires = "count",
+          conflicts_with_all = ["levels", "faces", "errors"],
+          help_heading = "Levels (one of these)")]
+    factor: f64,
+    /// Say of each vertex where it is in the next coarser level: `_GEOMORPH` in GLB, `geomorph_x` and so on in PLY
+    #[arg(long, help_heading = "Writing")]
+    pub(crate) geomorph: bool,
+    /// Largest deviation that may be seen, in pixels
+    #[arg(long, value_name = "N", value_parser = values::above_zero, default_value_t = Screen::default().pixels,
+          help_heading = "Switching")]
+    pixels: f64,
+    /// Vertical field of view, in degrees
+    #[arg(long, value_name = "DEG", value_parser = values::view_deg, default_value_t = Screen::default().fov_deg,
+          help_heading = "Switching")]
+    fov: f64,
+    /// Height of the screen, in pixels
+    #[arg(long, value_name = "PX", value_parser = values::above_zero, default_value_t = Screen::default().height_px,
+          help_heading = "Switching")]
+    height: f64,
+    #[command(flatten)]
+    pub(crate) how: How,
+    #[command(flatten)]
+    of_method: OfMethod,
+    #[command(flatten)]
+    scope: Scope,
+    #[command(flatten)]
+    guards: GuardArgs,
+    /// Format of the input, whatever its content
+    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
+    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+    /// Normals of the levels: the input's, blended with their vertices; new ones; or none
+    #[arg(long, value_name = "NORMALS", value_enum, default_value = "keep", help_heading = "Writing")]
+    pub(crate) normals: Normals,
+    /// Report without writing
+    #[arg(long, help_heading = "Writing")]
+    pub(crate) dry_run: bool,
+    /// Overwrite write-protected outputs too; a folder is never overwritten
+    #[arg(long, help_heading = "Writing")]
+    pub(crate) force: bool,
+    /// One JSON object
+    #[arg(long, help_heading = "Run")]
+    pub(crate) json: bool,
+    /// End with status 3 if a level is not reached or data are dropped
+    #[arg(long, help_heading = "Run")]
+    pub(crate) strict: bool,
+    /// End in so many seconds, with the levels that there are by then
+    #[arg(long, value_name = "S", value_parser = values::seconds, help_heading = "Run")]
+    pub(crate) time_limit: Option<f64>,
+    /// Equal seeds give equal results
+    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Run")]
+    seed: u64,
+    #[command(flatten)]
+    pub(crate) run: Run,
+}
+
+/// Which levels.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Levels (one of these)")]
+#[group(required = true, multiple = false)]
+pub(crate) struct LevelArgs {
+    /// These parts of the triangles, falling
+    #[arg(long, value_name = "R,...", value_delimiter = ',', value_parser = values::ratio)]
+    levels: Vec<f64>,
+    /// So many triangles, falling
+    #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = values::count)]
+    faces: Vec<usize>,
+    /// So many levels, each with the part --factor of the one before
+    #[arg(long, value_name = "N", value_parser = values::count)]
+    count: Option<usize>,
+    /// Largest deviations, rising, in the units of the file or of the diagonal (0.1%)
+    #[arg(long, value_name = "D,...", value_delimiter = ',')]
+    errors: Vec<TypedLength>,
+}
+
+/// What a level has of the one before, where nothing is said.
+const HALF: f64 = 0.5;
+
+impl LevelArgs {
+    fn levels(&self, factor: f64) -> Levels {
+        match self.count {
+            Some(count) => Levels::Steps { count, factor },
+            None if !self.errors.is_empty() => Levels::Errors(self.errors.iter().map(|e| e.length).collect()),
+            None if !self.faces.is_empty() => Levels::Faces(self.faces.clone()),
+            None => Levels::Ratios(self.levels.clone()),
+        }
+    }
+
+    /// What was asked for, by name.
+    fn to_json(&self, factor: f64) -> Value {
+        match self.count {
+            Some(count) => json!({ "count": count, "factor": factor }),
+            None if !self.errors.is_empty() => {
+                json!({ "errors": self.errors.iter().map(TypedLength::to_json).collect::<Vec<_>>() })
+            }
+            None if !self.faces.is_empty() => json!({ "faces": self.faces }),
+            None => json!({ "levels": self.levels }),
+        }
+    }
+}
+
+/// How levels are called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Naming {
+    Plain,
+    Unity,
+    Unreal,
+    Godot,
+}
+
+impl Naming {
+    /// What stands between the name of the whole and the number of a level.
+    pub(crate) fn mark(self) -> &'static str {
+        match self {
+            Self::Plain => "_lod",
+            Self::Unity | Self::Unreal | Self::Godot => "_LOD",
+        }
+    }
+}
+
+impl std::fmt::Display for Naming {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.to_possible_value().expect("no style is skipped").get_name())
+    }
+}
+
+impl LodArgs {
+    /// What the engine is told.
+    pub(crate) fn options(&self) -> LodOptions {
+        let shared = Shared {
+            how: &self.how,
+            of_method: &self.of_method,
+            scope: &self.scope,
+            guards: &self.guards,
+            seed: self.seed,
+        };
+        let mut options = LodOptions::new(self.levels.levels(self.factor));
+        options.simplify = shared.options(Stop::default());
+        // Distances to switch at are no better than the errors that they stand on.
+        options.simplify.measure = Measure::Always;
+        options.geomorph = self.geomorph;
+        options
+    }
+
+    /// What was asked for, by name.
+    pub(crate) fn target(&self) -> Value {
+        self.levels.to_json(self.factor)
+    }
+
+    pub(crate) fn screen(&self) -> Screen {
+        Screen::new(self.fov, self.height, self.pixels).unwrap_or_default()
+    }
+
+    /// Whether each mesh has targets of its own.
+    pub(crate) fn is_per_mesh(&self) -> bool {
+        self.scope.per_mesh
+    }
+}

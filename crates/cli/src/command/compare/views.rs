@@ -1,0 +1,140 @@
+//! How both look from many sides.
+
+use std::time::Instant;
+
+use anyhow::Context as _;
+use lodsmith::core::{Image, Model};
+use lodsmith_io::{Format, Loaded, ModelFile, ReadOptions, read_model_path};
+use lodsmith_render::image_error::{ImageError, cameras, image_error};
+use lodsmith_render::{Background, Panel, PictureFormat, Shading, Subject, View, render, sheet};
+use serde_json::{Value, json};
+
+use crate::args::CompareArgs;
+use crate::exit::usage;
+use crate::file::{Sink, Source};
+use crate::numbers::{micros, significant};
+use crate::picture;
+
+/// What was seen.
+pub(super) struct Seen {
+    views: Vec<ImageError>,
+    size: [usize; 2],
+    shading: Shading,
+    /// Of one view: of the reference, and of the candidate.
+    draw_seconds: [f64; 2],
+}
+
+/// The format of the pictures that are asked for.
+pub(super) fn sheet_format(args: &CompareArgs) -> anyhow::Result<Option<PictureFormat>> {
+    let Some(path) = &args.views_sheet else { return Ok(None) };
+    picture::format_of(&Sink::Path(path.clone())).map(Some)
+}
+
+/// Draws both from `count` sides, and compares the pictures.
+pub(super) fn look(
+    args: &CompareArgs,
+    count: usize,
+    loaded: [&Loaded; 2],
+    format: Option<PictureFormat>,
+) -> anyhow::Result<Seen> {
+    let models = [model(&args.reference, loaded[0])?, model(&args.candidate, loaded[1])?];
+    let shading = shading_of(&models[0]);
+    let subjects = [Subject::new(&models[0])?, Subject::new(&models[1])?];
+    let bounds = subjects[0].bounds().ok_or_else(|| usage(format!("{}: nothing to see", args.reference)))?;
+    let [width, height] = args.size;
+    let mut seen = Seen { views: Vec::new(), size: args.size, shading, draw_seconds: [0.0; 2] };
+    let mut panels = Vec::new();
+    for camera in cameras(&bounds, count, width as f64 / height as f64) {
+        let mut view = View::new(camera, width, height);
+        view.background = Background::Transparent;
+        view.look.shading = shading;
+        let mut draw = |side: usize| -> anyhow::Result<Image> {
+            let begin = Instant::now();
+            let picture = render(&subjects[side], &view)?;
+            seen.draw_seconds[side] += begin.elapsed().as_secs_f64() / count as f64;
+            Ok(picture)
+        };
+        let pictures = [draw(0)?, draw(1)?];
+        let error = image_error(&pictures[0], &pictures[1])?;
+        seen.views.push(error);
+        if format.is_some() {
+            let caption = format!("FLIP {}", significant(error.flip, 3));
+            let captions = ["reference".to_owned(), caption];
+            let pairs = pictures.into_iter().zip(captions);
+            panels.extend(pairs.map(|(picture, caption)| Panel { picture, caption: vec![caption] }));
+        }
+    }
+    if let (Some(format), Some(path)) = (format, &args.views_sheet) {
+        // Two pairs in a row.
+        picture::write(&sheet(&panels, 4, Background::default(), None), &Sink::Path(path.clone()), format)?;
+    }
+    Ok(seen)
+}
+
+/// What is to be seen. A scene that is a file is read once more, for its materials; of standard input its one mesh has to do.
+fn model(source: &Source, loaded: &Loaded) -> anyhow::Result<Model> {
+    match source {
+        Source::Path(path) if matches!(loaded.format, Format::Gltf | Format::Glb) => {
+            let mut options = ReadOptions::default();
+            options.format = Some(loaded.format);
+            Ok(read_model_path(path, &options).with_context(|| format!("{source}"))?.model)
+        }
+        _ => Ok(ModelFile::from(loaded.clone()).model),
+    }
+}
+
+/// What there is to see: materials, else colours of vertices, else the shape.
+fn shading_of(reference: &Model) -> Shading {
+    if !reference.materials.is_empty() {
+        Shading::Textured
+    } else if reference.meshes.iter().any(|m| m.mesh.colors().is_some()) {
+        Shading::VertexColors
+    } else {
+        Shading::Smooth
+    }
+}
+
+impl Seen {
+    fn mean_and_worst(&self) -> Option<[ImageError; 2]> {
+        Some([ImageError::mean(&self.views)?, ImageError::worst(&self.views)?])
+    }
+
+    pub(super) fn to_json(&self) -> Value {
+        let Some([mean, worst]) = self.mean_and_worst() else { return Value::Null };
+        let both =
+            |figure: fn(&ImageError) -> Value| json!({ "mean": figure(&mean), "worst": figure(&worst) });
+        json!({
+            "views": self.views.len(),
+            "width": self.size[0],
+            "height": self.size[1],
+            "shading": self.shading.name(),
+            "flip": both(|e| e.flip.into()),
+            "ssim": both(|e| e.ssim.into()),
+            "psnr_db": both(|e| e.psnr_db().into()),
+            "silhouette": both(|e| e.silhouette.into()),
+            "draw_seconds": {
+                "reference": micros(self.draw_seconds[0]),
+                "candidate": micros(self.draw_seconds[1]),
+            },
+        })
+    }
+
+    /// The figures for people.
+    pub(super) fn table(&self) -> Vec<String> {
+        let Some([mean, worst]) = self.mean_and_worst() else { return Vec::new() };
+        let [width, height] = self.size;
+        let line = |name: &str, shown: &dyn Fn(&ImageError) -> String| {
+            format!("{name:<16}mean {}, worst {}", shown(&mean), shown(&worst))
+        };
+        let decibels = |e: &ImageError| e.psnr_db().map_or("∞".to_owned(), |x| significant(x, 4)) + " dB";
+        let milliseconds = self.draw_seconds.map(|s| significant(1000.0 * s, 3));
+        vec![
+            format!("pictures        {} of {width} × {height}, {}", self.views.len(), self.shading.name()),
+            line("  FLIP", &|e| significant(e.flip, 4)),
+            line("  SSIM", &|e| significant(e.ssim, 4)),
+            line("  PSNR", &decibels),
+            line("  silhouette", &|e| format!("{} %", significant(100.0 * e.silhouette, 3))),
+            format!("  drawn in      {} ms, {} ms", milliseconds[0], milliseconds[1]),
+        ]
+    }
+}

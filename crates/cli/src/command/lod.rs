@@ -1,0 +1,228 @@
+//! `lodsmith lod`: reads, makes a chain of levels, writes them, and says how it went.
+
+mod files;
+mod told;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use lodsmith::core::{Positions, TriMesh};
+use lodsmith::{LodChain, MeshCounts, Report, SceneChain};
+use lodsmith_io::gltf::{Scene, SceneMesh};
+use lodsmith_io::{Format, Loaded, Warning};
+
+use super::simplify::{parts_of, set_normals};
+use crate::args::LodArgs;
+use crate::care;
+use crate::exit::{self, Interrupted, Status};
+use crate::file::{self, Input};
+use crate::images;
+use crate::in_order;
+use crate::orient::{orient, oriented};
+use crate::output::Output;
+use crate::progress::{FileProgress, Progress};
+use crate::watch::{Clock, Watch, not_interrupted};
+use files::Plan;
+
+/// Makes the levels of one input.
+pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
+    let plan = Plan::new(args)?;
+    let out = Output::new(&args.run, args.json, plan.takes_stdout());
+    let progress = Progress::new(1, args.run.quiet);
+    let path = args.input.to_string();
+    let made = in_order::pool(args.run.threads())?.install(|| {
+        let bar = progress.file(&path);
+        let made = exit::guarded(|| make(args, &plan, &bar));
+        bar.end();
+        made
+    });
+    progress.finish();
+    let status = told::show(&out, &path, made, &plan, args);
+    out.finish(status)
+}
+
+/// What was done.
+struct Made {
+    format: Format,
+    /// Faces and vertices of level 0.
+    counts: [usize; 2],
+    levels: Vec<Level>,
+    diagonal: f64,
+    warnings: Vec<Warning>,
+    clock: Clock,
+}
+
+/// What there is to say of a level below the original.
+struct Level {
+    report: Report,
+    meshes: Vec<(String, MeshCounts)>,
+}
+
+fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<Made> {
+    if exit::interrupted() {
+        return Err(Interrupted.into());
+    }
+    let mut clock = Clock::new();
+    let deadline = args.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
+    bar.read();
+    clock.enter("read");
+    let properties = care::properties(&args.how);
+    // To turn or scale a scene it would take a change of its nodes.
+    let is_plain = args.writing.scale.is_none() && args.writing.up.is_none();
+    let input = if plan.makes_scenes() && is_plain {
+        file::read_scene(&args.input, args.from, properties)?
+    } else {
+        Input::Mesh(Box::new(file::read_with(&args.input, args.from, properties)?))
+    };
+    let mut watch = Watch::new(&mut clock, bar, deadline);
+    let mut made = match input {
+        Input::Scene(scene) => of_scene(*scene, args, plan, &mut watch, None)?,
+        Input::Mesh(loaded) if plan.makes_scenes() => of_mesh_as_scene(*loaded, args, plan, &mut watch)?,
+        Input::Mesh(loaded) => of_mesh(*loaded, args, plan, &mut watch)?,
+    };
+    clock.end();
+    made.clock = clock;
+    Ok(made)
+}
+
+/// Levels of a mesh, each in a file of its own.
+fn of_mesh(loaded: Loaded, args: &LodArgs, plan: &Plan, watch: &mut Watch<'_>) -> anyhow::Result<Made> {
+    let mut options = args.options();
+    care::of_mesh(&args.how, &loaded, &mut options.simplify)?;
+    let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
+    let is_kept =
+        plan.format() == Some(Format::Obj) && args.writing.textures != crate::args::TexturesChoice::None;
+    if matches!(from, Format::Gltf | Format::Glb) && !is_kept {
+        // Where materials do not go along, their borders are in nobody's way.
+        mesh.set_regions(None)?;
+    }
+    if args.is_per_mesh() && contents.meshes > 1 {
+        let text = "--per-mesh: the meshes become one on this way, and share the target";
+        warnings.push(Warning::note(text));
+    }
+    let chain = not_interrupted(lodsmith::lod(&mesh, &options, watch))?;
+    watch.write();
+    let counts = [mesh.face_count(), mesh.vertex_count()];
+    let diagonal = chain.levels.first().map_or(0.0, |l| l.report.error.diagonal);
+    let geomorphs: Vec<Option<Positions>> =
+        (0..=chain.levels.len()).map(|k| chain.geomorph(k).cloned()).collect();
+    let LodChain { levels, .. } = chain;
+    let mut meshes = vec![mesh];
+    let mut told = Vec::with_capacity(levels.len());
+    for level in levels {
+        let mut mesh = level.mesh;
+        set_normals(&mut mesh, args.normals)?;
+        meshes.push(mesh);
+        told.push(Level { report: level.report, meshes: Vec::new() });
+    }
+    for (mesh, geomorph) in meshes.iter_mut().zip(geomorphs) {
+        orient(mesh, &args.writing);
+        if let Some(geomorph) = geomorph {
+            files::carry(mesh, &geomorph, |p| oriented(p, &args.writing))?;
+        }
+    }
+    warnings.extend(plan.write_meshes(&meshes, &regions, args)?);
+    Ok(Made { format: from, counts, levels: told, diagonal, warnings, clock: Clock::new() })
+}
+
+/// The same of a mesh that becomes a glTF scene: what is locked and important follows its vertices.
+fn of_mesh_as_scene(
+    loaded: Loaded,
+    args: &LodArgs,
+    plan: &Plan,
+    watch: &mut Watch<'_>,
+) -> anyhow::Result<Made> {
+    let mut own = args.options().simplify;
+    care::of_mesh(&args.how, &loaded, &mut own)?;
+    let Loaded { mut mesh, regions, mut warnings, format, .. } = loaded;
+    orient(&mut mesh, &args.writing);
+    let options = file::options(&args.writing, Format::Glb, regions);
+    let (scene, lost) = file::as_scene(&mesh, &options)?;
+    warnings.extend(lost);
+    let of_vertices = scene.meshes().first().map(|there| files::vertices_of(there, &mesh));
+    let carried = of_vertices.map(|of| Cared {
+        locked: own.locked.as_deref().map(|all| of.iter().map(|v| v.iter().any(|&v| all[v])).collect()),
+        importance: own.importance.as_deref().map(|all| {
+            of.iter().map(|v| v.iter().map(|&v| all[v]).reduce(f32::max).unwrap_or(1.0)).collect()
+        }),
+    });
+    let mut made = of_scene(scene, args, plan, watch, Some(carried.unwrap_or_default()))?;
+    made.format = format;
+    made.counts = [mesh.face_count(), mesh.vertex_count()];
+    warnings.append(&mut made.warnings);
+    made.warnings = warnings;
+    Ok(made)
+}
+
+/// What is asked for of the vertices of a scene's only mesh.
+#[derive(Default)]
+struct Cared {
+    locked: Option<Arc<[bool]>>,
+    importance: Option<Arc<[f32]>>,
+}
+
+/// Levels of a scene: in one file, or each in one.
+fn of_scene(
+    mut scene: Scene,
+    args: &LodArgs,
+    plan: &Plan,
+    watch: &mut Watch<'_>,
+    cared: Option<Cared>,
+) -> anyhow::Result<Made> {
+    if scene.has_levels() {
+        anyhow::bail!("the scene has levels of detail already (MSFT_lod): start from a file without");
+    }
+    let meshes: Vec<SceneMesh> = scene.meshes().to_vec();
+    let (taken, parts) = parts_of(&meshes);
+    let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
+    let mut options = args.options();
+    match cared {
+        Some(cared) => {
+            (options.simplify.locked, options.simplify.importance) = (cared.locked, cared.importance);
+        }
+        None => care::of_scene(&args.how, &scene, &taken, &mut options.simplify)?,
+    }
+    let chain = not_interrupted(lodsmith::lod_scene(&parts, diagonal, &options, watch))?;
+    watch.write();
+    let mut replaced = vec![vec![None; meshes.len()]];
+    let mut told = Vec::with_capacity(chain.levels.len());
+    if let Some(geomorphs) = chain.geomorph(0) {
+        for (&i, geomorph) in taken.iter().zip(geomorphs).filter(|(i, _)| meshes[**i].mesh.face_count() > 0) {
+            let mut mesh = TriMesh::clone(&meshes[i].mesh);
+            files::carry(&mut mesh, geomorph, |p| p)?;
+            replaced[0][i] = Some(mesh);
+        }
+    }
+    let geomorphs: Vec<Option<Vec<Positions>>> =
+        (1..=chain.levels.len()).map(|k| chain.geomorph(k).map(<[_]>::to_vec)).collect();
+    let SceneChain { levels, .. } = chain;
+    for (level, geomorphs) in levels.into_iter().zip(geomorphs) {
+        let mut own: Vec<Option<TriMesh>> = vec![None; meshes.len()];
+        for (k, (&i, mut mesh)) in taken.iter().zip(level.meshes).enumerate() {
+            set_normals(&mut mesh, args.normals)?;
+            if let Some(geomorphs) = &geomorphs {
+                files::carry(&mut mesh, &geomorphs[k], |p| p)?;
+            }
+            // What had no faces to begin with stays as it is.
+            own[i] = (meshes[i].mesh.face_count() > 0).then_some(mesh);
+        }
+        replaced.push(own);
+        let names = taken.iter().map(|&i| meshes[i].name.clone()).zip(level.counts).collect();
+        told.push(Level { report: level.report, meshes: names });
+    }
+    let mut warnings: Vec<_> = scene.warnings().to_vec();
+    let images = images::Move::new(&args.input, &plan.first_sink());
+    let is_glb = plan.format() == Some(Format::Glb);
+    warnings.extend(if is_glb { images.embed(&mut scene) } else { images.told(&scene) });
+    let counts = {
+        let is_placed = parts.iter().any(|p| p.instances > 0);
+        let of = |n: fn(&TriMesh) -> usize| {
+            parts.iter().map(|p| n(p.mesh) * if is_placed { p.instances } else { 1 }).sum()
+        };
+        [of(TriMesh::face_count), of(TriMesh::vertex_count)]
+    };
+    let distances: Vec<f64> = told.iter().map(|l| told::distance(&l.report, args)).collect();
+    warnings.extend(plan.write_scene(&scene, replaced, &distances, &|uri| images.uri(uri), args)?);
+    let format = scene.format();
+    Ok(Made { format, counts, levels: told, diagonal, warnings, clock: Clock::new() })
+}

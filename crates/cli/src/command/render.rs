@@ -1,0 +1,421 @@
+//! `lodsmith render`: a picture without a window.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::Context as _;
+use lodsmith::core::measure::{Prepared, vertex_distances};
+use lodsmith::core::model::{Node, Transform};
+use lodsmith::core::{Bounds, Image, Model, TriMesh};
+use lodsmith::{Method, Simplified, SimplifyOptions, Stop};
+use lodsmith_io::{ModelFile, Warning};
+use lodsmith_render::{
+    Background, Camera, DQuat, DVec3, Ground, Legend, Lens, Light, LightKind, Panel, Shading, StandardView,
+    Subject, View, decode, render, sheet,
+};
+use serde_json::{Value, json};
+
+use super::show_warnings;
+use crate::args::{LookArgs, PlaceArgs, RenderArgs, Up};
+use crate::exit::{Status, usage};
+use crate::file::{self, Sink, Source};
+use crate::in_order;
+use crate::numbers::{counted, grouped, micros, seconds, short};
+use crate::output::Output;
+use crate::picture;
+use crate::progress::Progress;
+use crate::watch::{Clock, Watch, not_interrupted};
+
+/// Reads, draws, writes.
+pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
+    file::at_most_one_stdin(args.inputs.iter().chain(&args.compare))?;
+    let format = picture::format_of(&args.output)?;
+    if args.output == Sink::Stdout && args.json {
+        return Err(usage("the picture and --json both want standard output: give the picture a file"));
+    }
+    let is_heat = args.look.shading == Some(Shading::Heat);
+    if is_heat && args.compare.is_none() && args.levels.is_empty() {
+        return Err(usage("--shading heat shows a distance: say from what, with --compare or --levels"));
+    }
+    let out = Output::new(&args.run, args.json, args.output == Sink::Stdout);
+    let progress = Progress::new(1, args.run.quiet);
+    let begin = Instant::now();
+    let drawn = in_order::pool(args.run.threads())?.install(|| {
+        let drawn = Drawing::new(args, &progress)?.draw()?;
+        picture::write(&drawn.picture, &args.output, format)?;
+        anyhow::Ok(drawn)
+    });
+    progress.finish();
+    let drawn = drawn?;
+    let total = begin.elapsed().as_secs_f64();
+
+    for (path, warnings) in &drawn.warnings {
+        show_warnings(&out, path, warnings, false);
+    }
+    let (width, height) = (drawn.picture.width(), drawn.picture.height());
+    out.object(&json!({
+        "output": { "path": args.output.to_string(), "format": format.name(), "width": width, "height": height },
+        "pictures": drawn.rows.iter().map(Row::to_json).collect::<Vec<_>>(),
+        "heat_range": drawn.range,
+        "threads": args.run.threads(),
+        "seconds": micros(total),
+        "warnings": drawn.warnings.iter().flat_map(|(path, all)| {
+            all.iter().map(move |w| format!("{path}: {w}"))
+        }).collect::<Vec<_>>(),
+    }));
+    let faces: usize = drawn.rows.iter().map(|r| r.faces).sum();
+    out.line(&format!(
+        "{}: {width} × {height} pixels, {}, {}",
+        args.output,
+        counted(faces, "face", "faces"),
+        seconds(total)
+    ));
+    for row in &drawn.rows {
+        out.detail(&format!(
+            "  {}: {}, drawn in {:.3} s",
+            row.path,
+            counted(row.faces, "face", "faces"),
+            row.seconds
+        ));
+    }
+    out.finish(Status::Done)
+}
+
+/// What is to be drawn, read and ready.
+struct Drawing<'a> {
+    args: &'a RenderArgs,
+    items: Vec<Item>,
+    matcap: Option<Arc<Image>>,
+    warnings: Vec<(String, Vec<Warning>)>,
+}
+
+/// One picture to be.
+struct Item {
+    path: String,
+    model: Model,
+    /// The target count of a level.
+    level: Option<usize>,
+    /// Which item it is a level of, or compared with.
+    reference: Option<usize>,
+    /// Distance of each vertex from the reference.
+    distances: Option<Vec<f32>>,
+}
+
+impl Item {
+    /// The mesh that is measured: the only one.
+    fn mesh(&self) -> &TriMesh {
+        &self.model.meshes[0].mesh
+    }
+}
+
+/// What was drawn.
+struct Drawn {
+    picture: Image,
+    rows: Vec<Row>,
+    range: Option<[f32; 2]>,
+    warnings: Vec<(String, Vec<Warning>)>,
+}
+
+/// What there is to say of one picture.
+struct Row {
+    path: String,
+    faces: usize,
+    level: Option<usize>,
+    largest: Option<f64>,
+    shading: Shading,
+    seconds: f64,
+}
+
+impl Row {
+    fn to_json(&self) -> Value {
+        json!({
+            "path": self.path,
+            "faces": self.faces,
+            "level": self.level,
+            "shading": self.shading.name(),
+            "largest_distance": self.largest,
+            "seconds": micros(self.seconds),
+        })
+    }
+}
+
+impl<'a> Drawing<'a> {
+    fn new(args: &'a RenderArgs, progress: &Progress) -> anyhow::Result<Self> {
+        let matcap = match &args.look.matcap {
+            None => None,
+            Some(path) => {
+                let read = || anyhow::Ok(decode(&std::fs::read(path)?)?);
+                Some(Arc::new(read().with_context(|| format!("{}", path.display()))?))
+            }
+        };
+        let mut drawing = Self { args, items: Vec::new(), matcap, warnings: Vec::new() };
+        let bar = progress.file("");
+        bar.read();
+        if let Some(reference) = &args.compare {
+            drawing.add(reference, None)?;
+        }
+        for input in &args.inputs {
+            drawing.add(input, args.compare.as_ref().map(|_| 0))?;
+            let original = drawing.items.len() - 1;
+            for &count in &args.levels {
+                let whole = &drawing.items[original].model;
+                let mut options = SimplifyOptions::new(Stop::faces(count));
+                options.method = Method::from(args.method);
+                let mut clock = Clock::new();
+                let mut watch = Watch::new(&mut clock, &bar, None);
+                let done = lodsmith::simplify(&whole.meshes[0].mesh, &options, &mut watch);
+                let Simplified { mesh, .. } = not_interrupted(done).with_context(|| input.to_string())?;
+                let model = whole.with_meshes(vec![Arc::new(mesh)]);
+                let (path, level, reference) = (input.to_string(), Some(count), Some(original));
+                drawing.items.push(Item { path, model, level, reference, distances: None });
+            }
+        }
+        drawing.measure()?;
+        Ok(drawing)
+    }
+
+    /// Whether distances are wanted. A file is one mesh then, as other commands measure it; else it is what it holds.
+    fn is_measured(args: &RenderArgs) -> bool {
+        args.look.shading == Some(Shading::Heat) || !args.levels.is_empty()
+    }
+
+    fn add(&mut self, source: &Source, reference: Option<usize>) -> anyhow::Result<()> {
+        let (path, from) = (source.to_string(), self.args.from);
+        let read = || {
+            if Self::is_measured(self.args) {
+                file::read(source, from).map(ModelFile::from)
+            } else {
+                file::read_model(source, from)
+            }
+        };
+        let ModelFile { mut model, warnings, .. } = read().with_context(|| path.clone())?;
+        if self.args.place.up == Up::Z {
+            turn(&mut model);
+        }
+        self.warnings.push((path.clone(), warnings));
+        self.items.push(Item { path, model, level: None, reference, distances: None });
+        Ok(())
+    }
+
+    /// How far vertices lie from what they are compared with: for heat, and for captions.
+    fn measure(&mut self) -> anyhow::Result<()> {
+        if !Self::is_measured(self.args) {
+            return Ok(());
+        }
+        for i in 0..self.items.len() {
+            let of = self.items[i].reference.unwrap_or(i);
+            if of == i {
+                // From itself it is nowhere far.
+                self.items[i].distances = Some(vec![0.0; self.items[i].mesh().vertex_count()]);
+                continue;
+            }
+            let path = &self.items[of].path;
+            let reference = Prepared::new(&self.items[of].mesh().surface()).with_context(|| path.clone())?;
+            let distances = vertex_distances(&self.items[i].mesh().surface(), &reference);
+            self.items[i].distances = Some(distances.into_iter().map(|d| d as f32).collect());
+        }
+        Ok(())
+    }
+
+    fn draw(self) -> anyhow::Result<Drawn> {
+        let args = self.args;
+        let range = (args.look.shading == Some(Shading::Heat)).then(|| self.range());
+        let is_sheet = self.items.len() > 1 || range.is_some();
+        let mut panels = Vec::new();
+        let mut rows = Vec::new();
+        let mut bounds: Vec<Option<Bounds>> = Vec::new();
+        for item in &self.items {
+            let mut subject = Subject::new(&item.model)?;
+            let shading = self.shading(item);
+            let largest = item.distances.as_ref().map(|d| largest(d));
+            if let Some(distances) = item.distances.as_ref().filter(|_| shading == Shading::Heat) {
+                subject = subject.with_values(vec![distances.clone()])?;
+            }
+            bounds.push(subject.bounds());
+            // What is compared is seen from the same place.
+            let seen = item.reference.map_or_else(|| subject.bounds(), |of| bounds[of]);
+            let mut view = self.view(seen, shading, range);
+            if is_sheet {
+                view.background = Background::Transparent;
+            }
+            let begin = Instant::now();
+            let picture = render(&subject, &view).with_context(|| item.path.clone())?;
+            let row = Row {
+                path: item.path.clone(),
+                faces: item.model.face_count(),
+                level: item.level,
+                largest: largest.filter(|_| item.reference.is_some()),
+                shading,
+                seconds: begin.elapsed().as_secs_f64(),
+            };
+            let caption = if args.sheet.no_captions { Vec::new() } else { self.caption(item, &row) };
+            panels.push(Panel { picture, caption });
+            rows.push(row);
+        }
+        let picture = if is_sheet {
+            let columns = args.sheet.columns.unwrap_or_else(|| columns(panels.len()));
+            let legend = range.map(|range| Legend {
+                map: args.look.colors,
+                range,
+                title: "distance in the units of the file".to_owned(),
+            });
+            sheet(&panels, columns, args.look.background, legend.as_ref())
+        } else {
+            panels.remove(0).picture
+        };
+        Ok(Drawn { picture, rows, range, warnings: self.warnings })
+    }
+
+    fn shading(&self, item: &Item) -> Shading {
+        let model = &item.model;
+        let usual = if !model.materials.is_empty() {
+            Shading::Textured
+        } else if model.meshes.iter().any(|m| m.mesh.colors().is_some()) {
+            Shading::VertexColors
+        } else {
+            Shading::Smooth
+        };
+        self.args.look.shading.unwrap_or(usual)
+    }
+
+    /// The values at the ends of the colours: those asked for, or from 0 to the largest of all.
+    fn range(&self) -> [f32; 2] {
+        let all = self.items.iter().filter_map(|item| item.distances.as_ref().map(|d| largest(d)));
+        self.args.look.range.unwrap_or_else(|| [0.0, all.fold(0f64, f64::max) as f32])
+    }
+
+    /// Two lines: how many faces; which file, or how far it lies from the original.
+    fn caption(&self, item: &Item, row: &Row) -> Vec<String> {
+        let faces = format!("{} {}", grouped(row.faces), if row.faces == 1 { "face" } else { "faces" });
+        let name = item.path.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
+        let whole = item.reference.map(|of| self.items[of].mesh().positions().view());
+        let diagonal = whole.and_then(|positions| positions.bounds()).map(|b| b.diagonal());
+        let below = match (item.level, row.largest, diagonal) {
+            (Some(_), Some(largest), Some(diagonal)) if diagonal > 0.0 => {
+                format!("max {} %", short(100.0 * largest / diagonal))
+            }
+            _ => name,
+        };
+        vec![faces, below]
+    }
+
+    fn view(&self, bounds: Option<Bounds>, shading: Shading, range: Option<[f32; 2]>) -> View {
+        let (look, [width, height]) = (&self.args.look, self.args.size());
+        let bounds = bounds.unwrap_or(Bounds { min: [0.0; 3], max: [1.0; 3] });
+        let mut view =
+            View::new(camera(&self.args.place, &bounds, width as f64 / height as f64), width, height);
+        view.background = look.background;
+        view.matcap = self.matcap.clone();
+        view.ground = Ground { grid: look.grid, shadow: look.shadow };
+        view.occlusion = look.occlusion;
+        view.fine = self.args.sheet.fine;
+        view.look.shading = shading;
+        view.look.wireframe = look.wireframe;
+        view.look.borders = look.borders;
+        view.look.defects = look.defects;
+        view.look.cull_back = look.cull;
+        view.look.color_map = look.colors;
+        view.look.heat_range = range;
+        if let Some(color) = look.color {
+            view.look.surface = color;
+        }
+        if let Some(width) = look.wire_width {
+            view.look.wire_width_px = width as f32;
+        }
+        if !look.light.is_empty() {
+            view.lighting.lights = lights(look);
+        }
+        view
+    }
+}
+
+/// Turns a model whose z is up.
+fn turn(model: &mut Model) {
+    let (rotation, children) = (DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2), model.roots.clone());
+    let transform = Transform::Parts { translation: DVec3::ZERO, rotation, scale: DVec3::ONE };
+    model.roots = vec![model.nodes.len()];
+    model.nodes.push(Node { transform, children, ..Node::default() });
+}
+
+fn lights(look: &LookArgs) -> Vec<Light> {
+    // Near lights fade with the square of the distance, which is in radii: as strong as asked at one radius from the centre.
+    let as_strong = |light: &Light| match light.kind {
+        LightKind::Point { at } | LightKind::Spot { at, .. } => {
+            Light { color: light.color.map(|c| c * (at.length() - 1.0).max(0.5).powi(2)), ..*light }
+        }
+        LightKind::Directional { .. } => *light,
+    };
+    look.light.iter().map(as_strong).collect()
+}
+
+/// The camera that was asked for, so far away that all is seen.
+fn camera(place: &PlaceArgs, bounds: &Bounds, aspect: f64) -> Camera {
+    let mut camera = Camera::fitting(bounds, place.view, aspect);
+    if place.azimuth.is_some() || place.elevation.is_some() {
+        // What is not asked for is as in the usual view.
+        let usual = StandardView::Iso.directions().0;
+        let azimuth = place.azimuth.map_or(usual.x.atan2(usual.z), f64::to_radians);
+        let elevation = place.elevation.map_or(usual.y.asin(), f64::to_radians);
+        let ((sin_a, cos_a), (sin_e, cos_e)) = (azimuth.sin_cos(), elevation.sin_cos());
+        let to_eye = [sin_a * cos_e, sin_e, cos_a * cos_e];
+        let up = [-sin_a * sin_e, cos_e, -cos_a * sin_e];
+        let distance = camera.distance();
+        camera.eye = camera.target + distance * DVec3::from(to_eye);
+        camera.up = up.into();
+    }
+    if let Some(fov) = place.fov {
+        camera.lens = Lens::Perspective { fov_y_rad: fov.to_radians() };
+    }
+    if place.parallel {
+        camera.lens = Lens::Parallel { height: 1.0 };
+    }
+    camera.framing(bounds, aspect)
+}
+
+/// Pictures in a row: four at most, and no nearly empty last row.
+fn columns(count: usize) -> usize {
+    let free = |columns: usize| count.div_ceil(columns) * columns - count;
+    if count <= 4 {
+        count
+    } else if free(3) < free(4) {
+        3
+    } else {
+        4
+    }
+}
+
+fn largest(distances: &[f32]) -> f64 {
+    distances.iter().filter(|d| d.is_finite()).fold(0f64, |m, &d| m.max(f64::from(d)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_full_where_they_can_be() {
+        assert_eq!([1, 2, 3, 4, 6, 7, 8].map(columns), [1, 2, 3, 4, 3, 4, 4]);
+    }
+
+    #[test]
+    fn angles_are_those_of_the_standard_views() {
+        let bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
+        let place = |azimuth, elevation| PlaceArgs {
+            view: StandardView::Iso,
+            azimuth,
+            elevation,
+            up: Up::Y,
+            fov: None,
+            parallel: false,
+        };
+        let near = |place: &PlaceArgs, view| {
+            let (a, b) = (camera(place, &bounds, 1.0), Camera::fitting(&bounds, view, 1.0));
+            (a.eye - b.eye).length() < 1e-9 && (a.up_square() - b.up_square()).length() < 1e-9
+        };
+        assert!(near(&place(Some(0.0), Some(0.0)), StandardView::Front));
+        assert!(near(&place(Some(90.0), Some(0.0)), StandardView::Right));
+        assert!(near(&place(Some(0.0), Some(90.0)), StandardView::Top));
+        assert!(near(&place(Some(0.0), Some(-90.0)), StandardView::Bottom));
+        assert!(near(&place(None, None), StandardView::Iso));
+    }
+}

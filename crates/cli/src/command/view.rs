@@ -1,0 +1,65 @@
+//! `lodsmith view`: the window, where it was built in.
+
+use crate::args::ViewArgs;
+use crate::exit::Status;
+
+/// Opens the window; comes back when it is closed.
+#[cfg(feature = "view")]
+pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
+    let mut options = lodsmith_viewer::ViewOptions::default();
+    options.inputs.clone_from(&args.inputs);
+    lodsmith_viewer::run(&options)?;
+    Ok(Status::Done)
+}
+
+/// Says how to get it.
+#[cfg(not(feature = "view"))]
+pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
+    let what = match args.inputs.first() {
+        Some(path) => format!("{}: ", path.display()),
+        None => String::new(),
+    };
+    anyhow::bail!(
+        "{what}this lodsmith was built without its window. `cargo install lodsmith-cli --features view` builds one with \
+         it (from a checkout: cargo install --path crates/cli --features view); `lodsmith render` makes pictures without"
+    )
+}
+
+#[cfg(all(test, feature = "view"))]
+mod tests {
+    use clap::Parser as _;
+    use lodsmith::{Length, Method, Preset, Stop};
+    use lodsmith_viewer::words::{PRESETS, Simplification};
+
+    use crate::args::{Cli, Command};
+
+    /// What the command makes of the words that the window says.
+    fn typed(how: &Simplification) -> lodsmith::SimplifyOptions {
+        let words = ["lodsmith", "simplify", "a.ply", "--dry-run"].map(str::to_owned);
+        let cli = Cli::try_parse_from(words.into_iter().chain(how.words())).unwrap();
+        let Command::Simplify(args) = cli.command else { unreachable!("simplify was typed") };
+        args.options()
+    }
+
+    #[test]
+    fn the_command_line_that_the_window_shows_means_what_the_window_does() {
+        for (preset, _) in PRESETS {
+            let how = Simplification::of_preset(*preset, Stop::ratio(0.1));
+            assert_eq!(typed(&how), how.options, "{preset:?}");
+        }
+        for method in Method::ALL {
+            let mut how = Simplification::of_preset(Preset::Auto, Stop::faces(100));
+            how.options.method = method;
+            how.options.weld = Some(Length::OfDiagonal(0.0007));
+            how.options.guards.max_normal_deg = Some(40.0);
+            how.options.guards.max_edge = Some(Length::Units(0.3));
+            how.options.weights.uv = 2.5;
+            how.options.seed = 3;
+            how.options.escalate = true;
+            assert_eq!(typed(&how), how.options, "{method:?}");
+        }
+        let mut how = Simplification::of_preset(Preset::Cad, Stop::error(Length::OfDiagonal(0.001)));
+        how.options.measure = lodsmith::Measure::Always;
+        assert_eq!(typed(&how), how.options);
+    }
+}

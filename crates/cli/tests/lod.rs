@@ -1,0 +1,186 @@
+//! `lodsmith lod` from end to end.
+
+mod desk;
+
+use std::fs;
+
+use desk::{Desk, hills, keys};
+use serde_json::Value;
+
+fn list(desk: &Desk, folder: &str) -> Value {
+    let text = fs::read_to_string(desk.path(folder).join("lods.json")).expect("the list is there");
+    serde_json::from_str(&text).expect("it is JSON")
+}
+
+#[test]
+fn each_level_has_a_file_and_a_line_in_the_list() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(20));
+    let ran = desk.run("lod hills.ply -O out --levels 0.5,0.2").with_status(0);
+    assert_eq!(ran.text().lines().count(), 3, "{}", ran.text());
+    assert_eq!(desk.names("out"), ["hills_lod0.ply", "hills_lod1.ply", "hills_lod2.ply", "lods.json"]);
+    let list = list(&desk, "out");
+    assert_eq!(keys(&list), ["input", "unit", "diagonal", "screen", "levels"]);
+    let levels = list["levels"].as_array().expect("a list");
+    assert_eq!(levels.len(), 3);
+    let mut before = -1.0;
+    for (k, level) in levels.iter().enumerate() {
+        let file = level["file"].as_str().expect("a name");
+        assert_eq!(file, format!("hills_lod{k}.ply"));
+        assert_eq!(desk.faces(&format!("out/{file}")), level["faces"].as_u64().expect("a count"));
+        let (error, distance) = (level["error"].as_f64().unwrap(), level["distance"].as_f64().unwrap());
+        assert!(distance > before, "{levels:?}");
+        before = distance;
+        // One pixel of 1080 at 60 degrees.
+        let wanted = error * 1080.0 / (2.0 * 30f64.to_radians().tan());
+        assert!((distance - wanted).abs() <= 1e-9 * wanted, "{distance} for {wanted}");
+    }
+    assert_eq!(levels[0]["faces"], 800);
+}
+
+#[test]
+fn errors_of_the_list_are_those_that_compare_finds() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(16));
+    desk.run("lod hills.ply -O out --faces 100 --fov 90 --height 1000 --pixels 2").with_status(0);
+    let level = &list(&desk, "out")["levels"][1];
+    let compared = &desk.run("compare hills.ply out/hills_lod1.ply --json").with_status(0).objects()[0];
+    let near = |a: &Value, b: &Value| {
+        let (a, b) = (a.as_f64().expect("a number"), b.as_f64().expect("a number"));
+        assert!((a - b).abs() <= 0.02 * b, "{a} for {b}");
+    };
+    near(&level["error"], &compared["hausdorff"]["symmetric"]);
+    near(&level["rms"], &compared["rms"]["symmetric"]);
+    let ratio = level["distance"].as_f64().unwrap() / level["error"].as_f64().unwrap();
+    assert!((ratio - 250.0).abs() < 1e-6, "{ratio}");
+}
+
+#[test]
+fn one_file_holds_all_levels() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(20));
+    desk.run("lod hills.ply -o all.glb --count 3 --factor 0.5").with_status(0);
+    assert_eq!(desk.faces("all.glb"), 800, "levels are not counted twice");
+    let bytes = fs::read(desk.path("all.glb")).expect("it is there");
+    let size = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let json: Value = serde_json::from_slice(&bytes[20..20 + size]).expect("JSON");
+    assert_eq!(json["nodes"][0]["extensions"]["MSFT_lod"]["ids"].as_array().map(Vec::len), Some(3));
+    assert_eq!(json["nodes"][0]["extras"]["MSFT_screencoverage"].as_array().map(Vec::len), Some(4));
+    assert_eq!(json["meshes"].as_array().map(Vec::len), Some(4));
+    let ran = desk.run("lod all.glb -o again.glb --levels 0.5").with_status(1).with_one_error();
+    assert!(ran.stderr.contains("levels of detail already"), "{}", ran.stderr);
+}
+
+#[test]
+fn names_follow_the_style_or_the_template() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(8));
+    desk.run("lod a.ply -O u --levels 0.5 --naming unity --to glb").with_status(0);
+    assert_eq!(desk.names("u"), ["a_LOD0.glb", "a_LOD1.glb", "lods.json"]);
+    desk.run("lod a.ply -O t --levels 0.5 --name {stem}-{level}.{ext} --to obj").with_status(0);
+    assert_eq!(desk.names("t"), ["a-0.obj", "a-1.obj", "lods.json"]);
+    for name in ["low.ply", "{level}{stem}.ply", "../{stem}{level}.ply"] {
+        desk.run(&format!("lod a.ply -O t --levels 0.5 --name {name}")).with_status(2).with_one_error();
+    }
+}
+
+#[test]
+fn geomorph_data_go_into_glb_and_ply() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(12));
+    desk.run("lod a.ply -O p --levels 0.5,0.2 --geomorph --ascii").with_status(0);
+    let text = |name: &str| fs::read_to_string(desk.path(name)).expect("it is there");
+    assert!(text("p/a_lod0.ply").contains("property float geomorph_x\n"));
+    assert!(text("p/a_lod1.ply").contains("property float geomorph_z\n"));
+    assert!(!text("p/a_lod2.ply").contains("geomorph"), "the last has none after it");
+    desk.run("lod a.ply -o a.glb --levels 0.5,0.2 --geomorph").with_status(0);
+    let glb = String::from_utf8_lossy(&fs::read(desk.path("a.glb")).unwrap()).into_owned();
+    assert_eq!(glb.matches("_GEOMORPH").count(), 2);
+    let ran = desk.run("lod a.ply -O o --levels 0.5 --geomorph --to stl --strict").with_status(3);
+    assert!(ran.stderr.contains("cannot carry geomorph data"), "{}", ran.stderr);
+}
+
+#[test]
+fn the_report_tells_each_level() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(12));
+    let ran = desk.run("lod a.ply --dry-run --faces 100,20 --json").with_status(0);
+    let report = &ran.objects()[0];
+    assert_eq!(report["dry_run"], true);
+    assert_eq!(report["target"].to_string(), r#"{"faces":[100,20]}"#);
+    let levels = report["levels"].as_array().expect("a list");
+    assert_eq!(levels.len(), 2);
+    for level in levels {
+        assert_eq!(
+            keys(level)[..8],
+            ["level", "path", "faces", "vertices", "reached", "stopped_by", "error", "distance"]
+        );
+        assert_eq!(level["stopped_by"], "faces");
+        assert!(level["error"]["measured"]["hausdorff"]["symmetric"].as_f64().expect("measured") > 0.0);
+        assert!(level["error"]["estimate"].as_f64().expect("estimated") > 0.0);
+    }
+    assert!(desk.names(".").iter().all(|n| n == "a.ply"));
+}
+
+#[test]
+fn a_level_out_of_reach_is_said() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(8));
+    let words = "lod a.ply --dry-run --faces 100,4 --border lock";
+    let ran = desk.run(words).with_status(0);
+    assert!(ran.stderr.contains("level 2: target not reached"), "{}", ran.stderr);
+    desk.run(&format!("{words} --strict")).with_status(3);
+}
+
+#[test]
+fn the_command_line_is_checked() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(4));
+    for words in [
+        "lod a.ply -O out",
+        "lod a.ply --levels 0.5",
+        "lod a.ply -O out --levels 0.5 --faces 10",
+        "lod a.ply -O out --factor 0.5 --levels 0.5",
+        "lod a.ply -O out --levels 1.5",
+        "lod a.ply -o out.ply --levels 0.5",
+        "lod a.ply -O out --levels 0.5 --fov 180",
+        "lod a.ply -o - --levels 0.5",
+    ] {
+        desk.run(words).with_status(2);
+    }
+    desk.run("lod a.ply -O out --levels 0.2,0.5").with_status(1).with_one_error();
+    desk.run("lod none.ply -O out --levels 0.5").with_status(1).with_one_error();
+}
+
+#[test]
+fn what_is_locked_stays_in_every_level_of_a_file() {
+    let desk = Desk::new();
+    let obj = |material: &str, x: f64| {
+        let mut text = format!("usemtl {material}\n");
+        let first = if x > 0.0 { 82 } else { 1 };
+        for i in 0..8 {
+            for j in 0..8 {
+                let a = first + i * 9 + j;
+                text += &format!("f {} {} {}\nf {} {} {}\n", a, a + 1, a + 10, a, a + 10, a + 9);
+            }
+        }
+        text
+    };
+    let mut text = String::new();
+    for x in [0.0, 5.0] {
+        for i in 0..9 {
+            for j in 0..9 {
+                let (u, v) = (f64::from(i) / 8.0, f64::from(j) / 8.0);
+                text += &format!("v {} {v} {}\n", u + x, 0.1 * (6.0 * u).sin() * (5.0 * v).cos());
+            }
+        }
+    }
+    desk.put("two.obj", &(text + &obj("left", 0.0) + &obj("right", 5.0)));
+    desk.put("two.mtl", "newmtl left\nnewmtl right\n");
+    desk.run("lod two.obj -o two.glb --faces 200,160 --lock left").with_status(0);
+    let report =
+        &desk.run("lod two.obj --dry-run --faces 200,160 --lock left --json").with_status(0).objects()[0];
+    assert!(report["levels"][1]["faces"].as_u64().unwrap() <= 160);
+    let missing = desk.run("lod two.obj -o two.glb --faces 200 --lock middle").with_status(1);
+    assert!(missing.stderr.contains("middle"), "{}", missing.stderr);
+}

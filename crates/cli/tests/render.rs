@@ -1,0 +1,156 @@
+//! `lodsmith render` and the pictures of other commands, from end to end.
+
+mod desk;
+
+use desk::{Desk, coloured_cube, hills, keys};
+use lodsmith::core::Image;
+use lodsmith_render::decode;
+
+fn picture(desk: &Desk, name: &str) -> Image {
+    decode(&std::fs::read(desk.path(name)).expect("it was written")).expect("it is a picture")
+}
+
+fn colours(picture: &Image) -> usize {
+    picture.pixels().iter().collect::<std::collections::HashSet<_>>().len()
+}
+
+#[test]
+fn a_file_becomes_a_picture() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(20));
+    let ran = desk.run("render hills.ply -o out.png --size 320x200").with_status(0);
+    assert!(ran.text().starts_with("out.png: 320 × 200 pixels, 800 faces, "), "{}", ran.text());
+    let seen = picture(&desk, "out.png");
+    assert_eq!((seen.width(), seen.height()), (320, 200));
+    assert!(colours(&seen) > 200, "{} colours", colours(&seen));
+    assert_eq!(desk.names("."), ["hills.ply", "out.png"], "nothing else is left behind");
+    assert_eq!(desk.run("render hills.ply -o out.png --quiet").with_status(0).text(), "");
+}
+
+#[test]
+fn the_same_bytes_with_any_number_of_threads_and_options_change_them() {
+    let desk = Desk::new();
+    desk.put("cube.ply", &coloured_cube());
+    let draw = |options: &str| {
+        desk.run(&format!("render cube.ply -o out.png --size 160x120 -q {options}")).with_status(0);
+        std::fs::read(desk.path("out.png")).expect("it was written")
+    };
+    let usual = draw("--threads 1");
+    assert_eq!(usual, draw("--threads 3"));
+    assert_eq!(usual, draw("--shading vertex-colors"), "colours are shown where there are any");
+    let mut all = vec![usual];
+    for options in [
+        "--shading smooth",
+        "--shading flat --wireframe",
+        "--shading normals",
+        "--shading matcap",
+        "--view front",
+        "--azimuth 200",
+        "--up z",
+        "--parallel",
+        "--background #ff8800",
+        "--background transparent",
+        "--light sun:1,0,0=0.5",
+        "--grid --shadow",
+        "--occlusion --fine",
+    ] {
+        let bytes = draw(options);
+        assert!(!all.contains(&bytes), "{options} changes nothing");
+        all.push(bytes);
+    }
+}
+
+#[test]
+fn a_background_may_be_none() {
+    let desk = Desk::new();
+    desk.put("cube.ply", &coloured_cube());
+    desk.run("render cube.ply -o out.webp --size 100x100 --background transparent").with_status(0);
+    let seen = picture(&desk, "out.webp");
+    assert_eq!([seen.at(0, 0)[3], seen.at(50, 50)[3]], [0, 255]);
+    let ran = desk.run("render cube.ply -o - --size 40x30").with_status(0);
+    assert_eq!(decode(&ran.stdout).map(|p| p.width()).expect("a picture on standard output"), 40);
+}
+
+#[test]
+fn levels_stand_on_one_sheet() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(20));
+    let ran = desk
+        .run("render hills.ply -o sheet.png --levels 400,200,50 --size 100x90 --wireframe --json")
+        .with_status(0);
+    let report = ran.objects().remove(0);
+    assert_eq!(keys(&report), ["output", "pictures", "heat_range", "threads", "seconds", "warnings"],);
+    let pictures = report["pictures"].as_array().expect("a list");
+    assert_eq!(pictures.len(), 4);
+    assert_eq!(pictures[0]["faces"], 800);
+    assert!(pictures[0]["largest_distance"].is_null());
+    for (row, count) in pictures[1..].iter().zip([400, 200, 50]) {
+        assert_eq!(row["level"], count);
+        assert!(row["faces"].as_u64().is_some_and(|n| n <= count && n + 10 >= count), "{row}");
+        assert!(row["largest_distance"].as_f64().is_some_and(|d| d > 0.0 && d < 0.2), "{row}");
+    }
+    let seen = picture(&desk, "sheet.png");
+    assert_eq!(report["output"]["width"], seen.width());
+    assert!(seen.width() > 400 && seen.height() > 120, "{seen:?}");
+}
+
+#[test]
+fn heat_needs_something_to_measure_from() {
+    let desk = Desk::new();
+    desk.put("full.ply", &hills(20));
+    desk.put("low.ply", &hills(4));
+    let error = desk.run("render low.ply -o out.png --shading heat").with_status(2).with_one_error();
+    assert!(error.stderr.contains("--compare"), "{}", error.stderr);
+    let ran = desk
+        .run("render low.ply -o out.png --shading heat --compare full.ply --size 200x150 --json")
+        .with_status(0);
+    let report = ran.objects().remove(0);
+    let high = report["heat_range"][1].as_f64().expect("a number");
+    assert!(high > 0.0 && high < 0.1, "{report}");
+    assert_eq!(report["pictures"].as_array().map(Vec::len), Some(2));
+    let other = desk.run("render low.ply -o out.png --shading heat --compare full.ply --range 0,2 --json");
+    assert_eq!(other.objects()[0]["heat_range"], serde_json::json!([0.0, 2.0]));
+}
+
+#[test]
+fn what_cannot_be_is_said() {
+    let desk = Desk::new();
+    desk.put("cube.ply", &coloured_cube());
+    desk.put("no.png", "no picture");
+    desk.put("broken.ply", "ply\nnothing");
+    for (words, status, part) in [
+        ("render cube.ply -o out.gif", 2, ".png, .jpg or .webp"),
+        ("render cube.ply -o .", 2, "folder"),
+        ("render cube.ply -o out.png --matcap no.png --shading matcap", 1, "no.png"),
+        ("render broken.ply -o out.png", 1, "broken.ply"),
+        ("render none.ply -o out.png", 1, "none.ply"),
+        ("render cube.ply -o none/out.png", 1, "none/out.png"),
+        ("render cube.ply -o - --json", 2, "standard output"),
+    ] {
+        let ran = desk.run(words).with_status(status).with_one_error();
+        assert!(ran.stderr.contains(part), "{words}: {}", ran.stderr);
+    }
+    for words in
+        ["--size 0x5", "--background red", "--light moon:1,2,3", "--levels 0", "--range 2,1", "--fov 0"]
+    {
+        let ran = desk.run(&format!("render cube.ply -o out.png {words}")).with_status(2);
+        assert!(ran.stderr.starts_with("error: "), "{words}: {}", ran.stderr);
+    }
+    assert!(!desk.path("out.png").exists(), "no picture is left behind");
+}
+
+#[test]
+fn methods_and_compare_draw_too() {
+    let desk = Desk::new();
+    desk.put("full.ply", &hills(20));
+    desk.put("low.ply", &hills(4));
+    let methods = "--method memoryless --method quadric --samples 1000";
+    desk.run(&format!("methods full.ply --faces 100 {methods} --sheet sheet.png")).with_status(0);
+    let sheet = picture(&desk, "sheet.png");
+    assert!(sheet.width() > 900 && colours(&sheet) > 200, "{sheet:?}");
+    let error = desk.run(&format!("methods full.ply --faces 100 {methods} --sheet sheet.doc")).with_status(2);
+    assert!(error.stderr.contains("sheet.doc"), "{}", error.stderr);
+    let ran = desk.run("compare full.ply low.ply --samples 1000 --heatmap map.png").with_status(0);
+    assert!(ran.text().contains("map.png: blue 0, red "), "{}", ran.text());
+    assert!(colours(&picture(&desk, "map.png")) > 200);
+}

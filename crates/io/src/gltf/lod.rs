@@ -1,0 +1,236 @@
+//! Levels of detail in a scene: the extension `MSFT_lod`.
+//!
+//! ```text
+//! node "a", mesh 0                      node "a", mesh 0, ids [7, 8]        7: node "a_LOD1", mesh 4
+//! with children, or moved by an         node "a" ── node "a_LOD0", mesh 0, ids [7, 8]
+//!   animation, or a joint
+//! ```
+//!
+//! A reader without the extension sees level 0 and nothing else: no scene names the other nodes. They stand under the same
+//! parent as the node that has the extension, at the same place; so what else hangs on that node, or moves it, gets a node
+//! between.
+//!
+//! Source: Khronos, "MSFT_lod" (vendor extension of glTF 2.0).
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+
+use lodsmith_core::TriMesh;
+use serde_json::{Map, Value, json};
+
+use super::container::{list, list_mut, number};
+use super::lists::{append, take_extension};
+
+/// The extension.
+pub(super) const NAME: &str = "MSFT_lod";
+/// Where its thresholds stand, in the extras of its node.
+const COVERAGE: &str = "MSFT_screencoverage";
+/// What a node of a level has from the node of level 0.
+const OF_NODE: [&str; 6] = ["matrix", "translation", "rotation", "scale", "skin", "weights"];
+/// The extension of a node that says where its mesh stands.
+const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
+/// The levels of a scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct SceneLevels {
+    /// For each level, from level 0 on, what takes the place of each mesh. In level 0 `None` leaves a mesh as it is; in
+    /// others it takes the mesh of the level before.
+    pub replaced: Vec<Vec<Option<TriMesh>>>,
+    /// For each mesh, and each level of it, the least share of the picture that the level is made for, falling; empty for
+    /// none.
+    pub coverage: Vec<Vec<f64>>,
+    /// What stands before the number of a level in names of meshes and nodes.
+    pub mark: String,
+    /// Whether names of level 0 have its number too.
+    pub names_first: bool,
+}
+
+impl SceneLevels {
+    /// Levels without thresholds.
+    pub fn new(replaced: Vec<Vec<Option<TriMesh>>>) -> Self {
+        Self { replaced, mark: "_LOD".to_owned(), ..Self::default() }
+    }
+}
+
+/// The JSON with nodes and meshes for all levels, and what takes the place of each of its meshes.
+pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(Value, Vec<Option<TriMesh>>)> {
+    if nodes_of_levels(source).next().is_some() {
+        let problem = "the scene has levels of detail already (MSFT_lod): start from a file without";
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
+    }
+    let mut json = source.clone();
+    let mesh_count = list(source, "meshes").len();
+    let mut replaced: Vec<Option<TriMesh>> = levels.replaced.first().cloned().unwrap_or_default();
+    replaced.resize(mesh_count, None);
+    // The meshes of all levels but the first, by mesh.
+    let mut of_mesh: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for m in 0..mesh_count {
+        let own = |level: &Vec<Option<TriMesh>>| level.get(m).cloned().flatten();
+        let others: Vec<Option<TriMesh>> = levels.replaced.iter().skip(1).map(own).collect();
+        if others.iter().all(Option::is_none) {
+            continue;
+        }
+        let name = name_of(source, "meshes", "mesh", m);
+        let mut numbers = Vec::with_capacity(others.len());
+        for (i, mesh) in others.into_iter().enumerate() {
+            let Some(mesh) = mesh else {
+                numbers.push(numbers.last().copied().unwrap_or(m));
+                continue;
+            };
+            let mut copy = source["meshes"][m].clone();
+            copy["name"] = level_name(&name, &levels.mark, i + 1).into();
+            numbers.push(append(&mut json, "meshes", copy));
+            replaced.push(Some(mesh));
+        }
+        if levels.names_first {
+            json["meshes"][m]["name"] = level_name(&name, &levels.mark, 0).into();
+        }
+        of_mesh.insert(m, numbers);
+    }
+    name_the_scene(&mut json);
+    let needs_own = needs_own_node(source);
+    for n in 0..list(source, "nodes").len() {
+        let Some(m) = number(&source["nodes"][n]["mesh"]) else { continue };
+        let Some(numbers) = of_mesh.get(&m) else { continue };
+        let name = name_of(source, "nodes", "node", n);
+        let host = if needs_own.contains(&n) {
+            own_node(&mut json, n, &level_name(&name, &levels.mark, 0))
+        } else {
+            n
+        };
+        let mut ids = Vec::with_capacity(numbers.len());
+        for (i, mesh) in numbers.iter().enumerate() {
+            let mut node = copy_of(&json["nodes"][host]);
+            node["mesh"] = (*mesh).into();
+            node["name"] = level_name(&name, &levels.mark, i + 1).into();
+            ids.push(append(&mut json, "nodes", node));
+        }
+        if levels.names_first {
+            json["nodes"][host]["name"] = level_name(&name, &levels.mark, 0).into();
+        }
+        morph_along(&mut json, n, host, &ids);
+        let node = &mut json["nodes"][host];
+        node["extensions"][NAME] = json!({ "ids": ids });
+        let coverage = levels.coverage.get(m).filter(|all| !all.is_empty());
+        if let Some(coverage) = coverage.filter(|_| node["extras"].is_null() || node["extras"].is_object()) {
+            node["extras"][COVERAGE] = json!(coverage);
+        }
+    }
+    if !of_mesh.is_empty() {
+        if !json["extensionsUsed"].is_array() {
+            json["extensionsUsed"] = json!([]);
+        }
+        let used = json["extensionsUsed"].as_array_mut();
+        if let Some(used) = used.filter(|used| !used.iter().any(|e| e == NAME)) {
+            used.push(NAME.into());
+        }
+    }
+    Ok((json, replaced))
+}
+
+/// The nodes that stand for lower levels of others.
+pub(super) fn nodes_of_levels(json: &Value) -> impl Iterator<Item = usize> + '_ {
+    list(json, "nodes").iter().flat_map(|n| list(&n["extensions"][NAME], "ids")).filter_map(number)
+}
+
+fn level_name(name: &str, mark: &str, level: usize) -> String {
+    format!("{name}{mark}{level}")
+}
+
+/// The name of an element of a list; one without is called by what it is and its number.
+fn name_of(json: &Value, list: &str, what: &str, index: usize) -> String {
+    json[list][index]["name"].as_str().map_or_else(|| format!("{what}_{index}"), str::to_owned)
+}
+
+/// Without scenes every node that is no child is a root: the nodes of levels would be too.
+fn name_the_scene(json: &mut Value) {
+    if !list(json, "scenes").is_empty() {
+        return;
+    }
+    let nodes = list(json, "nodes");
+    let children: BTreeSet<usize> =
+        nodes.iter().flat_map(|n| list(n, "children")).filter_map(number).collect();
+    let roots: Vec<usize> = (0..nodes.len()).filter(|n| !children.contains(n)).collect();
+    if !roots.is_empty() {
+        json["scenes"] = json!([{ "nodes": roots }]);
+        json["scene"] = 0.into();
+    }
+}
+
+/// Nodes on which more hangs than a mesh, or that move.
+fn needs_own_node(json: &Value) -> BTreeSet<usize> {
+    let mut all = BTreeSet::new();
+    for (n, node) in list(json, "nodes").iter().enumerate() {
+        let extensions = node["extensions"].as_object();
+        let has_more = extensions.is_some_and(|e| e.keys().any(|name| name != INSTANCING));
+        if !list(node, "children").is_empty() || !node["camera"].is_null() || has_more {
+            all.insert(n);
+        }
+    }
+    all.extend(list(json, "skins").iter().flat_map(|s| list(s, "joints")).filter_map(number));
+    let channels = list(json, "animations").iter().flat_map(|a| list(a, "channels"));
+    let moves = channels.filter(|c| c["target"]["path"] != "weights");
+    all.extend(moves.filter_map(|c| number(&c["target"]["node"])));
+    all
+}
+
+/// Moves the mesh of a node to a child of its own, of this name; the number of that.
+fn own_node(json: &mut Value, n: usize, name: &str) -> usize {
+    let mut child = json!({ "name": name });
+    if let Some(node) = json["nodes"][n].as_object_mut() {
+        for key in ["mesh", "skin", "weights"] {
+            if let Some(value) = node.shift_remove(key) {
+                child[key] = value;
+            }
+        }
+    }
+    if let Some(instances) = take_extension(&mut json["nodes"][n], INSTANCING) {
+        child["extensions"][INSTANCING] = instances;
+    }
+    let child = append(json, "nodes", child);
+    let node = &mut json["nodes"][n];
+    if !node["children"].is_array() {
+        node["children"] = json!([]);
+    }
+    if let Some(children) = node["children"].as_array_mut() {
+        children.push(child.into());
+    }
+    child
+}
+
+/// What a node of a level has from that of level 0.
+fn copy_of(node: &Value) -> Value {
+    let mut copy = Map::new();
+    for key in OF_NODE {
+        if let Some(value) = node.get(key) {
+            copy.insert(key.to_owned(), value.clone());
+        }
+    }
+    let mut copy = Value::Object(copy);
+    if let Some(instances) = node["extensions"].get(INSTANCING) {
+        copy["extensions"][INSTANCING] = instances.clone();
+    }
+    copy
+}
+
+/// Lets the channels that morph a node's mesh do so at its new node, and at those of all levels.
+fn morph_along(json: &mut Value, n: usize, host: usize, ids: &[usize]) {
+    for animation in list_mut(json, "animations") {
+        let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };
+        let mut more = Vec::new();
+        for channel in channels.iter_mut() {
+            let target = &channel["target"];
+            if target["path"] != "weights" || number(&target["node"]) != Some(n) {
+                continue;
+            }
+            channel["target"]["node"] = host.into();
+            more.extend(ids.iter().map(|id| {
+                let mut copy = channel.clone();
+                copy["target"]["node"] = (*id).into();
+                copy
+            }));
+        }
+        channels.extend(more);
+    }
+}

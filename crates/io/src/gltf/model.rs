@@ -1,0 +1,171 @@
+//! A scene as what is to be seen: nodes, materials with their images, skins and animations.
+
+mod appearance;
+mod motion;
+
+use glam::{DMat4, DQuat, DVec3};
+use lodsmith_core::Model;
+use lodsmith_core::model::{ModelMesh, Node, Transform, VertexColors};
+use serde_json::Value;
+
+use super::accessors::Accessor;
+use super::buffers::Buffers;
+use super::container::{list, number};
+use super::mesh::Budget;
+use super::placements::{numbers, roots};
+use super::scene::Scene;
+use crate::error::{ReadError, Warning};
+
+impl Scene {
+    /// The scene as a model, and what of its looks cannot be shown.
+    ///
+    /// Meshes are those of [`Scene::meshes`], shared. Nodes are those of the file, under the roots of the default scene; the
+    /// copies of `EXT_mesh_gpu_instancing` are further nodes, and so are all meshes where no node places one. Images that
+    /// materials use are decoded; those that are files are looked for in the folder of the options, and nowhere else.
+    /// Extensions beside `KHR_materials_unlit`, `KHR_materials_emissive_strength`, `KHR_texture_transform`,
+    /// `EXT_texture_webp` and the older `KHR_materials_pbrSpecularGlossiness` (without its highlights) are passed over.
+    /// Cost: O(nodes + pixels + keyframes).
+    pub fn model(&self) -> (Model, Vec<Warning>) {
+        let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
+        let json = &self.json;
+        let (materials, images, mut warnings) = appearance::read(self, &buffers);
+        let mut budget = Budget::new(buffers.total());
+        let skins = motion::skins(json, &buffers, &mut budget, &mut warnings);
+        let meshes: Vec<ModelMesh> = self
+            .meshes()
+            .iter()
+            .zip(list(json, "meshes"))
+            .map(|(m, v)| mesh(m, v, materials.len()))
+            .collect();
+        let mut nodes: Vec<Node> =
+            list(json, "nodes").iter().map(|v| node(v, &skins, meshes.len())).collect();
+        let node_count = nodes.len();
+        for node in &mut nodes {
+            node.children.retain(|&c| c < node_count);
+        }
+        // Both were walked when the scene was read.
+        let mut roots = roots(json).unwrap_or_default();
+        for i in 0..node_count {
+            match copies(json, &buffers, i, &mut budget) {
+                Ok(None) => {}
+                Ok(Some(places)) => {
+                    let (mesh, skin) = (nodes[i].mesh.take(), nodes[i].skin.take());
+                    for transform in places {
+                        let copy = nodes.len();
+                        nodes[i].children.push(copy);
+                        nodes.push(Node { transform, mesh, skin, ..Node::default() });
+                    }
+                }
+                Err(e) => {
+                    warnings.push(Warning::note(format!("the copies of nodes[{i}] are not shown: {e}")))
+                }
+            }
+        }
+        let animations = motion::animations(json, &buffers, &nodes, &meshes, &mut budget, &mut warnings);
+        let mut model = Model { meshes, nodes, roots: Vec::new(), materials, images, ..Model::default() };
+        (model.skins, model.animations) = (skins.all, animations);
+        model.vertex_colors = VertexColors::Linear;
+        if !is_any_mesh_under(&model.nodes, &roots) {
+            for mesh in 0..model.meshes.len() {
+                roots.push(model.nodes.len());
+                model.nodes.push(Node { mesh: Some(mesh), ..Node::default() });
+            }
+        }
+        model.roots = roots;
+        (model, warnings)
+    }
+}
+
+fn is_any_mesh_under(nodes: &[Node], roots: &[usize]) -> bool {
+    let mut open = roots.to_vec();
+    while let Some(node) = open.pop() {
+        if nodes[node].mesh.is_some() {
+            return true;
+        }
+        open.extend(&nodes[node].children);
+    }
+    false
+}
+
+/// A mesh with a material for each of its primitives.
+fn mesh(of: &super::SceneMesh, json: &Value, materials: usize) -> ModelMesh {
+    let primitives = list(json, "primitives");
+    let material = |p: &Value| number(&p["material"]).filter(|&m| m < materials);
+    let mut of_regions: Vec<_> = primitives.iter().map(material).collect();
+    if of_regions.is_empty() {
+        of_regions.push(None);
+    }
+    let targets = primitives.iter().map(|p| list(p, "targets").len()).max().unwrap_or(0);
+    let mut morph_weights = strengths(&json["weights"]).unwrap_or_default();
+    morph_weights.resize(targets, 0.0);
+    ModelMesh { name: of.name.clone(), mesh: of.mesh.clone(), materials: of_regions, morph_weights }
+}
+
+fn strengths(list: &Value) -> Option<Vec<f32>> {
+    let finite = |v: &Value| v.as_f64().map(|x| x as f32).filter(|x| x.is_finite()).unwrap_or(0.0);
+    list.as_array().map(|all| all.iter().map(finite).collect())
+}
+
+fn node(json: &Value, skins: &motion::Skins, meshes: usize) -> Node {
+    Node {
+        name: json["name"].as_str().unwrap_or_default().to_owned(),
+        transform: transform(json),
+        children: list(json, "children").iter().filter_map(number).collect(),
+        mesh: number(&json["mesh"]).filter(|&m| m < meshes),
+        skin: number(&json["skin"]).and_then(|s| skins.number(s)),
+        morph_weights: strengths(&json["weights"]),
+    }
+}
+
+/// Where a node stands. Those of the scene are known to be sound; another one stands at the origin if it is not.
+fn transform(json: &Value) -> Transform {
+    if let Ok(Some(columns)) = numbers::<16>(json, "matrix", "") {
+        return Transform::Matrix(DMat4::from_cols_array(&columns));
+    }
+    let three = |what, otherwise| numbers::<3>(json, what, "").ok().flatten().map_or(otherwise, DVec3::from);
+    let rotation = numbers::<4>(json, "rotation", "").ok().flatten();
+    Transform::Parts {
+        translation: three("translation", DVec3::ZERO),
+        rotation: rotation.map_or(DQuat::IDENTITY, unit),
+        scale: three("scale", DVec3::ONE),
+    }
+}
+
+/// A rotation of length one; none for zero.
+fn unit(q: [f64; 4]) -> DQuat {
+    let q = DQuat::from_array(q);
+    let length = q.length();
+    if length > 0.0 && length.is_finite() { q / length } else { DQuat::IDENTITY }
+}
+
+/// Where the copies of a node's mesh stand as seen from it; `None` for a node that stands for itself.
+fn copies(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    node: usize,
+    budget: &mut Budget,
+) -> Result<Option<Vec<Transform>>, ReadError> {
+    let attributes = &json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
+    let accessor = |name: &str| {
+        let index = number(&attributes[name]);
+        index.map(|i| Accessor::new(json, buffers, i, "EXT_mesh_gpu_instancing")).transpose()
+    };
+    let (moves, turns, scales) = (accessor("TRANSLATION")?, accessor("ROTATION")?, accessor("SCALE")?);
+    let Some(count) = [&moves, &turns, &scales].into_iter().flatten().map(|a| a.count).min() else {
+        return Ok(None);
+    };
+    // A node has more to it than the ten numbers of its place.
+    budget.numbers.take(64 * count as u64)?;
+    let moves = moves.map(|a| a.floats::<3>(false)).transpose()?;
+    let turns = turns.map(|a| a.floats::<4>(true)).transpose()?;
+    let scales = scales.map(|a| a.floats::<3>(false)).transpose()?;
+    let three = |all: &Option<Vec<[f32; 3]>>, i: usize, otherwise: DVec3| {
+        all.as_ref().map_or(otherwise, |all| DVec3::from(all[i].map(f64::from)))
+    };
+    let place = |i: usize| Transform::Parts {
+        translation: three(&moves, i, DVec3::ZERO),
+        rotation: turns.as_ref().map_or(DQuat::IDENTITY, |all| unit(all[i].map(f64::from))),
+        scale: three(&scales, i, DVec3::ONE),
+    };
+    Ok(Some((0..count).map(place).collect()))
+}

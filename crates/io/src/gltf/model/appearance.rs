@@ -1,0 +1,171 @@
+//! Materials, and the images that they ask for.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use lodsmith_core::Image;
+use lodsmith_core::model::{AlphaMode, Material, Sampler, TextureRef, Wrap};
+use serde_json::Value;
+
+use crate::error::Warning;
+use crate::gltf::Scene;
+use crate::gltf::buffers::{Buffers, data_uri, relative_path};
+use crate::gltf::container::{list, number};
+use crate::gltf::scene::image_type;
+use crate::model::Pictures;
+
+pub(super) fn read(scene: &Scene, buffers: &Buffers<'_>) -> (Vec<Material>, Vec<Arc<Image>>, Vec<Warning>) {
+    let mut pictures = Pictures::default();
+    let all = list(&scene.json, "materials").iter();
+    let mut materials: Vec<Material> = all.map(|m| material(&scene.json, m, &mut pictures)).collect();
+    let encoded = |index| {
+        let bytes = bytes_of(scene, buffers, index)?;
+        if image_type(&bytes) == Some("image/ktx2") {
+            return Err("is a KTX2 image, which is not decoded here".to_owned());
+        }
+        Ok((bytes, String::new()))
+    };
+    let (images, warnings) = pictures.decode(&mut materials, scene.limits, encoded, |_, _| true);
+    (materials, images, warnings)
+}
+
+fn material(json: &Value, material: &Value, pictures: &mut Pictures) -> Material {
+    let extensions = &material["extensions"];
+    let older = &extensions["KHR_materials_pbrSpecularGlossiness"];
+    let usual = &material["pbrMetallicRoughness"];
+    // What is told beside the older way is for readers that do not know it.
+    let (surface, [color, color_texture]) = if older.is_object() {
+        (older, ["diffuseFactor", "diffuseTexture"])
+    } else {
+        (usual, ["baseColorFactor", "baseColorTexture"])
+    };
+    let factor = |value: &Value, otherwise: f32| finite(value).unwrap_or(otherwise);
+    let (metallic, roughness) = if older.is_object() {
+        (0.0, 1.0 - factor(&older["glossinessFactor"], 1.0))
+    } else {
+        (factor(&usual["metallicFactor"], 1.0), factor(&usual["roughnessFactor"], 1.0))
+    };
+    let strength = &extensions["KHR_materials_emissive_strength"]["emissiveStrength"];
+    let strength = factor(strength, 1.0);
+    let mut texture = |slot: &Value| texture(json, slot, pictures);
+    Material {
+        name: material["name"].as_str().unwrap_or_default().to_owned(),
+        base_color: numbers(&surface[color], [1.0; 4]),
+        base_color_texture: texture(&surface[color_texture]),
+        metallic,
+        roughness,
+        metallic_roughness_texture: if older.is_object() {
+            None
+        } else {
+            texture(&usual["metallicRoughnessTexture"])
+        },
+        normal_texture: texture(&material["normalTexture"]),
+        normal_scale: factor(&material["normalTexture"]["scale"], 1.0),
+        occlusion_texture: texture(&material["occlusionTexture"]),
+        emissive: numbers(&material["emissiveFactor"], [0.0; 3]).map(|x| x * strength),
+        emissive_texture: texture(&material["emissiveTexture"]),
+        alpha: match material["alphaMode"].as_str() {
+            Some("MASK") => AlphaMode::Mask(factor(&material["alphaCutoff"], 0.5)),
+            Some("BLEND") => AlphaMode::Blend,
+            _ => AlphaMode::Opaque,
+        },
+        double_sided: material["doubleSided"] == true,
+        unlit: extensions["KHR_materials_unlit"].is_object(),
+    }
+}
+
+fn texture(json: &Value, slot: &Value, pictures: &mut Pictures) -> Option<TextureRef> {
+    let texture = list(json, "textures").get(number(&slot["index"])?)?;
+    let others = texture["extensions"].as_object().into_iter().flat_map(|e| e.values());
+    // A plain image is there for all programs, one in an extension for few.
+    let image = std::iter::once(texture).chain(others).find_map(|t| number(&t["source"]))?;
+    let moved = &slot["extensions"]["KHR_texture_transform"];
+    let set = if moved["texCoord"].is_null() { &slot["texCoord"] } else { &moved["texCoord"] };
+    let uv_set = if set.is_null() { 0 } else { u8::try_from(number(set)?).ok()? };
+    let sampler = number(&texture["sampler"]).and_then(|s| list(json, "samplers").get(s));
+    let sampler = sampler.unwrap_or(&Value::Null);
+    // The numbers of OpenGL.
+    let wrap = |way: &str| match number(&sampler[way]) {
+        Some(33071) => Wrap::Clamp,
+        Some(33648) => Wrap::Mirror,
+        _ => Wrap::Repeat,
+    };
+    let sampler = Sampler {
+        wrap_u: wrap("wrapS"),
+        wrap_v: wrap("wrapT"),
+        nearest: number(&sampler["magFilter"]) == Some(9728),
+    };
+    Some(TextureRef { image: pictures.ask_for(image), uv_set, transform: transform(moved), sampler })
+}
+
+/// The transform of KHR_texture_transform, which counts from the upper left corner, as one from the lower left.
+fn transform(moved: &Value) -> [[f32; 3]; 2] {
+    if !moved.is_object() {
+        return TextureRef::PLAIN;
+    }
+    let [x, y] = numbers(&moved["offset"], [0.0; 2]);
+    let [sx, sy] = numbers(&moved["scale"], [1.0; 2]);
+    let (sin, cos) = finite(&moved["rotation"]).unwrap_or(0.0).sin_cos();
+    // From the upper left: u' = a u + b v + x, v' = c u + d v + y. Both v are turned round.
+    let (a, b, c, d) = (cos * sx, sin * sy, -sin * sx, cos * sy);
+    [[a, -b, b + x], [-c, d, 1.0 - d - y]]
+}
+
+fn finite(value: &Value) -> Option<f32> {
+    value.as_f64().map(|x| x as f32).filter(|x| x.is_finite())
+}
+
+fn numbers<const N: usize>(value: &Value, otherwise: [f32; N]) -> [f32; N] {
+    let all: Option<Vec<f32>> = value.as_array().and_then(|all| all.iter().map(finite).collect());
+    all.and_then(|all| all.try_into().ok()).unwrap_or(otherwise)
+}
+
+/// The bytes of an image: inside the file, in its text, or a file in the folder of the scene.
+fn bytes_of<'b>(scene: &Scene, buffers: &'b Buffers<'_>, index: usize) -> Result<Cow<'b, [u8]>, String> {
+    let image = list(&scene.json, "images").get(index).ok_or("is not there")?;
+    let at = format!("images[{index}]");
+    let Some(uri) = image["uri"].as_str() else {
+        let view = number(&image["bufferView"]).ok_or("has neither a uri nor a view")?;
+        return buffers.view(view, &at).map(|v| Cow::Borrowed(v.bytes)).map_err(|e| e.to_string());
+    };
+    if let Some(data) = uri.strip_prefix("data:") {
+        return data_uri(data, &at).map(Cow::Owned).map_err(|e| e.to_string());
+    }
+    let path = relative_path(uri)?;
+    let folder = scene.folder.as_deref().ok_or("is a file, and no folder is known to look for it")?;
+    let shown = crate::excerpt::excerpt(uri);
+    let about = std::fs::metadata(folder.join(&path));
+    let about = about.map_err(|e| format!("({shown}) cannot be read: {e}"))?;
+    if !about.is_file() {
+        return Err(format!("({shown}) is no plain file"));
+    }
+    if about.len() > scene.limits.bytes {
+        return Err(format!("({shown}) is above the limits"));
+    }
+    std::fs::read(folder.join(&path)).map(Cow::Owned).map_err(|e| format!("({shown}) cannot be read: {e}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn transforms_count_from_below() {
+        let plain = transform(&json!({}));
+        assert_eq!(plain, TextureRef::PLAIN);
+        // The upper left quarter of the image: from the lower left, v goes from a half to one.
+        let quarter = transform(&json!({"scale": [0.5, 0.5]}));
+        assert_eq!(quarter, [[0.5, 0.0, 0.0], [0.0, 0.5, 0.5]]);
+        // A quarter turn against the clock: (1, 0) from the upper left corner goes to (0, -1).
+        let turned = transform(&json!({"rotation": std::f64::consts::FRAC_PI_2, "offset": [0.0, 1.0]}));
+        let at = |u: f32, v: f32| turned.map(|[a, b, c]| a * u + b * (1.0 - v) + c);
+        let near = |got: [f32; 2], u: f32, v: f32| {
+            assert!((got[0] - u).abs() < 1e-6 && (1.0 - got[1] - v).abs() < 1e-6, "{got:?}");
+        };
+        near(at(0.0, 0.0), 0.0, 1.0);
+        near(at(1.0, 0.0), 0.0, 0.0);
+        near(at(0.0, 1.0), 1.0, 1.0);
+    }
+}

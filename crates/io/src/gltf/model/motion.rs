@@ -1,0 +1,189 @@
+//! Skins and animations.
+
+use std::collections::HashMap;
+
+use glam::DMat4;
+use lodsmith_core::model::{Animation, Channel, Interpolation, ModelMesh, Node, Skin, Track};
+use serde_json::Value;
+
+use crate::error::{ReadError, Warning};
+use crate::gltf::accessors::Accessor;
+use crate::gltf::buffers::Buffers;
+use crate::gltf::container::{list, number};
+use crate::gltf::mesh::Budget;
+
+/// The skins that can be shown.
+#[derive(Default)]
+pub(super) struct Skins {
+    pub(super) all: Vec<Skin>,
+    /// By their numbers in the file.
+    places: Vec<Option<usize>>,
+}
+
+impl Skins {
+    /// The number of a skin of the file in the model.
+    pub(super) fn number(&self, in_file: usize) -> Option<usize> {
+        self.places.get(in_file).copied().flatten()
+    }
+}
+
+pub(super) fn skins(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    budget: &mut Budget,
+    warnings: &mut Vec<Warning>,
+) -> Skins {
+    let mut skins = Skins::default();
+    for (i, value) in list(json, "skins").iter().enumerate() {
+        let name = format!("skins[{i}]");
+        let place = match skin(json, buffers, value, &name, budget) {
+            Ok(skin) => {
+                skins.all.push(skin);
+                Some(skins.all.len() - 1)
+            }
+            Err(e) => {
+                let text = format!("{name} is left out, its meshes are shown stiff: {e}");
+                warnings.push(Warning::note(text));
+                None
+            }
+        };
+        skins.places.push(place);
+    }
+    skins
+}
+
+fn skin(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    skin: &Value,
+    name: &str,
+    budget: &mut Budget,
+) -> Result<Skin, ReadError> {
+    let nodes = list(json, "nodes").len();
+    let joint = |v: &Value| number(v).filter(|&n| n < nodes);
+    let joints: Option<Vec<usize>> = list(skin, "joints").iter().map(joint).collect();
+    let joints = joints.filter(|all| !all.is_empty());
+    let joints =
+        joints.ok_or_else(|| ReadError::element(name, "its joints are not all nodes of the file"))?;
+    budget.numbers.take(16 * joints.len() as u64)?;
+    let joint_from_mesh = match number(&skin["inverseBindMatrices"]) {
+        None => vec![DMat4::IDENTITY; joints.len()],
+        Some(index) => {
+            let accessor = Accessor::of_matrices(json, buffers, index, name)?;
+            budget.numbers.take(16 * accessor.count as u64)?;
+            let all = accessor.floats::<16>(false)?;
+            if all.len() < joints.len() {
+                let text = format!("it has {} matrices for {} joints", all.len(), joints.len());
+                return Err(ReadError::element(name, text));
+            }
+            let matrices = all.iter().map(|m| DMat4::from_cols_array(&m.map(f64::from)));
+            matrices.take(joints.len()).collect()
+        }
+    };
+    Ok(Skin { joints, joint_from_mesh })
+}
+
+pub(super) fn animations(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    nodes: &[Node],
+    meshes: &[ModelMesh],
+    budget: &mut Budget,
+    warnings: &mut Vec<Warning>,
+) -> Vec<Animation> {
+    let mut animations = Vec::new();
+    // Reasons, and how many channels each keeps still.
+    let mut still: HashMap<String, usize> = HashMap::new();
+    let mut order = Vec::new();
+    for (i, value) in list(json, "animations").iter().enumerate() {
+        let mut channels = Vec::new();
+        for (c, channel) in list(value, "channels").iter().enumerate() {
+            let name = format!("animations[{i}].channels[{c}]");
+            match read_channel(json, buffers, (value, channel), &name, nodes, meshes, budget) {
+                Ok(channel) => channels.extend(channel),
+                Err(e) => {
+                    let text = e.to_string();
+                    let count = still.entry(text.clone()).or_insert_with(|| {
+                        order.push(text);
+                        0
+                    });
+                    *count += 1;
+                }
+            }
+        }
+        let name = value["name"].as_str().map_or_else(|| format!("animations[{i}]"), str::to_owned);
+        animations.push(Animation { name, channels });
+    }
+    // More would help nobody. Guessed.
+    const SHOWN: usize = 16;
+    for text in order.iter().take(SHOWN) {
+        let count = still[text];
+        warnings.push(Warning::note(format!("{count} channels of animations stand still: {text}")));
+    }
+    if order.len() > SHOWN {
+        let more: usize = order[SHOWN..].iter().map(|text| still[text]).sum();
+        warnings.push(Warning::note(format!("{more} more channels of animations stand still")));
+    }
+    animations
+}
+
+/// A channel; `None` for one that moves nothing of the file itself.
+fn read_channel(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    (animation, channel): (&Value, &Value),
+    name: &str,
+    nodes: &[Node],
+    meshes: &[ModelMesh],
+    budget: &mut Budget,
+) -> Result<Option<Channel>, ReadError> {
+    let target = &channel["target"];
+    let path = target["path"].as_str().unwrap_or_default();
+    if path == "pointer" {
+        return Err(ReadError::Unsupported("KHR_animation_pointer is not shown".to_owned()));
+    }
+    // A target without a node is for extensions.
+    let Some(node) = number(&target["node"]) else { return Ok(None) };
+    let missing = |what: &str| ReadError::element(name, format!("its {what} is not there"));
+    let of = nodes.get(node).ok_or_else(|| missing("node"))?;
+    let sampler = number(&channel["sampler"]).and_then(|s| list(animation, "samplers").get(s));
+    let sampler = sampler.ok_or_else(|| missing("sampler"))?;
+    let interpolation = match sampler["interpolation"].as_str() {
+        None | Some("LINEAR") => Interpolation::Linear,
+        Some("STEP") => Interpolation::Step,
+        Some("CUBICSPLINE") => Interpolation::Cubic,
+        Some(_) => return Err(ReadError::element(name, "its interpolation is not known")),
+    };
+    let mut accessor = |what: &str| {
+        let index = number(&sampler[what]).ok_or_else(|| missing(what))?;
+        let accessor = Accessor::new(json, buffers, index, name)?;
+        budget.numbers.take((accessor.count as u64).saturating_mul(accessor.width as u64))?;
+        Ok::<_, ReadError>(accessor)
+    };
+    let (input, output) = (accessor("input")?, accessor("output")?);
+    let times: Vec<f32> = input.floats::<1>(false)?.into_iter().flatten().collect();
+    let rises = times.windows(2).all(|w| w[0] <= w[1]) && times.iter().all(|t| t.is_finite());
+    if times.is_empty() || !rises {
+        return Err(ReadError::element(name, "its times do not rise"));
+    }
+    let (track, each) = match path {
+        "translation" => (Track::Translation(output.floats(false)?), 1),
+        "scale" => (Track::Scale(output.floats(false)?), 1),
+        "rotation" => (Track::Rotation(output.floats(true)?), 1),
+        "weights" => {
+            let targets = of.mesh.and_then(|m| meshes.get(m)).map_or(0, |m| m.morph_weights.len());
+            if targets == 0 {
+                return Err(ReadError::element(name, "its node has no morph targets"));
+            }
+            (Track::MorphWeights(output.floats::<1>(true)?.into_iter().flatten().collect()), targets)
+        }
+        _ => return Err(ReadError::element(name, "its path is not known")),
+    };
+    let for_each_time = if interpolation == Interpolation::Cubic { 3 } else { 1 };
+    let wanted = times.len().saturating_mul(for_each_time).saturating_mul(each);
+    if track.len() < wanted {
+        let text = format!("it has {} values; {wanted} are needed", track.len());
+        return Err(ReadError::element(name, text));
+    }
+    Ok(Some(Channel { node, track, times, interpolation }))
+}

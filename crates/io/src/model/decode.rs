@@ -1,0 +1,128 @@
+//! Images of a file into pixels.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::io::Cursor;
+use std::path::Path;
+use std::sync::Arc;
+
+use image::{ImageFormat, ImageReader};
+use lodsmith_core::Image;
+use lodsmith_core::model::{Material, TextureRef};
+use rayon::prelude::*;
+
+use crate::error::Warning;
+use crate::excerpt::excerpt;
+use crate::limits::Limits;
+
+/// Pixels along a side. Guessed: twice what graphics cards take.
+const LONGEST: u32 = 1 << 15;
+
+/// The images that materials ask for, numbered in the order in which they do.
+#[derive(Default)]
+pub(crate) struct Pictures {
+    asked: Vec<usize>,
+    number_of: HashMap<usize, usize>,
+}
+
+/// Bytes of an image and what it is called, which may end in its type; or why there are none.
+pub(crate) type Encoded<'a> = Result<(Cow<'a, [u8]>, String), String>;
+
+impl Pictures {
+    /// The number under which an image of the file will stand in the model.
+    pub(crate) fn ask_for(&mut self, image: usize) -> usize {
+        *self.number_of.entry(image).or_insert_with(|| {
+            self.asked.push(image);
+            self.asked.len() - 1
+        })
+    }
+
+    /// Decodes what was asked for. Textures whose images cannot be shown go from the materials.
+    ///
+    /// `fits` may refuse an image for a slot, by the slot's place in [`Material::textures_mut`].
+    pub(crate) fn decode<'a>(
+        self,
+        materials: &mut [Material],
+        limits: Limits,
+        encoded: impl Fn(usize) -> Encoded<'a>,
+        fits: impl Fn(usize, &Image) -> bool,
+    ) -> (Vec<Arc<Image>>, Vec<Warning>) {
+        let mut left = limits.pixels;
+        let ready: Vec<_> = self.asked.iter().map(|&i| sized(encoded(i), &mut left)).collect();
+        let decoded: Vec<Result<Arc<Image>, String>> =
+            ready.into_par_iter().map(|ready| ready.and_then(Ready::decode).map(Arc::new)).collect();
+
+        let mut images = Vec::new();
+        let mut place_of: Vec<Option<usize>> = Vec::new();
+        let mut missing = Vec::new();
+        for (&number, image) in self.asked.iter().zip(decoded) {
+            place_of.push(image.as_ref().ok().map(|_| images.len()));
+            match image {
+                Ok(image) => images.push(image),
+                Err(why) => missing.push(format!("image {number} {why}: surfaces are shown without it")),
+            }
+        }
+        for material in materials {
+            for (slot, texture) in material.textures_mut().into_iter().enumerate() {
+                *texture = texture.and_then(|t| {
+                    let image = place_of[t.image].filter(|&at| fits(slot, &images[at]))?;
+                    Some(TextureRef { image, ..t })
+                });
+            }
+        }
+        (images, listed(missing))
+    }
+}
+
+/// The first of what there is to say, and how much more there is.
+fn listed(mut texts: Vec<String>) -> Vec<Warning> {
+    // More would help nobody. Guessed.
+    const SHOWN: usize = 16;
+    let more = texts.len().saturating_sub(SHOWN);
+    texts.truncate(SHOWN);
+    if more > 0 {
+        texts.push(format!("{more} more images cannot be shown"));
+    }
+    texts.into_iter().map(Warning::note).collect()
+}
+
+/// An image whose size fits the limits.
+struct Ready<'a> {
+    bytes: Cow<'a, [u8]>,
+    format: ImageFormat,
+    pixels: u64,
+}
+
+fn sized<'a>(encoded: Encoded<'a>, left: &mut u64) -> Result<Ready<'a>, String> {
+    let (bytes, name) = encoded?;
+    // A type without a mark of its own is told by the name.
+    let by_name = || ImageFormat::from_path(Path::new(&name)).ok().filter(|f| *f == ImageFormat::Tga);
+    let format = image::guess_format(&bytes).ok().or_else(by_name);
+    let format = format.ok_or("is of no type that is decoded here (PNG, JPEG, WebP, BMP, TGA)")?;
+    let size = ImageReader::with_format(Cursor::new(&*bytes), format).into_dimensions();
+    let (width, height) = size.map_err(|e| cannot_decode(&e))?;
+    let pixels = u64::from(width) * u64::from(height);
+    if width.max(height) > LONGEST || pixels > *left {
+        return Err(format!("has {width} x {height} pixels, which is above the limits"));
+    }
+    *left -= pixels;
+    Ok(Ready { bytes, format, pixels })
+}
+
+impl Ready<'_> {
+    fn decode(self) -> Result<Image, String> {
+        let mut reader = ImageReader::with_format(Cursor::new(&*self.bytes), self.format);
+        let mut limits = image::Limits::default();
+        (limits.max_image_width, limits.max_image_height) = (Some(LONGEST), Some(LONGEST));
+        // Sixteen bytes a pixel: the widest type that the decoders know, and tables beside it.
+        limits.max_alloc = Some(16 * self.pixels + (16 << 20));
+        reader.limits(limits);
+        let decoded = reader.decode().map_err(|e| cannot_decode(&e))?.into_rgba8();
+        let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+        Ok(Image::new(width, height, decoded.into_raw().as_chunks().0.to_vec()))
+    }
+}
+
+fn cannot_decode(error: &image::ImageError) -> String {
+    format!("cannot be decoded: {}", excerpt(&error.to_string()))
+}

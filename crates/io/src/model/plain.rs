@@ -1,0 +1,61 @@
+//! A mesh of a format without scenes, and the materials of its regions.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use lodsmith_core::model::{AlphaMode, Material, Sampler, TextureRef};
+use lodsmith_core::{Image, Model, TriMesh};
+
+use super::decode::Pictures;
+use crate::error::Warning;
+use crate::limits::Limits;
+use crate::obj::{Look, Looks, Purpose, Regions, looks};
+
+/// The place of the map of normals in [`Material::textures_mut`].
+const NORMALS: usize = 2;
+
+pub(super) fn model(mesh: TriMesh, regions: &Regions, limits: Limits) -> (Model, Vec<Warning>) {
+    let looks = looks(&mesh, regions, Purpose::Picture);
+    let mut model = Model::of_mesh(Arc::new(mesh));
+    let Some(Looks { all, images, of_region, mut warnings }) = looks else { return (model, Vec::new()) };
+    let mut pictures = Pictures::default();
+    let mut materials: Vec<Material> = all.into_iter().map(|look| material(look, &mut pictures)).collect();
+    let encoded = |i: usize| Ok((Cow::Borrowed(&*images[i].bytes), images[i].name.clone()));
+    // `map_bump` is a map of heights as often as one of normals; heights are grey.
+    let is_grey = |image: &Image| image.pixels().iter().all(|[r, g, b, _]| r == g && g == b);
+    let (decoded, more) =
+        pictures.decode(&mut materials, limits, encoded, |slot, image| slot != NORMALS || !is_grey(image));
+    warnings.extend(more);
+    model.images = decoded;
+    model.materials = materials;
+    let of_mesh = &mut model.meshes[0].materials;
+    for (place, material) in of_mesh.iter_mut().zip(of_region) {
+        *place = material;
+    }
+    (model, warnings)
+}
+
+fn material(look: Look, pictures: &mut Pictures) -> Material {
+    let mut texture = |image: Option<usize>| {
+        let image = pictures.ask_for(image?);
+        Some(TextureRef { image, uv_set: 0, transform: TextureRef::PLAIN, sampler: Sampler::default() })
+    };
+    let [r, g, b] = if look.color_image.is_some() && !look.is_tinted { [1.0; 3] } else { look.color };
+    let is_blended = look.alpha < 1.0 || (look.is_blended && look.color_image.is_some());
+    // The exponent of a highlight as a roughness of the same width, whose square is what shading takes.
+    let roughness = look.shininess.map_or(look.roughness, |n| (2.0 / (n.max(0.0) + 2.0)).powf(0.25));
+    Material {
+        name: look.name,
+        base_color: [r, g, b, look.alpha].map(|x| x as f32),
+        base_color_texture: texture(look.color_image),
+        metallic: look.metalness as f32,
+        roughness: if look.roughness < 1.0 { look.roughness } else { roughness } as f32,
+        normal_texture: texture(look.normal_image),
+        emissive: look.emission.map(|x| x as f32),
+        emissive_texture: texture(look.emission_image),
+        alpha: if is_blended { AlphaMode::Blend } else { AlphaMode::Opaque },
+        // Nothing in the format says that a back is not seen.
+        double_sided: true,
+        ..Material::default()
+    }
+}

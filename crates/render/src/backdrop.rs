@@ -1,0 +1,251 @@
+//! What lies behind and below the model.
+
+use glam::{DVec3, Vec3};
+
+use crate::camera::{Camera, Lens, length};
+use crate::draw::{nearness, over};
+use crate::linear::{self, Encoder};
+use crate::look::Background;
+use crate::projection::Projection;
+use crate::subject::Subject;
+use crate::view::{RenderError, View};
+
+/// Pixels along a side of the map of the shadow.
+const MAP: usize = 192;
+/// Half a side of what the map shows, in radii of the model.
+const MAP_HALF: f64 = 1.7;
+/// Height in radii at which a face throws a third of the shadow. (By eye.)
+const HEIGHT: f32 = 0.30;
+/// How dark the floor is where something stands on it. (By eye.)
+const DARKEST: f32 = 0.62;
+/// Lines of the grid in one radius, about.
+const LINES: f64 = 4.0;
+/// How far the grid goes, in radii.
+const REACH: f64 = 6.0;
+
+pub(crate) struct Backdrop {
+    /// Of each row, linear; `None` where nothing lies behind.
+    rows: Option<Vec<Vec3>>,
+    /// The same as bytes, for pixels that nothing else touches.
+    plain: Vec<[u8; 4]>,
+    floor: Option<Floor>,
+}
+
+struct Floor {
+    projection: Projection,
+    camera: Camera,
+    height: f64,
+    centre: DVec3,
+    radius: f64,
+    /// Distance between two lines of the grid.
+    step: Option<f64>,
+    shadow: Option<(Projection, Vec<f32>)>,
+    line: Vec3,
+}
+
+impl Backdrop {
+    pub(crate) fn new(subject: &Subject, view: &View) -> Result<Self, RenderError> {
+        let height = view.height;
+        let rows = match view.background {
+            Background::Transparent => None,
+            Background::Color(color) => Some(vec![linear::of_srgb(color); height]),
+            Background::Gradient(upper, lower) => {
+                let row = |y: usize| {
+                    let t = (y as f32 + 0.5) / height as f32;
+                    linear::of_srgb([0, 1, 2].map(|k| upper[k] + (lower[k] - upper[k]) * t))
+                };
+                Some((0..height).map(row).collect())
+            }
+        };
+        let brightness = rows.as_ref().map_or(0.2, |r| r[height - 1].dot(Vec3::new(0.21, 0.72, 0.07)));
+        let line = Vec3::splat(if brightness > 0.18 { 0.05 } else { 0.55 });
+        let mut floor = None;
+        if (view.ground.grid || view.ground.shadow)
+            && let Some(b) = subject.bounds()
+        {
+            let [min, max] = [DVec3::from(b.min), DVec3::from(b.max)];
+            let radius = length(0.5 * max - 0.5 * min);
+            let centre = (0.5 * min + 0.5 * max).with_y(min.y);
+            let is_above = view.camera.eye.y > min.y;
+            if is_above && radius > 0.0 && radius.is_finite() {
+                floor = Some(Floor {
+                    projection: Projection::new(&view.camera, view.width, height)?,
+                    camera: view.camera,
+                    height: min.y,
+                    centre,
+                    radius,
+                    step: view.ground.grid.then(|| round_step(radius / LINES)),
+                    shadow: if view.ground.shadow { Some(shadow(subject, centre, radius)?) } else { None },
+                    line,
+                });
+            }
+        }
+        let encoder = Encoder::new();
+        let plain = match &rows {
+            None => vec![[0; 4]; height],
+            Some(rows) => {
+                let opaque = |[r, g, b]: [u8; 3]| [r, g, b, 255];
+                rows.iter().map(|&row| opaque(encoder.bytes(row))).collect()
+            }
+        };
+        Ok(Self { rows, plain, floor })
+    }
+
+    /// A pixel: what was drawn, over what lies behind.
+    #[inline(always)]
+    pub(crate) fn over(&self, color: [f32; 4], x: usize, y: usize, encoder: Encoder) -> [u8; 4] {
+        if color[3] >= 1.0 {
+            let [r, g, b] = encoder.bytes(Vec3::new(color[0], color[1], color[2]));
+            return [r, g, b, 255];
+        }
+        if color[3] == 0.0 && self.floor.is_none() {
+            return self.plain[y];
+        }
+        let mut behind = match &self.rows {
+            Some(rows) => {
+                let Vec3 { x, y, z } = rows[y];
+                [x, y, z, 1.0]
+            }
+            None => [0.0; 4],
+        };
+        if let Some(floor) = &self.floor {
+            floor.draw(x, y, &mut behind);
+        }
+        over(color, &mut behind);
+        let [r, g, b, a] = behind;
+        if a >= 1.0 - 1e-4 {
+            let [r, g, b] = encoder.bytes(Vec3::new(r, g, b));
+            return [r, g, b, 255];
+        }
+        if a <= 0.0 {
+            return [0; 4];
+        }
+        let [r, g, b] = encoder.bytes(Vec3::new(r, g, b) / a);
+        [r, g, b, (a * 255.0).round() as u8]
+    }
+}
+
+impl Floor {
+    fn draw(&self, x: usize, y: usize, behind: &mut [f32; 4]) {
+        let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
+        let Some(at) = self.hit(x, y) else { return };
+        let away = length(at - self.centre) / self.radius;
+        if away > REACH {
+            return;
+        }
+        if let Some((projection, map)) = &self.shadow
+            && let Some([u, v, _]) = projection.screen(projection.place(at))
+        {
+            let dark = DARKEST * between(map, u as f32 - 0.5, v as f32 - 0.5);
+            over([0.0, 0.0, 0.0, dark], behind);
+        }
+        if let Some(step) = self.step {
+            let (Some(right), Some(below)) = (self.hit(x + 1.0, y), self.hit(x, y + 1.0)) else { return };
+            let fade = (1.0 - away / REACH).powi(2) as f32;
+            let mut cover = 0f32;
+            for k in [0, 2] {
+                let place = (at[k] - self.centre[k]) / step;
+                let pixel = ((right[k] - at[k]).abs() + (below[k] - at[k]).abs()) / step;
+                let nearest = (place - place.round()).abs() / pixel.max(1e-9);
+                // Far away there are more lines than pixels.
+                let dense = (1.0 - 2.0 * pixel).clamp(0.0, 1.0);
+                cover = cover.max(((1.0 - nearest).clamp(0.0, 1.0) * dense) as f32);
+            }
+            let c = 0.35 * cover * fade;
+            over([self.line.x * c, self.line.y * c, self.line.z * c, c], behind);
+        }
+    }
+
+    /// Where the ray through a place of the picture meets the floor.
+    fn hit(&self, x: f64, y: f64) -> Option<DVec3> {
+        let [origin, along] = self.projection.ray(x, y);
+        let [right, up, back] = self.camera.axes();
+        let turned = |v: DVec3| right * v.x + up * v.y + back * v.z;
+        let from = self.camera.eye + turned(origin) * self.projection.unit;
+        let along = turned(along);
+        let t = (self.height - from.y) / along.y;
+        (t > 0.0 && t.is_finite()).then(|| from + along * t)
+    }
+}
+
+/// 1, 2 or 5 times a power of ten.
+fn round_step(x: f64) -> f64 {
+    let power = 10f64.powf(x.log10().floor());
+    let digit = x / power;
+    power
+        * if digit < 1.5 {
+            1.0
+        } else if digit < 3.5 {
+            2.0
+        } else if digit < 7.5 {
+            5.0
+        } else {
+            10.0
+        }
+}
+
+/// How dark the floor is, as seen from below: the lower a face hangs over it, the darker.
+fn shadow(subject: &Subject, centre: DVec3, radius: f64) -> Result<(Projection, Vec<f32>), RenderError> {
+    let camera = Camera {
+        eye: centre - DVec3::Y * radius,
+        target: centre,
+        up: DVec3::Z,
+        lens: Lens::Parallel { height: 2.0 * MAP_HALF * radius },
+    };
+    let projection = Projection::new(&camera, MAP, MAP)?;
+    let near = nearness(subject, projection.clone(), MAP, MAP);
+    let dark = |near: &f32| if near.is_finite() { (near.min(0.0) / HEIGHT).exp() } else { 0.0 };
+    let mut map: Vec<f32> = near.iter().map(dark).collect();
+    for reach in [7, 5, 3] {
+        map = blurred(&map, MAP, reach);
+    }
+    Ok((projection, map))
+}
+
+/// The mean over a square, first along rows, then along columns.
+fn blurred(map: &[f32], width: usize, reach: usize) -> Vec<f32> {
+    let height = map.len() / width;
+    let mean = |from: &[f32], n: usize, at: &dyn Fn(usize, usize) -> usize, lines: usize| {
+        let mut to = vec![0f32; from.len()];
+        for line in 0..lines {
+            for i in 0..n {
+                let (low, high) = (i.saturating_sub(reach), (i + reach).min(n - 1));
+                let sum: f32 = (low..=high).map(|j| from[at(line, j)]).sum();
+                to[at(line, i)] = sum / (2 * reach + 1) as f32;
+            }
+        }
+        to
+    };
+    let rows = mean(map, width, &|line, i| line * width + i, height);
+    mean(&rows, height, &|line, i| i * width + line, width)
+}
+
+/// A value of the map between its pixels; nothing beyond it.
+fn between(map: &[f32], x: f32, y: f32) -> f32 {
+    let at = |x: f32, y: f32| {
+        let is_in = x >= 0.0 && y >= 0.0 && x < MAP as f32 && y < MAP as f32;
+        if is_in { map[y as usize * MAP + x as usize] } else { 0.0 }
+    };
+    let (x0, y0) = (x.floor(), y.floor());
+    let upper = at(x0, y0) + (at(x0 + 1.0, y0) - at(x0, y0)) * (x - x0);
+    let lower = at(x0, y0 + 1.0) + (at(x0 + 1.0, y0 + 1.0) - at(x0, y0 + 1.0)) * (x - x0);
+    upper + (lower - upper) * (y - y0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_round() {
+        assert_eq!([0.012, 1.2, 1.6, 4.0, 90.0].map(round_step), [0.01, 1.0, 2.0, 5.0, 100.0]);
+    }
+
+    #[test]
+    fn a_blur_spreads_and_keeps_the_sum() {
+        let mut map = vec![0f32; 81];
+        map[40] = 1.0;
+        let soft = blurred(&map, 9, 1);
+        assert!((soft.iter().sum::<f32>() - 1.0).abs() < 1e-6 && (soft[30] - 1.0 / 9.0).abs() < 1e-6);
+    }
+}

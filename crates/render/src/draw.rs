@@ -1,0 +1,255 @@
+//! From what each sample sees to pixels.
+
+use lodsmith_core::Image;
+use lodsmith_core::model::AlphaMode;
+use rayon::prelude::*;
+
+use crate::backdrop::Backdrop;
+use crate::crease;
+use crate::linear::Encoder;
+use crate::look::Shading;
+use crate::marks::Marks;
+use crate::projection::Projection;
+use crate::raster::{BAND, Band, Kind, Kinds, NONE, SAMPLES, Screen};
+use crate::shade::Shader;
+use crate::subject::Subject;
+use crate::view::{RenderError, SIDE_MAX, View};
+
+/// Draws a subject.
+///
+/// Four samples a pixel (sixteen with [`View::fine`]), each of which sees the nearest face; what several of them see is
+/// coloured once. Faces are seen from both sides, but for those of a material that has one side in
+/// [`Shading::Textured`], and with [`Look::cull_back`](crate::Look::cull_back). Faces with a corner that is not finite
+/// are left out, and so are those without area. Nothing to draw is a picture of the background.
+///
+/// The same picture with any number of threads; they are those of the caller's pool.
+/// Cost: O(faces + pixels).
+///
+/// # Errors
+/// [`RenderError::Size`], [`RenderError::Camera`], [`RenderError::Values`] for a heat map of a subject without values.
+pub fn render(subject: &Subject, view: &View) -> Result<Image, RenderError> {
+    let (width, height) = (view.width, view.height);
+    if !(1..=SIDE_MAX).contains(&width) || !(1..=SIDE_MAX).contains(&height) {
+        return Err(RenderError::Size { width, height });
+    }
+    if view.look.shading == Shading::Heat
+        && let Some(mesh) = subject.meshes.iter().position(|m| m.values.is_none())
+    {
+        let vertices = subject.meshes[mesh].mesh.vertex_count();
+        return Err(RenderError::Values { mesh, vertices, values: 0 });
+    }
+    let factor = if view.fine { 2 } else { 1 };
+    let projection = Projection::new(&view.camera, width * factor, height * factor)?;
+    let kinds = kinds(subject, view);
+    let screen = Screen::new(subject, projection, width * factor, height * factor, kinds);
+    let shader = Shader::new(&screen, subject, view);
+    let marks = Marks::new(subject, &screen, view);
+    let backdrop = Backdrop::new(subject, view)?;
+    let frame = Frame { view, factor, screen: &screen, shader, marks };
+    let encoder = Encoder::new();
+    let mut pixels = vec![[0u8; 4]; width * height];
+    let rows = BAND / factor;
+    if view.occlusion {
+        let mut colors = vec![[0f32; 4]; width * height];
+        let mut near = vec![f32::NEG_INFINITY; width * height];
+        colors.par_chunks_mut(width * rows).zip(near.par_chunks_mut(width * rows)).enumerate().for_each_init(
+            Scratch::default,
+            |scratch, (band, (colors, near))| {
+                frame.draw(band, scratch);
+                colors.copy_from_slice(&scratch.colors[..colors.len()]);
+                frame.nearest(scratch, near);
+            },
+        );
+        let light = crease::light(&near, width, height, &screen.projection);
+        pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                let [r, g, b, a] = colors[y * width + x];
+                let light = light[y * width + x];
+                *pixel = backdrop.over([r * light, g * light, b * light, a], x, y, encoder);
+            }
+        });
+    } else {
+        pixels.par_chunks_mut(width * rows).enumerate().for_each_init(
+            Scratch::default,
+            |scratch, (band, out)| {
+                frame.draw(band, scratch);
+                for (i, (pixel, color)) in out.iter_mut().zip(&scratch.colors).enumerate() {
+                    *pixel = backdrop.over(*color, i % width, band * rows + i / width, encoder);
+                }
+            },
+        );
+    }
+    Ok(Image::new(width, height, pixels))
+}
+
+/// How near each pixel of a small picture is, at its nearest; nothing is coloured.
+pub(crate) fn nearness(subject: &Subject, projection: Projection, width: usize, height: usize) -> Vec<f32> {
+    let kinds = subject.parts.iter().map(|_| vec![Kind::Solid]).collect();
+    let screen = Screen::new(subject, projection, width, height, kinds);
+    let mut near = vec![f32::NEG_INFINITY; width * height];
+    near.par_chunks_mut(width * BAND).enumerate().for_each_init(Band::default, |band, (index, near)| {
+        screen.draw(index, band, &|_, _, _| true);
+        for (near, cell) in near.iter_mut().zip(&band.cells) {
+            *near = cell.near.to_array().into_iter().fold(f32::NEG_INFINITY, f32::max);
+        }
+    });
+    near
+}
+
+/// What each mesh's faces ask for.
+fn kinds(subject: &Subject, view: &View) -> Kinds {
+    let culls = view.look.cull_back;
+    let plain = if culls { Kind::Front } else { Kind::Solid };
+    let of_material = |index: &Option<usize>| {
+        let material = index.and_then(|i| subject.surfaces.materials.get(i));
+        let Some(material) = material.filter(|_| view.look.shading == Shading::Textured) else {
+            return plain;
+        };
+        match (material.alpha, culls || !material.double_sided) {
+            (AlphaMode::Opaque, true) => Kind::Front,
+            (AlphaMode::Opaque, false) => Kind::Solid,
+            (AlphaMode::Mask(_), true) => Kind::MaskedFront,
+            (AlphaMode::Mask(_), false) => Kind::Masked,
+            (AlphaMode::Blend, true) => Kind::BlendedFront,
+            (AlphaMode::Blend, false) => Kind::Blended,
+        }
+    };
+    let of_part = |part: &crate::subject::Part| {
+        let mut all: Vec<Kind> = subject.meshes[part.mesh].materials.iter().map(of_material).collect();
+        if all.iter().all(|k| all.first() == Some(k)) {
+            all.truncate(1);
+        }
+        if all.is_empty() { vec![plain] } else { all }
+    };
+    subject.parts.iter().map(of_part).collect()
+}
+
+/// What a thread needs for a band.
+#[derive(Default)]
+struct Scratch {
+    band: Band,
+    /// Linear, times opacity, with opacity; one for each sampled pixel, then one for each of the picture.
+    colors: Vec<[f32; 4]>,
+}
+
+struct Frame<'a> {
+    view: &'a View,
+    factor: usize,
+    screen: &'a Screen<'a>,
+    shader: Shader<'a>,
+    marks: Marks,
+}
+
+impl Frame<'_> {
+    fn draw(&self, index: usize, scratch: &mut Scratch) {
+        let Scratch { band, colors } = scratch;
+        self.screen.draw(index, band, &|face, x, y| self.shader.is_there(face, x, y));
+        colors.clear();
+        colors.reserve(band.cells.len());
+        for (at, cell) in band.cells.iter().enumerate() {
+            let faces = cell.face.to_array();
+            let (x, y) = ((at % band.width) as f32 + 0.5, (at / band.width + band.first_row) as f32 + 0.5);
+            colors.push(self.resolved(faces, x, y));
+        }
+        if self.screen.has_blended(index) {
+            self.blend(index, band, colors);
+        }
+        self.marks.draw(index, band, &self.screen.projection, colors);
+        if self.factor == 2 {
+            let (w, fine) = (self.view.width, band.width);
+            for i in 0..colors.len() / 4 {
+                let first = (i / w) * 2 * fine + (i % w) * 2;
+                let four = [first, first + 1, first + fine, first + fine + 1].map(|k| colors[k]);
+                colors[i] = [0, 1, 2, 3].map(|k| (four[0][k] + four[1][k] + four[2][k] + four[3][k]) * 0.25);
+            }
+            colors.truncate(colors.len() / 4);
+        }
+    }
+
+    /// Lays what one sees through over the colours. Each sample keeps what still comes through: neighbours that share a
+    /// pixel neither hide nor add to each other.
+    fn blend(&self, index: usize, band: &Band, colors: &mut [[f32; 4]]) {
+        let mut through = vec![[1f32; 4]; colors.len()];
+        let mut glass = vec![[0f32; 4]; colors.len()];
+        self.screen.walk_blended(index, band, |face, x, y, mask| {
+            let [dx, dy] = CENTRES[mask as usize];
+            let [r, g, b, a] = self.shader.color(face, x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
+            let at = (y - band.first_row) * band.width + x;
+            let mut seen = 0.0;
+            for (_, through) in through[at].iter_mut().enumerate().filter(|(k, _)| mask >> k & 1 == 1) {
+                seen += 0.25 * a * *through;
+                *through *= 1.0 - a;
+            }
+            glass[at] = [
+                glass[at][0] + r * seen,
+                glass[at][1] + g * seen,
+                glass[at][2] + b * seen,
+                glass[at][3] + seen,
+            ];
+        });
+        for ((color, glass), through) in colors.iter_mut().zip(&glass).zip(&through) {
+            let behind = through.iter().sum::<f32>() * 0.25;
+            *color = [0, 1, 2, 3].map(|k| glass[k] + color[k] * behind);
+        }
+    }
+
+    /// The colour of a pixel from what its samples see.
+    #[inline(always)]
+    fn resolved(&self, faces: [u32; 4], x: f32, y: f32) -> [f32; 4] {
+        let [f0, f1, f2, f3] = faces;
+        if f0 == f1 && f0 == f2 && f0 == f3 {
+            return if f0 == NONE { [0.0; 4] } else { self.shader.color(f0, x, y) };
+        }
+        let mut sum = [0f32; 4];
+        let mut open = 0b1111u32;
+        while open != 0 {
+            let face = faces[open.trailing_zeros() as usize];
+            let mask = (0..4).fold(0, |m, k| m | u32::from(faces[k] == face) << k);
+            open &= !mask;
+            if face != NONE {
+                let [dx, dy] = CENTRES[mask as usize];
+                let [r, g, b, _] = self.shader.color(face, x + dx, y + dy);
+                let share = mask.count_ones() as f32 * 0.25;
+                sum = [sum[0] + r * share, sum[1] + g * share, sum[2] + b * share, sum[3] + share];
+            }
+        }
+        sum
+    }
+
+    /// How near each pixel of the picture is.
+    fn nearest(&self, scratch: &Scratch, near: &mut [f32]) {
+        let (width, fine) = (self.view.width, scratch.band.width);
+        for (i, near) in near.iter_mut().enumerate() {
+            let first = (i / width) * self.factor * fine + (i % width) * self.factor;
+            let all = scratch.band.cells[first].near.to_array();
+            *near = all.into_iter().fold(f32::NEG_INFINITY, f32::max);
+        }
+    }
+}
+
+/// The middle of any choice of the four samples.
+static CENTRES: [[f32; 2]; 16] = {
+    let mut all = [[0f32; 2]; 16];
+    let mut mask = 1;
+    while mask < 16 {
+        let (mut k, mut n) = (0, 0.0);
+        while k < 4 {
+            if mask >> k & 1 == 1 {
+                all[mask][0] += SAMPLES[k][0];
+                all[mask][1] += SAMPLES[k][1];
+                n += 1.0;
+            }
+            k += 1;
+        }
+        all[mask] = [all[mask][0] / n, all[mask][1] / n];
+        mask += 1;
+    }
+    all
+};
+
+/// Lays a colour, times its opacity, over another.
+#[inline(always)]
+pub(crate) fn over(upper: [f32; 4], lower: &mut [f32; 4]) {
+    let through = 1.0 - upper[3];
+    *lower = [0, 1, 2, 3].map(|k| upper[k] + lower[k] * through);
+}

@@ -1,0 +1,133 @@
+//! Pictures as files: PNG, JPEG and WebP.
+
+use std::io::Cursor;
+
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::codecs::webp::WebPEncoder;
+use image::{ExtendedColorType, ImageDecoder as _, ImageEncoder as _, ImageReader};
+use lodsmith_core::Image;
+
+/// How a picture is stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PictureFormat {
+    /// Without loss, with opacity.
+    #[default]
+    Png,
+    /// Smaller, with loss, without opacity: what is see-through becomes white.
+    Jpeg,
+    /// Without loss, with opacity.
+    WebP,
+}
+
+/// Why bytes are no picture, or a picture no bytes.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PictureError {
+    /// What the codec says.
+    #[error("{0}")]
+    Codec(#[from] image::ImageError),
+}
+
+/// Quality of a JPEG: edges of a drawing stay sharp. (By eye.)
+const JPEG_QUALITY: u8 = 92;
+/// Most bytes that a picture may take when it is unpacked, whatever its header says.
+const UNPACKED_MAX: u64 = 1 << 30;
+
+impl PictureFormat {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Png, Self::Jpeg, Self::WebP];
+
+    /// By the ending of a file, without its dot.
+    pub fn of_ending(ending: &str) -> Option<Self> {
+        match ending.to_ascii_lowercase().as_str() {
+            "png" => Some(Self::Png),
+            "jpg" | "jpeg" => Some(Self::Jpeg),
+            "webp" => Some(Self::WebP),
+            _ => None,
+        }
+    }
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Png => "png",
+            Self::Jpeg => "jpeg",
+            Self::WebP => "webp",
+        }
+    }
+}
+
+/// A picture as the bytes of a file; opacity is left out where nothing is see-through.
+///
+/// # Errors
+/// [`PictureError::Codec`] if the format cannot hold so many pixels.
+pub fn encode(picture: &Image, format: PictureFormat) -> Result<Vec<u8>, PictureError> {
+    let (width, height) = (picture.width() as u32, picture.height() as u32);
+    let is_opaque = picture.pixels().iter().all(|p| p[3] == 255);
+    let plain = || picture.pixels().iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect::<Vec<u8>>();
+    let whole = || picture.pixels().as_flattened().to_vec();
+    let (bytes, kind) = match format {
+        PictureFormat::Jpeg if !is_opaque => {
+            let over_white = |&[r, g, b, a]: &[u8; 4]| {
+                [r, g, b]
+                    .map(|c| ((u32::from(c) * u32::from(a) + 255 * (255 - u32::from(a)) + 127) / 255) as u8)
+            };
+            (picture.pixels().iter().flat_map(over_white).collect(), ExtendedColorType::Rgb8)
+        }
+        _ if is_opaque => (plain(), ExtendedColorType::Rgb8),
+        _ => (whole(), ExtendedColorType::Rgba8),
+    };
+    let mut file = Vec::new();
+    match format {
+        PictureFormat::Png => {
+            PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive)
+                .write_image(&bytes, width, height, kind)?;
+        }
+        PictureFormat::Jpeg => {
+            JpegEncoder::new_with_quality(&mut file, JPEG_QUALITY).write_image(&bytes, width, height, kind)?
+        }
+        PictureFormat::WebP => {
+            WebPEncoder::new_lossless(&mut file).write_image(&bytes, width, height, kind)?;
+        }
+    }
+    Ok(file)
+}
+
+/// A picture from the bytes of a file, whatever its ending said.
+///
+/// # Errors
+/// [`PictureError::Codec`] if it is damaged, in no known format, or larger than a gigabyte when unpacked.
+pub fn decode(bytes: &[u8]) -> Result<Image, PictureError> {
+    let mut reader =
+        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(image::ImageError::from)?;
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(UNPACKED_MAX);
+    reader.limits(limits);
+    let decoder = reader.into_decoder()?;
+    let (width, height) = decoder.dimensions();
+    let pixels = image::DynamicImage::from_decoder(decoder)?.into_rgba8();
+    let pixels = pixels.pixels().map(|p| p.0).collect();
+    Ok(Image::new(width as usize, height as usize, pixels))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_come_back() {
+        let pixels = (0..48u8).map(|i| [i * 5, 255 - i, 3 * i, if i % 3 == 0 { 128 } else { 255 }]).collect();
+        let picture = Image::new(8, 6, pixels);
+        for format in [PictureFormat::Png, PictureFormat::WebP] {
+            assert_eq!(decode(&encode(&picture, format).unwrap()).unwrap(), picture, "{format:?}");
+        }
+        let jpeg =
+            decode(&encode(&Image::filled(16, 16, [200, 100, 50, 0]), PictureFormat::Jpeg).unwrap()).unwrap();
+        assert!(jpeg.pixels().iter().flatten().all(|&c| c > 250), "see-through is white in a JPEG");
+        for format in PictureFormat::ALL {
+            assert_eq!(PictureFormat::of_ending(format.name()), Some(format));
+        }
+        assert!(decode(b"no picture").is_err() && decode(&[]).is_err());
+    }
+}

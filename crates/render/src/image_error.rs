@@ -1,0 +1,212 @@
+//! How much two pictures of the same view differ to the eye.
+//!
+//! The pictures are of two meshes from the same place, on a transparent ground: what is covered in neither says nothing of
+//! the meshes and counts nowhere, so the figures do not depend on how much room there is round them. Opaque pictures are
+//! covered all over. Where something is seen through, mid-grey lies behind.
+
+mod flip;
+mod planes;
+mod ssim;
+mod views;
+
+use lodsmith_core::Image;
+
+pub use flip::{PIXELS_PER_DEGREE, flip};
+pub use views::cameras;
+
+use planes::{grey_level, linear_of};
+
+/// How far a picture differs from its reference.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ImageError {
+    /// Mean of FLIP over what either picture covers: 0 for no difference that can be seen, 1 for the largest.
+    pub flip: f64,
+    /// Mean structural similarity over the same, of their brightness: 1 for equal pictures.
+    pub ssim: f64,
+    /// Mean of the squared difference of the three channels over the same, as parts of one; see [`psnr_db`].
+    pub mean_square: f64,
+    /// What is covered in one of them and not in the other, as a part of what the reference covers.
+    pub silhouette: f64,
+}
+
+/// Pictures of different sizes cannot be compared, and nor can empty ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("pictures of {}x{} and {}x{} pixels cannot be compared", reference[0], reference[1], candidate[0], candidate[1])]
+pub struct SizeError {
+    /// Width and height of the reference.
+    pub reference: [usize; 2],
+    /// Width and height of the candidate.
+    pub candidate: [usize; 2],
+}
+
+impl ImageError {
+    /// Of several views: the mean of each figure. `None` for none.
+    pub fn mean(views: &[Self]) -> Option<Self> {
+        let count = views.len() as f64;
+        let mean = |figure: fn(&Self) -> f64| views.iter().map(figure).sum::<f64>() / count;
+        (!views.is_empty()).then(|| Self {
+            flip: mean(|v| v.flip),
+            ssim: mean(|v| v.ssim),
+            mean_square: mean(|v| v.mean_square),
+            silhouette: mean(|v| v.silhouette),
+        })
+    }
+
+    /// Of several views: the worst of each figure, which need not be of the same view. `None` for none.
+    pub fn worst(views: &[Self]) -> Option<Self> {
+        views.iter().copied().reduce(|a, b| Self {
+            flip: a.flip.max(b.flip),
+            ssim: a.ssim.min(b.ssim),
+            mean_square: a.mean_square.max(b.mean_square),
+            silhouette: a.silhouette.max(b.silhouette),
+        })
+    }
+
+    /// The peak signal-to-noise ratio in decibels; `None` for pictures without a difference, whose ratio is infinite.
+    pub fn psnr_db(&self) -> Option<f64> {
+        (self.mean_square > 0.0).then(|| -10.0 * self.mean_square.log10())
+    }
+}
+
+/// Compares two pictures of the same view.
+///
+/// Where neither covers anything, there is no difference. Uses the caller's rayon pool; any number of threads gives the
+/// same figures. Cost: O(pixels).
+///
+/// # Errors
+/// [`SizeError`] if they are not of one size, or empty.
+///
+/// Source: [Andersson et al. 2020] for FLIP, [Wang et al. 2004] for SSIM.
+pub fn image_error(reference: &Image, candidate: &Image) -> Result<ImageError, SizeError> {
+    check_sizes(reference, candidate)?;
+    let pairs = || reference.pixels().iter().zip(candidate.pixels());
+    let covered: Vec<bool> = pairs().map(|(a, b)| a[3] > 0 || b[3] > 0).collect();
+    let count = covered.iter().filter(|c| **c).count();
+    let mean = |values: &mut dyn Iterator<Item = f64>| {
+        let sum: f64 = values.zip(&covered).filter(|(_, c)| **c).map(|(x, _)| x).sum();
+        if count > 0 { Some(sum / count as f64) } else { None }
+    };
+    let lights = [linear_of(reference), linear_of(candidate)];
+    let differences = flip::of_lights(&lights[0], &lights[1], PIXELS_PER_DEGREE);
+    let flip = mean(&mut differences.values.iter().map(|&x| f64::from(x)));
+
+    let [a, b] = lights.map(|light| light.map(|plane| plane.map(planes::encoded)));
+    let similarity = ssim::map(&grey_level(&a), &grey_level(&b));
+    let ssim = mean(&mut similarity.values.iter().map(|&x| f64::from(x)));
+    let square =
+        |i: usize| (0..3).map(|k| f64::from(a[k].values[i] - b[k].values[i]).powi(2)).sum::<f64>() / 3.0;
+    let mean_square = mean(&mut (0..covered.len()).map(square));
+
+    let alpha = |p: &[u8; 4]| u64::from(p[3]);
+    let whole: u64 = reference.pixels().iter().map(alpha).sum();
+    let beside: u64 = pairs().map(|(a, b)| alpha(a).abs_diff(alpha(b))).sum();
+    let silhouette = match (whole, beside) {
+        (_, 0) => 0.0,
+        // The reference is not seen at all: all that is seen is beside it.
+        (0, _) => 1.0,
+        _ => beside as f64 / whole as f64,
+    };
+    let (flip, ssim) = (flip.unwrap_or(0.0), ssim.unwrap_or(1.0));
+    Ok(ImageError { flip, ssim, mean_square: mean_square.unwrap_or(0.0), silhouette })
+}
+
+fn check_sizes(reference: &Image, candidate: &Image) -> Result<(), SizeError> {
+    let size = |image: &Image| [image.width(), image.height()];
+    let [reference, candidate] = [reference, candidate].map(size);
+    if reference == candidate && !reference.contains(&0) {
+        Ok(())
+    } else {
+        Err(SizeError { reference, candidate })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A lit ball before nothing, with a radius of `part` of the picture.
+    fn ball(part: f64, noise: u8) -> Image {
+        const SIZE: usize = 96;
+        let mut pixels = Vec::new();
+        let mut state = 1u32;
+        for y in 0..SIZE {
+            for x in 0..SIZE {
+                let at = |k: usize| (k as f64 + 0.5) / SIZE as f64 * 2.0 - 1.0;
+                let r = (at(x).hypot(at(y))) / part;
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let light = 200.0 * (1.0 - r * r).max(0.0).sqrt() + 20.0;
+                let shown =
+                    (light as u8).saturating_add(((state >> 24) as u16 * u16::from(noise) / 255) as u8);
+                pixels.push(if r < 1.0 { [shown, shown, shown / 2, 255] } else { [0; 4] });
+            }
+        }
+        Image::new(SIZE, SIZE, pixels)
+    }
+
+    #[test]
+    fn equal_pictures_have_no_error() {
+        let same = image_error(&ball(0.8, 0), &ball(0.8, 0)).unwrap();
+        assert_eq!((same.flip, same.mean_square, same.silhouette), (0.0, 0.0, 0.0));
+        assert!((same.ssim - 1.0).abs() < 1e-6 && same.psnr_db().is_none());
+        let nothing = Image::filled(4, 3, [9, 9, 9, 0]);
+        let none = image_error(&nothing, &nothing).unwrap();
+        assert_eq!((none.flip, none.ssim, none.silhouette), (0.0, 1.0, 0.0));
+    }
+
+    #[test]
+    fn more_noise_is_more_error() {
+        let reference = ball(0.8, 0);
+        let errors: Vec<_> =
+            [0, 8, 32, 128].map(|n| image_error(&reference, &ball(0.8, n)).unwrap()).to_vec();
+        for pair in errors.windows(2) {
+            assert!(pair[0].flip < pair[1].flip && pair[0].ssim > pair[1].ssim, "{pair:?}");
+            assert!(pair[0].mean_square < pair[1].mean_square && pair[1].silhouette == 0.0);
+        }
+        let (mean, worst) = (ImageError::mean(&errors).unwrap(), ImageError::worst(&errors).unwrap());
+        assert!(mean.flip < worst.flip && worst.ssim == errors[3].ssim);
+        assert!(ImageError::mean(&[]).is_none() && ImageError::worst(&[]).is_none());
+    }
+
+    #[test]
+    fn what_is_beside_counts_by_its_area() {
+        // Areas go with squares: 0.64 and 0.36.
+        let smaller = image_error(&ball(0.8, 0), &ball(0.6, 0)).unwrap();
+        assert!((smaller.silhouette - 0.28 / 0.64).abs() < 0.01, "{smaller:?}");
+        let nothing = Image::filled(96, 96, [0; 4]);
+        assert_eq!(image_error(&ball(0.8, 0), &nothing).unwrap().silhouette, 1.0);
+        assert_eq!(image_error(&nothing, &ball(0.8, 0)).unwrap().silhouette, 1.0);
+    }
+
+    #[test]
+    fn room_round_a_model_does_not_matter() {
+        let framed = |image: &Image, room: usize| {
+            let side = image.width() + 2 * room;
+            let mut wide = Image::filled(side, side, [0; 4]);
+            for y in 0..image.height() {
+                for x in 0..image.width() {
+                    wide.pixels_mut()[(y + room) * side + x + room] = image.at(x, y);
+                }
+            }
+            wide
+        };
+        let (a, b) = (ball(0.7, 0), ball(0.6, 60));
+        let near = image_error(&a, &b).unwrap();
+        let far = image_error(&framed(&a, 40), &framed(&b, 40)).unwrap();
+        assert!(
+            (near.flip - far.flip).abs() < 1e-3 && (near.ssim - far.ssim).abs() < 1e-3,
+            "{near:?} {far:?}"
+        );
+        assert_eq!(near.silhouette, far.silhouette);
+    }
+
+    #[test]
+    fn one_level_of_difference_has_48_decibels() {
+        let grey = |x: u8| Image::filled(20, 20, [x, x, x, 255]);
+        let error = image_error(&grey(100), &grey(101)).unwrap();
+        assert!((error.psnr_db().unwrap() - 20.0 * 255f64.log10()).abs() < 1e-2, "{error:?}");
+        let sizes = image_error(&grey(1), &Image::filled(3, 20, [0; 4])).unwrap_err();
+        assert_eq!(sizes.to_string(), "pictures of 20x20 and 3x20 pixels cannot be compared");
+        assert!(image_error(&Image::filled(0, 0, [0; 4]), &Image::filled(0, 0, [0; 4])).is_err());
+    }
+}

@@ -1,0 +1,71 @@
+//! Between light as it adds up and numbers as pictures store them (sRGB).
+
+use std::sync::LazyLock;
+
+use glam::Vec3;
+
+/// Steps of the table: half a grey at the dark end, where the curve is steep.
+const STEPS: usize = 4096;
+
+static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|i| decoded(i as f32 / 255.0)));
+static TO_BYTE: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    (0..STEPS).map(|i| (encoded(i as f32 / (STEPS - 1) as f32) * 255.0).round() as u8).collect()
+});
+
+fn decoded(s: f32) -> f32 {
+    if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+}
+
+fn encoded(x: f32) -> f32 {
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The light of a stored byte.
+#[inline]
+pub(crate) fn of_byte(byte: u8) -> f32 {
+    TO_LINEAR[usize::from(byte)]
+}
+
+/// The table of [`of_byte`], for loops.
+#[inline]
+pub(crate) fn bytes() -> &'static [f32; 256] {
+    &TO_LINEAR
+}
+
+/// The light of a colour as people choose it.
+pub(crate) fn of_srgb(color: [f32; 3]) -> Vec3 {
+    Vec3::from(color.map(|s| decoded(s.clamp(0.0, 1.0))))
+}
+
+/// From light to bytes; too much is white.
+#[derive(Clone, Copy)]
+pub(crate) struct Encoder(&'static [u8]);
+
+impl Encoder {
+    pub(crate) fn new() -> Self {
+        Self(&TO_BYTE)
+    }
+    #[inline(always)]
+    pub(crate) fn byte(self, light: f32) -> u8 {
+        // What is no number becomes 0 here.
+        self.0[((light * (STEPS - 1) as f32 + 0.5) as usize).min(STEPS - 1)]
+    }
+    #[inline(always)]
+    pub(crate) fn bytes(self, light: Vec3) -> [u8; 3] {
+        [self.byte(light.x), self.byte(light.y), self.byte(light.z)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_byte_comes_back() {
+        let encoder = Encoder::new();
+        for byte in 0..=255 {
+            assert!(encoder.byte(of_byte(byte)).abs_diff(byte) <= 1, "{byte}");
+        }
+        assert_eq!([-1.0, 0.0, 1.0, 7.0, f32::NAN].map(|x| encoder.byte(x)), [0, 0, 255, 255, 0]);
+    }
+}

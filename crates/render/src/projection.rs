@@ -1,0 +1,198 @@
+//! From a model to places on the screen.
+
+use glam::{DMat3, DMat4, DVec3, Vec3};
+
+use crate::camera::{Camera, Lens, length};
+use crate::view::RenderError;
+
+/// Nothing nearer than this is drawn, in distances from the eye to the target. (Guessed: depths are reciprocal, so they
+/// lose nothing by it.)
+const NEAR: f64 = 1e-4;
+/// Places beyond this many pixels are clipped: sides of triangles are exact enough up to there.
+const FARTHEST_PX: f64 = 16384.0;
+
+/// A camera before a picture. *View* coordinates are those of the camera in units of its distance to the target: single
+/// precision is enough there, wherever in the world the model lies.
+#[derive(Clone, Debug)]
+pub(crate) struct Projection {
+    target: DVec3,
+    /// Rows: right, up, back.
+    axes: DMat3,
+    /// Length of one unit of the view, in those of the model.
+    pub(crate) unit: f64,
+    /// Half the picture at distance 1, in units of the view.
+    pub(crate) half: [f64; 2],
+    pub(crate) size: [f64; 2],
+    /// Pixels in one unit of the view at distance 1.
+    per_unit: [f64; 2],
+    pub(crate) is_perspective: bool,
+}
+
+/// From a mesh to the view: turned and scaled, then moved.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ToView {
+    pub(crate) linear: DMat3,
+    pub(crate) shift: DVec3,
+}
+
+impl ToView {
+    #[inline(always)]
+    pub(crate) fn of(&self, p: DVec3) -> DVec3 {
+        self.linear * p + self.shift
+    }
+    /// Turns normals, not yet to unit length.
+    pub(crate) fn of_normals(&self) -> glam::Mat3 {
+        // Adjugate, not inverse: a flat scale has none. Divided first, for the size of the numbers.
+        let largest = self.linear.to_cols_array().iter().fold(0f64, |m, x| m.max(x.abs()));
+        let m = if largest > 0.0 { self.linear * (1.0 / largest) } else { DMat3::IDENTITY };
+        let [a, b, c] = [m.x_axis, m.y_axis, m.z_axis];
+        let turned = DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b));
+        let sign = if self.is_mirrored() { -1.0 } else { 1.0 };
+        (turned * sign).as_mat3()
+    }
+    /// Whether left and right change sides.
+    pub(crate) fn is_mirrored(&self) -> bool {
+        let m = self.linear;
+        let largest = m.to_cols_array().iter().fold(0f64, |m, x| m.max(x.abs()));
+        largest > 0.0 && (m * (1.0 / largest)).determinant() < 0.0
+    }
+}
+
+impl Projection {
+    pub(crate) fn new(camera: &Camera, width: usize, height: usize) -> Result<Self, RenderError> {
+        let numbers = [camera.eye, camera.target, camera.up];
+        let unit = length(camera.eye - camera.target);
+        if numbers.iter().any(|v| !v.is_finite()) || !(unit > 0.0 && unit.is_finite()) {
+            return Err(RenderError::Camera { what: "its eye and target are not two places" });
+        }
+        let aspect = width as f64 / height as f64;
+        let (half_height, is_perspective) = match camera.lens {
+            Lens::Perspective { fov_y_rad } if fov_y_rad > 0.0 && fov_y_rad < 3.1 => {
+                ((0.5 * fov_y_rad).tan(), true)
+            }
+            Lens::Parallel { height } if height > 0.0 && height.is_finite() => (0.5 * height / unit, false),
+            _ => return Err(RenderError::Camera { what: "its lens sees nothing" }),
+        };
+        let [right, up, back] = camera.axes();
+        let half = [half_height * aspect, half_height];
+        let size = [width as f64, height as f64];
+        Ok(Self {
+            target: camera.target,
+            axes: DMat3::from_cols(right, up, back).transpose(),
+            unit,
+            half,
+            size,
+            per_unit: [0, 1].map(|k| 0.5 * size[k] / half[k]),
+            is_perspective,
+        })
+    }
+
+    pub(crate) fn to_view(&self, world_from_mesh: &DMat4) -> ToView {
+        let linear = DMat3::from_mat4(*world_from_mesh);
+        // The target goes first: far from the origin what is left of the numbers is all there is.
+        let origin = (world_from_mesh.w_axis.truncate() - self.target) / self.unit;
+        let shift = self.axes * origin - DVec3::Z;
+        ToView { linear: self.axes * (linear * (1.0 / self.unit)), shift }
+    }
+
+    /// A direction of the world in the view.
+    pub(crate) fn direction(&self, world: DVec3) -> Vec3 {
+        (self.axes * world).as_vec3()
+    }
+    /// A direction of the view in the world.
+    pub(crate) fn direction_to_world(&self, view: Vec3) -> Vec3 {
+        (self.axes.transpose() * view.as_dvec3()).as_vec3()
+    }
+    /// A place of the world in the view.
+    pub(crate) fn place(&self, world: DVec3) -> DVec3 {
+        self.axes * ((world - self.target) / self.unit) - DVec3::Z
+    }
+
+    /// What places are divided by: their distance, or nothing.
+    #[inline(always)]
+    fn divisor(&self, view: DVec3) -> f64 {
+        if self.is_perspective { -view.z } else { 1.0 }
+    }
+
+    /// Where a place of the view lies on the screen, and how near it is: larger is nearer, and linear on the screen. `None`
+    /// behind the eye, too far aside, or if it is no number.
+    pub(crate) fn screen(&self, view: DVec3) -> Option<[f64; 3]> {
+        let at = self.on_screen(view);
+        (!at[0].is_nan()).then_some(at)
+    }
+
+    /// The same, without a first number where there is no such place.
+    #[inline(always)]
+    pub(crate) fn on_screen(&self, view: DVec3) -> [f64; 3] {
+        let per_distance = 1.0 / self.divisor(view);
+        let near = if self.is_perspective { per_distance } else { 1.0 + view.z };
+        let x = view.x * per_distance * self.per_unit[0] + 0.5 * self.size[0];
+        let y = 0.5 * self.size[1] - view.y * per_distance * self.per_unit[1];
+        let is_seen = (-view.z > NEAR) & (x.abs() < FARTHEST_PX) & (y.abs() < FARTHEST_PX);
+        [if is_seen { x } else { f64::NAN }, y, near]
+    }
+
+    /// The ray through a place of the screen at distance 1: where it begins, and which way it goes.
+    pub(crate) fn ray(&self, x: f64, y: f64) -> [DVec3; 2] {
+        let sx = (2.0 * x / self.size[0] - 1.0) * self.half[0];
+        let sy = (1.0 - 2.0 * y / self.size[1]) * self.half[1];
+        if self.is_perspective {
+            [DVec3::ZERO, DVec3::new(sx, sy, -1.0)]
+        } else {
+            [DVec3::new(sx, sy, 0.0), DVec3::NEG_Z]
+        }
+    }
+
+    /// Distance from the eye along the view, from how near it is.
+    #[inline(always)]
+    pub(crate) fn distance(&self, near: f32) -> f32 {
+        if self.is_perspective { 1.0 / near } else { 1.0 - near }
+    }
+
+    /// Barycentric coordinates of a triangle of the view where the ray through a place of the screen meets its plane.
+    pub(crate) fn barycentrics(&self, corners: [DVec3; 3], x: f64, y: f64) -> [f64; 3] {
+        let [origin, along] = self.ray(x, y);
+        // Each as the volume that the ray spans with a side; with a parallel lens all rays meet at infinity.
+        let v = corners.map(|c| if self.is_perspective { c } else { DVec3::new(c.x, c.y, -1.0) });
+        let d = if self.is_perspective { along } else { DVec3::new(origin.x, origin.y, -1.0) };
+        let all = [v[1].cross(v[2]).dot(d), v[2].cross(v[0]).dot(d), v[0].cross(v[1]).dot(d)];
+        let sum = all[0] + all[1] + all[2];
+        if sum != 0.0 && sum.is_finite() { all.map(|b| b / sum) } else { [1.0 / 3.0; 3] }
+    }
+
+    /// What of a triangle lies before the eye and not too far aside, as a polygon on the screen.
+    pub(crate) fn clipped(&self, corners: [DVec3; 3]) -> Vec<[f64; 3]> {
+        if corners.iter().any(|c| !c.is_finite()) {
+            return Vec::new();
+        }
+        let mut polygon = corners.to_vec();
+        let aside = [0, 1].map(|k| 0.9 * FARTHEST_PX / self.size[k] * 2.0 * self.half[k]);
+        let inside = |plane: usize, p: DVec3| {
+            let w = self.divisor(p);
+            match plane {
+                0 => -p.z - 2.0 * NEAR,
+                1 => aside[0] * w - p.x,
+                2 => aside[0] * w + p.x,
+                3 => aside[1] * w - p.y,
+                _ => aside[1] * w + p.y,
+            }
+        };
+        for plane in 0..5 {
+            let mut kept = Vec::with_capacity(polygon.len() + 1);
+            for (i, &p) in polygon.iter().enumerate() {
+                let q = polygon[(i + 1) % polygon.len()];
+                let [a, b] = [inside(plane, p), inside(plane, q)];
+                if a >= 0.0 {
+                    kept.push(p);
+                }
+                if (a >= 0.0) != (b >= 0.0) {
+                    // From the inner end, whichever way round: neighbours find the same place.
+                    let (from, to, a, b) = if a >= 0.0 { (p, q, a, b) } else { (q, p, b, a) };
+                    kept.push(from + (to - from) * (a / (a - b)));
+                }
+            }
+            polygon = kept;
+        }
+        polygon.into_iter().filter_map(|p| self.screen(p)).collect()
+    }
+}

@@ -1,0 +1,171 @@
+//! What is drawn: a model, made ready.
+
+use std::sync::{Arc, OnceLock};
+
+use glam::{DMat4, DVec3};
+use lodsmith_core::mesh::normals::vertex_normals;
+use lodsmith_core::mesh::weld::weld;
+use lodsmith_core::model::{Pose, VertexColors};
+use lodsmith_core::{Bounds, Model, TriMesh};
+
+use crate::surfaces::Surfaces;
+use crate::view::RenderError;
+
+/// A model, ready to be drawn from any side. What only some looks need is made when one asks for it.
+#[derive(Debug)]
+pub struct Subject {
+    pub(crate) meshes: Vec<Drawn>,
+    pub(crate) parts: Vec<Part>,
+    pub(crate) surfaces: Surfaces,
+    pub(crate) vertex_colors: VertexColors,
+    bounds: OnceLock<Option<Bounds>>,
+}
+
+/// A mesh, and what is derived from it.
+#[derive(Debug)]
+pub(crate) struct Drawn {
+    pub(crate) mesh: Arc<TriMesh>,
+    pub(crate) materials: Vec<Option<usize>>,
+    shape_normals: OnceLock<Vec<[f32; 3]>>,
+    /// One for each vertex.
+    pub(crate) values: Option<Vec<f32>>,
+}
+
+/// A mesh where it stands.
+#[derive(Clone, Debug)]
+pub(crate) struct Part {
+    pub(crate) mesh: usize,
+    pub(crate) world_from_mesh: DMat4,
+    /// Number of its first face among all of the picture.
+    pub(crate) first_face: u32,
+}
+
+impl Drawn {
+    /// Normals of the shape, one for each vertex.
+    pub(crate) fn shape_normals(&self) -> &[[f32; 3]] {
+        self.shape_normals.get_or_init(|| {
+            let surface = self.mesh.surface();
+            let joined = weld(surface.positions());
+            vertex_normals(&surface, |v| joined.of(v))
+        })
+    }
+}
+
+impl Subject {
+    /// A model at rest.
+    ///
+    /// # Errors
+    /// [`RenderError::TooManyFaces`].
+    pub fn new(model: &Model) -> Result<Self, RenderError> {
+        Self::posed(model, &Pose::default())
+    }
+
+    /// A model as it stands at a moment.
+    ///
+    /// # Errors
+    /// [`RenderError::TooManyFaces`].
+    pub fn posed(model: &Model, pose: &Pose) -> Result<Self, RenderError> {
+        let drawn = |m: &lodsmith_core::model::ModelMesh| Drawn {
+            mesh: m.mesh.clone(),
+            materials: m.materials.clone(),
+            shape_normals: OnceLock::new(),
+            values: None,
+        };
+        let meshes: Vec<Drawn> = model.meshes.iter().map(drawn).collect();
+        let mut parts = Vec::new();
+        let mut faces = 0usize;
+        for instance in model.instances(pose) {
+            let (mesh, world_from_mesh) = (instance.mesh, instance.world_from_mesh);
+            parts.push(Part { mesh, world_from_mesh, first_face: faces as u32 });
+            faces = faces.saturating_add(meshes[mesh].mesh.face_count());
+            // The last numbers mark "none" and clipped ones.
+            if faces >= 1 << 31 {
+                return Err(RenderError::TooManyFaces { faces });
+            }
+        }
+        let surfaces = Surfaces::new(&model.materials, &model.images);
+        Ok(Self { meshes, parts, surfaces, vertex_colors: model.vertex_colors, bounds: OnceLock::new() })
+    }
+
+    /// A mesh alone, with a plain surface.
+    ///
+    /// # Errors
+    /// [`RenderError::TooManyFaces`].
+    pub fn of_mesh(mesh: impl Into<Arc<TriMesh>>) -> Result<Self, RenderError> {
+        Self::new(&Model::of_mesh(mesh))
+    }
+
+    /// With values for [`Shading::Heat`](crate::Shading::Heat): one for each vertex of each mesh of the model.
+    ///
+    /// # Errors
+    /// [`RenderError::Values`] if there are not so many.
+    pub fn with_values(mut self, values: Vec<Vec<f32>>) -> Result<Self, RenderError> {
+        let mut values = values.into_iter();
+        for (i, drawn) in self.meshes.iter_mut().enumerate() {
+            let (own, vertices) = (values.next().unwrap_or_default(), drawn.mesh.vertex_count());
+            if own.len() != vertices {
+                return Err(RenderError::Values { mesh: i, vertices, values: own.len() });
+            }
+            drawn.values = Some(own);
+        }
+        Ok(self)
+    }
+
+    /// Faces to be drawn.
+    pub fn face_count(&self) -> usize {
+        self.parts.iter().map(|p| self.meshes[p.mesh].mesh.face_count()).sum()
+    }
+
+    /// The box round all that is placed; `None` where nothing is.
+    ///
+    /// Of a mesh that is turned it is the box round its box: a little too large. Cost: O(n) the first time.
+    pub fn bounds(&self) -> Option<Bounds> {
+        *self.bounds.get_or_init(|| self.measured_bounds())
+    }
+
+    fn measured_bounds(&self) -> Option<Bounds> {
+        let mut whole: Option<[DVec3; 2]> = None;
+        for part in &self.parts {
+            let Some(b) = used_bounds(&self.meshes[part.mesh].mesh) else { continue };
+            for corner in 0..8 {
+                let pick = |k: usize| if corner >> k & 1 == 0 { b.min[k] } else { b.max[k] };
+                let p = part.world_from_mesh.transform_point3(DVec3::new(pick(0), pick(1), pick(2)));
+                if p.is_finite() {
+                    whole = Some(whole.map_or([p, p], |[min, max]| [min.min(p), max.max(p)]));
+                }
+            }
+        }
+        whole.map(|[min, max]| Bounds { min: min.to_array(), max: max.to_array() })
+    }
+
+    /// The values at the ends of the colours: those asked for, or from 0 to the largest.
+    pub fn heat_range(&self, asked: Option<[f32; 2]>) -> [f32; 2] {
+        if let Some(range) = asked {
+            return range;
+        }
+        let all = self.meshes.iter().flat_map(|m| m.values.iter().flatten());
+        let (low, high) =
+            all.filter(|v| v.is_finite()).fold((0f32, 0f32), |(low, high), &v| (low.min(v), high.max(v)));
+        [low, high]
+    }
+}
+
+/// The box round what faces use: a stray vertex must not move the camera away.
+fn used_bounds(mesh: &TriMesh) -> Option<Bounds> {
+    let positions = mesh.positions().view();
+    let mut bounds: Option<Bounds> = None;
+    for &w in mesh.triangles().iter().flatten() {
+        let p = positions.get(mesh.vertex_of(w));
+        if !p.iter().all(|x| x.is_finite()) {
+            continue;
+        }
+        match &mut bounds {
+            None => bounds = Some(Bounds { min: p, max: p }),
+            Some(b) => {
+                b.min = [0, 1, 2].map(|k| b.min[k].min(p[k]));
+                b.max = [0, 1, 2].map(|k| b.max[k].max(p[k]));
+            }
+        }
+    }
+    bounds
+}

@@ -1,0 +1,31 @@
+//! Materials, and their images made ready when first looked at.
+
+use std::sync::{Arc, OnceLock};
+
+use lodsmith_core::Image;
+use lodsmith_core::model::{Material, TextureRef};
+
+use crate::texture::{Meaning, Texture};
+
+/// What surfaces of a model look like.
+#[derive(Debug)]
+pub(crate) struct Surfaces {
+    pub(crate) materials: Vec<Material>,
+    images: Vec<Arc<Image>>,
+    /// For colours and for numbers.
+    textures: Vec<[OnceLock<Texture>; 2]>,
+}
+
+impl Surfaces {
+    pub(crate) fn new(materials: &[Material], images: &[Arc<Image>]) -> Self {
+        let textures = images.iter().map(|_| Default::default()).collect();
+        Self { materials: materials.to_vec(), images: images.to_vec(), textures }
+    }
+
+    /// The image that a reference means; `None` if there is none.
+    pub(crate) fn texture(&self, reference: &TextureRef, meaning: Meaning) -> Option<&Texture> {
+        let slots = self.textures.get(reference.image)?;
+        let slot = &slots[usize::from(meaning == Meaning::Numbers)];
+        Some(slot.get_or_init(|| Texture::new(&self.images[reference.image], meaning)))
+    }
+}

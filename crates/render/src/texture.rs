@@ -1,0 +1,185 @@
+//! Images on surfaces: looked up between their pixels, and from afar in smaller copies, so that they do not shimmer.
+
+use lodsmith_core::Image;
+use lodsmith_core::model::{Sampler, Wrap};
+use rayon::prelude::*;
+
+use crate::linear;
+
+/// Most looks along the longer side of what a pixel sees of an image. (Guessed: more are hardly seen.)
+const LOOKS_MAX: f32 = 4.0;
+
+/// What the numbers of an image stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Meaning {
+    /// Colours in sRGB.
+    Colors,
+    /// Numbers as they are: normals, roughness.
+    Numbers,
+}
+
+/// An image and copies of it, each half as large as the one before.
+#[derive(Debug)]
+pub(crate) struct Texture {
+    levels: Vec<Level>,
+    meaning: Meaning,
+}
+
+#[derive(Debug)]
+struct Level {
+    width: usize,
+    height: usize,
+    pixels: Vec<[u8; 4]>,
+}
+
+impl Texture {
+    /// Cost: O(pixels).
+    pub(crate) fn new(image: &Image, meaning: Meaning) -> Self {
+        let first = Level { width: image.width(), height: image.height(), pixels: image.pixels().to_vec() };
+        let mut levels = vec![first];
+        while let Some(last) = levels.last().filter(|l| l.width.max(l.height) > 1 && !l.pixels.is_empty()) {
+            levels.push(halved(last, meaning));
+        }
+        Self { levels, meaning }
+    }
+
+    /// Linear red, green, blue and alpha at a place, from the lower left corner of the image; `across` and `down` are how
+    /// far the next pixels of the picture to the right and below look.
+    pub(crate) fn at(&self, uv: [f32; 2], across: [f32; 2], down: [f32; 2], sampler: Sampler) -> [f32; 4] {
+        let (w, h) = (self.levels[0].width as f32, self.levels[0].height as f32);
+        if w < 1.0 || h < 1.0 || !uv.iter().chain(&across).chain(&down).all(|x| x.is_finite()) {
+            return [0.0, 0.0, 0.0, 1.0];
+        }
+        let [a, d] = [across, down].map(|[u, v]| (u * w).hypot(v * h));
+        let (long, short, along) = if a >= d { (a, d, across) } else { (d, a, down) };
+        if sampler.nearest && long <= 1.0 {
+            let level = &self.levels[0];
+            let at = |x: f32, n: usize, wrap| wrapped((wrap_near(x) * n as f32).floor() as i64, n, wrap);
+            let x = at(uv[0], level.width, sampler.wrap_u);
+            let y = at(1.0 - uv[1], level.height, sampler.wrap_v);
+            return self.decoded(level.pixels[y * level.width + x]);
+        }
+        let looks = (long / short.max(1e-6)).ceil().clamp(1.0, LOOKS_MAX).min(long.ceil().max(1.0));
+        let lod = (long / looks).max(1e-6).log2().clamp(0.0, (self.levels.len() - 1) as f32);
+        let mut sum = [0f32; 4];
+        for i in 0..looks as usize {
+            let t = (i as f32 + 0.5) / looks - 0.5;
+            let c = self.between_levels([uv[0] + along[0] * t, uv[1] + along[1] * t], lod, sampler);
+            (0..4).for_each(|k| sum[k] += c[k] / looks);
+        }
+        sum
+    }
+
+    fn between_levels(&self, uv: [f32; 2], lod: f32, sampler: Sampler) -> [f32; 4] {
+        let low = lod as usize;
+        let share = lod - low as f32;
+        let a = self.between_pixels(uv, low, sampler);
+        if share < 1e-3 || low + 1 >= self.levels.len() {
+            return a;
+        }
+        let b = self.between_pixels(uv, low + 1, sampler);
+        [0, 1, 2, 3].map(|k| a[k] + (b[k] - a[k]) * share)
+    }
+
+    fn between_pixels(&self, uv: [f32; 2], level: usize, sampler: Sampler) -> [f32; 4] {
+        let level = &self.levels[level];
+        let x = wrap_near(uv[0]) * level.width as f32 - 0.5;
+        let y = wrap_near(1.0 - uv[1]) * level.height as f32 - 0.5;
+        let (x0, y0) = (x.floor(), y.floor());
+        let (fx, fy) = (x - x0, y - y0);
+        let columns = [0, 1].map(|k| wrapped(x0 as i64 + k, level.width, sampler.wrap_u));
+        let rows = [0, 1].map(|k| wrapped(y0 as i64 + k, level.height, sampler.wrap_v));
+        let pixel = |i: usize, j: usize| self.decoded(level.pixels[rows[j] * level.width + columns[i]]);
+        let (a, b, c, d) = (pixel(0, 0), pixel(1, 0), pixel(0, 1), pixel(1, 1));
+        [0, 1, 2, 3].map(|k| {
+            let (upper, lower) = (a[k] + (b[k] - a[k]) * fx, c[k] + (d[k] - c[k]) * fx);
+            upper + (lower - upper) * fy
+        })
+    }
+
+    #[inline]
+    fn decoded(&self, p: [u8; 4]) -> [f32; 4] {
+        let alpha = f32::from(p[3]) / 255.0;
+        match self.meaning {
+            Meaning::Colors => [linear::of_byte(p[0]), linear::of_byte(p[1]), linear::of_byte(p[2]), alpha],
+            Meaning::Numbers => [0, 1, 2, 3].map(|k| f32::from(p[k]) / 255.0),
+        }
+    }
+}
+
+/// Far out, whole turns are all the same; they must not outgrow whole numbers.
+fn wrap_near(x: f32) -> f32 {
+    if x.abs() > 4096.0 { x.rem_euclid(2.0) } else { x }
+}
+
+fn wrapped(i: i64, n: usize, wrap: Wrap) -> usize {
+    let n = n as i64;
+    let i = match wrap {
+        Wrap::Repeat => i.rem_euclid(n),
+        Wrap::Clamp => i.clamp(0, n - 1),
+        Wrap::Mirror => {
+            let i = i.rem_euclid(2 * n);
+            if i < n { i } else { 2 * n - 1 - i }
+        }
+    };
+    i as usize
+}
+
+/// Half as large: each pixel is the mean of four, as light adds up.
+fn halved(from: &Level, meaning: Meaning) -> Level {
+    let (width, height) = ((from.width / 2).max(1), (from.height / 2).max(1));
+    let encoder = linear::Encoder::new();
+    let light = linear::bytes();
+    let mut pixels = vec![[0u8; 4]; width * height];
+    pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| {
+                let (x, y) = ((2 * x + i).min(from.width - 1), (2 * y + j).min(from.height - 1));
+                from.pixels[y * from.width + x]
+            });
+            let mean = |k: usize| ((four.iter().map(|p| u32::from(p[k])).sum::<u32>() + 2) / 4) as u8;
+            *pixel = [0, 1, 2, 3].map(|k| match meaning {
+                Meaning::Colors if k < 3 => {
+                    encoder.byte(four.iter().map(|p| light[usize::from(p[k])]).sum::<f32>() * 0.25)
+                }
+                _ => mean(k),
+            });
+        }
+    });
+    Level { width, height, pixels }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checker(n: usize) -> Image {
+        let pixels = (0..n * n).map(|i| if (i % n + i / n) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] });
+        Image::new(n, n, pixels.collect())
+    }
+
+    #[test]
+    fn from_afar_a_checker_is_half_as_bright() {
+        let texture = Texture::new(&checker(64), Meaning::Colors);
+        for uv in [[0.1, 0.2], [0.51, 0.99], [-7.3, 12.0]] {
+            let c = texture.at(uv, [0.25, 0.0], [0.0, 0.25], Sampler::default());
+            assert!((c[0] - 0.5).abs() < 0.02 && c[3] == 1.0, "{c:?}");
+        }
+    }
+
+    #[test]
+    fn the_lower_left_corner_is_the_origin_and_edges_go_on_as_asked() {
+        let red_below = Image::new(1, 2, vec![[0, 0, 0, 255], [255, 0, 0, 255]]);
+        let texture = Texture::new(&red_below, Meaning::Numbers);
+        let red = |v: f32, wrap_v| {
+            let sampler = Sampler { wrap_v, nearest: true, ..Sampler::default() };
+            texture.at([0.5, v], [0.01, 0.0], [0.0, 0.01], sampler)[0]
+        };
+        assert_eq!([red(0.25, Wrap::Repeat), red(0.75, Wrap::Repeat)], [1.0, 0.0]);
+        assert_eq!(
+            [red(-0.25, Wrap::Repeat), red(-0.25, Wrap::Mirror), red(-9.0, Wrap::Clamp)],
+            [0.0, 1.0, 1.0]
+        );
+        assert_eq!(red(f32::NAN, Wrap::Repeat), 0.0);
+    }
+}

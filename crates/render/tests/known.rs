@@ -1,0 +1,375 @@
+//! Pictures whose answers are known without drawing them, and input that nobody should give.
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+use lodsmith_core::model::{AlphaMode, Material, ModelMesh, Node, Sampler, TextureRef, Transform};
+use lodsmith_core::{Image, Model, Positions, TriMesh, VertexId, shapes};
+use lodsmith_render::{
+    Background, Camera, Ground, Lens, Light, LightKind, Lighting, Look, RenderError, Shading, StandardView,
+    Subject, View, render,
+};
+
+const PLAIN: [[f32; 3]; 2] = TextureRef::PLAIN;
+
+fn mesh(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> TriMesh {
+    let faces = faces.iter().map(|f| f.map(VertexId)).collect();
+    TriMesh::new(Positions::F32(positions.to_vec()), faces).unwrap()
+}
+
+/// A rectangle at depth z, seen from +z.
+fn rectangle([x0, y0, x1, y1]: [f32; 4], z: f32) -> TriMesh {
+    mesh(&[[x0, y0, z], [x1, y0, z], [x1, y1, z], [x0, y1, z]], &[[0, 1, 2], [0, 2, 3]])
+}
+
+/// A camera along -z whose pixels are unit squares, with the origin in the lower left corner.
+fn pixel_view(width: usize, height: usize) -> View {
+    let middle = DVec3::new(width as f64 / 2.0, height as f64 / 2.0, 0.0);
+    let camera = Camera {
+        eye: middle + 10.0 * DVec3::Z,
+        target: middle,
+        up: DVec3::Y,
+        lens: Lens::Parallel { height: height as f64 },
+    };
+    let mut view = View::new(camera, width, height);
+    view.background = Background::Transparent;
+    // Without light, so that colours are known.
+    view.look.shading = Shading::Textured;
+    view
+}
+
+fn unlit(color: [f32; 4]) -> Material {
+    Material { base_color: color, unlit: true, double_sided: true, ..Material::default() }
+}
+
+fn model(parts: Vec<(TriMesh, Material)>) -> Model {
+    let mut model = Model::default();
+    for (i, (mesh, material)) in parts.into_iter().enumerate() {
+        let materials = vec![Some(i)];
+        let (name, mesh, morph_weights) = (String::new(), Arc::new(mesh), Vec::new());
+        model.meshes.push(ModelMesh { name, mesh, materials, morph_weights });
+        model.nodes.push(Node { mesh: Some(i), ..Node::default() });
+        model.roots.push(i);
+        model.materials.push(material);
+    }
+    model
+}
+
+fn draw(model: &Model, view: &View) -> Image {
+    render(&Subject::new(model).unwrap(), view).unwrap()
+}
+
+#[test]
+fn a_square_covers_exactly_its_pixels() {
+    let square = model(vec![(rectangle([3.0, 2.0, 9.0, 7.0], 0.0), unlit([1.0, 0.0, 0.0, 1.0]))]);
+    let picture = draw(&square, &pixel_view(16, 12));
+    for y in 0..12 {
+        for x in 0..16 {
+            let is_in = (3..9).contains(&x) && (2..7).contains(&(11 - y));
+            let wanted = if is_in { [255, 0, 0, 255] } else { [0; 4] };
+            assert_eq!(picture.at(x, y), wanted, "{x} {y}");
+        }
+    }
+}
+
+#[test]
+fn edges_are_as_opaque_as_they_are_covered() {
+    // A half, and a quarter at the corner.
+    let square = model(vec![(rectangle([2.0, 2.0, 5.5, 5.5], 0.0), unlit([1.0; 4]))]);
+    let picture = draw(&square, &pixel_view(8, 8));
+    let alpha = |x: usize, y: usize| picture.at(x, 7 - y)[3];
+    assert_eq!([alpha(4, 4), alpha(5, 4), alpha(4, 5), alpha(6, 4)], [255, 128, 128, 0]);
+    assert_eq!(alpha(5, 5), 64);
+}
+
+#[test]
+fn neighbours_neither_overlap_nor_leave_a_gap() {
+    // A fan of thin triangles fills its outline: half see-through faces would show each sample taken twice.
+    let n = 97u32;
+    let mut positions = vec![[15.7f32, 16.3, 0.0]];
+    positions.extend((0..n).map(|i| {
+        let a = i as f32 / n as f32 * std::f32::consts::TAU;
+        [16.0 + 40.0 * a.cos(), 16.0 + 40.0 * a.sin(), 0.0]
+    }));
+    let faces: Vec<[u32; 3]> = (0..n).map(|i| [0, 1 + i, 1 + (i + 1) % n]).collect();
+    let material = Material { alpha: AlphaMode::Blend, ..unlit([1.0, 1.0, 1.0, 0.5]) };
+    let picture = draw(&model(vec![(mesh(&positions, &faces), material)]), &pixel_view(32, 32));
+    assert!(picture.pixels().iter().all(|p| p[3].abs_diff(128) <= 1), "every sample is seen once");
+}
+
+#[test]
+fn what_is_nearer_hides_what_is_behind_in_any_order() {
+    let (near, far) = (rectangle([0.0, 0.0, 4.0, 4.0], 2.0), rectangle([2.0, 0.0, 8.0, 4.0], 1.0));
+    let (red, blue) = (unlit([1.0, 0.0, 0.0, 1.0]), unlit([0.0, 0.0, 1.0, 1.0]));
+    for parts in
+        [vec![(near.clone(), red.clone()), (far.clone(), blue.clone())], vec![(far, blue), (near, red)]]
+    {
+        let picture = draw(&model(parts), &pixel_view(8, 4));
+        assert_eq!([picture.at(3, 1), picture.at(4, 1)], [[255, 0, 0, 255], [0, 0, 255, 255]]);
+    }
+}
+
+#[test]
+fn what_is_seen_through_blends_from_the_back() {
+    let glass =
+        |color: [f32; 3]| Material { alpha: AlphaMode::Blend, ..unlit([color[0], color[1], color[2], 0.5]) };
+    let parts = vec![
+        (rectangle([0.0, 0.0, 4.0, 4.0], 3.0), glass([1.0, 0.0, 0.0])),
+        (rectangle([0.0, 0.0, 4.0, 4.0], 1.0), unlit([0.0, 0.0, 1.0, 1.0])),
+        (rectangle([0.0, 0.0, 4.0, 4.0], 2.0), glass([0.0, 1.0, 0.0])),
+    ];
+    // Half red over half green over blue, as light adds up: a half, a quarter, a quarter.
+    let [r, g, b, a] = draw(&model(parts), &pixel_view(4, 4)).at(1, 1);
+    assert!(r.abs_diff(188) <= 1 && g.abs_diff(137) <= 1 && b.abs_diff(137) <= 1 && a == 255, "{r} {g} {b}");
+}
+
+#[test]
+fn a_mask_cuts_holes() {
+    let mut square = rectangle([0.0, 0.0, 8.0, 8.0], 0.0);
+    square.set_uvs(Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])).unwrap();
+    let sampler = Sampler { nearest: true, ..Sampler::default() };
+    let texture = TextureRef { image: 0, uv_set: 0, transform: PLAIN, sampler };
+    let material =
+        Material { alpha: AlphaMode::Mask(0.5), base_color_texture: Some(texture), ..unlit([1.0; 4]) };
+    let mut model = model(vec![(square, material)]);
+    // The left half is there, the right half is not.
+    model.images.push(Arc::new(Image::new(2, 1, vec![[255; 4], [255, 255, 255, 20]])));
+    let picture = draw(&model, &pixel_view(8, 8));
+    assert_eq!([picture.at(2, 4)[3], picture.at(6, 4)[3]], [255, 0]);
+}
+
+#[test]
+fn images_shrink_with_distance_as_they_should() {
+    // A checker of 8 × 8 squares on a floor that runs away from the eye.
+    let n = 8;
+    let pixels =
+        (0..n * n).map(|i| if (i % n + i / n) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] }).collect();
+    let mut floor = mesh(
+        &[[-4.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 0.0, -8.0], [-4.0, 0.0, -8.0]],
+        &[[0, 1, 2], [0, 2, 3]],
+    );
+    floor.set_uvs(Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])).unwrap();
+    let sampler = Sampler { nearest: true, ..Sampler::default() };
+    let texture = TextureRef { image: 0, uv_set: 0, transform: PLAIN, sampler };
+    let mut model = model(vec![(floor, Material { base_color_texture: Some(texture), ..unlit([1.0; 4]) })]);
+    model.images.push(Arc::new(Image::new(n, n, pixels)));
+    let (w, h) = (400, 300);
+    let camera = Camera {
+        eye: DVec3::new(0.0, 2.0, 2.0),
+        target: DVec3::new(0.0, 0.0, -3.0),
+        up: DVec3::Y,
+        lens: Lens::Perspective { fov_y_rad: 0.9 },
+    };
+    let mut view = View::new(camera, w, h);
+    view.look.shading = Shading::Textured;
+    let picture = draw(&model, &view);
+    let project = camera.view_from_world();
+    let mut seen = 0;
+    for z in 0..8 {
+        for x in 0..8 {
+            // The middle of a square, by the formula of the lens.
+            let p = project.transform_point3(DVec3::new(f64::from(x) - 3.5, 0.0, -0.5 - f64::from(z)));
+            let slope = 0.45f64.tan();
+            let at = [p.x / (-p.z * slope) * 0.75, p.y / (-p.z * slope)];
+            let (px, py) = ((0.5 + 0.5 * at[0]) * w as f64, (0.5 - 0.5 * at[1]) * h as f64);
+            if px < 0.0 || py < 0.0 || px >= w as f64 || py >= h as f64 {
+                continue;
+            }
+            seen += 1;
+            // Row 0 of the image is its upper edge, v = 1, far away.
+            let wanted = if (x + (7 - z)) % 2 == 0 { 255 } else { 0 };
+            assert_eq!(picture.at(px as usize, py as usize)[0], wanted, "square {x} {z}");
+        }
+    }
+    assert!(seen > 50, "{seen} of 64 squares are in the picture");
+}
+
+#[test]
+fn a_ball_covers_the_disc_that_it_should() {
+    let ball = Subject::of_mesh(shapes::icosphere(5)).unwrap();
+    let camera = Camera {
+        eye: DVec3::new(0.0, 0.0, 4.0),
+        target: DVec3::ZERO,
+        up: DVec3::Y,
+        lens: Lens::Perspective { fov_y_rad: 0.8 },
+    };
+    let mut view = View::new(camera, 300, 200);
+    view.background = Background::Transparent;
+    for fine in [false, true] {
+        view.fine = fine;
+        let picture = render(&ball, &view).unwrap();
+        let covered: f64 = picture.pixels().iter().map(|p| f64::from(p[3]) / 255.0).sum();
+        // The ball is seen under asin(1/4); pixels are tangents.
+        let radius = 0.25f64.asin().tan() / 0.4f64.tan() * 100.0;
+        let disc = std::f64::consts::PI * radius * radius;
+        assert!((covered / disc - 1.0).abs() < 0.002, "{covered} of {disc}");
+    }
+}
+
+#[test]
+fn the_same_picture_with_any_number_of_threads() {
+    let mut model = Model::of_mesh(shapes::torus(64, 48));
+    model.nodes[0].transform = Transform::Parts {
+        translation: DVec3::ONE,
+        rotation: DQuat::from_rotation_y(0.4),
+        scale: DVec3::new(1.0, -2.0, 1.0),
+    };
+    let subject = Subject::new(&model).unwrap();
+    let mut view = View::of(&subject.bounds().unwrap(), StandardView::Iso, 211, 173);
+    view.look = Look { wireframe: true, borders: true, defects: true, ..Look::default() };
+    view.ground = Ground { grid: true, shadow: true };
+    for occlusion in [false, true] {
+        view.occlusion = occlusion;
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| render(&subject, &view).unwrap())
+        };
+        let one = with(1);
+        assert!(one == with(2) && one == with(7));
+    }
+}
+
+#[test]
+fn size_and_place_of_the_numbers_do_not_matter() {
+    let picture = |scale: f64, shift: f64| {
+        let mut ball = shapes::torus(32, 24);
+        let positions = ball.positions().view().iter().map(|p| p.map(|x| x * scale + shift)).collect();
+        ball = TriMesh::new(Positions::F64(positions), ball.surface().triangles().to_vec()).unwrap();
+        let subject = Subject::of_mesh(ball).unwrap();
+        let mut view = View::of(&subject.bounds().unwrap(), StandardView::Iso, 120, 100);
+        view.look.shading = Shading::Flat;
+        view.ground = Ground { grid: false, shadow: true };
+        render(&subject, &view).unwrap()
+    };
+    let usual = picture(1.0, 0.0);
+    for (scale, shift) in [(1e-200, 0.0), (1e200, 0.0), (1e-15, 0.0), (1.0, 1e7), (0.001, -4e6)] {
+        let other = picture(scale, shift);
+        let differing = usual
+            .pixels()
+            .iter()
+            .zip(other.pixels())
+            .filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 8))
+            .count();
+        assert!(differing < 40, "{scale} {shift}: {differing} pixels");
+    }
+}
+
+#[test]
+fn what_comes_from_behind_the_eye_is_cut() {
+    // A floor without end: the eye stands on it, its corners are far away on all sides.
+    let r = 1e6;
+    let floor = mesh(&[[-r, 0.0, r], [r, 0.0, r], [r, 0.0, -r], [-r, 0.0, -r]], &[[0, 1, 2], [0, 2, 3]]);
+    let camera = Camera {
+        eye: DVec3::new(0.0, 1.0, 0.0),
+        target: DVec3::new(0.0, 1.0, -1.0),
+        up: DVec3::Y,
+        lens: Lens::Perspective { fov_y_rad: 1.0 },
+    };
+    let mut view = View::new(camera, 64, 64);
+    view.background = Background::Transparent;
+    view.look.wireframe = true;
+    let picture = render(&Subject::of_mesh(floor).unwrap(), &view).unwrap();
+    let row = |y: usize| (0..64).map(|x| u32::from(picture.at(x, y)[3])).sum::<u32>();
+    assert_eq!([row(10), row(30), row(33), row(60)], [0, 0, 64 * 255, 64 * 255]);
+}
+
+#[test]
+fn nothing_to_draw_is_the_background() {
+    let view = pixel_view(5, 4);
+    assert!(draw(&Model::default(), &view).pixels().iter().all(|p| *p == [0; 4]));
+    let empty = TriMesh::new(Positions::F32(vec![]), vec![]).unwrap();
+    let mut view = View::new(view.camera, 5, 4);
+    view.background = Background::Color([1.0, 0.0, 0.0]);
+    view.look = Look { wireframe: true, borders: true, defects: true, ..Look::default() };
+    view.ground = Ground { grid: true, shadow: true };
+    view.occlusion = true;
+    for shading in Shading::ALL.into_iter().filter(|s| *s != Shading::Heat) {
+        view.look.shading = shading;
+        let subject = Subject::of_mesh(empty.clone()).unwrap();
+        assert_eq!(subject.bounds(), None);
+        let picture = render(&subject, &view).unwrap();
+        assert!(picture.pixels().iter().all(|p| *p == [255, 0, 0, 255]), "{shading:?}");
+    }
+}
+
+#[test]
+fn broken_faces_are_left_out_and_marked() {
+    let p = [
+        [1.0, 1.0, 0.0],
+        [7.0, 1.0, 0.0],
+        [7.0, 7.0, 0.0],
+        [f32::NAN, 0.0, 0.0],
+        [f32::INFINITY, 2.0, 0.0],
+        [4.0, 1.0, 0.0],
+        [3e38, -3e38, 3e38],
+    ];
+    let broken = mesh(&p, &[[0, 1, 2], [0, 1, 3], [4, 1, 2], [0, 1, 5], [0, 0, 1], [2, 2, 2], [0, 1, 2]]);
+    let mut view = pixel_view(8, 8);
+    for shading in Shading::ALL {
+        view.look.shading = shading;
+        let values = vec![vec![0.0, 1.0, f32::NAN, 0.0, f32::INFINITY, 0.0, 2.0]];
+        let subject = Subject::of_mesh(broken.clone()).unwrap().with_values(values).unwrap();
+        let picture = render(&subject, &view).unwrap();
+        assert_eq!([picture.at(5, 4)[3], picture.at(1, 1)[3]], [255, 0], "{shading:?}");
+    }
+    view.look.shading = Shading::Smooth;
+    view.look.defects = true;
+    let with_marks = render(&Subject::of_mesh(broken).unwrap(), &view).unwrap();
+    let yellow = |p: &&[u8; 4]| p[0] > 200 && p[1] > 150 && p[2] < 120;
+    assert!(with_marks.pixels().iter().filter(yellow).count() >= 3, "the face without area is marked");
+    // A far corner is cut, not an error.
+    let far = mesh(&p, &[[0, 1, 6]]);
+    assert!(render(&Subject::of_mesh(far).unwrap(), &view).is_ok());
+}
+
+#[test]
+fn what_cannot_be_drawn_says_why() {
+    let subject = Subject::of_mesh(shapes::cube(1)).unwrap();
+    let view = pixel_view(4, 4);
+    let with = |change: &dyn Fn(&mut View)| {
+        let mut view = view.clone();
+        change(&mut view);
+        render(&subject, &view).unwrap_err()
+    };
+    assert_eq!(with(&|v| v.width = 0), RenderError::Size { width: 0, height: 4 });
+    assert!(matches!(with(&|v| v.height = 1 << 20), RenderError::Size { .. }));
+    assert!(matches!(with(&|v| v.camera.eye = v.camera.target), RenderError::Camera { .. }));
+    assert!(matches!(with(&|v| v.camera.eye.x = f64::NAN), RenderError::Camera { .. }));
+    assert!(matches!(with(&|v| v.camera.lens = Lens::Parallel { height: 0.0 }), RenderError::Camera { .. }));
+    assert!(matches!(with(&|v| v.look.shading = Shading::Heat), RenderError::Values { values: 0, .. }));
+    let few = Subject::of_mesh(shapes::cube(1)).unwrap().with_values(vec![vec![1.0]]).unwrap_err();
+    assert!(few.to_string().contains("1 values"), "{few}");
+}
+
+#[test]
+fn lights_shine_where_they_point() {
+    let wall = rectangle([0.0, 0.0, 40.0, 40.0], 0.0);
+    let subject = Subject::of_mesh(wall).unwrap();
+    let mut view = pixel_view(40, 40);
+    view.look.shading = Shading::Smooth;
+    let dark = lodsmith_render::Ambient { above: [0.0; 3], below: [0.0; 3] };
+    // Radii are half the diagonal; the spot stands before the middle and has a cone of 20 degrees.
+    let at = glam::Vec3::new(0.0, 0.0, 1.0);
+    let kind = LightKind::Spot { at, toward: glam::Vec3::ZERO, half_angle_rad: 0.35 };
+    let light = Light { kind, color: [1.0; 3], in_world: true };
+    view.lighting = Lighting { ambient: dark, lights: vec![light] };
+    let picture = render(&subject, &view).unwrap();
+    assert!(picture.at(20, 20)[0] > 150, "{:?}", picture.at(20, 20));
+    assert_eq!(picture.at(2, 2), [0, 0, 0, 255]);
+    view.lighting.lights[0].kind = LightKind::Point { at };
+    let picture = render(&subject, &view).unwrap();
+    let brightness = [picture.at(20, 20)[0], picture.at(8, 20)[0], picture.at(2, 2)[0]];
+    assert!(
+        brightness[0] > brightness[1] && brightness[1] > brightness[2] && brightness[2] > 20,
+        "{brightness:?}"
+    );
+}
+
+#[test]
+fn faces_of_one_side_are_seen_from_there_only() {
+    let one_sided = Material { double_sided: false, ..unlit([1.0; 4]) };
+    let front = model(vec![(rectangle([0.0, 0.0, 4.0, 4.0], 0.0), one_sided.clone())]);
+    let back = model(vec![(mesh(&[[0.0; 3], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]], &[[0, 2, 1]]), one_sided)]);
+    let alpha = |m: &Model| draw(m, &pixel_view(4, 4)).at(0, 3)[3];
+    assert_eq!([alpha(&front), alpha(&back)], [255, 0]);
+}

@@ -1,0 +1,403 @@
+//! Levels of clusters: a mesh that an engine draws fine where it is near and coarse where it is far, without cracks.
+//!
+//! ```text
+//! weld; drop faces that cannot be drawn
+//! split the faces into clusters                            (split)
+//! loop until one cluster is left, or hardly anything goes
+//!     put the clusters into groups with much border        (group)
+//!     lock the vertices that several groups use
+//!     each group by itself: half the faces, clusters again (lighter)
+//!         how far is it from the original?                 (deviation)
+//!     a group that kept too much stays, and meets others in the next round
+//! ```
+//!
+//! In the manner of Nanite [Karis 2021]. What is ours: errors are measured against the original mesh instead of added up
+//! from estimates, and the border of every group is held against that of its result, edge by edge.
+
+mod deviation;
+mod group;
+mod lighter;
+mod split;
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use lodsmith_core::clusters::{Bound, Cluster, ClusterLod, MOST, Sphere};
+use lodsmith_core::mesh::compact::compact;
+use lodsmith_core::mesh::part::{append, part};
+use lodsmith_core::mesh::weld::weld_mesh;
+use lodsmith_core::{FaceId, GroupId, RegionId, Semantic, TriMesh, VertexId};
+
+use crate::SimplifyError;
+use crate::control::{Control, Stage, Verdict};
+use crate::options::{AttributeWeights, BorderPolicy};
+use crate::report::Cleanup;
+use deviation::Original;
+use lighter::Outcome;
+use split::Budget;
+
+/// Groups that are worked on between two questions to the caller. (Fixed, so that an early end depends on no thread.)
+const BATCH: usize = 32;
+/// A round that takes off less than this share of the faces is the last. (Guessed.)
+const LEAST_GAIN: f64 = 0.02;
+
+/// How clusters are made.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ClusterLodOptions {
+    /// Triangles of a cluster, at most: 8 to 256.
+    pub triangles: usize,
+    /// Vertices of a cluster, at most, those of seams counted once for each side: 8 to 256.
+    pub vertices: usize,
+    /// About how many clusters a group has: 4 to 64. It may get half as many, or twice.
+    pub group: usize,
+    /// A group that keeps more than this part of its triangles stays as it is for the round.
+    pub keep_at_most: f64,
+    /// How much attributes count.
+    pub weights: AttributeWeights,
+    /// Open borders of the mesh. Where several groups meet on one, it is locked in any case.
+    pub border: BorderPolicy,
+    /// As in [`SimplifyOptions`](crate::SimplifyOptions::region_classes).
+    pub region_classes: Option<Arc<[RegionId]>>,
+}
+
+impl Default for ClusterLodOptions {
+    fn default() -> Self {
+        Self {
+            triangles: 128,
+            vertices: 128,
+            group: 16,
+            keep_at_most: 0.75,
+            weights: AttributeWeights::default(),
+            border: BorderPolicy::default(),
+            region_classes: None,
+        }
+    }
+}
+
+impl ClusterLodOptions {
+    fn check(&self) -> Result<(), SimplifyError> {
+        let range = |option, wanted, least, x: usize| match x {
+            x if (least..=MOST).contains(&x) => Ok(()),
+            x => Err(SimplifyError::BadOption { option, wanted, got: x as f64 }),
+        };
+        range("triangles", "8 to 256", 8, self.triangles)?;
+        range("vertices", "8 to 256", 8, self.vertices)?;
+        if !(4..=64).contains(&self.group) {
+            let got = self.group as f64;
+            return Err(SimplifyError::BadOption { option: "group", wanted: "4 to 64", got });
+        }
+        let keep = self.keep_at_most;
+        if !(keep > 0.5 && keep < 1.0) {
+            let wanted = "above 0.5 and below 1";
+            return Err(SimplifyError::BadOption { option: "keep_at_most", wanted, got: keep });
+        }
+        let w = &self.weights;
+        let all = [w.normal, w.uv, w.color, w.morph, w.other, w.border];
+        match all.into_iter().find(|x| !(x.is_finite() && *x >= 0.0)) {
+            Some(got) => Err(SimplifyError::BadOption { option: "weight", wanted: "0 or more", got }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What was done.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct ClusterLodReport {
+    /// Triangles of the input.
+    pub input_faces: usize,
+    /// Vertices of the input.
+    pub input_vertices: usize,
+    /// What was mended first.
+    pub cleanup: Cleanup,
+    /// Attributes that the levels do not carry: joints without weights of the same set, or weights without joints.
+    pub dropped: Vec<&'static str>,
+    /// Rounds of grouping.
+    pub rounds: usize,
+    /// Groups that were left as they were because too little could go, all rounds together.
+    pub stuck_groups: usize,
+    /// Groups that were left as they were because their border had not stayed, all rounds together.
+    pub broken_groups: usize,
+    /// Whether the caller ended it before the coarsest level.
+    pub ended_early: bool,
+}
+
+/// Levels of clusters, and how they came about.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuiltClusterLod {
+    /// The levels.
+    pub lod: ClusterLod,
+    /// What was done.
+    pub report: ClusterLodReport,
+}
+
+/// Makes levels of clusters from a mesh, with its attributes and regions.
+///
+/// Vertices at one place are joined first, and faces with a corner that is no number or with two corners at one place are
+/// left out, as are copies of a face; the report counts them. The error of a group is the largest distance, in the units
+/// of the mesh, of its result from the original and of samples of the original from its result, or that of a group below
+/// if that is larger. It says nothing of attributes. Every cut is closed where the input is.
+///
+/// With rayon the groups are shared out over the caller's pool; the result is the same at any number of threads.
+/// Cost: O(n log n).
+///
+/// # Errors
+/// [`SimplifyError::BadOption`], [`SimplifyError::NoFaces`], [`SimplifyError::Cancelled`].
+///
+/// Source: [Karis 2021].
+pub fn cluster_lod(
+    mesh: &TriMesh,
+    options: &ClusterLodOptions,
+    control: &mut dyn Control,
+) -> Result<BuiltClusterLod, SimplifyError> {
+    options.check()?;
+    control.stage(Stage::Prepare);
+    ask(control, 0.0)?;
+    let mut report = ClusterLodReport {
+        input_faces: mesh.face_count(),
+        input_vertices: mesh.vertex_count(),
+        ..Default::default()
+    };
+    let sound = sound(mesh, &mut report)?;
+    let budget = Budget { triangles: options.triangles, vertices: options.vertices };
+    let pieces = split::split(&sound, &budget);
+    let pool = arranged(&sound, &pieces);
+    drop(sound);
+    let original = Original::new(&pool);
+    let mut build = Build { pool, clusters: Vec::new(), groups: Vec::new() };
+    let mut front = build.add_clusters(0, &pieces, None);
+    for own in &mut front {
+        own.samples = original.samples(&build.pool, &own.faces);
+    }
+
+    control.stage(Stage::Collapse);
+    let mut left = build.pool.face_count();
+    let all = left;
+    while front.len() > 1 {
+        report.rounds += 1;
+        let groups = group::group(&build, &front, options.group);
+        let borders = group::borders(&build, &front, &groups);
+        let mut next = Vec::with_capacity(front.len());
+        let before = left;
+        let mut ended = false;
+        for (batch, first) in groups.chunks(BATCH).zip((0..).step_by(BATCH)) {
+            if ended {
+                next.extend(batch.iter().flatten().map(|&i| std::mem::take(&mut front[i])));
+                continue;
+            }
+            let outcomes = crate::cluster::pieces::each(batch.len(), |k| {
+                let members: Vec<&Front> = batch[k].iter().map(|&i| &front[i]).collect();
+                lighter::lighter(&build, &members, &borders.of(first + k), options, &budget, &original)
+            });
+            for (members, outcome) in batch.iter().zip(outcomes) {
+                match outcome? {
+                    Outcome::Lighter(made) => {
+                        left -= members.iter().map(|&i| front[i].faces.len()).sum::<usize>();
+                        left += made.mesh.face_count();
+                        next.extend(build.add_group(members, &front, *made)?);
+                    }
+                    stays => {
+                        report.stuck_groups += usize::from(matches!(stays, Outcome::Stuck));
+                        report.broken_groups += usize::from(matches!(stays, Outcome::Broken));
+                        next.extend(members.iter().map(|&i| std::mem::take(&mut front[i])));
+                    }
+                }
+            }
+            ended = ask(control, 1.0 - left as f64 / all as f64)? == Verdict::Finish;
+        }
+        front = next;
+        report.ended_early = ended && front.len() > 1;
+        if ended || (before - left) as f64 <= LEAST_GAIN * before as f64 {
+            break;
+        }
+    }
+    let lod = ClusterLod::new(build.pool, build.clusters, build.groups).expect("levels are made in order");
+    Ok(BuiltClusterLod { lod, report })
+}
+
+fn ask(control: &mut dyn Control, done: f64) -> Result<Verdict, SimplifyError> {
+    match control.progress(done) {
+        Verdict::Cancel => Err(SimplifyError::Cancelled),
+        verdict => Ok(verdict),
+    }
+}
+
+/// A cluster that nothing coarser stands for yet.
+#[derive(Debug, Default)]
+struct Front {
+    cluster: usize,
+    faces: Vec<FaceId>,
+    /// Places of the original that it stands for.
+    samples: Vec<[f64; 3]>,
+}
+
+/// What is there so far.
+struct Build {
+    /// The faces of all clusters, cluster after cluster.
+    pool: TriMesh,
+    clusters: Vec<Cluster>,
+    groups: Vec<Bound>,
+}
+
+impl Build {
+    fn vertices(&self, face: FaceId) -> [VertexId; 3] {
+        self.pool.triangles()[face.index()].map(|w| self.pool.vertex_of(w))
+    }
+
+    /// The sphere that holds all that a cluster stands for.
+    fn reach(&self, cluster: usize) -> Sphere {
+        let c = &self.clusters[cluster];
+        c.from.map_or(c.sphere, |g| self.groups[g.index()].sphere)
+    }
+
+    /// Takes up clusters whose faces are in the pool already, from `first` on in this order.
+    fn add_clusters(&mut self, mut first: usize, pieces: &[Vec<u32>], from: Option<GroupId>) -> Vec<Front> {
+        let mut front = Vec::with_capacity(pieces.len());
+        for piece in pieces {
+            let faces: Vec<FaceId> = (first..first + piece.len()).map(FaceId::new).collect();
+            first += piece.len();
+            let corners =
+                faces.iter().flat_map(|&f| self.vertices(f)).map(|v| self.pool.positions().view().get(v));
+            let corners: Vec<Sphere> = corners.map(|center| Sphere { center, radius: 0.0 }).collect();
+            let sphere = Sphere::around(corners.iter().copied());
+            front.push(Front { cluster: self.clusters.len(), faces, samples: Vec::new() });
+            self.clusters.push(Cluster { face_count: piece.len(), sphere, from, into: None });
+        }
+        front
+    }
+
+    /// Takes up what became of a group.
+    fn add_group(
+        &mut self,
+        members: &[usize],
+        front: &[Front],
+        made: lighter::Made,
+    ) -> Result<Vec<Front>, SimplifyError> {
+        let group = GroupId::new(self.groups.len());
+        let mut spheres = Vec::new();
+        let mut error = made.error;
+        for &i in members {
+            let cluster = front[i].cluster;
+            spheres.push(self.reach(cluster));
+            if let Some(from) = self.clusters[cluster].from {
+                error = error.max(self.groups[from.index()].error);
+            }
+            self.clusters[cluster].into = Some(group);
+        }
+        let first = self.pool.face_count();
+        append(&mut self.pool, &made.mesh, &made.known)?;
+        let mut out = self.add_clusters(first, &made.pieces, Some(group));
+        spheres.extend(out.iter().map(|own| self.clusters[own.cluster].sphere));
+        for (own, samples) in out.iter_mut().zip(made.samples) {
+            own.samples = samples;
+        }
+        self.groups.push(Bound { sphere: Sphere::around(spheres.iter().copied()), error });
+        Ok(out)
+    }
+}
+
+/// The faces of a mesh in the order of their clusters.
+fn arranged(mesh: &TriMesh, pieces: &[Vec<u32>]) -> TriMesh {
+    let faces: Vec<FaceId> = pieces.iter().flatten().map(|&f| FaceId(f)).collect();
+    part(mesh, &faces).mesh
+}
+
+/// The mesh welded, without faces that cannot be drawn and without attributes that cannot be carried.
+fn sound(mesh: &TriMesh, report: &mut ClusterLodReport) -> Result<TriMesh, SimplifyError> {
+    let welded = weld_mesh(mesh, None);
+    let cleanup = &mut report.cleanup;
+    cleanup.welded_vertices = welded.merged_vertex_count;
+    let mesh = welded.mesh;
+    let positions = mesh.positions().view();
+    let mut seen: HashSet<[VertexId; 3]> = HashSet::with_capacity(mesh.face_count());
+    let mut faces = Vec::with_capacity(mesh.face_count());
+    for (i, t) in mesh.triangles().iter().enumerate() {
+        let mut t = t.map(|w| mesh.vertex_of(w));
+        let least = (0..3).min_by_key(|&k| t[k]).unwrap_or(0);
+        t.rotate_left(least);
+        if !t.iter().all(|&v| positions.get(v).iter().all(|x| x.is_finite())) {
+            cleanup.non_finite_faces += 1;
+        } else if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
+            cleanup.degenerate_faces += 1;
+        } else if !seen.insert(t) {
+            cleanup.duplicate_faces += 1;
+        } else {
+            faces.push(FaceId::new(i));
+        }
+    }
+    if faces.is_empty() {
+        return Err(SimplifyError::NoFaces { faces: mesh.face_count() });
+    }
+    let kept = if faces.len() == mesh.face_count() { compact(&mesh).mesh } else { part(&mesh, &faces).mesh };
+    report.cleanup.unused_vertices = mesh.vertex_count() - kept.vertex_count();
+    Ok(without_half_skins(kept, report))
+}
+
+/// Joints need weights of the same set, and weights joints.
+fn without_half_skins(mesh: TriMesh, report: &mut ClusterLodReport) -> TriMesh {
+    let has =
+        |wanted: Semantic| mesh.further_attributes().iter().any(|a| a.semantic == wanted && a.width == 4);
+    let is_half = |semantic: &Semantic| match *semantic {
+        Semantic::Joints(set) => !has(Semantic::Weights(set)) || !has(Semantic::Joints(set)),
+        Semantic::Weights(set) => !has(Semantic::Joints(set)) || !has(Semantic::Weights(set)),
+        _ => false,
+    };
+    let half: Vec<Semantic> =
+        mesh.further_attributes().iter().map(|a| a.semantic.clone()).filter(is_half).collect();
+    if half.is_empty() {
+        return mesh;
+    }
+    report.dropped = half.iter().map(Semantic::title).collect();
+    report.dropped.dedup();
+    mesh.without_further(|semantic| half.contains(semantic))
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::{Attribute, shapes};
+
+    use super::*;
+    use crate::NoControl;
+
+    #[test]
+    fn joints_without_weights_are_dropped_by_name() {
+        let mut mesh = shapes::icosphere(3);
+        let values = vec![0.0; 4 * mesh.wedge_count()];
+        mesh.add_attribute(Attribute { semantic: Semantic::Joints(0), width: 4, values }).unwrap();
+        let built = cluster_lod(&mesh, &ClusterLodOptions::default(), &mut NoControl).unwrap();
+        assert_eq!(built.report.dropped, ["joints"]);
+        assert!(built.lod.mesh().further_attributes().is_empty());
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_is_counted() {
+        let whole = shapes::icosphere(3);
+        let mut faces: Vec<[VertexId; 3]> =
+            whole.triangles().iter().map(|t| t.map(|w| VertexId(w.0))).collect();
+        let [a, b, c] = faces[0];
+        faces.extend([[b, c, a], [a, a, b]]);
+        let mesh = TriMesh::new(whole.positions().clone(), faces).unwrap();
+        let report = cluster_lod(&mesh, &ClusterLodOptions::default(), &mut NoControl).unwrap().report;
+        assert_eq!((report.cleanup.duplicate_faces, report.cleanup.degenerate_faces), (1, 1));
+        assert_eq!(report.input_faces, whole.face_count() + 2);
+    }
+
+    #[test]
+    fn options_out_of_range_are_named() {
+        let mesh = shapes::tetrahedron();
+        let named = |change: &dyn Fn(&mut ClusterLodOptions)| {
+            let mut options = ClusterLodOptions::default();
+            change(&mut options);
+            match cluster_lod(&mesh, &options, &mut NoControl) {
+                Err(SimplifyError::BadOption { option, .. }) => option,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(named(&|o| o.triangles = 257), "triangles");
+        assert_eq!(named(&|o| o.vertices = 2), "vertices");
+        assert_eq!(named(&|o| o.group = 1), "group");
+        assert_eq!(named(&|o| o.keep_at_most = f64::NAN), "keep_at_most");
+        assert_eq!(named(&|o| o.weights.uv = -1.0), "weight");
+    }
+}

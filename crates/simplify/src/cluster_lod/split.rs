@@ -1,0 +1,354 @@
+//! Faces into clusters: halves of halves, each cut across its longest way along the surface.
+//!
+//! Large meshes are first cut by planes into pieces of some clusters. Each piece is then cut by the walk over shared
+//! edges: two faces as far apart as the piece allows, and the line that is equally far from both. The halves of what is
+//! connected hang together nearly always, and the sizes are chosen so that clusters get full.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use lodsmith_core::{TriMesh, VertexId, WedgeId};
+
+use crate::cluster::pieces::each;
+
+/// Pieces cut by planes hold at most so many clusters: the walk costs more, and gains little on larger ones.
+const PIECE: usize = 8;
+/// How many vertices a compact patch of n triangles has beyond n / 2, over the root of n: half of its border. (A hexagon
+/// has 1.2; ragged ones more; guessed.)
+const BORDER: f64 = 2.0;
+
+/// What a cluster may hold.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    pub(super) triangles: usize,
+    pub(super) vertices: usize,
+}
+
+impl Budget {
+    /// How many faces a cluster gets where there are so many wedges on so many faces.
+    pub(super) fn faces(&self, wedges: usize, faces: usize) -> usize {
+        let count = faces.max(1) as f64;
+        // Without the border of the set itself.
+        let each = ((wedges as f64 - BORDER * count.sqrt()) / count).max(0.5);
+        let fits = |n: &usize| each * *n as f64 + BORDER * (*n as f64).sqrt() <= self.vertices as f64;
+        // Where every corner is a wedge of its own there is no border to share.
+        let alone = self.vertices / 3;
+        (1..=self.triangles).rev().find(fits).unwrap_or(1).max(alone.min(self.triangles)).max(1)
+    }
+}
+
+/// The faces of each cluster; neighbours in the list lie near each other. In a cluster faces of one region stand together.
+pub(super) fn split(mesh: &TriMesh, budget: &Budget) -> Vec<Vec<u32>> {
+    let centres = centres(mesh);
+    let mut all: Vec<u32> = (0..mesh.face_count() as u32).collect();
+    let mut pieces = Vec::new();
+    by_planes(&mut all, &centres, PIECE * budget.triangles, budget.triangles, &mut pieces);
+    let clusters = each(pieces.len(), |i| Piece::new(mesh, &centres, pieces[i]).clusters(budget));
+    clusters.into_iter().flatten().collect()
+}
+
+/// The middle of each face, in a box of size 1.
+fn centres(mesh: &TriMesh) -> Vec<[f32; 3]> {
+    let positions = mesh.positions().view();
+    let Some(bounds) = positions.bounds() else { return vec![[0.0; 3]; mesh.face_count()] };
+    let size = (0..3).map(|k| bounds.max[k] - bounds.min[k]).fold(f64::MIN_POSITIVE, f64::max);
+    let centre = |t: &[WedgeId; 3]| {
+        let p = t.map(|w| positions.get(mesh.vertex_of(w)));
+        [0, 1, 2].map(|k| p.iter().map(|p| (p[k] - bounds.min[k]) / size / 3.0).sum::<f64>() as f32)
+    };
+    mesh.triangles().iter().map(centre).collect()
+}
+
+/// The axis along which points lie farthest apart.
+fn longest_axis(faces: impl Iterator<Item = u32>, centres: &[[f32; 3]]) -> usize {
+    let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for f in faces {
+        for (k, &x) in centres[f as usize].iter().enumerate() {
+            (min[k], max[k]) = (min[k].min(x), max[k].max(x));
+        }
+    }
+    let extent = [0, 1, 2].map(|k| max[k] - min[k]);
+    (0..3).rev().max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0)
+}
+
+fn by_planes<'a>(
+    faces: &'a mut [u32],
+    centres: &[[f32; 3]],
+    most: usize,
+    each: usize,
+    out: &mut Vec<&'a [u32]>,
+) {
+    if faces.len() <= most {
+        out.push(faces);
+        return;
+    }
+    let axis = longest_axis(faces.iter().copied(), centres);
+    let at = first_half(faces.len(), faces.len().div_ceil(each));
+    let key = |f: u32| centres[f as usize][axis];
+    faces.select_nth_unstable_by(at, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+    let (left, right) = faces.split_at_mut(at);
+    by_planes(left, centres, most, each, out);
+    by_planes(right, centres, most, each, out);
+}
+
+/// How many of so many items go left if they are to become so many parts of one size.
+fn first_half(count: usize, parts: usize) -> usize {
+    (count * (parts / 2)).div_ceil(parts.max(1)).clamp(1, count - 1)
+}
+
+/// Some faces, and which of them share edges.
+struct Piece<'a> {
+    mesh: &'a TriMesh,
+    centres: &'a [[f32; 3]],
+    /// Faces of the mesh; a face is called by its place here.
+    faces: Vec<u32>,
+    /// Neighbours, and where those of each face begin.
+    neighbours: Vec<u32>,
+    starts: Vec<u32>,
+    /// Which set each face belongs to at present.
+    set_of: Vec<u32>,
+    sets: u32,
+    way: Vec<f32>,
+    heap: BinaryHeap<Reverse<(u32, u32)>>,
+}
+
+impl<'a> Piece<'a> {
+    fn new(mesh: &'a TriMesh, centres: &'a [[f32; 3]], faces: &[u32]) -> Self {
+        let mut faces = faces.to_vec();
+        faces.sort_unstable();
+        let mut edges: Vec<([VertexId; 2], u32)> = Vec::with_capacity(3 * faces.len());
+        for (i, &f) in faces.iter().enumerate() {
+            let t = mesh.triangles()[f as usize].map(|w| mesh.vertex_of(w));
+            for k in 0..3 {
+                let (a, b) = (t[k], t[(k + 1) % 3]);
+                edges.push(([a.min(b), a.max(b)], i as u32));
+            }
+        }
+        edges.sort_unstable();
+        let mut links: Vec<(u32, u32)> = Vec::with_capacity(edges.len());
+        for pair in edges.windows(2).filter(|w| w[0].0 == w[1].0) {
+            links.extend([(pair[0].1, pair[1].1), (pair[1].1, pair[0].1)]);
+        }
+        links.sort_unstable();
+        let mut starts = vec![0u32; faces.len() + 1];
+        links.iter().for_each(|l| starts[l.0 as usize + 1] += 1);
+        for i in 0..faces.len() {
+            starts[i + 1] += starts[i];
+        }
+        let count = faces.len();
+        Self {
+            mesh,
+            centres,
+            faces,
+            neighbours: links.into_iter().map(|l| l.1).collect(),
+            starts,
+            set_of: vec![0; count],
+            sets: 0,
+            way: vec![0.0; count],
+            heap: BinaryHeap::new(),
+        }
+    }
+
+    fn clusters(mut self, budget: &Budget) -> Vec<Vec<u32>> {
+        let mut done = Vec::new();
+        let mut wedges = Vec::new();
+        let mut waiting: Vec<Vec<u32>> = vec![(0..self.faces.len() as u32).collect()];
+        while let Some(set) = waiting.pop() {
+            wedges.clear();
+            wedges.extend(set.iter().flat_map(|&i| self.mesh.triangles()[self.faces[i as usize] as usize]));
+            wedges.sort_unstable();
+            wedges.dedup();
+            if set.len() <= budget.triangles && wedges.len() <= budget.vertices {
+                done.push(self.named(set));
+                continue;
+            }
+            let parts = set.len().div_ceil(budget.faces(wedges.len(), set.len())).max(2);
+            let at = first_half(set.len(), parts);
+            let (left, right) = self.halves(set, at);
+            waiting.extend([right, left]);
+        }
+        done
+    }
+
+    /// The faces of a set by their numbers in the mesh, by region.
+    fn named(&self, set: Vec<u32>) -> Vec<u32> {
+        let mut faces: Vec<u32> = set.into_iter().map(|i| self.faces[i as usize]).collect();
+        faces.sort_unstable();
+        if let Some(regions) = self.mesh.regions() {
+            faces.sort_by_key(|&f| regions[f as usize]);
+        }
+        faces
+    }
+
+    fn centre(&self, i: u32) -> [f32; 3] {
+        self.centres[self.faces[i as usize] as usize]
+    }
+
+    /// Cuts a set into `at` faces and the rest.
+    fn halves(&mut self, set: Vec<u32>, at: usize) -> (Vec<u32>, Vec<u32>) {
+        let (mut left, mut right) = (Vec::with_capacity(at), Vec::with_capacity(set.len() - at));
+        for mut part in self.connected(&set) {
+            let room = at - left.len();
+            if part.len() <= room {
+                left.append(&mut part);
+            } else if room == 0 {
+                right.append(&mut part);
+            } else {
+                self.by_way(&mut part, room);
+                left.extend_from_slice(&part[..room]);
+                right.extend_from_slice(&part[room..]);
+            }
+        }
+        (left, right)
+    }
+
+    /// The connected parts of a set, along its longest axis.
+    fn connected(&mut self, set: &[u32]) -> Vec<Vec<u32>> {
+        self.mark(set);
+        let (own, mut parts) = (self.sets, Vec::<Vec<u32>>::new());
+        for &first in set {
+            if self.set_of[first as usize] != own {
+                continue;
+            }
+            // Zero is no set any more.
+            self.set_of[first as usize] = 0;
+            let mut part = vec![first];
+            let mut next = 0;
+            while next < part.len() {
+                let i = part[next] as usize;
+                next += 1;
+                for &j in &self.neighbours[self.starts[i] as usize..self.starts[i + 1] as usize] {
+                    if self.set_of[j as usize] == own {
+                        self.set_of[j as usize] = 0;
+                        part.push(j);
+                    }
+                }
+            }
+            parts.push(part);
+        }
+        if parts.len() > 1 {
+            let axis = longest_axis(set.iter().map(|&i| self.faces[i as usize]), self.centres);
+            let middle = |part: &Vec<u32>| {
+                part.iter().map(|&i| f64::from(self.centre(i)[axis])).sum::<f64>() / part.len() as f64
+            };
+            let mut keyed: Vec<_> = parts.into_iter().map(|p| (middle(&p), p)).collect();
+            keyed.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1[0].cmp(&b.1[0])));
+            parts = keyed.into_iter().map(|x| x.1).collect();
+        }
+        parts
+    }
+
+    fn mark(&mut self, set: &[u32]) {
+        self.sets += 1;
+        for &i in set {
+            self.set_of[i as usize] = self.sets;
+        }
+    }
+
+    /// Puts the `at` faces of a connected part first that are nearer to one end of it than to the other.
+    fn by_way(&mut self, part: &mut [u32], at: usize) {
+        let farthest = |way: &[f32], part: &[u32]| {
+            let far = part
+                .iter()
+                .copied()
+                .max_by(|&a, &b| way[a as usize].total_cmp(&way[b as usize]).then(b.cmp(&a)));
+            far.expect("a part has faces")
+        };
+        self.walk(part, part[0]);
+        let one = farthest(&self.way, part);
+        self.walk(part, one);
+        let other = farthest(&self.way, part);
+        let from_one: Vec<f32> = part.iter().map(|&i| self.way[i as usize]).collect();
+        self.walk(part, other);
+        let mut keyed: Vec<(f32, u32)> =
+            part.iter().zip(from_one).map(|(&i, d)| (d - self.way[i as usize], i)).collect();
+        keyed.select_nth_unstable_by(at, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        part.iter_mut().zip(keyed).for_each(|(slot, x)| *slot = x.1);
+    }
+
+    /// How long the way from a face to every other face of a connected part is, from middle to middle.
+    fn walk(&mut self, part: &[u32], from: u32) {
+        self.mark(part);
+        for &i in part {
+            self.way[i as usize] = f32::INFINITY;
+        }
+        self.way[from as usize] = 0.0;
+        self.heap.push(Reverse((0, from)));
+        while let Some(Reverse((bits, i))) = self.heap.pop() {
+            let way = f32::from_bits(bits);
+            if way > self.way[i as usize] {
+                continue;
+            }
+            let p = self.centre(i);
+            let range = self.starts[i as usize] as usize..self.starts[i as usize + 1] as usize;
+            for at in range {
+                let j = self.neighbours[at];
+                if self.set_of[j as usize] != self.sets {
+                    continue;
+                }
+                let q = self.centre(j);
+                let step = (0..3).map(|k| (p[k] - q[k]) * (p[k] - q[k])).sum::<f32>().sqrt();
+                if way + step < self.way[j as usize] {
+                    self.way[j as usize] = way + step;
+                    // Numbers of 0 and more sort like their bits.
+                    self.heap.push(Reverse(((way + step).to_bits(), j)));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::shapes;
+
+    use super::*;
+
+    const BUDGET: Budget = Budget { triangles: 128, vertices: 128 };
+
+    #[test]
+    fn every_face_is_in_one_cluster_and_clusters_are_full() {
+        for mesh in [shapes::icosphere(4), shapes::torus(60, 40), shapes::grid(50), shapes::tetrahedra(300)] {
+            let clusters = split(&mesh, &BUDGET);
+            let mut faces: Vec<u32> = clusters.iter().flatten().copied().collect();
+            faces.sort_unstable();
+            assert!(faces.iter().copied().eq(0..mesh.face_count() as u32));
+            assert!(clusters.iter().all(|c| c.len() <= 128 && !c.is_empty()));
+            let fill = mesh.face_count() as f64 / (128 * clusters.len()) as f64;
+            assert!(fill > 0.3, "{fill}");
+        }
+        let clusters = split(&shapes::icosphere(5), &BUDGET);
+        assert!(20480.0 / (128.0 * clusters.len() as f64) > 0.95, "{}", clusters.len());
+    }
+
+    #[test]
+    fn few_vertices_make_small_clusters_and_still_fill_them() {
+        let mesh = shapes::torus(100, 60);
+        let clusters = split(&mesh, &Budget { triangles: 124, vertices: 64 });
+        for c in &clusters {
+            let mut used: Vec<_> = c.iter().flat_map(|&f| mesh.triangles()[f as usize]).collect();
+            used.sort_unstable();
+            used.dedup();
+            assert!(used.len() <= 64);
+        }
+        assert!(mesh.face_count() / clusters.len() > 70, "{}", clusters.len());
+    }
+
+    #[test]
+    fn pieces_of_a_closed_surface_hang_together() {
+        let mesh = shapes::torus(80, 40);
+        let centres = centres(&mesh);
+        let clusters = split(&mesh, &BUDGET);
+        let whole = clusters.iter().filter(|c| {
+            let mut piece = Piece::new(&mesh, &centres, c);
+            let set: Vec<u32> = (0..c.len() as u32).collect();
+            piece.connected(&set).len() == 1
+        });
+        assert!(whole.count() * 20 >= clusters.len() * 19);
+    }
+
+    #[test]
+    fn parts_of_one_size_come_of_halves() {
+        assert_eq!((first_half(1000, 8), first_half(300, 3), first_half(2, 2)), (500, 100, 1));
+    }
+}

@@ -1,0 +1,230 @@
+//! Several levels of one input in one run.
+//!
+//! ```text
+//! trunk      o-----+--------+-------+           sweeps, whose size no goal has a say in
+//!                   \        \       \
+//! branches           o        o       o         the last sweeps to a goal, then a fit
+//! ```
+//!
+//! A branch is what a single run does from there on, so a level is as near as one of its own. Where each vertex has to be
+//! known in the next level, there is one line of sweeps, from level to level, and only the fit is on a copy: then the next
+//! level is made of the one before by collapses alone.
+//!
+//! Where parts or handles stand in the way of a level, a second trunk begins in which they go in their turn, as in a
+//! single run; the levels below go on from that.
+
+use lodsmith_core::VertexId;
+
+use super::trunk::Trunk;
+use super::{Done, Input, Leave, Outcome, Run, goal, ordered, pass_of, run_shaded, told};
+use crate::SimplifyError;
+use crate::care::{self, Care};
+use crate::collapse::cut::may_cut;
+use crate::collapse::order::NONE;
+use crate::collapse::{End, Goal};
+use crate::control::{Control, Share, Stage};
+use crate::metric::{EdgeLength, LindstromTurk, Melax, Memoryless, Metric, Quadric};
+use crate::options::{Measure, Method, SimplifyOptions, Stop, TopologyPolicy};
+
+/// For each level, the input first, the vertex of the next one that each of its vertices became;
+/// [`NONE`](crate::collapse::order::NONE) where it went with its part.
+pub(crate) type Mergers = Vec<Vec<VertexId>>;
+
+/// The outcomes of all levels, in one run.
+type Passes = fn(&mut Run<'_, '_>, &[Goal], &mut dyn Control) -> Result<Vec<(Outcome, usize)>, SimplifyError>;
+
+fn passes_of(method: Method) -> Option<Passes> {
+    Some(match method {
+        Method::Memoryless => |run, goals, control| run.chain::<Memoryless>(goals, control),
+        Method::Quadric => |run, goals, control| run.chain::<Quadric>(goals, control),
+        Method::LindstromTurk => |run, goals, control| run.chain::<LindstromTurk>(goals, control),
+        Method::Melax => |run, goals, control| run.chain::<Melax>(goals, control),
+        Method::ShortestEdge => |run, goals, control| run.chain::<EdgeLength>(goals, control),
+        _ => return None,
+    })
+}
+
+/// Whether one run makes all levels.
+pub(crate) fn is_chained(options: &SimplifyOptions, stops: &[Stop]) -> bool {
+    passes_of(options.method).is_some() && !options.escalate && stops.iter().all(|s| s.error.is_none())
+}
+
+/// Runs to one stop after the other, each a count below the one before. With `is_traced`, says what vertices became.
+pub(crate) fn run_chain(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    stops: &[Stop],
+    is_traced: bool,
+    control: &mut dyn Control,
+) -> Result<(Vec<Done>, Mergers), SimplifyError> {
+    for stop in stops {
+        SimplifyOptions { stop: *stop, ..options.clone() }.check()?;
+    }
+    care::check(options, input.surface.positions().len())?;
+    let mut mergers = Mergers::new();
+    let all = run_shaded(input, &options.with_own_placement(), &mut |input, options| {
+        let (all, own) = chain_by_method(input, options, stops, is_traced, control)?;
+        mergers = own;
+        Ok(all)
+    })?;
+    Ok((all, mergers))
+}
+
+fn chain_by_method(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    stops: &[Stop],
+    is_traced: bool,
+    control: &mut dyn Control,
+) -> Result<(Vec<Done>, Mergers), SimplifyError> {
+    let mut in_order = ordered(input, control)?;
+    let of_levels: Vec<SimplifyOptions> =
+        stops.iter().map(|stop| SimplifyOptions { stop: *stop, ..options.clone() }).collect();
+    let faces = input.surface.triangles().len();
+    let goals: Vec<Goal> = of_levels.iter().map(|own| goal(own, faces)).collect();
+    let care = Care::new(options, &in_order, |v| input.joined(v));
+    let first = goals.first().copied().unwrap_or_default();
+    let pass = pass_of(options.method);
+    let mut run = Run { input, options, ordered: &mut in_order, goal: first, care: &care, pass, is_traced };
+    let passes = passes_of(options.method).expect("only methods of sweeps come here");
+    let outcomes = passes(&mut run, &goals, control)?;
+    let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };
+    let reference = match options.measure {
+        Measure::Auto => None,
+        Measure::Always => run.reference(control),
+    };
+    let measured: Vec<_> = outcomes
+        .iter()
+        .map(|(outcome, _)| reference.as_ref().and_then(|r| run.compare(r, &outcome.mesh)))
+        .collect();
+    let finished = outcomes.into_iter().zip(measured).zip(&of_levels);
+    let all = finished
+        .map(|((outcome, measured), own)| told(input, own, &in_order, &care, (outcome.0, measured, false)));
+    Ok((all.collect(), mergers))
+}
+
+impl Run<'_, '_> {
+    /// The outcome of each goal, and the number of the trunk that it grew on.
+    fn chain<M: Metric>(
+        &mut self,
+        goals: &[Goal],
+        control: &mut dyn Control,
+    ) -> Result<Vec<(Outcome, usize)>, SimplifyError> {
+        let is_free = self.options.topology == TopologyPolicy::Free;
+        let mut leave = Leave { parts: is_free, cuts: is_free };
+        let mut trunk: Option<Trunk<M>> = None;
+        let mut number = 0;
+        let mut outcomes: Vec<(Outcome, usize)> = Vec::with_capacity(goals.len());
+        for i in 0..goals.len() {
+            let control = &mut Share::of(control, i, goals.len());
+            let mut outcome = self.level::<M>(&mut trunk, (i, goals), leave, control)?;
+            let may_change = self.options.topology == TopologyPolicy::Relaxed;
+            let is_short = outcome.parts_removed > 0 || outcome.end == End::Stuck;
+            if may_change && !leave.parts && is_short && outcome.end != End::Finish {
+                // Parts and handles stand in the way: a trunk in which they go in their turn.
+                let (mut second, mut own) = (None, Leave { parts: true, cuts: may_cut(self.options) });
+                let mut other = self.level::<M>(&mut second, (i, goals), own, control)?;
+                if other.touches && other.end != End::Finish {
+                    (second, own.cuts) = (None, false);
+                    other = self.level::<M>(&mut second, (i, goals), own, control)?;
+                }
+                let fewer = other.mesh.face_count() < outcome.mesh.face_count();
+                if other.end != End::Stuck || fewer || outcome.parts_removed > 0 {
+                    (trunk, leave, outcome) = (second, own, other);
+                    number += 1;
+                } else {
+                    outcome.proposals = other.proposals;
+                }
+            } else if may_change && leave.cuts && outcome.touches && outcome.end != End::Finish {
+                (trunk, leave.cuts) = (None, false);
+                outcome = self.level::<M>(&mut trunk, (i, goals), leave, control)?;
+                number += 1;
+            }
+            let is_last = outcome.end == End::Finish;
+            outcomes.push((outcome, number));
+            if is_last {
+                break;
+            }
+        }
+        Ok(outcomes)
+    }
+
+    /// Sweeps a trunk to a level, from its begin if there is none yet, and makes a result of it.
+    fn level<M: Metric>(
+        &mut self,
+        trunk: &mut Option<Trunk<M>>,
+        (i, goals): (usize, &[Goal]),
+        leave: Leave,
+        control: &mut dyn Control,
+    ) -> Result<Outcome, SimplifyError> {
+        let goal = &goals[i];
+        let mut grown = match trunk.take() {
+            Some(mut trunk) => {
+                control.stage(Stage::Collapse);
+                let weights = trunk.root.weights.get(i).map(Vec::as_slice);
+                match &mut trunk.sweeps {
+                    Some(sweeps) => trunk.engine.go_on_to(sweeps, goal, weights),
+                    None => trunk.engine.reopen(weights),
+                }
+                trunk
+            }
+            None => {
+                let mut trunk = self.begin::<M>(None, leave, (goals, i), control)?;
+                if !self.is_traced {
+                    trunk.sweeps = Some(trunk.engine.begin_sweeps(goal));
+                }
+                trunk
+            }
+        };
+        let (engine, end) = match &mut grown.sweeps {
+            None => {
+                let end = self.sweep(&mut grown, goal, control)?;
+                (grown.engine.clone(), end)
+            }
+            Some(sweeps) => {
+                let source = self.source(&grown.root);
+                let ended = grown.engine.go_on(sweeps, goal, true, &source, control);
+                let mut branch = grown.engine.branch();
+                let end = match ended {
+                    Some(end) => end,
+                    None => {
+                        let own = &mut sweeps.clone();
+                        branch.go_on(own, goal, false, &source, control).unwrap_or(End::Stuck)
+                    }
+                };
+                if end == End::Cancel {
+                    return Err(SimplifyError::Cancelled);
+                }
+                branch.store.finish();
+                (branch, end)
+            }
+        };
+        let is_last = leave.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
+        let outcome = self.finish(engine, &grown.root, end, end == End::Stuck && is_last, control)?;
+        *trunk = Some(grown);
+        Ok(outcome)
+    }
+
+    /// What the vertices of each level became in the next one.
+    fn mergers(&self, outcomes: &[(Outcome, usize)]) -> Mergers {
+        let home = |homes: &[VertexId], number: VertexId| homes.get(number.index()).copied().unwrap_or(NONE);
+        let count = self.input.surface.positions().len();
+        let mut mergers = Mergers::new();
+        for (k, (outcome, trunk)) in outcomes.iter().enumerate() {
+            let Some(trace) = &outcome.trace else { return Mergers::new() };
+            mergers.push(match k.checked_sub(1).map(|k| &outcomes[k]) {
+                None => (0..count)
+                    .map(|v| self.ordered.rank[self.input.joined(VertexId::new(v)).index()])
+                    .map(|number| home(&trace.homes, number))
+                    .collect(),
+                Some((Outcome { trace: Some(before), .. }, own)) => {
+                    // Vertices that were cut apart have numbers of their own, which another trunk does not know.
+                    let numbers = if own == trunk { &before.origins } else { &before.places };
+                    numbers.iter().map(|&number| home(&trace.homes, number)).collect()
+                }
+                Some(_) => return Mergers::new(),
+            });
+        }
+        mergers
+    }
+}

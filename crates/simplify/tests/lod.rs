@@ -1,0 +1,286 @@
+//! Chains of levels: as near as single runs, the same borders, places to blend to.
+
+mod support;
+
+use lodsmith::core::measure::{CompareOptions, Prepared, compare_prepared};
+use lodsmith::core::spatial::Bvh;
+use lodsmith::core::{Positions, TriMesh, shapes};
+use lodsmith::{
+    BorderPolicy, Control, Length, Levels, LodOptions, Measure, Method, NoControl, Part, SimplifyError,
+    SimplifyOptions, Stop, StoppedBy, Verdict, lod, lod_scene, simplify, simplify_scene,
+};
+use support::bytes;
+use support::charts::two_charts;
+
+const RATIOS: [f64; 5] = [0.5, 0.25, 0.1, 0.05, 0.02];
+
+fn ratios(ratios: &[f64]) -> LodOptions {
+    LodOptions::new(Levels::Ratios(ratios.to_vec()))
+}
+
+/// RMS distance from a reference, both ways.
+fn rms(reference: &Prepared, mesh: &TriMesh) -> f64 {
+    let mesh = Prepared::new(&mesh.surface()).unwrap();
+    compare_prepared(reference, &mesh, &CompareOptions::default()).rms.symmetric
+}
+
+#[test]
+fn levels_are_as_near_as_single_runs() {
+    let (mut chain_all, mut single_all) = (0.0, 0.0);
+    for (name, mesh) in [
+        ("blob", shapes::blob(5, 1)),
+        ("torus", shapes::torus(96, 64)),
+        ("sheet", shapes::wavy_sheet(64)),
+        ("charts", two_charts(48)),
+    ] {
+        let reference = Prepared::new(&mesh.surface()).unwrap();
+        let chain = lod(&mesh, &ratios(&RATIOS), &mut NoControl).unwrap();
+        assert_eq!(chain.levels.len(), RATIOS.len());
+        for (level, ratio) in chain.levels.iter().zip(RATIOS) {
+            let single = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap();
+            assert_eq!(level.report.stopped_by, StoppedBy::Ratio, "{name} at {ratio}");
+            assert!(level.mesh.face_count() <= (mesh.face_count() as f64 * ratio).round() as usize);
+            let (own, other) = (rms(&reference, &level.mesh), rms(&reference, &single.mesh));
+            // On shapes as even as these the order of collapses is noise; the sum of all is held to a percent below.
+            assert!(own < 1.1 * other, "{name} at {ratio}: {own} in the chain, {other} alone");
+            chain_all += (own / other).ln();
+            single_all += 1.0;
+        }
+    }
+    let mean = f64::exp(chain_all / single_all);
+    assert!(mean < 1.01, "chains are {mean} times as far as single runs");
+}
+
+#[test]
+fn a_chain_of_one_level_is_a_single_run() {
+    let mesh = two_charts(24);
+    for method in [Method::Memoryless, Method::Quadric, Method::Melax, Method::Cluster] {
+        let mut options = LodOptions::new(Levels::Faces(vec![200]));
+        options.simplify.method = method;
+        let mut alone = SimplifyOptions::new(Stop::faces(200));
+        alone.method = method;
+        let single = simplify(&mesh, &alone, &mut NoControl).unwrap();
+        let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+        assert_eq!(bytes(&chain.levels[0].mesh), bytes(&single.mesh), "{}", method.name());
+        assert_eq!(chain.levels[0].report, single.report, "{}", method.name());
+    }
+}
+
+#[test]
+fn one_mesh_gives_any_number_of_chains_and_the_same_ones_again() {
+    let mesh = shapes::blob(4, 2);
+    let mut first = ratios(&RATIOS);
+    first.geomorph = true;
+    let faces = LodOptions::new(Levels::Faces(vec![300, 100]));
+    let steps = LodOptions::new(Levels::Steps { count: 3, factor: 0.4 });
+    let chains = [&first, &faces, &steps, &first].map(|o| lod(&mesh, o, &mut NoControl).unwrap());
+    assert_eq!(chains[0], chains[3]);
+    assert_eq!(chains[1].levels.len(), 2);
+    assert!(chains[2].levels[2].mesh.face_count() <= (mesh.face_count() as f64 * 0.064).round() as usize);
+}
+
+#[test]
+fn locked_borders_are_the_same_in_all_levels() {
+    let mesh = shapes::wavy_sheet(32);
+    let mut options = ratios(&[0.5, 0.2]);
+    options.simplify.border = BorderPolicy::Lock;
+    let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+    let on_border = |p: &[f64; 3], all: &TriMesh| {
+        let b = all.positions().view().bounds().unwrap();
+        (0..2).any(|k| p[k] == b.min[k] || p[k] == b.max[k])
+    };
+    let border = |m: &TriMesh| {
+        let view = m.positions().view();
+        let mut all: Vec<[u64; 3]> =
+            view.iter().filter(|p| on_border(p, &mesh)).map(|p| p.map(f64::to_bits)).collect();
+        all.sort_unstable();
+        all
+    };
+    let wanted = border(&mesh);
+    assert_eq!(wanted.len(), 4 * 32);
+    for level in &chain.levels {
+        assert_eq!(border(&level.mesh), wanted);
+    }
+}
+
+/// The surface of a mesh whose vertices are elsewhere.
+fn moved(mesh: &TriMesh, to: &Positions) -> TriMesh {
+    TriMesh::new(to.clone(), mesh.surface().triangles().to_vec()).unwrap()
+}
+
+#[test]
+fn blending_ends_on_the_coarser_level() {
+    for (mesh, options) in [
+        (shapes::blob(5, 1), ratios(&RATIOS)),
+        (two_charts(32), ratios(&[0.5, 0.2, 0.1])),
+        (shapes::tetrahedra(60), ratios(&[0.8, 0.3])),
+        (shapes::blob(4, 1), {
+            let mut options = ratios(&[0.5, 0.2]);
+            options.simplify.method = Method::Cluster;
+            options
+        }),
+        (
+            shapes::blob(4, 1),
+            LodOptions::new(Levels::Errors(vec![Length::OfDiagonal(0.002), Length::OfDiagonal(0.01)])),
+        ),
+    ] {
+        let mut options = options;
+        options.geomorph = true;
+        let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+        let diagonal = mesh.positions().view().bounds().unwrap().diagonal();
+        let mut own = &mesh;
+        for (k, level) in chain.levels.iter().enumerate() {
+            let to = chain.geomorph(k).unwrap();
+            assert_eq!(to.len(), own.vertex_count());
+            let tree = Bvh::new(&level.mesh.surface());
+            for p in to.view().iter() {
+                let off = tree.closest(p).unwrap().distance;
+                assert!(off <= 1e-6 * diagonal, "level {k}: {off} of {diagonal} off the next");
+            }
+            own = &level.mesh;
+        }
+        assert!(chain.geomorph(chain.levels.len()).is_none());
+    }
+}
+
+#[test]
+fn of_one_run_blending_ends_as_the_coarser_level_itself() {
+    let mesh = shapes::blob(5, 3);
+    let mut options = ratios(&[0.5, 0.2, 0.05]);
+    options.geomorph = true;
+    let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+    let faces = |m: &TriMesh| {
+        let view = m.positions().view();
+        let mut all: Vec<_> = m
+            .surface()
+            .triangles()
+            .iter()
+            .map(|t| {
+                let mut t = t.map(|v| view.get(v).map(f64::to_bits));
+                let first = (0..3).min_by_key(|&k| t[k]).unwrap();
+                t.rotate_left(first);
+                t
+            })
+            .filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0])
+            .collect();
+        all.sort_unstable();
+        all
+    };
+    let mut own = &mesh;
+    for (k, level) in chain.levels.iter().enumerate() {
+        let blended = moved(own, chain.geomorph(k).unwrap());
+        assert_eq!(faces(&blended), faces(&level.mesh), "level {k}");
+        own = &level.mesh;
+    }
+}
+
+#[test]
+fn attributes_come_along_in_every_level() {
+    let mesh = two_charts(32);
+    let chain = lod(&mesh, &ratios(&[0.5, 0.2]), &mut NoControl).unwrap();
+    for level in &chain.levels {
+        assert_eq!(level.mesh.uvs().is_some(), mesh.uvs().is_some());
+        assert_eq!(level.mesh.normals().is_some(), mesh.normals().is_some());
+        assert!(level.mesh.wedge_count() > level.mesh.vertex_count(), "the seam is still one");
+    }
+}
+
+#[test]
+fn levels_are_measured_where_asked() {
+    let mesh = shapes::blob(4, 1);
+    let mut options = ratios(&[0.5, 0.1]);
+    options.simplify.measure = Measure::Always;
+    let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+    let reference = Prepared::new(&mesh.surface()).unwrap();
+    let errors: Vec<f64> =
+        chain.levels.iter().map(|l| l.report.error.measured.unwrap().rms.symmetric).collect();
+    for (level, error) in chain.levels.iter().zip(&errors) {
+        assert_eq!(rms(&reference, &level.mesh), *error);
+    }
+    assert!(errors[0] < errors[1]);
+}
+
+#[test]
+fn levels_by_errors_keep_them() {
+    let mesh = shapes::blob(4, 1);
+    let limits = [0.002, 0.01].map(Length::OfDiagonal);
+    let chain = lod(&mesh, &LodOptions::new(Levels::Errors(limits.to_vec())), &mut NoControl).unwrap();
+    let faces: Vec<usize> = chain.levels.iter().map(|l| l.mesh.face_count()).collect();
+    assert!(faces[0] > faces[1], "{faces:?}");
+    for (level, limit) in chain.levels.iter().zip(limits) {
+        let error = &level.report.error;
+        assert!(error.measured.unwrap().hausdorff.symmetric <= limit.in_units(error.diagonal) * 1.000001);
+    }
+}
+
+#[test]
+fn parts_go_in_their_turn_in_a_chain_too() {
+    let mesh = shapes::tetrahedra(60);
+    let chain = lod(&mesh, &ratios(&[0.5, 0.25]), &mut NoControl).unwrap();
+    for (level, ratio) in chain.levels.iter().zip([0.5, 0.25]) {
+        let single = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap();
+        assert_eq!(level.mesh.face_count(), single.mesh.face_count());
+        assert!(level.report.parts_removed > 0);
+    }
+}
+
+struct CancelAt(usize, Verdict);
+
+impl Control for CancelAt {
+    fn progress(&mut self, done: f64) -> Verdict {
+        assert!((0.0..=1.0).contains(&done), "{done}");
+        self.0 = self.0.saturating_sub(1);
+        if self.0 == 0 { self.1 } else { Verdict::Continue }
+    }
+}
+
+#[test]
+fn a_chain_can_be_ended() {
+    let mesh = shapes::blob(4, 1);
+    for after in [1, 3, 6] {
+        let ended = lod(&mesh, &ratios(&RATIOS), &mut CancelAt(after, Verdict::Cancel));
+        assert_eq!(ended.unwrap_err(), SimplifyError::Cancelled);
+    }
+    let chain = lod(&mesh, &ratios(&RATIOS), &mut CancelAt(4, Verdict::Finish)).unwrap();
+    assert!(chain.levels.len() < RATIOS.len());
+    assert_eq!(chain.levels.last().unwrap().report.stopped_by, StoppedBy::Caller);
+}
+
+#[test]
+fn what_cannot_be_is_said() {
+    let mesh = shapes::cube(4);
+    let mut stopped = ratios(&[0.5]);
+    stopped.simplify.stop = Stop::faces(3);
+    for options in [ratios(&[0.5, 0.6]), ratios(&[]), ratios(&[1.5]), stopped] {
+        assert!(lod(&mesh, &options, &mut NoControl).is_err(), "{:?}", options.levels);
+    }
+}
+
+fn part(mesh: &TriMesh, instances: usize) -> Part<'_> {
+    Part { mesh, instances, scale: 1.0, system: None }
+}
+
+#[test]
+fn levels_of_a_scene_share_their_budget() {
+    let (flat, round) = (shapes::grid(32), shapes::blob(4, 1));
+    for instances in [[1, 1], [1, 3]] {
+        let parts = [part(&flat, instances[0]), part(&round, instances[1])];
+        let mut options = ratios(&[0.5, 0.2]);
+        options.geomorph = true;
+        let chain = lod_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
+        for (level, ratio) in chain.levels.iter().zip([0.5, 0.2]) {
+            let stop = SimplifyOptions::new(Stop::ratio(ratio));
+            let single = simplify_scene(&parts, 4.0, &stop, &mut NoControl).unwrap();
+            assert!(level.report.reached && level.report.faces <= single.report.input_faces);
+            assert!(level.report.faces.abs_diff(single.report.faces) * 20 <= single.report.faces);
+            assert!(level.report.error.estimate <= 1.1 * single.report.error.estimate);
+        }
+        for (k, level) in chain.levels.iter().enumerate() {
+            for (i, to) in chain.geomorph(k).unwrap().iter().enumerate() {
+                let tree = Bvh::new(&level.meshes[i].surface());
+                let off = to.view().iter().map(|p| tree.closest(p).unwrap().distance).fold(0.0, f64::max);
+                assert!(off < 1e-6, "mesh {i} of level {k} ends {off} beside the next");
+            }
+        }
+    }
+}

@@ -1,0 +1,732 @@
+//! The window: what is shown where, what keys do, and the way from what panels say to the document.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Instant;
+
+use eframe::egui::{self, Key, Modifiers, Theme, Ui};
+use glam::DQuat;
+use lodsmith_render::Shading;
+
+use crate::ViewOptions;
+use crate::command::{Command, Target};
+use crate::compare::{Pictures, Side, seen_bounds};
+use crate::dialog::{Answer, Dialog, Purpose};
+use crate::document::Document;
+use crate::gpu::{Gpu, GpuError};
+use crate::keys::{self, Action};
+use crate::panel::target::{Unit, Whole};
+use crate::panel::{self, Dock, Facts, Panel, Say, Scope, export, look::SHADINGS, parts};
+use crate::session::{Memory, Session};
+use crate::settings::{Pose, Sides, Turn};
+use crate::theme;
+use crate::viewport::{KEY_TURN_RAD, Orbit};
+
+/// The window.
+pub struct App {
+    document: Document,
+    pictures: Pictures,
+    facts: Facts,
+    memory: Memory,
+    /// Where the memory lies; `None` remembers nothing.
+    memory_path: Option<PathBuf>,
+    shown: HashSet<Panel>,
+    is_bare: bool,
+    is_help: bool,
+    dialog: Option<Dialog>,
+    export: Option<export::Form>,
+    use_system_dialogs: bool,
+    /// The file whose model was last brought into sight.
+    framed: Option<PathBuf>,
+    /// Cameras of a session that is being opened.
+    arriving: Option<[Pose; 2]>,
+    pictures_saved: (Sender<Result<PathBuf, String>>, Receiver<Result<PathBuf, String>>),
+    last_frame: Option<Instant>,
+    sample: Option<tempfile::TempDir>,
+}
+
+/// How much is left after a second of holding M.
+const HELD_PER_SECOND: f64 = 0.45;
+/// What is left by a key.
+const STEP: f64 = 0.9;
+/// The example: the repository's own model, free of rights.
+const SAMPLE: &[u8] = include_bytes!("../../../testdata/finial.ply");
+
+impl App {
+    /// A window that opens what the options say.
+    ///
+    /// # Errors
+    /// [`GpuError`] where nothing can be drawn.
+    pub fn new(cc: &eframe::CreationContext<'_>, options: &ViewOptions) -> Result<Self, GpuError> {
+        let gpu = cc.wgpu_render_state.as_ref().map(Gpu::new).transpose()?;
+        theme::install(&cc.egui_ctx);
+        let memory_path = if options.remember { Memory::path() } else { None };
+        let memory = memory_path.as_deref().map(Memory::load).unwrap_or_default();
+        let is_light = options.is_light.unwrap_or(memory.is_light);
+        cc.egui_ctx.set_theme(if is_light { Theme::Light } else { Theme::Dark });
+        let ctx = cc.egui_ctx.clone();
+        let context = gpu.as_ref().map(|g| g.context().clone());
+        let facts = Facts {
+            adapter: gpu.as_ref().map(Gpu::adapter_name).unwrap_or_default(),
+            recent: memory.recent.clone(),
+            ..Facts::default()
+        };
+        let mut app = Self {
+            document: Document::new(context, move || ctx.request_repaint()),
+            pictures: Pictures::new(gpu),
+            facts,
+            memory,
+            memory_path,
+            shown: Panel::ALL.into_iter().filter(|p| p.is_there_at_first()).collect(),
+            is_bare: false,
+            is_help: false,
+            dialog: None,
+            export: None,
+            use_system_dialogs: options.use_system_dialogs,
+            framed: None,
+            arriving: None,
+            pictures_saved: channel(),
+            last_frame: None,
+            sample: None,
+        };
+        app.open(options.inputs.clone());
+        Ok(app)
+    }
+
+    /// What is open.
+    pub fn document(&self) -> &Document {
+        &self.document
+    }
+    /// The same, for tests that wait.
+    pub fn document_mut(&mut self) -> &mut Document {
+        &mut self.document
+    }
+    /// Whether a panel is shown.
+    pub fn is_shown(&self, panel: Panel) -> bool {
+        !self.is_bare && self.shown.contains(&panel)
+    }
+    /// From where the two sides are seen.
+    pub fn orbits(&self) -> [Orbit; 2] {
+        [Side::Original, Side::Result].map(|s| self.pictures.orbit(s))
+    }
+
+    /// Opens files; a session among them is opened instead.
+    fn open(&mut self, files: Vec<PathBuf>) {
+        let is_session = |f: &&PathBuf| f.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        if let Some(session) = files.iter().find(is_session).cloned() {
+            self.open_session(&session);
+        } else if !files.is_empty() {
+            self.document.run(Command::Open(files));
+        }
+    }
+
+    fn open_session(&mut self, path: &Path) {
+        match Session::open(path) {
+            Ok(session) => {
+                self.arriving = session.cameras;
+                self.framed = None;
+                self.document.run(Command::Session(Box::new(session.settings)));
+            }
+            Err(e) => self.fail(e.to_string()),
+        }
+    }
+
+    fn fail(&mut self, why: String) {
+        self.document.log.bad(why.clone());
+        self.document.problem = Some(why);
+    }
+
+    /// The example, written to a folder that goes with the window.
+    fn open_sample(&mut self) {
+        let folder = match &self.sample {
+            Some(folder) => Ok(folder.path().to_owned()),
+            None => tempfile::Builder::new().prefix("lodsmith-sample-").tempdir().map(|folder| {
+                let path = folder.path().to_owned();
+                self.sample = Some(folder);
+                path
+            }),
+        };
+        let path = folder.and_then(|folder| {
+            let path = folder.join("finial.ply");
+            std::fs::write(&path, SAMPLE).map(|()| path)
+        });
+        match path {
+            Ok(path) => self.open(vec![path]),
+            Err(e) => self.fail(format!("the sample cannot be written: {e}")),
+        }
+    }
+
+    /// A file has come: the camera goes to it.
+    fn arrive(&mut self, ctx: &egui::Context) {
+        let Some(path) = self.document.original().map(|o| o.content.path.clone()) else {
+            self.framed = None;
+            return;
+        };
+        if self.framed.as_ref() == Some(&path) {
+            return;
+        }
+        self.facts.longest_frame_secs = 0.0;
+        match self.arriving.take() {
+            Some(cameras) => {
+                for (side, pose) in [Side::Original, Side::Result].into_iter().zip(cameras) {
+                    self.pictures.set_orbit(side, Orbit::of(&pose.camera()), false);
+                }
+            }
+            None => self.pictures.look_from(&self.document, 0),
+        }
+        let name = panel::files::name(&path);
+        ctx.send_viewport_cmd(egui::ViewportCommand::Title(format!("{name} – Lodsmith")));
+        let is_sample = self.sample.as_ref().is_some_and(|s| path.starts_with(s.path()));
+        if !is_sample {
+            self.memory.opened(&path);
+            self.facts.recent.clone_from(&self.memory.recent);
+            self.remember();
+        }
+        self.framed = Some(path);
+    }
+
+    fn remember(&self) {
+        if let Some(path) = &self.memory_path {
+            self.memory.save(path);
+        }
+    }
+
+    fn whole(&self) -> Option<Whole> {
+        self.document.original().map(|o| Whole {
+            faces: o.content.faces,
+            vertices: o.content.vertices,
+            diagonal: o.content.bounds.diagonal(),
+        })
+    }
+
+    /// More or less is to be left, by a factor.
+    fn scale_target(&mut self, factor: f64) {
+        let Some(whole) = self.whole() else { return };
+        let shown = self.document.lighter().map_or(whole.faces, |l| l.content.report.faces);
+        let target = whole.scaled(self.document.settings(), shown, factor);
+        self.document.run(Command::Target(target));
+    }
+
+    fn start_of_dialogs(&self) -> PathBuf {
+        let of_file = self.document.settings().file().and_then(Path::parent);
+        let start = of_file.or_else(|| self.memory.recent.first().and_then(|f| f.parent()));
+        start.map(Path::to_owned).or_else(|| std::env::current_dir().ok()).unwrap_or_default()
+    }
+
+    fn choose(&mut self, ctx: &egui::Context, purpose: Purpose, start: Option<PathBuf>) {
+        let start = start.unwrap_or_else(|| self.start_of_dialogs());
+        let ctx = ctx.clone();
+        self.dialog =
+            Some(Dialog::new(purpose, &start, self.use_system_dialogs, move || ctx.request_repaint()));
+    }
+
+    fn chosen(&mut self, purpose: Purpose, files: Vec<PathBuf>) {
+        let Some(first) = files.first().cloned() else { return };
+        match purpose {
+            Purpose::Open => self.open(files),
+            Purpose::OpenSession => self.open_session(&first),
+            Purpose::SaveSession => {
+                let poses = self.orbits().map(|o| Pose::of(&o.camera()));
+                let path = if first.extension().is_none() { first.with_extension("json") } else { first };
+                match Session::new(self.document.settings().clone(), poses).save(&path) {
+                    Ok(()) => self.document.log.good(format!("saved the session as {}", path.display())),
+                    Err(e) => self.fail(e.to_string()),
+                }
+            }
+            Purpose::ExportFile | Purpose::ExportFolder => {
+                if let Some(form) = &mut self.export {
+                    form.chosen(&first);
+                }
+            }
+            Purpose::Matcap | Purpose::Shader => {
+                let mut look = self.document.settings().look.clone();
+                if purpose == Purpose::Matcap {
+                    look.matcap = Some(first);
+                    look.look.shading = Shading::Matcap;
+                } else {
+                    look.shader = Some(first);
+                }
+                self.document.run(Command::Look(look));
+            }
+        }
+    }
+
+    fn act(&mut self, ctx: &egui::Context, action: Action) {
+        let settings = self.document.settings();
+        let mut look = settings.look.clone();
+        let layout = settings.layout;
+        let looks = &mut look.look;
+        match action {
+            Action::Open => return self.choose(ctx, Purpose::Open, None),
+            Action::OpenSession => return self.choose(ctx, Purpose::OpenSession, None),
+            Action::SaveSession => {
+                if let Some(file) = settings.file() {
+                    let start = file.with_extension("lodsmith.json");
+                    self.choose(ctx, Purpose::SaveSession, Some(start));
+                }
+                return;
+            }
+            Action::Export => {
+                if let Some(original) = self.document.original() {
+                    self.export =
+                        Some(export::Form::new(&original.content.path, original.content.file.format));
+                }
+                return;
+            }
+            Action::Reload => return self.document.reload(),
+            Action::Close => {
+                self.document.run(Command::Close);
+                ctx.send_viewport_cmd(egui::ViewportCommand::Title("Lodsmith".to_owned()));
+                return;
+            }
+            Action::Quit => return ctx.send_viewport_cmd(egui::ViewportCommand::Close),
+            Action::Undo => return self.document.undo(),
+            Action::Redo => return self.document.redo(),
+            Action::CopyCommand => {
+                ctx.copy_text(panel::report::command_line(settings));
+                return self.document.log.note("the command line is in the clipboard");
+            }
+            Action::Cancel => return self.document.cancel(),
+            Action::Restore => return self.document.run(Command::Target(Target::Original)),
+            Action::Fewer => return self.scale_target(STEP),
+            Action::More => return self.scale_target(1.0 / STEP),
+            Action::AutoLod => {
+                let mut auto = settings.auto_lod;
+                auto.is_on = !auto.is_on;
+                return self.document.run(Command::AutoLod(auto));
+            }
+            Action::NextSides => {
+                let at = Sides::ALL.iter().position(|s| s.0 == layout.sides).unwrap_or(0);
+                let sides = Sides::ALL[(at + 1) % Sides::ALL.len()].0;
+                return self.document.run(Command::Layout(crate::settings::Layout { sides, ..layout }));
+            }
+            Action::Link => {
+                let linked = !layout.linked;
+                if linked {
+                    let orbit = self.pictures.orbit(Side::Original);
+                    self.pictures.set_orbit(Side::Original, orbit, true);
+                }
+                return self.document.run(Command::Layout(crate::settings::Layout { linked, ..layout }));
+            }
+            Action::Frame => return self.pictures.frame(&self.document),
+            Action::View(view) => return self.pictures.look_from(&self.document, view),
+            Action::Keep(slot) => {
+                let pose = Pose::of(&self.pictures.orbit(Side::Original).camera());
+                self.document.log.note(format!("kept as camera {}", slot + 1));
+                return self.document.run(Command::KeepCamera(slot, Some(pose)));
+            }
+            Action::Recall(slot) => {
+                match settings.cameras[slot] {
+                    Some(pose) => self.pictures.each_orbit(|o| *o = Orbit::of(&pose.camera())),
+                    None => self.document.log.note(format!("no camera was kept as {}", slot + 1)),
+                }
+                return;
+            }
+            Action::Orbit(right, up) => {
+                let turn = [right, up].map(|n| f64::from(n) * KEY_TURN_RAD);
+                return self.pictures.each_orbit(|o| o.turn(turn[0], turn[1]));
+            }
+            Action::TurnModel(right, up) => {
+                let camera = self.pictures.orbit(Side::Original).camera();
+                let across = (camera.target - camera.eye).cross(camera.up).normalize_or(glam::DVec3::X);
+                let by = DQuat::from_axis_angle(glam::DVec3::Y, f64::from(right) * KEY_TURN_RAD)
+                    * DQuat::from_axis_angle(across, -f64::from(up) * KEY_TURN_RAD);
+                let turn = (by * settings.turn.rotation()).normalize();
+                return self.document.run(Command::Turn(Turn(turn.to_array())));
+            }
+            Action::TurnBack => return self.document.run(Command::Turn(Turn::default())),
+            Action::Panels => return self.is_bare = !self.is_bare,
+            Action::Panel(panel) => {
+                if !self.shown.remove(&panel) || self.is_bare {
+                    self.shown.insert(panel);
+                }
+                return self.is_bare = false;
+            }
+            Action::Theme => {
+                self.memory.is_light = ctx.theme() == Theme::Dark;
+                ctx.set_theme(if self.memory.is_light { Theme::Light } else { Theme::Dark });
+                return self.remember();
+            }
+            Action::Screenshot => return self.screenshot(ctx),
+            Action::Help => return self.is_help = !self.is_help,
+            Action::Wireframe => looks.wireframe = !looks.wireframe,
+            Action::Shade(n) => {
+                let (shading, _) = SHADINGS[n.min(SHADINGS.len() - 1)];
+                // The key of the heat map takes it away again.
+                let is_again = shading == Shading::Heat && looks.shading == Shading::Heat;
+                looks.shading = if is_again { Shading::Smooth } else { shading };
+            }
+            Action::Borders => looks.borders = !looks.borders,
+            Action::Defects => looks.defects = !looks.defects,
+            Action::Cull => looks.cull_back = !looks.cull_back,
+            Action::Ground => look.ground = !look.ground,
+        }
+        self.document.run(Command::Look(look));
+    }
+
+    /// A picture of the window into a file beside the model; numbers go on where there are some.
+    fn screenshot(&mut self, ctx: &egui::Context) {
+        let folder = self.start_of_dialogs();
+        let file = self.document.settings().file();
+        let stem =
+            file.and_then(Path::file_stem).map_or("lodsmith".into(), |s| s.to_string_lossy().into_owned());
+        let sender = self.pictures_saved.0.clone();
+        let waker = ctx.clone();
+        let save = move |image: std::sync::Arc<egui::ColorImage>| {
+            std::thread::spawn(move || {
+                let _ = sender.send(save_picture(&image, &folder, &stem));
+                waker.request_repaint();
+            });
+        };
+        ctx.send_viewport_cmd(egui::ViewportCommand::Screenshot(egui::ScreenshotCallback::new(save)));
+        ctx.request_repaint();
+    }
+
+    fn keys(&mut self, ctx: &egui::Context) {
+        let dropped: Vec<PathBuf> =
+            ctx.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_owned()).collect());
+        self.open(dropped);
+        let is_modal = self.dialog.is_some() || self.export.is_some();
+        if self.is_help && ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::H)) {
+            self.is_help = false;
+        }
+        if is_modal || self.is_help || ctx.egui_wants_keyboard_input() {
+            self.pictures.is_flickering = false;
+            return;
+        }
+        let actions = ctx.input_mut(keys::pressed);
+        if actions.contains(&Action::Panels) {
+            // The same key goes from field to field.
+            ctx.memory_mut(|m| {
+                if let Some(id) = m.focused() {
+                    m.surrender_focus(id);
+                }
+            });
+        }
+        for action in actions {
+            self.document.seal();
+            self.act(ctx, action);
+            self.document.seal();
+        }
+        let (plain, is_held, is_space, secs) = ctx.input(|i| {
+            (!i.modifiers.any(), i.key_down(Key::M), i.key_down(Key::Space), i.stable_dt.min(0.1))
+        });
+        if plain && is_held {
+            self.scale_target(HELD_PER_SECOND.powf(f64::from(secs)));
+            ctx.request_repaint();
+        }
+        self.pictures.is_flickering = plain && is_space;
+    }
+
+    /// What panels ask to be known.
+    fn want(&mut self) {
+        let is_heat = self.document.settings().look.look.shading == Shading::Heat;
+        self.document.wants_distances = is_heat || self.is_shown(Panel::Error);
+        self.document.wants_anatomy = self.is_shown(Panel::Info);
+    }
+
+    fn panels(&mut self, ui: &mut Ui) {
+        let mut unit = self.facts.unit;
+        if let Some(of) = Unit::of(self.document.settings()) {
+            unit = of;
+        }
+        self.facts.unit = unit;
+        let docks = [Dock::Left, Dock::Right, Dock::Bottom].map(|dock| {
+            let is_in = |p: &Panel| p.dock() == dock && self.is_shown(*p);
+            Panel::ALL.into_iter().filter(is_in).collect::<Vec<_>>()
+        });
+        let shown = self.shown.clone();
+        let mut scope = Scope { document: &self.document, facts: &self.facts, says: Vec::new() };
+        let p = theme::palette(ui);
+        let bar = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin::symmetric(12, 6));
+        if !self.is_bare {
+            let top = egui::Panel::top("top").frame(bar).resizable(false);
+            top.show(ui, |ui| panel::top::show(ui, &mut scope, &|p| shown.contains(&p)));
+        }
+        let [left, right, bottom] = docks;
+        let mut closed = Vec::new();
+        let strip = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin {
+            left: 12,
+            right: 12,
+            top: 10,
+            bottom: 4,
+        });
+        if !bottom.is_empty() {
+            let dock = egui::Panel::bottom("log").frame(egui::Frame::NONE.fill(p.panel)).resizable(true);
+            dock.default_size(160.0).size_range(80.0..=400.0).show(ui, |ui| {
+                for &panel in &bottom {
+                    if parts::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
+                        closed.push(panel);
+                    }
+                }
+            });
+        }
+        for (name, panels) in [("left", left), ("right", right)] {
+            if panels.is_empty() {
+                continue;
+            }
+            let frame = egui::Frame::NONE.fill(p.panel);
+            let dock = if name == "left" { egui::Panel::left(name) } else { egui::Panel::right(name) };
+            dock.frame(frame).resizable(false).exact_size(theme::DOCK).show(ui, |ui| {
+                egui::ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+                    ui.spacing_mut().item_spacing.y = theme::STEP;
+                    for &panel in &panels {
+                        if parts::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
+                            closed.push(panel);
+                        }
+                    }
+                });
+            });
+        }
+        let chosen = egui::Panel::bottom("target")
+            .frame(strip)
+            .resizable(false)
+            .show(ui, |ui| panel::target::show(ui, &mut scope))
+            .inner;
+        let says = scope.says;
+        self.facts.unit = chosen;
+        if chosen != unit {
+            self.change_unit(chosen);
+        }
+        for panel in closed {
+            self.shown.remove(&panel);
+        }
+        self.heed(ui.ctx(), says);
+    }
+
+    /// The same amount, in another unit.
+    fn change_unit(&mut self, unit: Unit) {
+        let (Some(whole), Some(lighter)) = (self.whole(), self.document.lighter()) else { return };
+        let r = &lighter.content.report;
+        let target = match unit {
+            Unit::Faces => Target::Faces(r.faces),
+            Unit::Vertices => Target::Vertices(r.vertices),
+            Unit::Percent => whole.target(unit, whole.place_of_faces(r.faces as f64)),
+            Unit::Error => {
+                let d = r.error.measured.as_ref().map_or(r.error.estimate, |m| m.hausdorff.symmetric);
+                Target::Error((d / whole.diagonal.max(1e-300)).clamp(1e-6, 0.1))
+            }
+        };
+        self.document.run(Command::Target(target));
+    }
+
+    fn heed(&mut self, ctx: &egui::Context, says: Vec<Say>) {
+        for say in says {
+            match say {
+                Say::Command(command) => self.document.run(command),
+                Say::Action(action) => self.act(ctx, action),
+                Say::OpenFile(path) => self.open(vec![path]),
+                Say::OpenSample => self.open_sample(),
+                Say::ChooseMatcap => self.choose(ctx, Purpose::Matcap, None),
+                Say::ChooseShader => self.choose(ctx, Purpose::Shader, None),
+                Say::Copy(text) => ctx.copy_text(text),
+            }
+        }
+    }
+
+    fn middle(&mut self, ui: &mut Ui) {
+        let mut says = Vec::new();
+        let frame = egui::Frame::NONE.fill(theme::palette(ui).window);
+        let detail = egui::CentralPanel::default().frame(frame).show(ui, |ui| {
+            self.notices(ui, &mut says);
+            if self.document.original().is_some() {
+                self.pictures.show(ui, &self.document, &mut says)
+            } else {
+                empty(ui, &self.document, &self.facts, &mut says);
+                None
+            }
+        });
+        if let Some(factor) = detail.inner {
+            self.scale_target(factor);
+        }
+        self.heed(ui.ctx(), says);
+    }
+
+    /// What went wrong, and what changed on the disk: a bar above the pictures.
+    fn notices(&mut self, ui: &mut Ui, says: &mut Vec<Say>) {
+        let p = theme::palette(ui);
+        let bar = |ui: &mut Ui, color, add: &mut dyn FnMut(&mut Ui)| {
+            let frame = egui::Frame::NONE.fill(p.raised).inner_margin(egui::Margin::symmetric(12, 6));
+            frame.stroke(egui::Stroke::new(1.0, color)).show(ui, |ui| {
+                ui.set_width(ui.available_width());
+                ui.horizontal(|ui| add(ui));
+            });
+        };
+        let mut is_over = false;
+        if let Some(problem) = self.document.problem.clone() {
+            bar(ui, p.error, &mut |ui| {
+                is_over = ui.button("Dismiss").clicked();
+                let text = egui::RichText::new(format!("✖  {problem}")).color(p.error);
+                ui.add(egui::Label::new(text).wrap().selectable(true));
+            });
+        }
+        if is_over {
+            self.document.problem = None;
+        }
+        let mut is_seen = false;
+        if let Some(path) = self.document.changed.clone() {
+            bar(ui, p.warning, &mut |ui| {
+                if parts::primary(ui, "Read again").clicked() {
+                    says.push(Say::Action(Action::Reload));
+                }
+                is_seen = ui.button("Keep").clicked();
+                ui.label(format!("{} changed on the disk", panel::files::name(&path)));
+            });
+        }
+        if is_seen {
+            self.document.changed = None;
+        }
+    }
+
+    fn dialogs(&mut self, ctx: &egui::Context) {
+        if self.is_help && panel::help::show(ctx) {
+            self.is_help = false;
+        }
+        if let Some(mut dialog) = self.dialog.take() {
+            match dialog.show(ctx) {
+                Answer::Open => self.dialog = Some(dialog),
+                Answer::Closed => {}
+                Answer::Chosen(files) => self.chosen(dialog.purpose, files),
+            }
+        } else if let Some(mut form) = self.export.take() {
+            match form.show(ctx, &self.document) {
+                export::Answer::Open => self.export = Some(form),
+                export::Answer::Closed => {}
+                export::Answer::Write(export) => self.document.export(export),
+                export::Answer::Choose(is_folder, start) => {
+                    self.export = Some(form);
+                    let purpose = if is_folder { Purpose::ExportFolder } else { Purpose::ExportFile };
+                    self.choose(ctx, purpose, Some(start));
+                }
+            }
+        }
+    }
+}
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
+        let begin = Instant::now();
+        let ctx = ui.ctx().clone();
+        self.document.poll();
+        while let Ok(saved) = self.pictures_saved.1.try_recv() {
+            match saved {
+                Ok(path) => self.document.log.good(format!("picture saved as {}", path.display())),
+                Err(why) => self.fail(format!("the picture cannot be saved: {why}")),
+            }
+        }
+        self.arrive(&ctx);
+        self.keys(&ctx);
+        self.want();
+        let have_changed = std::mem::take(&mut self.document.own_files_changed);
+        self.facts.shader_error = self.pictures.follow_files(&self.document.settings().look, have_changed);
+        self.facts.triangles_drawn = self.pictures.triangles;
+        self.facts.error_px = self.document.lighter().and_then(|l| {
+            let e = &l.content.report.error;
+            self.pictures.pixels(&self.document, e.measured.as_ref().map_or(e.estimate, |m| m.rms.symmetric))
+        });
+        self.panels(ui);
+        self.middle(ui);
+        self.dialogs(&ctx);
+        hovering(&ctx);
+        if !ctx.input(|i| i.pointer.any_down() || i.key_down(Key::M)) {
+            self.document.seal();
+        }
+        let own = begin.elapsed().as_secs_f64();
+        self.facts.frame_secs = frame.info().cpu_usage.map_or(own, |c| c as f64);
+        if self.last_frame.replace(begin).is_some() {
+            self.facts.longest_frame_secs = self.facts.longest_frame_secs.max(self.facts.frame_secs);
+        }
+    }
+}
+
+fn body(ui: &mut Ui, panel: Panel, scope: &mut Scope<'_>) {
+    match panel {
+        Panel::Files => panel::files::show(ui, scope),
+        Panel::Method => panel::method::show(ui, scope),
+        Panel::Report => panel::report::show(ui, scope),
+        Panel::Info => panel::info::show(ui, scope),
+        Panel::Look => panel::look::show(ui, scope),
+        Panel::Error => panel::error::show(ui, scope),
+        Panel::Log => panel::log::show(ui, scope),
+    }
+}
+
+/// What a newcomer sees: what to do.
+fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
+    let p = theme::palette(ui);
+    let room = ui.available_rect_before_wrap();
+    let size = egui::vec2(420.0, 320.0).min(room.size());
+    let place = egui::Rect::from_center_size(room.center(), size);
+    ui.scope_builder(egui::UiBuilder::new().max_rect(place), |ui| {
+        ui.vertical_centered(|ui| {
+            if let Some(path) = document.opening() {
+                ui.add_space(size.y * 0.4);
+                ui.spinner();
+                ui.label(theme::weak(ui, format!("Opening {}", panel::files::name(path))));
+                return;
+            }
+            ui.add_space(24.0);
+            ui.label(egui::RichText::new("Drop a model here").size(26.0).strong());
+            ui.add_space(4.0);
+            ui.label(theme::weak(ui, "OBJ, OFF, PLY, STL, glTF or GLB; also packed with gzip"));
+            ui.add_space(16.0);
+            ui.horizontal(|ui| {
+                let width = 2.0 * 150.0 + 8.0;
+                ui.add_space((ui.available_width() - width) / 2.0);
+                let big = egui::vec2(150.0, 34.0);
+                let text = egui::RichText::new("Open…").color(p.on_accent).strong();
+                if ui.add(egui::Button::new(text).fill(p.accent).min_size(big)).clicked() {
+                    says.push(Say::Action(Action::Open));
+                }
+                if ui.add(egui::Button::new("Open the sample").min_size(big)).clicked() {
+                    says.push(Say::OpenSample);
+                }
+            });
+            ui.add_space(16.0);
+            let steps =
+                "Then drag the slider below: the lighter mesh stands beside the original. H shows all keys.";
+            ui.label(theme::weak(ui, steps));
+            if !facts.recent.is_empty() {
+                ui.add_space(16.0);
+                ui.label(theme::weak(ui, "RECENT").small());
+                for file in facts.recent.iter().take(5) {
+                    let link = egui::Button::new(panel::files::name(file)).frame(false);
+                    if ui.add(link).on_hover_text(file.display().to_string()).clicked() {
+                        says.push(Say::OpenFile(file.clone()));
+                    }
+                }
+            }
+        });
+    });
+}
+
+/// While a file hangs over the window, it says that it may fall.
+fn hovering(ctx: &egui::Context) {
+    if ctx.input(|i| i.raw.hovered_files.is_empty()) {
+        return;
+    }
+    let screen = ctx.content_rect();
+    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop"));
+    let painter = ctx.layer_painter(layer);
+    painter.rect_filled(screen, 0.0, egui::Color32::from_black_alpha(160));
+    let font = egui::FontId::proportional(28.0);
+    painter.text(screen.center(), egui::Align2::CENTER_CENTER, "Drop to open", font, egui::Color32::WHITE);
+}
+
+fn save_picture(image: &egui::ColorImage, folder: &Path, stem: &str) -> Result<PathBuf, String> {
+    let [width, height] = image.size.map(|x| u32::try_from(x).unwrap_or(u32::MAX));
+    let bytes: Vec<u8> = image.pixels.iter().flat_map(|p| [p.r(), p.g(), p.b()]).collect();
+    let picture = image::RgbImage::from_raw(width, height, bytes).ok_or("it is not whole")?;
+    let mut encoded = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut encoded, image::ImageFormat::Png).map_err(|e| e.to_string())?;
+    let free = (1..10_000).map(|n| folder.join(format!("{stem}_{n:03}.png"))).find(|p| !p.exists());
+    let path = free.ok_or_else(|| format!("{} holds too many of them", folder.display()))?;
+    crate::session::write(&path, encoded.get_ref()).map_err(|e| format!("{}: {e}", path.display()))?;
+    Ok(path)
+}
+
+/// Whether the camera sees anything: for tests.
+pub fn sees_model(app: &App) -> bool {
+    seen_bounds(&app.document).is_some()
+}

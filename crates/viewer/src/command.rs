@@ -1,0 +1,216 @@
+//! What one can do to a document. Commands are data: a list of them replays a session.
+
+use std::path::PathBuf;
+
+use lodsmith::Stop;
+use serde::{Deserialize, Serialize};
+
+use crate::settings::{Appearance, AutoLod, Layout, Pose, Settings, Turn};
+use crate::words::Simplification;
+
+/// One change of a document.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Command {
+    /// These files instead of those that are open. The target starts anew.
+    Open(Vec<PathBuf>),
+    /// Another of the open files.
+    Show(usize),
+    /// No file.
+    Close,
+    /// When to stop.
+    Target(Target),
+    /// How to simplify; the target is kept.
+    Method(Simplification),
+    /// How surfaces are shown.
+    Look(Appearance),
+    /// How the two sides are shown.
+    Layout(Layout),
+    /// How the model is turned.
+    Turn(Turn),
+    /// A camera to come back to, or none.
+    KeepCamera(usize, Option<Pose>),
+    /// A level by distance.
+    AutoLod(AutoLod),
+    /// All of it, as a session that was opened has it.
+    Session(Box<Settings>),
+}
+
+/// When to stop: what the slider under the pictures sets.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Target {
+    /// The original.
+    Original,
+    /// So many triangles.
+    Faces(usize),
+    /// So many vertices.
+    Vertices(usize),
+    /// This part of the triangles.
+    Ratio(f64),
+    /// A deviation, as a share of the diagonal.
+    Error(f64),
+}
+
+impl Target {
+    /// For the engine.
+    pub fn stop(self) -> Stop {
+        match self {
+            Self::Original => Stop::default(),
+            Self::Faces(n) => Stop::faces(n),
+            Self::Vertices(n) => Stop::vertices(n),
+            Self::Ratio(r) => Stop::ratio(r),
+            Self::Error(share) => Stop::error(lodsmith::Length::OfDiagonal(share)),
+        }
+    }
+}
+
+impl Command {
+    /// Its name, for the menu.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Open(_) => "open",
+            Self::Show(_) => "show another file",
+            Self::Close => "close",
+            Self::Target(_) => "target",
+            Self::Method(_) => "method",
+            Self::Look(_) => "look",
+            Self::Layout(_) => "layout",
+            Self::Turn(_) => "turn",
+            Self::KeepCamera(..) => "camera",
+            Self::AutoLod(_) => "level by distance",
+            Self::Session(_) => "session",
+        }
+    }
+
+    /// Changes the settings.
+    pub fn apply(&self, settings: &mut Settings) {
+        match self {
+            Self::Open(files) => {
+                settings.files.clone_from(files);
+                settings.shown = 0;
+                settings.simplify.options.stop = Stop::default();
+                settings.turn = Turn::default();
+                settings.cameras = [None; 4];
+            }
+            Self::Show(which) => {
+                settings.shown = (*which).min(settings.files.len().saturating_sub(1));
+                settings.simplify.options.stop = Stop::default();
+            }
+            Self::Close => {
+                settings.files.clear();
+                settings.shown = 0;
+                settings.simplify.options.stop = Stop::default();
+            }
+            Self::Target(target) => settings.simplify.options.stop = target.stop(),
+            Self::Method(how) => {
+                let stop = settings.simplify.options.stop;
+                settings.simplify = how.clone();
+                settings.simplify.options.stop = stop;
+            }
+            Self::Look(look) => settings.look = look.clone(),
+            Self::Layout(layout) => settings.layout = *layout,
+            Self::Turn(turn) => settings.turn = *turn,
+            Self::KeepCamera(slot, pose) => {
+                if let Some(kept) = settings.cameras.get_mut(*slot) {
+                    *kept = *pose;
+                }
+            }
+            Self::AutoLod(auto) => settings.auto_lod = *auto,
+            Self::Session(all) => settings.clone_from(all),
+        }
+    }
+}
+
+/// What was before, to go back to.
+#[derive(Debug, Default)]
+pub struct History {
+    undone: Vec<Step>,
+    done: Vec<Step>,
+    /// Whether the last step goes on: a slider is held.
+    is_open: bool,
+}
+
+#[derive(Debug)]
+struct Step {
+    name: &'static str,
+    settings: Settings,
+}
+
+/// Steps that are kept. Guessed; each holds a few hundred bytes.
+const STEPS: usize = 500;
+
+impl History {
+    /// Does a command. Commands of one kind are one step until [`History::seal`].
+    pub fn run(&mut self, command: &Command, settings: &mut Settings) {
+        let before = settings.clone();
+        command.apply(settings);
+        if *settings == before {
+            return;
+        }
+        self.undone.clear();
+        let goes_on = self.is_open && self.done.last().is_some_and(|s| s.name == command.name());
+        if !goes_on {
+            self.done.push(Step { name: command.name(), settings: before });
+            if self.done.len() > STEPS {
+                self.done.remove(0);
+            }
+        }
+        self.is_open = true;
+    }
+
+    /// The next command is a step of its own.
+    pub fn seal(&mut self) {
+        self.is_open = false;
+    }
+
+    /// Goes back a step; whether there was one.
+    pub fn undo(&mut self, settings: &mut Settings) -> bool {
+        Self::swap(&mut self.done, &mut self.undone, settings)
+    }
+
+    /// Goes forward again; whether there was a step.
+    pub fn redo(&mut self, settings: &mut Settings) -> bool {
+        Self::swap(&mut self.undone, &mut self.done, settings)
+    }
+
+    fn swap(from: &mut Vec<Step>, to: &mut Vec<Step>, settings: &mut Settings) -> bool {
+        let Some(step) = from.pop() else { return false };
+        let now = std::mem::replace(settings, step.settings);
+        to.push(Step { name: step.name, settings: now });
+        true
+    }
+
+    /// What the next undo takes back, and what the next redo does again.
+    pub fn names(&self) -> (Option<&'static str>, Option<&'static str>) {
+        (self.done.last().map(|s| s.name), self.undone.last().map(|s| s.name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drag_is_one_step() {
+        let (mut settings, mut history) = (Settings::default(), History::default());
+        for n in [900, 800, 700] {
+            history.run(&Command::Target(Target::Faces(n)), &mut settings);
+        }
+        history.seal();
+        history.run(&Command::Target(Target::Faces(100)), &mut settings);
+        assert!(history.undo(&mut settings));
+        assert_eq!(settings.simplify.options.stop.faces, Some(700));
+        assert!(history.undo(&mut settings));
+        assert_eq!(settings, Settings::default());
+        assert!(!history.undo(&mut settings));
+        assert!(history.redo(&mut settings) && history.redo(&mut settings));
+        assert_eq!(settings.simplify.options.stop.faces, Some(100));
+    }
+
+    #[test]
+    fn what_changes_nothing_is_no_step() {
+        let (mut settings, mut history) = (Settings::default(), History::default());
+        history.run(&Command::Target(Target::Original), &mut settings);
+        history.run(&Command::KeepCamera(9, None), &mut settings);
+        assert_eq!(history.names(), (None, None));
+    }
+}

@@ -1,0 +1,356 @@
+//! The two sides in one window: pictures of both, and what the mouse does over them.
+
+use std::sync::PoisonError;
+use std::time::{Duration, Instant};
+
+use eframe::egui::{self, Align2, Color32, PointerButton, Rect, Response, Sense, TextStyle, Ui, Vec2, pos2};
+use glam::DVec3;
+use lodsmith_core::model::Pose;
+use lodsmith_core::{Bounds, Model};
+use lodsmith_render::Shading;
+
+use crate::command::Command;
+use crate::document::{Document, Drawing};
+use crate::gpu::{Drawn, Frame, Gpu, Placed, Target};
+use crate::numbers::{grouped, percent};
+use crate::own_files::OwnFiles;
+use crate::panel::{Say, error};
+use crate::settings::{Appearance, Layout, Sides};
+use crate::theme::palette;
+use crate::viewport::{self, Orbit, turn_matrix, turned_bounds};
+
+/// One of the two sides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The file as it is.
+    Original,
+    /// What was made of it.
+    Result,
+}
+
+impl Side {
+    fn other(self) -> Self {
+        match self {
+            Self::Original => Self::Result,
+            Self::Result => Self::Original,
+        }
+    }
+    fn title(self) -> &'static str {
+        match self {
+            Self::Original => "Original",
+            Self::Result => "Result",
+        }
+    }
+    /// What tests and screen readers find it by.
+    fn picture(self) -> &'static str {
+        match self {
+            Self::Original => "Picture of the original",
+            Self::Result => "Picture of the result",
+        }
+    }
+}
+
+/// The pictures, and from where they are taken.
+pub struct Pictures {
+    gpu: Option<Gpu>,
+    targets: [Option<Target>; 2],
+    orbits: [Orbit; 2],
+    /// How the model stands: at rest, unless an animation plays.
+    pub pose: Pose,
+    /// Whether the sides have changed places, while a key is held.
+    pub is_flickering: bool,
+    /// Width over height of a picture, as last shown.
+    pub aspect: f64,
+    /// Height of a picture in pixels, as last shown.
+    pub height_px: f64,
+    /// Triangles drawn in the last frame that was drawn.
+    pub triangles: u64,
+    moved: Option<Instant>,
+    own: OwnFiles,
+}
+
+/// Pixels of a picture for one of the screen while the camera moves, where a processor draws. Measured: a quarter of the
+/// pixels take a third of the time.
+const COARSE: f32 = 0.5;
+/// Triangles below which a processor is fast enough at full size.
+const FAST_TRIANGLES: usize = 50_000;
+/// After the last movement, the picture gets its full size.
+const REST: Duration = Duration::from_millis(160);
+/// Detail by a drag of so many points: a factor of e.
+const DETAIL_POINTS: f32 = 120.0;
+
+impl Pictures {
+    /// Pictures by this card; without one, none.
+    pub fn new(gpu: Option<Gpu>) -> Self {
+        let bounds = Bounds { min: [-0.5; 3], max: [0.5; 3] };
+        let orbit = Orbit::fitting(&bounds, viewport::standard(0), 1.0);
+        Self {
+            gpu,
+            targets: [None, None],
+            orbits: [orbit; 2],
+            pose: Pose::default(),
+            is_flickering: false,
+            aspect: 1.0,
+            height_px: 600.0,
+            triangles: 0,
+            moved: None,
+            own: OwnFiles::default(),
+        }
+    }
+
+    /// The card.
+    pub fn gpu(&self) -> Option<&Gpu> {
+        self.gpu.as_ref()
+    }
+
+    /// Reads the looks of the user's that are named, and again what has changed. What is wrong with them.
+    pub fn follow_files(&mut self, look: &Appearance, have_changed: bool) -> Option<String> {
+        self.own.follow(self.gpu.as_ref(), look, have_changed);
+        if have_changed {
+            self.targets.iter_mut().flatten().for_each(Target::forget);
+        }
+        self.own.error()
+    }
+
+    /// From where a side is looked at.
+    pub fn orbit(&self, side: Side) -> Orbit {
+        self.orbits[side as usize]
+    }
+
+    /// Looks from there; with linked cameras both sides do.
+    pub fn set_orbit(&mut self, side: Side, orbit: Orbit, linked: bool) {
+        self.orbits[side as usize] = orbit;
+        if linked {
+            self.orbits = [orbit; 2];
+        }
+    }
+
+    /// Changes the cameras of both sides.
+    pub fn each_orbit(&mut self, change: impl Fn(&mut Orbit)) {
+        self.orbits.iter_mut().for_each(change);
+    }
+
+    /// All that is there, in the place that is left. Pushes what the mouse asks for.
+    pub fn show(&mut self, ui: &mut Ui, document: &Document, says: &mut Vec<Say>) -> Option<f64> {
+        let all = ui.available_rect_before_wrap();
+        ui.allocate_rect(all, Sense::hover());
+        let layout = document.settings().layout;
+        let half = Vec2::new((all.width() - 2.0) / 2.0, all.height());
+        let slots: Vec<(Rect, Rect, Side)> = match layout.sides {
+            Sides::Both => {
+                let left = Rect::from_min_size(all.min, half);
+                let right = Rect::from_min_size(pos2(all.right() - half.x, all.top()), half);
+                vec![(left, left, Side::Original), (right, right, Side::Result)]
+            }
+            Sides::Wipe => {
+                let x = all.left() + all.width() * layout.wipe.clamp(0.0, 1.0);
+                let [mut left, mut right] = [all; 2];
+                (left.max.x, right.min.x) = (x, x);
+                vec![(all, left, Side::Original), (all, right, Side::Result)]
+            }
+            Sides::Original => vec![(all, all, Side::Original)],
+            Sides::Result => vec![(all, all, Side::Result)],
+        };
+        let mut detail = None;
+        let mut is_moved = false;
+        let is_wiping = layout.sides == Sides::Wipe;
+        for &(rect, seen, side) in &slots {
+            let response = viewport::place(ui, seen, side.picture());
+            detail = detail.or(detail_of(&response));
+            let mut orbit = self.orbit(side);
+            if orbit.interact(&response, rect) {
+                is_moved = true;
+                self.set_orbit(side, orbit, layout.linked || is_wiping);
+            }
+            if response.double_clicked() {
+                self.recentre(document, side, &response, rect);
+            }
+        }
+        if is_moved {
+            self.moved = Some(Instant::now());
+        }
+        for (slot, &(rect, seen, side)) in slots.iter().enumerate() {
+            let shown = if self.is_flickering { side.other() } else { side };
+            self.draw(ui, document, slot, rect, seen, shown);
+            overlay(ui, document, seen, shown);
+        }
+        match layout.sides {
+            Sides::Both => {
+                let line = Rect::from_min_max(
+                    pos2(all.center().x - 1.0, all.top()),
+                    pos2(all.center().x + 1.0, all.bottom()),
+                );
+                ui.painter().rect_filled(line, 0.0, palette(ui).window);
+            }
+            Sides::Wipe => wipe(ui, all, layout, says),
+            _ => {}
+        }
+        detail
+    }
+
+    /// Draws a side into its picture, and shows that.
+    fn draw(&mut self, ui: &Ui, document: &Document, slot: usize, rect: Rect, seen: Rect, side: Side) {
+        let painter = ui.painter_at(seen);
+        painter.rect_filled(seen, 0.0, palette(ui).window);
+        let (Some(gpu), Some(original)) = (self.gpu.as_mut(), document.original()) else { return };
+        let lighter = document.lighter().filter(|_| side == Side::Result);
+        let drawing: Option<&Drawing> = match lighter {
+            Some(lighter) => lighter.draw.as_ref(),
+            None => original.draw.as_ref(),
+        };
+        let Some(drawing) = drawing else { return };
+        let scale = ui.pixels_per_point();
+        let size = [rect.width(), rect.height()].map(|x| (x * scale).round().max(1.0) as u32);
+        self.aspect = viewport::aspect(rect);
+        self.height_px = f64::from(size[1]);
+
+        let faces = lighter.map_or(original.content.faces, |l| l.content.report.faces);
+        let rests_in = self.moved.and_then(|at| REST.checked_sub(at.elapsed()));
+        let is_coarse = rests_in.is_some() && gpu.is_software() && faces > FAST_TRIANGLES;
+        if let Some(rest) = rests_in {
+            ui.request_repaint_after(rest + Duration::from_millis(5));
+        }
+        let target = self.targets[slot].get_or_insert_with(|| gpu.target(size));
+        target.resize(size, if is_coarse { COARSE } else { 1.0 });
+
+        let settings = document.settings();
+        let turn = settings.turn.rotation();
+        let mut look = settings.look.look.clone();
+        if look.shading == Shading::Heat
+            && let Some(distances) = document.distances()
+        {
+            look.heat_range = Some(error::ends(&look, distances.largest));
+        }
+        let lighting = settings.look.rig.lighting(settings.look.brightness);
+        let drawing = drawing.lock().unwrap_or_else(PoisonError::into_inner);
+        let placed = Placed {
+            world_from_model: turn_matrix(&original.content.bounds, turn),
+            ..Placed::new(&drawing, &self.pose)
+        };
+        let camera_of = if slot == 0 && settings.layout.sides != Sides::Result { 0 } else { 1 };
+        let frame = Frame {
+            models: &[placed],
+            bounds: turned_bounds(&original.content.bounds, turn),
+            camera: self.orbits[camera_of].camera(),
+            look: &look,
+            lighting: &lighting,
+            background: settings.look.backdrop.background(ui.visuals().dark_mode),
+            ground: settings.look.ground,
+            matcap: self.own.matcap(),
+            shader: self.own.shader(),
+        };
+        let drawn: Drawn = gpu.draw(target, &frame);
+        if drawn.drawn {
+            self.triangles = drawn.triangles;
+        }
+        if let Some(id) = target.texture_id() {
+            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            painter.image(id, rect, whole, Color32::WHITE);
+        }
+    }
+
+    /// Looks at the place that was clicked; beside the model at nothing new.
+    fn recentre(&mut self, document: &Document, side: Side, response: &Response, rect: Rect) {
+        let Some(pointer) = response.interact_pointer_pos() else { return };
+        let Some(original) = document.original() else { return };
+        let model: &Model = match document.lighter().filter(|_| side == Side::Result) {
+            Some(lighter) => &lighter.content.model,
+            None => original.content.model(),
+        };
+        let mut orbit = self.orbit(side);
+        let camera = orbit.camera();
+        let along = viewport::ray(&camera, pointer - rect.center(), rect.height());
+        let world = turn_matrix(&original.content.bounds, document.settings().turn.rotation());
+        if let Some(place) = viewport::pick(model, world, camera.eye, along) {
+            orbit.target = place;
+            self.set_orbit(side, orbit, document.settings().layout.linked);
+        }
+    }
+
+    /// All of the model in sight.
+    pub fn frame(&mut self, document: &Document) {
+        let Some(bounds) = seen_bounds(document) else { return };
+        let aspect = self.aspect;
+        self.each_orbit(|orbit| orbit.frame(&bounds, aspect));
+    }
+
+    /// From a side with a name, all of the model in sight.
+    pub fn look_from(&mut self, document: &Document, view: usize) {
+        let Some(bounds) = seen_bounds(document) else { return };
+        self.orbits = [Orbit::fitting(&bounds, viewport::standard(view), self.aspect); 2];
+    }
+
+    /// Pixels that a length at the middle of the model covers.
+    pub fn pixels(&self, document: &Document, length: f64) -> Option<f64> {
+        let bounds = seen_bounds(document)?;
+        let middle = 0.5 * (DVec3::from(bounds.min) + DVec3::from(bounds.max));
+        let camera = self.orbit(Side::Result).camera();
+        Some(length / camera.length_per_pixel(camera.eye.distance(middle).max(1e-30), self.height_px))
+    }
+}
+
+/// The box of what is shown, as it is turned.
+pub fn seen_bounds(document: &Document) -> Option<Bounds> {
+    let original = document.original()?;
+    Some(turned_bounds(&original.content.bounds, document.settings().turn.rotation()))
+}
+
+/// Alt and a drag: by what factor more is to be left.
+fn detail_of(response: &Response) -> Option<f64> {
+    let is_alt = response.ctx.input(|i| i.modifiers.alt);
+    let is_dragged = response.dragged_by(PointerButton::Primary) && is_alt;
+    is_dragged.then(|| f64::from(-response.drag_delta().y / DETAIL_POINTS).exp()).filter(|f| *f != 1.0)
+}
+
+/// The line between the sides, which can be dragged.
+fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
+    let x = all.left() + all.width() * layout.wipe.clamp(0.0, 1.0);
+    let grab = Rect::from_min_max(pos2(x - 8.0, all.top()), pos2(x + 8.0, all.bottom()));
+    let response = ui.interact(grab, ui.scope_id().with("wipe"), Sense::drag());
+    response.widget_info(|| egui::WidgetInfo::slider(true, f64::from(layout.wipe), "Wipe"));
+    let p = palette(ui);
+    let response = response.on_hover_cursor(egui::CursorIcon::ResizeHorizontal);
+    let color = if response.hovered() || response.dragged() { p.accent } else { Color32::WHITE };
+    let painter = ui.painter_at(all);
+    painter.vline(x, all.y_range(), egui::Stroke::new(2.0, color));
+    let middle = pos2(x, all.center().y);
+    painter.circle(middle, 11.0, p.panel, egui::Stroke::new(2.0, color));
+    let font = TextStyle::Body.resolve(ui.style());
+    painter.text(middle, Align2::CENTER_CENTER, "↔", font, color);
+    if let Some(pointer) = response.interact_pointer_pos().filter(|_| response.dragged()) {
+        let wipe = ((pointer.x - all.left()) / all.width()).clamp(0.0, 1.0);
+        says.push(Say::Command(Command::Layout(Layout { wipe, ..layout })));
+    }
+}
+
+/// Which side it is, and how much of it there is; the legend of heat.
+fn overlay(ui: &Ui, document: &Document, seen: Rect, side: Side) {
+    let Some(original) = document.original() else { return };
+    let lighter = document.lighter().filter(|_| side == Side::Result);
+    let faces = lighter.map_or(original.content.faces, |l| l.content.report.faces);
+    let mut text = format!("{} faces", grouped(faces));
+    if let Some(lighter) = lighter {
+        let share = faces as f64 / lighter.content.report.input_faces.max(1) as f64;
+        text += &format!("  ·  {}", percent(share));
+    }
+    let p = palette(ui);
+    let painter = ui.painter_at(seen);
+    let title = painter.layout_no_wrap(side.title().to_owned(), egui::FontId::proportional(13.0), p.text);
+    let counts = painter.layout_no_wrap(text, egui::FontId::monospace(12.0), p.weak);
+    let width = title.size().x + counts.size().x + 34.0;
+    let at = if document.settings().layout.sides == Sides::Wipe && side == Side::Result {
+        pos2(seen.right() - width - 10.0, seen.top() + 10.0)
+    } else {
+        pos2(seen.left() + 10.0, seen.top() + 10.0)
+    };
+    let chip = Rect::from_min_size(at, Vec2::new(width, 26.0));
+    painter.rect_filled(chip, 5.0, p.panel.gamma_multiply(0.92));
+    let counts_at = pos2(chip.right() - counts.size().x - 12.0, chip.center().y - counts.size().y / 2.0);
+    painter.galley(pos2(chip.left() + 12.0, chip.center().y - title.size().y / 2.0), title, p.text);
+    painter.galley(counts_at, counts, p.weak);
+    let look = &document.settings().look.look;
+    if look.shading == Shading::Heat && side == Side::Result && document.lighter().is_some() {
+        let diagonal = original.content.bounds.diagonal();
+        error::legend(ui, seen, look, document.distances().map(|d| &**d), diagonal);
+    }
+}

@@ -1,0 +1,415 @@
+//! What stands in the window: the file as it is, and what was made of it.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+use std::time::Instant;
+
+use glam::{DMat4, DVec3};
+use lodsmith::{Control, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError};
+use lodsmith_core::measure::Prepared;
+use lodsmith_core::mesh::normals::vertex_normals;
+use lodsmith_core::model::Pose;
+use lodsmith_core::{Bounds, Model, Topology, TriMesh};
+use lodsmith_io::{ModelFile, ModelSource, ReadError, ReadOptions};
+
+use crate::words::{Normals, Simplification};
+
+/// A file, and what is known of it.
+#[derive(Debug)]
+pub struct Original {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// What it holds.
+    pub file: ModelFile,
+    /// A box round all that is placed.
+    pub bounds: Bounds,
+    /// Triangles, as often as nodes place them.
+    pub faces: usize,
+    /// Vertices, counted likewise.
+    pub vertices: usize,
+    /// Time that reading took.
+    pub read_secs: f64,
+    prepared: Vec<OnceLock<Option<Prepared>>>,
+}
+
+impl Original {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// As [`lodsmith_io::read_model_path`].
+    pub fn read(path: &Path) -> Result<Self, ReadError> {
+        let begin = Instant::now();
+        let file = lodsmith_io::read_model_path(path, &ReadOptions::default())?;
+        Ok(Self::of_file(path.to_owned(), file, begin.elapsed().as_secs_f64()))
+    }
+
+    fn of_file(path: PathBuf, file: ModelFile, read_secs: f64) -> Self {
+        let model = &file.model;
+        let count = |of: fn(&TriMesh) -> usize| placed(model, of);
+        let prepared = model.meshes.iter().map(|_| OnceLock::new()).collect();
+        let bounds = bounds_of(model);
+        let (faces, vertices) = (count(TriMesh::face_count), count(TriMesh::vertex_count));
+        Self { path, bounds, faces, vertices, file, read_secs, prepared }
+    }
+
+    /// What is to be seen.
+    pub fn model(&self) -> &Model {
+        &self.file.model
+    }
+
+    /// A mesh made ready to be measured; `None` for one without faces. Made when first asked for.
+    pub fn prepared(&self, mesh: usize) -> Option<&Prepared> {
+        let make = || Prepared::new(&self.model().meshes[mesh].mesh.surface()).ok();
+        self.prepared[mesh].get_or_init(make).as_ref()
+    }
+
+    /// By how much each mesh is larger where it stands.
+    pub fn scales(&self) -> Vec<f64> {
+        let mut scales = vec![0.0; self.model().meshes.len()];
+        for instance in self.model().instances(&Pose::default()) {
+            let scale = largest_scale(instance.world_from_mesh);
+            scales[instance.mesh] = scale.max(scales[instance.mesh]);
+        }
+        // What stands nowhere is as large as it is.
+        scales.iter().map(|&s| if s > 0.0 { s } else { 1.0 }).collect()
+    }
+}
+
+/// A lighter model, and how it came about.
+#[derive(Debug)]
+pub struct Lighter {
+    /// What is to be seen: as the original, with other meshes.
+    pub model: Model,
+    /// What the engine says.
+    pub report: Report,
+    /// What became of each mesh of a scene.
+    pub counts: Vec<MeshCounts>,
+    /// What it was made with.
+    pub how: Simplification,
+    /// Time that it took.
+    pub seconds: f64,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+impl Lighter {
+    /// Makes a lighter model.
+    ///
+    /// # Errors
+    /// As [`lodsmith::simplify`].
+    pub fn make(
+        original: &Original,
+        how: &Simplification,
+        control: &mut dyn Control,
+    ) -> Result<Self, SimplifyError> {
+        let begin = Instant::now();
+        let (mut meshes, report, counts) = match &original.file.source {
+            ModelSource::Scene(scene) => {
+                let taken = placed_meshes(scene);
+                let parts = parts_of(scene, &taken);
+                let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
+                let done = lodsmith::simplify_scene(&parts, diagonal, &how.options, control)?;
+                let SimplifiedScene { meshes, report, counts } = done;
+                let mut all: Vec<_> = scene.meshes().iter().map(|m| m.mesh.clone()).collect();
+                for (&i, mesh) in taken.iter().zip(meshes) {
+                    all[i] = Arc::new(mesh);
+                }
+                (all, report, counts)
+            }
+            _ => {
+                let mesh = &original.model().meshes[0].mesh;
+                let Simplified { mesh, report } = lodsmith::simplify(mesh, &how.options, control)?;
+                (vec![Arc::new(mesh)], report, Vec::new())
+            }
+        };
+        for mesh in &mut meshes {
+            match how.normals {
+                Normals::Keep => {}
+                Normals::Recompute => *mesh = Arc::new(with_new_normals((**mesh).clone())),
+                Normals::None if mesh.normals().is_none() => {}
+                Normals::None => {
+                    let mut bare = (**mesh).clone();
+                    bare.set_normals(None)?;
+                    *mesh = Arc::new(bare);
+                }
+            }
+        }
+        let warnings = told(&report);
+        let model = original.model().with_meshes(meshes);
+        let seconds = begin.elapsed().as_secs_f64();
+        Ok(Self { model, report, counts, how: how.clone(), seconds, warnings })
+    }
+}
+
+/// The meshes that a run takes: what stands nowhere in the scene stays as it is, unless nothing stands anywhere.
+pub fn placed_meshes(scene: &lodsmith_io::gltf::Scene) -> Vec<usize> {
+    let meshes = scene.meshes();
+    let is_any_placed = meshes.iter().any(|m| m.instances > 0);
+    (0..meshes.len()).filter(|&i| !is_any_placed || meshes[i].instances > 0).collect()
+}
+
+/// Those meshes as the engine takes them; those placed by one matrix lie in one system.
+fn parts_of<'a>(scene: &'a lodsmith_io::gltf::Scene, taken: &[usize]) -> Vec<Part<'a>> {
+    let mut systems: Vec<[[f64; 4]; 3]> = Vec::new();
+    let mut parts = Vec::with_capacity(taken.len());
+    for m in taken.iter().map(|&i| &scene.meshes()[i]) {
+        let system = m.world_from_mesh.map(|matrix| {
+            // Equal but for rounding: products of the same matrices in another order.
+            let size = matrix.as_flattened().iter().fold(0f64, |m, x| m.max(x.abs()));
+            let is_near = |s: &[[f64; 4]; 3]| {
+                let mut pairs = s.as_flattened().iter().zip(matrix.as_flattened());
+                pairs.all(|(a, b)| (a - b).abs() <= 1e-6 * size)
+            };
+            systems.iter().position(is_near).unwrap_or_else(|| {
+                systems.push(matrix);
+                systems.len() - 1
+            })
+        });
+        parts.push(Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system });
+    }
+    parts
+}
+
+/// What the user should know of a run.
+fn told(report: &Report) -> Vec<String> {
+    let mut told: Vec<String> = Vec::new();
+    let dropped = |name: &&str| format!("{name} dropped: a skin has joints and weights, or nothing");
+    told.extend(report.dropped.iter().map(dropped));
+    if report.seams_relaxed {
+        told.push("seams were moved off their lines to come nearer to the target".to_owned());
+    }
+    if report.pruned.largest_kept {
+        told.push("all parts are smaller than the size to prune: the largest was kept".to_owned());
+    }
+    told
+}
+
+/// The mesh with the normals of its faces.
+fn with_new_normals(mut mesh: TriMesh) -> TriMesh {
+    let of_vertex = vertex_normals(&mesh.surface(), |v| v);
+    let normals = match mesh.vertex_map() {
+        None => of_vertex,
+        Some(map) => map.iter().map(|v| of_vertex[v.index()]).collect(),
+    };
+    mesh.set_normals(Some(normals)).expect("there is one for each wedge");
+    mesh
+}
+
+/// A sum over all meshes that are placed, as often as they are.
+pub fn placed(model: &Model, of: impl Fn(&TriMesh) -> usize) -> usize {
+    let instances = model.instances(&Pose::default());
+    instances.iter().fold(0, |n, i| of(&model.meshes[i.mesh].mesh).saturating_add(n))
+}
+
+/// A box round all that is placed; round the origin where nothing is.
+pub fn bounds_of(model: &Model) -> Bounds {
+    let boxes: Vec<_> = model.meshes.iter().map(|m| m.mesh.positions().view().bounds()).collect();
+    let mut all: Option<Bounds> = None;
+    for instance in model.instances(&Pose::default()) {
+        let Some(own) = boxes[instance.mesh] else { continue };
+        for corner in 0..8 {
+            let pick = |k: usize| if corner >> k & 1 == 0 { own.min[k] } else { own.max[k] };
+            let p = instance.world_from_mesh.transform_point3(DVec3::new(pick(0), pick(1), pick(2)));
+            if !p.is_finite() {
+                continue;
+            }
+            let p = p.to_array();
+            let grown = all.get_or_insert(Bounds { min: p, max: p });
+            for k in 0..3 {
+                grown.min[k] = grown.min[k].min(p[k]);
+                grown.max[k] = grown.max[k].max(p[k]);
+            }
+        }
+    }
+    all.unwrap_or(Bounds { min: [-0.5; 3], max: [0.5; 3] })
+}
+
+fn largest_scale(matrix: DMat4) -> f64 {
+    [matrix.x_axis, matrix.y_axis, matrix.z_axis]
+        .map(|a| a.truncate().length())
+        .into_iter()
+        .fold(0.0, f64::max)
+}
+
+/// What is known of the surface of a model: counted after equal places were joined.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Anatomy {
+    /// Connected parts.
+    pub components: usize,
+    /// Edges with one face.
+    pub border_edges: usize,
+    /// Closed ways along them.
+    pub border_loops: usize,
+    /// Edges with more than two faces.
+    pub non_manifold_edges: usize,
+    /// Whether every mesh is closed.
+    pub is_closed: bool,
+    /// Names of what stands on the vertices.
+    pub attributes: Vec<&'static str>,
+}
+
+impl Anatomy {
+    /// Of a model; each mesh counts once. Cost: O(n).
+    pub fn of(model: &Model) -> Self {
+        let mut all = Self { is_closed: true, ..Self::default() };
+        let mut has = [false; 4];
+        for mesh in model.meshes.iter().map(|m| &m.mesh).filter(|m| m.face_count() > 0) {
+            let counts = Topology::new(&mesh.surface()).counts();
+            all.components += counts.component_count;
+            all.border_edges += counts.border_edge_count;
+            all.border_loops += counts.border_loop_count;
+            all.non_manifold_edges += counts.non_manifold_edge_count;
+            all.is_closed &= counts.is_closed();
+            let own = [mesh.normals().is_some(), mesh.uvs().is_some(), mesh.colors().is_some()];
+            for (has, own) in has.iter_mut().zip(own) {
+                *has |= own;
+            }
+            has[3] |= !mesh.further_attributes().is_empty();
+        }
+        let names = ["normals", "UVs", "colours", "more"];
+        all.attributes = names.into_iter().zip(has).filter(|x| x.1).map(|x| x.0).collect();
+        all
+    }
+}
+
+/// How far the result lies from the original, place by place.
+#[derive(Clone, Debug, Default)]
+pub struct Distances {
+    /// Of each mesh: for each vertex of the result, the distance to the original, in the units of the scene.
+    pub of_result: Vec<Vec<f32>>,
+    /// Of each mesh: for each vertex of the original, the distance to the result.
+    pub of_original: Vec<Vec<f32>>,
+    /// The largest of all.
+    pub largest: f64,
+    /// Mean and RMS over the vertices of both.
+    pub mean: f64,
+    /// Root of the mean square.
+    pub rms: f64,
+    /// How many vertices lie in each of even steps up to the largest.
+    pub histogram: Vec<u32>,
+    /// Time that it took.
+    pub seconds: f64,
+}
+
+/// Steps of a histogram.
+const BINS: usize = 48;
+/// Vertices between two looks at whether it is still wanted. (About 20 ms.)
+const CHUNK: usize = 1 << 14;
+
+impl Distances {
+    /// Measures; `None` if `go_on` says no. `go_on` is told how far it is.
+    pub fn measure(
+        original: &Original,
+        lighter: &Lighter,
+        go_on: &mut dyn FnMut(f64) -> bool,
+    ) -> Option<Self> {
+        let begin = Instant::now();
+        let scales = original.scales();
+        let mut all = Self::default();
+        let count = scales.len().max(1) as f64;
+        for (i, scale) in scales.iter().enumerate() {
+            let [one, two] = [&original.model().meshes[i].mesh, &lighter.model.meshes[i].mesh];
+            let at = |part: f64| (i as f64 + part) / count;
+            if !go_on(at(0.0)) {
+                return None;
+            }
+            let same = Arc::ptr_eq(one, two);
+            let own = original.prepared(i).filter(|_| !same);
+            all.of_result.push(distances(two, own, *scale, &mut |x| go_on(at(0.2 + 0.2 * x)))?);
+            let other = if same { None } else { Prepared::new(&two.surface()).ok() };
+            all.of_original.push(distances(one, other.as_ref(), *scale, &mut |x| go_on(at(0.4 + 0.6 * x)))?);
+        }
+        all.sum_up();
+        all.seconds = begin.elapsed().as_secs_f64();
+        Some(all)
+    }
+
+    fn sum_up(&mut self) {
+        let values = || {
+            let all = self.of_result.iter().chain(&self.of_original).flatten();
+            all.copied().map(f64::from).filter(|d| d.is_finite())
+        };
+        let (mut largest, mut sum, mut squares, mut n) = (0f64, 0.0, 0.0, 0usize);
+        for d in values() {
+            largest = largest.max(d);
+            sum += d;
+            squares += d * d;
+            n += 1;
+        }
+        let mut histogram = vec![0u32; BINS];
+        if largest > 0.0 {
+            for d in values() {
+                histogram[((d / largest * BINS as f64) as usize).min(BINS - 1)] += 1;
+            }
+        }
+        let n = n.max(1) as f64;
+        (self.largest, self.mean, self.rms) = (largest, sum / n, (squares / n).sqrt());
+        self.histogram = histogram;
+    }
+}
+
+/// Distances of the vertices of a mesh; zeros where there is nothing to measure against.
+fn distances(
+    mesh: &TriMesh,
+    to: Option<&Prepared>,
+    scale: f64,
+    go_on: &mut dyn FnMut(f64) -> bool,
+) -> Option<Vec<f32>> {
+    let places = mesh.positions().view();
+    let Some(to) = to else { return Some(vec![0.0; places.len()]) };
+    let mut found = Vec::with_capacity(places.len());
+    while found.len() < places.len() {
+        if !go_on(found.len() as f64 / places.len() as f64) {
+            return None;
+        }
+        let range = found.len()..places.len().min(found.len() + CHUNK);
+        let chunk = match places {
+            lodsmith_core::PositionsView::F32(p) => lodsmith_core::PositionsView::F32(&p[range]),
+            lodsmith_core::PositionsView::F64(p) => lodsmith_core::PositionsView::F64(&p[range]),
+        };
+        let surface = lodsmith_core::Surface::new(chunk, &[]).expect("no triangle names a place");
+        found.extend(
+            lodsmith_core::measure::vertex_distances(&surface, to).into_iter().map(|d| (d * scale) as f32),
+        );
+    }
+    Some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith::{NoControl, Stop};
+    use lodsmith_core::shapes;
+
+    use super::*;
+
+    fn sphere(folder: &tempfile::TempDir) -> Original {
+        let path = folder.path().join("sphere.ply");
+        lodsmith_io::write_path(&shapes::icosphere(4), &path, &Default::default()).unwrap();
+        Original::read(&path).unwrap()
+    }
+
+    #[test]
+    fn a_lighter_sphere_lies_within_the_distance_that_is_measured() {
+        let folder = tempfile::tempdir().unwrap();
+        let original = sphere(&folder);
+        assert_eq!(original.faces, 5120);
+        let how = Simplification::of_preset(Default::default(), Stop::faces(320));
+        let lighter = Lighter::make(&original, &how, &mut NoControl).unwrap();
+        assert!(placed(&lighter.model, TriMesh::face_count) <= 320);
+        let distances = Distances::measure(&original, &lighter, &mut |_| true).unwrap();
+        // A sphere of radius 1 in 320 even triangles is nowhere flatter than 2 %.
+        assert!(distances.largest > 1e-4 && distances.largest < 0.02, "{}", distances.largest);
+        assert!(distances.mean <= distances.rms && distances.rms <= distances.largest);
+        let counted: u32 = distances.histogram.iter().sum();
+        assert_eq!(counted as usize, original.vertices + lighter.report.vertices);
+        assert!(Distances::measure(&original, &lighter, &mut |_| false).is_none());
+    }
+
+    #[test]
+    fn a_sphere_is_closed_and_in_one_part() {
+        let folder = tempfile::tempdir().unwrap();
+        let anatomy = Anatomy::of(sphere(&folder).model());
+        assert!(anatomy.is_closed);
+        assert_eq!((anatomy.components, anatomy.border_edges, anatomy.non_manifold_edges), (1, 0, 0));
+    }
+}

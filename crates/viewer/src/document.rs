@@ -1,0 +1,484 @@
+//! What is open, what was made of it, and the work that is under way. Nothing here knows a window.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use lodsmith::SimplifyError;
+use lodsmith_core::Model;
+
+use crate::command::{Command, History};
+use crate::content::{Anatomy, Distances, Lighter, Original};
+use crate::export::{self, Export};
+use crate::gpu::{Context, DrawModel};
+use crate::job::{Kind, Message, Progress, Watch, Worker};
+use crate::log::Log;
+use crate::settings::Settings;
+use crate::words::Simplification;
+
+/// Something to be seen, and its buffers on the graphics card.
+pub struct Shown<T> {
+    /// What it is.
+    pub content: Arc<T>,
+    /// How it is drawn; `None` where there is no card.
+    pub draw: Option<Drawing>,
+}
+
+impl<T> Clone for Shown<T> {
+    fn clone(&self) -> Self {
+        Self { content: self.content.clone(), draw: self.draw.clone() }
+    }
+}
+
+/// Buffers that the window draws and the worker puts distances into.
+pub type Drawing = Arc<Mutex<DrawModel>>;
+
+/// Distances, and the two things that they lie between.
+struct Measured {
+    of: (Arc<Original>, Arc<Lighter>),
+    distances: Arc<Distances>,
+}
+
+/// A document: changed by commands alone.
+pub struct Document {
+    settings: Settings,
+    history: History,
+    worker: Worker<Outcome>,
+    context: Option<Context>,
+    original: Option<Shown<Original>>,
+    lighter: Option<Shown<Lighter>>,
+    measured: Option<Measured>,
+    /// Of the original, of the result.
+    anatomies: [Option<(usize, Anatomy)>; 2],
+    /// What the last job to simplify was told.
+    asked: Option<Simplification>,
+    /// Why the file is being read that is being read.
+    opening: Option<Opening>,
+    /// Whether distances are to be seen.
+    pub wants_distances: bool,
+    /// Whether parts and borders are to be seen.
+    pub wants_anatomy: bool,
+    /// What went wrong last, until something goes well.
+    pub problem: Option<String>,
+    /// A file that changed while it was open.
+    pub changed: Option<PathBuf>,
+    /// Whether a file that the look names changed.
+    pub own_files_changed: bool,
+    /// What was said.
+    pub log: Log,
+    watched: Vec<PathBuf>,
+}
+
+/// A file that is being read, and what follows.
+struct Opening {
+    path: PathBuf,
+    then: Then,
+}
+
+enum Then {
+    Run(Command),
+    Undone,
+    Redone,
+    Reloaded,
+}
+
+enum Outcome {
+    Opened { path: PathBuf, result: Result<Shown<Original>, String> },
+    Lighter { how: Simplification, result: Result<Shown<Lighter>, SimplifyError> },
+    Inspected { which: usize, key: usize, anatomy: Anatomy },
+    Measured(Measured),
+    Exported { path: PathBuf, result: Result<export::Written, String> },
+}
+
+impl Document {
+    /// An empty one. `wake` is called when there is something new to see.
+    pub fn new(context: Option<Context>, wake: impl Fn() + Send + Sync + 'static) -> Self {
+        Self {
+            settings: Settings::default(),
+            history: History::default(),
+            worker: Worker::new(wake),
+            context,
+            original: None,
+            lighter: None,
+            measured: None,
+            anatomies: [None, None],
+            asked: None,
+            opening: None,
+            wants_distances: false,
+            wants_anatomy: false,
+            problem: None,
+            changed: None,
+            own_files_changed: false,
+            watched: Vec::new(),
+            log: Log::default(),
+        }
+    }
+
+    /// All that commands change.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+    /// The file as it is.
+    pub fn original(&self) -> Option<&Shown<Original>> {
+        self.original.as_ref()
+    }
+    /// The latest result; `None` while the original is asked for.
+    pub fn lighter(&self) -> Option<&Shown<Lighter>> {
+        self.lighter.as_ref()
+    }
+    /// How far the latest result lies from the original, if that was measured.
+    pub fn distances(&self) -> Option<&Arc<Distances>> {
+        let measured = self.measured.as_ref()?;
+        let fits = Arc::ptr_eq(&measured.of.0, &self.original.as_ref()?.content)
+            && Arc::ptr_eq(&measured.of.1, &self.lighter.as_ref()?.content);
+        fits.then_some(&measured.distances)
+    }
+    /// Parts and borders of the original and of the result, as far as they are known.
+    pub fn anatomies(&self) -> [Option<&Anatomy>; 2] {
+        let [one, two] = &self.anatomies;
+        let fits =
+            |a: &Option<(usize, Anatomy)>, key: Option<usize>| a.as_ref().is_some_and(|a| Some(a.0) == key);
+        [(one, self.original.as_ref().map(key)), (two, self.lighter.as_ref().map(key))]
+            .map(|(a, key)| if fits(a, key) { a.as_ref().map(|a| &a.1) } else { None })
+    }
+    /// What is going on, if anything is.
+    pub fn progress(&self) -> Option<Progress> {
+        self.worker.progress()
+    }
+    /// The file that is being read.
+    pub fn opening(&self) -> Option<&Path> {
+        self.opening.as_ref().map(|o| o.path.as_path())
+    }
+    /// Whether the result is not yet the one that is asked for.
+    pub fn is_behind(&self) -> bool {
+        self.worker.is_busy(Kind::Simplify)
+    }
+    /// Whether no work waits or runs.
+    pub fn is_idle(&self) -> bool {
+        self.worker.is_idle()
+    }
+    /// What undo takes back and redo does again.
+    pub fn history(&self) -> (Option<&'static str>, Option<&'static str>) {
+        self.history.names()
+    }
+
+    /// Does a command. One that needs another file is done when that has been read; if it cannot be read, all stays.
+    pub fn run(&mut self, command: Command) {
+        let mut after = self.settings.clone();
+        command.apply(&mut after);
+        let is_other = after.file() != self.settings.file();
+        match after.file().filter(|_| is_other || matches!(command, Command::Open(_))) {
+            Some(path) => self.open(path.to_owned(), Then::Run(command)),
+            None => {
+                self.history.run(&command, &mut self.settings);
+                self.sync();
+            }
+        }
+    }
+
+    /// The next command is a step of its own.
+    pub fn seal(&mut self) {
+        self.history.seal();
+    }
+
+    /// Takes the last step back.
+    pub fn undo(&mut self) {
+        if self.opening.is_none() && self.history.undo(&mut self.settings) {
+            self.follow(Then::Undone);
+        }
+    }
+
+    /// Does it again.
+    pub fn redo(&mut self) {
+        if self.opening.is_none() && self.history.redo(&mut self.settings) {
+            self.follow(Then::Redone);
+        }
+    }
+
+    /// Reads the present file again.
+    pub fn reload(&mut self) {
+        self.changed = None;
+        if let Some(path) = self.settings.file().map(Path::to_owned) {
+            self.open(path, Then::Reloaded);
+        }
+    }
+
+    /// Writes what is asked.
+    pub fn export(&mut self, export: Export) {
+        let Some(original) = self.original.as_ref().map(|o| o.content.clone()) else { return };
+        let lighter = self.lighter.as_ref().map(|l| l.content.clone());
+        let path = export.path.clone();
+        let how = self.settings.simplify.clone();
+        self.worker.submit(Kind::Export, move |watch| {
+            let result =
+                export.write(&original, lighter.as_deref(), &how, watch).map_err(|e| format!("{e:#}"));
+            Some(Outcome::Exported { path, result })
+        });
+    }
+
+    /// Ends the work that is under way; what is in sight stays.
+    pub fn cancel(&mut self) {
+        self.worker.cancel(&[Kind::Load, Kind::Simplify, Kind::Measure, Kind::Export]);
+        if self.opening.take().is_some() {
+            self.log.note("opening was cancelled");
+        }
+    }
+
+    /// Takes in what the worker has done. Whether there was anything.
+    pub fn poll(&mut self) -> bool {
+        let mut is_new = false;
+        while let Some(message) = self.worker.poll() {
+            self.take(message);
+            is_new = true;
+        }
+        if is_new {
+            self.sync();
+        }
+        is_new
+    }
+
+    /// Works until nothing is left to do, or the time is over; whether nothing is left.
+    pub fn settle(&mut self, at_most: Duration) -> bool {
+        let end = Instant::now() + at_most;
+        loop {
+            self.poll();
+            self.sync();
+            let left = end.saturating_duration_since(Instant::now());
+            if self.worker.is_idle() {
+                // What it sent before it became idle.
+                if !self.poll() && self.worker.is_idle() {
+                    return true;
+                }
+            } else if left.is_zero() {
+                return false;
+            } else if let Some(message) = self.worker.wait(left.min(Duration::from_millis(20))) {
+                self.take(message);
+            }
+        }
+    }
+
+    fn follow(&mut self, then: Then) {
+        let open = self.original.as_ref().map(|o| o.content.path.as_path());
+        match self.settings.file() {
+            Some(path) if Some(path) != open => self.open(path.to_owned(), then),
+            _ => self.sync(),
+        }
+    }
+
+    fn open(&mut self, path: PathBuf, then: Then) {
+        self.opening = Some(Opening { path: path.clone(), then });
+        let context = self.context.clone();
+        self.worker.submit(Kind::Load, move |watch| {
+            let read = Original::read(&path).map_err(|e| e.to_string());
+            let result = read.map(|original| {
+                let draw = context.map(|c| Arc::new(Mutex::new(c.upload(original.model()))));
+                Shown { content: Arc::new(original), draw }
+            });
+            watch.go_on(1.0).then_some(Outcome::Opened { path, result })
+        });
+    }
+
+    fn take(&mut self, message: Message<Outcome>) {
+        match message {
+            Message::Done(outcome) => self.take_outcome(outcome),
+            Message::Broken(kind) => {
+                let text = format!("{} broke down: this is a fault of the program", kind.title());
+                if kind == Kind::Load {
+                    self.opened_not();
+                }
+                self.fail(text);
+            }
+            Message::Changed(path) if self.is_of_look(&path) => self.own_files_changed = true,
+            Message::Changed(path) => {
+                self.log.note(format!("{} changed on the disk", path.display()));
+                self.changed = Some(path);
+            }
+        }
+    }
+
+    fn take_outcome(&mut self, outcome: Outcome) {
+        match outcome {
+            Outcome::Opened { path, result } => {
+                if self.opening.as_ref().is_none_or(|o| o.path != path) {
+                    return;
+                }
+                match result {
+                    Ok(original) => self.opened(original),
+                    Err(why) => {
+                        self.opened_not();
+                        self.fail(why);
+                    }
+                }
+            }
+            Outcome::Lighter { how, result } => match result {
+                Ok(lighter) if self.asked.as_ref() == Some(&how) => {
+                    self.problem = None;
+                    for warning in &lighter.content.warnings {
+                        self.log.warn(warning.clone());
+                    }
+                    self.lighter = Some(lighter);
+                }
+                Ok(_) | Err(SimplifyError::Cancelled) => {}
+                Err(why) => self.fail(why.to_string()),
+            },
+            Outcome::Inspected { which, key, anatomy } => self.anatomies[which] = Some((key, anatomy)),
+            Outcome::Measured(measured) => self.measured = Some(measured),
+            Outcome::Exported { path, result } => match result {
+                Ok(written) => {
+                    for warning in &written.warnings {
+                        self.log.warn(warning.clone());
+                    }
+                    self.log.good(format!("wrote {} ({})", path.display(), written.summary));
+                    self.problem = None;
+                }
+                Err(why) => self.fail(why),
+            },
+        }
+    }
+
+    fn opened(&mut self, original: Shown<Original>) {
+        let Some(Opening { then, path }) = self.opening.take() else { return };
+        if let Then::Run(command) = &then {
+            self.history.seal();
+            self.history.run(command, &mut self.settings);
+            self.history.seal();
+        }
+        let content = &original.content;
+        self.log.good(format!(
+            "opened {}: {} faces, {}",
+            path.display(),
+            crate::numbers::grouped(content.faces),
+            crate::numbers::seconds(content.read_secs)
+        ));
+        for warning in &content.file.warnings {
+            self.log.warn(warning.to_string());
+        }
+        self.watched.clear();
+        (self.problem, self.changed) = (None, None);
+        self.original = Some(original);
+        (self.lighter, self.measured, self.asked) = (None, None, None);
+        self.anatomies = [None, None];
+    }
+
+    /// The file could not be read: what is open stays as it is.
+    fn opened_not(&mut self) {
+        match self.opening.take().map(|o| o.then) {
+            Some(Then::Undone) => _ = self.history.redo(&mut self.settings),
+            Some(Then::Redone) => _ = self.history.undo(&mut self.settings),
+            _ => {}
+        }
+    }
+
+    fn fail(&mut self, why: String) {
+        self.log.bad(why.clone());
+        self.problem = Some(why);
+    }
+
+    /// Starts the work that the settings ask for and that is not done.
+    fn sync(&mut self) {
+        if self.opening.is_some() {
+            return;
+        }
+        self.watch();
+        if self.settings.files.is_empty() {
+            (self.original, self.lighter, self.measured, self.asked) = (None, None, None, None);
+            return;
+        }
+        let Some(original) = self.original.clone() else { return };
+        let how = &self.settings.simplify;
+        if !how.has_end() {
+            if self.asked.take().is_some() {
+                self.worker.cancel(&[Kind::Simplify, Kind::Measure]);
+                (self.lighter, self.measured) = (None, None);
+            }
+        } else if self.asked.as_ref() != Some(how) {
+            self.asked = Some(how.clone());
+            self.simplify(original.clone(), how.clone());
+        }
+        self.inspect(&original);
+        self.measure(&original);
+    }
+
+    /// Tells the worker which files to look at.
+    fn watch(&mut self) {
+        let look = &self.settings.look;
+        let own = look.matcap.iter().chain(&look.shader);
+        let files: Vec<PathBuf> = self.settings.files.iter().chain(own).cloned().collect();
+        if files != self.watched {
+            self.watched.clone_from(&files);
+            self.worker.watch(files);
+        }
+    }
+
+    fn is_of_look(&self, path: &Path) -> bool {
+        let look = &self.settings.look;
+        look.matcap.iter().chain(&look.shader).any(|own| own == path)
+    }
+
+    fn simplify(&mut self, original: Shown<Original>, how: Simplification) {
+        let context = self.context.clone();
+        self.worker.submit(Kind::Simplify, move |watch| {
+            let made = Lighter::make(&original.content, &how, watch);
+            let result = made.map(|lighter| {
+                let draw = context.map(|c| Arc::new(Mutex::new(c.upload(&lighter.model))));
+                Shown { content: Arc::new(lighter), draw }
+            });
+            Some(Outcome::Lighter { how, result })
+        });
+    }
+
+    fn inspect(&mut self, original: &Shown<Original>) {
+        if !self.wants_anatomy || self.worker.is_busy(Kind::Inspect) || self.worker.is_busy(Kind::Simplify) {
+            return;
+        }
+        let [one, two] = self.anatomies().map(|a| a.is_some());
+        if !one {
+            let content = original.content.clone();
+            let key = key(original);
+            self.worker.submit(Kind::Inspect, move |_: &mut Watch| {
+                Some(Outcome::Inspected { which: 0, key, anatomy: Anatomy::of(content.model()) })
+            });
+        } else if let Some(lighter) = self.lighter.as_ref().filter(|_| !two) {
+            let content = lighter.content.clone();
+            let key = key(lighter);
+            self.worker.submit(Kind::Inspect, move |_: &mut Watch| {
+                Some(Outcome::Inspected { which: 1, key, anatomy: Anatomy::of(&content.model) })
+            });
+        }
+    }
+
+    fn measure(&mut self, original: &Shown<Original>) {
+        let Some(lighter) = self.lighter.clone() else { return };
+        let is_due = self.wants_distances && self.distances().is_none();
+        if !is_due || self.worker.is_busy(Kind::Measure) || self.worker.is_busy(Kind::Simplify) {
+            return;
+        }
+        let original = original.clone();
+        self.worker.submit(Kind::Measure, move |watch| {
+            let (one, two) = (&original.content, &lighter.content);
+            let distances = Distances::measure(one, two, &mut |done| watch.go_on(done))?;
+            show_heat(original.draw.as_ref(), one.model(), &distances.of_original);
+            show_heat(lighter.draw.as_ref(), &two.model, &distances.of_result);
+            let of = (one.clone(), two.clone());
+            Some(Outcome::Measured(Measured { of, distances: Arc::new(distances) }))
+        });
+    }
+}
+
+/// Puts a value for each vertex into the buffers.
+fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>]) {
+    let Some(drawing) = drawing else { return };
+    for (i, (mesh, values)) in model.meshes.iter().zip(values).enumerate() {
+        let mesh = &mesh.mesh;
+        let of_wedges: Vec<f32> = match mesh.vertex_map() {
+            None => values.clone(),
+            Some(map) => map.iter().map(|v| values[v.index()]).collect(),
+        };
+        drawing.lock().unwrap_or_else(PoisonError::into_inner).set_heat(i, Some(&of_wedges));
+    }
+}
+
+/// Where the content lies: nothing else lies there while it is shown.
+fn key<T>(shown: &Shown<T>) -> usize {
+    Arc::as_ptr(&shown.content) as usize
+}

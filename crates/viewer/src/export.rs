@@ -1,0 +1,154 @@
+//! Writing what is shown.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use lodsmith::Stop;
+use lodsmith_core::TriMesh;
+use lodsmith_io::gltf::outside_path;
+use lodsmith_io::{Format, ModelSource, Textures, Warning, WriteOptions};
+
+use crate::content::{Lighter, Original, placed_meshes};
+use crate::job::Watch;
+use crate::numbers::grouped;
+use crate::words::Simplification;
+
+/// What is written, and how.
+#[derive(Clone, Debug)]
+pub struct Export {
+    /// The file; with several levels the folder.
+    pub path: PathBuf,
+    /// Its format.
+    pub format: Format,
+    /// Text where the format has both.
+    pub ascii: bool,
+    /// What becomes of materials and textures that are files.
+    pub textures: Textures,
+    /// Parts of the triangles, a file each; none writes what is shown.
+    pub levels: Vec<f64>,
+}
+
+/// What there is to say of what was written.
+#[derive(Debug)]
+pub struct Written {
+    /// Such as `6,945 faces`.
+    pub summary: String,
+    /// What the format could not carry.
+    pub warnings: Vec<String>,
+}
+
+impl Export {
+    /// Writes it.
+    ///
+    /// # Errors
+    /// What the disk or the engine says; what was there before stays.
+    pub fn write(
+        &self,
+        original: &Original,
+        lighter: Option<&Lighter>,
+        how: &Simplification,
+        watch: &mut Watch,
+    ) -> anyhow::Result<Written> {
+        if self.levels.is_empty() {
+            let warnings = self.write_one(original, lighter, &self.path)?;
+            let faces = lighter.map_or(original.faces, |l| l.report.faces);
+            return Ok(Written { summary: format!("{} faces", grouped(faces)), warnings });
+        }
+        std::fs::create_dir_all(&self.path).with_context(|| self.path.display().to_string())?;
+        let stem = original.path.file_stem().map_or("model".into(), |s| s.to_string_lossy());
+        let (mut counts, mut warnings) = (Vec::new(), Vec::new());
+        for (i, &ratio) in self.levels.iter().enumerate() {
+            let mut how = how.clone();
+            how.options.stop = if ratio < 1.0 { Stop::ratio(ratio) } else { Stop::default() };
+            let level = if how.has_end() { Some(Lighter::make(original, &how, watch)?) } else { None };
+            let path = self.path.join(format!("{stem}_lod{i}.{}", self.format.name()));
+            warnings.extend(self.write_one(original, level.as_ref(), &path)?);
+            counts.push(grouped(level.as_ref().map_or(original.faces, |l| l.report.faces)));
+        }
+        warnings.dedup();
+        Ok(Written { summary: format!("{} levels: {} faces", counts.len(), counts.join(", ")), warnings })
+    }
+
+    fn write_one(
+        &self,
+        original: &Original,
+        lighter: Option<&Lighter>,
+        path: &Path,
+    ) -> anyhow::Result<Vec<String>> {
+        let mut options = WriteOptions::default();
+        options.format = Some(self.format);
+        options.ascii = self.ascii;
+        options.textures = self.textures;
+        let is_scene = matches!(self.format, Format::Gltf | Format::Glb);
+        let warnings = match (&original.file.source, is_scene) {
+            (ModelSource::Scene(scene), true) => {
+                let taken = placed_meshes(scene);
+                let lighter_mesh = |i: usize| {
+                    let model = &lighter.filter(|_| taken.contains(&i))?.model;
+                    let had_faces = scene.meshes()[i].mesh.face_count() > 0;
+                    had_faces.then(|| TriMesh::clone(&model.meshes[i].mesh))
+                };
+                let replaced: Vec<_> = (0..scene.meshes().len()).map(lighter_mesh).collect();
+                let mut scene = (**scene).clone();
+                let folder = original.path.parent().unwrap_or(Path::new(""));
+                let mut warnings = embed(&mut scene, folder);
+                warnings.extend(lodsmith_io::write_scene_path(&scene, &replaced, path, &options, &|_| None)?);
+                warnings
+            }
+            (ModelSource::Scene(_), false) => {
+                // Other formats hold one mesh: all that is placed, joined as the command joins it.
+                let (mesh, regions, told) = joined(original, lighter)?;
+                options.regions = Some(regions);
+                let mut warnings = lodsmith_io::write_path(&mesh, path, &options)?;
+                warnings.extend(told);
+                warnings
+            }
+            (ModelSource::Mesh(regions), _) => {
+                options.regions = Some(regions.clone());
+                let model = lighter.map_or(original.model(), |l| &l.model);
+                lodsmith_io::write_path(&model.meshes[0].mesh, path, &options)?
+            }
+            _ => anyhow::bail!("{}: nothing is known of how to write this source", path.display()),
+        };
+        Ok(warnings.iter().map(ToString::to_string).collect())
+    }
+}
+
+/// Takes images that are files into the scene, so that it can stand anywhere.
+fn embed(scene: &mut lodsmith_io::gltf::Scene, folder: &Path) -> Vec<Warning> {
+    for uri in scene.outside_files() {
+        let path = outside_path(&uri).map(|path| folder.join(path)).filter(|p| p.is_file());
+        if let Some(bytes) = path.and_then(|p| std::fs::read(p).ok()) {
+            scene.embed(&uri, bytes);
+        }
+    }
+    let left = scene.outside_files();
+    let text =
+        |uri: &String| Warning::note(format!("{uri} stays a file of its own, which the scene refers to"));
+    left.first().map(text).into_iter().collect()
+}
+
+/// All that is placed as one mesh: written as GLB in memory and read back, as if it had been that file.
+fn joined(
+    original: &Original,
+    lighter: Option<&Lighter>,
+) -> anyhow::Result<(TriMesh, Arc<lodsmith_io::Regions>, Vec<Warning>)> {
+    let ModelSource::Scene(scene) = &original.file.source else {
+        anyhow::bail!("{}: is no scene", original.path.display())
+    };
+    let replaced: Vec<_> = match lighter {
+        None => Vec::new(),
+        Some(lighter) => {
+            let taken = placed_meshes(scene);
+            let mesh = |i: usize| taken.contains(&i).then(|| TriMesh::clone(&lighter.model.meshes[i].mesh));
+            (0..scene.meshes().len()).map(mesh).collect()
+        }
+    };
+    let mut bytes = Vec::new();
+    let _ = lodsmith_io::write_scene_to(scene, &replaced, Format::Glb, &|_| None, &mut bytes)?;
+    let mut read = lodsmith_io::ReadOptions::default();
+    read.folder = original.path.parent().map(Path::to_owned);
+    let loaded = lodsmith_io::read_bytes(&bytes, &read)?;
+    Ok((loaded.mesh, Arc::new(loaded.regions), loaded.warnings))
+}

@@ -1,0 +1,77 @@
+//! What shaders are given, in groups: of the frame, of the mesh, of the material.
+
+use egui_wgpu::wgpu;
+
+/// The layouts of all groups.
+pub(super) struct Layouts {
+    pub(super) frame: wgpu::BindGroupLayout,
+    pub(super) mesh: wgpu::BindGroupLayout,
+    pub(super) material: wgpu::BindGroupLayout,
+}
+
+/// Textures of a material, in the order of their bindings.
+pub(super) const MATERIAL_TEXTURES: u32 = 5;
+
+impl Layouts {
+    pub(super) fn new(device: &wgpu::Device) -> Self {
+        let vertex = wgpu::ShaderStages::VERTEX;
+        let fragment = wgpu::ShaderStages::FRAGMENT;
+        let group = |label, entries: &[wgpu::BindGroupLayoutEntry]| {
+            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
+        };
+        let mut material = vec![uniform(0, fragment)];
+        for k in 0..MATERIAL_TEXTURES {
+            material.push(texture(1 + k));
+            material.push(sampler(1 + MATERIAL_TEXTURES + k));
+        }
+        Self {
+            frame: group(
+                "frame",
+                &[uniform(0, vertex | fragment), storage(1), storage(2), texture(3), sampler(4)],
+            ),
+            mesh: group(
+                "mesh",
+                &[uniform(0, vertex), storage(1), storage(2), storage(3), storage(4), storage(5)],
+            ),
+            material: group("material", &material),
+        }
+    }
+}
+
+fn entry(binding: u32, visibility: wgpu::ShaderStages, ty: wgpu::BindingType) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }
+}
+
+fn buffer(
+    binding: u32,
+    visibility: wgpu::ShaderStages,
+    ty: wgpu::BufferBindingType,
+) -> wgpu::BindGroupLayoutEntry {
+    entry(
+        binding,
+        visibility,
+        wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+    )
+}
+
+fn uniform(binding: u32, visibility: wgpu::ShaderStages) -> wgpu::BindGroupLayoutEntry {
+    buffer(binding, visibility, wgpu::BufferBindingType::Uniform)
+}
+
+fn storage(binding: u32) -> wgpu::BindGroupLayoutEntry {
+    buffer(binding, wgpu::ShaderStages::VERTEX, wgpu::BufferBindingType::Storage { read_only: true })
+}
+
+fn texture(binding: u32) -> wgpu::BindGroupLayoutEntry {
+    let ty = wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    entry(binding, wgpu::ShaderStages::FRAGMENT, ty)
+}
+
+fn sampler(binding: u32) -> wgpu::BindGroupLayoutEntry {
+    let ty = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+    entry(binding, wgpu::ShaderStages::FRAGMENT, ty)
+}

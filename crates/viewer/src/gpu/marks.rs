@@ -1,0 +1,60 @@
+//! Which edges are to be marked: open borders, and what is broken.
+
+use lodsmith_core::mesh::defects::{duplicates, is_zero_area};
+use lodsmith_core::topology::EdgeKind;
+use lodsmith_core::{FaceId, Topology, TriMesh, VertexId, WedgeId};
+use lodsmith_render::marks::{BORDER, DUPLICATE, NON_MANIFOLD, ZERO_AREA};
+
+/// Colours of the kinds, in the order of their numbers.
+pub(super) const COLORS: [[f32; 3]; 4] = [BORDER, NON_MANIFOLD, DUPLICATE, ZERO_AREA];
+
+/// Marked edges of a mesh. Made without any device: a worker can do it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Marks {
+    /// Two wedges, and which of [`COLORS`].
+    pub(super) edges: Vec<[u32; 3]>,
+    borders: usize,
+}
+
+impl Marks {
+    /// Finds open borders, non-manifold edges, faces without area and faces that stand twice.
+    ///
+    /// Cost: O(n).
+    pub fn find(mesh: &TriMesh) -> Self {
+        let surface = mesh.surface();
+        let topology = Topology::new(&surface);
+        let mut wedge_of = vec![WedgeId(0); mesh.vertex_count()];
+        for &w in mesh.triangles().iter().flatten() {
+            wedge_of[mesh.vertex_of(w).index()] = w;
+        }
+        let edge =
+            |ends: [VertexId; 2], kind| [wedge_of[ends[0].index()].0, wedge_of[ends[1].index()].0, kind];
+        let mut edges = Vec::new();
+        for (kind, number) in [(EdgeKind::Border, 0), (EdgeKind::NonManifold, 1)] {
+            let found = topology.edges().filter(|&h| topology.kind(h) == Some(kind));
+            edges.extend(found.map(|h| edge([topology.origin(h), topology.target(h)], number)));
+        }
+        let borders = edges.iter().filter(|e| e[2] == 0).count();
+        let faces: Vec<[VertexId; 3]> =
+            (0..topology.face_count()).map(|f| topology.triangle(FaceId::new(f))).collect();
+        let mut round = |t: [VertexId; 3], kind| {
+            edges.extend([[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]].map(|ends| edge(ends, kind)));
+        };
+        let is_plain = |t: &[VertexId; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+        let plain: Vec<[VertexId; 3]> = faces.iter().copied().filter(is_plain).collect();
+        let twice = duplicates(&plain, mesh.vertex_count());
+        for face in twice.same_winding.iter().chain(&twice.opposite) {
+            round(plain[face.index()], 2);
+        }
+        let positions = surface.positions();
+        for t in faces.iter().filter(|t| is_zero_area(t.map(|v| positions.get(v)))) {
+            round(*t, 3);
+        }
+        Self { edges, borders }
+    }
+
+    /// How many edges lie on an open border, and how many are marked as broken.
+    pub fn counts(&self) -> [usize; 2] {
+        [self.borders, self.edges.len() - self.borders]
+    }
+}

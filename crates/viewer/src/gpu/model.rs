@@ -1,0 +1,527 @@
+//! A model on the graphics card.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use egui_wgpu::wgpu;
+use egui_wgpu::wgpu::util::DeviceExt;
+use glam::DMat4;
+use lodsmith_core::geometry::UnitFrame;
+use lodsmith_core::model::{Instance, ModelMesh, Pose, Skin};
+use lodsmith_core::{Model, TriMesh, WedgeId};
+
+use super::buffer::Storage;
+use super::context::Context;
+use super::marks::Marks;
+use super::pack::{self, Row};
+use super::texture::Surfaces;
+
+/// A model on the graphics card: its meshes, where they stand, and what they look like.
+///
+/// Made by [`Context::upload`], on any thread. Dropping it frees the memory.
+pub struct DrawModel {
+    context: Context,
+    id: u64,
+    revision: u64,
+    /// The nodes, roots and skins; no meshes.
+    hierarchy: Model,
+    pub(super) meshes: Vec<DrawMesh>,
+    at_rest: Vec<Instance>,
+    pub(super) surfaces: Surfaces,
+    pub(super) has_linear_colors: bool,
+}
+
+/// A mesh on the graphics card.
+pub(super) struct DrawMesh {
+    pub(super) chunks: Vec<Chunk>,
+    pages: Vec<Page>,
+    pub(super) user_from_unit: DMat4,
+    /// Of a ball round the origin of the unit frame.
+    pub(super) radius: f64,
+    pub(super) skinned: bool,
+    pub(super) has_colors: bool,
+    pub(super) has_own_normals: bool,
+    pub(super) morph_targets: u32,
+    pub(super) morph_weights: Vec<f32>,
+    /// Greatest of the values of [`DrawModel::set_heat`]; `None` without any.
+    pub(super) heat_max: Option<f32>,
+    materials: Vec<Option<usize>>,
+    /// Of each page, the marked edges whose ends it holds.
+    marks: Vec<MarkedEdges>,
+    frame: UnitFrame,
+    row: Row,
+    face_count: usize,
+    wedge_count: usize,
+}
+
+/// Triangles that one draw can reach.
+pub(super) struct Chunk {
+    page: usize,
+    indices: Storage,
+    pub(super) bind: wgpu::BindGroup,
+    pub(super) parts: Vec<Part>,
+}
+
+/// Edges that are drawn as lines.
+struct MarkedEdges {
+    page: usize,
+    edges: Storage,
+    bind: wgpu::BindGroup,
+    /// Six for each line.
+    corners: u32,
+}
+
+/// Triangles of one material.
+pub(super) struct Part {
+    pub(super) material: Option<usize>,
+    /// Corners in the indices of the chunk.
+    pub(super) corners: Range<u32>,
+}
+
+/// Wedges that one buffer holds: all, or those of one chunk.
+struct Page {
+    /// The wedges in their order; `None` where they are all of the mesh.
+    wedges: Option<Vec<WedgeId>>,
+    info: wgpu::Buffer,
+    corners: Storage,
+    rows: Storage,
+    heat: Storage,
+    morphs: Storage,
+}
+
+/// The uniform of a page; the same order as in `vertex.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct MeshInfo {
+    stride: u32,
+    uv: [u32; 2],
+    color: u32,
+    tangent: u32,
+    joints: u32,
+    joint_sets: u32,
+    wedge_count: u32,
+}
+
+static NEXT_ID: AtomicU64 = AtomicU64::new(0);
+
+impl Context {
+    /// Brings a model to the graphics card. Takes a while for a large one: a worker can do it.
+    ///
+    /// Cost: O(n); a mesh without normals gets those of its shape.
+    pub fn upload(&self, model: &Model) -> DrawModel {
+        let hierarchy = Model {
+            nodes: model.nodes.clone(),
+            roots: model.roots.clone(),
+            skins: model.skins.clone(),
+            ..Model::default()
+        };
+        let meshes = model.meshes.iter().map(|m| DrawMesh::new(self, m)).collect();
+        let at_rest = hierarchy.instances(&Pose::default());
+        let id = NEXT_ID.fetch_add(1, Ordering::Relaxed);
+        let surfaces = Surfaces::new(self, &model.materials, &model.images);
+        DrawModel {
+            context: self.clone(),
+            id,
+            revision: 0,
+            hierarchy,
+            meshes,
+            at_rest,
+            surfaces,
+            has_linear_colors: false,
+        }
+    }
+}
+
+impl DrawModel {
+    /// Whether colours of vertices are linear, as glTF has them; else they are sRGB.
+    pub fn with_linear_colors(self, is_linear: bool) -> Self {
+        Self { has_linear_colors: is_linear, ..self }
+    }
+
+    /// Which model it is, and how often it has changed: equal if the picture is the same.
+    pub fn version(&self) -> (u64, u64) {
+        (self.id, self.revision)
+    }
+    /// Triangles of a mesh.
+    ///
+    /// # Panics
+    /// If there is no such mesh.
+    pub fn face_count(&self, mesh: usize) -> usize {
+        self.meshes[mesh].face_count
+    }
+    /// How many meshes there are.
+    pub fn mesh_count(&self) -> usize {
+        self.meshes.len()
+    }
+
+    /// Another geometry for a mesh; its materials stay, its heat goes. Buffers are used again where it fits.
+    ///
+    /// Cost: O(n).
+    ///
+    /// # Panics
+    /// If there is no such mesh.
+    pub fn replace_mesh(&mut self, mesh: usize, geometry: &TriMesh) {
+        self.meshes[mesh].replace(&self.context, geometry);
+        self.revision += 1;
+    }
+
+    /// Values for [`Shading::Heat`](lodsmith_render::Shading::Heat), one for each wedge of a mesh; `None` takes them away.
+    ///
+    /// # Panics
+    /// If there is no such mesh, or not one value for each wedge.
+    pub fn set_heat(&mut self, mesh: usize, values: Option<&[f32]>) {
+        self.meshes[mesh].set_heat(&self.context, values);
+        self.revision += 1;
+    }
+
+    /// Edges for [`Look::borders`](lodsmith_render::Look::borders) and [`Look::defects`](lodsmith_render::Look::defects);
+    /// they go when the geometry is replaced.
+    ///
+    /// # Panics
+    /// If there is no such mesh, or the marks are those of a larger one.
+    pub fn set_marks(&mut self, mesh: usize, marks: &Marks) {
+        self.meshes[mesh].set_marks(&self.context, marks);
+        self.revision += 1;
+    }
+
+    pub(super) fn instances(&self, pose: &Pose) -> std::borrow::Cow<'_, [Instance]> {
+        if pose.transforms.is_empty() {
+            self.at_rest.as_slice().into()
+        } else {
+            self.hierarchy.instances(pose).into()
+        }
+    }
+    pub(super) fn world_from_nodes(&self, pose: &Pose) -> Vec<DMat4> {
+        self.hierarchy.world_from_nodes(pose)
+    }
+    /// The skin of a node, if its mesh has joints to be pulled by.
+    pub(super) fn skin(&self, instance: &Instance) -> Option<&Skin> {
+        let skin = self.hierarchy.nodes[instance.node].skin?;
+        self.meshes[instance.mesh].skinned.then(|| &self.hierarchy.skins[skin])
+    }
+    /// Strengths of the morph targets at a node.
+    pub(super) fn morph_weights<'a>(&'a self, pose: &'a Pose, instance: &Instance) -> &'a [f32] {
+        let posed = pose.morph_weights.get(instance.node).and_then(Option::as_deref);
+        let own = self.hierarchy.nodes[instance.node].morph_weights.as_deref();
+        posed.or(own).unwrap_or(&self.meshes[instance.mesh].morph_weights)
+    }
+}
+
+impl DrawMesh {
+    fn new(context: &Context, mesh: &ModelMesh) -> Self {
+        let mut new = Self::of(context, &mesh.mesh, &mesh.materials, None);
+        new.morph_weights.clone_from(&mesh.morph_weights);
+        new
+    }
+
+    fn replace(&mut self, context: &Context, mesh: &TriMesh) {
+        let materials = std::mem::take(&mut self.materials);
+        let morph_weights = std::mem::take(&mut self.morph_weights);
+        let pages = std::mem::take(&mut self.pages);
+        let chunks = std::mem::take(&mut self.chunks);
+        *self = Self::of(context, mesh, &materials, Some((pages, chunks)));
+        self.morph_weights = morph_weights;
+    }
+
+    /// A mesh in the buffers of an older one, where there is one.
+    fn of(
+        context: &Context,
+        mesh: &TriMesh,
+        materials: &[Option<usize>],
+        old: Option<(Vec<Page>, Vec<Chunk>)>,
+    ) -> Self {
+        let frame = pack::frame_of(mesh);
+        let row = Row::of(mesh);
+        let normals = pack::normals(mesh);
+        let (faces, regions) = pack::by_region(mesh);
+        let (old_pages, old_chunks) = old.unwrap_or_default();
+        let (mut old_pages, mut old_chunks) = (old_pages.into_iter(), old_chunks.into_iter());
+        let (mut pages, mut chunks, mut radius) = (Vec::new(), Vec::new(), 0f32);
+        for cut in cuts(&faces, mesh.wedge_count(), context) {
+            if let Some(wedges) = cut.wedges {
+                let wedges = (!wedges.is_empty() || pages.is_empty()).then_some(wedges);
+                let (page, r) = Page::fill(context, mesh, &frame, &row, &normals, wedges, old_pages.next());
+                radius = radius.max(r);
+                pages.push(page);
+            } else if pages.is_empty() {
+                let (page, r) = Page::fill(context, mesh, &frame, &row, &normals, None, old_pages.next());
+                radius = r;
+                pages.push(page);
+            }
+            let page = pages.len() - 1;
+            let parts = parts_within(&regions, &cut.faces, materials);
+            chunks.push(Chunk::fill(context, page, &pages[page], &cut.indices, parts, old_chunks.next()));
+        }
+        Self {
+            chunks,
+            pages,
+            user_from_unit: pack::user_from_unit(&frame),
+            radius: f64::from(radius),
+            skinned: row.joint_sets > 0,
+            has_colors: mesh.colors().is_some(),
+            has_own_normals: mesh.normals().is_some(),
+            morph_targets: pack::morph_target_count(mesh),
+            morph_weights: Vec::new(),
+            heat_max: None,
+            materials: materials.to_vec(),
+            marks: Vec::new(),
+            frame,
+            row,
+            face_count: mesh.face_count(),
+            wedge_count: mesh.wedge_count(),
+        }
+    }
+
+    fn set_heat(&mut self, context: &Context, values: Option<&[f32]>) {
+        let Some(values) = values else {
+            self.heat_max = None;
+            return;
+        };
+        assert_eq!(values.len(), self.wedge_count, "one value for each wedge");
+        for k in 0..self.pages.len() {
+            let page = &mut self.pages[k];
+            let moved = match &page.wedges {
+                None => page.heat.replace(context, bytemuck::cast_slice(values)),
+                Some(wedges) => {
+                    let values: Vec<f32> = wedges.iter().map(|w| values[w.index()]).collect();
+                    page.heat.replace(context, bytemuck::cast_slice(&values))
+                }
+            };
+            if moved {
+                self.bind_again(context, k);
+            }
+        }
+        self.heat_max = Some(values.iter().copied().filter(|x| x.is_finite()).fold(0.0, f32::max));
+    }
+
+    fn set_marks(&mut self, context: &Context, marks: &Marks) {
+        self.marks.clear();
+        for (number, page) in self.pages.iter().enumerate() {
+            let edges: Vec<[u32; 3]> = match &page.wedges {
+                None => marks.edges.clone(),
+                Some(wedges) => {
+                    let mut local = vec![pack::NONE; self.wedge_count];
+                    wedges.iter().enumerate().for_each(|(k, w)| local[w.index()] = k as u32);
+                    let here = |e: &[u32; 3]| [local[e[0] as usize], local[e[1] as usize], e[2]];
+                    marks
+                        .edges
+                        .iter()
+                        .map(here)
+                        .filter(|e| e[0] != pack::NONE && e[1] != pack::NONE)
+                        .collect()
+                }
+            };
+            if edges.is_empty() {
+                continue;
+            }
+            let storage = Storage::new(context, "marks", bytemuck::cast_slice(&edges));
+            let bind = bind(context, page, &storage);
+            self.marks.push(MarkedEdges {
+                page: number,
+                edges: storage,
+                bind,
+                corners: 6 * edges.len() as u32,
+            });
+        }
+    }
+
+    /// Bindings of marked edges, and how many corners their lines have.
+    pub(super) fn marks(&self) -> impl Iterator<Item = (&wgpu::BindGroup, u32)> {
+        self.marks.iter().map(|m| (&m.bind, m.corners))
+    }
+
+    /// Groups of bindings that name buffers of a page, after some of them have moved.
+    fn bind_again(&mut self, context: &Context, page: usize) {
+        for chunk in self.chunks.iter_mut().filter(|c| c.page == page) {
+            chunk.bind = bind(context, &self.pages[page], &chunk.indices);
+        }
+        for marks in self.marks.iter_mut().filter(|m| m.page == page) {
+            marks.bind = bind(context, &self.pages[page], &marks.edges);
+        }
+    }
+}
+
+impl Page {
+    /// A page, and the radius of a ball round its corners.
+    fn fill(
+        context: &Context,
+        mesh: &TriMesh,
+        frame: &UnitFrame,
+        row: &Row,
+        normals: &[[f32; 3]],
+        wedges: Option<Vec<WedgeId>>,
+        old: Option<Self>,
+    ) -> (Self, f32) {
+        let all: Vec<WedgeId>;
+        let ids: &[WedgeId] = match &wedges {
+            Some(wedges) => wedges,
+            None => {
+                all = (0..mesh.wedge_count()).map(WedgeId::new).collect();
+                &all
+            }
+        };
+        let corners = pack::corners(mesh, frame, normals, ids.iter().copied());
+        let rows = pack::rows(mesh, row, ids.iter().copied());
+        let morphs = pack::morphs(mesh, frame, ids.iter().copied());
+        let radius = pack::radius(&corners);
+        let info = MeshInfo {
+            stride: row.stride,
+            uv: row.uv,
+            color: row.color,
+            tangent: row.tangent,
+            joints: row.joints,
+            joint_sets: row.joint_sets,
+            wedge_count: ids.len() as u32,
+        };
+        let page = match old {
+            None => {
+                let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+                let contents = bytemuck::bytes_of(&info);
+                let init = wgpu::util::BufferInitDescriptor { label: Some("mesh"), contents, usage };
+                Self {
+                    wedges,
+                    info: context.device.create_buffer_init(&init),
+                    corners: Storage::new(context, "corners", bytemuck::cast_slice(&corners)),
+                    rows: Storage::new(context, "rows", bytemuck::cast_slice(&rows)),
+                    heat: Storage::new(context, "heat", &[]),
+                    morphs: Storage::new(context, "morphs", bytemuck::cast_slice(&morphs)),
+                }
+            }
+            Some(mut page) => {
+                context.queue.write_buffer(&page.info, 0, bytemuck::bytes_of(&info));
+                page.corners.replace(context, bytemuck::cast_slice(&corners));
+                page.rows.replace(context, bytemuck::cast_slice(&rows));
+                page.morphs.replace(context, bytemuck::cast_slice(&morphs));
+                page.heat.replace(context, &[]);
+                page.wedges = wedges;
+                page
+            }
+        };
+        (page, radius)
+    }
+}
+
+impl Chunk {
+    fn fill(
+        context: &Context,
+        page: usize,
+        of: &Page,
+        indices: &[[u32; 3]],
+        parts: Vec<Part>,
+        old: Option<Self>,
+    ) -> Self {
+        let bytes = bytemuck::cast_slice(indices);
+        let indices = match old {
+            None => Storage::new(context, "indices", bytes),
+            Some(Self { mut indices, .. }) => {
+                indices.replace(context, bytes);
+                indices
+            }
+        };
+        let bind = bind(context, of, &indices);
+        Self { page, indices, bind, parts }
+    }
+}
+
+/// Bindings of a mesh for passes that read none.
+pub(super) fn no_mesh(context: &Context) -> wgpu::BindGroup {
+    let storage = Storage::new(context, "nothing", &[]);
+    let info = context.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("nothing"),
+        size: size_of::<MeshInfo>() as u64,
+        usage: wgpu::BufferUsages::UNIFORM,
+        mapped_at_creation: false,
+    });
+    let page = Page {
+        wedges: None,
+        info,
+        corners: storage.clone(),
+        rows: storage.clone(),
+        heat: storage.clone(),
+        morphs: storage.clone(),
+    };
+    bind(context, &page, &storage)
+}
+
+fn bind(context: &Context, page: &Page, indices: &Storage) -> wgpu::BindGroup {
+    let buffers = [
+        &page.info,
+        indices.buffer(),
+        page.corners.buffer(),
+        page.rows.buffer(),
+        page.heat.buffer(),
+        page.morphs.buffer(),
+    ];
+    let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+        .zip(buffers)
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+        .collect();
+    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("mesh"),
+        layout: &context.layouts.mesh,
+        entries: &entries,
+    })
+}
+
+/// Faces for one chunk.
+struct Cut {
+    faces: Range<usize>,
+    indices: Vec<[u32; 3]>,
+    /// The wedges of the chunk, where the mesh has more of them than fit into one buffer.
+    wedges: Option<Vec<WedgeId>>,
+}
+
+/// Cuts a list of faces so that each piece fits into its buffers.
+fn cuts(faces: &[[WedgeId; 3]], wedge_count: usize, context: &Context) -> Vec<Cut> {
+    let split = context.split;
+    let most = split.triangles.max(1);
+    if wedge_count <= split.wedges {
+        let plain = |start: usize| {
+            let end = (start + most).min(faces.len());
+            let indices = bytemuck::cast_slice(&faces[start..end]).to_vec();
+            Cut { faces: start..end, indices, wedges: None }
+        };
+        return (0..faces.len().max(1)).step_by(most).map(plain).collect();
+    }
+    let mut cuts = Vec::new();
+    let mut local = vec![pack::NONE; wedge_count];
+    let mut start = 0;
+    while start < faces.len() {
+        let (mut indices, mut wedges): (Vec<[u32; 3]>, Vec<WedgeId>) = (Vec::new(), Vec::new());
+        for face in &faces[start..] {
+            if indices.len() == most || wedges.len() + 3 > split.wedges.max(3) {
+                break;
+            }
+            indices.push(face.map(|w| {
+                let local = &mut local[w.index()];
+                if *local == pack::NONE {
+                    *local = wedges.len() as u32;
+                    wedges.push(w);
+                }
+                *local
+            }));
+        }
+        for w in &wedges {
+            local[w.index()] = pack::NONE;
+        }
+        let end = start + indices.len();
+        cuts.push(Cut { faces: start..end, indices, wedges: Some(wedges) });
+        start = end;
+    }
+    cuts
+}
+
+/// What of each region lies in a range of faces, with its material.
+fn parts_within(
+    regions: &[(lodsmith_core::RegionId, Range<usize>)],
+    faces: &Range<usize>,
+    materials: &[Option<usize>],
+) -> Vec<Part> {
+    let clip = |(region, range): &(lodsmith_core::RegionId, Range<usize>)| {
+        let (start, end) = (range.start.max(faces.start), range.end.min(faces.end));
+        let corner = |face: usize| 3 * (face - faces.start) as u32;
+        let material = materials.get(region.index()).copied().flatten();
+        (start < end).then(|| Part { material, corners: corner(start)..corner(end) })
+    };
+    regions.iter().filter_map(clip).collect()
+}

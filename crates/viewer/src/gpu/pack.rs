@@ -1,0 +1,215 @@
+//! A mesh as the shaders read it: places with normals, rows of values, indices in the order of their materials.
+
+use glam::{DVec3, Vec2, Vec3};
+use lodsmith_core::geometry::UnitFrame;
+use lodsmith_core::mesh::normals::vertex_normals;
+use lodsmith_core::mesh::weld::weld;
+use lodsmith_core::{Attribute, Morphed, RegionId, Semantic, TriMesh, WedgeId};
+
+/// Which values stand in the row of a wedge, and where: offsets in words, `NONE` where a mesh has no such values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Row {
+    pub(super) stride: u32,
+    pub(super) uv: [u32; 2],
+    pub(super) color: u32,
+    pub(super) tangent: u32,
+    pub(super) joints: u32,
+    /// Sets of four joints with four weights, one after the other from `joints`: two words and four.
+    pub(super) joint_sets: u32,
+}
+
+pub(super) const NONE: u32 = u32::MAX;
+/// Words of four joints and their weights.
+const JOINT_SET: u32 = 6;
+
+impl Row {
+    pub(super) fn of(mesh: &TriMesh) -> Self {
+        let mut stride = 0;
+        let mut take = |there: bool, words: u32| {
+            let at = stride;
+            stride += if there { words } else { 0 };
+            if there { at } else { NONE }
+        };
+        let uv = [take(mesh.uvs().is_some(), 2), take(further(mesh, &Semantic::Uv(1)).is_some(), 2)];
+        let color = take(mesh.colors().is_some(), 1);
+        let tangent = take(further(mesh, &Semantic::Tangent).is_some(), 2);
+        let joint_sets = (0..=u8::MAX).take_while(|&set| joint_set(mesh, set).is_some()).count() as u32;
+        let joints = take(joint_sets > 0, JOINT_SET * joint_sets);
+        Self { stride, uv, color, tangent, joints, joint_sets }
+    }
+}
+
+fn further<'a>(mesh: &'a TriMesh, semantic: &Semantic) -> Option<&'a Attribute> {
+    mesh.further_attributes().iter().find(|a| a.semantic == *semantic)
+}
+
+fn joint_set(mesh: &TriMesh, set: u8) -> Option<[&Attribute; 2]> {
+    let joints = further(mesh, &Semantic::Joints(set)).filter(|a| a.width == 4)?;
+    let weights = further(mesh, &Semantic::Weights(set)).filter(|a| a.width == 4)?;
+    Some([joints, weights])
+}
+
+/// The place of a wedge in the unit frame, and its normal in an octahedron of twice 16 bits.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct Corner {
+    pub(super) position: [f32; 3],
+    pub(super) normal: u32,
+}
+
+/// The unit frame of a mesh.
+pub(super) fn frame_of(mesh: &TriMesh) -> UnitFrame {
+    let nowhere = lodsmith_core::Bounds { min: [0.0; 3], max: [0.0; 3] };
+    UnitFrame::of(&mesh.positions().view().bounds().unwrap_or(nowhere))
+}
+
+/// Normals of all wedges: the mesh's own, or those of its shape.
+pub(super) fn normals(mesh: &TriMesh) -> Vec<[f32; 3]> {
+    if let Some(normals) = mesh.normals() {
+        return normals.to_vec();
+    }
+    let surface = mesh.surface();
+    let joined = weld(surface.positions());
+    let of_vertex = vertex_normals(&surface, |v| joined.of(v));
+    match mesh.vertex_map() {
+        None => of_vertex,
+        Some(map) => map.iter().map(|v| of_vertex[v.index()]).collect(),
+    }
+}
+
+/// Places and normals of a range of wedges.
+pub(super) fn corners(
+    mesh: &TriMesh,
+    frame: &UnitFrame,
+    normals: &[[f32; 3]],
+    wedges: impl Iterator<Item = WedgeId>,
+) -> Vec<Corner> {
+    let positions = mesh.positions().view();
+    wedges
+        .map(|w| {
+            let position = frame.unit_from_user(positions.get(mesh.vertex_of(w))).as_vec3().to_array();
+            Corner { position, normal: octahedral(Vec3::from(normals[w.index()])) }
+        })
+        .collect()
+}
+
+/// Rows of values of wedges.
+pub(super) fn rows(mesh: &TriMesh, row: &Row, wedges: impl ExactSizeIterator<Item = WedgeId>) -> Vec<u32> {
+    let mut words = Vec::with_capacity(wedges.len() * row.stride as usize);
+    if row.stride == 0 {
+        return words;
+    }
+    let uv1 = further(mesh, &Semantic::Uv(1));
+    let tangent = further(mesh, &Semantic::Tangent);
+    let sets: Vec<_> = (0..row.joint_sets as u8).filter_map(|set| joint_set(mesh, set)).collect();
+    for w in wedges {
+        if let Some(uvs) = mesh.uvs() {
+            words.extend(uvs[w.index()].map(f32::to_bits));
+        }
+        if let Some(uv1) = uv1 {
+            words.extend(uv1.of(w).iter().map(|x| x.to_bits()));
+        }
+        if let Some(colors) = mesh.colors() {
+            words.push(u32::from_le_bytes(
+                colors[w.index()].map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8),
+            ));
+        }
+        if let Some(tangent) = tangent {
+            let t = tangent.of(w);
+            words.push(octahedral(Vec3::new(t[0], t[1], t[2])));
+            words.push(t[3].to_bits());
+        }
+        for [joints, weights] in &sets {
+            let j = joints.of(w);
+            words.extend([0, 2].map(|k| j[k] as u32 & 0xffff | (j[k + 1] as u32) << 16));
+            words.extend(weights.of(w).iter().map(|x| x.to_bits()));
+        }
+    }
+    words
+}
+
+/// How many morph targets a mesh has.
+pub(super) fn morph_target_count(mesh: &TriMesh) -> u32 {
+    let target = |a: &Attribute| match a.semantic {
+        Semantic::Morph { target, .. } => Some(u32::from(target) + 1),
+        _ => None,
+    };
+    mesh.further_attributes().iter().filter_map(target).max().unwrap_or(0)
+}
+
+/// What morph targets add: for each target and each wedge six numbers, of the place in the unit frame and of the normal.
+pub(super) fn morphs(
+    mesh: &TriMesh,
+    frame: &UnitFrame,
+    wedges: impl ExactSizeIterator<Item = WedgeId> + Clone,
+) -> Vec<f32> {
+    let mut values = Vec::new();
+    for target in 0..morph_target_count(mesh) {
+        let of = |of| {
+            let semantic = Semantic::Morph { target: target as u16, of };
+            further(mesh, &semantic).filter(|a| a.width == 3)
+        };
+        let [place, normal] = [of(Morphed::Position), of(Morphed::Normal)];
+        for w in wedges.clone() {
+            let unit = |x: &f32| frame.unit_length(f64::from(*x)) as f32;
+            match place {
+                Some(a) => values.extend(a.of(w).iter().map(unit)),
+                None => values.extend([0.0; 3]),
+            }
+            match normal {
+                Some(a) => values.extend(a.of(w)),
+                None => values.extend([0.0; 3]),
+            }
+        }
+    }
+    values
+}
+
+/// Faces in the order of their regions, and where each region begins and ends. Within a region the order stays.
+pub(super) fn by_region(mesh: &TriMesh) -> (Vec<[WedgeId; 3]>, Vec<(RegionId, std::ops::Range<usize>)>) {
+    let triangles = mesh.triangles();
+    let Some(regions) = mesh.regions() else {
+        return (triangles.to_vec(), vec![(RegionId(0), 0..triangles.len())]);
+    };
+    let count = regions.iter().map(|r| r.index() + 1).max().unwrap_or(0);
+    let mut start = vec![0; count + 1];
+    for r in regions {
+        start[r.index() + 1] += 1;
+    }
+    for r in 0..count {
+        start[r + 1] += start[r];
+    }
+    let parts = (0..count).filter(|&r| start[r] < start[r + 1]);
+    let parts = parts.map(|r| (RegionId::new(r), start[r]..start[r + 1])).collect();
+    let mut sorted = triangles.to_vec();
+    for (face, r) in triangles.iter().zip(regions) {
+        sorted[start[r.index()]] = *face;
+        start[r.index()] += 1;
+    }
+    (sorted, parts)
+}
+
+/// Radius of a ball round the origin that holds all corners.
+pub(super) fn radius(corners: &[Corner]) -> f32 {
+    let finite = corners.iter().map(|c| Vec3::from(c.position).length_squared()).filter(|d| d.is_finite());
+    finite.fold(0.0, f32::max).sqrt()
+}
+
+/// A direction as a place on an octahedron unfolded to a square, two signed numbers of 16 bits.
+///
+/// Source: [Cigolle 2014].
+pub(super) fn octahedral(n: Vec3) -> u32 {
+    let sum = n.abs().element_sum();
+    let n = if sum > 0.0 && sum.is_finite() { n / sum } else { Vec3::Z };
+    let sign = |x: f32| if x < 0.0 { -1.0 } else { 1.0 };
+    let folded = Vec2::new((1.0 - n.y.abs()) * sign(n.x), (1.0 - n.x.abs()) * sign(n.y));
+    let p = if n.z < 0.0 { folded } else { Vec2::new(n.x, n.y) };
+    let pack = |x: f32| u32::from((x.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
+    pack(p.x) | pack(p.y) << 16
+}
+
+/// From the unit frame to the user's units.
+pub(super) fn user_from_unit(frame: &UnitFrame) -> glam::DMat4 {
+    let centre = DVec3::from(frame.user_from_unit(DVec3::ZERO));
+    glam::DMat4::from_translation(centre) * glam::DMat4::from_scale(DVec3::splat(frame.user_length(1.0)))
+}

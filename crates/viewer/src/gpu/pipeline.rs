@@ -1,0 +1,189 @@
+//! Pipelines: made when first asked for, kept ever after.
+
+use std::collections::HashMap;
+
+use egui_wgpu::wgpu;
+use lodsmith_render::Shading;
+
+use super::context::Context;
+use super::target::{DEPTH, drawn_as};
+
+/// What a pipeline draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Pass {
+    /// The colour or gradient behind everything.
+    Background,
+    /// Triangles; those that one sees through hide nothing.
+    Surface {
+        /// A number in `surface.wgsl`.
+        shading: u32,
+        is_blended: bool,
+    },
+    /// The grid below.
+    Ground,
+    /// Borders and defects.
+    Marks,
+    /// Numbers and depths instead of colours.
+    Pick,
+}
+
+/// Number of the shading that a file of the user gives.
+pub(super) const CUSTOM: u32 = 7;
+
+/// All pipelines of a device, for pictures of one number of samples.
+pub(super) struct Pipelines {
+    layout: wgpu::PipelineLayout,
+    surface: wgpu::ShaderModule,
+    background: wgpu::ShaderModule,
+    ground: wgpu::ShaderModule,
+    marks: wgpu::ShaderModule,
+    pick: wgpu::ShaderModule,
+    samples: u32,
+    made: HashMap<Pass, wgpu::RenderPipeline>,
+}
+
+const GLOBALS: &str = include_str!("../shaders/globals.wgsl");
+const VERTEX: &str = include_str!("../shaders/vertex.wgsl");
+const SURFACE: &str = include_str!("../shaders/surface.wgsl");
+const BACKGROUND: &str = include_str!("../shaders/background.wgsl");
+const GROUND: &str = include_str!("../shaders/ground.wgsl");
+const MARKS: &str = include_str!("../shaders/marks.wgsl");
+const PICK: &str = include_str!("../shaders/pick.wgsl");
+/// Stands where a file of the user would.
+const NO_SHADER: &str = "fn surface(at: Surface) -> vec4<f32> { return vec4(at.base, 1.0); }";
+/// Number of what was hit, and the bits of its depth.
+pub(super) const PICKED: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
+
+impl Pipelines {
+    pub(super) fn new(context: &Context) -> Self {
+        let module = |label: &str, texts: &[&str]| module(context, label, texts);
+        Self {
+            layout: layout(context),
+            surface: module("surface", &[GLOBALS, VERTEX, SURFACE, NO_SHADER]),
+            background: module("background", &[GLOBALS, BACKGROUND]),
+            ground: module("ground", &[GLOBALS, GROUND]),
+            marks: module("marks", &[GLOBALS, VERTEX, MARKS]),
+            pick: module("pick", &[GLOBALS, VERTEX, PICK]),
+            samples: context.sample_count(),
+            made: HashMap::new(),
+        }
+    }
+
+    /// Makes a pipeline, unless it is there.
+    pub(super) fn prepare(&mut self, context: &Context, pass: Pass) {
+        if !self.made.contains_key(&pass) {
+            let pipeline = self.make(context, pass, self.module(pass));
+            self.made.insert(pass, pipeline);
+        }
+    }
+
+    /// The pipelines of a surface that a file of the user colours: solid, then blended.
+    pub(super) fn of_shader(
+        &self,
+        context: &Context,
+        module: &wgpu::ShaderModule,
+    ) -> [wgpu::RenderPipeline; 2] {
+        [false, true]
+            .map(|is_blended| self.make(context, Pass::Surface { shading: CUSTOM, is_blended }, module))
+    }
+
+    /// A pipeline that was prepared.
+    pub(super) fn get(&self, pass: Pass) -> &wgpu::RenderPipeline {
+        &self.made[&pass]
+    }
+
+    fn module(&self, pass: Pass) -> &wgpu::ShaderModule {
+        match pass {
+            Pass::Background => &self.background,
+            Pass::Surface { .. } => &self.surface,
+            Pass::Ground => &self.ground,
+            Pass::Marks => &self.marks,
+            Pass::Pick => &self.pick,
+        }
+    }
+
+    fn make(&self, context: &Context, pass: Pass, module: &wgpu::ShaderModule) -> wgpu::RenderPipeline {
+        let label = format!("{pass:?}");
+        let mut constants = vec![("ENCODE", f64::from(u8::from(!context.has_views)))];
+        if let Pass::Surface { shading, .. } = pass {
+            constants.push(("SHADING", f64::from(shading)));
+        }
+        let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+        let (writes_depth, compare) = match pass {
+            Pass::Background => (false, wgpu::CompareFunction::Always),
+            Pass::Surface { is_blended, .. } => (!is_blended, wgpu::CompareFunction::Greater),
+            Pass::Ground | Pass::Marks => (false, wgpu::CompareFunction::GreaterEqual),
+            Pass::Pick => (true, wgpu::CompareFunction::Greater),
+        };
+        let (format, blend, count) = if pass == Pass::Pick {
+            (PICKED, None, 1)
+        } else {
+            (drawn_as(context), Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING), self.samples)
+        };
+        context.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(&label),
+            layout: Some(&self.layout),
+            vertex: wgpu::VertexState {
+                module,
+                entry_point: Some(if pass == Pass::Marks { "line" } else { "vs" }),
+                compilation_options: options.clone(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(writes_depth),
+                depth_compare: Some(compare),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState { count, ..Default::default() },
+            fragment: Some(wgpu::FragmentState {
+                module,
+                entry_point: Some("fs"),
+                compilation_options: options,
+                targets: &[Some(wgpu::ColorTargetState {
+                    format,
+                    blend,
+                    write_mask: wgpu::ColorWrites::ALL,
+                })],
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+    }
+}
+
+fn layout(context: &Context) -> wgpu::PipelineLayout {
+    let layouts = &context.layouts;
+    context.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("lodsmith"),
+        bind_group_layouts: &[Some(&layouts.frame), Some(&layouts.mesh), Some(&layouts.material)],
+        immediate_size: 0,
+    })
+}
+
+fn module(context: &Context, label: &str, texts: &[&str]) -> wgpu::ShaderModule {
+    let source = wgpu::ShaderSource::Wgsl(texts.join("\n").into());
+    context.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
+}
+
+/// The module of a surface that a file of the user colours, and how many lines stand before the file's first.
+pub(super) fn custom_module(context: &Context, text: &str) -> (wgpu::ShaderModule, u32) {
+    let before = [GLOBALS, VERTEX, SURFACE].join("\n");
+    let lines = before.lines().count() as u32;
+    (module(context, "surface of a file", &[&before, text]), lines)
+}
+
+/// The number of a shading in `surface.wgsl`.
+pub(super) fn shading_number(shading: Shading) -> u32 {
+    match shading {
+        Shading::Smooth => 0,
+        Shading::Flat => 1,
+        Shading::Textured => 2,
+        Shading::VertexColors => 3,
+        Shading::Normals => 4,
+        Shading::Matcap => 5,
+        Shading::Heat => 6,
+    }
+}

@@ -1,0 +1,319 @@
+//! Frames into targets.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use eframe::egui;
+use egui_wgpu::wgpu;
+use lodsmith_core::{Image, Model};
+
+use super::buffer::Storage;
+use super::context::{Context, GpuError};
+use super::frame::{Drawn, Frame, Gathered, Shown, gather, heat_range, reach};
+use super::model::DrawModel;
+use super::pipeline::{Pass, Pipelines, shading_number};
+use super::target::Target;
+use lodsmith_render::{Background, Shading};
+
+use super::uniforms::{Globals, LIGHTS_MAX, Seen, View};
+
+/// A picture of a lit ball, looked up by normals.
+pub struct Matcap {
+    id: u64,
+    view: wgpu::TextureView,
+}
+
+static NEXT_MATCAP: AtomicU64 = AtomicU64::new(1);
+
+impl Matcap {
+    pub(super) fn id(&self) -> u64 {
+        self.id
+    }
+}
+
+/// What draws: the device with its pipelines.
+pub struct Gpu {
+    context: Context,
+    renderer: Option<Arc<egui::mutex::RwLock<egui_wgpu::Renderer>>>,
+    pipelines: Pipelines,
+    globals: wgpu::Buffer,
+    instances: Storage,
+    palette: Storage,
+    frame_bind: wgpu::BindGroup,
+    plain_material: wgpu::BindGroup,
+    no_mesh: wgpu::BindGroup,
+    /// What stands in for a matcap where there is none.
+    white: wgpu::TextureView,
+    /// The matcap of `frame_bind`; 0 is none.
+    bound_matcap: u64,
+    sampler: wgpu::Sampler,
+}
+
+impl Gpu {
+    /// What draws into a window.
+    ///
+    /// # Errors
+    /// As [`Context::of_window`].
+    pub fn new(state: &egui_wgpu::RenderState) -> Result<Self, GpuError> {
+        Ok(Self::with(Context::of_window(state)?, Some(Arc::clone(&state.renderer))))
+    }
+
+    /// What draws without any window.
+    ///
+    /// # Errors
+    /// As [`Context::headless`].
+    pub fn headless() -> Result<Self, GpuError> {
+        Ok(Self::with(Context::headless()?, None))
+    }
+
+    /// What draws on a device, without any window.
+    pub fn on(context: Context) -> Self {
+        Self::with(context, None)
+    }
+
+    fn with(context: Context, renderer: Option<Arc<egui::mutex::RwLock<egui_wgpu::Renderer>>>) -> Self {
+        let device = &context.device;
+        let uniform = |label, size| {
+            let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+            let size: usize = size;
+            let size = size as u64;
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let globals = uniform("globals", size_of::<Globals>());
+        let white = super::texture::texture(&context, &Image::filled(1, 1, [255; 4]), true);
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..wgpu::SamplerDescriptor::default()
+        });
+        let instances = Storage::new(&context, "instances", &[]);
+        let palette = Storage::new(&context, "palette", &[]);
+        let frame_bind = bind_frame(&context, &globals, &instances, &palette, &white, &sampler);
+        let nothing = context.upload(&Model::default());
+        let plain_material = nothing.surfaces.plain().clone();
+        let no_mesh = super::model::no_mesh(&context);
+        let pipelines = Pipelines::new(&context);
+        Self {
+            context,
+            renderer,
+            pipelines,
+            globals,
+            instances,
+            palette,
+            frame_bind,
+            plain_material,
+            no_mesh,
+            white,
+            bound_matcap: 0,
+            sampler,
+        }
+    }
+
+    /// The device, to upload with from any thread.
+    pub fn context(&self) -> &Context {
+        &self.context
+    }
+    /// Whether pictures are computed on the processor.
+    pub fn is_software(&self) -> bool {
+        self.context.is_software()
+    }
+    /// Name of the adapter, for people.
+    pub fn adapter_name(&self) -> String {
+        self.context.adapter_name()
+    }
+    /// As [`Context::upload`].
+    pub fn upload(&self, model: &Model) -> DrawModel {
+        self.context.upload(model)
+    }
+    /// A picture of a lit ball, for [`Frame::matcap`].
+    pub fn matcap(&self, image: &Image) -> Matcap {
+        let view = super::texture::texture(&self.context, image, true);
+        Matcap { id: NEXT_MATCAP.fetch_add(1, Ordering::Relaxed), view }
+    }
+    /// A picture to draw into, of a size in pixels.
+    pub fn target(&self, size: [u32; 2]) -> Target {
+        Target::new(self.context.clone(), self.renderer.as_ref(), size)
+    }
+
+    /// Draws a frame, unless the target shows it already. Does not wait for the picture.
+    ///
+    /// Cost of the caller's thread: O(models placed), whatever their size.
+    pub fn draw(&mut self, target: &mut Target, frame: &Frame<'_>) -> Drawn {
+        let size = target.size();
+        if target.shown.as_ref().is_some_and(|shown| shown.is(frame, size)) {
+            return Drawn::default();
+        }
+        let aspect = f64::from(size[0]) / f64::from(size[1]);
+        let view = View::new(&frame.camera, aspect, reach(frame));
+        let gathered = gather(frame, &view);
+        self.write_frame(frame, &view, size, target.scale(), &gathered);
+        let shading = shading_number(frame.look.shading);
+        let [solid, blended] = [false, true].map(|is_blended| Pass::Surface { shading, is_blended });
+        for pass in [Pass::Background, Pass::Ground, Pass::Marks, solid, blended] {
+            self.prepare(pass);
+        }
+        let surfaces = match frame.shader {
+            Some(shader) => [&shader.pipelines[0], &shader.pipelines[1]],
+            None => [self.pipelines.get(solid), self.pipelines.get(blended)],
+        };
+        let mut drawn = Drawn {
+            drawn: true,
+            culled: gathered.culled,
+            lights_left_out: frame.lighting.lights.len().saturating_sub(LIGHTS_MAX) as u32,
+            ..Drawn::default()
+        };
+        let mut encoder =
+            self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("frame"),
+                color_attachments: &[Some(target.color_attachment())],
+                depth_stencil_attachment: Some(target.depth_attachment()),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            pass.set_bind_group(0, &self.frame_bind, &[]);
+            pass.set_bind_group(1, &self.no_mesh, &[]);
+            pass.set_bind_group(2, &self.plain_material, &[]);
+            if frame.background != Background::Transparent {
+                pass.set_pipeline(self.pipelines.get(Pass::Background));
+                pass.draw(0..3, 0..1);
+            }
+            if frame.ground {
+                pass.set_pipeline(self.pipelines.get(Pass::Ground));
+                pass.draw(0..3, 0..1);
+            }
+            let is_textured = frame.look.shading == Shading::Textured && frame.shader.is_none();
+            for (draws_blended, pipeline) in [false, true].into_iter().zip(surfaces) {
+                pass.set_pipeline(pipeline);
+                draw_surfaces(&mut pass, &gathered, is_textured, draws_blended, &mut drawn);
+            }
+            if frame.look.borders || frame.look.defects {
+                pass.set_pipeline(self.pipelines.get(Pass::Marks));
+                for batch in &gathered.batches {
+                    for (bind, corners) in batch.model.meshes[batch.mesh].marks() {
+                        pass.set_bind_group(1, bind, &[]);
+                        pass.draw(0..corners, batch.instances.clone());
+                        drawn.calls += 1;
+                    }
+                }
+            }
+        }
+        self.context.queue.submit([encoder.finish()]);
+        target.shown = Some(Shown::new(frame, size));
+        drawn
+    }
+
+    /// Draws all triangles with one pipeline, whatever their materials.
+    pub(super) fn draw_plain(&self, pass: &mut wgpu::RenderPass<'_>, with: Pass, gathered: &Gathered<'_>) {
+        pass.set_pipeline(self.pipelines.get(with));
+        pass.set_bind_group(0, &self.frame_bind, &[]);
+        pass.set_bind_group(2, &self.plain_material, &[]);
+        for batch in &gathered.batches {
+            for chunk in &batch.model.meshes[batch.mesh].chunks {
+                pass.set_bind_group(1, &chunk.bind, &[]);
+                for part in &chunk.parts {
+                    pass.draw(part.corners.clone(), batch.instances.clone());
+                }
+            }
+        }
+    }
+
+    pub(super) fn prepare(&mut self, pass: Pass) {
+        self.pipelines.prepare(&self.context, pass);
+    }
+    pub(super) fn pipelines(&self) -> &Pipelines {
+        &self.pipelines
+    }
+
+    pub(super) fn write_frame(
+        &mut self,
+        frame: &Frame<'_>,
+        view: &View,
+        size: [u32; 2],
+        scale: f32,
+        gathered: &Gathered<'_>,
+    ) {
+        let globals = Globals::new(&Seen {
+            view,
+            size,
+            bounds: &frame.bounds,
+            look: frame.look,
+            lighting: frame.lighting,
+            background: frame.background,
+            heat_range: heat_range(frame),
+            has_matcap: frame.matcap.is_some(),
+            scale,
+        });
+        self.context.queue.write_buffer(&self.globals, 0, bytemuck::bytes_of(&globals));
+        let moved = [
+            self.instances.replace(&self.context, bytemuck::cast_slice(&gathered.instances)),
+            self.palette.replace(&self.context, bytemuck::cast_slice(&gathered.palette)),
+        ];
+        let matcap = frame.matcap.map_or(0, Matcap::id);
+        if moved.contains(&true) || matcap != self.bound_matcap {
+            self.bound_matcap = matcap;
+            self.frame_bind = bind_frame(
+                &self.context,
+                &self.globals,
+                &self.instances,
+                &self.palette,
+                frame.matcap.map_or(&self.white, |m| &m.view),
+                &self.sampler,
+            );
+        }
+    }
+}
+
+/// Draws the triangles that one sees through, or all others.
+fn draw_surfaces(
+    pass: &mut wgpu::RenderPass<'_>,
+    gathered: &Gathered<'_>,
+    is_textured: bool,
+    draws_blended: bool,
+    drawn: &mut Drawn,
+) {
+    for batch in &gathered.batches {
+        let copies = u64::from(batch.instances.end - batch.instances.start);
+        let surfaces = &batch.model.surfaces;
+        for chunk in &batch.model.meshes[batch.mesh].chunks {
+            pass.set_bind_group(1, &chunk.bind, &[]);
+            for part in &chunk.parts {
+                let surface = part.material.filter(|_| is_textured).and_then(|m| surfaces.get(m));
+                if surface.is_some_and(|s| s.is_blended) != draws_blended {
+                    continue;
+                }
+                pass.set_bind_group(2, surface.map_or(surfaces.plain(), |s| &s.bind), &[]);
+                pass.draw(part.corners.clone(), batch.instances.clone());
+                drawn.triangles += u64::from(part.corners.end - part.corners.start) / 3 * copies;
+                drawn.calls += 1;
+            }
+        }
+    }
+}
+
+fn bind_frame(
+    context: &Context,
+    globals: &wgpu::Buffer,
+    instances: &Storage,
+    palette: &Storage,
+    matcap: &wgpu::TextureView,
+    sampler: &wgpu::Sampler,
+) -> wgpu::BindGroup {
+    let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
+    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("frame"),
+        layout: &context.layouts.frame,
+        entries: &[
+            entry(0, globals.as_entire_binding()),
+            entry(1, instances.buffer().as_entire_binding()),
+            entry(2, palette.buffer().as_entire_binding()),
+            entry(3, wgpu::BindingResource::TextureView(matcap)),
+            entry(4, wgpu::BindingResource::Sampler(sampler)),
+        ],
+    })
+}

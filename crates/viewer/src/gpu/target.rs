@@ -1,0 +1,225 @@
+//! Pictures to be drawn into, and shown or read.
+
+use std::sync::Arc;
+
+use eframe::egui;
+use egui_wgpu::wgpu;
+use lodsmith_core::Image;
+
+use super::context::Context;
+use super::frame::Shown;
+use super::uniforms::{linear_from_srgb, srgb_from_linear};
+
+/// What the window looks up: sRGB as it is stored, with the opacity multiplied in.
+const STORED: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+/// The same for those who draw: they write light, which is stored as sRGB. Where an adapter cannot see a texture in two
+/// ways, shaders encode by themselves.
+pub(super) fn drawn_as(context: &Context) -> wgpu::TextureFormat {
+    if context.has_views { wgpu::TextureFormat::Rgba8UnormSrgb } else { STORED }
+}
+/// Depth is the inverse of the distance: 0 is infinitely far.
+pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+type Renderer = Arc<egui::mutex::RwLock<egui_wgpu::Renderer>>;
+
+/// A picture that a viewport shows, or that is read back. It remembers what it shows.
+pub struct Target {
+    context: Context,
+    size: [u32; 2],
+    scale: f32,
+    planes: Planes,
+    pub(super) shown: Option<Shown>,
+    /// Where the window looks the picture up.
+    registered: Option<(Renderer, egui::TextureId)>,
+}
+
+/// The textures of one size.
+struct Planes {
+    color: wgpu::Texture,
+    /// For the window.
+    color_view: wgpu::TextureView,
+    /// For drawing.
+    light_view: wgpu::TextureView,
+    samples: Option<wgpu::TextureView>,
+    depth: wgpu::TextureView,
+}
+
+impl Target {
+    pub(super) fn new(context: Context, renderer: Option<&Renderer>, size: [u32; 2]) -> Self {
+        let size = clamped(&context, size);
+        let planes = Planes::new(&context, size);
+        let registered = renderer.map(|renderer| {
+            let filter = wgpu::FilterMode::Linear;
+            let id = renderer.write().register_native_texture(&context.device, &planes.color_view, filter);
+            (Arc::clone(renderer), id)
+        });
+        Self { context, size, scale: 1.0, planes, shown: None, registered }
+    }
+
+    /// The size of the place on the screen in pixels, and how many pixels of the picture stand for one of the screen
+    /// along each side: less than 1 draws faster, more is smoother. Nothing is made anew if nothing changes.
+    pub fn resize(&mut self, screen_px: [u32; 2], scale: f32) {
+        let scale = scale.clamp(0.1, 4.0);
+        let size = screen_px.map(|x| (x as f32 * scale).round() as u32);
+        let size = clamped(&self.context, size);
+        self.scale = scale;
+        if size == self.size {
+            return;
+        }
+        self.size = size;
+        self.shown = None;
+        self.planes = Planes::new(&self.context, size);
+        if let Some((renderer, id)) = &self.registered {
+            renderer.write().update_egui_texture_from_wgpu_texture(
+                &self.context.device,
+                &self.planes.color_view,
+                wgpu::FilterMode::Linear,
+                *id,
+            );
+        }
+    }
+
+    /// Width and height of the picture in its own pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+    /// Pixels of the picture for one of the screen.
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+    /// What the window shows it by; `None` without a window.
+    pub fn texture_id(&self) -> Option<egui::TextureId> {
+        self.registered.as_ref().map(|(_, id)| *id)
+    }
+    /// Forgets what it shows: the next frame is drawn in any case.
+    pub fn forget(&mut self) {
+        self.shown = None;
+    }
+
+    /// The picture. Waits until it is drawn.
+    pub fn read_back(&self) -> Image {
+        let [width, height] = self.size.map(|x| x as usize);
+        let bytes = read_texture(&self.context, &self.planes.color, self.size, 4);
+        let pixels = bytes.chunks_exact(4).map(|p| {
+            // Light was multiplied, not what is stored.
+            let alpha = f32::from(p[3].max(1)) / 255.0;
+            let apart = |x: u8| {
+                let light = linear_from_srgb(f32::from(x) / 255.0) / alpha;
+                (srgb_from_linear(light.min(1.0)) * 255.0).round() as u8
+            };
+            if p[3] == 255 { [p[0], p[1], p[2], 255] } else { [apart(p[0]), apart(p[1]), apart(p[2]), p[3]] }
+        });
+        Image::new(width, height, pixels.collect())
+    }
+
+    /// Where passes draw: colours (which are cleared to nothing) and depth.
+    pub(super) fn color_attachment(&self) -> wgpu::RenderPassColorAttachment<'_> {
+        let (view, resolve_target) = match &self.planes.samples {
+            Some(samples) => (samples, Some(&self.planes.light_view)),
+            None => (&self.planes.light_view, None),
+        };
+        let ops = wgpu::Operations {
+            load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+            store: wgpu::StoreOp::Store,
+        };
+        wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops }
+    }
+    pub(super) fn depth_attachment(&self) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+        depth_attachment(&self.planes.depth)
+    }
+}
+
+impl Drop for Target {
+    fn drop(&mut self) {
+        if let Some((renderer, id)) = &self.registered {
+            renderer.write().free_texture(id);
+        }
+    }
+}
+
+impl Planes {
+    fn new(context: &Context, size: [u32; 2]) -> Self {
+        let samples = context.sample_count();
+        let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
+        let usage = attachment | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
+        let color = texture(context, size, 1, STORED, usage);
+        let drawn_as = drawn_as(context);
+        let view = |t: &wgpu::Texture| t.create_view(&wgpu::TextureViewDescriptor::default());
+        let as_light = wgpu::TextureViewDescriptor { format: Some(drawn_as), ..Default::default() };
+        Self {
+            light_view: color.create_view(&as_light),
+            color_view: view(&color),
+            samples: (samples > 1).then(|| view(&texture(context, size, samples, drawn_as, attachment))),
+            depth: view(&texture(context, size, samples, DEPTH, attachment)),
+            color,
+        }
+    }
+}
+
+/// Depth, which starts infinitely far and is not kept.
+pub(super) fn depth_attachment(view: &wgpu::TextureView) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard };
+    wgpu::RenderPassDepthStencilAttachment { view, depth_ops: Some(ops), stencil_ops: None }
+}
+
+pub(super) fn texture(
+    context: &Context,
+    [width, height]: [u32; 2],
+    sample_count: u32,
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
+    context.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("viewport"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: if format == STORED && context.has_views {
+            &[wgpu::TextureFormat::Rgba8UnormSrgb]
+        } else {
+            &[]
+        },
+    })
+}
+
+/// The bytes of a texture, row after row. Waits until all work on it is done.
+pub(super) fn read_texture(
+    context: &Context,
+    texture: &wgpu::Texture,
+    [width, height]: [u32; 2],
+    bytes_per_pixel: u32,
+) -> Vec<u8> {
+    let row = width * bytes_per_pixel;
+    let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let buffer = context.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("read back"),
+        size: u64::from(padded) * u64::from(height),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+    );
+    context.queue.submit([encoder.finish()]);
+    let (sender, receiver) = std::sync::mpsc::channel();
+    buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
+    let waited = context.device.poll(wgpu::PollType::wait_indefinitely());
+    let mapped = waited.is_ok() && matches!(receiver.recv(), Ok(Ok(())));
+    // A device that is lost has no picture.
+    let Some(view) = mapped.then(|| buffer.get_mapped_range(..).ok()).flatten() else {
+        return vec![0; (row * height) as usize];
+    };
+    view.chunks_exact(padded as usize).flat_map(|r| &r[..row as usize]).copied().collect()
+}
+
+fn clamped(context: &Context, size: [u32; 2]) -> [u32; 2] {
+    let most = context.device.limits().max_texture_dimension_2d;
+    size.map(|x| x.clamp(1, most))
+}

@@ -1,0 +1,263 @@
+//! What all shaders read of a frame: the camera, the look, the lights, in the order of `globals.wgsl`.
+
+use glam::{DMat4, DVec3, Mat4, Vec3};
+use lodsmith_core::Bounds;
+use lodsmith_render::{Background, Camera, Lens, LightKind, Lighting, Look};
+
+/// Lights that shaders have room for.
+pub(super) const LIGHTS_MAX: usize = 8;
+/// Stops of a colour map that shaders have room for.
+const STOPS_MAX: usize = 16;
+/// Nearest depth that is drawn, in distances from the eye to the target. Depth is kept as its inverse in floating
+/// point, whose steps are even in proportion, so this may be small.
+const NEAR: f64 = 1e-4;
+
+/// View coordinates in which the GPU works: those of the camera, divided by its distance to the target.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct View {
+    pub(super) view_from_world: DMat4,
+    pub(super) clip_from_view: Mat4,
+    /// Half-width and half-height of the picture: at distance 1 with a perspective, else everywhere.
+    pub(super) half: [f64; 2],
+    pub(super) perspective: bool,
+    unit: f64,
+}
+
+impl View {
+    /// The view of a camera; `reach` is how far from the eye anything lies that a parallel view must hold.
+    pub(super) fn new(camera: &Camera, aspect: f64, reach: f64) -> Self {
+        let distance = camera.distance();
+        let unit = if distance > 0.0 && distance.is_finite() { distance } else { 1.0 };
+        let view_from_world = DMat4::from_scale(DVec3::splat(unit.recip())) * camera.view_from_world();
+        let (half, clip_from_view, perspective) = match camera.lens {
+            Lens::Perspective { fov_y_rad } => {
+                let half_height = (0.5 * fov_y_rad).tan();
+                let half = [half_height * aspect, half_height];
+                let [x, y] = half.map(f64::recip);
+                let m = DMat4::from_cols_array_2d(&[
+                    [x, 0.0, 0.0, 0.0],
+                    [0.0, y, 0.0, 0.0],
+                    [0.0, 0.0, 0.0, -1.0],
+                    [0.0, 0.0, NEAR, 0.0],
+                ]);
+                (half, m, true)
+            }
+            Lens::Parallel { height } => {
+                let half_height = 0.5 * height / unit;
+                let half = [half_height * aspect, half_height];
+                let [x, y] = half.map(f64::recip);
+                let z = 0.5 / (reach / unit).max(1.0);
+                let m = DMat4::from_cols_array_2d(&[
+                    [x, 0.0, 0.0, 0.0],
+                    [0.0, y, 0.0, 0.0],
+                    [0.0, 0.0, z, 0.0],
+                    [0.0, 0.0, 0.5, 1.0],
+                ]);
+                (half, m, false)
+            }
+        };
+        Self { view_from_world, clip_from_view: clip_from_view.as_mat4(), half, perspective, unit }
+    }
+
+    /// The same view, of a single pixel: `x` and `y` in pixels from the upper left corner of a picture of this size.
+    pub(super) fn of_pixel(&self, [x, y]: [f32; 2], [width, height]: [u32; 2]) -> Self {
+        let (w, h) = (width as f32, height as f32);
+        let centre = Vec3::new(2.0 * x / w - 1.0, 1.0 - 2.0 * y / h, 0.0);
+        let crop = Mat4::from_scale(Vec3::new(w, h, 1.0)) * Mat4::from_translation(-centre);
+        Self { clip_from_view: crop * self.clip_from_view, ..*self }
+    }
+
+    /// Whether a ball in view coordinates may be in the picture.
+    pub(super) fn sees(&self, centre: DVec3, radius: f64) -> bool {
+        if !(centre.is_finite() && radius.is_finite()) {
+            return true;
+        }
+        let beside = |along: f64, half: f64| {
+            if self.perspective {
+                // Distance beyond the plane through the eye and an edge of the picture.
+                (along.abs() + centre.z * half) / (1.0 + half * half).sqrt() > radius
+            } else {
+                along.abs() - half > radius
+            }
+        };
+        let behind = self.perspective && centre.z - radius > 0.0;
+        !(behind || beside(centre.x, self.half[0]) || beside(centre.y, self.half[1]))
+    }
+
+    /// A length of the world in view coordinates.
+    pub(super) fn length(&self, world: f64) -> f64 {
+        world / self.unit
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct GpuLight {
+    place: [f32; 4],
+    toward: [f32; 4],
+    color: [f32; 4],
+}
+
+/// The uniform of a frame; the same order as in `globals.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct Globals {
+    clip_from_view: [[f32; 4]; 4],
+    /// Directions of the world's axes in view coordinates.
+    view_from_world_axes: [[f32; 4]; 3],
+    /// Width and height in pixels; 1 with a perspective, else 0; how many lights.
+    picture: [f32; 4],
+    ambient_above: [f32; 4],
+    ambient_below: [f32; 4],
+    surface: [f32; 4],
+    wire: [f32; 4],
+    /// Width of wires, of borders, in pixels; 1 where back faces are left out; radius of the lit scene, squared.
+    widths: [f32; 4],
+    /// Value at the lower end of the colour map, one over the range, number of stops; 1 with a matcap of one's own.
+    heat: [f32; 4],
+    background: [[f32; 4]; 2],
+    /// Centre of the ground in view coordinates, and the size of a square of its grid.
+    ground: [f32; 4],
+    /// Whether borders are shown, and defects.
+    marks: [f32; 4],
+    /// By [`super::marks::Kind`].
+    mark_colors: [[f32; 4]; 4],
+    stops: [[f32; 4]; STOPS_MAX],
+    lights: [GpuLight; LIGHTS_MAX],
+}
+
+/// What [`Globals::new`] is made of.
+pub(super) struct Seen<'a> {
+    pub(super) view: &'a View,
+    pub(super) size: [u32; 2],
+    pub(super) bounds: &'a Bounds,
+    pub(super) look: &'a Look,
+    pub(super) lighting: &'a Lighting,
+    pub(super) background: Background,
+    pub(super) heat_range: [f32; 2],
+    pub(super) has_matcap: bool,
+    /// Pixels of the picture for each pixel of the screen.
+    pub(super) scale: f32,
+}
+
+impl Globals {
+    pub(super) fn new(seen: &Seen<'_>) -> Self {
+        let Seen { view, bounds, look, lighting, .. } = *seen;
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z]
+            .map(|axis| view.view_from_world.transform_vector3(axis).normalize_or_zero());
+        let (centre, radius) = ball(bounds);
+        let centre = view.view_from_world.transform_point3(centre);
+        let radius = view.length(radius);
+        let lights = &lighting.lights[..lighting.lights.len().min(LIGHTS_MAX)];
+        let mut gpu_lights = [GpuLight { place: [0.0; 4], toward: [0.0; 4], color: [0.0; 4] }; LIGHTS_MAX];
+        for (gpu, light) in gpu_lights.iter_mut().zip(lights) {
+            let turned = |v: Vec3| {
+                let v = v.as_dvec3();
+                if light.in_world { axes[0] * v.x + axes[1] * v.y + axes[2] * v.z } else { v }
+            };
+            let place = |at: Vec3| centre + radius * turned(at);
+            let [r, g, b] = light.color;
+            *gpu = match light.kind {
+                LightKind::Directional { to_light } => GpuLight {
+                    place: four(turned(to_light).normalize_or_zero(), 0.0),
+                    toward: [0.0; 4],
+                    color: [r, g, b, 0.0],
+                },
+                LightKind::Point { at } => {
+                    GpuLight { place: four(place(at), 1.0), toward: [0.0; 4], color: [r, g, b, 0.0] }
+                }
+                LightKind::Spot { at, toward, half_angle_rad } => GpuLight {
+                    place: four(place(at), 2.0),
+                    toward: four(turned(toward - at).normalize_or_zero(), f64::from(half_angle_rad.cos())),
+                    // The outer fifth of the cone fades.
+                    color: [r, g, b, (0.8 * half_angle_rad).cos()],
+                },
+            };
+        }
+        let map = look.color_map.stops();
+        let mut stops = [[0.0; 4]; STOPS_MAX];
+        for (gpu, [r, g, b]) in stops.iter_mut().zip(map) {
+            *gpu = [*r, *g, *b, 1.0];
+        }
+        let [least, most] = seen.heat_range;
+        let range = if most > least { (most - least).recip() } else { 0.0 };
+        let background = match seen.background {
+            Background::Transparent => [[0.0; 4]; 2],
+            Background::Color(c) => [opaque(c); 2],
+            Background::Gradient(upper, lower) => [opaque(upper), opaque(lower)],
+        };
+        let [w, h] = seen.size.map(|x| x as f32);
+        let below = DVec3::new(
+            0.5 * (bounds.min[0] + bounds.max[0]),
+            bounds.min[1],
+            0.5 * (bounds.min[2] + bounds.max[2]),
+        );
+        let below = view.view_from_world.transform_point3(below);
+        Self {
+            clip_from_view: view.clip_from_view.to_cols_array_2d(),
+            view_from_world_axes: axes.map(|a| four(a, 0.0)),
+            picture: [w, h, f32::from(u8::from(view.perspective)), lights.len() as f32],
+            ambient_above: opaque(lighting.ambient.above),
+            ambient_below: opaque(lighting.ambient.below),
+            surface: opaque(look.surface.map(linear_from_srgb)),
+            wire: look.wire,
+            widths: [
+                if look.wireframe { look.wire_width_px * seen.scale } else { 0.0 },
+                (MARK_WIDTH_PX + look.wire_width_px - 1.0).clamp(1.0, 64.0) * seen.scale,
+                f32::from(u8::from(look.cull_back)),
+                (radius * radius) as f32,
+            ],
+            heat: [least, range, map.len() as f32, f32::from(u8::from(seen.has_matcap))],
+            background,
+            ground: four(below, view.length(grid_step(ball(bounds).1))),
+            marks: [look.borders, look.defects, false, false].map(|x| f32::from(u8::from(x))),
+            mark_colors: super::marks::COLORS.map(opaque),
+            stops,
+            lights: gpu_lights,
+        }
+    }
+}
+
+/// Width of borders and of marked edges next to the width of the wireframe; as in `lodsmith_render`.
+const MARK_WIDTH_PX: f32 = 2.2;
+
+/// Size of the squares of the grid below something of this radius: 1, 2 or 5 times a power of ten, about four to it.
+fn grid_step(radius: f64) -> f64 {
+    let size = radius / 4.0;
+    let power = 10f64.powf(size.log10().floor());
+    let digit = size / power;
+    let step = power
+        * if digit < 1.5 {
+            1.0
+        } else if digit < 3.5 {
+            2.0
+        } else if digit < 7.5 {
+            5.0
+        } else {
+            10.0
+        };
+    if step.is_finite() && step > 0.0 { step } else { 1.0 }
+}
+
+/// Centre of a box, and half its diagonal.
+pub(super) fn ball(bounds: &Bounds) -> (DVec3, f64) {
+    let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
+    let half = 0.5 * bounds.diagonal();
+    (0.5 * min + 0.5 * max, if half > 0.0 { half } else { 1.0 })
+}
+
+fn four(v: DVec3, w: f64) -> [f32; 4] {
+    [v.x as f32, v.y as f32, v.z as f32, w as f32]
+}
+
+fn opaque([r, g, b]: [f32; 3]) -> [f32; 4] {
+    [r, g, b, 1.0]
+}
+
+pub(super) fn linear_from_srgb(x: f32) -> f32 {
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
+pub(super) fn srgb_from_linear(x: f32) -> f32 {
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}

@@ -1,0 +1,412 @@
+//! Long work: one thread that does it, newest first, and can be told to stop at any collapse.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime};
+
+use lodsmith::{Control, Stage, Verdict};
+
+/// What a job is about. A new one of a kind takes the place of an older one that waits or runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A file becomes a model.
+    Load,
+    /// A model becomes lighter.
+    Simplify,
+    /// What can be said of a model beside its counts.
+    Inspect,
+    /// How far the result lies from the original.
+    Measure,
+    /// A file is written.
+    Export,
+}
+
+impl Kind {
+    /// In the order in which waiting ones are taken.
+    pub const ALL: [Self; 5] = [Self::Load, Self::Simplify, Self::Export, Self::Measure, Self::Inspect];
+
+    /// What is going on, for people.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Load => "Opening",
+            Self::Simplify => "Simplifying",
+            Self::Inspect => "Inspecting",
+            Self::Measure => "Measuring",
+            Self::Export => "Writing",
+        }
+    }
+
+    /// Whether a job of this kind is of no use any more when one of the other comes.
+    fn is_outdone_by(self, newer: Self) -> bool {
+        match newer {
+            Self::Load => self != Self::Export,
+            Self::Simplify => matches!(self, Self::Simplify | Self::Measure),
+            _ => self == newer,
+        }
+    }
+}
+
+/// What a job is told while it runs, and what it tells.
+pub struct Watch {
+    is_stopped: Arc<AtomicBool>,
+    shared: Arc<Shared>,
+    told: Instant,
+    stage: &'static str,
+}
+
+/// Time between two tellings of progress: twelve a second look smooth.
+const TELL_EVERY: Duration = Duration::from_millis(80);
+
+impl Watch {
+    /// Whether it is still wanted. `done` goes from 0 to 1.
+    pub fn go_on(&mut self, done: f64) -> bool {
+        if self.told.elapsed() >= TELL_EVERY {
+            self.told = Instant::now();
+            self.shared.done.store((done.clamp(0.0, 1.0) * 1000.0) as u32, Ordering::Relaxed);
+            *lock(&self.shared.stage) = self.stage;
+            (self.shared.wake)();
+        }
+        !self.is_stopped.load(Ordering::Relaxed)
+    }
+}
+
+impl Control for Watch {
+    fn stage(&mut self, stage: Stage) {
+        self.stage = stage.name();
+        let _ = self.go_on(0.0);
+    }
+
+    fn progress(&mut self, done: f64) -> Verdict {
+        if self.go_on(done) { Verdict::Continue } else { Verdict::Cancel }
+    }
+}
+
+/// What is going on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Which job.
+    pub kind: Kind,
+    /// From 0 to 1, of the present stage.
+    pub done: f32,
+    /// The stage, or nothing.
+    pub stage: &'static str,
+}
+
+struct Shared {
+    queue: Mutex<Queue>,
+    ready: Condvar,
+    done: AtomicU32,
+    stage: Mutex<&'static str>,
+    wake: Box<dyn Fn() + Send + Sync>,
+}
+
+type Work<M> = Box<dyn FnOnce(&mut Watch) -> Option<M> + Send>;
+
+struct Queue {
+    /// Jobs as they wait; the work itself lies with the thread's channel.
+    waiting: VecDeque<(Kind, u64)>,
+    running: Option<(Kind, Arc<AtomicBool>)>,
+    watched: Vec<(PathBuf, Option<SystemTime>)>,
+    is_ending: bool,
+    next: u64,
+}
+
+/// One thread that works, and sends what came out.
+pub struct Worker<M> {
+    shared: Arc<Shared>,
+    work: Arc<Mutex<Vec<(u64, Work<M>)>>>,
+    results: Receiver<Message<M>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What the worker sends.
+pub enum Message<M> {
+    /// A job came to its end.
+    Done(M),
+    /// A job broke down: a mistake of ours.
+    Broken(Kind),
+    /// A watched file is not as it was.
+    Changed(PathBuf),
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What a panic left behind is still whole: each holder changes it in one step.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Time between two looks at the watched files.
+const LOOK_EVERY: Duration = Duration::from_millis(1000);
+
+impl<M: Send + 'static> Worker<M> {
+    /// Starts the thread. `wake` is called when there is something to see.
+    pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
+        let queue =
+            Queue { waiting: VecDeque::new(), running: None, watched: Vec::new(), is_ending: false, next: 0 };
+        let shared = Arc::new(Shared {
+            queue: Mutex::new(queue),
+            ready: Condvar::new(),
+            done: AtomicU32::new(0),
+            stage: Mutex::new(""),
+            wake: Box::new(wake),
+        });
+        let work = Arc::new(Mutex::new(Vec::new()));
+        let (sender, results) = channel();
+        let (its_shared, its_work) = (shared.clone(), work.clone());
+        let thread = std::thread::Builder::new()
+            .name("worker".to_owned())
+            .spawn(move || run(&its_shared, &its_work, &sender))
+            .ok();
+        Self { shared, work, results, thread }
+    }
+
+    /// Puts a job into the queue. Those that it makes useless go, or stop soon.
+    pub fn submit(&self, kind: Kind, work: impl FnOnce(&mut Watch) -> Option<M> + Send + 'static) {
+        let mut queue = lock(&self.shared.queue);
+        let mut all = lock(&self.work);
+        queue.waiting.retain(|(old, number)| {
+            let stays = !old.is_outdone_by(kind);
+            if !stays {
+                all.retain(|(n, _)| n != number);
+            }
+            stays
+        });
+        if let Some((_, stop)) = queue.running.as_ref().filter(|r| r.0.is_outdone_by(kind)) {
+            stop.store(true, Ordering::Relaxed);
+        }
+        let number = queue.next;
+        queue.next += 1;
+        all.push((number, Box::new(work)));
+        queue.waiting.push_back((kind, number));
+        self.shared.ready.notify_one();
+    }
+
+    /// Ends what runs or waits of these kinds.
+    pub fn cancel(&self, kinds: &[Kind]) {
+        let mut queue = lock(&self.shared.queue);
+        let mut all = lock(&self.work);
+        queue.waiting.retain(|(kind, number)| {
+            let stays = !kinds.contains(kind);
+            if !stays {
+                all.retain(|(n, _)| n != number);
+            }
+            stays
+        });
+        if let Some((_, stop)) = queue.running.as_ref().filter(|r| kinds.contains(&r.0)) {
+            stop.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Tells when one of these files changes.
+    pub fn watch(&self, files: Vec<PathBuf>) {
+        let watched = files.into_iter().map(|file| (changed_at(&file), file)).map(|(t, f)| (f, t)).collect();
+        lock(&self.shared.queue).watched = watched;
+        self.shared.ready.notify_one();
+    }
+
+    /// The next thing that there is to know.
+    pub fn poll(&self) -> Option<Message<M>> {
+        self.results.try_recv().ok()
+    }
+
+    /// The same, after waiting for it.
+    pub fn wait(&self, at_most: Duration) -> Option<Message<M>> {
+        self.results.recv_timeout(at_most).ok()
+    }
+
+    /// What is going on.
+    pub fn progress(&self) -> Option<Progress> {
+        let kind = lock(&self.shared.queue).running.as_ref().map(|r| r.0)?;
+        let done = self.shared.done.load(Ordering::Relaxed) as f32 / 1000.0;
+        Some(Progress { kind, done, stage: *lock(&self.shared.stage) })
+    }
+
+    /// Whether a job of this kind waits or runs.
+    pub fn is_busy(&self, kind: Kind) -> bool {
+        let queue = lock(&self.shared.queue);
+        queue.waiting.iter().any(|w| w.0 == kind)
+            || queue
+                .running
+                .as_ref()
+                .is_some_and(|(running, stop)| *running == kind && !stop.load(Ordering::Relaxed))
+    }
+
+    /// Whether anything waits or runs.
+    pub fn is_idle(&self) -> bool {
+        let queue = lock(&self.shared.queue);
+        queue.waiting.is_empty() && queue.running.is_none()
+    }
+}
+
+impl<M> Drop for Worker<M> {
+    fn drop(&mut self) {
+        let mut queue = lock(&self.shared.queue);
+        queue.is_ending = true;
+        queue.waiting.clear();
+        if let Some((_, stop)) = &queue.running {
+            stop.store(true, Ordering::Relaxed);
+        }
+        drop(queue);
+        self.shared.ready.notify_all();
+        // A reader cannot be told to stop: the window does not wait for it.
+        if let Some(thread) = self.thread.take().filter(JoinHandle::is_finished) {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn run<M>(shared: &Arc<Shared>, work: &Mutex<Vec<(u64, Work<M>)>>, results: &Sender<Message<M>>) {
+    loop {
+        let mut queue = lock(&shared.queue);
+        let next = loop {
+            if queue.is_ending {
+                return;
+            }
+            let first = |kind: Kind| queue.waiting.iter().position(|w| w.0 == kind);
+            if let Some(at) = Kind::ALL.into_iter().find_map(first) {
+                break queue.waiting.remove(at);
+            }
+            queue = if queue.watched.is_empty() {
+                shared.ready.wait(queue).unwrap_or_else(PoisonError::into_inner)
+            } else {
+                let waited = shared.ready.wait_timeout(queue, LOOK_EVERY);
+                let (queue, timeout) = waited.unwrap_or_else(PoisonError::into_inner);
+                if timeout.timed_out() { look(shared, queue, results) } else { queue }
+            };
+        };
+        let Some((kind, number)) = next else { continue };
+        let mut all = lock(work);
+        let Some(job) = all.iter().position(|w| w.0 == number).map(|at| all.remove(at).1) else { continue };
+        drop(all);
+        let is_stopped = Arc::new(AtomicBool::new(false));
+        queue.running = Some((kind, is_stopped.clone()));
+        drop(queue);
+
+        shared.done.store(0, Ordering::Relaxed);
+        *lock(&shared.stage) = "";
+        (shared.wake)();
+        let mut watch = Watch { is_stopped, shared: shared.clone(), told: Instant::now(), stage: "" };
+        let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| job(&mut watch)));
+        let message = match outcome {
+            Ok(done) => done.map(Message::Done),
+            Err(_) => Some(Message::Broken(kind)),
+        };
+        lock(&shared.queue).running = None;
+        if let Some(message) = message
+            && results.send(message).is_err()
+        {
+            return;
+        }
+        (shared.wake)();
+    }
+}
+
+/// Looks at the watched files. A slow disk keeps nobody waiting: the queue is free meanwhile.
+fn look<'a, M>(
+    shared: &'a Shared,
+    queue: MutexGuard<'a, Queue>,
+    results: &Sender<Message<M>>,
+) -> MutexGuard<'a, Queue> {
+    let mut watched = queue.watched.clone();
+    drop(queue);
+    for changed in changes(&mut watched) {
+        let _ = results.send(Message::Changed(changed));
+        (shared.wake)();
+    }
+    let mut queue = lock(&shared.queue);
+    let is_same = queue.watched.iter().map(|w| &w.0).eq(watched.iter().map(|w| &w.0));
+    if is_same {
+        queue.watched = watched;
+    }
+    queue
+}
+
+fn changed_at(path: &PathBuf) -> Option<SystemTime> {
+    std::fs::metadata(path).and_then(|about| about.modified()).ok()
+}
+
+/// The files that have another time than before, and still are there.
+fn changes(watched: &mut [(PathBuf, Option<SystemTime>)]) -> Vec<PathBuf> {
+    let mut all = Vec::new();
+    for (path, before) in watched {
+        let now = changed_at(path);
+        if now.is_some() && now != *before {
+            *before = now;
+            all.push(path.clone());
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LONG: Duration = Duration::from_secs(20);
+
+    /// Goes on until it is told to stop.
+    fn endless(watch: &mut Watch) -> Option<u32> {
+        while watch.go_on(0.5) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        None
+    }
+
+    fn done(worker: &Worker<u32>) -> Option<u32> {
+        match worker.wait(LONG) {
+            Some(Message::Done(n)) => Some(n),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn the_newest_of_a_kind_wins() {
+        let worker = Worker::new(|| {});
+        worker.submit(Kind::Simplify, endless);
+        for n in 1..5 {
+            worker.submit(Kind::Simplify, move |_| Some(n));
+        }
+        // Those before may have been done; the last one comes last.
+        while done(&worker) != Some(4) {}
+        assert!(worker.wait(Duration::from_millis(20)).is_none());
+        assert!(worker.is_idle());
+    }
+
+    #[test]
+    fn writing_is_not_stopped_by_simplifying() {
+        let worker = Worker::new(|| {});
+        let (go, gate) = channel::<()>();
+        worker.submit(Kind::Export, move |watch| {
+            let _ = gate.recv_timeout(LONG);
+            watch.go_on(0.0).then_some(1)
+        });
+        worker.submit(Kind::Simplify, |_| Some(2));
+        go.send(()).unwrap();
+        assert_eq!([done(&worker), done(&worker)], [Some(1), Some(2)]);
+    }
+
+    #[test]
+    fn a_job_that_breaks_down_is_told_and_others_go_on() {
+        let worker = Worker::<u32>::new(|| {});
+        worker.submit(Kind::Measure, |_| std::panic::resume_unwind(Box::new("on purpose")));
+        assert!(matches!(worker.wait(LONG), Some(Message::Broken(Kind::Measure))));
+        worker.submit(Kind::Measure, |_| Some(3));
+        assert_eq!(done(&worker), Some(3));
+    }
+
+    #[test]
+    fn a_file_that_changes_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.off");
+        std::fs::write(&path, "OFF").unwrap();
+        let old = SystemTime::now() - Duration::from_secs(60);
+        std::fs::File::options().write(true).open(&path).unwrap().set_modified(old).unwrap();
+        let worker = Worker::<u32>::new(|| {});
+        worker.watch(vec![path.clone()]);
+        std::fs::write(&path, "OFF 2").unwrap();
+        assert!(matches!(worker.wait(LONG), Some(Message::Changed(p)) if p == path));
+    }
+}

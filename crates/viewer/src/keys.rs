@@ -1,0 +1,288 @@
+//! What keys do: a table, so that the cheat sheet, the tooltips and the menus say what is true.
+
+use eframe::egui::{InputState, Key, KeyboardShortcut, Modifiers};
+
+use crate::panel::Panel;
+
+/// Something that a key does at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Action {
+    /// Choose files to open.
+    Open,
+    /// Write what is shown.
+    Export,
+    /// Choose a session to open.
+    OpenSession,
+    /// Save the session.
+    SaveSession,
+    /// Read the file again.
+    Reload,
+    /// Close the file.
+    Close,
+    /// Close the window.
+    Quit,
+    /// Take the last step back.
+    Undo,
+    /// Do it again.
+    Redo,
+    /// Copy the command line.
+    CopyCommand,
+    /// End what is under way.
+    Cancel,
+    /// Back to all triangles.
+    Restore,
+    /// Ten percent fewer.
+    Fewer,
+    /// Ten percent more.
+    More,
+    /// Side by side, wipe, one alone.
+    NextSides,
+    /// One camera for both sides, or two.
+    Link,
+    /// Lines along edges.
+    Wireframe,
+    /// How surfaces are coloured.
+    Shade(usize),
+    /// Open borders.
+    Borders,
+    /// What is broken.
+    Defects,
+    /// A grid below the model.
+    Ground,
+    /// Whether backs are seen.
+    Cull,
+    /// The level goes by distance.
+    AutoLod,
+    /// All of the model.
+    Frame,
+    /// Along an axis.
+    View(usize),
+    /// A camera that was kept.
+    Recall(usize),
+    /// Keep the camera.
+    Keep(usize),
+    /// Turn the camera a step: right, up.
+    Orbit(i8, i8),
+    /// Turn the model a step: right, up.
+    TurnModel(i8, i8),
+    /// The model as it was.
+    TurnBack,
+    /// All panels, or none.
+    Panels,
+    /// One panel.
+    Panel(Panel),
+    /// Dark or light.
+    Theme,
+    /// A picture of the window.
+    Screenshot,
+    /// The cheat sheet.
+    Help,
+}
+
+/// Under which heading the cheat sheet has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// Files.
+    File,
+    /// How much detail.
+    Detail,
+    /// How it looks.
+    Look,
+    /// From where.
+    Camera,
+    /// What is around it.
+    Window,
+}
+
+impl Group {
+    /// All of them, with their names.
+    pub const ALL: [(Self, &'static str); 5] = [
+        (Self::File, "Files"),
+        (Self::Detail, "Detail"),
+        (Self::Look, "Look"),
+        (Self::Camera, "Camera"),
+        (Self::Window, "Window"),
+    ];
+}
+
+/// A key, what it does, and its words.
+#[derive(Clone, Copy, Debug)]
+pub struct Binding {
+    /// What it does.
+    pub action: Action,
+    /// The key.
+    pub shortcut: KeyboardShortcut,
+    /// A few words.
+    pub name: &'static str,
+    /// Where the cheat sheet has it.
+    pub group: Group,
+}
+
+const fn bind(group: Group, modifiers: Modifiers, key: Key, action: Action, name: &'static str) -> Binding {
+    Binding { action, shortcut: KeyboardShortcut::new(modifiers, key), name, group }
+}
+
+const NONE: Modifiers = Modifiers::NONE;
+const CTRL: Modifiers = Modifiers::COMMAND;
+const CTRL_SHIFT: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
+
+/// All keys. Those with more modifiers stand first, for they would match the others too.
+pub const BINDINGS: &[Binding] = &[
+    bind(Group::File, CTRL_SHIFT, Key::O, Action::OpenSession, "Open a session"),
+    bind(Group::File, CTRL_SHIFT, Key::S, Action::SaveSession, "Save the session"),
+    bind(Group::File, CTRL_SHIFT, Key::C, Action::CopyCommand, "Copy the command line"),
+    bind(Group::File, CTRL, Key::O, Action::Open, "Open"),
+    bind(Group::File, CTRL, Key::S, Action::Export, "Export"),
+    bind(Group::File, CTRL, Key::R, Action::Reload, "Read the file again"),
+    bind(Group::File, CTRL, Key::W, Action::Close, "Close the file"),
+    bind(Group::File, CTRL, Key::Q, Action::Quit, "Close the window"),
+    bind(Group::Detail, CTRL, Key::Z, Action::Undo, "Undo"),
+    bind(Group::Detail, CTRL, Key::Y, Action::Redo, "Redo"),
+    bind(Group::Detail, NONE, Key::R, Action::Restore, "Restore the original"),
+    bind(Group::Detail, NONE, Key::Minus, Action::Fewer, "10 % fewer"),
+    bind(Group::Detail, NONE, Key::Plus, Action::More, "10 % more"),
+    bind(Group::Detail, NONE, Key::A, Action::AutoLod, "Level by distance"),
+    bind(Group::Detail, NONE, Key::Escape, Action::Cancel, "Stop what is under way"),
+    bind(Group::Look, NONE, Key::W, Action::Wireframe, "Wireframe"),
+    bind(Group::Look, NONE, Key::S, Action::Shade(0), "Smooth"),
+    bind(Group::Look, NONE, Key::D, Action::Shade(1), "Flat"),
+    bind(Group::Look, NONE, Key::T, Action::Shade(2), "Textured"),
+    bind(Group::Look, NONE, Key::C, Action::Shade(3), "Vertex colours"),
+    bind(Group::Look, NONE, Key::N, Action::Shade(4), "Normals"),
+    bind(Group::Look, NONE, Key::K, Action::Shade(5), "Matcap"),
+    bind(Group::Look, NONE, Key::E, Action::Shade(6), "Error heat map"),
+    bind(Group::Look, NONE, Key::B, Action::Borders, "Open borders"),
+    bind(Group::Look, NONE, Key::X, Action::Defects, "Defects"),
+    bind(Group::Look, NONE, Key::G, Action::Ground, "Ground grid"),
+    bind(Group::Look, NONE, Key::U, Action::Cull, "Hide backs"),
+    bind(Group::Look, NONE, Key::V, Action::NextSides, "Side by side, wipe, one alone"),
+    bind(Group::Look, NONE, Key::L, Action::Link, "Link the cameras"),
+    bind(Group::Camera, NONE, Key::F, Action::Frame, "Frame the model"),
+    bind(Group::Camera, NONE, Key::Num0, Action::View(0), "From the corner"),
+    bind(Group::Camera, NONE, Key::Num1, Action::View(1), "From the front"),
+    bind(Group::Camera, NONE, Key::Num3, Action::View(4), "From the right"),
+    bind(Group::Camera, NONE, Key::Num7, Action::View(5), "From above"),
+    bind(Group::Camera, Modifiers::ALT, Key::ArrowLeft, Action::TurnModel(-1, 0), "Turn the model left"),
+    bind(Group::Camera, Modifiers::ALT, Key::ArrowRight, Action::TurnModel(1, 0), "Turn the model right"),
+    bind(Group::Camera, Modifiers::ALT, Key::ArrowUp, Action::TurnModel(0, 1), "Turn the model up"),
+    bind(Group::Camera, Modifiers::ALT, Key::ArrowDown, Action::TurnModel(0, -1), "Turn the model down"),
+    bind(Group::Camera, Modifiers::ALT, Key::Num0, Action::TurnBack, "Turn the model back"),
+    bind(Group::Camera, NONE, Key::ArrowLeft, Action::Orbit(-1, 0), "Look from further left"),
+    bind(Group::Camera, NONE, Key::ArrowRight, Action::Orbit(1, 0), "Look from further right"),
+    bind(Group::Camera, NONE, Key::ArrowUp, Action::Orbit(0, 1), "Look from higher"),
+    bind(Group::Camera, NONE, Key::ArrowDown, Action::Orbit(0, -1), "Look from lower"),
+    bind(Group::Camera, CTRL_SHIFT, Key::Num1, Action::Keep(0), "Keep as camera 1"),
+    bind(Group::Camera, CTRL_SHIFT, Key::Num2, Action::Keep(1), "Keep as camera 2"),
+    bind(Group::Camera, CTRL_SHIFT, Key::Num3, Action::Keep(2), "Keep as camera 3"),
+    bind(Group::Camera, CTRL_SHIFT, Key::Num4, Action::Keep(3), "Keep as camera 4"),
+    bind(Group::Camera, CTRL, Key::Num1, Action::Recall(0), "Camera 1"),
+    bind(Group::Camera, CTRL, Key::Num2, Action::Recall(1), "Camera 2"),
+    bind(Group::Camera, CTRL, Key::Num3, Action::Recall(2), "Camera 3"),
+    bind(Group::Camera, CTRL, Key::Num4, Action::Recall(3), "Camera 4"),
+    bind(Group::Window, NONE, Key::Tab, Action::Panels, "Hide or show all panels"),
+    bind(Group::Window, NONE, Key::F2, Action::Panel(Panel::Files), "Files"),
+    bind(Group::Window, NONE, Key::F3, Action::Panel(Panel::Method), "Method"),
+    bind(Group::Window, NONE, Key::F4, Action::Panel(Panel::Report), "Report"),
+    bind(Group::Window, NONE, Key::F5, Action::Panel(Panel::Info), "Info"),
+    bind(Group::Window, NONE, Key::F6, Action::Panel(Panel::Look), "Look"),
+    bind(Group::Window, NONE, Key::F7, Action::Panel(Panel::Error), "Error"),
+    bind(Group::Window, NONE, Key::F8, Action::Panel(Panel::Log), "Log"),
+    bind(Group::Window, CTRL, Key::T, Action::Theme, "Dark or light"),
+    bind(Group::Window, NONE, Key::F12, Action::Screenshot, "Picture of the window"),
+    bind(Group::Window, NONE, Key::H, Action::Help, "Keys and mouse"),
+];
+
+/// What is held or done with the mouse; the app asks for these itself.
+pub const GESTURES: &[(Group, &str, &str)] = &[
+    (Group::Detail, "Hold M", "Keep simplifying"),
+    (Group::Detail, "Alt + drag up/down", "More or less detail"),
+    (Group::Look, "Hold Space", "Flicker: the other side in its place"),
+    (Group::Camera, "Drag", "Turn round the model"),
+    (Group::Camera, "Shift + drag, middle", "Move sideways"),
+    (Group::Camera, "Scroll, pinch", "Nearer or farther, to the pointer"),
+    (Group::Camera, "Double click", "Look at that place"),
+];
+
+impl Action {
+    /// Its key and words.
+    pub fn binding(self) -> Option<&'static Binding> {
+        BINDINGS.iter().find(|b| b.action == self)
+    }
+
+    /// Its key as people read it; empty without one.
+    pub fn key(self) -> String {
+        self.binding().map(|b| text(&b.shortcut)).unwrap_or_default()
+    }
+}
+
+/// A shortcut as people read it.
+pub fn text(shortcut: &KeyboardShortcut) -> String {
+    let mut text = String::new();
+    let m = shortcut.modifiers;
+    let command = if cfg!(target_os = "macos") { "Cmd" } else { "Ctrl" };
+    for (is, word) in [(m.command, command), (m.alt, "Alt"), (m.shift, "Shift")] {
+        if is {
+            text += word;
+            text.push('+');
+        }
+    }
+    text += match shortcut.logical_key {
+        Key::Minus => "-",
+        Key::Plus => "+",
+        Key::Escape => "Esc",
+        Key::ArrowLeft => "Left",
+        Key::ArrowRight => "Right",
+        Key::ArrowUp => "Up",
+        Key::ArrowDown => "Down",
+        key => key.name(),
+    };
+    text
+}
+
+/// The actions whose keys were pressed, taken out of the input.
+pub fn pressed(input: &mut InputState) -> Vec<Action> {
+    let mut actions = Vec::new();
+    for b in BINDINGS {
+        // A plain key is none with a modifier held, but for Shift, which some layouts need for `+`.
+        let m = input.modifiers;
+        if b.shortcut.modifiers == NONE && (m.command || m.ctrl || m.alt) {
+            continue;
+        }
+        if b.shortcut.modifiers == NONE && m.shift && b.shortcut.logical_key != Key::Plus {
+            continue;
+        }
+        if input.consume_shortcut(&b.shortcut) {
+            actions.push(b.action);
+        }
+    }
+    // `=` is `+` without Shift on most keyboards.
+    if input.consume_key(NONE, Key::Equals) {
+        actions.push(Action::More);
+    }
+    if input.consume_shortcut(&KeyboardShortcut::new(CTRL_SHIFT, Key::Z)) {
+        actions.push(Action::Redo);
+    }
+    actions
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_key_does_two_things_and_nothing_has_two_names() {
+        for (i, a) in BINDINGS.iter().enumerate() {
+            for b in &BINDINGS[i + 1..] {
+                assert_ne!(a.shortcut, b.shortcut, "{} and {}", a.name, b.name);
+                assert_ne!(a.action, b.action, "{}", a.name);
+            }
+        }
+    }
+
+    #[test]
+    fn every_panel_has_a_key() {
+        for panel in Panel::ALL {
+            assert!(Action::Panel(panel).binding().is_some(), "{panel:?}");
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! What is written, and how: the form.
+
+use std::path::{Path, PathBuf};
+
+use eframe::egui::{self, RichText, Ui};
+use lodsmith_io::{Format, Textures};
+
+use super::parts;
+use crate::document::Document;
+use crate::export::Export;
+use crate::numbers::grouped;
+use crate::theme::{palette, weak};
+
+/// The form, as it is filled in.
+#[derive(Clone, Debug)]
+pub struct Form {
+    path: String,
+    folder: String,
+    format: Format,
+    is_ascii: bool,
+    textures: Textures,
+    is_all_levels: bool,
+    levels: String,
+}
+
+/// How a form was left.
+pub enum Answer {
+    /// Not yet.
+    Open,
+    /// Nothing is to be written.
+    Closed,
+    /// Another file or folder is to be chosen.
+    Choose(bool, PathBuf),
+    /// This is to be written.
+    Write(Export),
+}
+
+const FORMATS: [(Format, &str); 6] = [
+    (Format::Glb, "GLB: glTF in one file"),
+    (Format::Gltf, "glTF: as text"),
+    (Format::Obj, "OBJ with materials"),
+    (Format::Ply, "PLY"),
+    (Format::Stl, "STL"),
+    (Format::Off, "OFF"),
+];
+
+const TEXTURES: [(Textures, &str); 3] =
+    [(Textures::Copy, "copy"), (Textures::Link, "link"), (Textures::None, "none")];
+
+impl Form {
+    /// What is likely to be wanted: the format of the file, beside it.
+    pub fn new(original: &Path, format: Format) -> Self {
+        let stem = original.file_stem().map_or("model".into(), |s| s.to_string_lossy());
+        let folder = original.parent().unwrap_or(Path::new(""));
+        Self {
+            path: folder.join(format!("{stem}_low.{}", format.name())).display().to_string(),
+            folder: folder.join(format!("{stem}_lods")).display().to_string(),
+            format,
+            is_ascii: false,
+            textures: Textures::default(),
+            is_all_levels: false,
+            levels: "100, 50, 25, 10, 5".to_owned(),
+        }
+    }
+
+    /// A file or folder was chosen.
+    pub fn chosen(&mut self, path: &Path) {
+        if self.is_all_levels {
+            self.folder = path.display().to_string();
+        } else {
+            self.path = path.display().to_string();
+            self.follow_ending();
+        }
+    }
+
+    /// The format goes by the ending that was typed, where it says one.
+    fn follow_ending(&mut self) {
+        let ending = Path::new(&self.path).extension().map(|e| e.to_string_lossy().into_owned());
+        if let Some(format) = ending.and_then(|e| Format::from_name(&e)) {
+            self.format = format;
+        }
+    }
+
+    /// The parts that are typed, in percent.
+    fn ratios(&self) -> Option<Vec<f64>> {
+        let parts = self.levels.split([',', ';', ' ']).filter(|p| !p.trim().is_empty());
+        let ratio =
+            |p: &str| p.trim().trim_end_matches('%').parse::<f64>().ok().filter(|x| *x > 0.0 && *x <= 100.0);
+        let all: Option<Vec<f64>> = parts.map(|p| ratio(p).map(|x| x / 100.0)).collect();
+        all.filter(|all| !all.is_empty())
+    }
+
+    /// Shows it.
+    pub fn show(&mut self, ctx: &egui::Context, document: &Document) -> Answer {
+        let modal = egui::Modal::new(egui::Id::unique("export")).show(ctx, |ui| self.form(ui, document));
+        match modal.inner {
+            Answer::Open if modal.should_close() => Answer::Closed,
+            answer => answer,
+        }
+    }
+
+    fn form(&mut self, ui: &mut Ui, document: &Document) -> Answer {
+        ui.set_width((ui.ctx().content_rect().width() - 80.0).clamp(280.0, 520.0));
+        ui.label(RichText::new("Export").heading());
+        ui.add_space(4.0);
+        let faces = document
+            .lighter()
+            .map(|l| l.content.report.faces)
+            .or_else(|| document.original().map(|o| o.content.faces))
+            .unwrap_or(0);
+        ui.horizontal(|ui| {
+            ui.spacing_mut().item_spacing.x = 4.0;
+            let shown = format!("What is shown ({} faces)", grouped(faces));
+            if parts::segment(ui, &shown, !self.is_all_levels, "One file") {
+                self.is_all_levels = false;
+            }
+            if parts::segment(ui, "All levels", self.is_all_levels, "A file for each, in a folder") {
+                self.is_all_levels = true;
+            }
+        });
+        ui.add_space(4.0);
+        let before = self.format;
+        parts::choose(ui, "Format", "", &FORMATS, &mut self.format);
+        if self.format != before {
+            let path = Path::new(&self.path).with_extension(self.format.name());
+            self.path = path.display().to_string();
+        }
+        if matches!(self.format, Format::Ply | Format::Stl) {
+            parts::switch(ui, "As text", None, "Larger, and readable", &mut self.is_ascii);
+        }
+        if self.format == Format::Obj {
+            let tip = "Materials and textures: copied beside the output, linked from there, or dropped";
+            parts::choose(ui, "Textures", tip, &TEXTURES, &mut self.textures);
+        }
+        let mut answer = Answer::Open;
+        if self.is_all_levels {
+            let tip = "Parts of the triangles, in percent; a file for each";
+            parts::field(ui, "Levels, %", tip, |ui| {
+                let is_good = self.ratios().is_some();
+                let mut edit =
+                    egui::TextEdit::singleline(&mut self.levels).desired_width(ui.available_width() - 8.0);
+                if !is_good {
+                    edit = edit.text_color(palette(ui).error);
+                }
+                ui.add(edit);
+            });
+        }
+        let name = if self.is_all_levels { "Folder" } else { "File" };
+        parts::field(ui, name, "", |ui| {
+            let text = if self.is_all_levels { &mut self.folder } else { &mut self.path };
+            let width = ui.available_width() - 96.0;
+            let edit = egui::TextEdit::singleline(text).desired_width(width).font(egui::TextStyle::Monospace);
+            let response = ui.add(edit);
+            response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::TextInput, true, "Export path"));
+            if ui.button("Browse…").clicked() {
+                answer = Answer::Choose(self.is_all_levels, PathBuf::from(&*text));
+            }
+            if response.changed() && !self.is_all_levels {
+                self.follow_ending();
+            }
+        });
+        let target = PathBuf::from(if self.is_all_levels { self.folder.trim() } else { self.path.trim() });
+        if !self.is_all_levels && target.is_file() {
+            ui.label(weak(ui, "this file is there already, and will be replaced"));
+        }
+        ui.add_space(8.0);
+        ui.horizontal(|ui| {
+            let is_good = !target.as_os_str().is_empty() && (!self.is_all_levels || self.ratios().is_some());
+            let write = ui.add_enabled_ui(is_good, |ui| parts::primary(ui, "Write")).inner;
+            let enter = ui.input(|i| i.key_pressed(egui::Key::Enter)) && is_good;
+            if write.clicked() || enter {
+                let levels = if self.is_all_levels { self.ratios().unwrap_or_default() } else { Vec::new() };
+                let (format, textures) = (self.format, self.textures);
+                answer =
+                    Answer::Write(Export { path: target, format, ascii: self.is_ascii, textures, levels });
+            }
+            if ui.button("Cancel").clicked() {
+                answer = Answer::Closed;
+            }
+        });
+        answer
+    }
+}

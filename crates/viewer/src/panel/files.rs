@@ -1,0 +1,59 @@
+//! Files that are open, and those that were.
+
+use eframe::egui::{self, Ui};
+
+use super::{Say, Scope, parts};
+use crate::command::Command;
+use crate::keys::Action;
+use crate::theme::weak;
+
+/// The panel.
+pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+    ui.horizontal(|ui| {
+        let open = ui.button("Open…").on_hover_text(format!("Choose files ({})", Action::Open.key()));
+        if open.clicked() {
+            scope.action(Action::Open);
+        }
+        let has_file = scope.document.original().is_some();
+        let tip = format!("Write what is shown ({})", Action::Export.key());
+        if ui.add_enabled(has_file, egui::Button::new("Export…")).on_hover_text(tip).clicked() {
+            scope.action(Action::Export);
+        }
+        let tip = format!("Read the file again ({})", Action::Reload.key());
+        if ui.add_enabled(has_file, egui::Button::new("Reload")).on_hover_text(tip).clicked() {
+            scope.action(Action::Reload);
+        }
+    });
+    let settings = scope.document.settings();
+    parts::heading(ui, "Open");
+    if settings.files.is_empty() {
+        parts::nothing(ui, "no file yet");
+    }
+    for (i, file) in settings.files.clone().into_iter().enumerate() {
+        let name = name(&file);
+        let tip = file.display().to_string();
+        if ui.selectable_label(i == settings.shown, name).on_hover_text(tip).clicked() && i != settings.shown
+        {
+            scope.command(Command::Show(i));
+        }
+    }
+    let recent: Vec<_> =
+        scope.facts.recent.iter().filter(|f| !settings.files.contains(f)).take(8).cloned().collect();
+    if !recent.is_empty() {
+        parts::heading(ui, "Recent");
+    }
+    for file in recent {
+        let link = egui::Button::new(name(&file)).frame(false);
+        if ui.add(link).on_hover_text(file.display().to_string()).clicked() {
+            scope.says.push(Say::OpenFile(file));
+        }
+    }
+    if let Some(path) = &scope.document.changed {
+        ui.label(weak(ui, format!("{} changed on the disk", name(path))));
+    }
+}
+
+/// The last part of a path.
+pub fn name(path: &std::path::Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}

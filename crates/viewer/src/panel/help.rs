@@ -1,0 +1,78 @@
+//! The cheat sheet: the table of keys, as it is.
+
+use eframe::egui::{self, RichText, Ui};
+
+use crate::keys::{Action, BINDINGS, GESTURES, Group, text};
+use crate::theme::{number, palette, weak};
+
+/// The sheet; whether it is to be closed.
+pub fn show(ctx: &egui::Context) -> bool {
+    let modal = egui::Modal::new(egui::Id::unique("help")).show(ctx, |ui| {
+        let screen = ctx.content_rect();
+        ui.set_width((screen.width() - 80.0).clamp(320.0, 900.0));
+        ui.horizontal(|ui| {
+            ui.label(RichText::new("Keys and mouse").heading());
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let close = ui.button("Close").on_hover_text(format!("({})", Action::Help.key()));
+                close.clicked()
+            })
+            .inner
+        })
+        .inner
+            | {
+                ui.add_space(8.0);
+                egui::ScrollArea::vertical().max_height(screen.height() - 140.0).show(ui, |ui| {
+                    ui.columns(3, |columns| {
+                        for (group, title) in Group::ALL {
+                            let column = match group {
+                                Group::File | Group::Detail => 0,
+                                Group::Look | Group::Window => 1,
+                                Group::Camera => 2,
+                            };
+                            block(&mut columns[column], group, title);
+                        }
+                    });
+                });
+                false
+            }
+    });
+    modal.inner || modal.should_close()
+}
+
+fn block(ui: &mut Ui, group: Group, title: &str) {
+    ui.label(RichText::new(title).strong().color(palette(ui).accent));
+    egui::Grid::new(title).num_columns(2).spacing([12.0, 4.0]).show(ui, |ui| {
+        for (_, keys, name) in GESTURES.iter().filter(|g| g.0 == group) {
+            ui.label(number(*keys).small());
+            ui.label(weak(ui, *name));
+            ui.end_row();
+        }
+        for b in BINDINGS.iter().filter(|b| b.group == group && !is_repeated(b.action)) {
+            let (keys, name) = merged(b.action, text(&b.shortcut), b.name);
+            ui.label(number(keys).small());
+            ui.label(weak(ui, name));
+            ui.end_row();
+        }
+    });
+    ui.add_space(12.0);
+}
+
+/// Whether a line stands for this one too.
+fn is_repeated(action: Action) -> bool {
+    match action {
+        Action::Keep(n) | Action::Recall(n) => n > 0,
+        Action::Orbit(x, y) | Action::TurnModel(x, y) => (x, y) != (-1, 0),
+        _ => false,
+    }
+}
+
+/// One line for several keys of a kind.
+fn merged(action: Action, keys: String, name: &str) -> (String, String) {
+    match action {
+        Action::Keep(_) => (format!("{keys} … 4"), "Keep the camera".to_owned()),
+        Action::Recall(_) => (format!("{keys} … 4"), "Back to a kept camera".to_owned()),
+        Action::Orbit(..) => ("Arrows".to_owned(), "Turn round the model".to_owned()),
+        Action::TurnModel(..) => ("Alt+arrows".to_owned(), "Turn the model itself".to_owned()),
+        _ => (keys, name.to_owned()),
+    }
+}

@@ -1,0 +1,26 @@
+//! What was said.
+
+use eframe::egui::{self, Ui};
+
+use super::{Scope, parts};
+use crate::theme::{number, weak};
+
+/// The panel.
+pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let entries = scope.document.log.entries();
+    if entries.is_empty() {
+        parts::nothing(ui, "nothing was said yet");
+    }
+    egui::ScrollArea::vertical().stick_to_bottom(true).auto_shrink([false, false]).show(ui, |ui| {
+        for entry in entries {
+            ui.horizontal_top(|ui| {
+                let secs = entry.at.as_secs();
+                ui.label(
+                    number(weak(ui, format!("{:02}:{:02}", secs / 60, secs % 60)).text())
+                        .color(crate::theme::palette(ui).weak),
+                );
+                parts::told(ui, entry.level, &entry.text);
+            });
+        }
+    });
+}

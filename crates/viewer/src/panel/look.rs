@@ -1,0 +1,114 @@
+//! How surfaces are shown.
+
+use eframe::egui::{self, Ui};
+use lodsmith_render::{ColorMap, Shading};
+
+use super::{Say, Scope, files, parts};
+use crate::command::Command;
+use crate::keys::Action;
+use crate::settings::{Appearance, Backdrop, Rig};
+
+/// Shadings with their names, in the order of their keys.
+pub const SHADINGS: [(Shading, &str); 7] = [
+    (Shading::Smooth, "Smooth"),
+    (Shading::Flat, "Flat"),
+    (Shading::Textured, "Textured"),
+    (Shading::VertexColors, "Vertex colours"),
+    (Shading::Normals, "Normals"),
+    (Shading::Matcap, "Matcap"),
+    (Shading::Heat, "Error heat map"),
+];
+
+/// Colour maps with their names.
+const MAPS: [(ColorMap, &str); 3] =
+    [(ColorMap::Turbo, "Turbo"), (ColorMap::Viridis, "Viridis"), (ColorMap::Diverging, "Diverging")];
+
+/// The panel.
+pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let before = scope.document.settings().look.clone();
+    let mut all = before.clone();
+    let look = &mut all.look;
+    parts::choose(ui, "Shading", "What colours the surface", &SHADINGS, &mut look.shading);
+    parts::field(ui, "Surface", "Its colour where the shading has none of its own", |ui| {
+        ui.color_edit_button_rgb(&mut look.surface);
+    });
+    parts::switch(
+        ui,
+        "Wireframe",
+        Some(Action::Wireframe),
+        "Lines along the edges of all faces",
+        &mut look.wireframe,
+    );
+    ui.add_enabled_ui(look.wireframe, |ui| {
+        parts::field(ui, "Wire", "Colour and width of the lines", |ui| {
+            ui.color_edit_button_rgba_unmultiplied(&mut look.wire);
+            let width = egui::DragValue::new(&mut look.wire_width_px).range(0.5..=4.0).speed(0.02);
+            ui.add(width.suffix(" px").fixed_decimals(1));
+        });
+    });
+    parts::switch(ui, "Open borders", Some(Action::Borders), "Edges with one face", &mut look.borders);
+    parts::switch(
+        ui,
+        "Defects",
+        Some(Action::Defects),
+        "Non-manifold edges, faces without area, faces that stand twice",
+        &mut look.defects,
+    );
+    parts::switch(
+        ui,
+        "Hide backs",
+        Some(Action::Cull),
+        "Faces seen from behind are left out",
+        &mut look.cull_back,
+    );
+
+    parts::heading(ui, "Behind and light");
+    let mut backdrop = match all.backdrop {
+        Backdrop::Color(_) => Backdrop::Color([1.0; 3]),
+        other => other,
+    };
+    if parts::choose(ui, "Background", "", &Backdrop::ALL, &mut backdrop) {
+        all.backdrop = backdrop;
+    }
+    if let Backdrop::Color(color) = &mut all.backdrop {
+        parts::field(ui, "Colour", "", |ui| {
+            ui.color_edit_button_rgb(color);
+        });
+    }
+    parts::switch(ui, "Ground grid", Some(Action::Ground), "A grid below the model", &mut all.ground);
+    parts::choose(ui, "Light", "", &Rig::ALL, &mut all.rig);
+    parts::field(ui, "Brightness", "", |ui| {
+        ui.spacing_mut().slider_width = (ui.available_width() - 64.0).max(40.0);
+        ui.add(egui::Slider::new(&mut all.brightness, 0.2..=3.0).max_decimals(2));
+    });
+    if all.look.shading == Shading::Heat {
+        parts::heading(ui, "Heat map");
+        parts::choose(ui, "Colours", "", &MAPS, &mut all.look.color_map);
+    }
+    own(ui, scope, &mut all);
+    if all != before {
+        scope.command(Command::Look(all));
+    }
+}
+
+/// Files of the user's: a picture of a lit ball, a shader.
+fn own(ui: &mut Ui, scope: &mut Scope<'_>, all: &mut Appearance) {
+    parts::heading(ui, "Of your own");
+    let tip = "A picture of a lit ball (PNG, JPEG): read again when it changes";
+    parts::field(ui, "Matcap", tip, |ui| file(ui, &mut all.matcap, Say::ChooseMatcap, scope));
+    let tip = "A WGSL file with `fn surface(at: Surface) -> vec4<f32>`, a linear colour: read again when it changes";
+    parts::field(ui, "Shader", tip, |ui| file(ui, &mut all.shader, Say::ChooseShader, scope));
+    if let Some(error) = &scope.facts.shader_error {
+        parts::told(ui, crate::log::Level::Error, error);
+    }
+}
+
+fn file(ui: &mut Ui, path: &mut Option<std::path::PathBuf>, choose: Say, scope: &mut Scope<'_>) {
+    let text = path.as_deref().map_or("built in".to_owned(), files::name);
+    if ui.button(text).clicked() {
+        scope.says.push(choose);
+    }
+    if path.is_some() && ui.button("×").on_hover_text("The built-in one").clicked() {
+        *path = None;
+    }
+}

@@ -1,0 +1,258 @@
+//! What panels are made of.
+
+use eframe::egui::{self, Align, Layout, Response, RichText, Sense, Ui, Vec2};
+use lodsmith::Length;
+
+use super::Panel;
+use crate::keys::Action;
+use crate::theme::{self, STEP, number, palette, weak};
+use crate::words::{length_of, length_text};
+
+/// Width of the words before a field.
+const LABEL: f32 = 104.0;
+
+/// A section of a dock: its head with the key, and its body.
+pub fn section(ui: &mut Ui, panel: Panel, body: impl FnOnce(&mut Ui)) -> bool {
+    let mut is_closed = false;
+    let p = palette(ui);
+    egui::Frame::NONE.fill(p.raised).inner_margin(egui::Margin::symmetric(12, 6)).show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        ui.horizontal(|ui| {
+            ui.label(RichText::new(panel.title()).strong());
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                let key = Action::Panel(panel).key();
+                let close = egui::Button::new(weak(ui, "×")).frame(false).min_size(Vec2::splat(18.0));
+                let close = ui.add(close).on_hover_text(format!("Hide ({key})"));
+                close.widget_info(|| {
+                    let name = format!("Hide {}", panel.title());
+                    egui::WidgetInfo::labeled(egui::Role::Button, true, name)
+                });
+                is_closed = close.clicked();
+                ui.label(weak(ui, key).small());
+            });
+        });
+    });
+    egui::Frame::NONE.inner_margin(egui::Margin { left: 12, right: 12, top: 8, bottom: 14 }).show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        ui.push_id(panel, body);
+    });
+    is_closed
+}
+
+/// A head within a section.
+pub fn heading(ui: &mut Ui, text: &str) {
+    ui.add_space(STEP);
+    ui.label(weak(ui, text.to_uppercase()).small());
+}
+
+/// A name and a number, which stands at the right edge.
+pub fn fact(ui: &mut Ui, name: &str, value: impl Into<String>) -> Response {
+    ui.horizontal(|ui| {
+        ui.label(weak(ui, name));
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.label(number(value))).inner
+    })
+    .inner
+}
+
+/// A line of a table: a name and columns that end where the heads do.
+pub fn columns(ui: &mut Ui, name: &str, values: &[String], head: bool) {
+    ui.horizontal(|ui| {
+        ui.label(weak(ui, name));
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            ui.spacing_mut().item_spacing.x = STEP;
+            for value in values.iter().rev() {
+                let text = if head { weak(ui, value.clone()).small() } else { number(value.clone()) };
+                let size = Vec2::new(84.0, 18.0);
+                ui.allocate_ui_with_layout(size, Layout::right_to_left(Align::Center), |ui| {
+                    ui.set_min_size(size);
+                    ui.label(text);
+                });
+            }
+        });
+    });
+}
+
+/// A name, and a field after it.
+pub fn field<R>(ui: &mut Ui, name: &str, tip: &str, add: impl FnOnce(&mut Ui) -> R) -> R {
+    ui.horizontal(|ui| {
+        let size = Vec2::new(LABEL, ui.spacing().interact_size.y);
+        ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
+            ui.set_min_size(size);
+            let label = ui.add(egui::Label::new(weak(ui, name)).sense(Sense::hover()));
+            if !tip.is_empty() {
+                label.on_hover_text(tip);
+            }
+        });
+        add(ui)
+    })
+    .inner
+}
+
+/// A field that offers a list. Whether another one was chosen.
+pub fn choose<T: Copy + PartialEq>(
+    ui: &mut Ui,
+    name: &str,
+    tip: &str,
+    choices: &[(T, &str)],
+    value: &mut T,
+) -> bool {
+    let before = *value;
+    field(ui, name, tip, |ui| {
+        let shown = choices.iter().find(|c| c.0 == *value).map_or("", |c| c.1);
+        let combo = egui::ComboBox::from_id_salt(name).width(ui.available_width()).selected_text(shown);
+        let response = combo.show_ui(ui, |ui| {
+            for (choice, word) in choices {
+                ui.selectable_value(value, *choice, *word);
+            }
+        });
+        response.response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
+    });
+    *value != before
+}
+
+/// A switch with its key in the tooltip. Whether it was turned.
+pub fn switch(ui: &mut Ui, text: &str, action: Option<Action>, tip: &str, value: &mut bool) -> bool {
+    let key = action.map(Action::key).filter(|k| !k.is_empty());
+    let tip = match (tip, key) {
+        ("", None) => String::new(),
+        ("", Some(key)) => format!("{text} ({key})"),
+        (tip, None) => tip.to_owned(),
+        (tip, Some(key)) => format!("{tip} ({key})"),
+    };
+    let response = ui.checkbox(value, text);
+    let response = if tip.is_empty() { response } else { response.on_hover_text(tip) };
+    response.changed()
+}
+
+/// A number that may be off. Whether it changed.
+pub fn optional(
+    ui: &mut Ui,
+    name: &str,
+    tip: &str,
+    value: &mut Option<f64>,
+    first: f64,
+    range: std::ops::RangeInclusive<f64>,
+) -> bool {
+    let before = *value;
+    field(ui, name, tip, |ui| {
+        let mut is_on = value.is_some();
+        ui.checkbox(&mut is_on, "").on_hover_text(format!("{name}: on or off"));
+        let mut number = value.unwrap_or(first);
+        let drag = egui::DragValue::new(&mut number).range(range.clone());
+        let speed = (range.end() - range.start()).min(100.0) / 200.0;
+        ui.add_enabled(is_on, drag.speed(speed).max_decimals(3));
+        *value = is_on.then_some(number);
+    });
+    *value != before
+}
+
+/// A whole number that may be off. Whether it changed.
+pub fn optional_count(
+    ui: &mut Ui,
+    name: &str,
+    tip: &str,
+    value: &mut Option<usize>,
+    first: usize,
+    least: usize,
+) -> bool {
+    let mut number = value.map(|n| n as f64);
+    let changed = optional(ui, name, tip, &mut number, first as f64, least as f64..=1000.0);
+    *value = number.map(|n| n.round() as usize);
+    changed
+}
+
+/// A length that may be off, typed in units or in percent of the diagonal. Whether it changed.
+pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Length>) -> bool {
+    let now = value.map(length_text).unwrap_or_default();
+    let mut changed = false;
+    let tip = format!(
+        "{tip}\n\nA number in the units of the file, or percent of the diagonal such as 0.1%. Empty: off."
+    );
+    field(ui, name, &tip, |ui| {
+        if let Some(typed) = typed(ui, name, &now, "off", ui.available_width(), |t| {
+            t.trim().is_empty() || length_of(t).is_some()
+        }) {
+            let new =
+                length_of(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
+            changed = new != *value;
+            *value = new;
+        }
+    });
+    changed
+}
+
+/// A field of text that gives its value when it is left or Enter is pressed; while it is not good, it is red.
+pub fn typed(
+    ui: &mut Ui,
+    name: &str,
+    now: &str,
+    hint: &str,
+    width: f32,
+    is_good: impl Fn(&str) -> bool,
+) -> Option<String> {
+    let id = ui.scope_id().with(("typed", name));
+    let kept: Option<String> = ui.data(|d| d.get_temp(id));
+    let mut text = kept.clone().unwrap_or_else(|| now.to_owned());
+    let good = is_good(&text);
+    let mut edit = egui::TextEdit::singleline(&mut text)
+        .id(id)
+        .desired_width(width - 2.0 * STEP)
+        .hint_text(hint)
+        .font(egui::TextStyle::Monospace);
+    if !good {
+        edit = edit.text_color(palette(ui).error);
+    }
+    let response = ui.add(edit);
+    response.widget_info(|| {
+        let mut info = egui::WidgetInfo::labeled(egui::Role::TextInput, true, name);
+        info.current_text_value = Some(text.clone());
+        info
+    });
+    if response.has_focus() {
+        ui.data_mut(|d| d.insert_temp(id, text));
+        return None;
+    }
+    if kept.is_some() {
+        ui.data_mut(|d| d.remove::<String>(id));
+    }
+    let is_left = response.lost_focus() && !ui.input(|i| i.key_pressed(egui::Key::Escape));
+    (is_left && good && text != now).then_some(text)
+}
+
+/// A button of a row of which one is chosen.
+pub fn segment(ui: &mut Ui, text: &str, is_chosen: bool, tip: &str) -> bool {
+    let p = palette(ui);
+    let (fill, color) = if is_chosen { (p.accent, p.on_accent) } else { (p.button, p.text) };
+    let button = egui::Button::new(RichText::new(text).color(color)).fill(fill).selected(is_chosen);
+    let response = ui.add(button);
+    let response = if tip.is_empty() { response } else { response.on_hover_text(tip) };
+    response.clicked()
+}
+
+/// The button that one is to press.
+pub fn primary(ui: &mut Ui, text: &str) -> Response {
+    let p = palette(ui);
+    ui.add(egui::Button::new(RichText::new(text).color(p.on_accent).strong()).fill(p.accent))
+}
+
+/// A line of text in the colour of what it means.
+pub fn told(ui: &mut Ui, level: crate::log::Level, text: &str) {
+    use crate::log::Level;
+    let p = palette(ui);
+    let (mark, color) = match level {
+        Level::Good => ("✔", p.good),
+        Level::Note => ("•", p.weak),
+        Level::Warning => ("⚠", p.warning),
+        Level::Error => ("✖", p.error),
+    };
+    ui.horizontal_top(|ui| {
+        ui.label(RichText::new(mark).color(color));
+        let color = if matches!(level, Level::Note | Level::Good) { p.text } else { color };
+        ui.add(egui::Label::new(RichText::new(text).color(color)).wrap().selectable(true));
+    });
+}
+
+/// Text that says why something is empty.
+pub fn nothing(ui: &mut Ui, text: &str) {
+    ui.label(theme::weak(ui, text).italics());
+}

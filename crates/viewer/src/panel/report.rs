@@ -1,0 +1,148 @@
+//! What the engine says of its run.
+
+use eframe::egui::Ui;
+use lodsmith::{Change, Proposal, Report};
+
+use super::{Say, Scope, parts};
+use crate::command::Command;
+use crate::keys::Action;
+use crate::log::Level;
+use crate::numbers::{grouped, percent, seconds, significant};
+use crate::words::{BORDERS, PLACEMENTS, Simplification, TOPOLOGIES, length_text, quoted, word};
+
+/// The panel.
+pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let Some(shown) = scope.document.lighter() else {
+        parts::nothing(ui, "nothing was simplified yet: drag the slider below");
+        return;
+    };
+    let lighter = shown.content.clone();
+    let r = &lighter.report;
+    let stopped = r.stopped_by.name().replace('_', " ");
+    match r.reached {
+        true => parts::told(ui, Level::Good, &format!("target reached, stopped by {stopped}")),
+        false => parts::told(ui, Level::Warning, &format!("target not reached, stopped by {stopped}")),
+    }
+    parts::fact(ui, "Faces", format!("{} → {}", grouped(r.input_faces), grouped(r.faces)));
+    parts::fact(ui, "Vertices", format!("{} → {}", grouped(r.input_vertices), grouped(r.vertices)));
+    parts::fact(ui, "Left", percent(r.faces as f64 / r.input_faces.max(1) as f64));
+    let share = |d: f64| match r.error.diagonal {
+        diagonal if diagonal > 0.0 => format!("{} %", significant(100.0 * d / diagonal, 3)),
+        _ => "-".to_owned(),
+    };
+    match &r.error.measured {
+        None => _ = parts::fact(ui, "RMS error, estimated", share(r.error.estimate)),
+        Some(m) => {
+            parts::fact(ui, "RMS error, measured", share(m.rms.symmetric));
+            parts::fact(ui, "Largest, measured", share(m.hausdorff.symmetric));
+        }
+    }
+    parts::fact(ui, "Time", seconds(lighter.seconds));
+    more(ui, r);
+    for warning in &lighter.warnings {
+        parts::told(ui, Level::Warning, warning);
+    }
+    if lighter.counts.len() > 1 {
+        parts::heading(ui, "Meshes");
+        for (mesh, m) in lighter.model.meshes.iter().zip(&lighter.counts) {
+            parts::fact(ui, &mesh.name, format!("{} → {}", grouped(m.input_faces), grouped(m.faces)));
+        }
+    }
+    if !r.refusals.is_empty() {
+        parts::heading(ui, "Refused");
+        for (refusal, count) in &r.refusals {
+            let name = refusal.name().replace('_', " ");
+            parts::fact(ui, &name, grouped(usize::try_from(*count).unwrap_or(usize::MAX)));
+        }
+    }
+    if !r.proposals.is_empty() {
+        parts::heading(ui, "What would go further");
+        for proposal in &r.proposals {
+            propose(ui, scope, proposal);
+        }
+    }
+    parts::heading(ui, "Command line");
+    let line = command_line(scope.document.settings());
+    ui.horizontal_wrapped(|ui| {
+        ui.add(eframe::egui::Label::new(crate::theme::number(&line)).wrap().selectable(true));
+    });
+    let tip = format!("Into the clipboard ({})", Action::CopyCommand.key());
+    if ui.button("Copy").on_hover_text(tip).clicked() {
+        scope.says.push(Say::Copy(line));
+    }
+}
+
+fn more(ui: &mut Ui, r: &Report) {
+    let c = &r.cleanup;
+    let all = [
+        ("Parts removed whole", r.parts_removed),
+        ("Small parts pruned", r.pruned.parts),
+        ("Necks cut", r.necks_cut),
+        ("Pairs contracted", r.pairs_contracted),
+        ("Vertices welded first", c.welded_vertices),
+        ("Degenerate faces dropped", c.degenerate_faces),
+        ("Duplicate faces dropped", c.duplicate_faces),
+        ("Non-finite faces dropped", c.non_finite_faces),
+    ];
+    for (name, count) in all.into_iter().filter(|x| x.1 > 0) {
+        parts::fact(ui, name, grouped(count));
+    }
+}
+
+/// What would let the run go on, with a button that does it where it is a value.
+fn propose(ui: &mut Ui, scope: &mut Scope<'_>, proposal: &Proposal) {
+    let words: Vec<_> = proposal.changes.iter().map(change_text).collect();
+    let mut how = scope.document.settings().simplify.clone();
+    let can_do = proposal.changes.iter().all(|change| apply(*change, &mut how));
+    ui.horizontal_wrapped(|ui| {
+        if can_do && ui.button("Do").on_hover_text("Change the options so").clicked() {
+            scope.command(Command::Method(how));
+        }
+        ui.label(words.join(" together with "));
+    });
+}
+
+fn change_text(change: &Change) -> String {
+    match *change {
+        Change::Border(to) => format!("borders: {}", word(BORDERS, to)),
+        Change::Topology(to) => format!("topology: {}", word(TOPOLOGIES, to)),
+        Change::Placement(to) => format!("placement: {}", word(PLACEMENTS, to)),
+        Change::MaxNormal => "a larger turn of faces".to_owned(),
+        Change::MinQuality => "a lower quality".to_owned(),
+        Change::MaxValence => "a higher valence".to_owned(),
+        Change::MaxEdge => "longer edges".to_owned(),
+        Change::Locked => "fewer locks".to_owned(),
+        Change::Pairs(distance) => format!("pairs closer than {}", length_text(distance)),
+    }
+}
+
+fn apply(change: Change, how: &mut Simplification) -> bool {
+    let options = &mut how.options;
+    match change {
+        Change::Border(to) => options.border = to,
+        Change::Topology(to) => options.topology = to,
+        Change::Placement(to) => options.placement = to,
+        Change::Pairs(distance) => options.of_method.pairs = Some(distance),
+        Change::MaxNormal => options.guards.max_normal_deg = None,
+        Change::MinQuality => options.guards.min_quality = None,
+        Change::MaxValence => options.guards.max_valence = None,
+        Change::MaxEdge => options.guards.max_edge = None,
+        Change::Locked => return false,
+    }
+    true
+}
+
+/// The command line that does what is shown.
+pub fn command_line(settings: &crate::settings::Settings) -> String {
+    let Some(file) = settings.file() else { return "lodsmith view".to_owned() };
+    let mut words = vec!["lodsmith".to_owned(), "simplify".to_owned(), file.display().to_string()];
+    let stem = file.file_stem().map_or("out".into(), |s| s.to_string_lossy());
+    let ending = file.extension().map_or("glb".into(), |e| e.to_string_lossy());
+    let ending = if lodsmith_io::Format::from_name(&ending).is_some() { ending } else { "glb".into() };
+    words.extend(["-o".to_owned(), format!("{stem}_low.{ending}")]);
+    words.extend(settings.simplify.words());
+    if !settings.simplify.has_end() && settings.simplify.options.stop.ratio.is_none() {
+        words.extend(["--ratio".to_owned(), "1".to_owned()]);
+    }
+    words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,392 @@
+//! The wide slider under the pictures: how much is left.
+
+use eframe::egui::{self, Rect, Sense, Ui, Vec2, pos2};
+
+use super::{Scope, parts};
+use crate::command::{Command, Target};
+use crate::keys::Action;
+use crate::numbers::{count_of, grouped, percent, significant};
+use crate::settings::Settings;
+use crate::theme::{palette, weak};
+
+/// What the slider counts in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unit {
+    /// Triangles.
+    #[default]
+    Faces,
+    /// Vertices.
+    Vertices,
+    /// Percent of the triangles.
+    Percent,
+    /// Deviation, in percent of the diagonal.
+    Error,
+}
+
+impl Unit {
+    /// All of them, with their names.
+    pub const ALL: [(Self, &'static str); 4] = [
+        (Self::Faces, "Faces"),
+        (Self::Vertices, "Vertices"),
+        (Self::Percent, "Percent"),
+        (Self::Error, "Error"),
+    ];
+
+    /// The unit that a target is in.
+    pub fn of(settings: &Settings) -> Option<Self> {
+        let stop = &settings.simplify.options.stop;
+        let all = [
+            (stop.faces.is_some(), Self::Faces),
+            (stop.vertices.is_some(), Self::Vertices),
+            (stop.ratio.is_some(), Self::Percent),
+            (stop.error.is_some(), Self::Error),
+        ];
+        all.into_iter().find(|x| x.0).map(|x| x.1)
+    }
+}
+
+/// What there is of the original.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Whole {
+    /// Triangles.
+    pub faces: usize,
+    /// Vertices.
+    pub vertices: usize,
+    /// Of its box.
+    pub diagonal: f64,
+}
+
+/// Fewest triangles of the slider: a tetrahedron.
+const LEAST: f64 = 4.0;
+/// Least and largest error of the slider, as shares of the diagonal.
+const ERRORS: [f64; 2] = [1e-5, 0.1];
+
+impl Whole {
+    /// The target at a place of the slider, from 0 (least) to 1 (all).
+    pub fn target(&self, unit: Unit, at: f64) -> Target {
+        if at >= 1.0 {
+            return Target::Original;
+        }
+        let at = at.max(0.0);
+        let between = |all: usize| {
+            let all = (all as f64).max(LEAST);
+            LEAST * (all / LEAST).powf(at)
+        };
+        match unit {
+            Unit::Faces => Target::Faces(between(self.faces).round() as usize),
+            Unit::Vertices => Target::Vertices(between(self.vertices).round() as usize),
+            Unit::Percent => {
+                // Three digits are what one can read.
+                let ratio = between(self.faces) / (self.faces as f64).max(LEAST);
+                Target::Ratio(rounded(ratio).clamp(1e-9, 1.0))
+            }
+            Unit::Error => Target::Error(rounded(ERRORS[1] * (ERRORS[0] / ERRORS[1]).powf(at))),
+        }
+    }
+
+    /// The place of a number of triangles.
+    pub fn place_of_faces(&self, faces: f64) -> f64 {
+        place(faces, self.faces as f64)
+    }
+
+    /// The place of the target of the settings.
+    pub fn place(&self, settings: &Settings) -> f64 {
+        let stop = &settings.simplify.options.stop;
+        if let Some(n) = stop.faces {
+            place(n as f64, self.faces as f64)
+        } else if let Some(n) = stop.vertices {
+            place(n as f64, self.vertices as f64)
+        } else if let Some(r) = stop.ratio {
+            place(r * self.faces as f64, self.faces as f64)
+        } else if let Some(error) = stop.error {
+            let share = error.in_units(self.diagonal) / self.diagonal.max(1e-300);
+            ((share / ERRORS[1]).ln() / (ERRORS[0] / ERRORS[1]).ln()).clamp(0.0, 1.0)
+        } else {
+            1.0
+        }
+    }
+
+    /// The target, a step further or back: times a factor.
+    pub fn scaled(&self, settings: &Settings, shown: usize, factor: f64) -> Target {
+        let stop = &settings.simplify.options.stop;
+        if let Some(error) = stop.error {
+            let share = error.in_units(self.diagonal) / self.diagonal.max(1e-300);
+            return Target::Error((share / factor).clamp(1e-9, 1.0));
+        }
+        let times = |n: f64, all: usize| {
+            let wanted = (n * factor).max(LEAST);
+            // A step of less than one would never come anywhere.
+            let wanted = if factor < 1.0 { wanted.min(n - 1.0).max(LEAST) } else { wanted.max(n + 1.0) };
+            (wanted < all as f64).then(|| wanted.round() as usize)
+        };
+        if let Some(n) = stop.vertices {
+            return times(n as f64, self.vertices).map_or(Target::Original, Target::Vertices);
+        }
+        if let Some(r) = stop.ratio {
+            let ratio = r * factor;
+            return if ratio < 1.0 { Target::Ratio(ratio.max(1e-9)) } else { Target::Original };
+        }
+        let from = stop.faces.map_or(shown as f64, |n| n as f64);
+        times(from, self.faces).map_or(Target::Original, Target::Faces)
+    }
+
+    /// What is typed as a target.
+    pub fn typed(&self, unit: Unit, text: &str) -> Option<Target> {
+        let number =
+            || text.trim().trim_end_matches('%').trim().parse::<f64>().ok().filter(|x| x.is_finite());
+        match unit {
+            Unit::Faces => count_of(text).filter(|&n| n > 0).map(|n| match n < self.faces {
+                true => Target::Faces(n),
+                false => Target::Original,
+            }),
+            Unit::Vertices => count_of(text).filter(|&n| n > 0).map(|n| match n < self.vertices {
+                true => Target::Vertices(n),
+                false => Target::Original,
+            }),
+            Unit::Percent => number().filter(|&p| p > 0.0).map(|p| match p < 100.0 {
+                true => Target::Ratio(p / 100.0),
+                false => Target::Original,
+            }),
+            Unit::Error => number().filter(|&p| p > 0.0).map(|p| Target::Error(p / 100.0)),
+        }
+    }
+}
+
+fn place(n: f64, all: f64) -> f64 {
+    let all = all.max(LEAST);
+    if all <= LEAST {
+        return 1.0;
+    }
+    ((n.max(LEAST) / LEAST).ln() / (all / LEAST).ln()).clamp(0.0, 1.0)
+}
+
+/// To three digits.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.2e}").parse().unwrap_or(x)
+}
+
+/// What is asked for, in words.
+pub fn text_of(settings: &Settings, whole: &Whole, unit: Unit) -> String {
+    let stop = &settings.simplify.options.stop;
+    match unit {
+        Unit::Faces => grouped(stop.faces.unwrap_or(whole.faces)),
+        Unit::Vertices => grouped(stop.vertices.unwrap_or(whole.vertices)),
+        Unit::Percent => format!("{}%", significant(100.0 * stop.ratio.unwrap_or(1.0), 3)),
+        Unit::Error => {
+            let share = stop.error.map_or(0.0, |e| e.in_units(whole.diagonal) / whole.diagonal.max(1e-300));
+            format!("{}%", significant(100.0 * share, 3))
+        }
+    }
+}
+
+/// The strip under the pictures. Gives the unit that was chosen.
+pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) -> Unit {
+    let document = scope.document;
+    let mut unit = scope.facts.unit;
+    let whole = document.original().map(|o| Whole {
+        faces: o.content.faces,
+        vertices: o.content.vertices,
+        diagonal: o.content.bounds.diagonal(),
+    });
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        for (each, name) in Unit::ALL {
+            if parts::segment(ui, name, unit == each, "What the slider counts in") {
+                unit = each;
+            }
+        }
+        ui.add_space(8.0);
+        if let Some(whole) = &whole {
+            let now = text_of(document.settings(), whole, unit);
+            let is_good = |t: &str| whole.typed(unit, t).is_some();
+            if let Some(text) = parts::typed(ui, "Target", &now, "", 120.0, is_good)
+                && let Some(target) = whole.typed(unit, &text)
+            {
+                scope.command(Command::Target(target));
+            }
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| status(ui, scope));
+    });
+    ui.add_enabled_ui(whole.is_some(), |ui| slider(ui, scope, whole.as_ref(), unit));
+    unit
+}
+
+/// What is going on, or what came out.
+fn status(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let document = scope.document;
+    let restore = format!("Back to the original ({})", Action::Restore.key());
+    let can_restore = document.settings().simplify.has_end();
+    if ui.add_enabled(can_restore, egui::Button::new("Restore")).on_hover_text(restore).clicked() {
+        scope.action(Action::Restore);
+    }
+    ui.add_space(8.0);
+    if let Some(progress) = document.progress() {
+        let stop =
+            ui.button("Stop").on_hover_text(format!("End what is under way ({})", Action::Cancel.key()));
+        if stop.clicked() {
+            scope.action(Action::Cancel);
+        }
+        let bar = egui::ProgressBar::new(progress.done).desired_width(120.0).desired_height(8.0);
+        ui.add(bar.fill(palette(ui).accent));
+        let stage = if progress.stage.is_empty() { String::new() } else { format!(": {}", progress.stage) };
+        ui.label(weak(ui, format!("{}{stage}", progress.kind.title())));
+    } else if let Some(lighter) = document.lighter() {
+        let l = &lighter.content;
+        let left = percent(l.report.faces as f64 / l.report.input_faces.max(1) as f64);
+        let text = format!("{} faces, {left} of the original", grouped(l.report.faces));
+        ui.label(weak(ui, text));
+    } else if let Some(original) = document.original() {
+        ui.label(weak(ui, format!("{} faces: the original", grouped(original.content.faces))));
+    }
+}
+
+/// Marks of the rail, in percent of the faces.
+const MARKS: [(f64, &str); 9] = [
+    (1.0, "100 %"),
+    (0.5, "50"),
+    (0.25, "25"),
+    (0.1, "10"),
+    (0.05, "5"),
+    (0.01, "1"),
+    (0.001, "0.1"),
+    (0.0001, "0.01"),
+    (0.00001, "0.001"),
+];
+
+fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit) {
+    let size = Vec2::new(ui.available_width(), 40.0);
+    let (rect, mut response) = ui.allocate_exact_size(size, Sense::click_and_drag());
+    let rail =
+        Rect::from_min_max(rect.min + Vec2::new(10.0, 10.0), pos2(rect.right() - 10.0, rect.top() + 16.0));
+    let settings = scope.document.settings();
+    let at = whole.map_or(1.0, |w| w.place(settings));
+    let p = palette(ui);
+    let enabled = ui.is_enabled();
+    let painter = ui.painter();
+    painter.rect_filled(rail, 3.0, p.button);
+    let x_of = |at: f64| rail.left() + rail.width() * at as f32;
+    let done = Rect::from_min_max(rail.min, pos2(x_of(at), rail.bottom()));
+    painter.rect_filled(done, 3.0, if enabled { p.accent } else { p.hovered });
+    let font = egui::TextStyle::Small.resolve(ui.style());
+    if let Some(whole) = whole {
+        let mut free = f32::INFINITY;
+        let marks: Vec<(f64, String)> = match unit {
+            Unit::Error => [10.0, 1.0, 0.1, 0.01, 0.001]
+                .map(|p: f64| {
+                    (((p / 100.0 / ERRORS[1]).ln() / (ERRORS[0] / ERRORS[1]).ln()), format!("{p} %"))
+                })
+                .into_iter()
+                .rev()
+                .collect(),
+            _ => MARKS
+                .iter()
+                .filter(|m| m.0 * whole.faces as f64 >= LEAST)
+                .map(|m| (whole.place_of_faces(m.0 * whole.faces as f64), m.1.to_owned()))
+                .collect(),
+        };
+        for (place, text) in marks {
+            let x = x_of(place);
+            painter.vline(x, rail.bottom() + 3.0..=rail.bottom() + 7.0, egui::Stroke::new(1.0, p.weak));
+            let galley = painter.layout_no_wrap(text, font.clone(), p.weak);
+            let left = (x - galley.size().x / 2.0).clamp(rect.left(), rect.right() - galley.size().x);
+            if left + galley.size().x + 8.0 < free {
+                free = left;
+                painter.galley(pos2(left, rail.bottom() + 8.0), galley, p.weak);
+            }
+        }
+        // What is reached, where that is not what is asked.
+        if let Some(lighter) = scope.document.lighter() {
+            let x = x_of(whole.place_of_faces(lighter.content.report.faces as f64));
+            if unit == Unit::Error || (x - x_of(at)).abs() > 3.0 {
+                let mark = [
+                    pos2(x, rail.top() - 1.0),
+                    pos2(x - 4.0, rail.top() - 8.0),
+                    pos2(x + 4.0, rail.top() - 8.0),
+                ];
+                painter.add(egui::Shape::convex_polygon(mark.to_vec(), p.text, egui::Stroke::NONE));
+            }
+        }
+    }
+    let knob = pos2(x_of(at), rail.center().y);
+    let fill = if !enabled {
+        p.hovered
+    } else if response.hovered() || response.dragged() {
+        p.text
+    } else {
+        p.accent
+    };
+    painter.circle(knob, 8.0, fill, egui::Stroke::new(2.0, p.panel));
+    if response.has_focus() {
+        painter.circle_stroke(knob, 11.0, egui::Stroke::new(1.5, p.accent));
+    }
+    response.widget_info(|| egui::WidgetInfo::slider(enabled, at, "Target slider"));
+
+    let Some(whole) = whole else { return };
+    let pointed = response.interact_pointer_pos().filter(|_| response.dragged() || response.clicked());
+    if let Some(pointer) = pointed {
+        let to = f64::from(((pointer.x - rail.left()) / rail.width()).clamp(0.0, 1.0));
+        let target = whole.target(unit, to);
+        if target.stop() != settings.simplify.options.stop {
+            scope.command(Command::Target(target));
+        }
+        response.mark_changed();
+    }
+    if response.hovered() && !response.dragged() {
+        response.on_hover_text(format!(
+            "Drag: how much is left. Hold M: fewer and fewer. {}/{}: 10 % fewer or more. {}: the original",
+            Action::Fewer.key(),
+            Action::More.key(),
+            Action::Restore.key()
+        ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WHOLE: Whole = Whole { faces: 100_000, vertices: 50_000, diagonal: 2.0 };
+
+    #[test]
+    fn a_place_is_that_of_its_target() {
+        for (unit, _) in Unit::ALL {
+            for at in [0.0, 0.3, 0.7, 0.95, 1.0] {
+                let mut settings = Settings::default();
+                Command::Target(WHOLE.target(unit, at)).apply(&mut settings);
+                let got = WHOLE.place(&settings);
+                assert!((got - at).abs() < 0.02, "{unit:?} {at}: {got}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_typed_is_meant() {
+        assert_eq!(WHOLE.typed(Unit::Faces, "6,945"), Some(Target::Faces(6945)));
+        assert_eq!(WHOLE.typed(Unit::Faces, "1M"), Some(Target::Original));
+        assert_eq!(WHOLE.typed(Unit::Percent, "10 %"), Some(Target::Ratio(0.1)));
+        assert_eq!(WHOLE.typed(Unit::Error, "0.5"), Some(Target::Error(0.005)));
+        for (unit, _) in Unit::ALL {
+            for bad in ["", "x", "0", "-3", "nan"] {
+                assert_eq!(WHOLE.typed(unit, bad), None, "{unit:?} {bad}");
+            }
+        }
+    }
+
+    #[test]
+    fn steps_come_somewhere_and_end() {
+        let mut settings = Settings::default();
+        for _ in 0..2000 {
+            let next = WHOLE.scaled(&settings, WHOLE.faces, 0.97);
+            Command::Target(next).apply(&mut settings);
+        }
+        assert_eq!(settings.simplify.options.stop.faces, Some(4));
+        for _ in 0..2000 {
+            let next = WHOLE.scaled(&settings, 4, 1.03);
+            Command::Target(next).apply(&mut settings);
+            if next == Target::Original {
+                return;
+            }
+        }
+        unreachable!("it must come back to the original");
+    }
+}

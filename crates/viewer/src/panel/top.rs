@@ -1,0 +1,137 @@
+//! The bar above: menus, sides, shading.
+
+use eframe::egui::{self, RichText, Ui};
+
+use super::{Panel, Scope, look::SHADINGS, parts};
+use crate::command::Command;
+use crate::keys::Action;
+use crate::settings::{Layout, Sides};
+use crate::theme::{palette, weak};
+
+/// The bar. `is_shown` says which panels are.
+pub fn show(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
+    ui.horizontal_centered(|ui| {
+        ui.label(RichText::new("Lodsmith").strong().size(15.0).color(palette(ui).accent));
+        ui.add_space(8.0);
+        menus(ui, scope, is_shown);
+        ui.separator();
+        sides(ui, scope);
+        ui.separator();
+        shading(ui, scope);
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let tip = |action: Action, text: &str| format!("{text} ({})", action.key());
+            if ui.button("?").on_hover_text(tip(Action::Help, "Keys and mouse")).clicked() {
+                scope.action(Action::Help);
+            }
+            let (name, text) =
+                if ui.visuals().dark_mode { ("☀", "Light theme") } else { ("🌙", "Dark theme") };
+            if ui.button(name).on_hover_text(tip(Action::Theme, text)).clicked() {
+                scope.action(Action::Theme);
+            }
+            if let Some(original) = scope.document.original() {
+                let name = super::files::name(&original.content.path);
+                ui.add(egui::Label::new(weak(ui, name)).truncate());
+            }
+        });
+    });
+}
+
+fn menus(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
+    let has_file = scope.document.original().is_some();
+    let (undo, redo) = scope.document.history();
+    ui.menu_button("File", |ui| {
+        item(ui, scope, Action::Open, "Open…", true);
+        item(ui, scope, Action::Export, "Export…", has_file);
+        item(ui, scope, Action::Reload, "Read again", has_file);
+        item(ui, scope, Action::Close, "Close", has_file);
+        ui.separator();
+        item(ui, scope, Action::OpenSession, "Open session…", true);
+        item(ui, scope, Action::SaveSession, "Save session…", has_file);
+        ui.separator();
+        item(ui, scope, Action::CopyCommand, "Copy the command line", has_file);
+        item(ui, scope, Action::Screenshot, "Picture of the window", true);
+        ui.separator();
+        item(ui, scope, Action::Quit, "Quit", true);
+    });
+    ui.menu_button("Edit", |ui| {
+        let named = |word: &str, name: Option<&str>| name.map_or(word.to_owned(), |n| format!("{word} {n}"));
+        item(ui, scope, Action::Undo, &named("Undo", undo), undo.is_some());
+        item(ui, scope, Action::Redo, &named("Redo", redo), redo.is_some());
+        ui.separator();
+        item(
+            ui,
+            scope,
+            Action::Restore,
+            "Restore the original",
+            scope.document.settings().simplify.has_end(),
+        );
+    });
+    ui.menu_button("View", |ui| {
+        for action in [Action::Frame, Action::View(0), Action::View(1), Action::View(4), Action::View(5)] {
+            item(ui, scope, action, action.binding().map_or("", |b| b.name), has_file);
+        }
+        ui.separator();
+        for n in 0..4 {
+            let is_kept = scope.document.settings().cameras[n].is_some();
+            item(ui, scope, Action::Recall(n), &format!("Camera {}", n + 1), is_kept);
+        }
+        ui.separator();
+        for n in 0..4 {
+            item(ui, scope, Action::Keep(n), &format!("Keep as camera {}", n + 1), has_file);
+        }
+        ui.separator();
+        item(ui, scope, Action::TurnBack, "Turn the model back", has_file);
+    });
+    ui.menu_button("Panels", |ui| {
+        for panel in Panel::ALL {
+            let mark = if is_shown(panel) { "✔ " } else { "    " };
+            item(ui, scope, Action::Panel(panel), &format!("{mark}{}", panel.title()), true);
+        }
+        ui.separator();
+        item(ui, scope, Action::Panels, "Hide all", true);
+    });
+}
+
+fn item(ui: &mut Ui, scope: &mut Scope<'_>, action: Action, text: &str, is_enabled: bool) {
+    let button = egui::Button::new(text).shortcut_text(action.key()).min_size(egui::vec2(220.0, 24.0));
+    if ui.add_enabled(is_enabled, button).clicked() {
+        scope.action(action);
+        ui.close();
+    }
+}
+
+fn sides(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let layout = scope.document.settings().layout;
+    ui.spacing_mut().item_spacing.x = 4.0;
+    let key = Action::NextSides.key();
+    for (sides, name) in Sides::ALL {
+        if parts::segment(ui, name, layout.sides == sides, &format!("{name} ({key} goes through all four)")) {
+            scope.command(Command::Layout(Layout { sides, ..layout }));
+        }
+    }
+    let tip = format!("One camera for both sides ({})", Action::Link.key());
+    if parts::segment(ui, "Linked", layout.linked, &tip) {
+        scope.action(Action::Link);
+    }
+}
+
+fn shading(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let settings = scope.document.settings();
+    let mut look = settings.look.clone();
+    let shown = SHADINGS.iter().find(|s| s.0 == look.look.shading).map_or("", |s| s.1);
+    let combo = egui::ComboBox::from_id_salt("shading").width(124.0).selected_text(shown);
+    let response = combo.show_ui(ui, |ui| {
+        for (i, (shading, name)) in SHADINGS.iter().enumerate() {
+            let text = format!("{name}  ({})", Action::Shade(i).key());
+            ui.selectable_value(&mut look.look.shading, *shading, text);
+        }
+    });
+    response.response.on_hover_text("What colours the surface");
+    let tip = format!("Lines along all edges ({})", Action::Wireframe.key());
+    if parts::segment(ui, "Wire", look.look.wireframe, &tip) {
+        look.look.wireframe = !look.look.wireframe;
+    }
+    if look != settings.look {
+        scope.command(Command::Look(look));
+    }
+}

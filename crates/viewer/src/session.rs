@@ -1,0 +1,224 @@
+//! What outlives the window: sessions by name, and by itself the recent files and the theme.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::settings::{Pose, Settings};
+
+/// A session: files, options, look, cameras.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Session {
+    /// What it is, for who finds the file.
+    pub program: String,
+    /// Grows when older programs could not read it.
+    pub version: u32,
+    /// All that commands change.
+    pub settings: Settings,
+    /// From where the two sides were seen.
+    pub cameras: Option<[Pose; 2]>,
+}
+
+/// The version that is written.
+const VERSION: u32 = 1;
+const PROGRAM: &str = "lodsmith session";
+
+/// Why a session cannot be opened.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SessionError {
+    /// The disk says no.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the disk says.
+        source: io::Error,
+    },
+    /// It is none.
+    #[error("{path}: is no session of lodsmith: {reason}")]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What was met.
+        reason: String,
+    },
+    /// A newer program wrote it.
+    #[error("{path}: was saved by a newer lodsmith (version {got} of sessions, {VERSION} is known here)")]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// Its version.
+        got: u32,
+    },
+}
+
+impl Session {
+    /// A session of these.
+    pub fn new(settings: Settings, cameras: [Pose; 2]) -> Self {
+        Self { program: PROGRAM.to_owned(), version: VERSION, settings, cameras: Some(cameras) }
+    }
+
+    /// Saves it: to a temporary file first, which then takes the name. Files beside it are named relative to it.
+    ///
+    /// # Errors
+    /// [`SessionError::Io`].
+    pub fn save(&self, path: &Path) -> Result<(), SessionError> {
+        let mut copy = self.clone();
+        let folder = folder_of(path);
+        for file in &mut copy.settings.files {
+            if let Some(inside) = absolute(file).strip_prefix(&folder).ok().map(Path::to_owned) {
+                *file = inside;
+            } else {
+                *file = absolute(file);
+            }
+        }
+        let text = serde_json::to_string_pretty(&copy).map_err(io::Error::from);
+        text.and_then(|text| write(path, text.as_bytes()))
+            .map_err(|source| SessionError::Io { path: path.to_owned(), source })
+    }
+
+    /// Opens one.
+    ///
+    /// # Errors
+    /// Each [`SessionError`].
+    pub fn open(path: &Path) -> Result<Self, SessionError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| SessionError::Io { path: path.to_owned(), source })?;
+        let malformed = |reason: String| SessionError::Malformed { path: path.to_owned(), reason };
+        let version = serde_json::from_str::<serde_json::Value>(&text)
+            .map_err(|e| malformed(e.to_string()))?["version"]
+            .as_u64();
+        if let Some(got) = version.filter(|&v| v > u64::from(VERSION)) {
+            let got = u32::try_from(got).unwrap_or(u32::MAX);
+            return Err(SessionError::Newer { path: path.to_owned(), got });
+        }
+        let mut session: Self = serde_json::from_str(&text).map_err(|e| malformed(e.to_string()))?;
+        if session.program != PROGRAM {
+            return Err(malformed("it does not say that it is one".to_owned()));
+        }
+        let folder = folder_of(path);
+        for file in &mut session.settings.files {
+            *file = folder.join(&file);
+        }
+        Ok(session)
+    }
+}
+
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
+fn folder_of(path: &Path) -> PathBuf {
+    absolute(path).parent().map(Path::to_owned).unwrap_or_default()
+}
+
+/// Makes a file hold these bytes, or leaves it as it was.
+pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let temporary = tempfile::Builder::new().prefix(".lodsmith-").suffix(".part").tempfile_in(folder)?;
+    std::fs::write(temporary.path(), bytes)?;
+    temporary.persist(path).map_err(|e| e.error)?;
+    Ok(())
+}
+
+/// What the window remembers by itself.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Memory {
+    /// Files that were open, newest first.
+    pub recent: Vec<PathBuf>,
+    /// Whether the theme is the light one.
+    pub is_light: bool,
+}
+
+/// Recent files that are kept.
+const RECENT: usize = 12;
+
+impl Memory {
+    /// Where it lies; `None` where the system names no place.
+    pub fn path() -> Option<PathBuf> {
+        let from = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+        let folder = if cfg!(target_os = "windows") {
+            from("APPDATA")?
+        } else if cfg!(target_os = "macos") {
+            from("HOME")?.join("Library/Application Support")
+        } else {
+            from("XDG_CONFIG_HOME").or_else(|| Some(from("HOME")?.join(".config")))?
+        };
+        Some(folder.join("lodsmith").join("viewer.json"))
+    }
+
+    /// What was remembered; nothing if it cannot be read.
+    pub fn load(path: &Path) -> Self {
+        let text = std::fs::read_to_string(path).unwrap_or_default();
+        serde_json::from_str(&text).unwrap_or_default()
+    }
+
+    /// Remembers it. Where that is not possible, it is forgotten: nothing of value is lost.
+    pub fn save(&self, path: &Path) {
+        if let (Some(folder), Ok(text)) = (path.parent(), serde_json::to_string_pretty(self))
+            && std::fs::create_dir_all(folder).is_ok()
+        {
+            let _ = write(path, text.as_bytes());
+        }
+    }
+
+    /// A file was opened.
+    pub fn opened(&mut self, file: &Path) {
+        let file = absolute(file);
+        self.recent.retain(|f| *f != file);
+        self.recent.insert(0, file);
+        self.recent.truncate(RECENT);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn session(folder: &Path) -> Session {
+        let settings = Settings { files: vec![folder.join("a.glb")], ..Settings::default() };
+        let pose = Pose { eye: [1.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 };
+        Session::new(settings, [pose; 2])
+    }
+
+    #[test]
+    fn a_session_moves_with_its_folder() {
+        let [one, two] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        session(one.path()).save(&one.path().join("s.json")).unwrap();
+        std::fs::rename(one.path().join("s.json"), two.path().join("s.json")).unwrap();
+        let opened = Session::open(&two.path().join("s.json")).unwrap();
+        assert_eq!(opened.settings.files, [two.path().join("a.glb")]);
+    }
+
+    #[test]
+    fn what_is_no_session_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("s.json");
+        let says = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            Session::open(&path).unwrap_err().to_string()
+        };
+        assert!(says("{").contains("no session"));
+        assert!(says("{}").contains("no session"));
+        assert!(says(r#"{"version":99}"#).contains("newer"));
+        std::fs::remove_file(&path).unwrap();
+        assert!(matches!(Session::open(&path), Err(SessionError::Io { .. })));
+    }
+
+    #[test]
+    fn the_newest_file_comes_first_and_once() {
+        let mut memory = Memory::default();
+        for name in ["a", "b", "a"] {
+            memory.opened(Path::new(name));
+        }
+        let names: Vec<_> = memory.recent.iter().map(|p| p.file_name().unwrap()).collect();
+        assert_eq!(names, ["a", "b"]);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("deep/viewer.json");
+        memory.save(&path);
+        assert_eq!(Memory::load(&path), memory);
+    }
+}

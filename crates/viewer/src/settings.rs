@@ -1,0 +1,353 @@
+//! Everything that commands change: what is open, how it is simplified, how it is shown. A session holds just this.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DQuat, DVec3, Vec3};
+use lodsmith_render::{
+    Ambient, Background, Camera, ColorMap, Lens, Light, LightKind, Lighting, Look, Shading,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::words::Simplification;
+
+/// What a document is, beside the meshes themselves.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Settings {
+    /// Files that are open.
+    pub files: Vec<PathBuf>,
+    /// Which of them is shown.
+    pub shown: usize,
+    /// How it is simplified.
+    pub simplify: Simplification,
+    /// How surfaces are shown.
+    pub look: Appearance,
+    /// How the two sides are shown.
+    pub layout: Layout,
+    /// How the model is turned before all else.
+    pub turn: Turn,
+    /// Cameras to come back to.
+    pub cameras: [Option<Pose>; 4],
+    /// Whether the level goes by the distance of the camera.
+    pub auto_lod: AutoLod,
+}
+
+impl Settings {
+    /// The file that is shown.
+    pub fn file(&self) -> Option<&Path> {
+        self.files.get(self.shown).map(PathBuf::as_path)
+    }
+}
+
+/// How the model is turned.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Turn(pub [f64; 4]);
+
+impl Default for Turn {
+    fn default() -> Self {
+        Self(DQuat::IDENTITY.to_array())
+    }
+}
+
+impl Turn {
+    /// As a rotation; numbers that are none leave the model as it is.
+    pub fn rotation(self) -> DQuat {
+        let q = DQuat::from_array(self.0);
+        if q.is_finite() && q.length_squared() > 1e-12 { q.normalize() } else { DQuat::IDENTITY }
+    }
+}
+
+/// A level by distance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct AutoLod {
+    /// Whether it is on.
+    pub is_on: bool,
+    /// Pixels that the error may cover on the screen.
+    pub pixels: f64,
+}
+
+impl Default for AutoLod {
+    fn default() -> Self {
+        Self { is_on: false, pixels: 1.0 }
+    }
+}
+
+/// How the two sides are shown.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Layout {
+    /// Which of them, and where.
+    pub sides: Sides,
+    /// Whether one camera moves both.
+    pub linked: bool,
+    /// Where the wipe stands, from 0 to 1.
+    pub wipe: f32,
+}
+
+impl Default for Layout {
+    fn default() -> Self {
+        Self { sides: Sides::default(), linked: true, wipe: 0.5 }
+    }
+}
+
+/// Which sides are shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Sides {
+    /// Original left, result right.
+    #[default]
+    Both,
+    /// One over the other, with a line between that moves.
+    Wipe,
+    /// The original alone.
+    Original,
+    /// The result alone.
+    Result,
+}
+
+impl Sides {
+    /// All of them, with their names.
+    pub const ALL: [(Self, &'static str); 4] = [
+        (Self::Both, "Side by side"),
+        (Self::Wipe, "Wipe"),
+        (Self::Original, "Original"),
+        (Self::Result, "Result"),
+    ];
+}
+
+/// How surfaces are shown.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Appearance {
+    /// Shading, wire, marks.
+    #[serde(with = "LookInFile")]
+    pub look: Look,
+    /// What lies behind.
+    pub backdrop: Backdrop,
+    /// Whether there is a grid below the model.
+    pub ground: bool,
+    /// The light.
+    pub rig: Rig,
+    /// How strong it is.
+    pub brightness: f32,
+    /// A picture of a lit ball.
+    pub matcap: Option<PathBuf>,
+    /// A shader of the user's.
+    pub shader: Option<PathBuf>,
+}
+
+impl Default for Appearance {
+    fn default() -> Self {
+        Self {
+            look: Look::default(),
+            backdrop: Backdrop::default(),
+            ground: false,
+            rig: Rig::default(),
+            brightness: 1.0,
+            matcap: None,
+            shader: None,
+        }
+    }
+}
+
+/// What lies behind the model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum Backdrop {
+    /// As the window is: dark or light.
+    #[default]
+    Theme,
+    /// A dark studio.
+    Dark,
+    /// A bright studio.
+    Bright,
+    /// A clear day.
+    Sky,
+    /// One colour.
+    Color([f32; 3]),
+}
+
+impl Backdrop {
+    /// Those with a name.
+    pub const ALL: [(Self, &'static str); 5] = [
+        (Self::Theme, "Like the window"),
+        (Self::Dark, "Dark studio"),
+        (Self::Bright, "Bright studio"),
+        (Self::Sky, "Sky"),
+        (Self::Color([1.0; 3]), "One colour"),
+    ];
+
+    /// As it is drawn.
+    pub fn background(self, dark_window: bool) -> Background {
+        match self {
+            Self::Theme if dark_window => Background::Gradient([0.185, 0.20, 0.225], [0.105, 0.112, 0.125]),
+            Self::Theme => Background::Gradient([0.925, 0.935, 0.95], [0.80, 0.815, 0.84]),
+            Self::Dark => Background::Gradient([0.16, 0.16, 0.17], [0.05, 0.05, 0.055]),
+            Self::Bright => Background::Gradient([0.97, 0.97, 0.97], [0.86, 0.86, 0.87]),
+            Self::Sky => Background::Gradient([0.36, 0.56, 0.82], [0.83, 0.88, 0.92]),
+            Self::Color(color) => Background::Color(color),
+        }
+    }
+}
+
+/// What the model is lit by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Rig {
+    /// A key light over the left shoulder, a weak one from the right.
+    #[default]
+    Studio,
+    /// From where one looks.
+    Headlight,
+    /// From above, standing still while the camera moves.
+    Sun,
+    /// A lamp beside the model.
+    Point,
+    /// A cone from above.
+    Spot,
+}
+
+impl Rig {
+    /// All of them, with their names.
+    pub const ALL: [(Self, &'static str); 5] = [
+        (Self::Studio, "Studio"),
+        (Self::Headlight, "Headlight"),
+        (Self::Sun, "Sun"),
+        (Self::Point, "Point light"),
+        (Self::Spot, "Spot light"),
+    ];
+
+    /// As it shines.
+    pub fn lighting(self, brightness: f32) -> Lighting {
+        let one = |kind, strength: f32, in_world| Light { kind, color: [strength; 3], in_world };
+        let directional = |to_light: Vec3| LightKind::Directional { to_light };
+        let dim = Ambient { above: [0.16, 0.17, 0.20], below: [0.07, 0.07, 0.07] };
+        let mut lighting = match self {
+            Self::Studio => Lighting::default(),
+            Self::Headlight => Lighting {
+                ambient: dim,
+                lights: vec![one(directional(Vec3::new(0.0, 0.05, 1.0)), 0.95, false)],
+            },
+            Self::Sun => Lighting {
+                ambient: Ambient { above: [0.26, 0.31, 0.40], below: [0.13, 0.12, 0.10] },
+                lights: vec![one(directional(Vec3::new(0.4, 0.8, 0.45)), 1.0, true)],
+            },
+            Self::Point => Lighting {
+                ambient: dim,
+                lights: vec![one(LightKind::Point { at: Vec3::new(-1.1, 1.2, 1.4) }, 4.0, true)],
+            },
+            Self::Spot => {
+                let at = Vec3::new(0.6, 2.4, 1.2);
+                let kind = LightKind::Spot { at, toward: -at, half_angle_rad: 0.5 };
+                Lighting { ambient: dim, lights: vec![one(kind, 8.0, true)] }
+            }
+        };
+        let ambient = &mut lighting.ambient;
+        let all = lighting.lights.iter_mut().map(|l| &mut l.color);
+        for color in all.chain([&mut ambient.above, &mut ambient.below]) {
+            *color = color.map(|c| c * brightness);
+        }
+        lighting
+    }
+}
+
+/// A camera, as sessions hold it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Where it stands.
+    pub eye: [f64; 3],
+    /// What it looks at.
+    pub target: [f64; 3],
+    /// Which way is up.
+    pub up: [f64; 3],
+    /// Angle from the lower to the upper edge.
+    pub fov_y_rad: f64,
+}
+
+impl Pose {
+    /// Of a camera.
+    pub fn of(camera: &Camera) -> Self {
+        let fov_y_rad = match camera.lens {
+            Lens::Perspective { fov_y_rad } => fov_y_rad,
+            Lens::Parallel { height } => 2.0 * (0.5 * height / camera.distance().max(1e-30)).atan(),
+        };
+        let [eye, target, up] = [camera.eye, camera.target, camera.up].map(|v| v.to_array());
+        Self { eye, target, up, fov_y_rad }
+    }
+
+    /// As a camera.
+    pub fn camera(&self) -> Camera {
+        let [eye, target, up] = [self.eye, self.target, self.up].map(DVec3::from);
+        Camera { eye, target, up, lens: Lens::Perspective { fov_y_rad: self.fov_y_rad } }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Look")]
+struct LookInFile {
+    #[serde(with = "ShadingInFile")]
+    shading: Shading,
+    surface: [f32; 3],
+    wireframe: bool,
+    wire: [f32; 4],
+    wire_width_px: f32,
+    borders: bool,
+    defects: bool,
+    cull_back: bool,
+    #[serde(with = "ColorMapInFile")]
+    color_map: ColorMap,
+    heat_range: Option<[f32; 2]>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Shading", rename_all = "kebab-case")]
+enum ShadingInFile {
+    Smooth,
+    Flat,
+    Textured,
+    VertexColors,
+    Normals,
+    Matcap,
+    Heat,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "ColorMap", rename_all = "kebab-case")]
+enum ColorMapInFile {
+    Turbo,
+    Viridis,
+    Diverging,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_come_back_from_a_file() {
+        let mut settings = Settings { files: vec!["a b.glb".into()], ..Settings::default() };
+        settings.look.look.shading = Shading::VertexColors;
+        settings.look.look.heat_range = Some([0.0, 0.5]);
+        settings.look.backdrop = Backdrop::Color([0.1, 0.2, 0.3]);
+        settings.simplify.options.stop.ratio = Some(0.25);
+        settings.turn = Turn([0.0, 1.0, 0.0, 0.0]);
+        settings.cameras[2] =
+            Some(Pose { eye: [1.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 });
+        let text = serde_json::to_string(&settings).unwrap();
+        assert_eq!(serde_json::from_str::<Settings>(&text).unwrap(), settings);
+        assert_eq!(serde_json::from_str::<Settings>("{}").unwrap(), Settings::default());
+    }
+
+    #[test]
+    fn a_turn_that_is_none_leaves_the_model_as_it_is() {
+        assert_eq!(Turn([0.0; 4]).rotation(), DQuat::IDENTITY);
+        assert_eq!(Turn([f64::NAN; 4]).rotation(), DQuat::IDENTITY);
+    }
+
+    #[test]
+    fn brightness_scales_all_light() {
+        for (rig, name) in Rig::ALL {
+            let [one, two] = [1.0, 2.0].map(|b| rig.lighting(b));
+            assert_eq!(one.ambient.above.map(|c| 2.0 * c), two.ambient.above, "{name}");
+            assert_eq!(one.lights[0].color.map(|c| 2.0 * c), two.lights[0].color, "{name}");
+        }
+    }
+}

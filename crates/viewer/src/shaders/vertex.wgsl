@@ -1,0 +1,153 @@
+// From the corner of a triangle to the picture. Corners pull their values from storage buffers, so that each knows which
+// of the three it is, and a patch of a buffer is seen at once.
+
+struct Instance {
+    // Rows of the matrix from the unit frame of the mesh to the view.
+    rows: array<vec4<f32>, 3>,
+    // Rows of the matrix of its normals.
+    normal_rows: array<vec4<f32>, 3>,
+    // Number for picking; first joint in the palette, first morph target there, how many; flags in the upper half.
+    ids: vec4<u32>,
+}
+
+struct MeshInfo {
+    // Words in a row of values, and where in it they stand: 0xffffffff where there are none.
+    stride: u32,
+    uv0: u32,
+    uv1: u32,
+    color: u32,
+    tangent: u32,
+    joints: u32,
+    joint_sets: u32,
+    wedge_count: u32,
+}
+
+const NONE: u32 = 0xffffffffu;
+const SKINNED: u32 = 0x10000u;
+const MIRRORED: u32 = 0x20000u;
+const SELECTED: u32 = 0x40000u;
+const HAS_HEAT: u32 = 0x80000u;
+const HAS_COLORS: u32 = 0x100000u;
+const LINEAR_COLORS: u32 = 0x200000u;
+const OWN_NORMALS: u32 = 0x400000u;
+
+@group(0) @binding(1) var<storage, read> instances: array<Instance>;
+@group(0) @binding(2) var<storage, read> palette: array<vec4<f32>>;
+@group(1) @binding(0) var<uniform> info: MeshInfo;
+@group(1) @binding(1) var<storage, read> indices: array<u32>;
+@group(1) @binding(2) var<storage, read> corners: array<vec4<u32>>;
+@group(1) @binding(3) var<storage, read> rows: array<u32>;
+@group(1) @binding(4) var<storage, read> heat: array<f32>;
+@group(1) @binding(5) var<storage, read> morphs: array<f32>;
+
+struct Varying {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) view: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) uv: vec4<f32>,
+    @location(3) color: vec4<f32>,
+    @location(4) tangent: vec4<f32>,
+    @location(5) bary: vec3<f32>,
+    @location(6) heat: f32,
+    @location(7) @interpolate(flat) flags: u32,
+    @location(8) @interpolate(flat) id: u32,
+}
+
+struct Placed {
+    place: vec3<f32>,
+    normal: vec3<f32>,
+    tangent: vec3<f32>,
+}
+
+fn from_octahedral(packed: u32) -> vec3<f32> {
+    let p = max(vec2<f32>(vec2(i32(packed << 16u) >> 16u, i32(packed) >> 16u)) / 32767.0, vec2(-1.0));
+    let z = 1.0 - abs(p.x) - abs(p.y);
+    let fold = max(-z, 0.0);
+    return normalize(vec3(p.x - select(-fold, fold, p.x >= 0.0), p.y - select(-fold, fold, p.y >= 0.0), z));
+}
+
+fn word(wedge: u32, at: u32) -> u32 {
+    return rows[wedge * info.stride + at];
+}
+
+fn pair(wedge: u32, at: u32) -> vec2<f32> {
+    if at == NONE {
+        return vec2(0.0);
+    }
+    return vec2(bitcast<f32>(word(wedge, at)), bitcast<f32>(word(wedge, at + 1u)));
+}
+
+fn by_rows(r: array<vec4<f32>, 3>, v: vec4<f32>) -> vec3<f32> {
+    return vec3(dot(r[0], v), dot(r[1], v), dot(r[2], v));
+}
+
+// Where a wedge stands in the view: morphed, then pulled by its joints or moved as a whole.
+fn placed(wedge: u32, instance: Instance, direction: vec3<f32>) -> Placed {
+    let corner = corners[wedge];
+    var place = bitcast<vec3<f32>>(corner.xyz);
+    var normal = from_octahedral(corner.w);
+    let morph_count = instance.ids.w & 0xffffu;
+    for (var k = 0u; k < morph_count; k++) {
+        let morph = palette[instance.ids.z + k];
+        let at = (bitcast<u32>(morph.x) * info.wedge_count + wedge) * 6u;
+        place += morph.y * vec3(morphs[at], morphs[at + 1u], morphs[at + 2u]);
+        normal += morph.y * vec3(morphs[at + 3u], morphs[at + 4u], morphs[at + 5u]);
+    }
+    var matrix = instance.rows;
+    var normal_matrix = instance.normal_rows;
+    if (instance.ids.w & SKINNED) != 0u && info.joints != NONE {
+        matrix = array<vec4<f32>, 3>(vec4(0.0), vec4(0.0), vec4(0.0));
+        for (var g = 0u; g < info.joint_sets; g++) {
+            let at = info.joints + 6u * g;
+            for (var k = 0u; k < 4u; k++) {
+                let weight = bitcast<f32>(word(wedge, at + 2u + k));
+                if weight != 0.0 {
+                    let joint = (word(wedge, at + (k >> 1u)) >> (16u * (k & 1u))) & 0xffffu;
+                    let first = instance.ids.y + 3u * joint;
+                    matrix[0] += weight * palette[first];
+                    matrix[1] += weight * palette[first + 1u];
+                    matrix[2] += weight * palette[first + 2u];
+                }
+            }
+        }
+        // Rows of the inverse transposed, but for a factor: cross products of the rows.
+        normal_matrix[0] = vec4(cross(matrix[1].xyz, matrix[2].xyz), 0.0);
+        normal_matrix[1] = vec4(cross(matrix[2].xyz, matrix[0].xyz), 0.0);
+        normal_matrix[2] = vec4(cross(matrix[0].xyz, matrix[1].xyz), 0.0);
+    }
+    return Placed(
+        by_rows(matrix, vec4(place, 1.0)),
+        by_rows(normal_matrix, vec4(normal, 0.0)),
+        by_rows(matrix, vec4(direction, 0.0)),
+    );
+}
+
+@vertex
+fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) which: u32) -> Varying {
+    let wedge = indices[corner];
+    let instance = instances[which];
+    var tangent = vec4(0.0);
+    if info.tangent != NONE {
+        tangent = vec4(from_octahedral(word(wedge, info.tangent)), bitcast<f32>(word(wedge, info.tangent + 1u)));
+    }
+    let at = placed(wedge, instance, tangent.xyz);
+    var out: Varying;
+    out.view = at.place;
+    out.clip = globals.clip_from_view * vec4(at.place, 1.0);
+    let length = length(at.normal);
+    out.normal = select(vec3(0.0), at.normal / length, length > 0.0);
+    out.tangent = vec4(at.tangent, tangent.w);
+    out.uv = vec4(pair(wedge, info.uv0), pair(wedge, info.uv1));
+    out.color = vec4(1.0);
+    if info.color != NONE {
+        out.color = unpack4x8unorm(word(wedge, info.color));
+    }
+    let k = corner % 3u;
+    out.bary = vec3(f32(k == 0u), f32(k == 1u), f32(k == 2u));
+    out.flags = instance.ids.w;
+    if (instance.ids.w & HAS_HEAT) != 0u {
+        out.heat = heat[wedge];
+    }
+    out.id = instance.ids.x;
+    return out;
+}

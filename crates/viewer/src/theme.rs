@@ -1,0 +1,211 @@
+//! How the window looks: two themes, one grid of four points.
+
+use eframe::egui::{
+    self, Color32, CornerRadius, FontFamily, FontId, Margin, RichText, Stroke, TextStyle, Theme, Vec2,
+    Visuals,
+};
+
+/// The step of the grid, in points.
+pub const STEP: f32 = 4.0;
+/// Width of the docks.
+pub const DOCK: f32 = 296.0;
+
+/// Colours of a theme.
+#[derive(Clone, Copy, Debug)]
+pub struct Palette {
+    /// Behind all.
+    pub window: Color32,
+    /// Docks and bars.
+    pub panel: Color32,
+    /// Heads of sections.
+    pub raised: Color32,
+    /// Fields to type in.
+    pub sunken: Color32,
+    /// Buttons.
+    pub button: Color32,
+    /// Buttons below the pointer.
+    pub hovered: Color32,
+    /// Lines between.
+    pub line: Color32,
+    /// Text.
+    pub text: Color32,
+    /// Text that matters less.
+    pub weak: Color32,
+    /// What is chosen, and what one drags.
+    pub accent: Color32,
+    /// Text on it.
+    pub on_accent: Color32,
+    /// It went well.
+    pub good: Color32,
+    /// Not as one might think.
+    pub warning: Color32,
+    /// It did not work.
+    pub error: Color32,
+}
+
+const fn rgb(hex: u32) -> Color32 {
+    Color32::from_rgb((hex >> 16) as u8, (hex >> 8) as u8, hex as u8)
+}
+
+/// Colours on dark.
+pub const DARK: Palette = Palette {
+    window: rgb(0x14_16_19),
+    panel: rgb(0x1c_1f_23),
+    raised: rgb(0x24_28_2d),
+    sunken: rgb(0x12_14_16),
+    button: rgb(0x2e_33_39),
+    hovered: rgb(0x3a_40_48),
+    line: rgb(0x34_39_40),
+    text: rgb(0xe4_e6_e9),
+    weak: rgb(0x9d_a5_ae),
+    accent: rgb(0xf0_a9_4b),
+    on_accent: rgb(0x1f_16_08),
+    good: rgb(0x7c_c8_8f),
+    warning: rgb(0xf2_c4_5a),
+    error: rgb(0xff_85_78),
+};
+
+/// Colours on light.
+pub const LIGHT: Palette = Palette {
+    window: rgb(0xe3_e6_ea),
+    panel: rgb(0xf6_f7_f9),
+    raised: rgb(0xe9_ec_f0),
+    sunken: rgb(0xff_ff_ff),
+    button: rgb(0xe2_e6_eb),
+    hovered: rgb(0xd3_d9_e0),
+    line: rgb(0xcd_d3_da),
+    text: rgb(0x1d_22_28),
+    weak: rgb(0x58_62_6d),
+    accent: rgb(0xa8_5a_00),
+    on_accent: rgb(0xff_ff_ff),
+    good: rgb(0x1f_7a_3a),
+    warning: rgb(0x8a_5a_00),
+    error: rgb(0xb3_26_1e),
+};
+
+/// The colours of the theme in use.
+pub fn palette(ui: &egui::Ui) -> &'static Palette {
+    if ui.visuals().dark_mode { &DARK } else { &LIGHT }
+}
+
+/// Sets up both themes.
+pub fn install(ctx: &egui::Context) {
+    for (theme, palette) in [(Theme::Dark, &DARK), (Theme::Light, &LIGHT)] {
+        ctx.style_mut_of(theme, |style| {
+            style.visuals = visuals(theme, palette);
+            style.text_styles = [
+                (TextStyle::Small, FontId::new(11.5, FontFamily::Proportional)),
+                (TextStyle::Body, FontId::new(13.0, FontFamily::Proportional)),
+                (TextStyle::Button, FontId::new(13.0, FontFamily::Proportional)),
+                (TextStyle::Heading, FontId::new(20.0, FontFamily::Proportional)),
+                (TextStyle::Monospace, FontId::new(12.5, FontFamily::Monospace)),
+            ]
+            .into();
+            let spacing = &mut style.spacing;
+            spacing.item_spacing = Vec2::new(2.0 * STEP, 1.5 * STEP);
+            spacing.button_padding = Vec2::new(2.0 * STEP, STEP);
+            spacing.interact_size = Vec2::new(28.0, 24.0);
+            spacing.window_margin = Margin::same(16);
+            spacing.menu_margin = Margin::same(6);
+            spacing.indent = 4.0 * STEP;
+            spacing.combo_width = 120.0;
+            spacing.slider_rail_height = STEP;
+            spacing.tooltip_width = 360.0;
+            style.interaction.tooltip_delay = 0.4;
+            style.interaction.selectable_labels = false;
+            // Movement that nobody asked for costs frames on a software adapter.
+            style.animation_time = 0.0;
+        });
+    }
+}
+
+fn visuals(theme: Theme, p: &Palette) -> Visuals {
+    let mut v = if theme == Theme::Dark { Visuals::dark() } else { Visuals::light() };
+    let radius = CornerRadius::same(5);
+    v.panel_fill = p.panel;
+    v.window_fill = p.panel;
+    v.window_stroke = Stroke::new(1.0, p.line);
+    v.window_corner_radius = CornerRadius::same(8);
+    v.menu_corner_radius = CornerRadius::same(6);
+    v.extreme_bg_color = p.sunken;
+    v.text_edit_bg_color = Some(p.sunken);
+    v.faint_bg_color = p.raised;
+    v.code_bg_color = p.sunken;
+    v.weak_text_color = Some(p.weak);
+    v.hyperlink_color = p.accent;
+    v.warn_fg_color = p.warning;
+    v.error_fg_color = p.error;
+    v.selection.bg_fill = p.accent;
+    v.selection.stroke = Stroke::new(1.0, p.on_accent);
+    v.slider_trailing_fill = true;
+    v.striped = false;
+    let w = &mut v.widgets;
+    w.noninteractive.bg_fill = p.panel;
+    w.noninteractive.weak_bg_fill = p.panel;
+    w.noninteractive.bg_stroke = Stroke::new(1.0, p.line);
+    w.noninteractive.fg_stroke = Stroke::new(1.0, p.text);
+    for (state, fill) in [
+        (&mut w.inactive, p.button),
+        (&mut w.hovered, p.hovered),
+        (&mut w.active, p.hovered),
+        (&mut w.open, p.raised),
+    ] {
+        state.bg_fill = fill;
+        state.weak_bg_fill = fill;
+        state.bg_stroke = Stroke::NONE;
+        state.fg_stroke = Stroke::new(1.0, p.text);
+        state.expansion = 0.0;
+    }
+    w.inactive.bg_stroke = Stroke::new(1.0, p.line);
+    w.hovered.bg_stroke = Stroke::new(1.0, p.weak);
+    w.active.bg_stroke = Stroke::new(1.0, p.accent);
+    w.open.bg_stroke = Stroke::new(1.0, p.line);
+    for state in [&mut w.noninteractive, &mut w.inactive, &mut w.hovered, &mut w.active, &mut w.open] {
+        state.corner_radius = radius;
+    }
+    v
+}
+
+/// Text that matters less.
+pub fn weak(ui: &egui::Ui, text: impl Into<String>) -> RichText {
+    RichText::new(text).color(palette(ui).weak)
+}
+
+/// A number: digits of one width.
+pub fn number(text: impl Into<String>) -> RichText {
+    RichText::new(text).monospace()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Relative luminance, as the Web Content Accessibility Guidelines have it.
+    fn luminance(color: Color32) -> f64 {
+        let linear = |c: u8| {
+            let c = f64::from(c) / 255.0;
+            if c <= 0.03928 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+        };
+        0.2126 * linear(color.r()) + 0.7152 * linear(color.g()) + 0.0722 * linear(color.b())
+    }
+
+    fn contrast(a: Color32, b: Color32) -> f64 {
+        let (a, b) = (luminance(a), luminance(b));
+        (a.max(b) + 0.05) / (a.min(b) + 0.05)
+    }
+
+    #[test]
+    fn text_can_be_read_in_both_themes() {
+        for p in [DARK, LIGHT] {
+            for ground in [p.panel, p.raised, p.sunken, p.window] {
+                for text in [p.text, p.weak, p.error, p.good, p.warning] {
+                    let got = contrast(text, ground);
+                    assert!(got >= 4.5, "{text:?} on {ground:?}: {got:.2}");
+                }
+            }
+            assert!(contrast(p.text, p.button) >= 7.0);
+            assert!(contrast(p.on_accent, p.accent) >= 4.5);
+            assert!(contrast(p.accent, p.panel) >= 3.0);
+        }
+    }
+}

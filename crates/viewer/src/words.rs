@@ -1,0 +1,341 @@
+//! How a mesh is simplified, as the words of a command line: what is shown to copy, and what sessions hold.
+
+use lodsmith::{
+    BorderPolicy, Fit, Length, Measure, Method, Placement, Preset, SimplifyOptions, Stop, TopologyPolicy,
+};
+use serde::{Deserialize, Serialize};
+
+/// What the method panel and the target slider set. Defaults are those of the engine.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<String>", into = "Vec<String>")]
+pub struct Simplification {
+    /// The preset that the options began as.
+    pub preset: Preset,
+    /// All of it, the target too.
+    pub options: SimplifyOptions,
+    /// Normals of the result.
+    pub normals: Normals,
+}
+
+/// Normals of the result.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Normals {
+    /// Those of the input, blended.
+    #[default]
+    Keep,
+    /// New ones from the faces.
+    Recompute,
+    /// None.
+    None,
+}
+
+/// A choice and its word, in the order of lists.
+type Choices<T> = &'static [(T, &'static str)];
+
+/// Presets by word.
+pub const PRESETS: Choices<Preset> = &[
+    (Preset::Auto, "auto"),
+    (Preset::Scan, "scan"),
+    (Preset::Cad, "cad"),
+    (Preset::Visual, "visual"),
+    (Preset::Print, "print"),
+];
+/// Fits by word.
+pub const FITS: Choices<Fit> = &[(Fit::Auto, "auto"), (Fit::On, "on"), (Fit::Off, "off")];
+/// Placements by word.
+pub const PLACEMENTS: Choices<Placement> =
+    &[(Placement::Optimal, "optimal"), (Placement::Endpoint, "endpoint"), (Placement::Midpoint, "midpoint")];
+/// Border policies by word.
+pub const BORDERS: Choices<BorderPolicy> = &[
+    (BorderPolicy::Keep, "keep"),
+    (BorderPolicy::Slide, "slide"),
+    (BorderPolicy::Lock, "lock"),
+    (BorderPolicy::Free, "free"),
+];
+/// Topology policies by word.
+pub const TOPOLOGIES: Choices<TopologyPolicy> = &[
+    (TopologyPolicy::Relaxed, "relaxed"),
+    (TopologyPolicy::Preserve, "preserve"),
+    (TopologyPolicy::Free, "free"),
+];
+/// Normals of the result by word.
+pub const NORMALS: Choices<Normals> =
+    &[(Normals::Keep, "keep"), (Normals::Recompute, "recompute"), (Normals::None, "none")];
+
+/// The word for a choice.
+pub fn word<T: Copy + PartialEq>(choices: Choices<T>, value: T) -> &'static str {
+    choices.iter().find(|c| c.0 == value).map_or("", |c| c.1)
+}
+
+fn choice<T: Copy>(choices: Choices<T>, option: &str, word: &str) -> Result<T, String> {
+    let known = choices.iter().find(|c| c.1 == word);
+    known.map(|c| c.0).ok_or_else(|| format!("{option}: {word} is none of its values"))
+}
+
+/// A length as it is typed: `0.5` in units, `0.1%` of the diagonal.
+pub fn length_text(length: Length) -> String {
+    match length {
+        Length::Units(x) => x.to_string(),
+        // Shares such as 0.07 % come back as they were typed.
+        Length::OfDiagonal(x) => {
+            let percent = 100.0 * x;
+            let short = format!("{percent:.12}");
+            let short = short.trim_end_matches('0').trim_end_matches('.');
+            match short.parse::<f64>() {
+                Ok(back) if back / 100.0 == x => format!("{short}%"),
+                _ => format!("{percent}%"),
+            }
+        }
+    }
+}
+
+/// What is typed as a length.
+pub fn length_of(text: &str) -> Option<Length> {
+    let text = text.trim();
+    let (number, of): (_, fn(f64) -> Length) = match text.strip_suffix('%') {
+        Some(number) => (number.trim_end(), |x| Length::OfDiagonal(x / 100.0)),
+        None => (text, Length::Units),
+    };
+    number.parse().ok().filter(|x: &f64| x.is_finite() && *x >= 0.0).map(of)
+}
+
+impl Simplification {
+    /// The options of a preset, with the present target.
+    pub fn of_preset(preset: Preset, stop: Stop) -> Self {
+        Self { preset, options: SimplifyOptions::preset(preset, stop), normals: Normals::default() }
+    }
+
+    /// Whether anything would be done.
+    pub fn has_end(&self) -> bool {
+        let stop = &self.options.stop;
+        stop.faces.is_some()
+            || stop.vertices.is_some()
+            || stop.ratio.is_some_and(|r| r < 1.0)
+            || stop.error.is_some()
+            || self.options.of_method.ends(self.options.method)
+    }
+
+    /// The words of `lodsmith simplify` for what differs from its defaults.
+    pub fn words(&self) -> Vec<String> {
+        let mut words = Vec::new();
+        let o = &self.options;
+        let base = SimplifyOptions::preset(self.preset, o.stop);
+        let mut say = |option: &str, value: Option<String>| {
+            if let Some(value) = value {
+                words.push(option.to_owned());
+                words.push(value);
+            }
+        };
+        say("--faces", o.stop.faces.map(|n| n.to_string()));
+        say("--vertices", o.stop.vertices.map(|n| n.to_string()));
+        say("--ratio", o.stop.ratio.map(|r| r.to_string()));
+        say("--error", o.stop.error.map(length_text));
+        let differs = |is: bool, word: &str| is.then(|| word.to_owned());
+        say("--preset", differs(self.preset != Preset::default(), word(PRESETS, self.preset)));
+        say("--method", differs(o.method != base.method, o.method.name()));
+        say("--fit", differs(o.fit != base.fit, word(FITS, o.fit)));
+        say("--placement", differs(o.placement != base.placement, word(PLACEMENTS, o.placement)));
+        say("--border", differs(o.border != base.border, word(BORDERS, o.border)));
+        say("--topology", differs(o.topology != base.topology, word(TOPOLOGIES, o.topology)));
+        let weights = |o: &SimplifyOptions| {
+            let w = o.weights;
+            [w.normal, w.uv, w.color, w.morph, w.other, w.border]
+        };
+        for ((name, now), before) in WEIGHTS.iter().zip(weights(o)).zip(weights(&base)) {
+            say("--weight", (now != before).then(|| format!("{name}={now}")));
+        }
+        let length =
+            |now: Option<Length>, before: Option<Length>| now.filter(|_| now != before).map(length_text);
+        say("--weld", length(o.weld, base.weld));
+        say("--prune", length(o.prune, base.prune));
+        let number = |x: Option<f64>| x.map(|x| x.to_string());
+        let count = |n: Option<usize>| n.map(|n| n.to_string());
+        let m = &o.of_method;
+        say("--pairs", length(m.pairs, None));
+        say("--cell", length(m.cell, None));
+        say("--edge-length", length(m.edge_length, None));
+        say("--angle", number(m.angle_deg));
+        say("--flat", length(m.flat, None));
+        say("--iterations", count(m.iterations));
+        say("--voxel", length(m.voxel, None));
+        say("--subdivisions", count(m.subdivisions));
+        let g = &o.guards;
+        say("--max-normal", number(g.max_normal_deg));
+        say("--min-quality", number(g.min_quality));
+        say("--max-valence", count(g.max_valence));
+        say("--max-edge", length(g.max_edge, None));
+        say("--normals", differs(self.normals != Normals::default(), word(NORMALS, self.normals)));
+        say("--seed", (o.seed != base.seed).then(|| o.seed.to_string()));
+        let flags = [
+            (m.two_stage, "--two-stage"),
+            (m.adaptive, "--adaptive"),
+            (o.measure == Measure::Always, "--measure"),
+            (o.escalate, "--escalate"),
+            (o.per_mesh, "--per-mesh"),
+        ];
+        words.extend(flags.into_iter().filter(|f| f.0).map(|f| f.1.to_owned()));
+        words
+    }
+
+    /// What these words mean.
+    ///
+    /// # Errors
+    /// The word that is none, or the value that is out of place.
+    pub fn parse(words: &[String]) -> Result<Self, String> {
+        let mut preset = Preset::default();
+        let mut pairs = Vec::new();
+        let mut rest = words.iter();
+        while let Some(option) = rest.next() {
+            if FLAGS.contains(&option.as_str()) {
+                pairs.push((option.as_str(), ""));
+                continue;
+            }
+            let value = rest.next().ok_or_else(|| format!("{option} has no value"))?;
+            if option == "--preset" {
+                preset = choice(PRESETS, option, value)?;
+            } else {
+                pairs.push((option.as_str(), value.as_str()));
+            }
+        }
+        let mut done = Self::of_preset(preset, Stop::default());
+        for (option, value) in pairs {
+            done.set(option, value)?;
+        }
+        Ok(done)
+    }
+
+    fn set(&mut self, option: &str, value: &str) -> Result<(), String> {
+        let o = &mut self.options;
+        let wrong = || format!("{option}: {value} is no value for it");
+        let length = || length_of(value).map(Some).ok_or_else(wrong);
+        let number = || value.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(wrong);
+        let count = || value.parse::<usize>().map(Some).map_err(|_| wrong());
+        match option {
+            "--faces" => o.stop.faces = count()?,
+            "--vertices" => o.stop.vertices = count()?,
+            "--ratio" => o.stop.ratio = Some(number()?),
+            "--error" => o.stop.error = length()?,
+            "--method" => {
+                let known = Method::ALL.into_iter().find(|m| m.name() == value);
+                o.method = known.ok_or_else(wrong)?;
+            }
+            "--fit" => o.fit = choice(FITS, option, value)?,
+            "--placement" => o.placement = choice(PLACEMENTS, option, value)?,
+            "--border" => o.border = choice(BORDERS, option, value)?,
+            "--topology" => o.topology = choice(TOPOLOGIES, option, value)?,
+            "--weight" => {
+                let (name, weight) = value.split_once('=').ok_or_else(wrong)?;
+                let weight: f64 = weight.parse().map_err(|_| wrong())?;
+                let w = &mut o.weights;
+                let places =
+                    [&mut w.normal, &mut w.uv, &mut w.color, &mut w.morph, &mut w.other, &mut w.border];
+                let place = WEIGHTS.iter().zip(places).find(|(n, _)| **n == name).ok_or_else(wrong)?;
+                *place.1 = weight;
+            }
+            "--weld" => o.weld = length()?,
+            "--prune" => o.prune = length()?,
+            "--pairs" => o.of_method.pairs = length()?,
+            "--cell" => o.of_method.cell = length()?,
+            "--edge-length" => o.of_method.edge_length = length()?,
+            "--angle" => o.of_method.angle_deg = Some(number()?),
+            "--flat" => o.of_method.flat = length()?,
+            "--iterations" => o.of_method.iterations = count()?,
+            "--voxel" => o.of_method.voxel = length()?,
+            "--subdivisions" => o.of_method.subdivisions = count()?,
+            "--max-normal" => o.guards.max_normal_deg = Some(number()?),
+            "--min-quality" => o.guards.min_quality = Some(number()?),
+            "--max-valence" => o.guards.max_valence = count()?,
+            "--max-edge" => o.guards.max_edge = length()?,
+            "--normals" => self.normals = choice(NORMALS, option, value)?,
+            "--seed" => o.seed = value.parse().map_err(|_| wrong())?,
+            "--two-stage" => o.of_method.two_stage = true,
+            "--adaptive" => o.of_method.adaptive = true,
+            "--measure" => o.measure = Measure::Always,
+            "--escalate" => o.escalate = true,
+            "--per-mesh" => o.per_mesh = true,
+            _ => return Err(format!("{option} is no option of a session")),
+        }
+        Ok(())
+    }
+}
+
+/// What `--weight` names.
+pub const WEIGHTS: [&str; 6] = ["normal", "uv", "color", "morph", "other", "border"];
+
+/// Options without a value.
+const FLAGS: [&str; 5] = ["--two-stage", "--adaptive", "--measure", "--escalate", "--per-mesh"];
+
+impl From<Simplification> for Vec<String> {
+    fn from(of: Simplification) -> Self {
+        of.words()
+    }
+}
+
+impl TryFrom<Vec<String>> for Simplification {
+    type Error = String;
+
+    fn try_from(words: Vec<String>) -> Result<Self, String> {
+        Self::parse(&words)
+    }
+}
+
+/// A word as a shell wants it: in quotes where it must be.
+pub fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./=:+,%@".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_come_back_as_the_options_that_they_were() {
+        let mut all = Simplification::of_preset(Preset::Visual, Stop::ratio(0.07));
+        let o = &mut all.options;
+        o.method = Method::Remesh;
+        (o.fit, o.placement) = (Fit::Off, Placement::Endpoint);
+        (o.border, o.topology) = (BorderPolicy::Lock, TopologyPolicy::Free);
+        (o.weights.uv, o.weights.normal, o.weights.border) = (3.5, 1.0, 0.0);
+        (o.weld, o.prune) = (Some(Length::Units(0.25)), Some(Length::OfDiagonal(0.07)));
+        let length = Some(Length::OfDiagonal(0.001));
+        let m = &mut o.of_method;
+        (m.pairs, m.cell, m.edge_length, m.flat, m.voxel) = (length, length, length, length, length);
+        (m.angle_deg, m.iterations, m.subdivisions) = (Some(12.5), Some(3), Some(4));
+        (m.two_stage, m.adaptive) = (true, true);
+        let g = &mut o.guards;
+        (g.max_normal_deg, g.min_quality, g.max_valence, g.max_edge) =
+            (Some(30.0), Some(0.1), Some(9), length);
+        (o.measure, o.escalate, o.per_mesh, o.seed) = (Measure::Always, true, true, 7);
+        o.stop = Stop { faces: Some(12), vertices: Some(8), error: length, ..o.stop };
+        all.normals = Normals::Recompute;
+        assert_eq!(Simplification::parse(&all.words()), Ok(all));
+        for preset in PRESETS {
+            let one = Simplification::of_preset(preset.0, Stop::faces(9));
+            assert_eq!(Simplification::parse(&one.words()), Ok(one));
+        }
+        assert!(Simplification::default().words().is_empty());
+    }
+
+    #[test]
+    fn what_is_no_word_is_named() {
+        let parse = |text: &str| {
+            let words: Vec<_> = text.split(' ').map(str::to_owned).collect();
+            Simplification::parse(&words).unwrap_err()
+        };
+        assert!(parse("--colour red").contains("--colour"));
+        assert!(parse("--faces many").contains("many"));
+        assert!(parse("--method best").contains("best"));
+        assert!(parse("--border").contains("--border"));
+    }
+
+    #[test]
+    fn quotes_stand_where_a_shell_wants_them() {
+        assert_eq!(quoted("a/b.glb"), "a/b.glb");
+        assert_eq!(quoted("my file"), "'my file'");
+        assert_eq!(quoted("it's"), r"'it'\''s'");
+    }
+}

@@ -1,0 +1,289 @@
+//! A list of commands is a session: it can be replayed, taken back and done again, without any window.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use lodsmith::Method;
+use lodsmith_core::TriMesh;
+use lodsmith_core::shapes;
+use lodsmith_io::{Format, Textures};
+use lodsmith_render::Shading;
+use lodsmith_viewer::command::{Command, Target};
+use lodsmith_viewer::content::placed;
+use lodsmith_viewer::document::Document;
+use lodsmith_viewer::export::Export;
+use lodsmith_viewer::settings::{Appearance, Pose, Turn};
+use lodsmith_viewer::words::Simplification;
+
+const LONG: Duration = Duration::from_secs(120);
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, mesh) in [("sphere.ply", shapes::icosphere(4)), ("torus.obj", shapes::torus(48, 24))] {
+        lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
+    }
+    folder
+}
+
+fn document() -> Document {
+    Document::new(None, || {})
+}
+
+fn opened(path: &Path) -> Document {
+    let mut document = document();
+    document.run(Command::Open(vec![path.to_owned()]));
+    assert!(document.settle(LONG), "opening never ends");
+    document
+}
+
+fn faces(document: &Document) -> usize {
+    document
+        .lighter()
+        .map_or(document.original().unwrap().content.faces, |l| placed(&l.content.model, TriMesh::face_count))
+}
+
+#[test]
+fn a_list_of_commands_replays_a_session() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    let mut quadric = Simplification::default();
+    quadric.options.method = Method::Quadric;
+    let mut look = Appearance::default();
+    look.look.shading = Shading::Flat;
+    let commands = vec![
+        Command::Open(vec![path("sphere.ply"), path("torus.obj")]),
+        Command::Target(Target::Ratio(0.25)),
+        Command::Method(quadric),
+        Command::Look(look),
+        Command::Turn(Turn([0.0, 1.0, 0.0, 0.0])),
+        Command::KeepCamera(
+            1,
+            Some(Pose { eye: [3.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 }),
+        ),
+        Command::Show(1),
+        Command::Target(Target::Faces(500)),
+    ];
+    // What is written and read again means the same.
+    let text = serde_json::to_string(&commands).unwrap();
+    let read: Vec<Command> = serde_json::from_str(&text).unwrap();
+    assert_eq!(read, commands);
+    let ends: Vec<_> = [commands, read]
+        .into_iter()
+        .map(|list| {
+            let mut document = document();
+            for command in list {
+                document.run(command);
+                document.seal();
+                assert!(document.settle(LONG));
+            }
+            let mesh = document.lighter().unwrap().content.model.meshes[0].mesh.clone();
+            (document.settings().clone(), mesh)
+        })
+        .collect();
+    assert_eq!(ends[0].0, ends[1].0);
+    assert_eq!(ends[0].1, ends[1].1, "the same commands make the same mesh");
+    assert!(ends[0].1.face_count() <= 500);
+    assert_eq!(ends[0].0.simplify.options.method, Method::Quadric);
+}
+
+#[test]
+fn everything_is_taken_back_and_done_again() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    let mut seen = vec![document.settings().clone()];
+    let mut matcap = Appearance::default();
+    matcap.look.shading = Shading::Matcap;
+    for command in [
+        Command::Target(Target::Faces(1000)),
+        Command::Look(matcap),
+        Command::Turn(Turn([0.0, 0.0, 1.0, 0.0])),
+        Command::Target(Target::Error(0.01)),
+        Command::Open(vec![folder.path().join("torus.obj")]),
+        Command::Target(Target::Vertices(200)),
+    ] {
+        document.run(command);
+        document.seal();
+        assert!(document.settle(LONG));
+        seen.push(document.settings().clone());
+    }
+    let last = faces(&document);
+    for before in seen.iter().rev().skip(1) {
+        document.undo();
+        assert!(document.settle(LONG));
+        assert_eq!(document.settings(), before);
+        let open = document.original().map(|o| o.content.path.clone());
+        assert_eq!(open.as_deref(), before.file(), "what is shown is what the settings say");
+    }
+    assert!(document.lighter().is_none(), "back at the original");
+    for after in &seen[1..] {
+        document.redo();
+        assert!(document.settle(LONG));
+        assert_eq!(document.settings(), after);
+    }
+    assert_eq!(faces(&document), last);
+}
+
+#[test]
+fn a_file_that_cannot_be_read_changes_nothing_and_says_why() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    document.run(Command::Target(Target::Faces(300)));
+    document.seal();
+    assert!(document.settle(LONG));
+    let (settings, count) = (document.settings().clone(), faces(&document));
+    let broken = folder.path().join("broken.obj");
+    std::fs::write(&broken, "v 1 2\nf 1 2 nonsense\n").unwrap();
+    for bad in [broken, folder.path().join("nowhere.glb"), folder.path().to_owned()] {
+        document.run(Command::Open(vec![bad.clone()]));
+        assert!(document.settle(LONG));
+        let problem = document.problem.take().unwrap();
+        assert!(problem.contains(&bad.display().to_string()), "{problem}");
+        assert_eq!(document.settings(), &settings);
+        assert_eq!(faces(&document), count);
+    }
+    // It still works.
+    document.run(Command::Target(Target::Faces(100)));
+    assert!(document.settle(LONG));
+    assert!(faces(&document) <= 100);
+}
+
+#[test]
+fn going_back_to_a_file_that_is_gone_stays_where_one_is() {
+    let folder = folder();
+    let gone = folder.path().join("sphere.ply");
+    let mut document = opened(&gone);
+    document.run(Command::Open(vec![folder.path().join("torus.obj")]));
+    assert!(document.settle(LONG));
+    let settings = document.settings().clone();
+    std::fs::remove_file(&gone).unwrap();
+    document.undo();
+    assert!(document.settle(LONG));
+    assert!(document.problem.is_some());
+    assert_eq!(document.settings(), &settings);
+    assert_eq!(document.original().unwrap().content.faces, 2 * 48 * 24);
+}
+
+#[test]
+fn the_latest_target_wins() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    for n in (100..5000).rev().step_by(37) {
+        document.run(Command::Target(Target::Faces(n)));
+    }
+    document.run(Command::Target(Target::Faces(77)));
+    assert!(document.settle(LONG));
+    assert!(faces(&document) <= 77);
+    document.seal();
+    document.undo();
+    assert!(document.settle(LONG));
+    assert!(document.lighter().is_none(), "a drag is one step");
+}
+
+#[test]
+fn a_target_that_cannot_be_is_told_and_the_last_result_stays() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    document.run(Command::Target(Target::Faces(300)));
+    assert!(document.settle(LONG));
+    let count = faces(&document);
+    document.run(Command::Target(Target::Ratio(7.0)));
+    document.run(Command::Target(Target::Ratio(-1.0)));
+    assert!(document.settle(LONG));
+    assert!(document.problem.as_deref().is_some_and(|p| p.contains("ratio")), "{:?}", document.problem);
+    assert_eq!(faces(&document), count);
+}
+
+#[test]
+fn distances_and_parts_are_found_when_they_are_wanted() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("torus.obj"));
+    document.run(Command::Target(Target::Faces(400)));
+    assert!(document.settle(LONG));
+    assert!(document.distances().is_none());
+    (document.wants_distances, document.wants_anatomy) = (true, true);
+    assert!(document.settle(LONG));
+    let distances = document.distances().unwrap().clone();
+    assert!(distances.largest > 0.0 && distances.largest < 0.2);
+    let [one, two] = document.anatomies().map(|a| a.cloned().unwrap());
+    assert_eq!((one.components, one.is_closed), (1, true));
+    assert_eq!((two.components, two.border_edges), (1, 0));
+    // Another result is another measurement.
+    document.run(Command::Target(Target::Faces(100)));
+    assert!(document.settle(LONG));
+    assert!(document.distances().unwrap().largest > distances.largest);
+}
+
+#[test]
+fn what_is_shown_is_what_is_written() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    document.run(Command::Target(Target::Faces(200)));
+    assert!(document.settle(LONG));
+    let count = faces(&document);
+    for format in Format::WRITTEN {
+        let path = folder.path().join(format!("out.{}", format.name()));
+        let textures = Textures::default();
+        document.export(Export { path: path.clone(), format, ascii: false, textures, levels: Vec::new() });
+        assert!(document.settle(LONG));
+        assert_eq!(document.problem, None, "{format:?}");
+        let read = lodsmith_io::read_path(&path, &Default::default()).unwrap();
+        assert_eq!(read.mesh.face_count(), count, "{format:?}");
+    }
+    let levels = folder.path().join("levels");
+    document.export(Export {
+        path: levels.clone(),
+        format: Format::Glb,
+        ascii: false,
+        textures: Textures::default(),
+        levels: vec![1.0, 0.5, 0.1],
+    });
+    assert!(document.settle(LONG));
+    let count = |i: usize| {
+        let path = levels.join(format!("sphere_lod{i}.glb"));
+        lodsmith_io::read_path(&path, &Default::default()).unwrap().mesh.face_count()
+    };
+    assert_eq!(count(0), 5120);
+    assert!(count(1) <= 2560 && count(2) <= 512);
+}
+
+#[test]
+fn a_scene_keeps_its_nodes() {
+    let wave: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../testdata/wave.glb"].iter().collect();
+    let folder = tempfile::tempdir().unwrap();
+    let mut document = opened(&wave);
+    let whole = document.original().unwrap().content.faces;
+    document.run(Command::Target(Target::Ratio(0.5)));
+    assert!(document.settle(LONG));
+    let count = faces(&document);
+    assert!(count <= whole / 2, "{count} of {whole}");
+    let path = folder.path().join("low.glb");
+    let textures = Textures::default();
+    document.export(Export {
+        path: path.clone(),
+        format: Format::Glb,
+        ascii: false,
+        textures,
+        levels: Vec::new(),
+    });
+    assert!(document.settle(LONG));
+    let mut again = opened(&path);
+    assert!(again.settle(LONG));
+    assert_eq!(faces(&again), count);
+    let nodes = |d: &Document| d.original().unwrap().content.model().nodes.len();
+    assert_eq!(nodes(&again), nodes(&document));
+}
+
+#[test]
+fn writing_where_nothing_can_be_written_is_told() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    let path = folder.path().join("no/such/folder/out.glb");
+    let (format, textures) = (Format::Glb, Textures::default());
+    document.export(Export { path, format, ascii: false, textures, levels: Vec::new() });
+    assert!(document.settle(LONG));
+    assert!(
+        document.problem.as_deref().is_some_and(|p| p.contains("no/such/folder")),
+        "{:?}",
+        document.problem
+    );
+}

@@ -1,0 +1,503 @@
+//! The window without a window: every panel and key, both themes, on a software adapter.
+//!
+//! With `LODSMITH_PICTURES=FOLDER` each picture is kept there, to be looked at.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use eframe::egui::Role;
+use eframe::egui::{self, Key, Modifiers, Pos2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT as _, Queryable};
+use lodsmith_core::shapes;
+use lodsmith_render::Shading;
+use lodsmith_viewer::ViewOptions;
+use lodsmith_viewer::app::App;
+use lodsmith_viewer::gpu::{Context, Gpu};
+use lodsmith_viewer::keys::{Action, BINDINGS};
+use lodsmith_viewer::panel::Panel;
+use lodsmith_viewer::settings::Sides;
+
+const LONG: Duration = Duration::from_secs(120);
+
+/// Whether there is an adapter; where one is demanded, there must be.
+fn has_adapter() -> bool {
+    match Gpu::headless() {
+        Ok(_) => true,
+        Err(e) if std::env::var_os("LODSMITH_REQUIRE_GPU").is_some_and(|v| v == "1") => {
+            unreachable!("an adapter is demanded: {e}")
+        }
+        Err(e) => {
+            let _ = std::io::Write::write_all(&mut std::io::stderr(), format!("SKIPPED: {e}\n").as_bytes());
+            false
+        }
+    }
+}
+
+struct Desk {
+    harness: Harness<'static, App>,
+    folder: tempfile::TempDir,
+}
+
+impl Desk {
+    fn with(is_light: bool, name: Option<&str>) -> Option<Self> {
+        if !has_adapter() {
+            return None;
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let meshes = [("sphere.ply", shapes::icosphere(5)), ("torus.obj", shapes::torus(64, 32))];
+        for (name, mesh) in meshes {
+            lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
+        }
+        let mut options = ViewOptions::default();
+        options.inputs = name.map(|n| folder.path().join(n)).into_iter().collect();
+        (options.remember, options.use_system_dialogs) = (false, false);
+        options.is_light = Some(is_light);
+        let harness = Harness::builder()
+            .with_size(egui::vec2(1440.0, 900.0))
+            .with_theme(if is_light { egui::Theme::Light } else { egui::Theme::Dark })
+            .wgpu_setup(Context::setup())
+            .build_eframe(move |cc| App::new(cc, &options).unwrap());
+        let mut desk = Self { harness, folder };
+        desk.settle();
+        Some(desk)
+    }
+
+    fn open(name: &str) -> Option<Self> {
+        Self::with(false, Some(name))
+    }
+
+    /// Goes on until all work is done and shown.
+    fn settle(&mut self) {
+        let end = Instant::now() + LONG;
+        loop {
+            self.harness.run_steps(2);
+            let document = self.harness.state_mut().document_mut();
+            if document.settle(Duration::from_millis(50)) {
+                self.harness.run_steps(3);
+                if self.harness.state().document().is_idle() {
+                    return;
+                }
+            }
+            assert!(Instant::now() < end, "work never ends");
+        }
+    }
+
+    fn app(&self) -> &App {
+        self.harness.state()
+    }
+    fn press(&mut self, key: Key) {
+        self.harness.key_press(key);
+        self.settle();
+    }
+    fn press_with(&mut self, modifiers: Modifiers, key: Key) {
+        self.harness.key_press_modifiers(modifiers, key);
+        self.settle();
+    }
+    fn click(&mut self, label: &str) {
+        self.harness.get_by_label(label).click();
+        self.settle();
+    }
+    fn drag(&mut self, from: Pos2, to: Pos2) {
+        self.harness.drag_at(from);
+        self.harness.run_steps(2);
+        for i in 1..=4 {
+            self.harness.hover_at(from + (to - from) * (i as f32 / 4.0));
+            self.harness.run_steps(1);
+        }
+        self.harness.drop_at(to);
+        self.settle();
+    }
+    fn faces(&self) -> Option<usize> {
+        self.app().document().lighter().map(|l| l.content.report.faces)
+    }
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Renders the window; more than one colour must be in it.
+    fn picture(&mut self, name: &str) -> image::RgbaImage {
+        let picture = self.harness.render().unwrap();
+        let first = *picture.get_pixel(0, 0);
+        assert!(picture.pixels().any(|p| *p != first), "{name} is empty");
+        if let Some(folder) = std::env::var_os("LODSMITH_PICTURES") {
+            picture.save(Path::new(&folder).join(format!("{name}.png"))).unwrap();
+        }
+        picture
+    }
+
+    /// The pixels of a picture within the window.
+    fn pixels(&mut self, label: &str) -> Vec<[u8; 4]> {
+        let rect = self.harness.get_by_label(label).rect();
+        let picture = self.harness.render().unwrap();
+        let mut pixels = Vec::new();
+        for y in rect.top() as u32 + 60..rect.bottom() as u32 - 60 {
+            for x in rect.left() as u32 + 20..rect.right() as u32 - 20 {
+                pixels.push(picture.get_pixel(x, y).0);
+            }
+        }
+        pixels
+    }
+}
+
+const ORIGINAL: &str = "Picture of the original";
+const RESULT: &str = "Picture of the result";
+
+#[test]
+fn an_empty_window_says_what_to_do() {
+    for is_light in [false, true] {
+        let Some(mut desk) = Desk::with(is_light, None) else { return };
+        desk.harness.get_by_label("Drop a model here");
+        desk.picture(if is_light { "empty_light" } else { "empty_dark" });
+        desk.click("Open the sample");
+        let original = desk.app().document().original().unwrap();
+        assert!(original.content.faces > 1000);
+        desk.picture(if is_light { "sample_light" } else { "sample_dark" });
+    }
+}
+
+#[test]
+fn the_slider_follows_the_pointer() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    assert_eq!(desk.faces(), None);
+    let rail = desk.harness.get_by_label("Target slider").rect();
+    let y = rail.top() + 13.0;
+    let at = |share: f32| egui::pos2(rail.left() + 10.0 + (rail.width() - 20.0) * share, y);
+    desk.drag(at(1.0), at(0.6));
+    let some = desk.faces().unwrap();
+    desk.drag(at(0.6), at(0.3));
+    let few = desk.faces().unwrap();
+    assert!(few < some && few < 500, "{few} {some}");
+    desk.picture("slider");
+    desk.drag(at(0.3), at(0.9));
+    assert!(desk.faces().unwrap() > some);
+    desk.press_with(Modifiers::COMMAND, Key::Z);
+    assert_eq!(desk.faces(), Some(few));
+    desk.press_with(Modifiers::COMMAND, Key::Y);
+    assert!(desk.faces().unwrap() > some);
+    desk.press(Key::R);
+    assert_eq!(desk.faces(), None);
+}
+
+#[test]
+fn a_count_can_be_typed_in_every_unit() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    for (unit, text) in [("Faces", "1,000"), ("Vertices", "402"), ("Percent", "10"), ("Error", "0.5%")] {
+        desk.click(unit);
+        let field = desk.harness.get_by_role_and_label(Role::TextInput, "Target");
+        field.click();
+        desk.harness.run_steps(2);
+        desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        desk.harness.event(egui::Event::Text(text.to_owned()));
+        desk.harness.run_steps(2);
+        desk.press(Key::Enter);
+        let stop = desk.app().document().settings().simplify.options.stop;
+        let is_set = [
+            stop.faces == Some(1000),
+            stop.vertices == Some(402),
+            stop.ratio == Some(0.1),
+            stop.error.is_some(),
+        ];
+        let which = ["Faces", "Vertices", "Percent", "Error"].iter().position(|u| *u == unit).unwrap();
+        assert!(is_set[which], "{unit}: {stop:?}");
+        assert!(desk.faces().is_some_and(|n| n < 10_000), "{unit}: {:?}", desk.faces());
+    }
+}
+
+#[test]
+fn holding_m_goes_on_and_letting_go_stops() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    desk.harness.key_down(Key::M);
+    desk.harness.run_steps(30);
+    desk.harness.key_up(Key::M);
+    desk.settle();
+    let held = desk.faces().unwrap();
+    assert!(held < 20_480);
+    desk.harness.run_steps(10);
+    desk.settle();
+    assert_eq!(desk.faces(), Some(held));
+    desk.press_with(Modifiers::COMMAND, Key::Z);
+    assert_eq!(desk.faces(), None, "one press is one step");
+}
+
+#[test]
+fn every_panel_has_a_key_that_shows_and_hides_it() {
+    let Some(mut desk) = Desk::open("torus.obj") else { return };
+    desk.press(Key::Minus);
+    for panel in Panel::ALL {
+        let key = Action::Panel(panel).binding().unwrap().shortcut.logical_key;
+        if !desk.app().is_shown(panel) {
+            desk.press(key);
+        }
+        assert!(desk.app().is_shown(panel), "{panel:?}");
+        let name = format!("Hide {}", panel.title());
+        desk.harness.get_by_label(&name);
+        desk.picture(&format!("panel_{}", panel.title().to_lowercase()));
+        desk.press(key);
+        assert!(!desk.app().is_shown(panel), "{panel:?}");
+        assert!(desk.harness.query_by_label(&name).is_none(), "{panel:?}");
+    }
+    desk.press(Key::F3);
+    desk.press(Key::Tab);
+    assert!(!desk.app().is_shown(Panel::Method));
+    desk.picture("bare");
+    desk.press(Key::Tab);
+    assert!(desk.app().is_shown(Panel::Method));
+}
+
+#[test]
+fn every_key_of_the_look_changes_it_and_the_picture() {
+    let Some(mut desk) = Desk::open("torus.obj") else { return };
+    desk.press(Key::Minus);
+    desk.press(Key::Minus);
+    for b in BINDINGS {
+        let is_look =
+            matches!(b.action, Action::Wireframe | Action::Shade(_) | Action::Ground | Action::Cull)
+                || matches!(b.action, Action::Borders | Action::Defects);
+        if !is_look {
+            continue;
+        }
+        let before = desk.app().document().settings().look.clone();
+        let pixels = desk.pixels(RESULT);
+        desk.press(b.shortcut.logical_key);
+        let after = desk.app().document().settings().look.clone();
+        if b.action == Action::Shade(0) {
+            continue;
+        }
+        assert_ne!(before, after, "{}", b.name);
+        // The torus is closed and sound, and has neither colours nor texture.
+        let shows = matches!(b.action, Action::Wireframe | Action::Ground)
+            || matches!(b.action, Action::Shade(1 | 4 | 5 | 6));
+        if shows {
+            assert!(desk.pixels(RESULT) != pixels, "{} is not seen", b.name);
+        }
+        desk.picture(&format!("look_{}", b.name.to_lowercase().replace(' ', "_")));
+        desk.press_with(Modifiers::COMMAND, Key::Z);
+        assert_eq!(desk.app().document().settings().look, before, "{}", b.name);
+    }
+}
+
+#[test]
+fn sides_are_shown_in_four_ways() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    for _ in 0..20 {
+        desk.press(Key::Minus);
+    }
+    for (sides, name) in Sides::ALL {
+        assert_eq!(desk.app().document().settings().layout.sides, sides);
+        let has = |label: &str| desk.harness.query_by_label(label).is_some();
+        assert_eq!(has(ORIGINAL), sides != Sides::Result, "{name}");
+        assert_eq!(has(RESULT), sides != Sides::Original, "{name}");
+        desk.picture(&format!("sides_{}", name.to_lowercase().replace(' ', "_")));
+        desk.press(Key::V);
+    }
+    // Flicker: while the key is held, the original stands in the place of the result.
+    desk.press(Key::W);
+    let result = desk.pixels(RESULT);
+    desk.harness.key_down(Key::Space);
+    desk.harness.run_steps(3);
+    assert!(desk.pixels(RESULT) != result);
+    desk.harness.key_up(Key::Space);
+    desk.harness.run_steps(3);
+    assert!(desk.pixels(RESULT) == result);
+}
+
+#[test]
+fn the_wipe_can_be_dragged() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    desk.press(Key::V);
+    let line = desk.harness.get_by_label("Wipe").rect().center();
+    let line = egui::pos2(line.x, line.y + 60.0);
+    desk.drag(line, line - egui::vec2(150.0, 0.0));
+    assert!(desk.app().document().settings().layout.wipe < 0.4);
+}
+
+#[test]
+fn the_mouse_and_the_arrows_move_both_cameras() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let place = desk.harness.get_by_label(ORIGINAL).rect().center();
+    let before = desk.app().orbits();
+    assert_eq!(before[0], before[1]);
+    desk.drag(place, place + egui::vec2(90.0, 30.0));
+    let turned = desk.app().orbits();
+    assert_eq!(turned[0], turned[1], "cameras are linked");
+    assert!((turned[0].yaw_rad - before[0].yaw_rad).abs() > 0.1);
+    desk.press(Key::ArrowRight);
+    assert!(desk.app().orbits()[0].yaw_rad != turned[0].yaw_rad);
+    desk.press(Key::L);
+    desk.drag(place, place + egui::vec2(-60.0, 0.0));
+    let [one, two] = desk.app().orbits();
+    assert_ne!(one, two, "cameras are free");
+    desk.press(Key::L);
+    let [one, two] = desk.app().orbits();
+    assert_eq!(one, two);
+    for (key, pitch) in [(Key::Num1, 0.0), (Key::Num7, std::f64::consts::FRAC_PI_2)] {
+        desk.press(key);
+        assert!((desk.app().orbits()[0].pitch_rad - pitch).abs() < 1e-6, "{key:?}");
+    }
+    // Zoom to the pointer, then all of it again.
+    let framed = desk.app().orbits()[0];
+    desk.harness.hover_at(place + egui::vec2(40.0, 20.0));
+    desk.harness.event(egui::Event::MouseWheel {
+        unit: egui::MouseWheelUnit::Point,
+        delta: egui::vec2(0.0, 200.0),
+        phase: egui::TouchPhase::Move,
+        source: egui::MouseWheelSource::Wheel,
+        modifiers: Modifiers::NONE,
+    });
+    desk.harness.run_steps(20);
+    assert!(desk.app().orbits()[0].distance < framed.distance);
+    desk.press(Key::F);
+    assert!((desk.app().orbits()[0].distance - framed.distance).abs() < 1e-6 * framed.distance);
+}
+
+#[test]
+fn cameras_are_kept_and_the_model_turns() {
+    let Some(mut desk) = Desk::open("torus.obj") else { return };
+    let ctrl_shift = Modifiers::COMMAND | Modifiers::SHIFT;
+    desk.press(Key::Num1);
+    desk.press_with(ctrl_shift, Key::Num2);
+    let kept = desk.app().orbits()[0];
+    desk.press(Key::Num7);
+    assert_ne!(desk.app().orbits()[0], kept);
+    desk.press_with(Modifiers::COMMAND, Key::Num2);
+    let back = desk.app().orbits()[0];
+    assert!((back.yaw_rad - kept.yaw_rad).abs() < 1e-9 && (back.distance - kept.distance).abs() < 1e-9);
+    let before = desk.pixels(ORIGINAL);
+    desk.press_with(Modifiers::ALT, Key::ArrowUp);
+    assert!(desk.pixels(ORIGINAL) != before, "the model has turned");
+    desk.press_with(Modifiers::ALT, Key::Num0);
+    assert!(desk.pixels(ORIGINAL) == before);
+}
+
+#[test]
+fn a_double_click_looks_at_that_place() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let place = desk.harness.get_by_label(ORIGINAL).rect().center() + egui::vec2(60.0, 10.0);
+    let before = desk.app().orbits()[0].target;
+    for _ in 0..2 {
+        desk.harness.drag_at(place);
+        desk.harness.run_steps(1);
+        desk.harness.drop_at(place);
+        desk.harness.run_steps(1);
+    }
+    let after = desk.app().orbits()[0].target;
+    assert!(after.distance(before) > 0.1);
+    assert!((after.length() - 1.0).abs() < 0.05, "on the sphere: {after}");
+}
+
+#[test]
+fn the_heat_map_has_a_legend_and_a_histogram() {
+    for is_light in [false, true] {
+        let Some(mut desk) = Desk::with(is_light, Some("sphere.ply")) else { return };
+        for _ in 0..30 {
+            desk.press(Key::Minus);
+        }
+        desk.press(Key::F7);
+        desk.press(Key::E);
+        assert_eq!(desk.app().document().settings().look.look.shading, Shading::Heat);
+        assert!(desk.app().document().distances().is_some());
+        desk.harness.get_by_label("Histogram of distances");
+        desk.picture(if is_light { "heat_light" } else { "heat_dark" });
+        // Colours: blue and red are in it.
+        let pixels = desk.pixels(RESULT);
+        assert!(
+            pixels.iter().any(|p| p[0] > p[2].saturating_add(60))
+                && pixels.iter().any(|p| p[2] > p[0].saturating_add(60))
+        );
+    }
+}
+
+#[test]
+fn a_broken_file_is_told_and_what_is_open_stays() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let path = desk.path("broken.obj");
+    std::fs::write(&path, "v 1 2\nf 1 2 nonsense\n").unwrap();
+    desk.press_with(Modifiers::COMMAND, Key::O);
+    let field = desk.harness.get_by_role_and_label(Role::TextInput, "Path");
+    field.focus();
+    desk.harness.run_steps(2);
+    desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.harness.event(egui::Event::Text(path.display().to_string()));
+    desk.harness.run_steps(2);
+    desk.picture("chooser");
+    desk.press(Key::Enter);
+    assert!(desk.app().document().problem.as_deref().is_some_and(|p| p.contains("broken.obj")));
+    assert_eq!(desk.app().document().original().unwrap().content.faces, 20_480);
+    desk.picture("broken");
+    desk.click("Dismiss");
+    assert_eq!(desk.app().document().problem, None);
+}
+
+#[test]
+fn the_export_dialog_writes_what_is_shown() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    for _ in 0..10 {
+        desk.press(Key::Minus);
+    }
+    desk.press_with(Modifiers::COMMAND, Key::S);
+    desk.picture("export");
+    desk.click("Write");
+    let read = lodsmith_io::read_path(&desk.path("sphere_low.ply"), &Default::default()).unwrap();
+    assert_eq!(Some(read.mesh.face_count()), desk.faces());
+}
+
+#[test]
+fn a_session_is_saved_and_opened_again() {
+    let Some(mut desk) = Desk::open("torus.obj") else { return };
+    desk.press(Key::Minus);
+    desk.press(Key::W);
+    desk.press(Key::Num7);
+    desk.press_with(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
+    desk.press(Key::Enter);
+    let path = desk.path("torus.lodsmith.json");
+    assert!(path.is_file());
+    let (settings, orbit, faces) =
+        (desk.app().document().settings().clone(), desk.app().orbits()[0], desk.faces());
+    let folder = desk.folder;
+    let mut options = ViewOptions::default();
+    options.inputs = vec![path];
+    options.remember = false;
+    let harness = Harness::builder()
+        .with_size(egui::vec2(1440.0, 900.0))
+        .wgpu_setup(Context::setup())
+        .build_eframe(move |cc| App::new(cc, &options).unwrap());
+    let mut again = Desk { harness, folder };
+    again.settle();
+    assert_eq!(again.app().document().settings().simplify, settings.simplify);
+    assert_eq!(again.app().document().settings().look, settings.look);
+    assert_eq!(again.faces(), faces);
+    let back = again.app().orbits()[0];
+    assert!((back.pitch_rad - orbit.pitch_rad).abs() < 1e-6 && (back.distance - orbit.distance).abs() < 1e-6);
+}
+
+#[test]
+fn the_cheat_sheet_names_every_key_and_closes() {
+    for is_light in [false, true] {
+        let Some(mut desk) = Desk::with(is_light, Some("sphere.ply")) else { return };
+        desk.press(Key::H);
+        desk.harness.get_by_label("Keys and mouse");
+        desk.harness.get_by_label("Hold M");
+        desk.picture(if is_light { "help_light" } else { "help_dark" });
+        desk.press(Key::H);
+        assert!(desk.harness.query_by_label("Hold M").is_none());
+    }
+}
+
+#[test]
+fn the_theme_changes_by_its_key() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let dark = desk.picture("theme_dark");
+    desk.press_with(Modifiers::COMMAND, Key::T);
+    let light = desk.picture("theme_light");
+    let at = |picture: &image::RgbaImage| picture.get_pixel(20, 500).0[0];
+    assert!(at(&light) > at(&dark) + 100);
+}
+
+#[test]
+fn nothing_is_drawn_while_nothing_happens() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    desk.press(Key::Minus);
+    // A window that asks to be painted again and again would never come to rest.
+    assert!(desk.harness.try_run().is_ok());
+}

@@ -1,0 +1,158 @@
+//! The real window on a virtual screen: opened, dragged, held, restored, exported, by a program that moves the mouse.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use lodsmith_core::shapes;
+
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Ends a program when the test does.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn is_there(program: &str) -> bool {
+    let paths = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&paths).any(|folder| folder.join(program).is_file())
+}
+
+/// A virtual screen, and its name.
+fn screen() -> Option<(Running, String)> {
+    let missing: Vec<_> = ["Xvfb", "xdotool"].into_iter().filter(|p| !is_there(p)).collect();
+    if !missing.is_empty() {
+        let is_demanded = std::env::var_os("LODSMITH_REQUIRE_GPU").is_some_and(|v| v == "1");
+        assert!(!is_demanded, "demanded, but missing: {}", missing.join(", "));
+        let text = format!("SKIPPED: {} missing (apt install xvfb xdotool)\n", missing.join(", "));
+        let _ = std::io::Write::write_all(&mut std::io::stderr(), text.as_bytes());
+        return None;
+    }
+    for number in 90..130 {
+        let name = format!(":{number}");
+        if Path::new(&format!("/tmp/.X{number}-lock")).exists() {
+            continue;
+        }
+        let child = Command::new("Xvfb")
+            .args([&name, "-screen", "0", "1440x900x24", "-nolisten", "tcp"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut running = Running(child);
+        let end = Instant::now() + Duration::from_secs(20);
+        while Instant::now() < end {
+            if Path::new(&format!("/tmp/.X11-unix/X{number}")).exists() {
+                return Some((running, name));
+            }
+            if running.0.try_wait().unwrap().is_some() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+    unreachable!("no virtual screen could be started")
+}
+
+struct Hand {
+    screen: String,
+    window: String,
+}
+
+impl Hand {
+    fn run(&self, words: &[&str]) -> String {
+        let output = Command::new("xdotool").env("DISPLAY", &self.screen).args(words).output().unwrap();
+        String::from_utf8_lossy(&output.stdout).trim().to_owned()
+    }
+    fn go(&self, x: i32, y: i32) {
+        self.run(&["mousemove", "--window", &self.window, &x.to_string(), &y.to_string()]);
+        std::thread::sleep(Duration::from_millis(120));
+    }
+    fn key(&self, key: &str) {
+        self.run(&["key", "--clearmodifiers", key]);
+        std::thread::sleep(Duration::from_millis(250));
+    }
+}
+
+fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + PATIENCE;
+    loop {
+        if let Some(found) = found() {
+            return found;
+        }
+        assert!(Instant::now() < end, "{what}: waited too long");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+fn export(hand: &Hand, path: &Path) -> usize {
+    // The file may hold what was shown before the last step was done: until it says something else, it is written anew.
+    hand.key("ctrl+s");
+    hand.key("Return");
+    until("the exported file", || {
+        let read = lodsmith_io::read_path(path, &Default::default()).ok()?;
+        Some(read.mesh.face_count())
+    })
+}
+
+#[test]
+fn a_window_opens_drags_holds_restores_and_exports() {
+    let Some((_screen, name)) = screen() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("sphere.ply");
+    lodsmith_io::write_path(&shapes::icosphere(5), &model, &Default::default()).unwrap();
+    let out = folder.path().join("sphere_low.ply");
+    // Beside the tests lie the examples.
+    let tests = std::env::current_exe().unwrap();
+    let program = tests.parent().and_then(Path::parent).unwrap().join("examples/window");
+    let viewer = Command::new(program)
+        .arg(&model)
+        .env("DISPLAY", &name)
+        .env_remove("WAYLAND_DISPLAY")
+        .env("XDG_RUNTIME_DIR", folder.path())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut viewer = Running(viewer);
+    let mut hand = Hand { screen: name, window: String::new() };
+    hand.window = until("the window", || {
+        let found = hand.run(&["search", "--name", "sphere.ply"]);
+        found.lines().last().filter(|l| !l.is_empty()).map(str::to_owned)
+    });
+    std::thread::sleep(Duration::from_millis(1500));
+    hand.run(&["windowfocus", &hand.window]);
+
+    // The rail of the slider lies low between the docks.
+    let y = 900 - 34;
+    hand.go(1120, y);
+    hand.run(&["mousedown", "1"]);
+    for x in [1060, 980, 900, 820] {
+        hand.go(x, y);
+    }
+    hand.run(&["mouseup", "1"]);
+    std::thread::sleep(Duration::from_secs(3));
+    let dragged = export(&hand, &out);
+    assert!(dragged < 12_000, "dragged to {dragged} faces");
+
+    std::fs::remove_file(&out).unwrap();
+    hand.run(&["keydown", "m"]);
+    std::thread::sleep(Duration::from_millis(2500));
+    hand.run(&["keyup", "m"]);
+    std::thread::sleep(Duration::from_secs(2));
+    let held = export(&hand, &out);
+    assert!(held < dragged, "held to {held} of {dragged} faces");
+
+    std::fs::remove_file(&out).unwrap();
+    hand.key("r");
+    std::thread::sleep(Duration::from_secs(2));
+    assert_eq!(export(&hand, &out), 20_480, "restored");
+
+    hand.key("ctrl+q");
+    let status = until("the end", || viewer.0.try_wait().unwrap());
+    assert!(status.success(), "{status}");
+}
