@@ -43,7 +43,8 @@ impl Purpose {
 
     fn endings(self) -> Vec<&'static str> {
         match self {
-            Self::Open | Self::ExportFile => {
+            Self::ExportFile => Format::WRITTEN.iter().map(|f| f.name()).collect(),
+            Self::Open => {
                 let mut all: Vec<_> = Format::ALL.iter().map(|f| f.name()).collect();
                 all.push("gz");
                 all

@@ -408,6 +408,22 @@ fn the_heat_map_has_a_legend_and_a_histogram() {
 }
 
 #[test]
+fn the_sample_stands_beside_its_result_with_wires_and_heat() {
+    let Some(mut desk) = Desk::with(false, None) else { return };
+    desk.click("Open the sample");
+    desk.press(Key::W);
+    for _ in 0..16 {
+        desk.press(Key::Minus);
+    }
+    let plain = desk.pixels(RESULT);
+    desk.press(Key::E);
+    assert!(desk.faces().unwrap() < desk.app().document().original().unwrap().content.faces / 4);
+    assert_ne!(desk.pixels(RESULT), plain);
+    // The picture of docs/viewer.md.
+    desk.picture("viewer");
+}
+
+#[test]
 fn a_broken_file_is_told_and_what_is_open_stays() {
     let Some(mut desk) = Desk::open("sphere.ply") else { return };
     let path = desk.path("broken.obj");
