@@ -40,7 +40,8 @@ struct Desk {
 }
 
 impl Desk {
-    fn with(is_light: bool, name: Option<&str>) -> Option<Self> {
+    /// A name is one of the folder's, unless it is a path of its own.
+    fn with(is_light: bool, name: Option<impl AsRef<Path>>) -> Option<Self> {
         if !has_adapter() {
             return None;
         }
@@ -50,7 +51,10 @@ impl Desk {
             lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
         }
         let mut options = ViewOptions::default();
-        options.inputs = name.map(|n| folder.path().join(n)).into_iter().collect();
+        options.inputs = name
+            .map(|n| if n.as_ref().is_file() { n.as_ref().to_owned() } else { folder.path().join(n) })
+            .into_iter()
+            .collect();
         (options.remember, options.use_system_dialogs) = (false, false);
         options.is_light = Some(is_light);
         let harness = Harness::builder()
@@ -146,7 +150,7 @@ const RESULT: &str = "Picture of the result";
 #[test]
 fn an_empty_window_says_what_to_do() {
     for is_light in [false, true] {
-        let Some(mut desk) = Desk::with(is_light, None) else { return };
+        let Some(mut desk) = Desk::with(is_light, None::<&str>) else { return };
         desk.harness.get_by_label("Drop a model here");
         desk.picture(if is_light { "empty_light" } else { "empty_dark" });
         desk.click("Open the sample");
@@ -409,10 +413,10 @@ fn the_heat_map_has_a_legend_and_a_histogram() {
 
 #[test]
 fn the_sample_stands_beside_its_result_with_wires_and_heat() {
-    let Some(mut desk) = Desk::with(false, None) else { return };
-    desk.click("Open the sample");
+    let sample = Path::new("../../testdata/finial.ply");
+    let Some(mut desk) = Desk::with(false, Some(sample)) else { return };
     desk.press(Key::W);
-    for _ in 0..16 {
+    for _ in 0..24 {
         desk.press(Key::Minus);
     }
     let plain = desk.pixels(RESULT);
