@@ -252,8 +252,7 @@ pub(crate) fn write_other(
     to_stream: impl FnOnce(&mut dyn io::Write) -> Result<(), WriteError>,
     to_path: impl FnOnce(&Path) -> Result<(), WriteError>,
 ) -> anyhow::Result<()> {
-    let nothing = |()| Vec::<Warning>::new();
-    write_with(sink, force, |out| to_stream(out).map(nothing), |path, _| to_path(path).map(nothing)).map(drop)
+    write_with(sink, force, to_stream, |path, _| to_path(path))
 }
 
 /// Writes a scene with levels of detail; in all else as [`write_scene`].

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::{Scene, SceneLevels};
 use lodsmith_io::{Format, ReadOptions, read_bytes};
-use scenes::{everything, gltf, split};
+use scenes::{everything, glb, gltf, split};
 use serde_json::{Value, json};
 
 /// The mesh without its last face.
@@ -159,7 +159,7 @@ fn a_file_without_scenes_gets_one() {
 fn named_values_go_into_ply() {
     use lodsmith_core::{Attribute, Semantic};
     let (json, bin) = scenes::small();
-    let scene = Scene::read(&gltf(&json, &bin), &ReadOptions::default()).unwrap();
+    let scene = Scene::read(&glb(&json, &bin), &ReadOptions::default()).unwrap();
     let mut mesh = TriMesh::clone(&scene.meshes()[0].mesh);
     let add = |mesh: &mut TriMesh, name: &str, width: usize, values: Vec<f32>| {
         let semantic = Semantic::Custom(name.to_owned());

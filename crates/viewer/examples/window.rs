@@ -3,8 +3,8 @@
 use lodsmith_viewer::{ViewError, ViewOptions, run};
 
 fn main() -> Result<(), ViewError> {
-    let mut options = ViewOptions::default();
-    options.inputs = std::env::args_os().skip(1).map(Into::into).collect();
-    (options.remember, options.use_system_dialogs) = (false, false);
+    let inputs = std::env::args_os().skip(1).map(Into::into).collect();
+    let options =
+        ViewOptions { inputs, remember: false, use_system_dialogs: false, ..ViewOptions::default() };
     run(&options)
 }

@@ -20,7 +20,7 @@ pub enum Command {
     /// When to stop.
     Target(Target),
     /// How to simplify; the target is kept.
-    Method(Simplification),
+    Method(Box<Simplification>),
     /// How surfaces are shown.
     Look(Appearance),
     /// How the two sides are shown.
@@ -103,7 +103,7 @@ impl Command {
             Self::Target(target) => settings.simplify.options.stop = target.stop(),
             Self::Method(how) => {
                 let stop = settings.simplify.options.stop;
-                settings.simplify = how.clone();
+                settings.simplify = Simplification::clone(how);
                 settings.simplify.options.stop = stop;
             }
             Self::Look(look) => settings.look = look.clone(),

@@ -291,9 +291,8 @@ pub fn bounds_of(model: &Model) -> Bounds {
             }
             let p = p.to_array();
             let grown = all.get_or_insert(Bounds { min: p, max: p });
-            for k in 0..3 {
-                grown.min[k] = grown.min[k].min(p[k]);
-                grown.max[k] = grown.max[k].max(p[k]);
+            for (k, x) in p.into_iter().enumerate() {
+                (grown.min[k], grown.max[k]) = (grown.min[k].min(x), grown.max[k].max(x));
             }
         }
     }

@@ -42,13 +42,10 @@ impl Purpose {
     }
 
     fn endings(self) -> Vec<&'static str> {
+        let with_gz = |formats: &[Format]| formats.iter().map(|f| f.name()).chain(["gz"]).collect();
         match self {
-            Self::ExportFile => Format::WRITTEN.iter().map(|f| f.name()).collect(),
-            Self::Open => {
-                let mut all: Vec<_> = Format::ALL.iter().map(|f| f.name()).collect();
-                all.push("gz");
-                all
-            }
+            Self::Open => with_gz(&Format::ALL),
+            Self::ExportFile => with_gz(&Format::WRITTEN),
             Self::OpenSession | Self::SaveSession => vec!["json"],
             Self::ExportFolder => Vec::new(),
             Self::Matcap => vec!["png", "jpg", "jpeg", "webp"],

@@ -109,6 +109,8 @@ struct Shared {
 }
 
 type Work<M> = Box<dyn FnOnce(&mut Watch) -> Option<M> + Send>;
+/// Work that waits, by its number.
+type Waiting<M> = Mutex<Vec<(u64, Work<M>)>>;
 
 struct Queue {
     /// Jobs as they wait; the work itself lies with the thread's channel.
@@ -122,7 +124,7 @@ struct Queue {
 /// One thread that works, and sends what came out.
 pub struct Worker<M> {
     shared: Arc<Shared>,
-    work: Arc<Mutex<Vec<(u64, Work<M>)>>>,
+    work: Arc<Waiting<M>>,
     results: Receiver<Message<M>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -262,7 +264,7 @@ impl<M> Drop for Worker<M> {
     }
 }
 
-fn run<M>(shared: &Arc<Shared>, work: &Mutex<Vec<(u64, Work<M>)>>, results: &Sender<Message<M>>) {
+fn run<M>(shared: &Arc<Shared>, work: &Waiting<M>, results: &Sender<Message<M>>) {
     loop {
         let mut queue = lock(&shared.queue);
         let next = loop {

@@ -231,7 +231,7 @@ mod tests {
         let off = Vec2::new(120.0, -40.0);
         let below = |orbit: &Orbit| {
             let camera = orbit.camera();
-            let forward = (camera.target - camera.eye).normalize();
+            let forward = (camera.target - camera.eye).normalize_or_zero();
             let along = ray(&camera, off, 600.0);
             camera.eye + along * (orbit.distance / along.dot(forward))
         };

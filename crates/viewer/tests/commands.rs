@@ -80,7 +80,7 @@ fn a_list_of_commands_replays_a_session() {
     let commands = vec![
         Command::Open(vec![path("sphere.ply"), path("torus.obj")]),
         Command::Target(Target::Ratio(0.25)),
-        Command::Method(quadric),
+        Command::Method(Box::new(quadric)),
         Command::Look(look),
         Command::Turn(Turn([0.0, 1.0, 0.0, 0.0])),
         Command::KeepCamera(

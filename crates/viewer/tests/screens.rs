@@ -50,11 +50,9 @@ impl Desk {
         for (name, mesh) in meshes {
             lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
         }
-        let mut options = ViewOptions::default();
-        options.inputs = name
-            .map(|n| if n.as_ref().is_file() { n.as_ref().to_owned() } else { folder.path().join(n) })
-            .into_iter()
-            .collect();
+        let of = |n: &Path| if n.is_file() { n.to_owned() } else { folder.path().join(n) };
+        let inputs = name.map(|n| of(n.as_ref())).into_iter().collect();
+        let mut options = ViewOptions { inputs, ..ViewOptions::default() };
         (options.remember, options.use_system_dialogs) = (false, false);
         options.is_light = Some(is_light);
         let harness = Harness::builder()
@@ -474,8 +472,7 @@ fn a_session_is_saved_and_opened_again() {
     let (settings, orbit, faces) =
         (desk.app().document().settings().clone(), desk.app().orbits()[0], desk.faces());
     let folder = desk.folder;
-    let mut options = ViewOptions::default();
-    options.inputs = vec![path];
+    let mut options = ViewOptions { inputs: vec![path], ..ViewOptions::default() };
     options.remember = false;
     let harness = Harness::builder()
         .with_size(egui::vec2(1440.0, 900.0))

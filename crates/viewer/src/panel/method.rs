@@ -30,7 +30,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let mut how = before.clone();
     edit(ui, &mut how);
     if how != *before {
-        scope.command(Command::Method(how));
+        scope.command(Command::Method(Box::new(how)));
     }
 }
 

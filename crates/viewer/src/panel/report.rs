@@ -96,7 +96,7 @@ fn propose(ui: &mut Ui, scope: &mut Scope<'_>, proposal: &Proposal) {
     let can_do = proposal.changes.iter().all(|change| apply(*change, &mut how));
     ui.horizontal_wrapped(|ui| {
         if can_do && ui.button("Do").on_hover_text("Change the options so").clicked() {
-            scope.command(Command::Method(how));
+            scope.command(Command::Method(Box::new(how)));
         }
         ui.label(words.join(" together with "));
     });
