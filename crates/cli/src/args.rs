@@ -69,6 +69,8 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// A window: original and result side by side, live while you drag
     View(ViewArgs),
+    /// Versions, adapters, the display, and what is missing
+    Doctor(DoctorArgs),
     /// Print what a shell needs to complete commands
     Completions {
         /// The shell
@@ -187,6 +189,13 @@ pub(crate) struct ViewArgs {
     /// Files to open, or a session; without any, the window says what to do
     #[arg(value_name = "IN")]
     pub(crate) inputs: Vec<PathBuf>,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct DoctorArgs {
+    /// One JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Args, Debug)]

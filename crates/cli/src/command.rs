@@ -6,6 +6,7 @@ mod clusters;
 mod compare;
 mod completions;
 mod convert;
+mod doctor;
 mod info;
 mod lod;
 mod man;
@@ -35,6 +36,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Progressive(action) => progressive::run(&action),
         Command::Render(args) => render::run(&args),
         Command::View(args) => view::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
         Command::Completions { shell } => completions::run(shell),
         Command::Man { command } => man::run(command.as_deref()),
     }

@@ -36,6 +36,11 @@ fn help_of_view() {
 }
 
 #[test]
+fn help_of_doctor() {
+    insta::assert_snapshot!(help(&["doctor"]));
+}
+
+#[test]
 fn help_of_info() {
     insta::assert_snapshot!(help(&["info"]));
 }

@@ -23,9 +23,6 @@ use crate::settings::{Pose, Sides, Turn};
 use crate::theme;
 use crate::viewport::{KEY_TURN_RAD, Orbit};
 
-/// Where a picture went, or why not.
-type Saved = Result<PathBuf, String>;
-
 /// The window.
 pub struct App {
     document: Document,
@@ -44,7 +41,7 @@ pub struct App {
     framed: Option<PathBuf>,
     /// Cameras of a session that is being opened.
     arriving: Option<[Pose; 2]>,
-    pictures_saved: (Sender<Saved>, Receiver<Saved>),
+    pictures_saved: (Sender<Result<PathBuf, String>>, Receiver<Result<PathBuf, String>>),
     last_frame: Option<Instant>,
     was_typing: bool,
     sample: Option<tempfile::TempDir>,

@@ -13,6 +13,7 @@ use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, Topology, TriMesh};
 use lodsmith_io::{ModelFile, ModelSource, ReadError, ReadOptions};
+use lodsmith_render::Shading;
 
 use crate::words::{Normals, Simplification};
 
@@ -57,6 +58,18 @@ impl Original {
     /// What is to be seen.
     pub fn model(&self) -> &Model {
         &self.file.model
+    }
+
+    /// How it is meant to be seen: with its materials or colours, where it has them.
+    pub fn usual_shading(&self) -> Shading {
+        let model = self.model();
+        if !model.materials.is_empty() {
+            Shading::Textured
+        } else if model.meshes.iter().any(|m| m.mesh.colors().is_some()) {
+            Shading::VertexColors
+        } else {
+            Shading::Smooth
+        }
     }
 
     /// A mesh made ready to be measured; `None` for one without faces. Made when first asked for.

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use lodsmith::SimplifyError;
 use lodsmith_core::Model;
+use lodsmith_render::Shading;
 
 use crate::command::{Command, History};
 use crate::content::{Anatomy, Distances, Lighter, Original};
@@ -89,6 +90,9 @@ struct Opening {
     path: PathBuf,
     then: Then,
 }
+
+/// Shadings of which one or another shows a file as it is meant to be seen.
+const PLAIN: [Shading; 3] = [Shading::Smooth, Shading::Textured, Shading::VertexColors];
 
 enum Then {
     Run(Command),
@@ -392,6 +396,11 @@ impl Document {
         if let Then::Run(command) = &then {
             self.history.seal();
             self.history.run(command, &mut self.settings);
+            let shading = &mut self.settings.look.look.shading;
+            // A shading that was chosen for what it tells stays; the plain ones go by the file.
+            if matches!(command, Command::Open(_) | Command::Show(_)) && PLAIN.contains(shading) {
+                *shading = original.content.usual_shading();
+            }
             self.history.seal();
         }
         let content = &original.content;

@@ -3,6 +3,7 @@
 //! [`Context`] is the device, cheap to clone and usable from any thread: a worker uploads with it while the window goes
 //! on. [`Gpu`] holds pipelines and draws a [`Frame`] into a [`Target`], unless the target shows that very frame already.
 
+mod adapter;
 mod buffer;
 mod context;
 mod frame;
@@ -18,6 +19,7 @@ mod target;
 mod texture;
 mod uniforms;
 
+pub use adapter::Adapter;
 pub use context::{Context, GpuError, Split};
 pub use frame::{Drawn, Frame, Placed};
 pub use marks::Marks;

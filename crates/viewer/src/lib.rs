@@ -8,6 +8,7 @@ pub mod command;
 pub mod compare;
 pub mod content;
 mod dialog;
+pub mod display;
 pub mod document;
 pub mod export;
 pub mod gpu;
@@ -93,8 +94,8 @@ pub fn run(options: &ViewOptions) -> Result<(), ViewError> {
 
 fn told(error: eframe::Error) -> ViewError {
     match error {
-        eframe::Error::WinitEventLoop(e) => ViewError::NoDisplay { reason: e.to_string() },
-        eframe::Error::Winit(e) => ViewError::NoDisplay { reason: e.to_string() },
+        eframe::Error::WinitEventLoop(e) => ViewError::NoDisplay { reason: display::reason(&e.to_string()) },
+        eframe::Error::Winit(e) => ViewError::NoDisplay { reason: display::reason(&e.to_string()) },
         eframe::Error::AppCreation(e) => match e.downcast::<gpu::GpuError>() {
             Ok(gpu) => ViewError::NoGpu(*gpu),
             Err(e) => ViewError::Window { reason: e.to_string() },

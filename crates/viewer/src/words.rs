@@ -76,13 +76,13 @@ fn choice<T: Copy>(choices: Choices<T>, option: &str, word: &str) -> Result<T, S
 pub fn length_text(length: Length) -> String {
     match length {
         Length::Units(x) => x.to_string(),
-        // Shares such as 0.07 % come back as they were typed.
+        // Shares such as 0.07 % come back as they were typed; some, such as 0.0007, no percentage gives to the last bit.
         Length::OfDiagonal(x) => {
             let percent = 100.0 * x;
             let short = format!("{percent:.12}");
             let short = short.trim_end_matches('0').trim_end_matches('.');
             match short.parse::<f64>() {
-                Ok(back) if back / 100.0 == x => format!("{short}%"),
+                Ok(back) if (back / 100.0 - x).abs() <= f64::EPSILON * x => format!("{short}%"),
                 _ => format!("{percent}%"),
             }
         }

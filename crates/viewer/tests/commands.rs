@@ -43,6 +43,33 @@ fn faces(document: &Document) -> usize {
 }
 
 #[test]
+fn a_file_with_materials_is_seen_with_them_and_a_chosen_shading_stays() {
+    let folder = folder();
+    let materials = "newmtl red\nKd 1 0 0\n";
+    std::fs::write(folder.path().join("red.mtl"), materials).unwrap();
+    let red = "mtllib red.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n";
+    std::fs::write(folder.path().join("red.obj"), red).unwrap();
+    let paths = vec![folder.path().join("red.obj"), folder.path().join("sphere.ply")];
+    let shading = |document: &Document| document.settings().look.look.shading;
+    let mut document = document();
+    for (command, wanted) in [
+        (Command::Open(paths), Shading::Textured),
+        (Command::Show(1), Shading::Smooth),
+        (Command::Show(0), Shading::Textured),
+    ] {
+        document.run(command);
+        assert!(document.settle(LONG));
+        assert_eq!(shading(&document), wanted);
+    }
+    let mut look = document.settings().look.clone();
+    look.look.shading = Shading::Flat;
+    document.run(Command::Look(look));
+    document.run(Command::Show(1));
+    assert!(document.settle(LONG));
+    assert_eq!(shading(&document), Shading::Flat);
+}
+
+#[test]
 fn a_list_of_commands_replays_a_session() {
     let folder = folder();
     let path = |name: &str| folder.path().join(name);

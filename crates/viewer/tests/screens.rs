@@ -40,7 +40,8 @@ struct Desk {
 }
 
 impl Desk {
-    fn with(is_light: bool, name: Option<&str>) -> Option<Self> {
+    /// A name is one of the folder's, unless it is a path of its own.
+    fn with(is_light: bool, name: Option<impl AsRef<Path>>) -> Option<Self> {
         if !has_adapter() {
             return None;
         }
@@ -49,7 +50,8 @@ impl Desk {
         for (name, mesh) in meshes {
             lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
         }
-        let inputs = name.map(|n| folder.path().join(n)).into_iter().collect();
+        let of = |n: &Path| if n.is_file() { n.to_owned() } else { folder.path().join(n) };
+        let inputs = name.map(|n| of(n.as_ref())).into_iter().collect();
         let mut options = ViewOptions { inputs, ..ViewOptions::default() };
         (options.remember, options.use_system_dialogs) = (false, false);
         options.is_light = Some(is_light);
@@ -146,7 +148,7 @@ const RESULT: &str = "Picture of the result";
 #[test]
 fn an_empty_window_says_what_to_do() {
     for is_light in [false, true] {
-        let Some(mut desk) = Desk::with(is_light, None) else { return };
+        let Some(mut desk) = Desk::with(is_light, None::<&str>) else { return };
         desk.harness.get_by_label("Drop a model here");
         desk.picture(if is_light { "empty_light" } else { "empty_dark" });
         desk.click("Open the sample");
@@ -405,6 +407,22 @@ fn the_heat_map_has_a_legend_and_a_histogram() {
                 && pixels.iter().any(|p| p[2] > p[0].saturating_add(60))
         );
     }
+}
+
+#[test]
+fn the_sample_stands_beside_its_result_with_wires_and_heat() {
+    let sample = Path::new("../../testdata/finial.ply");
+    let Some(mut desk) = Desk::with(false, Some(sample)) else { return };
+    desk.press(Key::W);
+    for _ in 0..24 {
+        desk.press(Key::Minus);
+    }
+    let plain = desk.pixels(RESULT);
+    desk.press(Key::E);
+    assert!(desk.faces().unwrap() < desk.app().document().original().unwrap().content.faces / 4);
+    assert_ne!(desk.pixels(RESULT), plain);
+    // The picture of docs/viewer.md.
+    desk.picture("viewer");
 }
 
 #[test]

@@ -50,7 +50,7 @@ mod tests {
         for method in Method::ALL {
             let mut how = Simplification::of_preset(Preset::Auto, Stop::faces(100));
             how.options.method = method;
-            how.options.weld = Some(Length::OfDiagonal(0.0007));
+            how.options.weld = Some(Length::OfDiagonal(0.07 / 100.0));
             how.options.guards.max_normal_deg = Some(40.0);
             how.options.guards.max_edge = Some(Length::Units(0.3));
             how.options.weights.uv = 2.5;

@@ -85,16 +85,16 @@ impl Context {
     /// # Errors
     /// Each [`GpuError`].
     pub fn headless() -> Result<Self, GpuError> {
-        let backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY | wgpu::Backends::GL);
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-            backends,
-            ..wgpu::InstanceDescriptor::new_without_display_handle()
-        });
+        let instance = instance();
         let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
             .map_err(|e| GpuError::NoAdapter { reason: e.to_string() })?;
-        let (device, queue) = pollster::block_on(adapter.request_device(&device_descriptor(&adapter)))
+        Self::of_adapter(instance, &adapter)
+    }
+
+    pub(super) fn of_adapter(instance: wgpu::Instance, adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
+        let (device, queue) = pollster::block_on(adapter.request_device(&device_descriptor(adapter)))
             .map_err(|e| GpuError::NoDevice { adapter: adapter.get_info().name, reason: e.to_string() })?;
-        Self::with(instance, &adapter, device, queue)
+        Self::with(instance, adapter, device, queue)
     }
 
     fn with(
@@ -153,6 +153,19 @@ impl Context {
     pub(super) fn sample_count(&self) -> u32 {
         if self.is_software() { 1 } else { 4 }
     }
+}
+
+/// The interfaces to drivers that are tried.
+pub(super) fn backends() -> wgpu::Backends {
+    wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY | wgpu::Backends::GL)
+}
+
+/// The driver library, without any window.
+pub(super) fn instance() -> wgpu::Instance {
+    wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: backends(),
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    })
 }
 
 fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {

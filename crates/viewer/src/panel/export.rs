@@ -51,6 +51,8 @@ impl Form {
     /// What is likely to be wanted: the format of the file, beside it.
     pub fn new(original: &Path, format: Format) -> Self {
         let stem = original.file_stem().map_or("model".into(), |s| s.to_string_lossy());
+        // What is shown is one mesh, which a format of progressive meshes does not take.
+        let format = if Format::WRITTEN.contains(&format) { format } else { Format::Ply };
         let folder = original.parent().unwrap_or(Path::new(""));
         Self {
             path: folder.join(format!("{stem}_low.{}", format.name())).display().to_string(),
@@ -76,7 +78,9 @@ impl Form {
     /// The format goes by the ending that was typed, where it says one.
     fn follow_ending(&mut self) {
         let ending = Path::new(&self.path).extension().map(|e| e.to_string_lossy().into_owned());
-        if let Some(format) = ending.and_then(|e| Format::from_name(&e)) {
+        if let Some(format) =
+            ending.and_then(|e| Format::from_name(&e)).filter(|f| Format::WRITTEN.contains(f))
+        {
             self.format = format;
         }
     }

@@ -25,6 +25,9 @@ pub fn show(ctx: &egui::Context) -> bool {
                     .max_height(screen.height() - 160.0)
                     .min_scrolled_height((screen.height() - 160.0).min(640.0))
                     .show(ui, |ui| {
+                        // The bar of the scroll area lies over what is in it.
+                        ui.set_max_width(ui.available_width() - 14.0);
+                        ui.spacing_mut().interact_size.y = 0.0;
                         ui.columns(3, |columns| {
                             for (group, title) in Group::ALL {
                                 let column = match group {

@@ -138,7 +138,9 @@ pub fn command_line(settings: &crate::settings::Settings) -> String {
     let mut words = vec!["lodsmith".to_owned(), "simplify".to_owned(), file.display().to_string()];
     let stem = file.file_stem().map_or("out".into(), |s| s.to_string_lossy());
     let ending = file.extension().map_or("glb".into(), |e| e.to_string_lossy());
-    let ending = if lodsmith_io::Format::from_name(&ending).is_some() { ending } else { "glb".into() };
+    let is_written =
+        lodsmith_io::Format::from_name(&ending).is_some_and(|f| lodsmith_io::Format::WRITTEN.contains(&f));
+    let ending = if is_written { ending } else { "glb".into() };
     words.extend(["-o".to_owned(), format!("{stem}_low.{ending}")]);
     words.extend(settings.simplify.words());
     if !settings.simplify.has_end() && settings.simplify.options.stop.ratio.is_none() {

@@ -1,0 +1,252 @@
+//! `lodsmith doctor`: versions, adapters, the display, and what is missing.
+
+use serde_json::{Value, json};
+
+use crate::args::DoctorArgs;
+use crate::exit::Status;
+use crate::in_order::available_threads;
+use crate::output::Output;
+
+/// Looks at the machine, and says what was found.
+pub(super) fn run(args: &DoctorArgs) -> anyhow::Result<Status> {
+    let findings = Findings { threads: available_threads(), window: Window::look() };
+    let out = Output::plain();
+    if args.json {
+        out.result(&findings.to_json().to_string());
+    } else {
+        out.result(&findings.lines().join("\n"));
+    }
+    let is_whole = findings.window.as_ref().is_none_or(|w| w.missing().is_empty());
+    out.finish(if is_whole { Status::Done } else { Status::Failed })
+}
+
+/// What was found.
+struct Findings {
+    threads: usize,
+    /// `None` where the window was not built in.
+    window: Option<Window>,
+}
+
+/// What a window needs.
+struct Window {
+    /// The display server, or why there is none.
+    display: Result<String, String>,
+    adapters: Vec<Adapter>,
+}
+
+/// Something that draws.
+struct Adapter {
+    name: String,
+    backend: String,
+    driver: String,
+    is_software: bool,
+    /// Why it cannot.
+    fault: Option<String>,
+}
+
+/// What is missing, and what brings it.
+#[derive(Debug, PartialEq, Eq)]
+struct Missing {
+    what: String,
+    /// What to do, for people.
+    hint: &'static str,
+    /// Packages of Debian and Ubuntu.
+    debian: &'static [&'static str],
+    /// Packages of Fedora.
+    fedora: &'static [&'static str],
+}
+
+const HOW_TO_GET: &str = "not built in; `cargo install lodsmith-cli --features view` builds a lodsmith with it (from a \
+                          checkout: cargo install --path crates/cli --features view)";
+const DRIVERS: [&[&str]; 2] =
+    [&["mesa-vulkan-drivers", "libvulkan1"], &["mesa-vulkan-drivers", "vulkan-loader"]];
+const SCREEN: [&[&str]; 2] = [&["xvfb", "libxkbcommon-x11-0"], &["xorg-x11-server-Xvfb", "libxkbcommon-x11"]];
+const KEYBOARD: [&[&str]; 2] =
+    [&["libxkbcommon0", "libxkbcommon-x11-0"], &["libxkbcommon", "libxkbcommon-x11"]];
+
+impl Window {
+    #[cfg(feature = "view")]
+    #[allow(clippy::unnecessary_wraps, reason = "without the feature there is none")]
+    fn look() -> Option<Self> {
+        let adapter = |a: lodsmith_viewer::gpu::Adapter| Adapter {
+            name: a.name,
+            backend: a.backend,
+            driver: a.driver,
+            is_software: a.is_software,
+            fault: a.fault,
+        };
+        let adapters = lodsmith_viewer::gpu::Adapter::all().into_iter().map(adapter).collect();
+        Some(Self { display: lodsmith_viewer::display::find(), adapters })
+    }
+    #[cfg(not(feature = "view"))]
+    fn look() -> Option<Self> {
+        None
+    }
+
+    fn missing(&self) -> Vec<Missing> {
+        let mut missing = Vec::new();
+        let has_packages = cfg!(target_os = "linux");
+        let mut add = |what: String, hint, [debian, fedora]: [&'static [&'static str]; 2]| {
+            let of = |packages| if has_packages { packages } else { &[][..] };
+            missing.push(Missing { what, hint, debian: of(debian), fedora: of(fedora) });
+        };
+        if let Err(why) = &self.display {
+            if why.contains("xkbcommon") {
+                add(format!("a library of the keyboard ({why})"), "install it", KEYBOARD);
+            } else {
+                let hint = "log in to a desktop, or give the window a virtual one: `xvfb-run lodsmith view`; `lodsmith \
+                            render` makes pictures without";
+                add(format!("a display ({why})"), hint, SCREEN);
+            }
+        }
+        if self.adapters.is_empty() {
+            let hint = "install a driver; these also draw without a graphics card";
+            add("a graphics adapter".to_owned(), hint, DRIVERS);
+        } else if self.adapters.iter().all(|a| a.fault.is_some()) {
+            let hint = "update the driver, or install one that draws without a graphics card";
+            add("a graphics adapter that can draw".to_owned(), hint, DRIVERS);
+        }
+        missing
+    }
+
+    /// Whether all that draws is the processor.
+    fn is_slow(&self) -> bool {
+        let mut usable = self.adapters.iter().filter(|a| a.fault.is_none()).peekable();
+        usable.peek().is_some() && usable.all(|a| a.is_software)
+    }
+}
+
+impl Missing {
+    fn lines(&self) -> Vec<String> {
+        let mut lines = vec![format!("  missing          {}: {}", self.what, self.hint)];
+        for (system, tool, packages) in
+            [("Debian, Ubuntu", "apt", self.debian), ("Fedora", "dnf", self.fedora)]
+        {
+            if !packages.is_empty() {
+                lines.push(format!("    {system:<15}{tool} install {}", packages.join(" ")));
+            }
+        }
+        lines
+    }
+}
+
+impl Findings {
+    fn to_json(&self) -> Value {
+        let window = self.window.as_ref();
+        let adapter = |a: &Adapter| {
+            json!({
+                "name": a.name, "backend": a.backend, "driver": a.driver, "software": a.is_software,
+                "usable": a.fault.is_none(), "fault": a.fault,
+            })
+        };
+        let missing = |m: Missing| json!({ "what": m.what, "hint": m.hint, "packages": { "debian": m.debian, "fedora": m.fedora } });
+        json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "platform": { "os": std::env::consts::OS, "arch": std::env::consts::ARCH },
+            "threads": self.threads,
+            "viewer": {
+                "built_in": window.is_some(),
+                "display": window.and_then(|w| w.display.as_ref().ok()),
+                "adapters": window.map(|w| w.adapters.iter().map(adapter).collect::<Vec<_>>()),
+            },
+            "missing": window.map(Window::missing).unwrap_or_default().into_iter().map(missing).collect::<Vec<_>>(),
+        })
+    }
+
+    /// A table for people.
+    fn lines(&self) -> Vec<String> {
+        let row = |name: &str, value: String| format!("  {name:<17}{value}");
+        let mut lines = vec![
+            format!("lodsmith {}", env!("CARGO_PKG_VERSION")),
+            row("platform", format!("{} {}", std::env::consts::OS, std::env::consts::ARCH)),
+            row("threads", self.threads.to_string()),
+        ];
+        let Some(window) = &self.window else {
+            lines.push(row("viewer", HOW_TO_GET.to_owned()));
+            return lines;
+        };
+        lines.push(row("viewer", "built in".to_owned()));
+        if let Ok(display) = &window.display {
+            lines.push(row("display", display.clone()));
+        }
+        for a in &window.adapters {
+            let kind = if a.is_software { ", draws on the processor" } else { "" };
+            let driver = if a.driver.is_empty() { String::new() } else { format!(", {}", a.driver) };
+            let fault = a.fault.as_ref().map_or(String::new(), |f| format!("; cannot be used: {f}"));
+            lines.push(row("adapter", format!("{} ({}{driver}{kind}){fault}", a.name, a.backend)));
+        }
+        if window.is_slow() {
+            let text = "only the processor draws: with large models the window is slow; a driver of the graphics card helps";
+            lines.push(row("note", text.to_owned()));
+        }
+        lines.extend(window.missing().iter().flat_map(Missing::lines));
+        lines
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn adapter(is_software: bool, fault: Option<&str>) -> Adapter {
+        Adapter {
+            name: "Card".to_owned(),
+            backend: "Vulkan".to_owned(),
+            driver: String::new(),
+            is_software,
+            fault: fault.map(str::to_owned),
+        }
+    }
+
+    fn window(display: Result<&str, &str>, adapters: Vec<Adapter>) -> Window {
+        Window { display: display.map(str::to_owned).map_err(str::to_owned), adapters }
+    }
+
+    #[test]
+    fn nothing_is_missing_where_one_adapter_draws() {
+        let whole = window(Ok("X11 :0"), vec![adapter(false, Some("old")), adapter(true, None)]);
+        assert_eq!(whole.missing(), []);
+        assert!(whole.is_slow());
+        assert!(!window(Ok(""), vec![adapter(true, None), adapter(false, None)]).is_slow());
+        assert!(!window(Ok(""), vec![]).is_slow());
+    }
+
+    #[test]
+    fn what_is_missing_comes_with_what_brings_it() {
+        let texts = |w: &Window| w.missing().iter().flat_map(Missing::lines).collect::<Vec<_>>().join("\n");
+        let bare = texts(&window(Err("neither is set"), vec![]));
+        assert!(bare.contains("a display (neither is set)") && bare.contains("xvfb-run"), "{bare}");
+        assert!(bare.contains("a graphics adapter:"), "{bare}");
+        let old = texts(&window(Ok(":0"), vec![adapter(false, Some("old"))]));
+        assert!(old.contains("that can draw") && !old.contains("a display"), "{old}");
+        let keys = texts(&window(
+            Err("Library libxkbcommon-x11.so could not be loaded."),
+            vec![adapter(true, None)],
+        ));
+        assert!(!keys.contains("xvfb"), "{keys}");
+        if cfg!(target_os = "linux") {
+            assert!(
+                bare.contains("apt install mesa-vulkan-drivers") && bare.contains("dnf install"),
+                "{bare}"
+            );
+            assert!(keys.contains("apt install libxkbcommon0 libxkbcommon-x11-0"), "{keys}");
+        }
+    }
+
+    #[test]
+    fn the_table_and_the_object_say_the_same() {
+        let found =
+            Findings { threads: 3, window: Some(window(Ok("X11 :7"), vec![adapter(true, Some("old"))])) };
+        let (text, object) = (found.lines().join("\n"), found.to_json());
+        assert!(
+            text.contains("X11 :7")
+                && text.contains("Card (Vulkan, draws on the processor); cannot be used: old")
+        );
+        assert_eq!(object["viewer"]["display"], "X11 :7");
+        assert_eq!(object["viewer"]["adapters"][0]["usable"], false);
+        assert_eq!(object["missing"].as_array().unwrap().len(), 1);
+        let lean = Findings { threads: 3, window: None };
+        assert!(lean.lines().join("\n").contains("--features view"));
+        assert_eq!(lean.to_json()["viewer"]["built_in"], false);
+    }
+}
