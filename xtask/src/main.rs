@@ -20,7 +20,7 @@ cargo xtask tidy                                           the rules of the hous
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
 cargo xtask look [[TITLE=]FILE...]                         how much of the look is kept at 50 to 1 %, as a table
 cargo xtask sample                                         makes the sample model of the README
-cargo xtask pictures [finial|shadings|methods|METHOD...]   draws the picture of the README, and one of each method
+cargo xtask pictures [finial|shadings|lod|methods|METHOD...]   draws the pictures of the README and of the pages
 ";
 
 fn main() -> ExitCode {

@@ -1,4 +1,5 @@
-//! The sample model in pictures: at falling counts of faces for the README, by each method at one count, in every shading.
+//! The sample model in pictures: at falling counts of faces for the README, as a chain of levels, by each method at one
+//! count, in every shading.
 //! Drawn on the CPU: the same everywhere, no driver needed.
 
 mod palette;
@@ -7,12 +8,13 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use lodsmith::core::measure::{Prepared, vertex_distances};
-use lodsmith::core::model::{Material, Sampler, TextureRef};
+use lodsmith::core::model::{Material, Sampler, TextureRef, Wrap};
 use lodsmith::core::{Image, Model, Positions, TriMesh, VertexId};
-use lodsmith::{Measure, Method, NoControl, SimplifyOptions, Stop};
+use lodsmith::lod::error_of;
+use lodsmith::{Levels, LodOptions, Measure, Method, NoControl, Screen, SimplifyOptions, Stop, lod};
 use lodsmith_render::{
-    Ambient, Background, Camera, DVec3, Ground, Legend, Lens, Light, LightKind, Lighting, Panel, Shading,
-    Subject, View, render, sheet,
+    Ambient, Background, Camera, ColorMap, DVec3, Ground, Legend, Lens, Light, LightKind, Lighting, Panel,
+    Shading, Subject, View, render, sheet,
 };
 
 use crate::{root, sample};
@@ -21,6 +23,10 @@ use crate::{root, sample};
 const FINIAL: &str = "docs/pictures/finial.png";
 /// One model in every shading.
 const SHADINGS: &str = "docs/pictures/shadings.png";
+/// A chain of levels of detail.
+const LOD: &str = "docs/pictures/lod.png";
+/// How many levels it has below the original.
+const LEVELS: usize = 6;
 /// The folder of the pictures of methods.
 const METHODS: &str = "docs/pictures/methods";
 /// Faces of each of those: few enough to see each, many enough for the shape.
@@ -29,30 +35,36 @@ const METHOD_COUNT: usize = 1500;
 const COUNTS: [usize; 6] = [5000, 2500, 1500, 750, 300, 100];
 /// Faces of the lighter model that the heat map shows.
 const HEAT_COUNT: usize = 750;
-/// Colours of a file: a third of the bytes of all of them, and nobody sees it. (By eye.)
+/// Colours of a file that shows one surface: a third of the bytes of all of them, and nobody sees it. (By eye.)
 const COLOURS: usize = 256;
 
 /// Pixels of a panel.
-const PANEL: [usize; 2] = [196, 378];
+const PANEL: [usize; 2] = [212, 378];
+/// The same where many colours take room.
+const SMALL_PANEL: [usize; 2] = [164, 290];
 /// A quiet wall, lighter towards the ground.
 const WALL: Background = Background::Gradient([0.135, 0.160, 0.190], [0.270, 0.300, 0.335]);
 
-/// Draws what is named: nothing for all, `finial`, `shadings`, `methods`, or single methods.
+/// Draws what is named: nothing for all, `finial`, `shadings`, `lod`, `methods`, or single methods.
 pub(crate) fn run(names: &[String]) -> Result<()> {
     let sample = sample::finial();
     let triangles = sample.triangles.iter().map(|t| t.map(|v| VertexId(v.into()))).collect();
     let whole = TriMesh::new(Positions::F32(sample.positions), triangles)?;
     let is_named = |name: &str| names.is_empty() || names.iter().any(|n| n == name);
-    let known =
-        |name: &&String| ["finial", "shadings", "methods"].contains(&name.as_str()) || method(name).is_some();
+    let known = |name: &&String| {
+        ["finial", "shadings", "lod", "methods"].contains(&name.as_str()) || method(name).is_some()
+    };
     if let Some(name) = names.iter().find(|n| !known(n)) {
-        bail!("no picture {name}: finial, shadings, methods, or the name of a method");
+        bail!("no picture {name}: finial, shadings, lod, methods, or the name of a method");
     }
     if is_named("finial") {
         finial(&whole)?;
     }
     if is_named("shadings") {
         shadings(&whole)?;
+    }
+    if is_named("lod") {
+        levels(&whole)?;
     }
     let all = is_named("methods");
     for method in Method::ALL.into_iter().filter(|m| all || is_named(m.name())) {
@@ -67,12 +79,31 @@ fn method(name: &str) -> Option<Method> {
 
 /// The picture of the README.
 fn finial(whole: &TriMesh) -> Result<()> {
-    let mut panels = vec![panel(whole, "original".to_owned())?];
+    let mut panels = vec![panel(whole, vec!["original".to_owned()])?];
     for count in COUNTS {
         let (mesh, below) = simplified(whole, Method::default(), count)?;
-        panels.push(panel(&mesh, below)?);
+        panels.push(panel(&mesh, vec![below])?);
     }
     write(&sheet(&panels, panels.len(), WALL, None), FINIAL)?;
+    panels.iter().for_each(|p| println!("{}", p.caption.join("  ")));
+    Ok(())
+}
+
+/// The levels that `lodsmith lod` makes, each with the distance from which it can be shown.
+fn levels(whole: &TriMesh) -> Result<()> {
+    let mut options = LodOptions::new(Levels::Steps { count: LEVELS, factor: 0.5 });
+    options.simplify.measure = Measure::Always;
+    let chain = lod(whole, &options, &mut NoControl)?;
+    let screen = Screen::default();
+    let mut panels = vec![panel(whole, vec!["original".to_owned()])?];
+    for level in &chain.levels {
+        let error = error_of(&level.report);
+        let share = 100.0 * error / level.report.error.diagonal;
+        let distance = screen.distance(error);
+        let below = vec![format!("max {} %", figure(share)), format!("from {} units", figure(distance))];
+        panels.push(panel(&level.mesh, below)?);
+    }
+    write(&sheet(&panels, panels.len(), WALL, None), LOD)?;
     panels.iter().for_each(|p| println!("{}", p.caption.join("  ")));
     Ok(())
 }
@@ -80,57 +111,75 @@ fn finial(whole: &TriMesh) -> Result<()> {
 /// The picture of a method.
 fn of_method(whole: &TriMesh, method: Method) -> Result<()> {
     let (mesh, below) = simplified(whole, method, METHOD_COUNT).with_context(|| method.name())?;
-    let panel = panel(&mesh, below)?;
+    let panel = panel(&mesh, vec![below])?;
     println!("{}", panel.caption.join("  "));
     write(&sheet(&[panel], 1, WALL, None), &format!("{METHODS}/{}.png", method.name()))
 }
 
 /// One model in every shading, with a legend for the last.
 fn shadings(whole: &TriMesh) -> Result<()> {
-    let dressed = dressed(whole)?;
     let (lighter, _) = simplified(whole, Method::default(), HEAT_COUNT)?;
     let distances = vertex_distances(&lighter.surface(), &Prepared::new(&whole.surface())?);
     let distances: Vec<f32> = distances.into_iter().map(|d| d as f32).collect();
     let hot = Subject::of_mesh(lighter)?.with_values(vec![distances])?;
     let range = hot.heat_range(None);
-    let plain = Subject::new(&dressed)?;
+    let (colored, glazed) = (Subject::of_mesh(colored(whole)?)?, Subject::new(&glazed(whole)?)?);
     let mut panels = Vec::new();
     for shading in Shading::ALL {
-        let subject = if shading == Shading::Heat { &hot } else { &plain };
-        let mut view = view();
+        let subject = match shading {
+            Shading::Heat => &hot,
+            Shading::Textured => &glazed,
+            _ => &colored,
+        };
+        let mut view = view(SMALL_PANEL);
         view.look.shading = shading;
         let picture = render(subject, &view)?;
         panels.push(Panel { picture, caption: vec![shading.name().to_owned()] });
     }
-    let map = view().look.color_map;
+    let map = view(SMALL_PANEL).look.color_map;
     let title = "distance from the original in the units of the file".to_owned();
     let legend = Legend { map, range, title };
-    write(&sheet(&panels, panels.len(), WALL, Some(&legend)), SHADINGS)
+    write_in_full(&sheet(&panels, panels.len(), WALL, Some(&legend)), SHADINGS)
 }
 
-/// The sample with colours that rise with height, and an image wound round it.
-fn dressed(whole: &TriMesh) -> Result<Model> {
-    let mut mesh = whole.clone();
-    let places: Vec<[f64; 3]> = mesh.positions().view().iter().collect();
-    let bounds = mesh.positions().view().bounds().context("the sample has vertices")?;
-    let height = |p: &[f64; 3]| ((p[1] - bounds.min[1]) / (bounds.max[1] - bounds.min[1])) as f32;
-    let color = |p: &[f64; 3]| {
-        let [r, g, b] = lodsmith_render::ColorMap::Viridis.color(height(p));
+/// How high a place of the sample lies, from 0 to 1.
+fn heights(mesh: &TriMesh) -> Result<Vec<f32>> {
+    let positions = mesh.positions().view();
+    let bounds = positions.bounds().context("the sample has vertices")?;
+    let [low, high] = [bounds.min[1], bounds.max[1]];
+    Ok(positions.iter().map(|p| ((p[1] - low) / (high - low)) as f32).collect())
+}
+
+/// The sample with colours that rise with height.
+fn colored(whole: &TriMesh) -> Result<TriMesh> {
+    let color = |height: f32| {
+        let [r, g, b] = ColorMap::Viridis.color(height);
         [r, g, b, 1.0]
     };
-    mesh.set_colors(Some(places.iter().map(color).collect()))?;
-    let mut textured = whole.clone();
+    let mut mesh = whole.clone();
+    mesh.set_colors(Some(heights(whole)?.into_iter().map(color).collect()))?;
+    Ok(mesh)
+}
+
+/// The sample with an image wound round it.
+fn glazed(whole: &TriMesh) -> Result<Model> {
     // Round and round: a mirrored image has no seam where the turn ends.
-    let uv = |p: &[f64; 3]| [(p[0].atan2(p[2]) / std::f64::consts::PI) as f32 * 4.0, height(p) * 8.0];
-    textured.set_uvs(Some(places.iter().map(uv).collect()))?;
-    textured.set_colors(None)?;
-    let sampler = Sampler { wrap_u: lodsmith::core::model::Wrap::Mirror, ..Sampler::default() };
+    let turn = |p: [f64; 3]| (p[0].atan2(p[2]) / std::f64::consts::PI) as f32;
+    let places = whole.positions().view();
+    let uvs = places.iter().zip(heights(whole)?).map(|(p, height)| [turn(p) * 4.0, height * 8.0]).collect();
+    let mut mesh = whole.clone();
+    mesh.set_uvs(Some(uvs))?;
+    let sampler = Sampler { wrap_u: Wrap::Mirror, ..Sampler::default() };
     let texture = TextureRef { image: 0, uv_set: 0, transform: TextureRef::PLAIN, sampler };
-    let material = Material { base_color_texture: Some(texture), roughness: 0.35, ..Material::default() };
-    mesh.set_uvs(textured.uvs().map(<[[f32; 2]]>::to_vec))?;
     let mut model = Model::of_mesh(mesh);
     model.meshes[0].materials = vec![Some(0)];
-    model.materials.push(Material { double_sided: true, ..material });
+    model.materials.push(Material {
+        base_color_texture: Some(texture),
+        roughness: 0.35,
+        metallic: 0.0,
+        double_sided: true,
+        ..Material::default()
+    });
     model.images.push(Arc::new(glaze()));
     Ok(model)
 }
@@ -162,27 +211,29 @@ fn simplified(whole: &TriMesh, method: Method, faces: usize) -> Result<(TriMesh,
     Ok((done.mesh, below))
 }
 
-/// A mesh with lines along its edges, its count and a line below.
-fn panel(mesh: &TriMesh, below: String) -> Result<Panel> {
-    let mut view = view();
+/// A mesh with lines along its edges, its count and lines below.
+fn panel(mesh: &TriMesh, below: Vec<String>) -> Result<Panel> {
+    let mut view = view(PANEL);
     view.look.shading = Shading::Flat;
     view.look.wireframe = true;
-    view.look.wire = [0.05, 0.035, 0.02, 0.75];
+    view.look.wire = [0.05, 0.035, 0.02, 0.55];
     let picture = render(&Subject::of_mesh(mesh.clone())?, &view)?;
-    Ok(Panel { picture, caption: vec![format!("{} faces", grouped(mesh.face_count())), below] })
+    let mut caption = vec![format!("{} faces", grouped(mesh.face_count()))];
+    caption.extend(below);
+    Ok(Panel { picture, caption })
 }
 
 /// How all of them are seen: a warm lamp from the upper left, a cool one from behind on the right.
-fn view() -> View {
+fn view([width, height]: [usize; 2]) -> View {
     let target = DVec3::new(0.0, 1.31, 0.0);
     let (sin, cos) = 16f64.to_radians().sin_cos();
     let camera = Camera {
         eye: target + 11.0 * DVec3::new(0.0, sin, cos),
         target,
         up: DVec3::Y,
-        lens: Lens::Perspective { fov_y_rad: 0.294 },
+        lens: Lens::Perspective { fov_y_rad: 0.304 },
     };
-    let mut view = View::new(camera, PANEL[0], PANEL[1]);
+    let mut view = View::new(camera, width, height);
     let light = |to_light: [f32; 3], color| Light {
         kind: LightKind::Directional { to_light: to_light.into() },
         color,
@@ -207,7 +258,9 @@ fn grouped(n: usize) -> String {
 
 /// Two digits that say something.
 fn figure(x: f64) -> String {
-    let places = if x >= 1.0 {
+    let places = if x >= 10.0 {
+        0
+    } else if x >= 1.0 {
         1
     } else if x >= 0.1 {
         2
@@ -217,24 +270,45 @@ fn figure(x: f64) -> String {
     format!("{x:.places$}")
 }
 
-/// Writes a picture without see-through parts to a path from the root, in few colours, and says so.
+/// The colours of a picture without see-through parts. Even numbers alone: a sixth smaller, and nobody sees it.
+fn opaque(picture: &Image) -> Vec<[u8; 3]> {
+    picture.pixels().iter().map(|&[r, g, b, _]| [r, g, b].map(|c| c & !1)).collect()
+}
+
+/// Writes a picture to a path from the root, in few colours, and says so.
 fn write(picture: &Image, path: &str) -> Result<()> {
-    // Even numbers alone: a sixth smaller, and nobody sees it.
-    let even = |c: u8| c & !1;
-    let pixels: Vec<[u8; 3]> = picture.pixels().iter().map(|&[r, g, b, _]| [r, g, b].map(even)).collect();
-    let (colours, index) = palette::indexed(&pixels, COLOURS);
+    let (colours, index) = palette::indexed(&opaque(picture), COLOURS);
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, picture.width() as u32, picture.height() as u32);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::High);
+    let mut encoder = encoder(picture, &mut bytes);
     // Flat colours repeat: differences of neighbours would hide that.
     encoder.set_filter(png::Filter::NoFilter);
     encoder.set_color(png::ColorType::Indexed);
     encoder.set_palette(colours.as_flattened().to_vec());
     encoder.write_header()?.write_image_data(&index)?;
+    put(picture, &bytes, path)
+}
+
+/// The same in all its colours, where there are many.
+fn write_in_full(picture: &Image, path: &str) -> Result<()> {
+    let mut bytes = Vec::new();
+    let mut encoder = encoder(picture, &mut bytes);
+    encoder.set_filter(png::Filter::Adaptive);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header()?.write_image_data(opaque(picture).as_flattened())?;
+    put(picture, &bytes, path)
+}
+
+fn encoder<'a>(picture: &Image, bytes: &'a mut Vec<u8>) -> png::Encoder<'a, &'a mut Vec<u8>> {
+    let mut encoder = png::Encoder::new(bytes, picture.width() as u32, picture.height() as u32);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    encoder
+}
+
+fn put(picture: &Image, bytes: &[u8], path: &str) -> Result<()> {
     let place = root().join(path);
     std::fs::create_dir_all(place.parent().context("the picture lies in a folder")?)?;
-    std::fs::write(&place, &bytes).with_context(|| format!("writing {path}"))?;
+    std::fs::write(&place, bytes).with_context(|| format!("writing {path}"))?;
     println!("{path}: {} × {} pixels, {} bytes", picture.width(), picture.height(), bytes.len());
     Ok(())
 }
@@ -252,7 +326,7 @@ mod tests {
 
     #[test]
     fn figures_have_two_digits_that_say_something() {
-        assert_eq!([0.0312, 0.312, 3.12].map(figure), ["0.031", "0.31", "3.1"]);
+        assert_eq!([0.0312, 0.312, 3.12, 31.2].map(figure), ["0.031", "0.31", "3.1", "31"]);
         assert_eq!([100, 16_192].map(grouped), ["100", "16,192"]);
     }
 }

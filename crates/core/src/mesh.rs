@@ -406,6 +406,39 @@ impl TriMesh {
         }
     }
 
+    /// Puts every wedge in a place of its own. Wedges of one vertex that go to different places become vertices after
+    /// all others, one for each after the first; a vertex without wedges stays.
+    ///
+    /// Cost: O(vertices + wedges).
+    ///
+    /// # Errors
+    /// [`MeshError::WrongLength`] if there is not one place for each wedge, [`MeshError::TooLarge`].
+    pub fn set_wedge_positions(&mut self, places: Vec<[f32; 3]>) -> Result<(), MeshError> {
+        if places.len() != self.wedge_count() {
+            let (got, wanted) = (places.len(), self.wedge_count());
+            return Err(MeshError::WrongLength { name: "positions", got, wanted });
+        }
+        let Some(map) = &mut self.vertex_of else {
+            self.positions = Positions::F32(places);
+            return Ok(());
+        };
+        let mut positions: Vec<[f32; 3]> =
+            self.positions.view().iter().map(|p| p.map(|x| x as f32)).collect();
+        let mut is_placed = vec![false; positions.len()];
+        for (vertex, place) in map.iter_mut().zip(places) {
+            let at = vertex.index();
+            if !std::mem::replace(&mut is_placed[at], true) {
+                positions[at] = place;
+            } else if positions[at].map(f32::to_bits) != place.map(f32::to_bits) {
+                *vertex = VertexId::new(positions.len());
+                positions.push(place);
+                check_size("vertices", positions.len())?;
+            }
+        }
+        self.positions = Positions::F32(positions);
+        Ok(())
+    }
+
     fn checked<T>(&self, name: &'static str, buffer: Option<Vec<T>>) -> Result<Option<Vec<T>>, MeshError> {
         let wanted = self.wedge_count();
         match buffer {

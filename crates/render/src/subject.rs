@@ -1,12 +1,13 @@
 //! What is drawn: a model, made ready.
 
+use std::mem::take;
 use std::sync::{Arc, OnceLock};
 
 use glam::{DMat4, DVec3};
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
-use lodsmith_core::model::{Pose, VertexColors};
-use lodsmith_core::{Bounds, Model, TriMesh};
+use lodsmith_core::model::{Deformed, Pose, VertexColors};
+use lodsmith_core::{Bounds, Model, TriMesh, WedgeId};
 
 use crate::surfaces::Surfaces;
 use crate::view::RenderError;
@@ -14,6 +15,7 @@ use crate::view::RenderError;
 /// A model, ready to be drawn from any side. What only some looks need is made when one asks for it.
 #[derive(Debug)]
 pub struct Subject {
+    /// Those of the model, then those that stand deformed.
     pub(crate) meshes: Vec<Drawn>,
     pub(crate) parts: Vec<Part>,
     pub(crate) surfaces: Surfaces,
@@ -26,6 +28,8 @@ pub struct Subject {
 pub(crate) struct Drawn {
     pub(crate) mesh: Arc<TriMesh>,
     pub(crate) materials: Vec<Option<usize>>,
+    /// The mesh of the model that it is, deformed.
+    deformed_from: Option<usize>,
     shape_normals: OnceLock<Vec<[f32; 3]>>,
     /// One for each vertex.
     pub(crate) values: Option<Vec<f32>>,
@@ -65,17 +69,25 @@ impl Subject {
     /// # Errors
     /// [`RenderError::TooManyFaces`].
     pub fn posed(model: &Model, pose: &Pose) -> Result<Self, RenderError> {
-        let drawn = |m: &lodsmith_core::model::ModelMesh| Drawn {
-            mesh: m.mesh.clone(),
-            materials: m.materials.clone(),
+        let drawn = |of: usize, mesh: Arc<TriMesh>, deformed_from: Option<usize>| Drawn {
+            mesh,
+            materials: model.meshes[of].materials.clone(),
+            deformed_from,
             shape_normals: OnceLock::new(),
             values: None,
         };
-        let meshes: Vec<Drawn> = model.meshes.iter().map(drawn).collect();
+        let at_rest = model.meshes.iter().enumerate();
+        let mut meshes: Vec<Drawn> = at_rest.map(|(i, m)| drawn(i, m.mesh.clone(), None)).collect();
         let mut parts = Vec::new();
         let mut faces = 0usize;
+        let (world_from_nodes, mut deformed) = (model.world_from_nodes(pose), Deformed::default());
         for instance in model.instances(pose) {
-            let (mesh, world_from_mesh) = (instance.mesh, instance.world_from_mesh);
+            let (mut mesh, mut world_from_mesh) = (instance.mesh, instance.world_from_mesh);
+            if model.deform(&instance, pose, &world_from_nodes, &mut deformed) {
+                let made = put(&meshes[mesh].mesh, &mut deformed);
+                meshes.push(drawn(mesh, Arc::new(made), Some(mesh)));
+                (mesh, world_from_mesh) = (meshes.len() - 1, deformed.world_from_mesh);
+            }
             parts.push(Part { mesh, world_from_mesh, first_face: faces as u32 });
             faces = faces.saturating_add(meshes[mesh].mesh.face_count());
             // The last numbers mark "none" and clipped ones.
@@ -101,8 +113,14 @@ impl Subject {
     /// [`RenderError::Values`] if there are not so many.
     pub fn with_values(mut self, values: Vec<Vec<f32>>) -> Result<Self, RenderError> {
         let mut values = values.into_iter();
-        for (i, drawn) in self.meshes.iter_mut().enumerate() {
-            let (own, vertices) = (values.next().unwrap_or_default(), drawn.mesh.vertex_count());
+        for i in 0..self.meshes.len() {
+            let (before, from_here) = self.meshes.split_at_mut(i);
+            let drawn = &mut from_here[0];
+            let vertices = drawn.mesh.vertex_count();
+            let own = match drawn.deformed_from {
+                None => values.next().unwrap_or_default(),
+                Some(from) => carried(&before[from], &drawn.mesh),
+            };
             if own.len() != vertices {
                 return Err(RenderError::Values { mesh: i, vertices, values: own.len() });
             }
@@ -148,6 +166,26 @@ impl Subject {
             all.filter(|v| v.is_finite()).fold((0f32, 0f32), |(low, high), &v| (low.min(v), high.max(v)));
         [low, high]
     }
+}
+
+/// A mesh as it is deformed.
+fn put(mesh: &TriMesh, deformed: &mut Deformed) -> TriMesh {
+    let mut made = mesh.clone();
+    let (places, normals) = (take(&mut deformed.positions), take(&mut deformed.normals));
+    made.set_wedge_positions(places).expect("there is a place for each wedge");
+    made.set_normals((!normals.is_empty()).then_some(normals)).expect("there is a normal for each wedge");
+    made
+}
+
+/// The values of a mesh at rest for the vertices of the same, deformed.
+fn carried(rest: &Drawn, deformed: &TriMesh) -> Vec<f32> {
+    let mut values = rest.values.clone().unwrap_or_default();
+    // What one vertex had, several may want.
+    values.resize(deformed.vertex_count(), 0.0);
+    for wedge in (0..deformed.wedge_count()).map(WedgeId::new) {
+        values[deformed.vertex_of(wedge).index()] = values[rest.mesh.vertex_of(wedge).index()];
+    }
+    values
 }
 
 /// The box round what faces use: a stray vertex must not move the camera away.

@@ -2,9 +2,12 @@
 
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3};
-use lodsmith_core::model::{AlphaMode, Material, ModelMesh, Node, Sampler, TextureRef, Transform};
-use lodsmith_core::{Image, Model, Positions, TriMesh, VertexId, shapes};
+use glam::{DMat4, DQuat, DVec3};
+use lodsmith_core::mesh::{Attribute, Morphed, Semantic};
+use lodsmith_core::model::{
+    AlphaMode, Material, ModelMesh, Node, Pose, Sampler, Skin, TextureRef, Transform,
+};
+use lodsmith_core::{Image, Model, Positions, TriMesh, VertexId, WedgeId, shapes};
 use lodsmith_render::{
     Background, Camera, Ground, Lens, Light, LightKind, Lighting, Look, RenderError, Shading, StandardView,
     Subject, View, render,
@@ -372,4 +375,83 @@ fn faces_of_one_side_are_seen_from_there_only() {
     let back = model(vec![(mesh(&[[0.0; 3], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]], &[[0, 2, 1]]), one_sided)]);
     let alpha = |m: &Model| draw(m, &pixel_view(4, 4)).at(0, 3)[3];
     assert_eq!([alpha(&front), alpha(&back)], [255, 0]);
+}
+
+/// What of a picture of 12 by 12 pixels is covered, from the lower left corner.
+fn covered(subject: &Subject, view: &View) -> Vec<[usize; 2]> {
+    let picture = render(subject, view).unwrap();
+    let all = (0..12).flat_map(|y| (0..12).map(move |x| [x, y]));
+    all.filter(|&[x, y]| picture.at(x, 11 - y)[3] == 255).collect()
+}
+
+/// The pixels of a rectangle.
+fn pixels([x0, y0, x1, y1]: [usize; 4]) -> Vec<[usize; 2]> {
+    (y0..y1).flat_map(|y| (x0..x1).map(move |x| [x, y])).collect()
+}
+
+#[test]
+fn joints_bend_what_is_drawn() {
+    // An arm along x: its inner half is pulled by one joint, its outer half by a second at (6, 2).
+    let places =
+        [[0.0f32, 2.0], [6.0, 2.0], [6.0, 4.0], [0.0, 4.0], [6.0, 2.0], [10.0, 2.0], [10.0, 4.0], [6.0, 4.0]];
+    let mut arm = mesh(&places.map(|[x, y]| [x, y, 0.0]), &[[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]);
+    let joints =
+        [[0.0f32, 0.0, 0.0, 0.0]; 4].into_iter().chain([[1.0, 0.0, 0.0, 0.0]; 4]).flatten().collect();
+    let weights = [1.0f32, 0.0, 0.0, 0.0].repeat(8);
+    arm.add_attribute(Attribute { semantic: Semantic::Joints(0), width: 4, values: joints }).unwrap();
+    arm.add_attribute(Attribute { semantic: Semantic::Weights(0), width: 4, values: weights }).unwrap();
+    let mut model = model(vec![(arm, unlit([1.0; 4]))]);
+    let elbow = DVec3::new(6.0, 2.0, 0.0);
+    let at = |translation: DVec3, rotation| Transform::Parts { translation, rotation, scale: DVec3::ONE };
+    model.nodes[0].skin = Some(0);
+    // Joints alone say where it stands.
+    model.nodes[0].transform = at(DVec3::splat(77.0), DQuat::IDENTITY);
+    model.nodes.push(Node { children: vec![2], ..Node::default() });
+    model.nodes.push(Node { transform: at(elbow, DQuat::IDENTITY), ..Node::default() });
+    model.roots.push(1);
+    let joint_from_mesh = vec![DMat4::IDENTITY, DMat4::from_translation(-elbow)];
+    model.skins.push(Skin { joints: vec![1, 2], joint_from_mesh });
+    let view = pixel_view(12, 12);
+    assert_eq!(covered(&Subject::new(&model).unwrap(), &view), pixels([0, 2, 10, 4]));
+
+    let mut pose = Pose { transforms: model.nodes.iter().map(|n| n.transform).collect(), ..Pose::default() };
+    pose.transforms[2] = at(elbow, DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2));
+    let bent = Subject::posed(&model, &pose).unwrap();
+    let mut wanted = [pixels([0, 2, 6, 4]), pixels([4, 4, 6, 6])].concat();
+    wanted.sort_by_key(|&[x, y]| [y, x]);
+    assert_eq!(covered(&bent, &view), wanted);
+    let bounds = bent.bounds().unwrap();
+    assert!((bounds.max[0] - 6.0).abs() < 1e-5 && (bounds.max[1] - 6.0).abs() < 1e-5, "{bounds:?}");
+}
+
+#[test]
+fn morph_targets_move_what_is_drawn() {
+    // One vertex of the square has two wedges, and one of those alone goes away.
+    let positions = [[1.0, 1.0], [5.0, 1.0], [5.0, 5.0], [1.0, 5.0]].map(|[x, y]| [x, y, 0.0]);
+    let wedges = [0, 1, 2, 3, 2].map(VertexId).to_vec();
+    let faces = [[0, 1, 2], [0, 4, 3]].map(|f| f.map(WedgeId)).to_vec();
+    let mut square = TriMesh::with_wedges(Positions::F32(positions.to_vec()), wedges, faces).unwrap();
+    let mut values = [4.0, 0.0, 0.0].repeat(5);
+    values[12..].copy_from_slice(&[4.0, 2.0, 0.0]);
+    let semantic = Semantic::Morph { target: 0, of: Morphed::Position };
+    square.add_attribute(Attribute { semantic, width: 3, values }).unwrap();
+    let mut model = model(vec![(square, unlit([1.0; 4]))]);
+    let view = pixel_view(12, 12);
+    assert_eq!(covered(&Subject::new(&model).unwrap(), &view), pixels([1, 1, 5, 5]));
+    model.meshes[0].morph_weights = vec![1.0];
+    let moved = Subject::new(&model).unwrap();
+    let top = moved.bounds().unwrap();
+    assert_eq!((top.min, top.max), ([5.0, 1.0, 0.0], [9.0, 7.0, 0.0]));
+    // The strength at rest is that of the mesh, the one of the moment that of the pose.
+    let pose = Pose { morph_weights: vec![Some(vec![0.5])], ..Pose::default() };
+    let half = Subject::posed(&model, &pose).unwrap().bounds().unwrap();
+    assert_eq!((half.min, half.max), ([3.0, 1.0, 0.0], [7.0, 6.0, 0.0]));
+    // A value for each vertex of the model, and both wedges of one have the same.
+    let mut view = pixel_view(12, 12);
+    view.look.shading = Shading::Heat;
+    view.look.heat_range = Some([0.0, 1.0]);
+    let hot = moved.with_values(vec![vec![1.0; 4]]).unwrap();
+    let drawn = render(&hot, &view).unwrap();
+    assert_eq!(drawn.at(8, 9), drawn.at(5, 7));
+    assert_eq!(drawn.at(5, 7)[3], 255);
 }
