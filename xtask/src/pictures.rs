@@ -41,7 +41,7 @@ const COLOURS: usize = 256;
 /// Pixels of a panel.
 const PANEL: [usize; 2] = [212, 378];
 /// The same where many colours take room.
-const SMALL_PANEL: [usize; 2] = [164, 290];
+const SMALL_PANEL: [usize; 2] = [152, 268];
 /// A quiet wall, lighter towards the ground.
 const WALL: Background = Background::Gradient([0.135, 0.160, 0.190], [0.270, 0.300, 0.335]);
 

@@ -98,7 +98,8 @@ fn levels_stand_on_one_sheet() {
 fn heat_needs_something_to_measure_from() {
     let desk = Desk::new();
     desk.put("full.ply", &hills(20));
-    desk.put("low.ply", &hills(4));
+    // Its vertices lie beside those of the other: 20 is no multiple of 6.
+    desk.put("low.ply", &hills(6));
     let error = desk.run("render low.ply -o out.png --shading heat").with_status(2).with_one_error();
     assert!(error.stderr.contains("--compare"), "{}", error.stderr);
     let ran = desk
@@ -143,7 +144,8 @@ fn what_cannot_be_is_said() {
 fn methods_and_compare_draw_too() {
     let desk = Desk::new();
     desk.put("full.ply", &hills(20));
-    desk.put("low.ply", &hills(4));
+    // Its vertices lie beside those of the other: 20 is no multiple of 6.
+    desk.put("low.ply", &hills(6));
     let methods = "--method memoryless --method quadric --samples 1000";
     desk.run(&format!("methods full.ply --faces 100 {methods} --sheet sheet.png")).with_status(0);
     let sheet = picture(&desk, "sheet.png");

@@ -168,7 +168,7 @@ pub fn pick(model: &Model, world_from_model: DMat4, eye: DVec3, along: DVec3) ->
     hits.min_by(f64::total_cmp).map(|t| eye + along * t)
 }
 
-/// How far along a ray a triangle is hit, from whichever side. [Moller-Trumbore 1997]
+/// How far along a ray a triangle is hit, from whichever side. [Möller-Trumbore 1997]
 fn first_hit(from: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (e, f) = (b - a, c - a);
     let p = ray.cross(f);
