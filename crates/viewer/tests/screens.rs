@@ -57,6 +57,8 @@ impl Desk {
         options.is_light = Some(is_light);
         let harness = Harness::builder()
             .with_size(egui::vec2(1440.0, 900.0))
+            // Two clicks must come within a third of a second to be a double one.
+            .with_step_dt(0.05)
             .with_theme(if is_light { egui::Theme::Light } else { egui::Theme::Dark })
             .wgpu_setup(Context::setup())
             .build_eframe(move |cc| App::new(cc, &options).unwrap());
