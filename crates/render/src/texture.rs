@@ -154,7 +154,8 @@ mod tests {
     use super::*;
 
     fn checker(n: usize) -> Image {
-        let pixels = (0..n * n).map(|i| if (i % n + i / n) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] });
+        let pixels =
+            (0..n * n).map(|i| if (i % n + i / n).is_multiple_of(2) { [255; 4] } else { [0, 0, 0, 255] });
         Image::new(n, n, pixels.collect())
     }
 
