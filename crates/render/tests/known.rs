@@ -144,9 +144,10 @@ fn a_mask_cuts_holes() {
 #[test]
 fn images_shrink_with_distance_as_they_should() {
     // A checker of 8 × 8 squares on a floor that runs away from the eye.
-    let n = 8;
-    let pixels =
-        (0..n * n).map(|i| if (i % n + i / n) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] }).collect();
+    let n = 8usize;
+    let pixels = (0..n * n)
+        .map(|i| if (i % n + i / n).is_multiple_of(2) { [255; 4] } else { [0, 0, 0, 255] })
+        .collect();
     let mut floor = mesh(
         &[[-4.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 0.0, -8.0], [-4.0, 0.0, -8.0]],
         &[[0, 1, 2], [0, 2, 3]],
