@@ -66,7 +66,6 @@ const KEYBOARD: [&[&str]; 2] =
 
 impl Window {
     #[cfg(feature = "view")]
-    #[allow(clippy::unnecessary_wraps, reason = "without the feature there is none")]
     fn look() -> Option<Self> {
         let adapter = |a: lodsmith_viewer::gpu::Adapter| Adapter {
             name: a.name,
