@@ -41,11 +41,14 @@ pub struct App {
     framed: Option<PathBuf>,
     /// Cameras of a session that is being opened.
     arriving: Option<[Pose; 2]>,
-    pictures_saved: (Sender<Result<PathBuf, String>>, Receiver<Result<PathBuf, String>>),
+    pictures_saved: (Sender<Saved>, Receiver<Saved>),
     last_frame: Option<Instant>,
     was_typing: bool,
     sample: Option<tempfile::TempDir>,
 }
+
+/// Where a picture went, or why not.
+type Saved = Result<PathBuf, String>;
 
 /// How much is left after a second of holding M.
 const HELD_PER_SECOND: f64 = 0.45;
