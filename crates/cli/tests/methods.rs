@@ -175,7 +175,7 @@ fn faults_of_the_command_line() {
         "--faces 5",
         "hills.ply --faces 0",
         "hills.ply --faces 5 --method magic",
-        "hills.ply --faces 5 --sheet out.png",
+        "hills.ply --faces 5 --sheet out.txt",
         "hills.ply hills.ply --faces 5",
         "hills.ply --faces 5 -O file",
         "- --faces 5 -O out",

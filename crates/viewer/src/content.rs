@@ -472,8 +472,8 @@ mod tests {
         let lighter = Lighter::make(&original, &how, &mut NoControl).unwrap();
         assert!(placed(&lighter.model, TriMesh::face_count) <= 320);
         let distances = Distances::measure(&original, &lighter, &mut |_| true).unwrap();
-        // A sphere of radius 1 in 320 even triangles is nowhere flatter than 2 %.
-        assert!(distances.largest > 1e-4 && distances.largest < 0.02, "{}", distances.largest);
+        // A sphere of radius 1 in 320 even triangles is 1.5 % flatter in their middles; these are not quite even.
+        assert!(distances.largest > 1e-4 && distances.largest < 0.03, "{}", distances.largest);
         assert!(distances.mean <= distances.rms && distances.rms <= distances.largest);
         let counted: u32 = distances.histogram.iter().sum();
         assert_eq!(counted as usize, original.vertices + lighter.report.vertices);

@@ -78,8 +78,8 @@ pub const LIGHT: Palette = Palette {
     weak: rgb(0x58626d),
     accent: rgb(0xa85a00),
     on_accent: rgb(0xffffff),
-    good: rgb(0x1f7a3a),
-    warning: rgb(0x8a5a00),
+    good: rgb(0x1a6b32),
+    warning: rgb(0x7d5100),
     error: rgb(0xb3261e),
 };
 
