@@ -24,7 +24,7 @@ pub struct ImageError {
     pub flip: f64,
     /// Mean structural similarity over the same, of their brightness: 1 for equal pictures.
     pub ssim: f64,
-    /// Mean of the squared difference of the three channels over the same, as parts of one; see [`psnr_db`].
+    /// Mean of the squared difference of the three channels over the same, as parts of one; see [`ImageError::psnr_db`].
     pub mean_square: f64,
     /// What is covered in one of them and not in the other, as a part of what the reference covers.
     pub silhouette: f64,

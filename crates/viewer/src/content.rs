@@ -136,7 +136,7 @@ impl Lighter {
     /// Makes several, with these parts of the triangles, falling; one run makes them all where the method can.
     ///
     /// # Errors
-    /// As [`lodsmith::lod`].
+    /// As [`lod`](fn@lodsmith::lod).
     pub fn chain(
         original: &Original,
         how: &Simplification,
