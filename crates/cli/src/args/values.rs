@@ -7,7 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lodsmith::Length;
 use lodsmith_io::Format;
 
-use super::simplify::{AttributeName, Importance};
+use super::engine::{AttributeName, Importance};
 
 /// A length as typed: `0.5` in the units of the file, `0.1%` of the diagonal.
 #[derive(Clone, Debug, PartialEq)]
