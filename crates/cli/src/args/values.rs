@@ -118,6 +118,11 @@ pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0, "it must be above 0")
 }
 
+/// A finite number that is not below 0.
+pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
+    number(text, |x| x >= 0.0, "it must not be below 0")
+}
+
 /// A part of a whole that is not all of it.
 pub(crate) fn below_one(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0 && x < 1.0, "it must be above 0 and below 1")
