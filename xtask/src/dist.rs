@@ -101,8 +101,8 @@ fn build() -> Result<PathBuf> {
     let output = cargo().args(what).args(how).stderr(Stdio::inherit()).output().context("starting cargo")?;
     ensure!(output.status.success(), "cargo ended with {}", output.status);
     let told = String::from_utf8_lossy(&output.stdout);
-    let artifacts = told.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    let program = artifacts.filter_map(|a| a["executable"].as_str().map(PathBuf::from)).last();
+    let mut artifacts = told.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let program = artifacts.find_map(|a| a["executable"].as_str().map(PathBuf::from));
     program.context("cargo names no program that it built")
 }
 
