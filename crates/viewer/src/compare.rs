@@ -230,7 +230,7 @@ impl Pictures {
         let size = [rect.width(), rect.height()].map(|x| (x * scale).round().max(1.0) as u32);
         self.height_px = f64::from(size[1]);
 
-        let faces = lighter.map_or(original.content.faces, |l| l.content.report.faces);
+        let faces = lighter.map_or(original.content.faces, |l| l.content.faces);
         let rests_in = self.moved.and_then(|at| REST.checked_sub(at.elapsed()));
         let is_coarse = rests_in.is_some() && gpu.is_software() && faces > FAST_TRIANGLES;
         if let Some(rest) = rests_in {
@@ -367,10 +367,10 @@ fn overlay(
 ) {
     let Some(original) = document.original() else { return };
     let lighter = lighter.filter(|_| side == Side::Result);
-    let faces = lighter.map_or(original.content.faces, |l| l.content.report.faces);
+    let faces = lighter.map_or(original.content.faces, |l| l.content.faces);
     let mut text = format!("{} faces", grouped(faces));
-    if let Some(lighter) = lighter {
-        let share = faces as f64 / lighter.content.report.input_faces.max(1) as f64;
+    if lighter.is_some() {
+        let share = faces as f64 / original.content.faces.max(1) as f64;
         text += &format!("  ·  {}", percent(share));
     }
     if let Some((number, pixels)) = level.filter(|_| side == Side::Result) {

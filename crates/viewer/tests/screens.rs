@@ -113,7 +113,7 @@ impl Desk {
         self.settle();
     }
     fn faces(&self) -> Option<usize> {
-        self.app().document().lighter().map(|l| l.content.report.faces)
+        self.app().document().lighter().map(|l| l.content.faces)
     }
     fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
