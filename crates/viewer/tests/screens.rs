@@ -184,6 +184,30 @@ fn the_slider_follows_the_pointer() {
 }
 
 #[test]
+fn a_held_slider_shows_levels_at_once() {
+    for is_light in [false, true] {
+        let Some(mut desk) = Desk::with(is_light, Some("sphere.ply")) else { return };
+        let rail = desk.harness.get_by_label("Target slider").rect();
+        let at =
+            |share: f32| egui::pos2(rail.left() + 10.0 + (rail.width() - 20.0) * share, rail.top() + 13.0);
+        desk.harness.drag_at(at(1.0));
+        desk.harness.run_steps(2);
+        for share in [0.9, 0.6, 0.4, 0.7, 0.5] {
+            desk.harness.hover_at(at(share));
+            desk.harness.run_steps(1);
+            let wanted = desk.app().document().settings().simplify.options.stop.faces.unwrap();
+            let shown = desk.faces().unwrap();
+            assert!(shown <= wanted && shown + 3 > wanted, "{shown} faces for {wanted}");
+        }
+        desk.picture(if is_light { "held_light" } else { "held_dark" });
+        desk.harness.drop_at(at(0.5));
+        desk.settle();
+        let document = desk.app().document();
+        assert!(document.lighter().is_some_and(|l| l.content.report.is_some()), "no run followed");
+    }
+}
+
+#[test]
 fn a_count_can_be_typed_in_every_unit() {
     let Some(mut desk) = Desk::open("sphere.ply") else { return };
     for (unit, text) in [("Faces", "1,000"), ("Vertices", "402"), ("Percent", "10"), ("Error", "0.5%")] {
