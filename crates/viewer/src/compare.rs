@@ -236,7 +236,9 @@ impl Pictures {
         if let Some(rest) = rests_in {
             ui.request_repaint_after(rest + Duration::from_millis(5));
         }
-        let target = self.targets[slot].get_or_insert_with(|| gpu.target(size));
+        let [first, second] = &mut self.targets;
+        let (target, other) = if slot == 0 { (first, None) } else { (second, first.as_ref()) };
+        let target = target.get_or_insert_with(|| gpu.target(size));
         target.resize(size, if is_coarse { COARSE } else { 1.0 });
 
         let settings = document.settings();
@@ -265,11 +267,15 @@ impl Pictures {
             matcap: self.own.matcap(),
             shader: self.own.shader(),
         };
-        let drawn: Drawn = gpu.draw(target, &frame);
-        if drawn.drawn {
-            self.triangles = drawn.triangles;
+        // Sides that show the same share one picture.
+        let same = other.filter(|other| other.size() == target.size() && other.shows(&frame));
+        if same.is_none() {
+            let drawn: Drawn = gpu.draw(target, &frame);
+            if drawn.drawn {
+                self.triangles = drawn.triangles;
+            }
         }
-        if let Some(id) = target.texture_id() {
+        if let Some(id) = same.unwrap_or(target).texture_id() {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             painter.image(id, rect, whole, Color32::WHITE);
         }

@@ -15,8 +15,9 @@ use crate::words::{Normals, Simplification};
 /// Triangles above which there is no road: a jump would hold the window, and the memory is several times the mesh.
 pub const MOST_FACES: usize = 3_000_000;
 
-/// Largest distance over the RMS distance, until a run has shown it for the model. (Measured: 3 to 8.)
-const PEAK: f64 = 5.0;
+/// Largest distance over the RMS distance, until a run has shown it for the model. (Measured: 7 to 13 on cow, bunny,
+/// nefertiti and spot at errors of 0.5 and 2 % of the diagonal, 9 to 26 at 0.1 %.)
+const PEAK: f64 = 8.0;
 
 /// A model that moves between levels, and its buffers on the graphics card.
 pub struct Road {

@@ -330,6 +330,27 @@ fn sides_are_shown_in_four_ways() {
     assert!(desk.pixels(RESULT) == result);
 }
 
+/// As long as both sides show the same they share one picture, and not a frame longer.
+#[test]
+fn sides_that_differ_have_their_own_pictures() {
+    let Some(mut desk) = Desk::open("torus.obj") else { return };
+    let both = |desk: &mut Desk| [desk.pixels(ORIGINAL), desk.pixels(RESULT)];
+    let [one, two] = both(&mut desk);
+    assert!(one == two && one.iter().any(|p| *p != one[0]));
+    desk.press(Key::L);
+    let place = desk.harness.get_by_label(RESULT).rect().center();
+    desk.drag(place, place + egui::vec2(60.0, 20.0));
+    let [one_then, two_then] = both(&mut desk);
+    assert!(one_then == one && two_then != two, "one camera moves one side");
+    desk.press(Key::L);
+    let [one, two] = both(&mut desk);
+    assert!(one == two, "linked again");
+    desk.press(Key::Minus);
+    desk.press(Key::W);
+    let [one, two] = both(&mut desk);
+    assert!(one != two, "a result is not the original");
+}
+
 #[test]
 fn the_wipe_can_be_dragged() {
     let Some(mut desk) = Desk::open("sphere.ply") else { return };

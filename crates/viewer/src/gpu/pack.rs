@@ -83,8 +83,7 @@ pub(super) fn normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
 /// Faces and wedges that a thread takes at least.
 const SHARE: usize = 1 << 14;
 
-/// The same for a mesh whose vertices are joined, weighted by the areas of faces instead of their angles: for what is shown
-/// for a moment. (Measured on a million faces: a fifth of the time.)
+/// The same for a mesh whose vertices are joined, in single precision and by all threads: for what is shown for a moment.
 pub(super) fn quick_normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
     if let Some(normals) = mesh.normals() {
         return normals.into();
@@ -99,15 +98,24 @@ pub(super) fn quick_normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
         .collect();
     let turns = |t: &[WedgeId; 3]| {
         let [a, b, c] = t.map(|w| places[mesh.vertex_of(w).index()]);
-        (b - a).cross(c - a)
+        let sides = [b - a, c - b, a - c].map(Vec3::normalize_or_zero);
+        let normal = sides[0].cross(sides[1]).normalize_or_zero();
+        [0, 1, 2].map(|k| normal * angle(-sides[k].dot(sides[(k + 2) % 3])))
     };
-    let of_faces: Vec<Vec3> = mesh.triangles().par_iter().with_min_len(SHARE).map(turns).collect();
+    let of_corners: Vec<[Vec3; 3]> = mesh.triangles().par_iter().with_min_len(SHARE).map(turns).collect();
     let mut sums = vec![Vec3::ZERO; places.len()];
-    for (t, turn) in mesh.triangles().iter().zip(&of_faces) {
-        t.iter().for_each(|&w| sums[mesh.vertex_of(w).index()] += *turn);
+    for (&w, turn) in mesh.triangles().iter().flatten().zip(of_corners.iter().flatten()) {
+        sums[mesh.vertex_of(w).index()] += *turn;
     }
     let unit = |w: usize| sums[mesh.vertex_of(WedgeId::new(w)).index()].normalize_or(Vec3::Z).to_array();
     (0..mesh.wedge_count()).into_par_iter().with_min_len(SHARE).map(unit).collect::<Vec<_>>().into()
+}
+
+/// The angle of a cosine, to 7e-5. Source: [Abramowitz-Stegun 1964], 4.4.45.
+fn angle(cosine: f32) -> f32 {
+    let x = cosine.abs().min(1.0);
+    let angle = (1.0 - x).sqrt() * (1.570_728_8 + x * (-0.212_114_4 + x * (0.074_261_0 - 0.018_729_3 * x)));
+    if cosine < 0.0 { std::f32::consts::PI - angle } else { angle }
 }
 
 /// Places and normals of some wedges.
@@ -256,4 +264,20 @@ pub(super) fn octahedral(n: Vec3) -> u32 {
 pub(super) fn user_from_unit(frame: &UnitFrame) -> glam::DMat4 {
     let centre = DVec3::from(frame.user_from_unit(DVec3::ZERO));
     glam::DMat4::from_translation(centre) * glam::DMat4::from_scale(DVec3::splat(frame.user_length(1.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lodsmith_core::shapes;
+
+    #[test]
+    fn quick_normals_are_those_of_the_shape() {
+        for mesh in [shapes::cube(3), shapes::blob(3, 4), shapes::cylinder(20, 3)] {
+            let (one, two) = (normals(&mesh), quick_normals(&mesh));
+            for (a, b) in one.iter().zip(two.iter()) {
+                assert!(Vec3::from(*a).angle_between(Vec3::from(*b)) < 2e-3, "{a:?} {b:?}");
+            }
+        }
+    }
 }
