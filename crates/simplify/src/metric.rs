@@ -93,6 +93,12 @@ pub(crate) trait Metric: Clone {
         let _ = (around, mean);
         None
     }
+    /// What a cost of one comes to among several meshes, for one whose unit frame is `size` units of theirs wide and whose
+    /// faces have twice the area `mean` in it on average. Costs are areas times squared distances, unless said otherwise.
+    fn common_cost(size: f64, mean: f64) -> f64 {
+        let _ = mean;
+        size.powi(4)
+    }
     /// What two faces of a part cost that goes as a whole; `rate` is what that is for [`Memoryless`].
     fn part_rate(rate: f32, part: &PartSize, mean: f32) -> f32 {
         let _ = (part, mean);

@@ -25,12 +25,14 @@ pub enum Kind {
     Export,
     /// Levels for distances.
     Levels,
+    /// A progressive mesh for the slider.
+    Road,
 }
 
 impl Kind {
     /// In the order in which waiting ones are taken.
-    pub const ALL: [Self; 6] =
-        [Self::Load, Self::Simplify, Self::Export, Self::Levels, Self::Measure, Self::Inspect];
+    pub const ALL: [Self; 7] =
+        [Self::Load, Self::Simplify, Self::Export, Self::Levels, Self::Measure, Self::Inspect, Self::Road];
 
     /// What is going on, for people.
     pub fn title(self) -> &'static str {
@@ -41,6 +43,7 @@ impl Kind {
             Self::Measure => "Measuring",
             Self::Export => "Writing",
             Self::Levels => "Making levels",
+            Self::Road => "Preparing the slider",
         }
     }
 

@@ -23,13 +23,39 @@ use crate::run::{self, Input, Run, Source, Started};
 use crate::shading;
 
 /// The run of a method.
-type Walk = fn(&mut Run<'_, '_>, &TriMesh, &mut dyn Control) -> Result<Progressive, SimplifyError>;
+type Walk = fn(&mut Run<'_, '_>, &TriMesh, &mut dyn Control) -> Result<Built, SimplifyError>;
+
+/// A road, and what is saved by each of its splits.
+pub(super) struct Built {
+    pub(super) road: Progressive,
+    pub(super) costs: Costs,
+}
+
+/// What contractions cost, in an order in which they may be done.
+pub(super) struct Costs {
+    /// One for each split, from the base on: never rising.
+    pub(super) of_split: Vec<f32>,
+    /// Splits from the base on that come after all else, whatever they cost: they give back parts that went because
+    /// nothing else was left to do.
+    pub(super) late: usize,
+    /// Units of the mesh in one of the unit frame, and faces in it.
+    unit: f64,
+    mean: f64,
+    common: fn(f64, f64) -> f64,
+}
+
+impl Costs {
+    /// By what costs are multiplied to be compared with those of other meshes, where the mesh is so many times as large.
+    pub(super) fn factor(&self, scale: f64) -> f64 {
+        (self.common)(self.unit * scale, self.mean)
+    }
+}
 
 pub(super) fn build(
     mesh: &TriMesh,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Progressive, SimplifyError> {
+) -> Result<Built, SimplifyError> {
     options.check()?;
     care::check(options, mesh.vertex_count())?;
     let (walk, pass): (Walk, _) = match (options.method, run::collapses(options.method)) {
@@ -80,15 +106,15 @@ pub(super) fn build(
         is_traced: false,
     };
     let built = walk(&mut run, mesh, control)?;
-    let mut built = match limit {
-        Some(limit) => {
-            let level = built.level_of_error(limit);
-            built.without_below(level)
-        }
-        None => built,
-    };
-    built.to_level(built.top());
-    Ok(built)
+    let Built { mut road, mut costs } = built;
+    if let Some(limit) = limit {
+        let level = road.level_of_error(limit);
+        road = road.without_below(level);
+        costs.of_split.drain(..level);
+        costs.late = costs.late.saturating_sub(level);
+    }
+    road.to_level(road.top());
+    Ok(Built { road, costs })
 }
 
 /// The input without small parts and with near vertices joined, as the options ask for it.
@@ -126,7 +152,7 @@ fn walk<M: Metric>(
     run: &mut Run<'_, '_>,
     mesh: &TriMesh,
     control: &mut dyn Control,
-) -> Result<Progressive, SimplifyError> {
+) -> Result<Built, SimplifyError> {
     let Started { mut engine, rows, is_kept, .. } = run.start::<M>(None, true, (&[], 0))?;
     let record = record(run, mesh, &engine.store, engine.attributes.as_ref(), rows);
     let by_place = record.names.faces.clone();
@@ -142,6 +168,7 @@ fn walk<M: Metric>(
     }
     let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept };
     let mut end = engine.sweep(&run.goal, &source, control);
+    let in_order = engine.record.as_ref().map_or(0, |record| record.log.steps.len());
     if end == End::Stuck && topology == TopologyPolicy::Relaxed {
         // As far as it goes without loss; from here on parts go, and handles.
         control.stage(Stage::Collapse);
@@ -151,19 +178,25 @@ fn walk<M: Metric>(
     let Some(record) = engine.record.take().filter(|_| end != End::Cancel) else {
         return Err(SimplifyError::Cancelled);
     };
-    let weights =
-        Weights { kept: M::KEPT_LOSS / 6.0 / engine.area_of_input(), lost: 0.25 / engine.area_of_input() };
+    let area = engine.area_of_input();
+    let weights = Weights { kept: M::KEPT_LOSS / 6.0 / area, lost: 0.25 / area };
     drop(engine);
     let fits = run.wants_fit(M::JUDGE);
-    road(run, mesh, *record, Taken { by_place, facings, weights, fits }, control)
+    let taken = Taken { by_place, facings, in_order, area, weights, fits, common: M::common_cost };
+    road(run, mesh, *record, taken, control)
 }
 
 /// What was taken from the engine.
 struct Taken {
     by_place: Vec<FaceId>,
     facings: Vec<Facing>,
+    /// Changes before the run was stuck for the first time.
+    in_order: usize,
+    /// Of the input, in the unit frame.
+    area: f64,
     weights: Weights,
     fits: bool,
+    common: fn(f64, f64) -> f64,
 }
 
 /// The road of a record, with its checkpoints.
@@ -173,10 +206,17 @@ fn road(
     record: Record,
     taken: Taken,
     control: &mut dyn Control,
-) -> Result<Progressive, SimplifyError> {
-    let Taken { by_place, facings, weights, fits } = taken;
+) -> Result<Built, SimplifyError> {
+    let Taken { by_place, facings, in_order, area, weights, fits, common } = taken;
     let Record { copy, log, names, .. } = record;
     let arranged = arrange::arrange(mesh, copy, &log, &by_place);
+    let costs = Costs {
+        of_split: arranged.order.iter().rev().map(|&change| log.steps[change].key).collect(),
+        late: arranged.order.iter().filter(|&&change| change >= in_order).count(),
+        unit: run.ordered.frame.user_length(1.0),
+        mean: 2.0 * area / by_place.len().max(1) as f64,
+        common,
+    };
 
     control.stage(Stage::Fit);
     let recorded = Recorded {
@@ -194,7 +234,8 @@ fn road(
     let checkpoints = recorded.checkpoints(run, &mut road, control)?;
     let mut data = road.into_splits().into_data();
     data.checkpoints = checkpoints;
-    Ok(Progressive::new(Splits::new(data).expect("checkpoints of levels that are there")))
+    let road = Progressive::new(Splits::new(data).expect("checkpoints of levels that are there"));
+    Ok(Built { road, costs })
 }
 
 /// A record that begins with the input as the engine has it.
