@@ -13,7 +13,7 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context, Result, bail, ensure};
 
 const HELP: &str = "\
-cargo xtask bench [rivals|attributes|cluster|io_speed|memory|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
+cargo xtask bench [rivals|attributes|cluster|io_speed|memory|render|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
 cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR through the release command
 cargo xtask corpus DIR --methods [--largest FACES] [...]   every method over every model that is not larger
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
@@ -76,7 +76,7 @@ fn shared_models() -> Option<PathBuf> {
 fn bench(args: &[String]) -> Result<()> {
     let (which, rest) = match args.split_first() {
         Some((first, rest))
-            if ["rivals", "cluster", "io_speed", "memory", "all"].contains(&first.as_str()) =>
+            if ["rivals", "cluster", "io_speed", "memory", "render", "all"].contains(&first.as_str()) =>
         {
             (first.as_str(), rest)
         }
@@ -87,6 +87,7 @@ fn bench(args: &[String]) -> Result<()> {
         "io_speed" => &["io_speed"],
         "memory" => &["memory"],
         "cluster" => &["cluster"],
+        "render" => &["render"],
         _ => &["rivals"],
     };
     for &name in names {
