@@ -108,7 +108,7 @@ mod tests {
         assert_eq!(zip.len(), 3);
         for (i, wanted) in entries().into_iter().enumerate() {
             let mut file = zip.by_index(i).unwrap();
-            assert_eq!(file.name(), wanted.name);
+            assert_eq!(file.name().unwrap(), wanted.name);
             assert_eq!(file.unix_mode().map(|mode| mode & 0o777), Some(wanted.mode()));
             assert_eq!(file.last_modified().unwrap().to_string(), "2024-02-29 12:34:56");
             let mut bytes = Vec::new();
