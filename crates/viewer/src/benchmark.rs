@@ -184,9 +184,9 @@ impl Filling {
             }
             match Lighter::make(original, &how, &mut within) {
                 Ok(lighter) => {
-                    let diagonal = lighter.report.error.diagonal;
+                    let diagonal = lighter.report.as_ref().map_or(0.0, |r| r.error.diagonal);
                     let level = Level {
-                        faces: lighter.report.faces,
+                        faces: lighter.faces,
                         simplify_secs: Some(lighter.seconds),
                         error: (diagonal > 0.0).then(|| lighter.error() / diagonal),
                         ..Level::default()

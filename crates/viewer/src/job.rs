@@ -27,17 +27,20 @@ pub enum Kind {
     Levels,
     /// Times of levels.
     Benchmark,
+    /// A progressive mesh for the slider.
+    Road,
 }
 
 impl Kind {
     /// In the order in which waiting ones are taken.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Load,
         Self::Simplify,
         Self::Export,
         Self::Levels,
         Self::Measure,
         Self::Inspect,
+        Self::Road,
         Self::Benchmark,
     ];
 
@@ -51,6 +54,7 @@ impl Kind {
             Self::Export => "Writing",
             Self::Levels => "Making levels",
             Self::Benchmark => "Measuring times",
+            Self::Road => "Preparing the slider",
         }
     }
 

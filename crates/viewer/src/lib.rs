@@ -20,6 +20,7 @@ pub mod numbers;
 mod own_files;
 pub mod panel;
 pub mod playback;
+pub mod road;
 pub mod session;
 pub mod settings;
 pub mod theme;

@@ -409,5 +409,5 @@ fn times_of_levels_fill_a_table_and_a_new_target_ends_it() {
 }
 
 fn faces_of(document: &Document) -> Option<usize> {
-    document.lighter().map(|l| l.content.report.faces)
+    document.lighter().map(|l| l.content.faces)
 }

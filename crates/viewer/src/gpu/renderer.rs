@@ -158,10 +158,10 @@ impl Gpu {
     ///
     /// Cost of the caller's thread: O(models placed), whatever their size.
     pub fn draw(&mut self, target: &mut Target, frame: &Frame<'_>) -> Drawn {
-        let size = target.size();
-        if target.shown.as_ref().is_some_and(|shown| shown.is(frame, size)) {
+        if target.shows(frame) {
             return Drawn::default();
         }
+        let size = target.size();
         let aspect = f64::from(size[0]) / f64::from(size[1]);
         let view = View::new(&frame.camera, aspect, reach(frame));
         let gathered = gather(frame, &view);
