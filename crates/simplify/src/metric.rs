@@ -46,10 +46,14 @@ impl Judge {
     }
 }
 
+/// What a vertex carries for the cost.
+pub(crate) trait Memory: Copy + Default {}
+impl<T: Copy + Default> Memory for T {}
+
 /// How the loss of a collapse is judged.
 pub(crate) trait Metric: Clone {
     /// What a vertex carries, relative to its own position.
-    type Memory: Copy + Default;
+    type Memory: Memory;
     /// Whether the tensor is that of the present star: then the vertices around swap old planes for new ones.
     const MEMORYLESS: bool;
     /// Who decides.

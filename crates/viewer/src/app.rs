@@ -19,6 +19,7 @@ use crate::gpu::{Gpu, GpuError};
 use crate::keys::{self, Action};
 use crate::panel::target::{Unit, Whole};
 use crate::panel::{self, Dock, Facts, Panel, Say, Scope, export, look::SHADINGS, parts};
+use crate::playback::by_key;
 use crate::session::{Memory, Session};
 use crate::settings::{Pose, Sides, Turn};
 use crate::theme;
@@ -46,6 +47,10 @@ pub struct App {
     last_frame: Option<Instant>,
     was_typing: bool,
     sample: Option<tempfile::TempDir>,
+    /// When the animation was last moved on, by the clock of the window; `None` while it stands.
+    played_at: Option<f64>,
+    /// Whether the timeline came with a file that moves, and goes with it.
+    has_own_timeline: bool,
     /// The target that was last seen while something was held, and since when it is the same.
     held: Option<(Stop, Instant)>,
 }
@@ -99,6 +104,8 @@ impl App {
             last_frame: None,
             was_typing: false,
             sample: None,
+            played_at: None,
+            has_own_timeline: false,
             held: None,
         };
         app.open(options.inputs.clone());
@@ -194,7 +201,27 @@ impl App {
             self.facts.recent.clone_from(&self.memory.recent);
             self.remember();
         }
+        let has_clips = self.document.original().is_some_and(|o| !o.content.model().animations.is_empty());
+        if has_clips && self.shown.insert(Panel::Timeline) {
+            self.has_own_timeline = true;
+        } else if !has_clips && self.has_own_timeline {
+            self.shown.remove(&Panel::Timeline);
+            self.has_own_timeline = false;
+        }
         self.framed = Some(path);
+    }
+
+    /// Moves the animation on by the time that went by, and says so to the pictures.
+    fn play(&mut self, ctx: &egui::Context) {
+        self.played_at = if self.document.is_playing() {
+            let now = ctx.input(|i| i.time);
+            self.document.go_on(self.played_at.map_or(0.0, |last| now - last));
+            ctx.request_repaint();
+            Some(now)
+        } else {
+            None
+        };
+        self.pictures.stand(self.document.pose());
     }
 
     fn remember(&self) {
@@ -302,6 +329,18 @@ impl App {
             Action::Restore => return self.document.run(Command::Target(Target::Original)),
             Action::Fewer => return self.scale_target(STEP),
             Action::More => return self.scale_target(1.0 / STEP),
+            Action::Play => {
+                self.document.play(!self.document.is_playing());
+                return ctx.request_repaint();
+            }
+            Action::ToBegin | Action::StepTime(_) | Action::Speed(_) | Action::Repeat | Action::NextClip => {
+                if matches!(action, Action::StepTime(_)) {
+                    self.document.play(false);
+                }
+                let model = self.document.original().map(|o| o.content.model());
+                let then = model.and_then(|m| by_key(self.document.settings().playback, m, action));
+                return then.into_iter().for_each(|p| self.document.run(Command::Playback(p)));
+            }
             Action::AutoLod => {
                 let mut auto = settings.auto_lod;
                 auto.is_on = !auto.is_on;
@@ -349,6 +388,7 @@ impl App {
             Action::TurnBack => return self.document.run(Command::Turn(Turn::default())),
             Action::Panels => return self.is_bare = !self.is_bare,
             Action::Panel(panel) => {
+                self.has_own_timeline &= panel != Panel::Timeline;
                 if !self.shown.remove(&panel) || self.is_bare {
                     self.shown.insert(panel);
                 }
@@ -451,7 +491,7 @@ impl App {
             unit = of;
         }
         self.facts.unit = unit;
-        let docks = [Dock::Left, Dock::Right, Dock::Bottom].map(|dock| {
+        let docks = [Dock::Left, Dock::Right, Dock::Bottom, Dock::Middle].map(|dock| {
             let is_in = |p: &Panel| p.dock() == dock && self.is_shown(*p);
             Panel::ALL.into_iter().filter(is_in).collect::<Vec<_>>()
         });
@@ -463,7 +503,7 @@ impl App {
             let top = egui::Panel::top("top").frame(bar).resizable(false);
             top.show(ui, |ui| panel::top::show(ui, &mut scope, &|p| shown.contains(&p)));
         }
-        let [left, right, bottom] = docks;
+        let [left, right, bottom, middle] = docks;
         let mut closed = Vec::new();
         let strip = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin {
             left: 12,
@@ -503,6 +543,14 @@ impl App {
             .resizable(false)
             .show(ui, |ui| panel::target::show(ui, &mut scope))
             .inner;
+        for &panel in &middle {
+            let dock = egui::Panel::bottom(panel.title()).frame(egui::Frame::NONE.fill(p.panel));
+            dock.resizable(false).show(ui, |ui| {
+                if parts::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
+                    closed.push(panel);
+                }
+            });
+        }
         let says = scope.says;
         self.facts.unit = chosen;
         if chosen != unit {
@@ -658,6 +706,7 @@ impl eframe::App for App {
         }
         self.arrive(&ctx);
         self.keys(&ctx);
+        self.play(&ctx);
         self.want();
         let have_changed = std::mem::take(&mut self.document.own_files_changed);
         self.facts.shader_error = self.pictures.follow_files(&self.document.settings().look, have_changed);
@@ -686,6 +735,7 @@ fn body(ui: &mut Ui, panel: Panel, scope: &mut Scope<'_>) {
         Panel::Look => panel::look::show(ui, scope),
         Panel::Error => panel::error::show(ui, scope),
         Panel::Log => panel::log::show(ui, scope),
+        Panel::Timeline => panel::timeline::show(ui, scope),
     }
 }
 
@@ -706,7 +756,7 @@ fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
             ui.add_space(24.0);
             ui.label(egui::RichText::new("Drop a model here").size(26.0).strong());
             ui.add_space(4.0);
-            ui.label(theme::weak(ui, "OBJ, OFF, PLY, STL, glTF or GLB; also packed with gzip"));
+            ui.label(theme::weak(ui, "OBJ, OFF, PLY, STL, glTF, GLB or LPM; also packed with gzip"));
             ui.add_space(16.0);
             ui.horizontal(|ui| {
                 let width = 2.0 * 150.0 + 8.0;

@@ -53,6 +53,18 @@ pub enum Action {
     Cull,
     /// The level goes by distance.
     AutoLod,
+    /// Whether the animation goes on.
+    Play,
+    /// The first moment.
+    ToBegin,
+    /// A picture further or back.
+    StepTime(i8),
+    /// Twice or half as fast.
+    Speed(i8),
+    /// Whether it begins anew at its end.
+    Repeat,
+    /// The next animation.
+    NextClip,
     /// All of the model.
     Frame,
     /// Along an axis.
@@ -86,6 +98,8 @@ pub enum Group {
     File,
     /// How much detail.
     Detail,
+    /// How it moves.
+    Animation,
     /// How it looks.
     Look,
     /// From where.
@@ -96,9 +110,10 @@ pub enum Group {
 
 impl Group {
     /// All of them, with their names.
-    pub const ALL: [(Self, &'static str); 5] = [
+    pub const ALL: [(Self, &'static str); 6] = [
         (Self::File, "Files"),
         (Self::Detail, "Detail"),
+        (Self::Animation, "Animation"),
         (Self::Look, "Look"),
         (Self::Camera, "Camera"),
         (Self::Window, "Window"),
@@ -143,6 +158,14 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Detail, NONE, Key::Plus, Action::More, "10 % more"),
     bind(Group::Detail, NONE, Key::A, Action::AutoLod, "Level by distance"),
     bind(Group::Detail, NONE, Key::Escape, Action::Cancel, "Stop what is under way"),
+    bind(Group::Animation, NONE, Key::P, Action::Play, "Play and pause"),
+    bind(Group::Animation, NONE, Key::Home, Action::ToBegin, "To the begin"),
+    bind(Group::Animation, NONE, Key::Comma, Action::StepTime(-1), "A step back"),
+    bind(Group::Animation, NONE, Key::Period, Action::StepTime(1), "A step further"),
+    bind(Group::Animation, NONE, Key::OpenBracket, Action::Speed(-1), "Half as fast"),
+    bind(Group::Animation, NONE, Key::CloseBracket, Action::Speed(1), "Twice as fast"),
+    bind(Group::Animation, NONE, Key::O, Action::Repeat, "Again and again, or once"),
+    bind(Group::Animation, NONE, Key::J, Action::NextClip, "Next animation"),
     bind(Group::Look, NONE, Key::W, Action::Wireframe, "Wireframe"),
     bind(Group::Look, NONE, Key::S, Action::Shade(0), "Smooth"),
     bind(Group::Look, NONE, Key::D, Action::Shade(1), "Flat"),
@@ -187,6 +210,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Window, NONE, Key::F6, Action::Panel(Panel::Look), "Look"),
     bind(Group::Window, NONE, Key::F7, Action::Panel(Panel::Error), "Error"),
     bind(Group::Window, NONE, Key::F8, Action::Panel(Panel::Log), "Log"),
+    bind(Group::Window, NONE, Key::F9, Action::Panel(Panel::Timeline), "Timeline"),
     bind(Group::Window, CTRL, Key::T, Action::Theme, "Dark or light"),
     bind(Group::Window, NONE, Key::F12, Action::Screenshot, "Picture of the window"),
     bind(Group::Window, NONE, Key::H, Action::Help, "Keys and mouse"),
@@ -234,6 +258,10 @@ pub fn text(shortcut: &KeyboardShortcut) -> String {
         Key::ArrowRight => "Right",
         Key::ArrowUp => "Up",
         Key::ArrowDown => "Down",
+        Key::Comma => ",",
+        Key::Period => ".",
+        Key::OpenBracket => "[",
+        Key::CloseBracket => "]",
         key => key.name(),
     };
     text

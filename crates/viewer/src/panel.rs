@@ -11,6 +11,7 @@ pub mod method;
 pub mod parts;
 pub mod report;
 pub mod target;
+pub mod timeline;
 pub mod top;
 
 use serde::{Deserialize, Serialize};
@@ -36,12 +37,22 @@ pub enum Panel {
     Error,
     /// What was said.
     Log,
+    /// What moves when.
+    Timeline,
 }
 
 impl Panel {
     /// All of them, in the order of the menu.
-    pub const ALL: [Self; 7] =
-        [Self::Files, Self::Method, Self::Report, Self::Error, Self::Info, Self::Look, Self::Log];
+    pub const ALL: [Self; 8] = [
+        Self::Files,
+        Self::Method,
+        Self::Report,
+        Self::Error,
+        Self::Info,
+        Self::Look,
+        Self::Timeline,
+        Self::Log,
+    ];
 
     /// Its name.
     pub fn title(self) -> &'static str {
@@ -53,6 +64,7 @@ impl Panel {
             Self::Look => "Look",
             Self::Error => "Error",
             Self::Log => "Log",
+            Self::Timeline => "Timeline",
         }
     }
 
@@ -61,6 +73,7 @@ impl Panel {
         match self {
             Self::Files | Self::Method | Self::Report => Dock::Left,
             Self::Info | Self::Look | Self::Error => Dock::Right,
+            Self::Timeline => Dock::Middle,
             Self::Log => Dock::Bottom,
         }
     }
@@ -78,6 +91,8 @@ pub enum Dock {
     Left,
     /// What comes out.
     Right,
+    /// Under the pictures, above the slider.
+    Middle,
     /// What was said.
     Bottom,
 }

@@ -8,6 +8,7 @@ use lodsmith_render::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::playback::Playback;
 use crate::words::Simplification;
 
 /// What a document is, beside the meshes themselves.
@@ -30,6 +31,8 @@ pub struct Settings {
     pub cameras: [Option<Pose>; 4],
     /// Whether the level goes by the distance of the camera.
     pub auto_lod: AutoLod,
+    /// Which moment of which animation is shown, and how it goes on.
+    pub playback: Playback,
 }
 
 impl Settings {
@@ -329,6 +332,7 @@ mod tests {
         settings.look.backdrop = Backdrop::Color([0.1, 0.2, 0.3]);
         settings.simplify.options.stop.ratio = Some(0.25);
         settings.turn = Turn([0.0, 1.0, 0.0, 0.0]);
+        settings.playback = Playback { clip: None, seconds: 1.25, speed: 0.5, repeats: false };
         settings.cameras[2] =
             Some(Pose { eye: [1.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 });
         let text = serde_json::to_string(&settings).unwrap();

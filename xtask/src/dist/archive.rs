@@ -1,0 +1,121 @@
+//! Files as one: tar packed by gzip, and zip.
+
+use std::io::{Cursor, Write as _};
+
+use anyhow::{Context, Result};
+use flate2::{Compression, GzBuilder};
+use zip::write::SimpleFileOptions;
+
+/// A file of an archive.
+pub(super) struct Entry {
+    /// Its path, with slashes.
+    pub(super) name: String,
+    pub(super) bytes: Vec<u8>,
+    /// Whether it can be started.
+    pub(super) is_program: bool,
+}
+
+impl Entry {
+    fn mode(&self) -> u32 {
+        if self.is_program { 0o755 } else { 0o644 }
+    }
+}
+
+/// All files in one stream, packed.
+pub(super) fn tar_gz(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
+    // Neither name nor time: the file may be made again and called otherwise.
+    let packed = GzBuilder::new().mtime(0).operating_system(255).write(Vec::new(), Compression::best());
+    let mut tar = tar::Builder::new(packed);
+    for entry in entries {
+        let mut header = tar::Header::new_ustar();
+        header.set_entry_type(tar::EntryType::Regular);
+        header.set_mode(entry.mode());
+        header.set_mtime(time);
+        header.set_size(entry.bytes.len() as u64);
+        tar.append_data(&mut header, &entry.name, &*entry.bytes).with_context(|| entry.name.clone())?;
+    }
+    Ok(tar.into_inner()?.finish()?)
+}
+
+/// All files, each packed, and a list of them at the end.
+pub(super) fn zip(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
+    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    for entry in entries {
+        let options = SimpleFileOptions::default()
+            .compression_level(Some(9))
+            .last_modified_time(dos_time(time)?)
+            .unix_permissions(entry.mode());
+        zip.start_file(&*entry.name, options).with_context(|| entry.name.clone())?;
+        zip.write_all(&entry.bytes)?;
+    }
+    Ok(zip.finish()?.into_inner())
+}
+
+/// A time as zip says it: universal, by two seconds, from 1980 on.
+fn dos_time(time: u64) -> Result<zip::DateTime> {
+    let time = time::OffsetDateTime::from_unix_timestamp(time.max(super::OLDEST).cast_signed())?;
+    let time = time::PrimitiveDateTime::new(time.date(), time.time());
+    zip::DateTime::try_from(time).with_context(|| format!("{time}: no day that a zip can say"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read as _;
+
+    use flate2::read::GzDecoder;
+
+    use super::*;
+
+    /// 2024-02-29 12:34:56.
+    const TIME: u64 = 1_709_210_096;
+
+    fn entries() -> Vec<Entry> {
+        let entry = |name: &str, bytes: &[u8], is_program| Entry {
+            name: name.to_owned(),
+            bytes: bytes.to_vec(),
+            is_program,
+        };
+        vec![
+            entry("a/lodsmith", &[7; 1000], true),
+            entry("a/é.txt", b"text", false),
+            entry("a/none", b"", false),
+        ]
+    }
+
+    #[test]
+    fn a_tar_holds_what_was_put_in() {
+        let packed = tar_gz(&entries(), TIME).unwrap();
+        assert_eq!(packed, tar_gz(&entries(), TIME).unwrap());
+        let mut tar = tar::Archive::new(GzDecoder::new(&*packed));
+        let mut files = tar.entries().unwrap();
+        for wanted in entries() {
+            let mut file = files.next().unwrap().unwrap();
+            assert_eq!(file.path().unwrap().to_str(), Some(&*wanted.name));
+            let header = file.header();
+            assert_eq!((header.mode().unwrap(), header.mtime().unwrap()), (wanted.mode(), TIME));
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes).unwrap();
+            assert_eq!(bytes, wanted.bytes);
+        }
+        assert!(files.next().is_none());
+    }
+
+    #[test]
+    fn a_zip_holds_what_was_put_in() {
+        let packed = zip(&entries(), TIME).unwrap();
+        assert_eq!(packed, zip(&entries(), TIME).unwrap());
+        let mut zip = zip::ZipArchive::new(Cursor::new(&packed)).unwrap();
+        assert_eq!(zip.len(), 3);
+        for (i, wanted) in entries().into_iter().enumerate() {
+            let mut file = zip.by_index(i).unwrap();
+            assert_eq!(file.name().unwrap(), wanted.name);
+            assert_eq!(file.unix_mode().map(|mode| mode & 0o777), Some(wanted.mode()));
+            assert_eq!(file.last_modified().unwrap().to_string(), "2024-02-29 12:34:56");
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes).unwrap();
+            assert_eq!(bytes, wanted.bytes);
+        }
+        // Times before the first that a zip can say become that one.
+        assert_eq!(dos_time(0).unwrap().to_string(), "1980-01-01 00:00:00");
+    }
+}
