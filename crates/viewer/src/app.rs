@@ -666,7 +666,8 @@ impl App {
             },
             _ => {
                 self.held = Some((stop, Instant::now()));
-                ctx.request_repaint_after(REST);
+                // Panels are drawn before what they say is done.
+                ctx.request_repaint();
             }
         }
     }
