@@ -6,6 +6,7 @@ use lodsmith::Stop;
 use serde::{Deserialize, Serialize};
 
 use crate::settings::{Appearance, AutoLod, Layout, Pose, Settings, Turn};
+use crate::stage::{Copies, StageChange};
 use crate::words::Simplification;
 
 /// One change of a document.
@@ -31,6 +32,8 @@ pub enum Command {
     KeepCamera(usize, Option<Pose>),
     /// A level by distance.
     AutoLod(AutoLod),
+    /// Copies of the model on a ground, and how they are shown.
+    Stage(StageChange),
     /// All of it, as a session that was opened has it.
     Session(Box<Settings>),
 }
@@ -77,6 +80,7 @@ impl Command {
             Self::Turn(_) => "turn",
             Self::KeepCamera(..) => "camera",
             Self::AutoLod(_) => "level by distance",
+            Self::Stage(change) => change.name(),
             Self::Session(_) => "session",
         }
     }
@@ -90,6 +94,8 @@ impl Command {
                 settings.simplify.options.stop = Stop::default();
                 settings.turn = Turn::default();
                 settings.cameras = [None; 4];
+                // Copies stand in the units of their model.
+                (settings.stage.is_on, settings.stage.copies) = (false, Copies::default());
             }
             Self::Show(which) => {
                 settings.shown = (*which).min(settings.files.len().saturating_sub(1));
@@ -115,6 +121,7 @@ impl Command {
                 }
             }
             Self::AutoLod(auto) => settings.auto_lod = *auto,
+            Self::Stage(change) => change.apply(&mut settings.stage),
             Self::Session(all) => settings.clone_from(all),
         }
     }

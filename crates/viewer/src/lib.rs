@@ -20,6 +20,7 @@ mod own_files;
 pub mod panel;
 pub mod session;
 pub mod settings;
+pub mod stage;
 pub mod theme;
 pub mod viewport;
 pub mod words;

@@ -10,6 +10,7 @@ pub mod look;
 pub mod method;
 pub mod parts;
 pub mod report;
+pub mod stage;
 pub mod target;
 pub mod top;
 
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::command::Command;
 use crate::document::Document;
 use crate::keys::Action;
+use crate::stage::scatter::Scatter;
 
 /// A panel that can be shown and hidden.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -36,12 +38,22 @@ pub enum Panel {
     Error,
     /// What was said.
     Log,
+    /// Copies on a ground.
+    Stage,
 }
 
 impl Panel {
     /// All of them, in the order of the menu.
-    pub const ALL: [Self; 7] =
-        [Self::Files, Self::Method, Self::Report, Self::Error, Self::Info, Self::Look, Self::Log];
+    pub const ALL: [Self; 8] = [
+        Self::Files,
+        Self::Stage,
+        Self::Method,
+        Self::Report,
+        Self::Error,
+        Self::Info,
+        Self::Look,
+        Self::Log,
+    ];
 
     /// Its name.
     pub fn title(self) -> &'static str {
@@ -53,13 +65,14 @@ impl Panel {
             Self::Look => "Look",
             Self::Error => "Error",
             Self::Log => "Log",
+            Self::Stage => "Stage",
         }
     }
 
     /// Where it stands.
     pub fn dock(self) -> Dock {
         match self {
-            Self::Files | Self::Method | Self::Report => Dock::Left,
+            Self::Files | Self::Stage | Self::Method | Self::Report => Dock::Left,
             Self::Info | Self::Look | Self::Error => Dock::Right,
             Self::Log => Dock::Bottom,
         }
@@ -109,6 +122,10 @@ pub enum Say {
     ChooseShader,
     /// Into the clipboard.
     Copy(String),
+    /// Copies on the stage, by chance.
+    Scatter(Scatter),
+    /// How they will be.
+    ScatterForm(Scatter),
 }
 
 impl Scope<'_> {
@@ -141,4 +158,6 @@ pub struct Facts {
     pub error_px: Option<f64>,
     /// The unit of the slider.
     pub unit: target::Unit,
+    /// The stage.
+    pub stage: crate::stage::picture::Facts,
 }

@@ -8,6 +8,7 @@ use lodsmith_render::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::stage::Stage;
 use crate::words::Simplification;
 
 /// What a document is, beside the meshes themselves.
@@ -30,6 +31,8 @@ pub struct Settings {
     pub cameras: [Option<Pose>; 4],
     /// Whether the level goes by the distance of the camera.
     pub auto_lod: AutoLod,
+    /// Copies of the model on a ground.
+    pub stage: Stage,
 }
 
 impl Settings {
