@@ -30,7 +30,7 @@ fn main() -> Result<(), String> {
         .with_step_dt(1.0 / 30.0)
         .wgpu_setup(Context::setup())
         .build_eframe(move |cc| App::new(cc, &options).unwrap_or_else(|e| unreachable!("{e}")));
-    let mut settle = |harness: &mut Harness<'static, App>| {
+    let settle = |harness: &mut Harness<'static, App>| {
         harness.run_steps(2);
         while !harness.state_mut().document_mut().settle(Duration::from_secs(60)) {}
         harness.run_steps(2);
