@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
 
 mod corpus;
+mod dist;
 mod look;
 mod pictures;
 mod sample;
@@ -16,6 +17,7 @@ const HELP: &str = "\
 cargo xtask bench [rivals|attributes|cluster|io_speed|memory|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
 cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR through the release command
 cargo xtask corpus DIR --methods [--largest FACES] [...]   every method over every model that is not larger
+cargo xtask dist [--out FOLDER] [--binary FILE]            the archive to give away, for this platform
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
 cargo xtask look [[TITLE=]FILE...]                         how much of the look is kept at 50 to 1 %, as a table
@@ -28,6 +30,7 @@ fn main() -> ExitCode {
     let (command, rest) = args.split_first().map_or(("help", &[][..]), |(c, rest)| (c.as_str(), rest));
     let done = match command {
         "bench" => bench(rest),
+        "dist" => dist::run(rest),
         "corpus" => corpus::run(rest),
         "look" => look::run(rest),
         "tidy" => tidy::run(),

@@ -3,6 +3,7 @@
 mod choice;
 mod clean;
 mod clusters;
+mod engine;
 mod lod;
 mod methods;
 mod of_method;
@@ -21,11 +22,12 @@ use lodsmith_io::Format;
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use clean::CleanArgs;
 pub(crate) use clusters::{BuildArgs, ClustersCommand, CutArgs, LevelsArgs};
+pub(crate) use engine::{How, Importance};
 pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
 pub(crate) use progressive::{ExtractArgs, LpmBuildArgs, LpmInfoArgs, Progressive};
-pub(crate) use render::{LookArgs, PlaceArgs, RenderArgs};
-pub(crate) use simplify::{How, Importance, Normals, SimplifyArgs};
+pub(crate) use render::{LookArgs, MomentArgs, PlaceArgs, RenderArgs};
+pub(crate) use simplify::{Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
 use crate::file::{Sink, Source};
@@ -123,6 +125,21 @@ pub(crate) struct Writing {
     /// Turn the output about x so that this axis is up, where the other one was
     #[arg(long, value_name = "AXIS")]
     pub(crate) up: Option<Up>,
+    /// Overwrite write-protected outputs too; a folder is never overwritten
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+/// How a command that writes tells what it did.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Run")]
+pub(crate) struct Ending {
+    /// One JSON object for each input, on a line
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// End with status 3 if a target is not reached or data are dropped
+    #[arg(long)]
+    pub(crate) strict: bool,
 }
 
 /// The axis that is up.
@@ -214,9 +231,6 @@ pub(crate) struct ConvertArgs {
     /// End with status 3 if data are dropped
     #[arg(long)]
     pub(crate) strict: bool,
-    /// Overwrite a write-protected output too; a folder is never overwritten
-    #[arg(long)]
-    pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) run: Run,
 }

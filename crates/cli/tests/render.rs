@@ -156,3 +156,38 @@ fn methods_and_compare_draw_too() {
     assert!(ran.text().contains("map.png: blue 0, red "), "{}", ran.text());
     assert!(colours(&picture(&desk, "map.png")) > 200);
 }
+
+#[test]
+fn a_moment_of_an_animation_is_drawn_and_what_is_none_is_told() {
+    let desk = Desk::new();
+    let arm = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/arm.glb");
+    std::fs::copy(arm, desk.path("arm.glb")).expect("it is there");
+    desk.put("hills.ply", &hills(4));
+    desk.run("simplify arm.glb --ratio 0.25 -o low.glb").with_status(0);
+    let draw = |options: &str| {
+        desk.run(&format!("render arm.glb low.glb -o out.png --size 160x120 -q {options}")).with_status(0);
+        std::fs::read(desk.path("out.png")).expect("it was written")
+    };
+    let first = draw("--time 0 --no-captions");
+    assert_eq!(first, draw("--clip Bend --no-captions"), "the first, from its begin");
+    let mut all = vec![first];
+    for options in ["--time 0.5", "--time 1", "--clip 2 --time 0.5", "--clip Bulge --time 0.25"] {
+        let bytes = draw(&format!("{options} --no-captions"));
+        assert!(!all.contains(&bytes), "{options} changes nothing");
+        all.push(bytes);
+    }
+    let ran =
+        desk.run("render low.glb -o out.png --size 160x120 --clip Bulge --time 0.5 --json").with_status(0);
+    let pictures = &ran.objects()[0]["pictures"];
+    assert_eq!((&pictures[0]["clip"], &pictures[0]["time"]), (&"Bulge".into(), &0.5.into()));
+    for (words, part) in [
+        ("render hills.ply -o out.png --time 1", "hills.ply: has no animation"),
+        ("render arm.glb -o out.png --clip Walk", "has no animation \"Walk\", but 1 \"Bend\", 2 \"Bulge\""),
+        ("render arm.glb -o out.png --clip 2 --time 1.5", "animation \"Bulge\" is over after 1.0 s"),
+        ("render arm.glb -o out.png --time -1", "it must not be below 0"),
+        ("render arm.glb -o out.png --time 1 --levels 100", "--time and --clip show a scene as it moves"),
+    ] {
+        let ran = desk.run(words).with_status(2);
+        assert!(ran.stderr.contains(part), "{words}: {}", ran.stderr);
+    }
+}

@@ -4,7 +4,7 @@ mod scenes;
 
 use lodsmith_io::gltf::{CopyPlace, Scene, SceneLevels};
 use lodsmith_io::{Format, ReadOptions, read_bytes};
-use scenes::{everything, gltf, small, split};
+use scenes::{everything, glb, gltf, small, split};
 use serde_json::{Value, json};
 
 fn places(count: usize) -> Vec<CopyPlace> {
@@ -18,7 +18,10 @@ fn places(count: usize) -> Vec<CopyPlace> {
 }
 
 fn scene((json, bin): (Value, Vec<u8>)) -> Scene {
-    Scene::read(&gltf(&json, &bin), &ReadOptions::default()).unwrap()
+    let read = |bytes: &[u8]| Scene::read(bytes, &ReadOptions::default()).unwrap();
+    let (text, binary) = (read(&gltf(&json, &bin)), read(&glb(&json, &bin)));
+    assert_eq!(text.contents(), binary.contents());
+    binary
 }
 
 fn written(scene: &Scene) -> Vec<u8> {

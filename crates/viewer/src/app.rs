@@ -1,5 +1,6 @@
 //! The window: what is shown where, what keys do, and the way from what panels say to the document.
 
+mod empty;
 mod stage;
 
 use std::collections::HashSet;
@@ -20,11 +21,13 @@ use crate::gpu::{Gpu, GpuError};
 use crate::keys::{self, Action};
 use crate::panel::target::{Unit, Whole};
 use crate::panel::{self, Dock, Facts, Panel, Say, Scope, export, look::SHADINGS, parts};
+use crate::playback::by_key;
 use crate::session::{Memory, Session};
 use crate::settings::{Pose, Sides, Turn};
 use crate::stage::file::LayoutFile;
 use crate::theme;
 use crate::viewport::{KEY_TURN_RAD, Orbit};
+use empty::{empty, hovering};
 
 /// The window.
 pub struct App {
@@ -48,6 +51,10 @@ pub struct App {
     last_frame: Option<Instant>,
     was_typing: bool,
     sample: Option<tempfile::TempDir>,
+    /// When the animation was last moved on, by the clock of the window; `None` while it stands.
+    played_at: Option<f64>,
+    /// Whether the timeline came with a file that moves, and goes with it.
+    has_own_timeline: bool,
 }
 
 /// Where a picture went, or why not.
@@ -97,6 +104,8 @@ impl App {
             last_frame: None,
             was_typing: false,
             sample: None,
+            played_at: None,
+            has_own_timeline: false,
         };
         app.open(options.inputs.clone());
         Ok(app)
@@ -194,7 +203,27 @@ impl App {
             self.facts.recent.clone_from(&self.memory.recent);
             self.remember();
         }
+        let has_clips = self.document.original().is_some_and(|o| !o.content.model().animations.is_empty());
+        if has_clips && self.shown.insert(Panel::Timeline) {
+            self.has_own_timeline = true;
+        } else if !has_clips && self.has_own_timeline {
+            self.shown.remove(&Panel::Timeline);
+            self.has_own_timeline = false;
+        }
         self.framed = Some(path);
+    }
+
+    /// Moves the animation on by the time that went by, and says so to the pictures.
+    fn play(&mut self, ctx: &egui::Context) {
+        self.played_at = if self.document.is_playing() {
+            let now = ctx.input(|i| i.time);
+            self.document.go_on(self.played_at.map_or(0.0, |last| now - last));
+            ctx.request_repaint();
+            Some(now)
+        } else {
+            None
+        };
+        self.pictures.stand(self.document.pose());
     }
 
     fn remember(&self) {
@@ -309,6 +338,18 @@ impl App {
             Action::Restore => return self.document.run(Command::Target(Target::Original)),
             Action::Fewer => return self.scale_target(STEP),
             Action::More => return self.scale_target(1.0 / STEP),
+            Action::Play => {
+                self.document.play(!self.document.is_playing());
+                return ctx.request_repaint();
+            }
+            Action::ToBegin | Action::StepTime(_) | Action::Speed(_) | Action::Repeat | Action::NextClip => {
+                if matches!(action, Action::StepTime(_)) {
+                    self.document.play(false);
+                }
+                let model = self.document.original().map(|o| o.content.model());
+                let then = model.and_then(|m| by_key(self.document.settings().playback, m, action));
+                return then.into_iter().for_each(|p| self.document.run(Command::Playback(p)));
+            }
             Action::AutoLod => {
                 let mut auto = settings.auto_lod;
                 auto.is_on = !auto.is_on;
@@ -356,6 +397,7 @@ impl App {
             Action::TurnBack => return self.document.run(Command::Turn(Turn::default())),
             Action::Panels => return self.is_bare = !self.is_bare,
             Action::Panel(panel) => {
+                self.has_own_timeline &= panel != Panel::Timeline;
                 if !self.shown.remove(&panel) || self.is_bare {
                     self.shown.insert(panel);
                 }
@@ -460,7 +502,7 @@ impl App {
             unit = of;
         }
         self.facts.unit = unit;
-        let docks = [Dock::Left, Dock::Right, Dock::Bottom].map(|dock| {
+        let docks = [Dock::Left, Dock::Right, Dock::Bottom, Dock::Middle].map(|dock| {
             let is_in = |p: &Panel| p.dock() == dock && self.is_shown(*p);
             Panel::ALL.into_iter().filter(is_in).collect::<Vec<_>>()
         });
@@ -472,7 +514,7 @@ impl App {
             let top = egui::Panel::top("top").frame(bar).resizable(false);
             top.show(ui, |ui| panel::top::show(ui, &mut scope, &|p| shown.contains(&p)));
         }
-        let [left, right, bottom] = docks;
+        let [left, right, bottom, middle] = docks;
         let mut closed = Vec::new();
         let strip = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin {
             left: 12,
@@ -512,6 +554,14 @@ impl App {
             .resizable(false)
             .show(ui, |ui| panel::target::show(ui, &mut scope))
             .inner;
+        for &panel in &middle {
+            let dock = egui::Panel::bottom(panel.title()).frame(egui::Frame::NONE.fill(p.panel));
+            dock.resizable(false).show(ui, |ui| {
+                if parts::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
+                    closed.push(panel);
+                }
+            });
+        }
         let says = scope.says;
         self.facts.unit = chosen;
         if chosen != unit {
@@ -650,6 +700,7 @@ impl eframe::App for App {
         }
         self.arrive(&ctx);
         self.keys(&ctx);
+        self.play(&ctx);
         self.want();
         let have_changed = std::mem::take(&mut self.document.own_files_changed);
         self.facts.shader_error = self.pictures.follow_files(&self.document.settings().look, have_changed);
@@ -684,69 +735,8 @@ fn body(ui: &mut Ui, panel: Panel, scope: &mut Scope<'_>) {
         Panel::Error => panel::error::show(ui, scope),
         Panel::Log => panel::log::show(ui, scope),
         Panel::Stage => panel::stage::show(ui, scope),
+        Panel::Timeline => panel::timeline::show(ui, scope),
     }
-}
-
-/// What a newcomer sees: what to do.
-fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
-    let p = theme::palette(ui);
-    let room = ui.available_rect_before_wrap();
-    let size = egui::vec2(420.0, 320.0).min(room.size());
-    let place = egui::Rect::from_center_size(room.center(), size);
-    ui.scope_builder(egui::UiBuilder::new().max_rect(place), |ui| {
-        ui.vertical_centered(|ui| {
-            if let Some(path) = document.opening() {
-                ui.add_space(size.y * 0.4);
-                ui.spinner();
-                ui.label(theme::weak(ui, format!("Opening {}", panel::files::name(path))));
-                return;
-            }
-            ui.add_space(24.0);
-            ui.label(egui::RichText::new("Drop a model here").size(26.0).strong());
-            ui.add_space(4.0);
-            ui.label(theme::weak(ui, "OBJ, OFF, PLY, STL, glTF or GLB; also packed with gzip"));
-            ui.add_space(16.0);
-            ui.horizontal(|ui| {
-                let width = 2.0 * 150.0 + 8.0;
-                ui.add_space((ui.available_width() - width) / 2.0);
-                let big = egui::vec2(150.0, 34.0);
-                let text = egui::RichText::new("Open…").color(p.on_accent).strong();
-                if ui.add(egui::Button::new(text).fill(p.accent).min_size(big)).clicked() {
-                    says.push(Say::Action(Action::Open));
-                }
-                if ui.add(egui::Button::new("Open the sample").min_size(big)).clicked() {
-                    says.push(Say::OpenSample);
-                }
-            });
-            ui.add_space(16.0);
-            let steps =
-                "Then drag the slider below: the lighter mesh stands beside the original. H shows all keys.";
-            ui.label(theme::weak(ui, steps));
-            if !facts.recent.is_empty() {
-                ui.add_space(16.0);
-                ui.label(theme::weak(ui, "RECENT").small());
-                for file in facts.recent.iter().take(5) {
-                    let link = egui::Button::new(panel::files::name(file)).frame(false);
-                    if ui.add(link).on_hover_text(file.display().to_string()).clicked() {
-                        says.push(Say::OpenFile(file.clone()));
-                    }
-                }
-            }
-        });
-    });
-}
-
-/// While a file hangs over the window, it says that it may fall.
-fn hovering(ctx: &egui::Context) {
-    if ctx.input(|i| i.raw.hovered_files.is_empty()) {
-        return;
-    }
-    let screen = ctx.content_rect();
-    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop"));
-    let painter = ctx.layer_painter(layer);
-    painter.rect_filled(screen, 0.0, egui::Color32::from_black_alpha(160));
-    let font = egui::FontId::proportional(28.0);
-    painter.text(screen.center(), egui::Align2::CENTER_CENTER, "Drop to open", font, egui::Color32::WHITE);
 }
 
 fn save_picture(image: &egui::ColorImage, folder: &Path, stem: &str) -> Result<PathBuf, String> {

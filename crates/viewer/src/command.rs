@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use lodsmith::Stop;
 use serde::{Deserialize, Serialize};
 
+use crate::playback::Playback;
 use crate::settings::{Appearance, AutoLod, Layout, Pose, Settings, Turn};
 use crate::stage::{Copies, StageChange};
 use crate::words::Simplification;
@@ -34,6 +35,8 @@ pub enum Command {
     AutoLod(AutoLod),
     /// Copies of the model on a ground, and how they are shown.
     Stage(StageChange),
+    /// Another animation, moment or speed.
+    Playback(Playback),
     /// All of it, as a session that was opened has it.
     Session(Box<Settings>),
 }
@@ -81,6 +84,7 @@ impl Command {
             Self::KeepCamera(..) => "camera",
             Self::AutoLod(_) => "level by distance",
             Self::Stage(change) => change.name(),
+            Self::Playback(_) => PLAYBACK,
             Self::Session(_) => "session",
         }
     }
@@ -96,15 +100,18 @@ impl Command {
                 settings.cameras = [None; 4];
                 // Copies stand in the units of their model.
                 (settings.stage.is_on, settings.stage.copies) = (false, Copies::default());
+                settings.playback = settings.playback.anew();
             }
             Self::Show(which) => {
                 settings.shown = (*which).min(settings.files.len().saturating_sub(1));
                 settings.simplify.options.stop = Stop::default();
+                settings.playback = settings.playback.anew();
             }
             Self::Close => {
                 settings.files.clear();
                 settings.shown = 0;
                 settings.simplify.options.stop = Stop::default();
+                settings.playback = settings.playback.anew();
             }
             Self::Target(target) => settings.simplify.options.stop = target.stop(),
             Self::Method(how) => {
@@ -122,10 +129,14 @@ impl Command {
             }
             Self::AutoLod(auto) => settings.auto_lod = *auto,
             Self::Stage(change) => change.apply(&mut settings.stage),
+            Self::Playback(playback) => settings.playback = *playback,
             Self::Session(all) => settings.clone_from(all),
         }
     }
 }
+
+/// What steps of the animation are called.
+const PLAYBACK: &str = "animation";
 
 /// What was before, to go back to.
 #[derive(Debug, Default)]
@@ -180,7 +191,12 @@ impl History {
     }
 
     fn swap(from: &mut Vec<Step>, to: &mut Vec<Step>, settings: &mut Settings) -> bool {
-        let Some(step) = from.pop() else { return false };
+        let Some(mut step) = from.pop() else { return false };
+        // What plays goes on: only steps of its own change the moment.
+        let was = &mut step.settings;
+        if step.name != PLAYBACK && was.file() == settings.file() {
+            was.playback.seconds = settings.playback.seconds;
+        }
         let now = std::mem::replace(settings, step.settings);
         to.push(Step { name: step.name, settings: now });
         true
@@ -211,6 +227,21 @@ mod tests {
         assert!(!history.undo(&mut settings));
         assert!(history.redo(&mut settings) && history.redo(&mut settings));
         assert_eq!(settings.simplify.options.stop.faces, Some(100));
+    }
+
+    #[test]
+    fn what_plays_goes_on_when_something_else_is_taken_back() {
+        let (mut settings, mut history) = (Settings::default(), History::default());
+        let at = |seconds| Playback { seconds, ..Playback::default() };
+        history.run(&Command::Playback(at(1.0)), &mut settings);
+        history.run(&Command::Target(Target::Faces(900)), &mut settings);
+        settings.playback.seconds = 1.5;
+        assert!(history.undo(&mut settings));
+        assert_eq!((settings.playback, settings.simplify.options.stop.faces), (at(1.5), None));
+        assert!(history.undo(&mut settings));
+        assert_eq!(settings.playback, at(0.0));
+        assert!(history.redo(&mut settings) && history.redo(&mut settings));
+        assert_eq!((settings.playback, settings.simplify.options.stop.faces), (at(1.5), Some(900)));
     }
 
     #[test]

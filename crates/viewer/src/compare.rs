@@ -19,7 +19,7 @@ use crate::panel::{Say, error};
 use crate::settings::{Appearance, Layout, Sides};
 use crate::stage::picture::StageView;
 use crate::theme::palette;
-use crate::viewport::{self, Orbit, turn_matrix, turned_bounds};
+use crate::viewport::{self, Orbit, moved_bounds, turn_matrix, turned_bounds};
 
 /// One of the two sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,8 +57,8 @@ pub struct Pictures {
     gpu: Option<Gpu>,
     targets: [Option<Target>; 2],
     orbits: [Orbit; 2],
-    /// How the model stands: at rest, unless an animation plays.
-    pub pose: Pose,
+    /// How the model stands.
+    pose: Pose,
     /// Whether the sides have changed places, while a key is held.
     pub is_flickering: bool,
     /// Width over height of a picture, as last shown.
@@ -109,6 +109,14 @@ impl Pictures {
     /// The card.
     pub fn gpu(&self) -> Option<&Gpu> {
         self.gpu.as_ref()
+    }
+
+    /// How the model stands now.
+    pub fn stand(&mut self, pose: Pose) {
+        if pose != self.pose {
+            self.pose = pose;
+            self.moved = Some(Instant::now());
+        }
     }
 
     /// Reads the looks of the user's that are named, and again what has changed. What is wrong with them.
@@ -296,7 +304,7 @@ impl Pictures {
         let camera = orbit.camera();
         let along = viewport::ray(&camera, pointer - rect.center(), rect.height());
         let world = turn_matrix(&original.content.bounds, document.settings().turn.rotation());
-        if let Some(place) = viewport::pick(model, world, camera.eye, along) {
+        if let Some(place) = viewport::pick(model, &self.pose, world, camera.eye, along) {
             orbit.target = place;
             self.set_orbit(side, orbit, document.settings().layout.linked);
         }
@@ -304,7 +312,7 @@ impl Pictures {
 
     /// All of the model in sight.
     pub fn frame(&mut self, document: &Document) {
-        let Some(bounds) = seen_bounds(document) else { return };
+        let Some(bounds) = self.standing_bounds(document) else { return };
         let aspect = self.aspect;
         self.each_orbit(|orbit| orbit.frame(&bounds, aspect));
     }
@@ -316,8 +324,16 @@ impl Pictures {
 
     /// From a side with a name, all of the model in sight.
     pub fn look_from(&mut self, document: &Document, view: usize) {
-        let Some(bounds) = seen_bounds(document) else { return };
+        let Some(bounds) = self.standing_bounds(document) else { return };
         self.orbits = [Orbit::fitting(&bounds, viewport::standard(view), self.aspect); 2];
+    }
+
+    /// The box of what is shown, as it stands and is turned. Cost: O(vertices) of what joints or morph targets pull.
+    fn standing_bounds(&self, document: &Document) -> Option<Bounds> {
+        let original = &document.original()?.content;
+        let turn = turn_matrix(&original.bounds, document.settings().turn.rotation());
+        let standing = original.model().bounds(&self.pose).unwrap_or(original.bounds);
+        Some(moved_bounds(&standing, &turn))
     }
 
     /// Pixels that a length at the middle of the model covers.
@@ -329,7 +345,7 @@ impl Pictures {
     }
 }
 
-/// The box of what is shown, as it is turned.
+/// The box of what is shown at rest, as it is turned.
 pub fn seen_bounds(document: &Document) -> Option<Bounds> {
     let original = document.original()?;
     Some(turned_bounds(&original.content.bounds, document.settings().turn.rotation()))

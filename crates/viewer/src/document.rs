@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use lodsmith::SimplifyError;
 use lodsmith_core::Model;
+use lodsmith_core::model::Pose;
 use lodsmith_render::Shading;
 
 use crate::command::{Command, History};
@@ -93,6 +94,7 @@ pub struct Document {
     levels: Option<LevelSet>,
     /// What the last job to make levels was told.
     asked_levels: Option<(usize, Simplification)>,
+    is_playing: bool,
 }
 
 /// A file that is being read, and what follows.
@@ -142,6 +144,7 @@ impl Document {
             watched: Vec::new(),
             levels: None,
             asked_levels: None,
+            is_playing: false,
             log: Log::default(),
         }
     }
@@ -196,6 +199,36 @@ impl Document {
         let mut how = self.settings.simplify.clone();
         how.options.stop = lodsmith::Stop::default();
         Some((key(self.original.as_ref()?), how))
+    }
+
+    /// How the model stands at the moment that is shown.
+    pub fn pose(&self) -> Pose {
+        let model = self.original.as_ref().map(|o| o.content.model());
+        model.map_or_else(Pose::default, |model| self.settings.playback.pose(model))
+    }
+    /// Whether an animation goes on by itself.
+    pub fn is_playing(&self) -> bool {
+        self.is_playing
+    }
+
+    /// Lets the animation go on, from the begin if it was over, or stops it. Of what does not move, nothing goes on.
+    pub fn play(&mut self, goes_on: bool) {
+        let Some(model) = self.original.as_ref().map(|o| o.content.model()) else { return };
+        if goes_on {
+            // At rest nothing moves: the first is what is meant.
+            let playback = &mut self.settings.playback;
+            playback.clip = playback.clip.filter(|c| *c < model.animations.len()).or(Some(0));
+            *playback = playback.ready(model);
+        }
+        self.is_playing = goes_on && !model.animations.is_empty();
+    }
+
+    /// So many seconds of the clock went by.
+    pub fn go_on(&mut self, elapsed_secs: f64) {
+        let Some(original) = self.original.as_ref().filter(|_| self.is_playing) else { return };
+        let (then, is_over) = self.settings.playback.after(original.content.model(), elapsed_secs);
+        self.settings.playback = then;
+        self.is_playing = !is_over;
     }
 
     /// What is going on, if anything is.
@@ -427,6 +460,7 @@ impl Document {
         self.watched.clear();
         (self.problem, self.changed) = (None, None);
         self.original = Some(original);
+        self.is_playing &= matches!(then, Then::Reloaded);
         (self.lighter, self.measured, self.asked) = (None, None, None);
         self.anatomies = [None, None];
     }
@@ -453,6 +487,7 @@ impl Document {
         self.watch();
         if self.settings.files.is_empty() {
             (self.original, self.lighter, self.measured, self.asked) = (None, None, None, None);
+            self.is_playing = false;
             return;
         }
         let Some(original) = self.original.clone() else { return };

@@ -53,6 +53,18 @@ pub enum Action {
     Cull,
     /// The level goes by distance.
     AutoLod,
+    /// Whether the animation goes on.
+    Play,
+    /// The first moment.
+    ToBegin,
+    /// A picture further or back.
+    StepTime(i8),
+    /// Twice or half as fast.
+    Speed(i8),
+    /// Whether it begins anew at its end.
+    Repeat,
+    /// The next animation.
+    NextClip,
     /// All of the model.
     Frame,
     /// Along an axis.
@@ -119,6 +131,8 @@ pub enum Group {
     File,
     /// How much detail.
     Detail,
+    /// How it moves.
+    Animation,
     /// How it looks.
     Look,
     /// From where.
@@ -131,9 +145,10 @@ pub enum Group {
 
 impl Group {
     /// All of them, with their names.
-    pub const ALL: [(Self, &'static str); 6] = [
+    pub const ALL: [(Self, &'static str); 7] = [
         (Self::File, "Files"),
         (Self::Detail, "Detail"),
+        (Self::Animation, "Animation"),
         (Self::Look, "Look"),
         (Self::Camera, "Camera"),
         (Self::Stage, "Stage"),
@@ -184,6 +199,14 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Detail, NONE, Key::Plus, Action::More, "10 % more"),
     bind(Group::Detail, NONE, Key::A, Action::AutoLod, "Level by distance"),
     bind(Group::Detail, NONE, Key::Escape, Action::Cancel, "Stop what is under way"),
+    bind(Group::Animation, NONE, Key::P, Action::Play, "Play and pause"),
+    bind(Group::Animation, NONE, Key::Home, Action::ToBegin, "To the begin"),
+    bind(Group::Animation, NONE, Key::Comma, Action::StepTime(-1), "A step back"),
+    bind(Group::Animation, NONE, Key::Period, Action::StepTime(1), "A step further"),
+    bind(Group::Animation, NONE, Key::OpenBracket, Action::Speed(-1), "Half as fast"),
+    bind(Group::Animation, NONE, Key::CloseBracket, Action::Speed(1), "Twice as fast"),
+    bind(Group::Animation, NONE, Key::O, Action::Repeat, "Again and again, or once"),
+    bind(Group::Animation, NONE, Key::J, Action::NextClip, "Next animation"),
     bind(Group::Look, NONE, Key::W, Action::Wireframe, "Wireframe"),
     bind(Group::Look, NONE, Key::S, Action::Shade(0), "Smooth"),
     bind(Group::Look, NONE, Key::D, Action::Shade(1), "Flat"),
@@ -220,7 +243,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Camera, CTRL, Key::Num2, Action::Recall(1), "Camera 2"),
     bind(Group::Camera, CTRL, Key::Num3, Action::Recall(2), "Camera 3"),
     bind(Group::Camera, CTRL, Key::Num4, Action::Recall(3), "Camera 4"),
-    bind(Group::Stage, NONE, Key::O, Action::Stage, "Show the stage, or the two sides"),
+    bind(Group::Stage, NONE, Key::Y, Action::Stage, "Show the stage, or the two sides"),
     bind(Group::Stage, NONE, Key::I, Action::Walk, "Walk through, or see all"),
     copies(SHIFT, Key::A, CopiesAction::Place, "Place copies by clicks, or choose them"),
     copies(SHIFT, Key::S, CopiesAction::Scatter, "Scatter in another way"),
@@ -228,10 +251,10 @@ pub const BINDINGS: &[Binding] = &[
     copies(SHIFT, Key::C, CopiesAction::Colors, "A colour for each level"),
     copies(CTRL, Key::A, CopiesAction::All, "Choose all copies"),
     copies(NONE, Key::Delete, CopiesAction::Delete, "Delete the chosen copies"),
-    copies(NONE, Key::Comma, CopiesAction::Turn(1), "Turn them left"),
-    copies(NONE, Key::Period, CopiesAction::Turn(-1), "Turn them right"),
-    copies(NONE, Key::OpenBracket, CopiesAction::Scale(-1), "Make them smaller"),
-    copies(NONE, Key::CloseBracket, CopiesAction::Scale(1), "Make them larger"),
+    copies(SHIFT, Key::ArrowLeft, CopiesAction::Turn(1), "Turn them left"),
+    copies(SHIFT, Key::ArrowRight, CopiesAction::Turn(-1), "Turn them right"),
+    copies(SHIFT, Key::ArrowDown, CopiesAction::Scale(-1), "Make them smaller"),
+    copies(SHIFT, Key::ArrowUp, CopiesAction::Scale(1), "Make them larger"),
     bind(Group::Window, NONE, Key::Tab, Action::Panels, "Hide or show all panels"),
     bind(Group::Window, NONE, Key::F2, Action::Panel(Panel::Files), "Files"),
     bind(Group::Window, NONE, Key::F3, Action::Panel(Panel::Method), "Method"),
@@ -241,6 +264,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Window, NONE, Key::F7, Action::Panel(Panel::Error), "Error"),
     bind(Group::Window, NONE, Key::F8, Action::Panel(Panel::Log), "Log"),
     bind(Group::Window, NONE, Key::F11, Action::Panel(Panel::Stage), "Stage"),
+    bind(Group::Window, NONE, Key::F9, Action::Panel(Panel::Timeline), "Timeline"),
     bind(Group::Window, CTRL, Key::T, Action::Theme, "Dark or light"),
     bind(Group::Window, NONE, Key::F12, Action::Screenshot, "Picture of the window"),
     bind(Group::Window, NONE, Key::H, Action::Help, "Keys and mouse"),

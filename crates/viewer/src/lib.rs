@@ -18,6 +18,7 @@ pub mod log;
 pub mod numbers;
 mod own_files;
 pub mod panel;
+pub mod playback;
 pub mod session;
 pub mod settings;
 pub mod stage;

@@ -12,6 +12,7 @@ pub mod parts;
 pub mod report;
 pub mod stage;
 pub mod target;
+pub mod timeline;
 pub mod top;
 
 use serde::{Deserialize, Serialize};
@@ -40,11 +41,13 @@ pub enum Panel {
     Log,
     /// Copies on a ground.
     Stage,
+    /// What moves when.
+    Timeline,
 }
 
 impl Panel {
     /// All of them, in the order of the menu.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Files,
         Self::Stage,
         Self::Method,
@@ -52,6 +55,7 @@ impl Panel {
         Self::Error,
         Self::Info,
         Self::Look,
+        Self::Timeline,
         Self::Log,
     ];
 
@@ -66,6 +70,7 @@ impl Panel {
             Self::Error => "Error",
             Self::Log => "Log",
             Self::Stage => "Stage",
+            Self::Timeline => "Timeline",
         }
     }
 
@@ -74,6 +79,7 @@ impl Panel {
         match self {
             Self::Files | Self::Stage | Self::Method | Self::Report => Dock::Left,
             Self::Info | Self::Look | Self::Error => Dock::Right,
+            Self::Timeline => Dock::Middle,
             Self::Log => Dock::Bottom,
         }
     }
@@ -91,6 +97,8 @@ pub enum Dock {
     Left,
     /// What comes out.
     Right,
+    /// Under the pictures, above the slider.
+    Middle,
     /// What was said.
     Bottom,
 }

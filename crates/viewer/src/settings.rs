@@ -8,6 +8,7 @@ use lodsmith_render::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::playback::Playback;
 use crate::stage::Stage;
 use crate::words::Simplification;
 
@@ -33,6 +34,8 @@ pub struct Settings {
     pub auto_lod: AutoLod,
     /// Copies of the model on a ground.
     pub stage: Stage,
+    /// Which moment of which animation is shown, and how it goes on.
+    pub playback: Playback,
 }
 
 impl Settings {
@@ -332,6 +335,7 @@ mod tests {
         settings.look.backdrop = Backdrop::Color([0.1, 0.2, 0.3]);
         settings.simplify.options.stop.ratio = Some(0.25);
         settings.turn = Turn([0.0, 1.0, 0.0, 0.0]);
+        settings.playback = Playback { clip: None, seconds: 1.25, speed: 0.5, repeats: false };
         settings.cameras[2] =
             Some(Pose { eye: [1.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 });
         let text = serde_json::to_string(&settings).unwrap();

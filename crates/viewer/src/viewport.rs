@@ -4,8 +4,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 use eframe::egui::{self, PointerButton, Rect, Response, Vec2};
 use glam::{DMat4, DQuat, DVec3};
-use lodsmith_core::model::Pose as ModelPose;
-use lodsmith_core::{Bounds, Model, PositionsView, VertexId};
+use lodsmith_core::model::{Deformed, Pose as ModelPose};
+use lodsmith_core::{Bounds, Model, PositionsView, TriMesh, WedgeId};
 use lodsmith_render::{Camera, Lens, StandardView};
 use rayon::prelude::*;
 
@@ -121,11 +121,15 @@ pub fn standard(number: usize) -> StandardView {
 
 /// The box round a model that was turned about the middle of its own box.
 pub fn turned_bounds(bounds: &Bounds, turn: DQuat) -> Bounds {
-    if turn == DQuat::IDENTITY {
+    moved_bounds(bounds, &turn_matrix(bounds, turn))
+}
+
+/// The box round a box that was moved.
+pub fn moved_bounds(bounds: &Bounds, matrix: &DMat4) -> Bounds {
+    if *matrix == DMat4::IDENTITY {
         return *bounds;
     }
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let matrix = turn_matrix(bounds, turn);
     for corner in 0..8 {
         let pick = |k: usize| if corner >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] };
         let p = matrix.transform_point3(DVec3::new(pick(0), pick(1), pick(2)));
@@ -136,6 +140,9 @@ pub fn turned_bounds(bounds: &Bounds, turn: DQuat) -> Bounds {
 
 /// A turn about the middle of a box.
 pub fn turn_matrix(bounds: &Bounds, turn: DQuat) -> DMat4 {
+    if turn == DQuat::IDENTITY {
+        return DMat4::IDENTITY;
+    }
     let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
     let middle = 0.5 * (min + max);
     DMat4::from_translation(middle) * DMat4::from_quat(turn) * DMat4::from_translation(-middle)
@@ -144,28 +151,40 @@ pub fn turn_matrix(bounds: &Bounds, turn: DQuat) -> DMat4 {
 /// The place on a model that lies first along a ray, in the coordinates of the world.
 ///
 /// Cost: O(triangles), on all threads; 4 M take some 20 ms.
-pub fn pick(model: &Model, world_from_model: DMat4, eye: DVec3, along: DVec3) -> Option<DVec3> {
-    let instances = model.instances(&ModelPose::default());
-    let hits = instances.iter().filter_map(|instance| {
-        let world_from_mesh = world_from_model * instance.world_from_mesh;
-        let mesh_from_world = world_from_mesh.inverse();
+pub fn pick(
+    model: &Model,
+    pose: &ModelPose,
+    world_from_model: DMat4,
+    eye: DVec3,
+    along: DVec3,
+) -> Option<DVec3> {
+    let (world_from_nodes, mut deformed) = (model.world_from_nodes(pose), Deformed::default());
+    let hits = model.instances(pose).into_iter().filter_map(|instance| {
+        let is_deformed = model.deform(&instance, pose, &world_from_nodes, &mut deformed);
+        let placed = if is_deformed { deformed.world_from_mesh } else { instance.world_from_mesh };
+        let mesh_from_world = (world_from_model * placed).inverse();
         if !mesh_from_world.is_finite() {
             return None;
         }
         let from = mesh_from_world.transform_point3(eye);
         let ray = mesh_from_world.transform_vector3(along);
         let mesh = &model.meshes[instance.mesh].mesh;
-        let at = |v: VertexId| match mesh.positions().view() {
-            PositionsView::F32(p) => DVec3::from(p[v.index()].map(f64::from)),
-            PositionsView::F64(p) => DVec3::from(p[v.index()]),
-        };
-        let hit = |t: &[lodsmith_core::WedgeId; 3]| {
-            let [a, b, c] = t.map(|w| at(mesh.vertex_of(w)));
-            first_hit(from, ray, [a, b, c])
-        };
-        mesh.triangles().par_iter().filter_map(hit).min_by(f64::total_cmp)
+        if is_deformed {
+            let places = deformed.positions.as_slice();
+            return nearest(mesh, from, ray, |w| DVec3::from(places[w.index()].map(f64::from)));
+        }
+        nearest(mesh, from, ray, |w| match mesh.positions().view() {
+            PositionsView::F32(p) => DVec3::from(p[mesh.vertex_of(w).index()].map(f64::from)),
+            PositionsView::F64(p) => DVec3::from(p[mesh.vertex_of(w).index()]),
+        })
     });
     hits.min_by(f64::total_cmp).map(|t| eye + along * t)
+}
+
+/// How far along a ray a mesh is hit first, whose corners are there.
+fn nearest(mesh: &TriMesh, from: DVec3, ray: DVec3, at: impl Fn(WedgeId) -> DVec3 + Sync) -> Option<f64> {
+    let hit = |t: &[WedgeId; 3]| first_hit(from, ray, t.map(&at));
+    mesh.triangles().par_iter().filter_map(hit).min_by(f64::total_cmp)
 }
 
 /// How far along a ray a triangle is hit, from whichever side. [Möller-Trumbore 1997]
@@ -207,6 +226,7 @@ pub fn place(ui: &mut egui::Ui, rect: Rect, name: &'static str) -> Response {
 
 #[cfg(test)]
 mod tests {
+    use lodsmith_core::model::Transform;
     use lodsmith_core::shapes;
 
     use super::*;
@@ -251,8 +271,15 @@ mod tests {
     #[test]
     fn a_ray_meets_the_near_side() {
         let model = Model::of_mesh(shapes::icosphere(3));
-        let hit = pick(&model, DMat4::IDENTITY, DVec3::Z * 5.0, DVec3::NEG_Z).unwrap();
+        let rest = ModelPose::default();
+        let hit = pick(&model, &rest, DMat4::IDENTITY, DVec3::Z * 5.0, DVec3::NEG_Z).unwrap();
         assert!((hit.z - 1.0).abs() < 0.05 && hit.x == 0.0, "{hit}");
-        assert_eq!(pick(&model, DMat4::IDENTITY, DVec3::Z * 5.0, DVec3::Z), None);
+        assert_eq!(pick(&model, &rest, DMat4::IDENTITY, DVec3::Z * 5.0, DVec3::Z), None);
+        // Where an animation has taken it.
+        let (translation, rotation, scale) = (DVec3::Z * 2.0, DQuat::IDENTITY, DVec3::ONE);
+        let transforms = vec![Transform::Parts { translation, rotation, scale }];
+        let moved = ModelPose { transforms, ..rest };
+        let hit = pick(&model, &moved, DMat4::IDENTITY, DVec3::Z * 5.0, DVec3::NEG_Z).unwrap();
+        assert!((hit.z - 3.0).abs() < 0.05, "{hit}");
     }
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use lodsmith::Method;
 use lodsmith_core::TriMesh;
+use lodsmith_core::model::Transform;
 use lodsmith_core::shapes;
 use lodsmith_io::{Format, Textures};
 use lodsmith_render::Shading;
@@ -12,6 +13,7 @@ use lodsmith_viewer::command::{Command, Target};
 use lodsmith_viewer::content::placed;
 use lodsmith_viewer::document::Document;
 use lodsmith_viewer::export::Export;
+use lodsmith_viewer::playback::Playback;
 use lodsmith_viewer::settings::{Appearance, AutoLod, Pose, Turn};
 use lodsmith_viewer::words::Simplification;
 
@@ -88,6 +90,7 @@ fn a_list_of_commands_replays_a_session() {
             Some(Pose { eye: [3.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 }),
         ),
         Command::Show(1),
+        Command::Playback(Playback { clip: None, seconds: 0.5, speed: 2.0, repeats: false }),
         Command::Target(Target::Faces(500)),
     ];
     // What is written and read again means the same.
@@ -111,6 +114,7 @@ fn a_list_of_commands_replays_a_session() {
     assert_eq!(ends[0].1, ends[1].1, "the same commands make the same mesh");
     assert!(ends[0].1.face_count() <= 500);
     assert_eq!(ends[0].0.simplify.options.method, Method::Quadric);
+    assert_eq!(ends[0].0.playback.speed, 2.0);
 }
 
 #[test]
@@ -124,6 +128,7 @@ fn everything_is_taken_back_and_done_again() {
         Command::Target(Target::Faces(1000)),
         Command::Look(matcap),
         Command::Turn(Turn([0.0, 0.0, 1.0, 0.0])),
+        Command::Playback(Playback { speed: 0.5, ..Playback::default() }),
         Command::Target(Target::Error(0.01)),
         Command::Open(vec![folder.path().join("torus.obj")]),
         Command::Target(Target::Vertices(200)),
@@ -332,4 +337,41 @@ fn writing_where_nothing_can_be_written_is_told() {
         "{:?}",
         document.problem
     );
+}
+
+#[test]
+fn a_scene_plays_before_and_after_it_became_lighter() {
+    let mut document = opened(Path::new("../../testdata/arm.glb"));
+    let model = document.original().unwrap().content.model().clone();
+    let elbow = |document: &Document| match document.pose().transforms[2] {
+        Transform::Parts { rotation, .. } => 2.0 * rotation.w.clamp(-1.0, 1.0).acos().to_degrees(),
+        Transform::Matrix(_) => f64::NAN,
+    };
+    document.play(true);
+    // At the speed of two: a quarter of a second is half of the way to a right angle.
+    document.run(Command::Playback(document.settings().playback.at_speed(2.0)));
+    document.go_on(0.25);
+    assert!((elbow(&document) - 45.0).abs() < 1e-3, "{}", elbow(&document));
+    document.run(Command::Target(Target::Ratio(0.25)));
+    assert!(document.settle(LONG));
+    document.go_on(0.25);
+    assert!((elbow(&document) - 90.0).abs() < 1e-3, "{}", elbow(&document));
+    assert!(document.is_playing(), "other work does not stop it");
+    // Both sides go as far: the lighter one stays within a hundredth of the size of the other.
+    let lighter = document.lighter().unwrap().content.clone();
+    let pose = document.pose();
+    assert!(faces(&document) <= 1264 / 4 + 2);
+    let [whole, few] = [&model, &lighter.model].map(|m| m.bounds(&pose).unwrap());
+    for k in 0..3 {
+        let off = (whole.min[k] - few.min[k]).abs().max((whole.max[k] - few.max[k]).abs());
+        assert!(off < 0.01 * whole.diagonal(), "{k}: {off}");
+    }
+    // The end of the bent arm lies one to the left: where the joints say, not where it stood.
+    assert!((whole.min[0] + 1.0).abs() < 0.01, "{whole:?}");
+    document.run(Command::Open(vec![PathBuf::from("../../testdata/wave.glb")]));
+    assert!(document.settle(LONG));
+    assert!(!document.is_playing() && document.pose() == Default::default());
+    assert_eq!(document.settings().playback.speed, 2.0);
+    document.play(true);
+    assert!(!document.is_playing(), "nothing moves in it");
 }

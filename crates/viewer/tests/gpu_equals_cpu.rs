@@ -11,7 +11,10 @@ use lodsmith_core::{
 use lodsmith_render::{
     Background, Camera, Lens, Light, LightKind, Lighting, Look, Shading, StandardView, Subject, View, render,
 };
+use lodsmith_viewer::content::{Lighter, Original};
 use lodsmith_viewer::gpu::{Context, Frame, Gpu, Marks, Placed, Split, TINTS};
+use lodsmith_viewer::playback::Playback;
+use lodsmith_viewer::words::Simplification;
 
 const SIZE: [u32; 2] = [240, 200];
 
@@ -456,6 +459,47 @@ fn joints_and_morph_targets_pull_as_on_the_processor() {
         keep(&format!("{name}-gpu"), &image);
         let difference = difference(&cpu, &image);
         assert!(difference < 1.5, "{name}: {difference}");
+    }
+}
+
+#[test]
+fn an_animation_goes_as_on_the_processor_before_and_after_reduction() {
+    let Some(mut gpu) = gpu() else { return };
+    let original = Original::read(std::path::Path::new("../../testdata/arm.glb")).unwrap();
+    let mut how = Simplification::default();
+    how.options.stop = lodsmith::Stop::ratio(0.25);
+    let lighter = Lighter::make(&original, &how, &mut lodsmith::NoControl).unwrap();
+    let mut target = gpu.target(SIZE);
+    target.resize(SIZE, if gpu.is_software() { 2.0 } else { 1.0 });
+    for (name, model) in [("whole", original.model()), ("light", &lighter.model)] {
+        let drawn = gpu.upload(model);
+        let mut scene = Scene::new("animation", shapes::cube(1), Shading::Textured);
+        scene.model = model.clone();
+        scene.camera = Camera::fitting(&original.bounds, StandardView::Front, 1.2);
+        let mut before: Option<(Image, Option<[usize; 2]>)> = None;
+        for (clip, seconds) in [(0, 0.0), (0, 0.4), (0, 1.0), (0, 1.7), (1, 0.5)] {
+            let pose = Playback { clip: Some(clip), seconds, ..Playback::default() }.pose(model);
+            let mut view = View::new(scene.camera, SIZE[0] as usize, SIZE[1] as usize);
+            (view.look, view.lighting) = (scene.look.clone(), scene.lighting.clone());
+            let cpu = render(&Subject::posed(model, &pose).unwrap(), &view).unwrap();
+            // Light is measured by the box of the pose there.
+            let bounds = Subject::posed(model, &pose).unwrap().bounds().unwrap();
+            let placed = [Placed::new(&drawn, &pose)];
+            assert!(gpu.draw(&mut target, &Frame { bounds, ..scene.frame(&placed) }).drawn);
+            let image = target.read_back();
+            let image = if target.size() == SIZE { image } else { halved(&image) };
+            keep(&format!("animation-{name}-{clip}-{seconds}-cpu"), &cpu);
+            keep(&format!("animation-{name}-{clip}-{seconds}-gpu"), &image);
+            let apart = difference(&cpu, &image);
+            assert!(apart < 1.5, "{name} {clip} {seconds}: {apart}");
+            // Only the pose goes to the card: nothing else was made or changed.
+            let counts = gpu.context().resource_counts();
+            if let Some((last, made)) = before.replace((image.clone(), counts)) {
+                assert!(difference(&last, &image) > 0.5, "{name} {clip} {seconds}: it moves");
+                assert_eq!(made, counts, "{name} {clip} {seconds}");
+            }
+            assert_eq!(drawn.version().1, 0);
+        }
     }
 }
 

@@ -2,6 +2,9 @@
 //!
 //! With `LODSMITH_PICTURES=FOLDER` each picture is kept there, to be looked at.
 
+#[path = "screens/timeline.rs"]
+mod timeline;
+
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -466,6 +469,7 @@ fn a_session_is_saved_and_opened_again() {
     let Some(mut desk) = Desk::open("torus.obj") else { return };
     desk.press(Key::Minus);
     desk.press(Key::W);
+    desk.press(Key::CloseBracket);
     desk.press(Key::Num7);
     desk.press_with(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
     desk.press(Key::Enter);
@@ -484,6 +488,8 @@ fn a_session_is_saved_and_opened_again() {
     again.settle();
     assert_eq!(again.app().document().settings().simplify, settings.simplify);
     assert_eq!(again.app().document().settings().look, settings.look);
+    assert_eq!(again.app().document().settings().playback, settings.playback);
+    assert_eq!(settings.playback.speed, 2.0);
     assert_eq!(again.faces(), faces);
     let back = again.app().orbits()[0];
     assert!((back.pitch_rad - orbit.pitch_rad).abs() < 1e-6 && (back.distance - orbit.distance).abs() < 1e-6);

@@ -199,7 +199,7 @@ impl Desk {
     fn staged(is_light: bool, copies: Vec<Placement>) -> Option<Self> {
         let mut desk = Self::open(is_light, Some("sphere.ply"))?;
         desk.run(StageChange::Replace(copies.into()));
-        desk.press(Key::O);
+        desk.press(Key::Y);
         Some(desk)
     }
 
@@ -282,7 +282,7 @@ impl Desk {
 #[test]
 fn without_a_file_the_stage_says_what_to_do() {
     let Some(mut desk) = Desk::open(false, None) else { return };
-    desk.press(Key::O);
+    desk.press(Key::Y);
     assert!(desk.app().document().stage().is_none());
     desk.act(Action::Panel(Panel::Stage));
     desk.harness.get_by_label("open a file to place copies of it");
@@ -292,7 +292,7 @@ fn without_a_file_the_stage_says_what_to_do() {
 #[test]
 fn clicks_place_choose_and_move_copies() {
     let Some(mut desk) = Desk::open(false, Some("sphere.ply")) else { return };
-    desk.press(Key::O);
+    desk.press(Key::Y);
     assert!(desk.app().is_shown(Panel::Stage) && desk.app().stage_view().facts().is_placing);
     desk.picture("stage_empty_dark");
     let middle = desk.middle();
@@ -354,7 +354,7 @@ fn keys_change_the_chosen_copies() {
     desk.act(copies(CopiesAction::Colors));
     assert!(desk.app().document().settings().stage.view.has_level_colors);
     desk.picture("stage_colors_light");
-    desk.press(Key::O);
+    desk.press(Key::Y);
     assert!(desk.app().document().stage().is_none());
     desk.harness.get_by_label("Picture of the result");
 }

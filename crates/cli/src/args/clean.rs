@@ -7,7 +7,7 @@ use lodsmith::CleanOptions;
 use lodsmith_io::Format;
 
 use super::choice::NonManifoldChoice;
-use super::{Run, TypedLength, Writing, values};
+use super::{Ending, Run, TypedLength, Writing, values};
 use crate::file::{Sink, Source};
 use crate::plan::Wanted;
 
@@ -64,15 +64,8 @@ pub(crate) struct CleanArgs {
     /// Report without writing
     #[arg(long, help_heading = "Writing")]
     pub(crate) dry_run: bool,
-    /// Overwrite a write-protected output too; a folder is never overwritten
-    #[arg(long, help_heading = "Writing")]
-    pub(crate) force: bool,
-    /// One JSON object a line for each input
-    #[arg(long, help_heading = "Run")]
-    pub(crate) json: bool,
-    /// End with status 3 if data are dropped
-    #[arg(long, help_heading = "Run")]
-    pub(crate) strict: bool,
+    #[command(flatten)]
+    pub(crate) ending: Ending,
     #[command(flatten)]
     pub(crate) run: Run,
 }
@@ -87,7 +80,7 @@ impl CleanArgs {
             name: &self.name,
             from: self.from,
             to: self.writing.to,
-            json: self.json,
+            json: self.ending.json,
             dry_run: self.dry_run,
         }
     }

@@ -5,8 +5,8 @@ use lodsmith::ClusterLodOptions;
 use lodsmith::core::clusters::Eye;
 use lodsmith_io::Format;
 
-use super::simplify::AttributeName;
-use super::{BorderChoice, Run, TypedLength, Writing, values};
+use super::engine::AttributeName;
+use super::{BorderChoice, Ending, Run, TypedLength, Writing, values};
 use crate::file::{Sink, Source};
 
 /// What is done with clusters.
@@ -69,12 +69,8 @@ pub(crate) struct BuildArgs {
     /// Overwrite a write-protected output too; a folder is never overwritten
     #[arg(long, help_heading = "Writing")]
     pub(crate) force: bool,
-    /// One JSON object
-    #[arg(long, help_heading = "Run")]
-    pub(crate) json: bool,
-    /// End with status 3 if data are dropped
-    #[arg(long, help_heading = "Run")]
-    pub(crate) strict: bool,
+    #[command(flatten)]
+    pub(crate) ending: Ending,
     #[command(flatten)]
     pub(crate) run: Run,
 }
@@ -130,15 +126,8 @@ pub(crate) struct CutArgs {
     pub(crate) materials: Option<Source>,
     #[command(flatten)]
     pub(crate) writing: Writing,
-    /// Overwrite a write-protected output too; a folder is never overwritten
-    #[arg(long, help_heading = "Writing")]
-    pub(crate) force: bool,
-    /// One JSON object
-    #[arg(long, help_heading = "Run")]
-    pub(crate) json: bool,
-    /// End with status 3 if data are dropped
-    #[arg(long, help_heading = "Run")]
-    pub(crate) strict: bool,
+    #[command(flatten)]
+    pub(crate) ending: Ending,
     #[command(flatten)]
     pub(crate) run: Run,
 }

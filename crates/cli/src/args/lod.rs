@@ -3,14 +3,13 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use lodsmith::{Levels, LodOptions, Measure, Screen, SimplifyOptions, Stop};
+use lodsmith::{Levels, LodOptions, Measure, Screen, Stop};
 use lodsmith_io::Format;
 use serde_json::{Value, json};
 
-use super::of_method::OfMethod;
-use super::scope::Scope;
-use super::simplify::{GuardArgs, How, Normals, Shared};
-use super::{Run, TypedLength, Writing, values};
+use super::engine::EngineArgs;
+use super::simplify::Normals;
+use super::{Ending, Run, TypedLength, Writing, values};
 use crate::file::{Sink, Source};
 
 const AFTER: &str = "\
@@ -73,13 +72,7 @@ pub(crate) struct LodArgs {
           help_heading = "Switching")]
     height: f64,
     #[command(flatten)]
-    pub(crate) how: How,
-    #[command(flatten)]
-    of_method: OfMethod,
-    #[command(flatten)]
-    scope: Scope,
-    #[command(flatten)]
-    guards: GuardArgs,
+    pub(crate) engine: EngineArgs,
     /// Format of the input, whatever its content
     #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
     pub(crate) from: Option<Format>,
@@ -91,21 +84,11 @@ pub(crate) struct LodArgs {
     /// Report without writing
     #[arg(long, help_heading = "Writing")]
     pub(crate) dry_run: bool,
-    /// Overwrite write-protected outputs too; a folder is never overwritten
-    #[arg(long, help_heading = "Writing")]
-    pub(crate) force: bool,
-    /// One JSON object
-    #[arg(long, help_heading = "Run")]
-    pub(crate) json: bool,
-    /// End with status 3 if a level is not reached or data are dropped
-    #[arg(long, help_heading = "Run")]
-    pub(crate) strict: bool,
+    #[command(flatten)]
+    pub(crate) ending: Ending,
     /// End in so many seconds, with the levels that there are by then
     #[arg(long, value_name = "S", value_parser = values::seconds, help_heading = "Run")]
     pub(crate) time_limit: Option<f64>,
-    /// Equal seeds give equal results
-    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Run")]
-    seed: u64,
     #[command(flatten)]
     pub(crate) run: Run,
 }
@@ -183,15 +166,8 @@ impl std::fmt::Display for Naming {
 impl LodArgs {
     /// What the engine is told.
     pub(crate) fn options(&self) -> LodOptions {
-        let shared = Shared {
-            how: &self.how,
-            of_method: &self.of_method,
-            scope: &self.scope,
-            guards: &self.guards,
-            seed: self.seed,
-        };
         let mut options = LodOptions::new(self.levels.levels(self.factor));
-        options.simplify = shared.options(Stop::default());
+        options.simplify = self.engine.options(Stop::default());
         // Distances to switch at are no better than the errors that they stand on.
         options.simplify.measure = Measure::Always;
         options.geomorph = self.geomorph;
@@ -205,10 +181,5 @@ impl LodArgs {
 
     pub(crate) fn screen(&self) -> Screen {
         Screen::new(self.fov, self.height, self.pixels).unwrap_or_default()
-    }
-
-    /// Whether each mesh has targets of its own.
-    pub(crate) fn is_per_mesh(&self) -> bool {
-        self.scope.per_mesh
     }
 }

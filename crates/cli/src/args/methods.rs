@@ -7,7 +7,7 @@ use lodsmith::{Method, SimplifyOptions};
 use lodsmith_io::Format;
 
 use super::choice::MethodChoice;
-use super::simplify::Target;
+use super::engine::Target;
 use super::{Run, Writing, values};
 use crate::file::Source;
 
@@ -51,9 +51,6 @@ pub(crate) struct MethodsArgs {
     pub(crate) from: Option<Format>,
     #[command(flatten)]
     pub(crate) writing: Writing,
-    /// Overwrite write-protected outputs too; a folder is never overwritten
-    #[arg(long, help_heading = "Writing")]
-    pub(crate) force: bool,
     /// One JSON object
     #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,

@@ -6,10 +6,8 @@ use lodsmith_io::Format;
 use lodsmith_io::lpm::{LEAST_BITS, LpmOptions, MOST_BITS};
 use serde_json::Value;
 
-use super::of_method::OfMethod;
-use super::scope::Scope;
-use super::simplify::{GuardArgs, How, Shared, Target};
-use super::{Run, TexturesChoice, Writing, values};
+use super::engine::{EngineArgs, Target};
+use super::{Ending, Run, TexturesChoice, Writing, values};
 use crate::file::{Sink, Source};
 
 const AFTER_BUILD: &str = "\
@@ -56,13 +54,7 @@ pub(crate) struct LpmBuildArgs {
     #[command(flatten, next_help_heading = "Base (the first one met stops; without any, as far as it goes)")]
     pub(crate) target: Target,
     #[command(flatten)]
-    pub(crate) how: How,
-    #[command(flatten)]
-    of_method: OfMethod,
-    #[command(flatten)]
-    scope: Scope,
-    #[command(flatten)]
-    guards: GuardArgs,
+    pub(crate) engine: EngineArgs,
     /// Format of the input, whatever its content
     #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
     pub(crate) from: Option<Format>,
@@ -72,15 +64,8 @@ pub(crate) struct LpmBuildArgs {
     /// Overwrite a write-protected output too; a folder is never overwritten
     #[arg(long, help_heading = "Writing")]
     pub(crate) force: bool,
-    /// One JSON object
-    #[arg(long, help_heading = "Run")]
-    pub(crate) json: bool,
-    /// End with status 3 if data are dropped
-    #[arg(long, help_heading = "Run")]
-    pub(crate) strict: bool,
-    /// Equal seeds give equal results
-    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Run")]
-    seed: u64,
+    #[command(flatten)]
+    pub(crate) ending: Ending,
     #[command(flatten)]
     pub(crate) run: Run,
 }
@@ -88,8 +73,7 @@ pub(crate) struct LpmBuildArgs {
 impl LpmBuildArgs {
     /// What the engine is told.
     pub(crate) fn options(&self) -> SimplifyOptions {
-        let Self { how, of_method, scope, guards, seed, .. } = self;
-        Shared { how, of_method, scope, guards, seed: *seed }.options(self.target.stop())
+        self.engine.options(self.target.stop())
     }
     /// What the writer is told.
     pub(crate) fn writing(&self) -> LpmOptions {
@@ -119,15 +103,8 @@ pub(crate) struct ExtractArgs {
     pub(crate) no_fit: bool,
     #[command(flatten)]
     pub(crate) writing: Writing,
-    /// Overwrite a write-protected output too; a folder is never overwritten
-    #[arg(long, help_heading = "Writing")]
-    pub(crate) force: bool,
-    /// One JSON object
-    #[arg(long, help_heading = "Run")]
-    pub(crate) json: bool,
-    /// End with status 3 if the target is not reached or data are dropped
-    #[arg(long, help_heading = "Run")]
-    pub(crate) strict: bool,
+    #[command(flatten)]
+    pub(crate) ending: Ending,
     #[command(flatten)]
     pub(crate) run: Run,
 }

@@ -32,6 +32,7 @@ Examples:
   lodsmith render bunny.obj -o bunny.png
   lodsmith render part.stl -o part.png --up z --shading flat --wireframe --view front
   lodsmith render low.glb -o error.png --compare full.glb --shading heat
+  lodsmith render fox.glb fox_low.glb -o walk.png --clip Walk --time 0.4
   lodsmith render scan.ply -o sheet.png --levels 5000,2500,1500,750,300,100 --wireframe";
 
 #[derive(Args, Debug)]
@@ -56,6 +57,8 @@ pub(crate) struct RenderArgs {
     pub(crate) look: LookArgs,
     #[command(flatten)]
     pub(crate) place: PlaceArgs,
+    #[command(flatten)]
+    pub(crate) moment: MomentArgs,
     #[command(flatten)]
     pub(crate) sheet: SheetArgs,
     /// Format of the inputs, whatever their content
@@ -142,6 +145,18 @@ pub(crate) struct PlaceArgs {
     /// What is far is as large as what is near
     #[arg(long)]
     pub(crate) parallel: bool,
+}
+
+/// Which moment of an animation.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Animation")]
+pub(crate) struct MomentArgs {
+    /// The animation of a glTF file, by name or by number from 1 [default: with --time the first, else at rest]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) clip: Option<String>,
+    /// Seconds from its begin [default: 0]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = values::not_negative)]
+    pub(crate) time: Option<f64>,
 }
 
 /// How pictures stand together.

@@ -3,14 +3,11 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use lodsmith::{AttributeWeights, Guards, Measure, SimplifyOptions, Stop};
+use lodsmith::{Measure, SimplifyOptions};
 use lodsmith_io::Format;
-use serde_json::{Map, Value};
 
-use super::choice::{BorderChoice, FitChoice, MethodChoice, PlacementChoice, PresetChoice, TopologyChoice};
-use super::of_method::OfMethod;
-use super::scope::Scope;
-use super::{Run, TypedLength, Writing, values};
+use super::engine::{EngineArgs, Target};
+use super::{Ending, Run, Writing, values};
 use crate::file::{Sink, Source};
 use crate::plan::Wanted;
 
@@ -61,13 +58,7 @@ pub(crate) struct SimplifyArgs {
     )]
     pub(crate) target: Target,
     #[command(flatten)]
-    pub(crate) how: How,
-    #[command(flatten)]
-    of_method: OfMethod,
-    #[command(flatten)]
-    scope: Scope,
-    #[command(flatten)]
-    guards: GuardArgs,
+    pub(crate) engine: EngineArgs,
     #[command(flatten)]
     deviation: Deviation,
     /// Format of the inputs, whatever their content
@@ -81,124 +72,13 @@ pub(crate) struct SimplifyArgs {
     /// Report without writing
     #[arg(long, help_heading = "Writing")]
     pub(crate) dry_run: bool,
-    /// Overwrite a write-protected output too; a folder is never overwritten
-    #[arg(long, help_heading = "Writing")]
-    pub(crate) force: bool,
-    /// One JSON object a line for each input
-    #[arg(long, help_heading = "Run")]
-    pub(crate) json: bool,
-    /// End with status 3 if a target is not reached or data are dropped
-    #[arg(long, help_heading = "Run")]
-    pub(crate) strict: bool,
+    #[command(flatten)]
+    pub(crate) ending: Ending,
     /// Write the best mesh reached in so many seconds, for each input
     #[arg(long, value_name = "S", value_parser = values::seconds, help_heading = "Run")]
     pub(crate) time_limit: Option<f64>,
-    /// Equal seeds give equal results
-    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Run")]
-    seed: u64,
     #[command(flatten)]
     pub(crate) run: Run,
-}
-
-/// When to stop.
-#[derive(Args, Debug)]
-pub(crate) struct Target {
-    /// So many triangles
-    #[arg(long, value_name = "N", value_parser = values::count)]
-    faces: Option<usize>,
-    /// So many vertices
-    #[arg(long, value_name = "N", value_parser = values::count)]
-    vertices: Option<usize>,
-    /// This part of the triangles, above 0 and up to 1
-    #[arg(long, value_name = "R", value_parser = values::ratio)]
-    ratio: Option<f64>,
-    /// Largest deviation, in the units of the file or of the diagonal (0.1%)
-    #[arg(long, value_name = "D")]
-    error: Option<TypedLength>,
-}
-
-impl Target {
-    /// Whether there is any.
-    pub(crate) fn is_given(&self) -> bool {
-        self.faces.is_some() || self.vertices.is_some() || self.ratio.is_some() || self.error.is_some()
-    }
-
-    /// For the engine.
-    pub(super) fn stop(&self) -> Stop {
-        Stop {
-            faces: self.faces,
-            vertices: self.vertices,
-            ratio: self.ratio,
-            error: self.error.as_ref().map(|e| e.length),
-        }
-    }
-
-    /// What was asked for, by name.
-    pub(crate) fn to_json(&self) -> Value {
-        let all = [
-            ("faces", self.faces.map(Value::from)),
-            ("vertices", self.vertices.map(Value::from)),
-            ("ratio", self.ratio.map(Value::from)),
-            ("error", self.error.as_ref().map(TypedLength::to_json)),
-        ];
-        Value::Object(all.into_iter().filter_map(|(k, v)| Some((k.to_owned(), v?))).collect::<Map<_, _>>())
-    }
-}
-
-#[derive(Args, Debug)]
-#[command(next_help_heading = "How")]
-pub(crate) struct How {
-    /// Options for a purpose, see below; what is typed beside it goes before it
-    #[arg(long, value_name = "PURPOSE", value_enum, default_value_t)]
-    preset: PresetChoice,
-    /// Method, see below
-    #[arg(long, value_name = "METHOD", value_enum, default_value_t)]
-    method: MethodChoice,
-    /// Last least-squares step towards the original
-    #[arg(long, value_name = "WHEN", value_enum, default_value_t)]
-    fit: FitChoice,
-    /// Where a merged vertex goes; `endpoint` keeps a subset of the vertices
-    #[arg(long, value_name = "WHERE", value_enum, default_value_t)]
-    placement: PlacementChoice,
-    /// Open borders: held in place, moved along themselves, untouched, no care [default: keep, or by preset]
-    #[arg(long, value_name = "CARE", value_enum)]
-    border: Option<BorderChoice>,
-    /// Topology: no new defects; nothing changes at all; handles are cut and parts go where that is cheapest [default:
-    /// relaxed, or by preset]
-    #[arg(long, value_name = "CARE", value_enum)]
-    topology: Option<TopologyChoice>,
-    /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph, other; or the
-    /// lines of open borders: border; may be repeated
-    #[arg(long, value_name = "NAME=W", value_parser = values::weight)]
-    weight: Vec<(AttributeName, f64)>,
-    /// Leave this alone, to the bit: a material, group, object, mesh or node, or the vertices where this attribute is
-    /// not zero; may be repeated
-    #[arg(long, value_name = "NAME")]
-    pub(crate) lock: Vec<String>,
-    /// Keep more triangles where this attribute of vertices is large: at 1, or at the largest value if that is above 1,
-    /// STRENGTH times as many per area as at 0 [default STRENGTH: 4]
-    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = values::importance)]
-    pub(crate) importance: Option<Importance>,
-    /// Join vertices closer than this first; equal ones always are
-    #[arg(long, value_name = "D", value_parser = values::some_length)]
-    weld: Option<TypedLength>,
-}
-
-#[derive(Args, Debug)]
-#[command(next_help_heading = "Guards of the result")]
-pub(super) struct GuardArgs {
-    /// Largest turn of a face in one step
-    #[arg(long, value_name = "DEG", value_parser = values::turn_deg)]
-    max_normal: Option<f64>,
-    /// Least shape of a new face, from 0 to 1 (equilateral)
-    #[arg(long, value_name = "Q", value_parser = values::quality)]
-    min_quality: Option<f64>,
-    /// Most edges at a vertex
-    #[arg(long, value_name = "N", value_parser = values::valence)]
-    max_valence: Option<usize>,
-    /// Longest edge
-    #[arg(long, value_name = "D", value_parser = values::some_length)]
-    max_edge: Option<TypedLength>,
 }
 
 #[derive(Args, Debug)]
@@ -219,46 +99,6 @@ enum Bound {
     TwoSided,
 }
 
-/// An attribute, or else, that `--weight` names.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum AttributeName {
-    Normal,
-    Uv,
-    Color,
-    Morph,
-    Other,
-    Border,
-}
-
-impl AttributeName {
-    pub(crate) const ALL: [(&str, Self); 6] = [
-        ("normal", Self::Normal),
-        ("uv", Self::Uv),
-        ("color", Self::Color),
-        ("morph", Self::Morph),
-        ("other", Self::Other),
-        ("border", Self::Border),
-    ];
-
-    pub(super) fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
-        match self {
-            Self::Normal => &mut weights.normal,
-            Self::Uv => &mut weights.uv,
-            Self::Color => &mut weights.color,
-            Self::Morph => &mut weights.morph,
-            Self::Other => &mut weights.other,
-            Self::Border => &mut weights.border,
-        }
-    }
-}
-
-/// An attribute of vertices, and how much denser the result is where it is 1.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Importance {
-    pub(crate) name: String,
-    pub(crate) strength: f32,
-}
-
 /// Normals of the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Normals {
@@ -277,21 +117,14 @@ impl SimplifyArgs {
             name: &self.name,
             from: self.from,
             to: self.writing.to,
-            json: self.json,
+            json: self.ending.json,
             dry_run: self.dry_run,
         }
     }
 
     /// What the engine is told.
     pub(crate) fn options(&self) -> SimplifyOptions {
-        let shared = Shared {
-            how: &self.how,
-            of_method: &self.of_method,
-            scope: &self.scope,
-            guards: &self.guards,
-            seed: self.seed,
-        };
-        let mut options = shared.options(self.target.stop());
+        let mut options = self.engine.options(self.target.stop());
         let is_measured = self.deviation.measure || self.is_bounded();
         options.measure = if is_measured { Measure::Always } else { Measure::default() };
         options
@@ -303,63 +136,22 @@ impl SimplifyArgs {
         self.target.is_given() || options.of_method.ends(options.method)
     }
 
-    /// Whether each mesh has a target of its own.
-    pub(crate) fn is_per_mesh(&self) -> bool {
-        self.scope.per_mesh
-    }
-
     /// Whether the deviation is promised, not only estimated.
     pub(crate) fn is_bounded(&self) -> bool {
         match self.deviation.bound {
             Some(bound) => bound == Bound::TwoSided,
-            None => self.target.error.is_some(),
+            None => self.target.has_error(),
         }
-    }
-}
-
-/// What commands share that make meshes lighter.
-pub(super) struct Shared<'a> {
-    pub(super) how: &'a How,
-    pub(super) of_method: &'a OfMethod,
-    pub(super) scope: &'a Scope,
-    pub(super) guards: &'a GuardArgs,
-    pub(super) seed: u64,
-}
-
-impl Shared<'_> {
-    /// What the engine is told, to come to this stop.
-    pub(super) fn options(&self, stop: Stop) -> SimplifyOptions {
-        let (how, guards) = (self.how, self.guards);
-        let mut options = SimplifyOptions::preset(how.preset.into(), stop);
-        options.method = how.method.into();
-        options.of_method = self.of_method.options();
-        options.fit = how.fit.into();
-        options.placement = how.placement.into();
-        options.border = how.border.map_or(options.border, Into::into);
-        options.topology = how.topology.map_or(options.topology, Into::into);
-        for (name, weight) in &how.weight {
-            *name.of(&mut options.weights) = *weight;
-        }
-        options.weld = how.weld.as_ref().map(|d| d.length).or(options.weld);
-        options.guards = Guards {
-            max_normal_deg: guards.max_normal,
-            min_quality: guards.min_quality,
-            max_valence: guards.max_valence,
-            max_edge: guards.max_edge.as_ref().map(|d| d.length),
-        };
-        self.scope.apply(&mut options);
-        options.seed = self.seed;
-        options
     }
 }
 
 #[cfg(test)]
 mod tests {
     use clap::Parser as _;
-    use lodsmith::{BorderPolicy, Length, Preset, TopologyPolicy};
+    use lodsmith::{BorderPolicy, Length, Preset, Stop, TopologyPolicy};
 
     use super::*;
-    use crate::args::{Cli, Command};
+    use crate::args::{BorderChoice, Cli, Command, TopologyChoice};
 
     fn options(words: &str) -> SimplifyOptions {
         let all = ["lodsmith", "simplify", "a.ply", "--dry-run", "--faces", "9"];

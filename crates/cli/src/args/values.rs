@@ -7,7 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lodsmith::Length;
 use lodsmith_io::Format;
 
-use super::simplify::{AttributeName, Importance};
+use super::engine::{AttributeName, Importance};
 
 /// A length as typed: `0.5` in the units of the file, `0.1%` of the diagonal.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,6 +116,11 @@ pub(crate) fn ratio(text: &str) -> Result<f64, String> {
 /// A finite number above 0.
 pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0, "it must be above 0")
+}
+
+/// A finite number that is not below 0.
+pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
+    number(text, |x| x >= 0.0, "it must not be below 0")
 }
 
 /// A part of a whole that is not all of it.

@@ -112,7 +112,7 @@ fn clean_mesh(
         let options = file::options(&args.writing, *format, regions);
         warnings.extend(match args.dry_run {
             true => file::losses(&cleaned, sink, *format, &options)?,
-            false => file::write(&cleaned, sink, *format, &options, args.force)?,
+            false => file::write(&cleaned, sink, *format, &options, args.writing.force)?,
         });
     }
     clock.end(2);
@@ -162,7 +162,7 @@ fn clean_scene(
     let relink = |uri: &str| images.uri(uri);
     warnings.extend(match args.dry_run {
         true => file::scene_losses(&scene, &replaced, &relink, format)?,
-        false => file::write_scene(&scene, &replaced, &relink, sink, format, args.force)?,
+        false => file::write_scene(&scene, &replaced, &relink, sink, format, args.writing.force)?,
     });
     clock.end(2);
     let input_format = scene.format();
@@ -286,7 +286,7 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
     for (name, r) in done.meshes.iter().filter(|_| done.meshes.len() > 1) {
         out.detail(&format!("  mesh {name}: {} → {} faces", grouped(r.input_faces), grouped(r.faces)));
     }
-    match show_warnings(out, path, &done.warnings, args.strict) {
+    match show_warnings(out, path, &done.warnings, args.ending.strict) {
         true => Status::Strict,
         false => Status::Done,
     }

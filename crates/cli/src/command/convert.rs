@@ -40,7 +40,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
             Input::Mesh(mut loaded) => {
                 orient(&mut loaded.mesh, writing);
                 let options = file::options(writing, format, std::mem::take(&mut loaded.regions));
-                let lost = file::write(&loaded.mesh, &args.output, format, &options, args.force)?;
+                let lost = file::write(&loaded.mesh, &args.output, format, &options, args.writing.force)?;
                 loaded.warnings.extend(lost);
                 Ok((loaded.mesh.face_count(), loaded.format, loaded.warnings))
             }
@@ -50,7 +50,14 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
                     if format == Format::Glb { images.embed(&mut scene) } else { images.told(&scene) };
                 let relink = |uri: &str| images.uri(uri);
                 warnings.splice(0..0, scene.warnings().iter().cloned());
-                warnings.extend(file::write_scene(&scene, &[], &relink, &args.output, format, args.force)?);
+                warnings.extend(file::write_scene(
+                    &scene,
+                    &[],
+                    &relink,
+                    &args.output,
+                    format,
+                    args.writing.force,
+                )?);
                 Ok((scene.contents().polygons, scene.format(), warnings))
             }
         }

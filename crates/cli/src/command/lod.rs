@@ -27,7 +27,7 @@ use files::Plan;
 /// Makes the levels of one input.
 pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
     let plan = Plan::new(args)?;
-    let out = Output::new(&args.run, args.json, plan.takes_stdout());
+    let out = Output::new(&args.run, args.ending.json, plan.takes_stdout());
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
     let made = in_order::pool(args.run.threads())?.install(|| {
@@ -66,7 +66,7 @@ fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<M
     let deadline = args.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
     bar.read();
     clock.enter("read");
-    let properties = care::properties(&args.how);
+    let properties = care::properties(&args.engine.how);
     // To turn or scale a scene it would take a change of its nodes.
     let is_plain = args.writing.scale.is_none() && args.writing.up.is_none();
     let input = if plan.makes_scenes() && is_plain {
@@ -88,7 +88,7 @@ fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<M
 /// Levels of a mesh, each in a file of its own.
 fn of_mesh(loaded: Loaded, args: &LodArgs, plan: &Plan, watch: &mut Watch<'_>) -> anyhow::Result<Made> {
     let mut options = args.options();
-    care::of_mesh(&args.how, &loaded, &mut options.simplify)?;
+    care::of_mesh(&args.engine.how, &loaded, &mut options.simplify)?;
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
     let is_kept =
         plan.format() == Some(Format::Obj) && args.writing.textures != crate::args::TexturesChoice::None;
@@ -96,7 +96,7 @@ fn of_mesh(loaded: Loaded, args: &LodArgs, plan: &Plan, watch: &mut Watch<'_>) -
         // Where materials do not go along, their borders are in nobody's way.
         mesh.set_regions(None)?;
     }
-    if args.is_per_mesh() && contents.meshes > 1 {
+    if args.engine.is_per_mesh() && contents.meshes > 1 {
         let text = "--per-mesh: the meshes become one on this way, and share the target";
         warnings.push(Warning::note(text));
     }
@@ -133,7 +133,7 @@ fn of_mesh_as_scene(
     watch: &mut Watch<'_>,
 ) -> anyhow::Result<Made> {
     let mut own = args.options().simplify;
-    care::of_mesh(&args.how, &loaded, &mut own)?;
+    care::of_mesh(&args.engine.how, &loaded, &mut own)?;
     let Loaded { mut mesh, regions, mut warnings, format, .. } = loaded;
     orient(&mut mesh, &args.writing);
     let options = file::options(&args.writing, Format::Glb, regions);
@@ -180,7 +180,7 @@ fn of_scene(
         Some(cared) => {
             (options.simplify.locked, options.simplify.importance) = (cared.locked, cared.importance);
         }
-        None => care::of_scene(&args.how, &scene, &taken, &mut options.simplify)?,
+        None => care::of_scene(&args.engine.how, &scene, &taken, &mut options.simplify)?,
     }
     let chain = not_interrupted(lodsmith::lod_scene(&parts, diagonal, &options, watch))?;
     watch.write();

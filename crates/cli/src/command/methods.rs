@@ -161,7 +161,7 @@ fn write(
 ) -> anyhow::Result<Vec<Warning>> {
     orient(&mut mesh, &args.writing);
     let options = file::options(&args.writing, format, regions.clone());
-    file::write(&mesh, sink, format, &options, args.force)
+    file::write(&mesh, sink, format, &options, args.writing.force)
 }
 
 /// The input, ready to be simplified and measured against many times.

@@ -39,10 +39,10 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         return Err(usage(text));
     }
     let is_taken = args.output == Sink::Stdout;
-    if is_taken && args.json {
+    if is_taken && args.ending.json {
         return Err(usage("standard output cannot carry the file and --json"));
     }
-    let out = Output::new(&args.run, args.json, is_taken);
+    let out = Output::new(&args.run, args.ending.json, is_taken);
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
     let begin = Instant::now();
@@ -51,9 +51,9 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         let mut clock = Clock::new();
         bar.read();
         clock.enter("read");
-        let loaded = file::read_with(&args.input, args.from, care::properties(&args.how))?;
+        let loaded = file::read_with(&args.input, args.from, care::properties(&args.engine.how))?;
         let mut options = args.options();
-        care::of_mesh(&args.how, &loaded, &mut options)?;
+        care::of_mesh(&args.engine.how, &loaded, &mut options)?;
         let mut warnings = loaded.warnings;
         if matches!(loaded.format, Format::Gltf | Format::Glb) && loaded.contents.meshes > 1 {
             warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
@@ -90,7 +90,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         bytes_text(&splits, &sizes),
         seconds(begin.elapsed().as_secs_f64())
     ));
-    let is_lossy = show_warnings(&out, &path, &warnings, args.strict);
+    let is_lossy = show_warnings(&out, &path, &warnings, args.ending.strict);
     out.finish(if is_lossy { Status::Strict } else { Status::Done })
 }
 
@@ -98,10 +98,10 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
     let format = file::format_of(&args.output, args.writing.to)?;
     file::refuse_folder(&args.output, "")?;
     let is_taken = args.output == Sink::Stdout;
-    if is_taken && args.json {
+    if is_taken && args.ending.json {
         return Err(usage("standard output cannot carry the mesh and --json"));
     }
-    let out = Output::new(&args.run, args.json, is_taken);
+    let out = Output::new(&args.run, args.ending.json, is_taken);
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
     let begin = Instant::now();
@@ -119,7 +119,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         orient(&mut mesh, &args.writing);
         let options = file::options(&args.writing, format, lpm.regions);
         let mut warnings = lpm.warnings;
-        warnings.extend(file::write(&mesh, &args.output, format, &options, args.force)?);
+        warnings.extend(file::write(&mesh, &args.output, format, &options, args.writing.force)?);
         Ok((road, counts, full, is_reached, warnings))
     });
     progress.finish();
@@ -148,15 +148,15 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         short(road.error()),
         seconds(secs)
     ));
-    let mut is_fault = show_warnings(&out, &path, &warnings, args.strict);
+    let mut is_fault = show_warnings(&out, &path, &warnings, args.ending.strict);
     if !is_reached {
         let text = format!("{path}: target not reached, the base has {}", counted(faces, "face", "faces"));
-        if args.strict {
+        if args.ending.strict {
             output::error(&text)
         } else {
             out.warning(&text)
         }
-        is_fault |= args.strict;
+        is_fault |= args.ending.strict;
     }
     out.finish(if is_fault { Status::Strict } else { Status::Done })
 }

@@ -16,7 +16,7 @@ use lodsmith_render::{
 use serde_json::{Value, json};
 
 use super::show_warnings;
-use crate::args::{LookArgs, PlaceArgs, RenderArgs, Up};
+use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Up};
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink, Source};
 use crate::in_order;
@@ -36,6 +36,13 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
     let is_heat = args.look.shading == Some(Shading::Heat);
     if is_heat && args.compare.is_none() && args.levels.is_empty() {
         return Err(usage("--shading heat shows a distance: say from what, with --compare or --levels"));
+    }
+    let is_moving = args.moment.clip.is_some() || args.moment.time.is_some();
+    if is_moving && Drawing::is_measured(args) {
+        return Err(usage(
+            "--time and --clip show a scene as it moves; --levels and --shading heat show one mesh at rest: leave out \
+             one of them",
+        ));
     }
     let out = Output::new(&args.run, args.json, args.output == Sink::Stdout);
     let progress = Progress::new(1, args.run.quiet);
@@ -99,12 +106,53 @@ struct Item {
     reference: Option<usize>,
     /// Distance of each vertex from the reference.
     distances: Option<Vec<f32>>,
+    moment: Option<Moment>,
 }
 
 impl Item {
     /// The mesh that is measured: the only one.
     fn mesh(&self) -> &TriMesh {
         &self.model.meshes[0].mesh
+    }
+}
+
+/// Moments of an animation that the camera is placed by.
+const MOMENTS: usize = 17;
+
+/// A moment of an animation.
+struct Moment {
+    clip: usize,
+    name: String,
+    seconds: f64,
+}
+
+impl Moment {
+    /// The one that is asked for; `None` at rest.
+    fn of(args: &MomentArgs, model: &Model) -> anyhow::Result<Option<Self>> {
+        if args.clip.is_none() && args.time.is_none() {
+            return Ok(None);
+        }
+        let names: Vec<String> = model.animations.iter().map(|a| a.name.clone()).collect();
+        if names.is_empty() {
+            return Err(usage("has no animation: --time and --clip are for glTF files that have one"));
+        }
+        let clip = match &args.clip {
+            None => Some(0),
+            Some(word) => {
+                let by_number = || word.parse::<usize>().ok()?.checked_sub(1).filter(|n| *n < names.len());
+                names.iter().position(|n| n == word).or_else(by_number)
+            }
+        };
+        let Some(clip) = clip else {
+            let all: Vec<_> = names.iter().enumerate().map(|(i, n)| format!("{} {n:?}", i + 1)).collect();
+            let wanted = args.clip.as_deref().unwrap_or_default();
+            return Err(usage(format!("has no animation {wanted:?}, but {}", all.join(", "))));
+        };
+        let (seconds, length) = (args.time.unwrap_or(0.0), model.animations[clip].duration());
+        if seconds > length {
+            return Err(usage(format!("animation {:?} is over after {} s", names[clip], short(length))));
+        }
+        Ok(Some(Self { clip, name: names[clip].clone(), seconds }))
     }
 }
 
@@ -123,6 +171,8 @@ struct Row {
     level: Option<usize>,
     largest: Option<f64>,
     shading: Shading,
+    /// The animation and its moment.
+    moment: Option<(String, f64)>,
     seconds: f64,
 }
 
@@ -133,6 +183,8 @@ impl Row {
             "faces": self.faces,
             "level": self.level,
             "shading": self.shading.name(),
+            "clip": self.moment.as_ref().map(|m| &m.0),
+            "time": self.moment.as_ref().map(|m| m.1),
             "largest_distance": self.largest,
             "seconds": micros(self.seconds),
         })
@@ -167,7 +219,7 @@ impl<'a> Drawing<'a> {
                 let Simplified { mesh, .. } = not_interrupted(done).with_context(|| input.to_string())?;
                 let model = whole.with_meshes(vec![Arc::new(mesh)]);
                 let (path, level, reference) = (input.to_string(), Some(count), Some(original));
-                drawing.items.push(Item { path, model, level, reference, distances: None });
+                drawing.items.push(Item { path, model, level, reference, distances: None, moment: None });
             }
         }
         drawing.measure()?;
@@ -192,8 +244,9 @@ impl<'a> Drawing<'a> {
         if self.args.place.up == Up::Z {
             turn(&mut model);
         }
+        let moment = Moment::of(&self.args.moment, &model).with_context(|| path.clone())?;
         self.warnings.push((path.clone(), warnings));
-        self.items.push(Item { path, model, level: None, reference, distances: None });
+        self.items.push(Item { path, model, level: None, reference, distances: None, moment });
         Ok(())
     }
 
@@ -225,15 +278,20 @@ impl<'a> Drawing<'a> {
         let mut rows = Vec::new();
         let mut bounds: Vec<Option<Bounds>> = Vec::new();
         for item in &self.items {
-            let mut subject = Subject::new(&item.model)?;
+            let mut subject = match &item.moment {
+                Some(moment) => Subject::posed(&item.model, &item.model.pose(moment.clip, moment.seconds))?,
+                None => Subject::new(&item.model)?,
+            };
             let shading = self.shading(item);
             let largest = item.distances.as_ref().map(|d| largest(d));
             if let Some(distances) = item.distances.as_ref().filter(|_| shading == Shading::Heat) {
                 subject = subject.with_values(vec![distances.clone()])?;
             }
-            bounds.push(subject.bounds());
+            // Several moments are seen from the same place.
+            let clip = item.moment.as_ref().map(|m| item.model.bounds_over(m.clip, MOMENTS));
+            bounds.push(clip.unwrap_or_else(|| subject.bounds()));
             // What is compared is seen from the same place.
-            let seen = item.reference.map_or_else(|| subject.bounds(), |of| bounds[of]);
+            let seen = bounds[item.reference.unwrap_or(bounds.len() - 1)];
             let mut view = self.view(seen, shading, range);
             if is_sheet {
                 view.background = Background::Transparent;
@@ -246,6 +304,7 @@ impl<'a> Drawing<'a> {
                 level: item.level,
                 largest: largest.filter(|_| item.reference.is_some()),
                 shading,
+                moment: item.moment.as_ref().map(|m| (m.name.clone(), m.seconds)),
                 seconds: begin.elapsed().as_secs_f64(),
             };
             let caption = if args.sheet.no_captions { Vec::new() } else { self.caption(item, &row) };
@@ -294,7 +353,10 @@ impl<'a> Drawing<'a> {
             (Some(_), Some(largest), Some(diagonal)) if diagonal > 0.0 => {
                 format!("max {} %", short(100.0 * largest / diagonal))
             }
-            _ => name,
+            _ => match &row.moment {
+                Some((_, seconds)) => format!("{name} at {seconds} s"),
+                None => name,
+            },
         };
         vec![faces, below]
     }

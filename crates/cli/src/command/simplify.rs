@@ -84,9 +84,9 @@ fn simplify_one(
         Done { input_format, report, warnings, meshes, threads: rayon::current_num_threads(), clock }
     };
     let loaded = match whole {
-        None => Box::new(file::read_with(&job.source, args.from, care::properties(&args.how))?),
+        None => Box::new(file::read_with(&job.source, args.from, care::properties(&args.engine.how))?),
         Some((sink, format)) => {
-            match file::read_scene(&job.source, args.from, care::properties(&args.how))? {
+            match file::read_scene(&job.source, args.from, care::properties(&args.engine.how))? {
                 Input::Mesh(loaded) => loaded,
                 Input::Scene(scene) => {
                     let from = scene.format();
@@ -111,7 +111,7 @@ fn simplify_mesh(
     turn: &Turn<'_>,
 ) -> anyhow::Result<Told> {
     let mut options = args.options();
-    care::of_mesh(&args.how, &loaded, &mut options)?;
+    care::of_mesh(&args.engine.how, &loaded, &mut options)?;
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
     let carries = |to: Format| matches!(to, Format::Obj | Format::Gltf | Format::Glb);
     let is_wanted = !matches!(args.writing.textures, TexturesChoice::None);
@@ -120,7 +120,7 @@ fn simplify_mesh(
         // Where materials do not go along, their borders are in nobody's way.
         mesh.set_regions(None)?;
     }
-    if args.is_per_mesh() && contents.meshes > 1 {
+    if args.engine.is_per_mesh() && contents.meshes > 1 {
         let text = "--per-mesh: the meshes become one on this way, and share the target";
         warnings.push(Warning::note(text));
     }
@@ -140,7 +140,7 @@ fn simplify_mesh(
         let options = file::options(&args.writing, *format, regions);
         warnings.extend(match args.dry_run {
             true => file::losses(&lighter, sink, *format, &options)?,
-            false => file::write(&lighter, sink, *format, &options, args.force)?,
+            false => file::write(&lighter, sink, *format, &options, args.writing.force)?,
         });
     }
     Ok(Told { report, warnings, meshes: Vec::new() })
@@ -158,7 +158,7 @@ fn simplify_scene(
     let (taken, parts) = parts_of(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let mut options = args.options();
-    care::of_scene(&args.how, &scene, &taken, &mut options)?;
+    care::of_scene(&args.engine.how, &scene, &taken, &mut options)?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, watch);
     let SimplifiedScene { meshes: mut lighter, report, counts } = not_interrupted(done)?;
 
@@ -178,7 +178,7 @@ fn simplify_scene(
     let relink = |uri: &str| images.uri(uri);
     warnings.extend(match args.dry_run {
         true => file::scene_losses(&scene, &replaced, &relink, format)?,
-        false => file::write_scene(&scene, &replaced, &relink, sink, format, args.force)?,
+        false => file::write_scene(&scene, &replaced, &relink, sink, format, args.writing.force)?,
     });
     let meshes = taken.iter().map(|&i| meshes[i].name.clone()).zip(counts).collect();
     Ok(Told { report, warnings, meshes })
@@ -263,15 +263,15 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
     for line in done.details() {
         out.detail(&line);
     }
-    let mut is_fault = show_warnings(out, path, &done.warnings, args.strict);
+    let mut is_fault = show_warnings(out, path, &done.warnings, args.ending.strict);
     if !done.report.reached {
         let text = format!("{path}: {}", not_reached(&done.report, &args.options(), args.time_limit));
-        if args.strict {
+        if args.ending.strict {
             output::error(&text)
         } else {
             out.warning(&text)
         }
-        is_fault |= args.strict;
+        is_fault |= args.ending.strict;
     }
     if is_fault { Status::Strict } else { Status::Done }
 }
@@ -416,7 +416,7 @@ impl Done {
                 "cell": c.cell, "faces": c.faces, "vertices": c.vertices, "non_manifold_edges": c.non_manifold_edges,
             });
         }
-        if !args.how.lock.is_empty() {
+        if !args.engine.how.lock.is_empty() {
             report["locked"] = json!({ "vertices": r.locked_vertices, "faces": r.locked_faces });
         }
         if args.dry_run {

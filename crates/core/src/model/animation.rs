@@ -50,7 +50,7 @@ pub struct Skin {
 /// Something that moves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Animation {
-    /// Its name, for people.
+    /// Its name, for people; empty without one.
     pub name: String,
     /// What moves, each on its own.
     pub channels: Vec<Channel>,

@@ -84,6 +84,23 @@ impl Model {
     }
 }
 
+impl Model {
+    /// A box round all that is placed at some moments of an animation, even from its begin to its end: what a camera has to
+    /// see. `None` if there is nothing. Cost: O(moments · vertices).
+    ///
+    /// # Panics
+    /// If there is no such animation.
+    pub fn bounds_over(&self, animation: usize, moments: usize) -> Option<Bounds> {
+        let length = self.animations[animation].duration();
+        let at = |k: usize| length * k as f64 / moments.saturating_sub(1).max(1) as f64;
+        let mut all = None;
+        for b in (0..moments).filter_map(|k| self.bounds(&self.pose(animation, at(k)))) {
+            [b.min, b.max].into_iter().for_each(|p| grow(&mut all, &DMat4::IDENTITY, p));
+        }
+        all
+    }
+}
+
 /// Makes room for a place, unless it is none.
 fn grow(bounds: &mut Option<Bounds>, world_from_mesh: &DMat4, p: [f64; 3]) {
     let p = world_from_mesh.transform_point3(p.into()).to_array();
@@ -217,7 +234,7 @@ mod tests {
     use super::*;
     use crate::ids::VertexId;
     use crate::mesh::Attribute;
-    use crate::model::{ModelMesh, Node, Skin, Transform};
+    use crate::model::{Animation, Channel, Interpolation, ModelMesh, Node, Skin, Track, Transform};
 
     fn near(got: &[[f32; 3]], wanted: &[[f32; 3]]) {
         assert_eq!(got.len(), wanted.len());
@@ -293,6 +310,21 @@ mod tests {
         let wanted = [[0.0, 1.0], [-half, half], [-half, half], [0.0, 1.0], [-1.0, 0.0], [-1.0, 0.0]];
         near(&bent.normals, &wanted.map(|[x, y]| [x, y, 0.0]));
         assert!((model.bounds(&pose).unwrap().max[1] - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_camera_has_to_see_what_moves_on_all_of_its_way() {
+        let mut model = arm();
+        let root = std::f32::consts::FRAC_1_SQRT_2;
+        let track = Track::Rotation(vec![[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, root, root], [0.0, 0.0, 0.0, 1.0]]);
+        let (times, interpolation) = (vec![0.0, 1.0, 2.0], Interpolation::Linear);
+        let channels = vec![Channel { node: 2, track, times, interpolation }];
+        model.animations = vec![Animation { name: String::new(), channels }];
+        let all = model.bounds_over(0, 17).unwrap();
+        // Out to the right at rest, up in the middle of its time.
+        assert!((all.max[0] - 2.0).abs() < 0.13 && (all.max[1] - 1.0).abs() < 0.2, "{all:?}");
+        assert_eq!(model.bounds_over(0, 0), None);
+        assert!((model.bounds_over(0, 1).unwrap().max[1] - 0.5).abs() < 1e-6);
     }
 
     #[test]

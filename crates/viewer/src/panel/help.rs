@@ -31,7 +31,7 @@ pub fn show(ctx: &egui::Context) -> bool {
                         ui.columns(3, |columns| {
                             for (group, title) in Group::ALL {
                                 let column = match group {
-                                    Group::File | Group::Detail => 0,
+                                    Group::File | Group::Detail | Group::Animation => 0,
                                     Group::Look | Group::Window => 1,
                                     Group::Camera | Group::Stage => 2,
                                 };
@@ -81,8 +81,12 @@ fn merged(action: Action, keys: String, name: &str) -> (String, String) {
         Action::Recall(_) => (format!("{keys} … 4"), "Back to a kept camera".to_owned()),
         Action::Orbit(..) => ("Arrows".to_owned(), "Turn round the model".to_owned()),
         Action::TurnModel(..) => ("Alt+arrows".to_owned(), "Turn the model itself".to_owned()),
-        Action::Copies(CopiesAction::Turn(_)) => (", .".to_owned(), "Turn the chosen copies".to_owned()),
-        Action::Copies(CopiesAction::Scale(_)) => ("[ ]".to_owned(), "Make them smaller, larger".to_owned()),
+        Action::Copies(CopiesAction::Turn(_)) => {
+            ("Shift+Left, Right".to_owned(), "Turn the chosen copies".to_owned())
+        }
+        Action::Copies(CopiesAction::Scale(_)) => {
+            ("Shift+Down, Up".to_owned(), "Make them smaller, larger".to_owned())
+        }
         _ => (keys, name.to_owned()),
     }
 }

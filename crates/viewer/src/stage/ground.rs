@@ -2,6 +2,7 @@
 
 use eframe::egui::{Pos2, Rect, Vec2};
 use glam::DVec3;
+use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model};
 use lodsmith_render::{Camera, Lens};
 
@@ -45,12 +46,13 @@ pub fn circle(camera: &Camera, rect: Rect, centre: DVec3, radius: f64) -> Vec<Po
 }
 
 /// The copy that lies first under a place of the picture. `model_of` gives what is drawn of a copy; those of which nothing
-/// is are not hit.
+/// is are not hit. What an animation moves out of the box at rest is not found there.
 ///
 /// Cost: O(copies), and the triangles of those whose boxes are hit before.
 pub fn copy_under<'a>(
     copies: &[Placement],
     base: &Base,
+    pose: &Pose,
     camera: &Camera,
     rect: Rect,
     at: Pos2,
@@ -75,7 +77,7 @@ pub fn copy_under<'a>(
             break;
         }
         let Some(model) = model_of(number) else { continue };
-        if let Some(place) = pick(model, base.stage_from(&copies[number]), camera.eye, along) {
+        if let Some(place) = pick(model, pose, base.stage_from(&copies[number]), camera.eye, along) {
             let t = place.distance(camera.eye);
             if first.is_none_or(|(best, _)| t < best) {
                 first = Some((t, number));
@@ -149,7 +151,7 @@ mod tests {
         ];
         let under = |place: DVec3| {
             let at = project(&camera, rect, place).unwrap();
-            copy_under(&copies, &base, &camera, rect, at, |_| Some(&model))
+            copy_under(&copies, &base, &Pose::default(), &camera, rect, at, |_| Some(&model))
         };
         assert_eq!(under(DVec3::new(0.0, 0.5, 0.0)), Some(1));
         assert_eq!(under(DVec3::new(behind.x, 1.8, behind.z)), Some(0));
@@ -157,7 +159,8 @@ mod tests {
         // Within the box, beside the ball.
         assert_eq!(under(DVec3::new(0.0, 0.0, 4.0)), None);
         let at = project(&camera, rect, DVec3::new(0.0, 0.5, 0.0)).unwrap();
-        let hidden = copy_under(&copies, &base, &camera, rect, at, |k| (k != 1).then_some(&model));
+        let hidden =
+            copy_under(&copies, &base, &Pose::default(), &camera, rect, at, |k| (k != 1).then_some(&model));
         assert_ne!(hidden, Some(1), "what is not drawn is not met");
     }
 }

@@ -77,6 +77,15 @@ pub struct LevelFacts {
     pub copies: usize,
 }
 
+/// What is shown where.
+struct Shown<'a> {
+    document: &'a Document,
+    base: Base,
+    levels: Vec<StageLevel<'a>>,
+    pose: &'a ModelPose,
+    rect: Rect,
+}
+
 /// Copies that are being moved.
 struct Drag {
     from: DVec3,
@@ -268,15 +277,15 @@ impl StageView {
             self.eye_height = height;
             self.change_orbit(|o| walk::set_height(o, height));
         }
-        let levels = document.stage_levels();
-        self.mouse(&response, rect, document, &base, &levels, says);
+        let shown = Shown { document, base, levels: document.stage_levels(), pose, rect };
+        self.mouse(&response, &shown, says);
 
         let begin = Instant::now();
         let height_px = f64::from(rect.height() * ui.pixels_per_point());
         let eye = Eye { camera: self.orbit.camera(), aspect: self.aspect, height_px };
-        let numbers: Vec<_> = levels.iter().map(|l| l.level).collect();
+        let numbers: Vec<_> = shown.levels.iter().map(|l| l.level).collect();
         let chosen = self.chooser.choose(copies, &base, &numbers, &eye, &stage.view);
-        let counts = chosen.counts(levels.len());
+        let counts = chosen.counts(numbers.len());
         let of_level = |(level, copies): (&super::levels::Level, usize)| LevelFacts {
             faces: level.faces,
             distance: distance_of(level, &eye, chosen.pixels),
@@ -287,7 +296,7 @@ impl StageView {
         let painter = ui.painter_at(rect);
         painter.rect_filled(rect, 0.0, palette(ui).window);
         if let Some(gpu) = gpu {
-            self.draw(ui, document, gpu, own, pose, (&levels, &base, rect));
+            self.draw(ui, gpu, own, &shown);
         }
         self.facts.secs = begin.elapsed().as_secs_f64();
         self.facts.longest_secs = self.facts.longest_secs.max(self.facts.secs);
@@ -311,15 +320,8 @@ impl StageView {
         }
     }
 
-    fn draw(
-        &mut self,
-        ui: &Ui,
-        document: &Document,
-        gpu: &mut Gpu,
-        own: &OwnFiles,
-        pose: &ModelPose,
-        (levels, base, rect): (&[StageLevel<'_>], &Base, Rect),
-    ) {
+    fn draw(&mut self, ui: &Ui, gpu: &mut Gpu, own: &OwnFiles, shown: &Shown<'_>) {
+        let Shown { document, base, levels, pose, rect } = shown;
         let settings = document.settings();
         let stage = &settings.stage;
         let scale = ui.pixels_per_point();
@@ -363,36 +365,24 @@ impl StageView {
         gpu.draw(target, &frame);
         if let Some(id) = target.texture_id() {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-            ui.painter_at(rect).image(id, rect, whole, Color32::WHITE);
+            ui.painter_at(*rect).image(id, *rect, whole, Color32::WHITE);
         }
     }
 
     /// The copy under a place, of those that are drawn.
-    fn under(
-        &self,
-        document: &Document,
-        base: &Base,
-        levels: &[StageLevel<'_>],
-        rect: Rect,
-        at: Pos2,
-    ) -> Option<usize> {
+    fn under(&self, shown: &Shown<'_>, at: Pos2) -> Option<usize> {
+        let Shown { document, base, levels, pose, rect } = shown;
         let model_of = |copy: usize| {
             let seen = self.facts.chosen.in_sight.iter().find(|s| s.copy == copy)?;
             Some(levels.get(seen.level)?.model)
         };
         let copies = &document.settings().stage.copies;
-        ground::copy_under(copies, base, &self.orbit.camera(), rect, at, model_of)
+        ground::copy_under(copies, base, pose, &self.orbit.camera(), *rect, at, model_of)
     }
 
-    fn mouse(
-        &mut self,
-        response: &Response,
-        rect: Rect,
-        document: &Document,
-        base: &Base,
-        levels: &[StageLevel<'_>],
-        says: &mut Vec<Say>,
-    ) {
+    fn mouse(&mut self, response: &Response, shown: &Shown<'_>, says: &mut Vec<Say>) {
+        let Shown { document, base, rect, .. } = shown;
+        let rect = *rect;
         let (modifiers, pressed_at) = response.ctx.input(|i| (i.modifiers, i.pointer.press_origin()));
         let dragged = response.dragged_by(PointerButton::Primary);
         let by = response.drag_delta();
@@ -408,7 +398,7 @@ impl StageView {
         if response.drag_started_by(PointerButton::Primary)
             && is_plain
             && let Some(at) = pressed_at
-            && let Some(copy) = self.under(document, base, levels, rect, at)
+            && let Some(copy) = self.under(shown, at)
         {
             if !self.selected.contains(&copy) {
                 self.select([copy]);
@@ -449,7 +439,7 @@ impl StageView {
                     self.select([document.settings().stage.copies.len()]);
                 }
             } else {
-                match self.under(document, base, levels, rect, at) {
+                match self.under(shown, at) {
                     Some(copy) if modifiers.shift => {
                         if !self.selected.remove(&copy) {
                             self.selected.insert(copy);
@@ -464,7 +454,7 @@ impl StageView {
             && !self.is_placing
             && let Some(at) = response.interact_pointer_pos()
         {
-            let under = self.under(document, base, levels, rect, at);
+            let under = self.under(shown, at);
             let copy = under.map(|n| base.ball(&document.settings().stage.copies[n]).0);
             if let Some(place) = copy.or_else(|| ground::on_ground(&self.orbit.camera(), rect, at)) {
                 self.change_orbit(|o| o.target = place);

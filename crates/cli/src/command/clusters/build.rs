@@ -32,10 +32,10 @@ struct Done {
 pub(super) fn run(args: &BuildArgs) -> anyhow::Result<Status> {
     file::refuse_folder(&args.output, "")?;
     let is_taken = args.output == Sink::Stdout;
-    if is_taken && args.json {
+    if is_taken && args.ending.json {
         return Err(exit::usage("standard output takes the clusters or the JSON, not both"));
     }
-    let out = Output::new(&args.run, args.json, is_taken);
+    let out = Output::new(&args.run, args.ending.json, is_taken);
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
     let done = in_order::pool(args.run.threads())?.install(|| build(args, &path, &progress));
@@ -45,7 +45,7 @@ pub(super) fn run(args: &BuildArgs) -> anyhow::Result<Status> {
     for line in done.table(&path, args) {
         out.line(&line);
     }
-    let is_lossy = show_warnings(&out, &path, &done.warnings, args.strict);
+    let is_lossy = show_warnings(&out, &path, &done.warnings, args.ending.strict);
     out.finish(if is_lossy { Status::Strict } else { Status::Done })
 }
 

@@ -33,10 +33,10 @@ pub(super) fn run(args: &CutArgs) -> anyhow::Result<Status> {
     file::refuse_folder(&args.output, "")?;
     file::at_most_one_stdin([Some(&args.input), args.materials.as_ref()].into_iter().flatten())?;
     let is_taken = args.output == Sink::Stdout;
-    if is_taken && args.json {
+    if is_taken && args.ending.json {
         return Err(exit::usage("standard output takes the mesh or the JSON, not both"));
     }
-    let out = Output::new(&args.run, args.json, is_taken);
+    let out = Output::new(&args.run, args.ending.json, is_taken);
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
     let begin = Instant::now();
@@ -66,7 +66,7 @@ pub(super) fn run(args: &CutArgs) -> anyhow::Result<Status> {
         bar.write();
         orient(&mut surface, &args.writing);
         let options = file::options(&args.writing, format, regions);
-        warnings.extend(file::write(&surface, &args.output, format, &options, args.force)?);
+        warnings.extend(file::write(&surface, &args.output, format, &options, args.writing.force)?);
         let (faces, vertices) = (surface.face_count(), surface.vertex_count());
         Ok(Done { clusters: chosen.len(), faces, vertices, of_faces, error, warnings })
     });
@@ -93,7 +93,7 @@ pub(super) fn run(args: &CutArgs) -> anyhow::Result<Status> {
         significant(done.error, 3),
         seconds(secs)
     ));
-    let is_lossy = show_warnings(&out, &path, &done.warnings, args.strict);
+    let is_lossy = show_warnings(&out, &path, &done.warnings, args.ending.strict);
     out.finish(if is_lossy { Status::Strict } else { Status::Done })
 }
 

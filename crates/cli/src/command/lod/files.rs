@@ -51,7 +51,7 @@ impl Plan {
             name: &first,
             from: args.from,
             to: args.writing.to,
-            json: args.json,
+            json: args.ending.json,
             dry_run: args.dry_run,
         })?;
         let Some((sink, format)) = jobs.into_iter().find_map(|job| job.output) else {
@@ -138,7 +138,7 @@ impl Plan {
                 &mut warnings,
                 match args.dry_run {
                     true => file::losses(mesh, &sink, format, &options)?,
-                    false => file::write(mesh, &sink, format, &options, args.force)?,
+                    false => file::write(mesh, &sink, format, &options, args.writing.force)?,
                 },
             );
         }
@@ -168,7 +168,7 @@ impl Plan {
                 levels.coverage = coverage(scene, distances, args);
                 warnings = match args.dry_run {
                     true => file::levels_losses(scene, &levels, relink, *format)?,
-                    false => file::write_levels(scene, &levels, relink, sink, *format, args.force)?,
+                    false => file::write_levels(scene, &levels, relink, sink, *format, args.writing.force)?,
                 };
             }
             Self::Each { format, .. } => {
@@ -178,7 +178,14 @@ impl Plan {
                         &mut warnings,
                         match args.dry_run {
                             true => file::scene_losses(scene, replaced, relink, *format)?,
-                            false => file::write_scene(scene, replaced, relink, &sink, *format, args.force)?,
+                            false => file::write_scene(
+                                scene,
+                                replaced,
+                                relink,
+                                &sink,
+                                *format,
+                                args.writing.force,
+                            )?,
                         },
                     );
                 }
@@ -193,7 +200,7 @@ impl Plan {
         if args.dry_run {
             return Ok(());
         }
-        file::write_text(&format!("{list:#}\n"), &folder.join(LIST), args.force)
+        file::write_text(&format!("{list:#}\n"), &folder.join(LIST), args.writing.force)
     }
 }
 

@@ -45,19 +45,19 @@ pub(super) fn show(
     let times: Vec<String> =
         made.clock.stages.iter().map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
     out.detail(&format!("  {}, {}", times.join(", "), counted(args.run.threads(), "thread", "threads")));
-    let mut is_fault = show_warnings(out, path, &made.warnings, args.strict);
+    let mut is_fault = show_warnings(out, path, &made.warnings, args.ending.strict);
     let options = args.options().simplify;
     for (k, level) in made.levels.iter().enumerate() {
         let name = format!("{path}: level {}", k + 1);
-        is_fault |= show_warnings(out, &name, &told(&level.report), args.strict);
+        is_fault |= show_warnings(out, &name, &told(&level.report), args.ending.strict);
         if !level.report.reached {
             let text = format!("{name}: {}", not_reached(&level.report, &options, args.time_limit));
-            if args.strict {
+            if args.ending.strict {
                 output::error(&text)
             } else {
                 out.warning(&text)
             }
-            is_fault |= args.strict;
+            is_fault |= args.ending.strict;
         }
     }
     if is_fault { Status::Strict } else { Status::Done }

@@ -111,7 +111,7 @@ pub(super) fn animations(
                 }
             }
         }
-        let name = value["name"].as_str().map_or_else(|| format!("animations[{i}]"), str::to_owned);
+        let name = value["name"].as_str().unwrap_or_default().to_owned();
         animations.push(Animation { name, channels });
     }
     // More would help nobody. Guessed.

@@ -1,0 +1,204 @@
+//! What commands share that make meshes lighter: when to stop, how, and what is cared for.
+
+use clap::Args;
+use lodsmith::{AttributeWeights, Guards, SimplifyOptions, Stop};
+use serde_json::{Map, Value};
+
+use super::choice::{BorderChoice, FitChoice, MethodChoice, PlacementChoice, PresetChoice, TopologyChoice};
+use super::of_method::OfMethod;
+use super::scope::Scope;
+use super::{TypedLength, values};
+
+/// When to stop.
+#[derive(Args, Debug)]
+pub(crate) struct Target {
+    /// So many triangles
+    #[arg(long, value_name = "N", value_parser = values::count)]
+    faces: Option<usize>,
+    /// So many vertices
+    #[arg(long, value_name = "N", value_parser = values::count)]
+    vertices: Option<usize>,
+    /// This part of the triangles, above 0 and up to 1
+    #[arg(long, value_name = "R", value_parser = values::ratio)]
+    ratio: Option<f64>,
+    /// Largest deviation, in the units of the file or of the diagonal (0.1%)
+    #[arg(long, value_name = "D")]
+    error: Option<TypedLength>,
+}
+
+impl Target {
+    /// Whether there is any.
+    pub(crate) fn is_given(&self) -> bool {
+        self.faces.is_some() || self.vertices.is_some() || self.ratio.is_some() || self.error.is_some()
+    }
+
+    /// Whether a deviation is asked for.
+    pub(super) fn has_error(&self) -> bool {
+        self.error.is_some()
+    }
+
+    /// For the engine.
+    pub(super) fn stop(&self) -> Stop {
+        Stop {
+            faces: self.faces,
+            vertices: self.vertices,
+            ratio: self.ratio,
+            error: self.error.as_ref().map(|e| e.length),
+        }
+    }
+
+    /// What was asked for, by name.
+    pub(crate) fn to_json(&self) -> Value {
+        let all = [
+            ("faces", self.faces.map(Value::from)),
+            ("vertices", self.vertices.map(Value::from)),
+            ("ratio", self.ratio.map(Value::from)),
+            ("error", self.error.as_ref().map(TypedLength::to_json)),
+        ];
+        Value::Object(all.into_iter().filter_map(|(k, v)| Some((k.to_owned(), v?))).collect::<Map<_, _>>())
+    }
+}
+
+/// How to come there.
+#[derive(Args, Debug)]
+pub(crate) struct EngineArgs {
+    #[command(flatten)]
+    pub(crate) how: How,
+    #[command(flatten)]
+    of_method: OfMethod,
+    #[command(flatten)]
+    scope: Scope,
+    #[command(flatten)]
+    guards: GuardArgs,
+    /// Equal seeds give equal results
+    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "How")]
+    seed: u64,
+}
+
+#[derive(Args, Debug)]
+#[command(next_help_heading = "How")]
+pub(crate) struct How {
+    /// Options for a purpose, see below; what is typed beside it goes before it
+    #[arg(long, value_name = "PURPOSE", value_enum, default_value_t)]
+    preset: PresetChoice,
+    /// Method, see below
+    #[arg(long, value_name = "METHOD", value_enum, default_value_t)]
+    method: MethodChoice,
+    /// Last least-squares step towards the original
+    #[arg(long, value_name = "WHEN", value_enum, default_value_t)]
+    fit: FitChoice,
+    /// Where a merged vertex goes; `endpoint` keeps a subset of the vertices
+    #[arg(long, value_name = "WHERE", value_enum, default_value_t)]
+    placement: PlacementChoice,
+    /// Open borders: held in place, moved along themselves, untouched, no care [default: keep, or by preset]
+    #[arg(long, value_name = "CARE", value_enum)]
+    border: Option<BorderChoice>,
+    /// Topology: no new defects; nothing changes at all; handles are cut and parts go where that is cheapest [default:
+    /// relaxed, or by preset]
+    #[arg(long, value_name = "CARE", value_enum)]
+    topology: Option<TopologyChoice>,
+    /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph, other; or the
+    /// lines of open borders: border; may be repeated
+    #[arg(long, value_name = "NAME=W", value_parser = values::weight)]
+    weight: Vec<(AttributeName, f64)>,
+    /// Leave this alone, to the bit: a material, group, object, mesh or node, or the vertices where this attribute is
+    /// not zero; may be repeated
+    #[arg(long, value_name = "NAME")]
+    pub(crate) lock: Vec<String>,
+    /// Keep more triangles where this attribute of vertices is large: at 1, or at the largest value if that is above 1,
+    /// STRENGTH times as many per area as at 0 [default STRENGTH: 4]
+    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = values::importance)]
+    pub(crate) importance: Option<Importance>,
+    /// Join vertices closer than this first; equal ones always are
+    #[arg(long, value_name = "D", value_parser = values::some_length)]
+    weld: Option<TypedLength>,
+}
+
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Guards of the result")]
+struct GuardArgs {
+    /// Largest turn of a face in one step
+    #[arg(long, value_name = "DEG", value_parser = values::turn_deg)]
+    max_normal: Option<f64>,
+    /// Least shape of a new face, from 0 to 1 (equilateral)
+    #[arg(long, value_name = "Q", value_parser = values::quality)]
+    min_quality: Option<f64>,
+    /// Most edges at a vertex
+    #[arg(long, value_name = "N", value_parser = values::valence)]
+    max_valence: Option<usize>,
+    /// Longest edge
+    #[arg(long, value_name = "D", value_parser = values::some_length)]
+    max_edge: Option<TypedLength>,
+}
+
+/// An attribute, or else, that `--weight` names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum AttributeName {
+    Normal,
+    Uv,
+    Color,
+    Morph,
+    Other,
+    Border,
+}
+
+impl AttributeName {
+    pub(crate) const ALL: [(&str, Self); 6] = [
+        ("normal", Self::Normal),
+        ("uv", Self::Uv),
+        ("color", Self::Color),
+        ("morph", Self::Morph),
+        ("other", Self::Other),
+        ("border", Self::Border),
+    ];
+
+    pub(super) fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
+        match self {
+            Self::Normal => &mut weights.normal,
+            Self::Uv => &mut weights.uv,
+            Self::Color => &mut weights.color,
+            Self::Morph => &mut weights.morph,
+            Self::Other => &mut weights.other,
+            Self::Border => &mut weights.border,
+        }
+    }
+}
+
+/// An attribute of vertices, and how much denser the result is where it is 1.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Importance {
+    pub(crate) name: String,
+    pub(crate) strength: f32,
+}
+
+impl EngineArgs {
+    /// What the engine is told, to come to this stop.
+    pub(super) fn options(&self, stop: Stop) -> SimplifyOptions {
+        let (how, guards) = (&self.how, &self.guards);
+        let mut options = SimplifyOptions::preset(how.preset.into(), stop);
+        options.method = how.method.into();
+        options.of_method = self.of_method.options();
+        options.fit = how.fit.into();
+        options.placement = how.placement.into();
+        options.border = how.border.map_or(options.border, Into::into);
+        options.topology = how.topology.map_or(options.topology, Into::into);
+        for (name, weight) in &how.weight {
+            *name.of(&mut options.weights) = *weight;
+        }
+        options.weld = how.weld.as_ref().map(|d| d.length).or(options.weld);
+        options.guards = Guards {
+            max_normal_deg: guards.max_normal,
+            min_quality: guards.min_quality,
+            max_valence: guards.max_valence,
+            max_edge: guards.max_edge.as_ref().map(|d| d.length),
+        };
+        self.scope.apply(&mut options);
+        options.seed = self.seed;
+        options
+    }
+
+    /// Whether each mesh has a target of its own.
+    pub(crate) fn is_per_mesh(&self) -> bool {
+        self.scope.per_mesh
+    }
+}

@@ -1,0 +1,283 @@
+//! What moves when: the animation, its moment, and a lane for everything that has keyframes.
+
+use eframe::egui::{self, Rangef, Rect, Response, Sense, Stroke, Ui, Vec2, pos2};
+use lodsmith_core::Model;
+
+use super::{Scope, parts};
+use crate::command::Command;
+use crate::keys::Action;
+use crate::playback::{Playback, SPEEDS, clip_names, keyframes};
+use crate::theme::{palette, weak};
+
+/// Room for names before the lanes.
+const NAMES: f32 = 128.0;
+const RULER: f32 = 26.0;
+const LANE: f32 = 20.0;
+/// Room for half a knob beyond both ends.
+const MARGIN: f32 = 8.0;
+/// Least room between two marks of the ruler.
+const MARK_POINTS: f64 = 64.0;
+
+/// Something that changes over time: a lane under the ruler.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track {
+    /// What changes.
+    pub name: String,
+    /// Seconds of its keyframes, rising.
+    pub keys: Vec<f64>,
+}
+
+/// All lanes, from above.
+fn tracks(model: &Model, playback: &Playback) -> Vec<Track> {
+    let clip = playback.clip.filter(|c| *c < model.animations.len());
+    clip.map(|c| Track { name: clip_names(model).swap_remove(c), keys: keyframes(model, c) })
+        .into_iter()
+        .collect()
+}
+
+/// Where the moments of the ruler and of all lanes are on the screen.
+#[derive(Clone, Copy, Debug)]
+pub struct Scale {
+    /// From the first moment to the last.
+    pub reach: Rangef,
+    /// Seconds of the last.
+    pub length: f64,
+}
+
+impl Scale {
+    /// Where a moment is.
+    pub fn x_of(&self, seconds: f64) -> f32 {
+        let share = if self.length > 0.0 { (seconds / self.length).clamp(0.0, 1.0) } else { 0.0 };
+        self.reach.min + self.reach.span() * share as f32
+    }
+
+    /// The moment of a place, held within the ruler.
+    pub fn seconds_at(&self, x: f32) -> f64 {
+        let share = f64::from((x - self.reach.min) / self.reach.span().max(1.0)).clamp(0.0, 1.0);
+        share * self.length
+    }
+
+    /// Seconds between two marks: 1, 2 or 5 times a power of ten.
+    fn step(&self) -> f64 {
+        let least = MARK_POINTS * self.length / f64::from(self.reach.span().max(1.0));
+        let power = 10f64.powf(least.max(1e-6).log10().floor());
+        [1.0, 2.0, 5.0].map(|n| n * power).into_iter().find(|s| *s >= least).unwrap_or(10.0 * power)
+    }
+}
+
+/// The panel.
+pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let document = scope.document;
+    let Some(original) = document.original() else {
+        parts::nothing(ui, "open a file to see what moves in it");
+        return;
+    };
+    let model = original.content.model();
+    if model.animations.is_empty() {
+        parts::nothing(ui, "nothing moves in this file: animations come with glTF and GLB");
+        return;
+    }
+    let before = document.settings().playback;
+    let mut playback = before;
+    ui.horizontal(|ui| transport(ui, scope, model, &mut playback));
+    lanes(ui, scope, model, &mut playback);
+    if playback != before {
+        scope.command(Command::Playback(playback));
+    }
+}
+
+/// The row of buttons: what is played, how fast, from when.
+fn transport(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playback) {
+    let tip = |action: Action, text: &str| format!("{text} ({})", action.key());
+    let is_playing = scope.document.is_playing();
+    let (name, text) =
+        if is_playing { ("Pause", "Stop at this moment") } else { ("Play", "Go on from this moment") };
+    let button = egui::Button::new(name).min_size(Vec2::new(64.0, 0.0));
+    if ui.add(button).on_hover_text(tip(Action::Play, text)).clicked() {
+        scope.action(Action::Play);
+    }
+    for (action, name, text) in [
+        (Action::ToBegin, "|<", "To the begin"),
+        (Action::StepTime(-1), "<", "A step back"),
+        (Action::StepTime(1), ">", "A step further"),
+    ] {
+        let response = ui.button(name).on_hover_text(tip(action, text));
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, text));
+        if response.clicked() {
+            scope.action(action);
+        }
+    }
+    ui.add_space(8.0);
+    clips(ui, model, playback);
+    let text = "Begin anew at the end, or stop there";
+    if parts::segment(ui, "Repeat", playback.repeats, &tip(Action::Repeat, text)) {
+        playback.repeats = !playback.repeats;
+    }
+    ui.add_space(8.0);
+    let mut speed = playback.speed;
+    let drag = egui::DragValue::new(&mut speed).range(SPEEDS[0]..=SPEEDS[1]).speed(0.01).max_decimals(2);
+    let keys = format!("{} and {}", Action::Speed(-1).key(), Action::Speed(1).key());
+    let response =
+        ui.add(drag.suffix(" ×")).on_hover_text(format!("Times as fast ({keys} halve and double)"));
+    let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Speed"));
+    if response.changed() {
+        *playback = playback.at_speed(speed);
+    }
+    ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+        let length = playback.length(model);
+        ui.label(weak(ui, format!("of {length:.2} s")));
+        let is_good = |t: &str| seconds_of(t).is_some();
+        let now = format!("{:.2}", playback.moment(model));
+        if let Some(text) = parts::typed(ui, "Moment", &now, "", 72.0, is_good)
+            && let Some(seconds) = seconds_of(&text)
+        {
+            *playback = playback.at(model, seconds);
+        }
+    });
+}
+
+/// The list of animations, and none of them.
+fn clips(ui: &mut Ui, model: &Model, playback: &mut Playback) {
+    let names = clip_names(model);
+    let before = playback.clip;
+    let shown = before.and_then(|c| names.get(c)).map_or("At rest", String::as_str);
+    let combo = egui::ComboBox::from_id_salt("clip").width(168.0).truncate().selected_text(shown);
+    let response = combo.show_ui(ui, |ui| {
+        ui.selectable_value(&mut playback.clip, None, "At rest");
+        for (i, name) in names.iter().enumerate() {
+            ui.selectable_value(&mut playback.clip, Some(i), name);
+        }
+    });
+    let response = response.response;
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, "Animation"));
+    response.on_hover_text(format!("What is played ({} takes the next)", Action::NextClip.key()));
+    if playback.clip != before {
+        playback.seconds = 0.0;
+    }
+}
+
+/// What is typed as a moment.
+fn seconds_of(text: &str) -> Option<f64> {
+    let number = text.trim().trim_end_matches('s').trim().parse::<f64>().ok();
+    number.filter(|s| s.is_finite() && *s >= 0.0)
+}
+
+/// The ruler, a lane for each track, and the line of the moment over all of them.
+fn lanes(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playback) {
+    let tracks = tracks(model, playback);
+    let size = Vec2::new(ui.available_width(), RULER + LANE * tracks.len().max(1) as f32);
+    let (all, _) = ui.allocate_exact_size(size, Sense::hover());
+    let reach = Rangef::new(all.left() + NAMES + MARGIN, all.right() - MARGIN);
+    let scale = Scale { reach, length: playback.length(model) };
+    let (moment, p) = (playback.moment(model), palette(ui));
+    let ruler = Rect::from_min_max(pos2(all.left() + NAMES, all.top()), pos2(all.right(), all.top() + RULER));
+    let response = scrub(ui, ruler, &scale, moment);
+    marks(ui, ruler, &scale);
+    for (row, track) in tracks.iter().enumerate() {
+        let top = ruler.bottom() + LANE * row as f32;
+        lane(ui, Rect::from_min_max(pos2(all.left(), top), pos2(all.right(), top + LANE)), &scale, track);
+    }
+    if scale.length > 0.0 {
+        let x = scale.x_of(moment);
+        let color = if response.hovered() || response.dragged() { p.text } else { p.accent };
+        ui.painter().vline(x, ruler.bottom()..=all.bottom(), Stroke::new(1.5, color));
+        // Below the words of the ruler, which stay to be read.
+        let top = ruler.bottom() - 9.0;
+        let tip = [pos2(x, ruler.bottom() + 1.0), pos2(x - 6.0, top), pos2(x + 6.0, top)];
+        ui.painter().add(egui::Shape::convex_polygon(tip.to_vec(), color, Stroke::NONE));
+    }
+    let pointed = response.interact_pointer_pos().filter(|_| response.dragged() || response.clicked());
+    if let Some(pointer) = pointed.filter(|_| scale.length > 0.0) {
+        if scope.document.is_playing() {
+            scope.action(Action::Play);
+        }
+        *playback = playback.at(model, scale.seconds_at(pointer.x));
+    }
+}
+
+/// The ruler as something to drag along.
+fn scrub(ui: &Ui, ruler: Rect, scale: &Scale, moment: f64) -> Response {
+    let is_enabled = scale.length > 0.0;
+    let sense = if is_enabled { Sense::click_and_drag() } else { Sense::hover() };
+    let response = ui.interact(ruler, ui.scope_id().with("ruler"), sense);
+    response.widget_info(|| egui::WidgetInfo::slider(is_enabled, moment, "Timeline ruler"));
+    response.on_hover_cursor(if is_enabled { egui::CursorIcon::ResizeHorizontal } else { Default::default() })
+}
+
+fn marks(ui: &Ui, ruler: Rect, scale: &Scale) {
+    let p = palette(ui);
+    let painter = ui.painter_at(ruler);
+    let font = egui::TextStyle::Small.resolve(ui.style());
+    painter.hline(scale.reach, ruler.bottom() - 0.5, Stroke::new(1.0, p.line));
+    if scale.length <= 0.0 {
+        painter.text(ruler.left_center(), egui::Align2::LEFT_CENTER, "nothing moves", font, p.weak);
+        return;
+    }
+    let step = scale.step();
+    let decimals = (-step.log10().floor()).clamp(0.0, 6.0) as usize;
+    let count = (scale.length / step + 1e-6) as usize;
+    for k in 0..=count {
+        let seconds = k as f64 * step;
+        let x = scale.x_of(seconds);
+        painter.vline(x, ruler.bottom() - 6.0..=ruler.bottom(), Stroke::new(1.0, p.weak));
+        let galley = painter.layout_no_wrap(format!("{seconds:.decimals$} s"), font.clone(), p.weak);
+        let left = (x - galley.size().x / 2.0).clamp(ruler.left(), ruler.right() - galley.size().x);
+        painter.galley(pos2(left, ruler.top()), galley, p.weak);
+    }
+}
+
+/// The name of a track, and a mark for each keyframe.
+fn lane(ui: &Ui, rect: Rect, scale: &Scale, track: &Track) {
+    let p = palette(ui);
+    let painter = ui.painter_at(rect);
+    let font = egui::TextStyle::Body.resolve(ui.style());
+    let mut job = egui::text::LayoutJob::simple_singleline(track.name.clone(), font, p.text);
+    job.wrap = egui::text::TextWrapping::truncate_at_width(NAMES - 8.0);
+    let galley = painter.layout_job(job);
+    painter.galley(pos2(rect.left(), rect.center().y - galley.size().y / 2.0), galley, p.text);
+    let bed = Rect::from_x_y_ranges(scale.reach, rect.top() + 4.0..=rect.bottom() - 4.0);
+    painter.rect_filled(bed.expand2(Vec2::new(MARGIN, 0.0)), 3.0, p.sunken);
+    let mut last = f32::NEG_INFINITY;
+    for &seconds in &track.keys {
+        let x = scale.x_of(seconds);
+        // More would be one block.
+        if x - last < 2.0 {
+            continue;
+        }
+        last = x;
+        painter.vline(x, bed.y_range().shrink(2.0), Stroke::new(1.0, p.weak));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moment_is_where_its_place_is() {
+        let scale = Scale { reach: Rangef::new(100.0, 500.0), length: 2.0 };
+        for seconds in [0.0, 0.3, 1.0, 2.0] {
+            assert!((scale.seconds_at(scale.x_of(seconds)) - seconds).abs() < 1e-6);
+        }
+        assert_eq!([scale.seconds_at(0.0), scale.seconds_at(900.0)], [0.0, 2.0]);
+        let nothing = Scale { length: 0.0, ..scale };
+        assert_eq!((nothing.x_of(1.0), nothing.seconds_at(300.0)), (100.0, 0.0));
+    }
+
+    #[test]
+    fn marks_stand_apart_and_at_round_numbers() {
+        for (length, points, wanted) in
+            [(2.0, 400.0, 0.5), (2.0, 1300.0, 0.1), (70.0, 640.0, 10.0), (0.04, 128.0, 0.02)]
+        {
+            let scale = Scale { reach: Rangef::new(0.0, points), length };
+            assert!((scale.step() - wanted).abs() < 1e-9, "{length} {points}: {}", scale.step());
+        }
+    }
+
+    #[test]
+    fn a_moment_can_be_typed() {
+        assert_eq!(seconds_of("1.5 s"), Some(1.5));
+        assert_eq!(seconds_of(" 2s"), Some(2.0));
+        assert!(["", "x", "-1", "nan", "inf"].iter().all(|t| seconds_of(t).is_none()));
+    }
+}

@@ -1,0 +1,209 @@
+//! Which animation is shown, at which moment, and how it goes on. No clock: whoever has one says how long it was.
+
+use lodsmith_core::Model;
+use lodsmith_core::model::Pose;
+use serde::{Deserialize, Serialize};
+
+use crate::keys::Action;
+
+/// The moment that is shown, and how it goes on from there.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Playback {
+    /// The animation, by number; `None` is the model at rest.
+    pub clip: Option<usize>,
+    /// Seconds from its begin.
+    pub seconds: f64,
+    /// Times as fast as it is meant.
+    pub speed: f64,
+    /// Whether it begins anew when it is over.
+    pub repeats: bool,
+}
+
+impl Default for Playback {
+    fn default() -> Self {
+        Self { clip: Some(0), seconds: 0.0, speed: 1.0, repeats: true }
+    }
+}
+
+/// Slowest and fastest.
+pub const SPEEDS: [f64; 2] = [0.05, 16.0];
+/// A step by a key: a picture of 24 a second.
+const STEP_SECS: f64 = 1.0 / 24.0;
+
+impl Playback {
+    /// The begin of what another file has, at the same speed.
+    #[must_use]
+    pub fn anew(self) -> Self {
+        Self { clip: Some(0), seconds: 0.0, ..self }
+    }
+
+    /// Seconds that the clip takes; 0 where nothing moves.
+    pub fn length(&self, model: &Model) -> f64 {
+        let clip = self.clip.and_then(|c| model.animations.get(c));
+        clip.map_or(0.0, |c| c.duration())
+    }
+
+    /// How the model stands; at rest where there is no such clip.
+    pub fn pose(&self, model: &Model) -> Pose {
+        match self.clip.filter(|c| *c < model.animations.len()) {
+            Some(clip) => model.pose(clip, self.moment(model)),
+            None => Pose::default(),
+        }
+    }
+
+    /// The moment within the clip, whatever a file says.
+    pub fn moment(&self, model: &Model) -> f64 {
+        let seconds = if self.seconds.is_finite() { self.seconds } else { 0.0 };
+        seconds.clamp(0.0, self.length(model))
+    }
+
+    /// The same at another moment, held within the clip.
+    #[must_use]
+    pub fn at(self, model: &Model, seconds: f64) -> Self {
+        let seconds = Self { seconds, ..self }.moment(model);
+        Self { seconds, ..self }
+    }
+
+    /// Another speed, held within what there is.
+    #[must_use]
+    pub fn at_speed(self, speed: f64) -> Self {
+        let speed = if speed.is_finite() { speed.clamp(SPEEDS[0], SPEEDS[1]) } else { 1.0 };
+        Self { speed, ..self }
+    }
+
+    /// After so many seconds of the clock, and whether it is over then.
+    #[must_use]
+    pub fn after(self, model: &Model, elapsed_secs: f64) -> (Self, bool) {
+        let length = self.length(model);
+        let further = self.moment(model) + elapsed_secs.max(0.0) * self.at_speed(self.speed).speed;
+        match length > 0.0 && self.repeats {
+            // At the very end the last moment is seen, then the first.
+            true if further > length => (Self { seconds: further.rem_euclid(length), ..self }, false),
+            true => (Self { seconds: further, ..self }, false),
+            false => (Self { seconds: further.min(length), ..self }, further >= length),
+        }
+    }
+
+    /// The begin, if it stands at the end and would go no further.
+    #[must_use]
+    pub fn ready(self, model: &Model) -> Self {
+        let is_over = !self.repeats && self.moment(model) >= self.length(model);
+        Self { seconds: if is_over { 0.0 } else { self.moment(model) }, ..self }
+    }
+
+    /// The next of the clips, from its begin; after the last comes the first.
+    #[must_use]
+    pub fn next_clip(self, model: &Model) -> Self {
+        let count = model.animations.len().max(1);
+        Self { clip: Some(self.clip.map_or(0, |c| (c + 1) % count)), seconds: 0.0, ..self }
+    }
+}
+
+/// What a key makes of it; `None` for keys of other things.
+pub fn by_key(playback: Playback, model: &Model, action: Action) -> Option<Playback> {
+    Some(match action {
+        Action::ToBegin => playback.at(model, 0.0),
+        Action::StepTime(by) => playback.at(model, playback.moment(model) + f64::from(by) * STEP_SECS),
+        Action::Speed(by) => playback.at_speed(playback.speed * 2f64.powi(i32::from(by))),
+        Action::Repeat => Playback { repeats: !playback.repeats, ..playback },
+        Action::NextClip => playback.next_clip(model),
+        _ => return None,
+    })
+}
+
+/// Names of the clips, as people tell them apart.
+pub fn clip_names(model: &Model) -> Vec<String> {
+    let name = |(i, clip): (usize, &lodsmith_core::model::Animation)| match clip.name.trim() {
+        "" => format!("Animation {}", i + 1),
+        name => name.to_owned(),
+    };
+    model.animations.iter().enumerate().map(name).collect()
+}
+
+/// Moments of the keyframes of a clip, rising, each once.
+pub fn keyframes(model: &Model, clip: usize) -> Vec<f64> {
+    let channels = model.animations.get(clip).map(|a| a.channels.as_slice()).unwrap_or_default();
+    let mut all: Vec<f64> = channels.iter().flat_map(|c| c.times.iter().map(|&t| f64::from(t))).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use lodsmith_core::model::{Animation, Channel, Interpolation, Node, Track, Transform};
+
+    use super::*;
+
+    /// A node that goes from 0 to 2 along x in two seconds, and another clip of half a second.
+    fn model() -> Model {
+        let clip = |name: &str, last: f32| {
+            let track = Track::Translation(vec![[0.0; 3], [last, 0.0, 0.0]]);
+            let times = vec![0.0, last];
+            let channel = Channel { node: 0, track, times, interpolation: Interpolation::Linear };
+            Animation { name: name.to_owned(), channels: vec![channel] }
+        };
+        let animations = vec![clip("Walk", 2.0), clip(" ", 0.5)];
+        Model { nodes: vec![Node::default()], roots: vec![0], animations, ..Model::default() }
+    }
+
+    fn x(playback: &Playback) -> f64 {
+        match playback.pose(&model()).transforms[0] {
+            Transform::Parts { translation: DVec3 { x, .. }, .. } => x,
+            Transform::Matrix(_) => f64::NAN,
+        }
+    }
+
+    #[test]
+    fn the_pose_is_that_of_the_moment() {
+        let begin = Playback::default();
+        for (elapsed, speed, wanted) in
+            [(0.0, 1.0, 0.0), (0.5, 1.0, 0.5), (0.5, 2.0, 1.0), (2.0, 1.0, 2.0), (2.5, 1.0, 0.5)]
+        {
+            let (then, is_over) = begin.at_speed(speed).after(&model(), elapsed);
+            assert!((x(&then) - wanted).abs() < 1e-9 && !is_over, "{elapsed} {speed}: {}", x(&then));
+        }
+        assert_eq!(Playback { clip: None, ..begin }.pose(&model()), Pose::default());
+        assert_eq!(Playback { clip: Some(7), ..begin }.pose(&model()), Pose::default());
+    }
+
+    #[test]
+    fn once_ends_at_the_end_and_begins_anew_when_asked_again() {
+        let once = Playback { repeats: false, ..Playback::default() };
+        let (then, is_over) = once.after(&model(), 1.9);
+        assert!(!is_over);
+        let (then, is_over) = then.after(&model(), 0.2);
+        assert!(is_over && x(&then) == 2.0);
+        assert_eq!(then.ready(&model()).seconds, 0.0);
+        assert_eq!(once.at(&model(), 1.5).ready(&model()).seconds, 1.5);
+        // Where nothing moves there is nothing to wait for.
+        let at_rest = Playback { clip: None, ..once };
+        assert!(at_rest.after(&model(), 0.1).1);
+    }
+
+    #[test]
+    fn numbers_that_are_none_do_no_harm() {
+        for seconds in [f64::NAN, f64::INFINITY, -3.0, 1e300] {
+            for speed in [f64::NAN, 0.0, -1.0, 1e300] {
+                let odd = Playback { seconds, speed, ..Playback::default() };
+                assert!((0.0..=2.0).contains(&x(&odd)), "{seconds}");
+                let (then, _) = odd.after(&model(), 0.1);
+                assert!((0.0..=2.0).contains(&then.seconds), "{seconds} {speed}: {then:?}");
+            }
+        }
+        assert_eq!(Playback::default().at(&model(), 9.0).seconds, 2.0);
+    }
+
+    #[test]
+    fn clips_have_names_and_keyframes() {
+        let model = model();
+        assert_eq!(clip_names(&model), ["Walk", "Animation 2"]);
+        assert_eq!(keyframes(&model, 1), [0.0, 0.5]);
+        assert!(keyframes(&model, 2).is_empty());
+        let second = Playback { seconds: 1.0, ..Playback::default() }.next_clip(&model);
+        assert_eq!((second.clip, second.seconds), (Some(1), 0.0));
+        assert_eq!(second.next_clip(&model).clip, Some(0));
+    }
+}

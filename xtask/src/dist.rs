@@ -1,0 +1,208 @@
+//! The archive that is given away: the command with its window, pages, completions, licences and samples.
+//!
+//! Made for the platform that it runs on. The same sources and tools give the same bytes: files stand in the order of their
+//! names, and all have the time of the last commit, or that of `SOURCE_DATE_EPOCH`.
+
+mod archive;
+mod licences;
+mod sha256;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail, ensure};
+use serde_json::Value;
+
+use crate::{cargo, root};
+use archive::Entry;
+
+/// Shells, and what their scripts are called.
+const SHELLS: [(&str, &str); 5] = [
+    ("bash", "lodsmith.bash"),
+    ("elvish", "lodsmith.elv"),
+    ("fish", "lodsmith.fish"),
+    ("powershell", "_lodsmith.ps1"),
+    ("zsh", "_lodsmith"),
+];
+
+/// Files of the repository that go along.
+const FILES: [(&str, &str); 6] = [
+    ("README.md", "README.md"),
+    ("CHANGELOG.md", "CHANGELOG.md"),
+    ("LICENSE-APACHE", "LICENSE-APACHE"),
+    ("LICENSE-MIT", "LICENSE-MIT"),
+    ("testdata/finial.ply", "samples/finial.ply"),
+    ("testdata/arm.glb", "samples/arm.glb"),
+];
+
+/// The time of a file where nobody knows a better one: the first that zip can say.
+const OLDEST: u64 = 315_532_800;
+
+/// Builds, packs, and says where it lies.
+pub(crate) fn run(args: &[String]) -> Result<()> {
+    let (mut folder, mut binary) = (None, None);
+    let mut words = args.iter();
+    while let Some(word) = words.next() {
+        let place = match word.as_str() {
+            "--out" => &mut folder,
+            "--binary" => &mut binary,
+            other => bail!("no option {other}: cargo xtask dist [--out FOLDER] [--binary FILE]"),
+        };
+        *place = Some(PathBuf::from(words.next().with_context(|| format!("{word} needs a path"))?));
+    }
+    let target = host()?;
+    let metadata = metadata(&target)?;
+    let version = metadata["packages"]
+        .as_array()
+        .and_then(|all| all.iter().find(|p| p["name"] == "lodsmith-cli"))
+        .and_then(|p| p["version"].as_str())
+        .context("cargo metadata knows no lodsmith-cli")?;
+    let built = PathBuf::from(metadata["target_directory"].as_str().context("cargo names no target folder")?);
+    let program = format!("lodsmith{}", std::env::consts::EXE_SUFFIX);
+    let binary = match binary {
+        Some(binary) => binary,
+        None => build()?,
+    };
+    let name = format!("lodsmith-{version}-{target}");
+    let mut entries = contents(&binary, &program, &metadata)?;
+    for entry in &mut entries {
+        entry.name = format!("{name}/{}", entry.name);
+    }
+    entries.sort_by(|a, b| a.name.cmp(&b.name));
+
+    let time = time()?;
+    let (file, bytes) = if cfg!(windows) {
+        (format!("{name}.zip"), archive::zip(&entries, time)?)
+    } else {
+        (format!("{name}.tar.gz"), archive::tar_gz(&entries, time)?)
+    };
+    let folder = folder.unwrap_or_else(|| built.join("dist"));
+    std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    write(&folder.join(&file), &bytes)?;
+    let sum = sha256::hex(&bytes);
+    // As `sha256sum --check` reads it.
+    write(&folder.join(format!("{file}.sha256")), format!("{sum}  {file}\n").as_bytes())?;
+    println!("{}: {} files, {:.1} MB", folder.join(&file).display(), entries.len(), bytes.len() as f64 / 1e6);
+    println!("sha256 {sum}");
+    Ok(())
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    std::fs::write(path, bytes).with_context(|| path.display().to_string())
+}
+
+/// Builds the command with its window; where the program lies then.
+fn build() -> Result<PathBuf> {
+    let what = ["rustc", "--release", "--locked", "--package", "lodsmith-cli", "--bin", "lodsmith"];
+    // Names of functions are a third of the size, and of no use without the sources.
+    let how =
+        ["--features", "view", "--message-format", "json-render-diagnostics", "--", "-C", "strip=symbols"];
+    let output = cargo().args(what).args(how).stderr(Stdio::inherit()).output().context("starting cargo")?;
+    ensure!(output.status.success(), "cargo ended with {}", output.status);
+    let told = String::from_utf8_lossy(&output.stdout);
+    let mut artifacts = told.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let program = artifacts.find_map(|a| a["executable"].as_str().map(PathBuf::from));
+    program.context("cargo names no program that it built")
+}
+
+/// Everything that goes in, by its name within the folder of the archive.
+fn contents(binary: &Path, program: &str, metadata: &Value) -> Result<Vec<Entry>> {
+    let read = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
+    let entry = |name: String, bytes| Entry { name, bytes, is_program: false };
+    let mut entries = vec![Entry { name: program.to_owned(), bytes: read(binary)?, is_program: true }];
+    for (from, to) in FILES {
+        entries.push(entry(to.to_owned(), read(&root().join(from))?));
+    }
+    entries.push(entry("THIRD-PARTY.txt".to_owned(), licences::text(metadata, "lodsmith-cli")?.into_bytes()));
+    for (shell, name) in SHELLS {
+        entries.push(entry(format!("completions/{name}"), said(binary, &["completions", shell])?));
+    }
+    let mut open = vec![Vec::new()];
+    let mut seen = BTreeSet::new();
+    while let Some(command) = open.pop() {
+        let words: Vec<String> = command;
+        let name =
+            ["lodsmith".to_owned()].into_iter().chain(words.iter().cloned()).collect::<Vec<_>>().join("-");
+        let joined = words.join(" ");
+        let page = match joined.as_str() {
+            "" => said(binary, &["man"])?,
+            words => said(binary, &["man", words])?,
+        };
+        for below in pages_below(&String::from_utf8_lossy(&page), &name) {
+            let next: Vec<String> = words.iter().cloned().chain([below]).collect();
+            if seen.insert(next.clone()) {
+                open.push(next);
+            }
+        }
+        entries.push(entry(format!("man/{name}.1"), page));
+    }
+    ensure!(seen.len() >= 5, "the manual names {} commands: it cannot be read", seen.len());
+    Ok(entries)
+}
+
+/// The commands that a page of the manual refers to: `lodsmith\-lod(1)` on that of `lodsmith` is `lod`.
+fn pages_below(page: &str, name: &str) -> Vec<String> {
+    let head = format!("{}\\-", name.replace('-', "\\-"));
+    let words = page.lines().filter_map(|line| line.strip_prefix(&head)?.strip_suffix("(1)"));
+    let plain = words.map(|word| word.replace("\\-", "-"));
+    plain.filter(|word| word != "help" && !word.starts_with("help-")).collect()
+}
+
+/// What a run of the program prints.
+fn said(binary: &Path, words: &[&str]) -> Result<Vec<u8>> {
+    let output = Command::new(binary).args(words).output().with_context(|| binary.display().to_string())?;
+    let text = words.join(" ");
+    ensure!(output.status.success(), "{} {text} ended with {}", binary.display(), output.status);
+    ensure!(!output.stdout.is_empty(), "{} {text} says nothing", binary.display());
+    Ok(output.stdout)
+}
+
+/// What cargo knows of the packages, as they are built for a platform.
+fn metadata(target: &str) -> Result<Value> {
+    let manifest = root().join("crates/cli/Cargo.toml");
+    let mut command = cargo();
+    command.args(["metadata", "--format-version", "1", "--locked", "--filter-platform", target]);
+    let output = command.args(["--features", "view", "--manifest-path"]).arg(manifest).output()?;
+    ensure!(output.status.success(), "cargo metadata: {}", String::from_utf8_lossy(&output.stderr).trim());
+    Ok(serde_json::from_slice(&output.stdout)?)
+}
+
+/// The platform that this runs on, as the compiler calls it.
+fn host() -> Result<String> {
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let output = Command::new(rustc).arg("-vV").current_dir(root()).output().context("starting rustc")?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let host = text.lines().find_map(|line| line.strip_prefix("host: "));
+    Ok(host.context("rustc -vV names no host")?.to_owned())
+}
+
+/// Seconds since 1970 that all files get.
+fn time() -> Result<u64> {
+    if let Ok(text) = std::env::var("SOURCE_DATE_EPOCH") {
+        return text.trim().parse().with_context(|| format!("SOURCE_DATE_EPOCH is {text}"));
+    }
+    let git = Command::new("git").args(["log", "-1", "--format=%ct"]).current_dir(root()).output();
+    let told = git.ok().and_then(|out| String::from_utf8(out.stdout).ok()?.trim().parse().ok());
+    Ok(told.unwrap_or(OLDEST))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_name_those_below() {
+        let page = ".SH SUBCOMMANDS\n.TP\nlodsmith\\-lod(1)\nLevels\n.TP\nlodsmith\\-help(1)\nHelp\n";
+        assert_eq!(pages_below(page, "lodsmith"), ["lod"]);
+        let page = "lodsmith\\-clusters\\-build(1)\nlodsmith\\-lod(1)\n";
+        assert_eq!(pages_below(page, "lodsmith-clusters"), ["build"]);
+    }
+
+    #[test]
+    fn what_goes_along_is_there() {
+        for (from, _) in FILES {
+            assert!(root().join(from).is_file(), "{from}");
+        }
+    }
+}
