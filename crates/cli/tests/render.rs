@@ -154,7 +154,7 @@ fn levels_of_a_scene_keep_its_materials_and_places() {
         assert_eq!(row["shading"], "textured", "{row}");
     }
     assert_eq!(report["pictures"][0]["faces"], 256);
-    assert!(report["pictures"][1]["faces"].as_u64().is_some_and(|n| n <= 40 && n >= 4), "{report}");
+    assert!(report["pictures"][1]["faces"].as_u64().is_some_and(|n| (4..=40).contains(&n)), "{report}");
     let seen = picture(&desk, "sheet.png");
     let is = |rows: std::ops::Range<usize>, k: usize| {
         let all = rows.flat_map(|y| (0..seen.width()).map(move |x| (x, y)));
