@@ -7,7 +7,9 @@ use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
 use lodsmith::core::{Bounds, Image, TriMesh};
-use lodsmith_render::{Background, Panel, PictureFormat, StandardView, Subject, View, encode, render};
+use lodsmith_render::{
+    Background, Camera, Panel, PictureFormat, StandardView, Subject, View, encode, render,
+};
 
 use crate::exit::{self, usage};
 use crate::file::{self, Sink};
@@ -68,11 +70,25 @@ pub(crate) fn write(picture: &Image, sink: &Sink, format: PictureFormat) -> anyh
 /// Pixels of a picture in a sheet of methods.
 const PANEL: [usize; 2] = [300, 300];
 
-/// A mesh as it stands in a sheet, with lines along its edges.
-pub(crate) fn panel(mesh: TriMesh, bounds: Option<Bounds>, caption: Vec<String>) -> anyhow::Result<Panel> {
+/// Room that is left on each side of what is seen, as a share of the picture.
+pub(crate) const MARGIN: f64 = 0.06;
+
+/// The usual camera before a subject, for pictures of this size.
+pub(crate) fn camera(subject: &Subject, [width, height]: [usize; 2]) -> Camera {
+    let bounds = subject.bounds().unwrap_or(Bounds { min: [0.0; 3], max: [1.0; 3] });
+    let aspect = width as f64 / height as f64;
+    subject.framed(Camera::fitting(&bounds, StandardView::Iso, aspect), aspect, MARGIN)
+}
+
+/// A mesh as it stands in a sheet, with lines along its edges, through the camera of the first.
+pub(crate) fn panel(
+    mesh: TriMesh,
+    first: &mut Option<Camera>,
+    caption: Vec<String>,
+) -> anyhow::Result<Panel> {
     let subject = Subject::of_mesh(mesh)?;
-    let bounds = bounds.unwrap_or(Bounds { min: [0.0; 3], max: [1.0; 3] });
-    let mut view = View::of(&bounds, StandardView::Iso, PANEL[0], PANEL[1]);
+    let camera = *first.get_or_insert_with(|| camera(&subject, PANEL));
+    let mut view = View::new(camera, PANEL[0], PANEL[1]);
     view.background = Background::Transparent;
     view.look.wireframe = true;
     Ok(Panel { picture: render(&subject, &view)?, caption })

@@ -94,6 +94,87 @@ fn levels_stand_on_one_sheet() {
     assert!(seen.width() > 400 && seen.height() > 120, "{seen:?}");
 }
 
+/// A GLB of two squares in grids of `n`, green and twice as large beside red, each a mesh with a material.
+fn two_squares(n: u32) -> Vec<u8> {
+    let places = (0..=n).flat_map(|y| (0..=n).map(move |x| [x, y].map(|i| i as f32 / n as f32)));
+    let mut bin: Vec<u8> = places.flat_map(|[x, y]| [x, y, 0.0]).flat_map(f32::to_le_bytes).collect();
+    let faces_at = bin.len();
+    let corner = |x: u32, y: u32| y * (n + 1) + x;
+    let faces = (0..n).flat_map(|y| (0..n).map(move |x| [x, y])).flat_map(|[x, y]| {
+        let [a, b, c, d] = [corner(x, y), corner(x + 1, y), corner(x + 1, y + 1), corner(x, y + 1)];
+        [a, b, c, a, c, d]
+    });
+    bin.extend(faces.flat_map(u32::to_le_bytes));
+    let mesh = |material: u32| serde_json::json!({ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "material": material }] });
+    let material = |color: [f32; 4]| {
+        let plain =
+            serde_json::json!({ "baseColorFactor": color, "metallicFactor": 0, "roughnessFactor": 1 });
+        serde_json::json!({ "pbrMetallicRoughness": plain, "doubleSided": true })
+    };
+    let json = serde_json::json!({
+        "asset": { "version": "2.0" },
+        "buffers": [{ "byteLength": bin.len() }],
+        "bufferViews": [
+            { "buffer": 0, "byteOffset": 0, "byteLength": faces_at },
+            { "buffer": 0, "byteOffset": faces_at, "byteLength": bin.len() - faces_at },
+        ],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": (n + 1) * (n + 1), "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] },
+            { "bufferView": 1, "componentType": 5125, "count": 6 * n * n, "type": "SCALAR" },
+        ],
+        "materials": [material([1.0, 0.0, 0.0, 1.0]), material([0.0, 1.0, 0.0, 1.0])],
+        "meshes": [mesh(0), mesh(1)],
+        "nodes": [{ "mesh": 0 }, { "mesh": 1, "translation": [1.5, 0, 0], "scale": [2, 2, 2] }],
+        "scenes": [{ "nodes": [0, 1] }],
+        "scene": 0,
+    });
+    let mut json = json.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut file = b"glTF".to_vec();
+    let total = 12 + 8 + json.len() + 8 + bin.len();
+    for part in [2, total, json.len(), 0x4E4F_534A] {
+        file.extend((part as u32).to_le_bytes());
+    }
+    file.extend(json);
+    file.extend((bin.len() as u32).to_le_bytes());
+    file.extend(b"BIN\0");
+    file.extend(bin);
+    file
+}
+
+#[test]
+fn levels_of_a_scene_keep_its_materials_and_places() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("squares.glb"), two_squares(8)).expect("a file");
+    let ran = desk
+        .run("render squares.glb -o sheet.png --levels 40 --size 120x90 --view front --columns 1 --no-captions --json")
+        .with_status(0);
+    let report = ran.objects().remove(0);
+    for row in report["pictures"].as_array().expect("a list") {
+        assert_eq!(row["shading"], "textured", "{row}");
+    }
+    assert_eq!(report["pictures"][0]["faces"], 256);
+    assert!(report["pictures"][1]["faces"].as_u64().is_some_and(|n| (4..=40).contains(&n)), "{report}");
+    let seen = picture(&desk, "sheet.png");
+    let is = |rows: std::ops::Range<usize>, k: usize| {
+        let all = rows.flat_map(|y| (0..seen.width()).map(move |x| (x, y)));
+        all.filter(|&(x, y)| {
+            let p = seen.at(x, y);
+            p[k] > 120 && p[1 - k] < 90
+        })
+        .count()
+    };
+    let half = seen.height() / 2;
+    for rows in [0..half, half..seen.height()] {
+        let (red, green) = (is(rows.clone(), 0), is(rows.clone(), 1));
+        assert!(red > 400 && green > 3 * red && green < 5 * red, "{rows:?}: {red} red, {green} green");
+    }
+    // Flat squares lose nothing; the rounding of it is not told.
+    let largest = report["pictures"][1]["largest_distance"].as_f64().expect("a number");
+    assert!(largest < 1e-6, "{largest}");
+    desk.run("render squares.glb -o heat.png --levels 40 --shading heat --size 60x60").with_status(0);
+}
+
 #[test]
 fn heat_needs_something_to_measure_from() {
     let desk = Desk::new();

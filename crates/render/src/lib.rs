@@ -38,7 +38,7 @@ pub use camera::{Camera, Lens, StandardView};
 pub use colormap::ColorMap;
 pub use draw::render;
 pub use file::{PictureFormat, decode, encode};
-pub use glam::{DQuat, DVec3};
+pub use glam::{DMat4, DQuat, DVec3};
 pub use image_error::{ImageError, image_error};
 pub use light::{Ambient, Light, LightKind, Lighting};
 pub use look::{Background, Look, Shading};

@@ -9,6 +9,9 @@ use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::model::{Deformed, Pose, VertexColors};
 use lodsmith_core::{Bounds, Model, TriMesh, WedgeId};
 
+use rayon::prelude::*;
+
+use crate::camera::{Camera, Lens};
 use crate::surfaces::Surfaces;
 use crate::view::RenderError;
 
@@ -154,6 +157,69 @@ impl Subject {
             }
         }
         whole.map(|[min, max]| Bounds { min: min.to_array(), max: max.to_array() })
+    }
+
+    /// A camera that looks the same way through the same lens, from where the subject fills a picture of this aspect (width
+    /// over height) but for a margin on each side, a share of the picture. Unchanged where nothing is to be seen.
+    ///
+    /// Cost: O(n).
+    pub fn framed(&self, camera: Camera, aspect: f64, margin: f64) -> Camera {
+        let Some(bounds) = self.bounds() else { return camera };
+        let camera = camera.framing(&bounds, aspect);
+        let room = 1.0 - 2.0 * margin.clamp(0.0, 0.45);
+        let unit = camera.distance();
+        let [right, up, back] = camera.axes();
+        // How far each side of the picture must be moved out: along the screen, and with the depth for a perspective.
+        let height = match camera.lens {
+            Lens::Perspective { fov_y_rad } => (0.5 * fov_y_rad).tan(),
+            Lens::Parallel { height } => 0.5 * height / unit,
+        };
+        let slopes = match camera.lens {
+            Lens::Perspective { .. } => [height * aspect * room, height * room],
+            Lens::Parallel { .. } => [0.0; 2],
+        };
+        let none = [f64::NEG_INFINITY; 5];
+        let outer = |a: [f64; 5], b: [f64; 5]| [0, 1, 2, 3, 4].map(|k| a[k].max(b[k]));
+        let mut sides = none;
+        for part in &self.parts {
+            let mesh = &self.meshes[part.mesh].mesh;
+            let positions = mesh.positions().view();
+            let reach = |all: &[[WedgeId; 3]]| {
+                all.iter().flatten().fold(none, |sides, &w| {
+                    let p =
+                        part.world_from_mesh.transform_point3(DVec3::from(positions.get(mesh.vertex_of(w))));
+                    // The target goes first, and all is divided, for the size of the numbers.
+                    let p = (p - camera.target) / unit;
+                    if !p.is_finite() {
+                        return sides;
+                    }
+                    let (x, y, z) = (p.dot(right), p.dot(up), p.dot(back));
+                    let [sx, sy] = [slopes[0] * z, slopes[1] * z];
+                    outer(sides, [x + sx, -x + sx, y + sy, -y + sy, z])
+                })
+            };
+            sides = outer(sides, mesh.triangles().par_chunks(1 << 14).map(reach).reduce(|| none, outer));
+        }
+        if !sides.iter().all(|s| s.is_finite()) {
+            return camera;
+        }
+        let [right_side, left, upper, lower, nearest] = sides;
+        let (across, along) = (0.5 * (right_side - left), 0.5 * (upper - lower));
+        let aside = (right * across + up * along) * unit;
+        match camera.lens {
+            Lens::Perspective { .. } => {
+                let away = [(right_side + left) / slopes[0], (upper + lower) / slopes[1]].map(|d| 0.5 * d);
+                // Not into what is nearest, however thin it is.
+                let away = away[0].max(away[1]).max(nearest + 0.05);
+                let target = camera.target + aside;
+                Camera { eye: target + back * (away * unit), target, ..camera }
+            }
+            Lens::Parallel { .. } => {
+                let wanted = ((right_side + left) / aspect).max(upper + lower) / room * unit;
+                let lens = Lens::Parallel { height: if wanted > 0.0 { wanted } else { 2.0 * height * unit } };
+                Camera { eye: camera.eye + aside, target: camera.target + aside, lens, ..camera }
+            }
+        }
     }
 
     /// The values at the ends of the colours: those asked for, or from 0 to the largest.

@@ -456,3 +456,48 @@ fn morph_targets_move_what_is_drawn() {
     assert_eq!(drawn.at(8, 9), drawn.at(5, 7));
     assert_eq!(drawn.at(5, 7)[3], 255);
 }
+
+#[test]
+fn a_framed_subject_fills_its_picture() {
+    // A long thin box whose ball would leave most of the picture empty, far from the origin.
+    let mut long = shapes::cube(2);
+    long.map_positions(|p| [8.0 * p[0] + 1e6, p[1], p[2] - 1e6]);
+    let subject = Subject::of_mesh(long).unwrap();
+    let bounds = subject.bounds().unwrap();
+    for (width, height) in [(200, 100), (90, 150)] {
+        for parallel in [false, true] {
+            for which in StandardView::ALL {
+                let aspect = width as f64 / height as f64;
+                let mut camera = Camera::fitting(&bounds, which, aspect);
+                if parallel {
+                    camera.lens = Lens::Parallel { height: 1.0 };
+                }
+                let mut view = View::new(subject.framed(camera, aspect, 0.06), width, height);
+                view.background = Background::Transparent;
+                let picture = render(&subject, &view).unwrap();
+                let opaque = picture.pixels().iter().enumerate().filter(|(_, p)| p[3] > 0);
+                let seen: Vec<[usize; 2]> = opaque.map(|(i, _)| [i % width, i / width]).collect();
+                let [x, y] = [0, 1].map(|k| {
+                    let all = seen.iter().map(|p| p[k]);
+                    (all.clone().min().unwrap(), all.max().unwrap() + 1)
+                });
+                let (free_x, free_y) = (x.0.min(width - x.1), y.0.min(height - y.1));
+                let [least_x, least_y] = [width, height].map(|side| (0.06 * side as f64) as usize);
+                let name = format!("{which:?} {width} {parallel}: {x:?} {y:?}");
+                assert!(free_x + 1 >= least_x && free_y + 1 >= least_y, "{name}");
+                assert!(free_x <= least_x + 2 || free_y <= least_y + 2, "{name}");
+                // In the middle, the way that is filled; the other way depth moves it a little.
+                let off = |(first, end): (usize, usize), side: usize| first.abs_diff(side - end);
+                let filled = if free_x <= least_x + 2 { off(x, width) } else { off(y, height) };
+                assert!(filled <= 2, "{name}");
+            }
+        }
+    }
+    // A mesh without a face, and one without extent.
+    let camera = Camera::fitting(&bounds, StandardView::Iso, 1.0);
+    let nothing = Subject::of_mesh(mesh(&[[0.0; 3]], &[])).unwrap();
+    assert_eq!(nothing.framed(camera, 1.0, 0.06), camera);
+    let point = Subject::of_mesh(mesh(&[[3.0; 3]; 3], &[[0, 1, 2]])).unwrap();
+    let near = point.framed(camera, 1.0, 0.06);
+    assert!(near.eye.is_finite() && near.distance() > 0.0 && near.target == DVec3::splat(3.0));
+}

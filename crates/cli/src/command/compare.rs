@@ -9,9 +9,9 @@ use lodsmith::core::measure::{
     AttributeError, AttributeErrors, CompareOptions, Comparison, compare, compare_textured,
 };
 use lodsmith::core::spatial::{Bvh, Hint};
-use lodsmith::core::{Bounds, Image, TriMesh, VertexId};
+use lodsmith::core::{Image, TriMesh, VertexId};
 use lodsmith_io::{Format, Loaded, WriteOptions};
-use lodsmith_render::{Background, Legend, Panel, Shading, StandardView, Subject, View, render, sheet};
+use lodsmith_render::{Background, Legend, Panel, Shading, Subject, View, render, sheet};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
@@ -225,8 +225,7 @@ fn heatmap(reference: &TriMesh, distances: &[f64], red: f64) -> anyhow::Result<T
 fn heat_picture(reference: &TriMesh, distances: Vec<f64>, red: f64) -> anyhow::Result<Image> {
     let values = distances.into_iter().map(|d| d as f32).collect();
     let subject = Subject::of_mesh(reference.clone())?.with_values(vec![values])?;
-    let bounds = subject.bounds().unwrap_or(Bounds { min: [0.0; 3], max: [1.0; 3] });
-    let mut view = View::of(&bounds, StandardView::Iso, HEAT_SIZE[0], HEAT_SIZE[1]);
+    let mut view = View::new(picture::camera(&subject, HEAT_SIZE), HEAT_SIZE[0], HEAT_SIZE[1]);
     view.background = Background::Transparent;
     view.look.shading = Shading::Heat;
     let range = [0.0, red as f32];

@@ -9,7 +9,7 @@ use lodsmith::core::mesh::defects::clean_surface;
 use lodsmith::core::{Image, Surface, TriMesh};
 use lodsmith::{Method, Report, Simplified, Stage};
 use lodsmith_io::{Format, Loaded, Regions, Warning};
-use lodsmith_render::{Background, Panel, Subject, sheet};
+use lodsmith_render::{Background, Panel, sheet};
 use serde_json::{Value, json};
 
 use super::simplify::{measured_json, refusals};
@@ -102,10 +102,10 @@ fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> a
     bar.end();
     let mut rows = Vec::with_capacity(jobs.len());
     let mut panels = Vec::new();
-    let bounds = args.sheet.as_ref().and_then(|_| Subject::of_mesh(model.mesh.clone()).ok()?.bounds());
+    let mut camera = None;
     if args.sheet.is_some() {
         let faces = format!("{} faces", grouped(model.mesh.face_count()));
-        panels.push(picture::panel(model.mesh.clone(), bounds, vec!["original".to_owned(), faces])?);
+        panels.push(picture::panel(model.mesh.clone(), &mut camera, vec!["original".to_owned(), faces])?);
     }
     for (method, sink) in jobs {
         if exit::interrupted() {
@@ -117,7 +117,7 @@ fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> a
             bar.stage(Stage::Measure);
             let mut judged = model.judged(&made);
             if args.sheet.is_some() {
-                panels.push(picture::panel(made.mesh.clone(), bounds, judged.caption(method))?);
+                panels.push(picture::panel(made.mesh.clone(), &mut camera, judged.caption(method))?);
             }
             if let Some((sink, format)) = &sink {
                 bar.write();

@@ -5,24 +5,24 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use lodsmith::core::measure::{Prepared, vertex_distances};
-use lodsmith::core::model::{Node, Transform};
-use lodsmith::core::{Bounds, Image, Model, TriMesh};
-use lodsmith::{Method, Simplified, SimplifyOptions, Stop};
-use lodsmith_io::{ModelFile, Warning};
+use lodsmith::core::model::{Instance, Node, Pose, Transform};
+use lodsmith::core::{Bounds, Image, Model, Positions, TriMesh, VertexId};
+use lodsmith::{Method, Simplified, SimplifyOptions, Stop, simplify_scene};
+use lodsmith_io::{ModelFile, ModelSource, Warning};
 use lodsmith_render::{
-    Background, Camera, DQuat, DVec3, Ground, Legend, Lens, Light, LightKind, Panel, Shading, StandardView,
-    Subject, View, decode, render, sheet,
+    Background, Camera, DMat4, DQuat, DVec3, Ground, Legend, Lens, Light, LightKind, Panel, Shading,
+    StandardView, Subject, View, decode, render, sheet,
 };
 use serde_json::{Value, json};
 
-use super::show_warnings;
+use super::{show_warnings, simplify::parts_of};
 use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Up};
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink, Source};
 use crate::in_order;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
-use crate::picture;
+use crate::picture::{self, MARGIN};
 use crate::progress::Progress;
 use crate::watch::{Clock, Watch, not_interrupted};
 
@@ -100,20 +100,17 @@ struct Drawing<'a> {
 struct Item {
     path: String,
     model: Model,
+    /// What it was read from; nothing for a level.
+    source: Option<ModelSource>,
     /// The target count of a level.
     level: Option<usize>,
     /// Which item it is a level of, or compared with.
     reference: Option<usize>,
-    /// Distance of each vertex from the reference.
-    distances: Option<Vec<f32>>,
+    /// Distance of each vertex of each mesh from the reference.
+    distances: Option<Vec<Vec<f32>>>,
+    /// Diagonal of the box round it, where distances are asked for.
+    diagonal: f64,
     moment: Option<Moment>,
-}
-
-impl Item {
-    /// The mesh that is measured: the only one.
-    fn mesh(&self) -> &TriMesh {
-        &self.model.meshes[0].mesh
-    }
 }
 
 /// Moments of an animation that the camera is placed by.
@@ -210,43 +207,45 @@ impl<'a> Drawing<'a> {
             drawing.add(input, args.compare.as_ref().map(|_| 0))?;
             let original = drawing.items.len() - 1;
             for &count in &args.levels {
-                let whole = &drawing.items[original].model;
                 let mut options = SimplifyOptions::new(Stop::faces(count));
                 options.method = Method::from(args.method);
                 let mut clock = Clock::new();
                 let mut watch = Watch::new(&mut clock, &bar, None);
-                let done = lodsmith::simplify(&whole.meshes[0].mesh, &options, &mut watch);
-                let Simplified { mesh, .. } = not_interrupted(done).with_context(|| input.to_string())?;
-                let model = whole.with_meshes(vec![Arc::new(mesh)]);
-                let (path, level, reference) = (input.to_string(), Some(count), Some(original));
-                drawing.items.push(Item { path, model, level, reference, distances: None, moment: None });
+                let whole = &drawing.items[original];
+                let model = lighter(whole, &options, &mut watch).with_context(|| input.to_string())?;
+                drawing.items.push(Item {
+                    path: input.to_string(),
+                    model,
+                    source: None,
+                    level: Some(count),
+                    reference: Some(original),
+                    distances: None,
+                    diagonal: 0.0,
+                    moment: None,
+                });
             }
         }
         drawing.measure()?;
         Ok(drawing)
     }
 
-    /// Whether distances are wanted. A file is one mesh then, as other commands measure it; else it is what it holds.
+    /// Whether distances are wanted.
     fn is_measured(args: &RenderArgs) -> bool {
         args.look.shading == Some(Shading::Heat) || !args.levels.is_empty()
     }
 
     fn add(&mut self, source: &Source, reference: Option<usize>) -> anyhow::Result<()> {
         let (path, from) = (source.to_string(), self.args.from);
-        let read = || {
-            if Self::is_measured(self.args) {
-                file::read(source, from).map(ModelFile::from)
-            } else {
-                file::read_model(source, from)
-            }
-        };
-        let ModelFile { mut model, warnings, .. } = read().with_context(|| path.clone())?;
+        let read = file::read_model(source, from).with_context(|| path.clone())?;
+        let ModelFile { mut model, warnings, source, .. } = read;
         if self.args.place.up == Up::Z {
             turn(&mut model);
         }
         let moment = Moment::of(&self.args.moment, &model).with_context(|| path.clone())?;
         self.warnings.push((path.clone(), warnings));
-        self.items.push(Item { path, model, level: None, reference, distances: None, moment });
+        let source = Some(source);
+        let (level, distances) = (None, None);
+        self.items.push(Item { path, model, source, level, reference, distances, diagonal: 0.0, moment });
         Ok(())
     }
 
@@ -257,15 +256,17 @@ impl<'a> Drawing<'a> {
         }
         for i in 0..self.items.len() {
             let of = self.items[i].reference.unwrap_or(i);
-            if of == i {
+            let distances = if of == i {
+                let bounds = whole(&self.items[i].model)?.positions().view().bounds();
+                self.items[i].diagonal = bounds.map_or(0.0, |b| b.diagonal());
                 // From itself it is nowhere far.
-                self.items[i].distances = Some(vec![0.0; self.items[i].mesh().vertex_count()]);
-                continue;
-            }
-            let path = &self.items[of].path;
-            let reference = Prepared::new(&self.items[of].mesh().surface()).with_context(|| path.clone())?;
-            let distances = vertex_distances(&self.items[i].mesh().surface(), &reference);
-            self.items[i].distances = Some(distances.into_iter().map(|d| d as f32).collect());
+                self.items[i].model.meshes.iter().map(|m| vec![0.0; m.mesh.vertex_count()]).collect()
+            } else {
+                let reference = Prepared::new(&whole(&self.items[of].model)?.surface())
+                    .with_context(|| self.items[of].path.clone())?;
+                distances_to(&reference, &self.items[i].model)?
+            };
+            self.items[i].distances = Some(distances);
         }
         Ok(())
     }
@@ -276,7 +277,7 @@ impl<'a> Drawing<'a> {
         let is_sheet = self.items.len() > 1 || range.is_some();
         let mut panels = Vec::new();
         let mut rows = Vec::new();
-        let mut bounds: Vec<Option<Bounds>> = Vec::new();
+        let mut cameras: Vec<Camera> = Vec::new();
         for item in &self.items {
             let mut subject = match &item.moment {
                 Some(moment) => Subject::posed(&item.model, &item.model.pose(moment.clip, moment.seconds))?,
@@ -285,14 +286,15 @@ impl<'a> Drawing<'a> {
             let shading = self.shading(item);
             let largest = item.distances.as_ref().map(|d| largest(d));
             if let Some(distances) = item.distances.as_ref().filter(|_| shading == Shading::Heat) {
-                subject = subject.with_values(vec![distances.clone()])?;
+                subject = subject.with_values(distances.clone())?;
             }
-            // Several moments are seen from the same place.
-            let clip = item.moment.as_ref().map(|m| item.model.bounds_over(m.clip, MOMENTS));
-            bounds.push(clip.unwrap_or_else(|| subject.bounds()));
             // What is compared is seen from the same place.
-            let seen = bounds[item.reference.unwrap_or(bounds.len() - 1)];
-            let mut view = self.view(seen, shading, range);
+            let camera = match item.reference {
+                Some(of) => cameras[of],
+                None => self.camera(&subject, item),
+            };
+            cameras.push(camera);
+            let mut view = self.view(camera, shading, range);
             if is_sheet {
                 view.background = Background::Transparent;
             }
@@ -347,11 +349,12 @@ impl<'a> Drawing<'a> {
     fn caption(&self, item: &Item, row: &Row) -> Vec<String> {
         let faces = format!("{} {}", grouped(row.faces), if row.faces == 1 { "face" } else { "faces" });
         let name = item.path.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
-        let whole = item.reference.map(|of| self.items[of].mesh().positions().view());
-        let diagonal = whole.and_then(|positions| positions.bounds()).map(|b| b.diagonal());
+        let diagonal = item.reference.map(|of| self.items[of].diagonal);
         let below = match (item.level, row.largest, diagonal) {
             (Some(_), Some(largest), Some(diagonal)) if diagonal > 0.0 => {
-                format!("max {} %", short(100.0 * largest / diagonal))
+                // Less than single precision tells apart is nothing.
+                let part = Some(largest / diagonal).filter(|part| *part >= 1e-7).unwrap_or(0.0);
+                format!("max {} %", short(100.0 * part))
             }
             _ => match &row.moment {
                 Some((_, seconds)) => format!("{name} at {seconds} s"),
@@ -361,11 +364,25 @@ impl<'a> Drawing<'a> {
         vec![faces, below]
     }
 
-    fn view(&self, bounds: Option<Bounds>, shading: Shading, range: Option<[f32; 2]>) -> View {
-        let (look, [width, height]) = (&self.args.look, self.args.size());
+    /// The camera that was asked for, so far away that all is seen; several moments of a clip from the same place.
+    fn camera(&self, subject: &Subject, item: &Item) -> Camera {
+        let [width, height] = self.args.size();
+        let clip = item.moment.as_ref().map(|m| item.model.bounds_over(m.clip, MOMENTS));
+        let bounds = clip.unwrap_or_else(|| subject.bounds());
         let bounds = bounds.unwrap_or(Bounds { min: [0.0; 3], max: [1.0; 3] });
-        let mut view =
-            View::new(camera(&self.args.place, &bounds, width as f64 / height as f64), width, height);
+        let aspect = width as f64 / height as f64;
+        let camera = camera(&self.args.place, &bounds, aspect);
+        if clip.is_some() {
+            return camera;
+        }
+        // A shadow lies beside what throws it.
+        let has_floor = self.args.look.shadow || self.args.look.grid;
+        subject.framed(camera, aspect, if has_floor { 2.0 * MARGIN } else { MARGIN })
+    }
+
+    fn view(&self, camera: Camera, shading: Shading, range: Option<[f32; 2]>) -> View {
+        let (look, [width, height]) = (&self.args.look, self.args.size());
+        let mut view = View::new(camera, width, height);
         view.background = look.background;
         view.matcap = self.matcap.clone();
         view.ground = Ground { grid: look.grid, shadow: look.shadow };
@@ -389,6 +406,62 @@ impl<'a> Drawing<'a> {
         }
         view
     }
+}
+
+/// The model with fewer faces, its materials and places as they are.
+fn lighter(item: &Item, options: &SimplifyOptions, watch: &mut Watch<'_>) -> anyhow::Result<Model> {
+    let model = &item.model;
+    let mut meshes: Vec<Arc<TriMesh>> = model.meshes.iter().map(|m| m.mesh.clone()).collect();
+    if let Some(ModelSource::Scene(scene)) = &item.source {
+        let (taken, parts) = parts_of(scene.meshes());
+        let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
+        let done = not_interrupted(simplify_scene(&parts, diagonal, options, watch))?;
+        for (i, mesh) in taken.into_iter().zip(done.meshes) {
+            meshes[i] = Arc::new(mesh);
+        }
+    } else {
+        let Simplified { mesh, .. } = not_interrupted(lodsmith::simplify(&meshes[0], options, watch))?;
+        meshes[0] = Arc::new(mesh);
+    }
+    Ok(model.with_meshes(meshes))
+}
+
+/// A mesh where it stands, without anything but its shape.
+fn placed(model: &Model, instance: &Instance) -> anyhow::Result<TriMesh> {
+    let mesh = &model.meshes[instance.mesh].mesh;
+    let faces = mesh.surface().triangles().to_vec();
+    if instance.world_from_mesh == DMat4::IDENTITY {
+        return Ok(TriMesh::new(mesh.positions().clone(), faces)?);
+    }
+    let place = |p| instance.world_from_mesh.transform_point3(DVec3::from(p)).to_array();
+    Ok(TriMesh::new(Positions::F64(mesh.positions().view().iter().map(place).collect()), faces)?)
+}
+
+/// All that stands anywhere as one mesh.
+fn whole(model: &Model) -> anyhow::Result<TriMesh> {
+    let instances = model.instances(&Pose::default());
+    if let [one] = &instances[..] {
+        return placed(model, one);
+    }
+    let (mut positions, mut faces) = (Vec::new(), Vec::new());
+    for instance in &instances {
+        let mesh = placed(model, instance)?;
+        let first = positions.len() as u32;
+        faces.extend(mesh.surface().triangles().iter().map(|t| t.map(|v| VertexId(first + v.0))));
+        positions.extend(mesh.positions().view().iter());
+    }
+    Ok(TriMesh::new(Positions::F64(positions), faces)?)
+}
+
+/// How far each vertex of each mesh lies from the reference; of one that stands in several places, where that is farthest.
+fn distances_to(reference: &Prepared, model: &Model) -> anyhow::Result<Vec<Vec<f32>>> {
+    let mut all: Vec<Vec<f32>> = model.meshes.iter().map(|m| vec![0.0; m.mesh.vertex_count()]).collect();
+    for instance in model.instances(&Pose::default()) {
+        let own = vertex_distances(&placed(model, &instance)?.surface(), reference);
+        let known = &mut all[instance.mesh];
+        known.iter_mut().zip(own).for_each(|(known, d)| *known = known.max(d as f32));
+    }
+    Ok(all)
 }
 
 /// Turns a model whose z is up.
@@ -446,8 +519,8 @@ fn columns(count: usize) -> usize {
     }
 }
 
-fn largest(distances: &[f32]) -> f64 {
-    distances.iter().filter(|d| d.is_finite()).fold(0f64, |m, &d| m.max(f64::from(d)))
+fn largest(distances: &[Vec<f32>]) -> f64 {
+    distances.iter().flatten().filter(|d| d.is_finite()).fold(0f64, |m, &d| m.max(f64::from(d)))
 }
 
 #[cfg(test)]
