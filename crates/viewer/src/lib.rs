@@ -24,6 +24,7 @@ pub mod session;
 pub mod settings;
 pub mod theme;
 pub mod viewport;
+mod welcome;
 pub mod words;
 
 use std::path::PathBuf;

@@ -1,0 +1,70 @@
+//! The window without a file, and under one that is about to fall.
+
+use eframe::egui::{self, Ui};
+
+use crate::document::Document;
+use crate::keys::Action;
+use crate::panel::{self, Facts, Say};
+use crate::theme;
+
+/// What a newcomer sees: what to do.
+pub(crate) fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
+    let p = theme::palette(ui);
+    let room = ui.available_rect_before_wrap();
+    let size = egui::vec2(420.0, 320.0).min(room.size());
+    let place = egui::Rect::from_center_size(room.center(), size);
+    ui.scope_builder(egui::UiBuilder::new().max_rect(place), |ui| {
+        ui.vertical_centered(|ui| {
+            if let Some(path) = document.opening() {
+                ui.add_space(size.y * 0.4);
+                ui.spinner();
+                ui.label(theme::weak(ui, format!("Opening {}", panel::files::name(path))));
+                return;
+            }
+            ui.add_space(24.0);
+            ui.label(egui::RichText::new("Drop a model here").size(26.0).strong());
+            ui.add_space(4.0);
+            ui.label(theme::weak(ui, "OBJ, OFF, PLY, STL, glTF, GLB or LPM; also packed with gzip"));
+            ui.add_space(16.0);
+            ui.horizontal(|ui| {
+                let width = 2.0 * 150.0 + 8.0;
+                ui.add_space((ui.available_width() - width) / 2.0);
+                let big = egui::vec2(150.0, 34.0);
+                let text = egui::RichText::new("Open…").color(p.on_accent).strong();
+                if ui.add(egui::Button::new(text).fill(p.accent).min_size(big)).clicked() {
+                    says.push(Say::Action(Action::Open));
+                }
+                if ui.add(egui::Button::new("Open the sample").min_size(big)).clicked() {
+                    says.push(Say::OpenSample);
+                }
+            });
+            ui.add_space(16.0);
+            let steps =
+                "Then drag the slider below: the lighter mesh stands beside the original. H shows all keys.";
+            ui.label(theme::weak(ui, steps));
+            if !facts.recent.is_empty() {
+                ui.add_space(16.0);
+                ui.label(theme::weak(ui, "RECENT").small());
+                for file in facts.recent.iter().take(5) {
+                    let link = egui::Button::new(panel::files::name(file)).frame(false);
+                    if ui.add(link).on_hover_text(file.display().to_string()).clicked() {
+                        says.push(Say::OpenFile(file.clone()));
+                    }
+                }
+            }
+        });
+    });
+}
+
+/// While a file hangs over the window, it says that it may fall.
+pub(crate) fn hovering(ctx: &egui::Context) {
+    if ctx.input(|i| i.raw.hovered_files.is_empty()) {
+        return;
+    }
+    let screen = ctx.content_rect();
+    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop"));
+    let painter = ctx.layer_painter(layer);
+    painter.rect_filled(screen, 0.0, egui::Color32::from_black_alpha(160));
+    let font = egui::FontId::proportional(28.0);
+    painter.text(screen.center(), egui::Align2::CENTER_CENTER, "Drop to open", font, egui::Color32::WHITE);
+}
