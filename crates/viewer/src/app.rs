@@ -1,5 +1,7 @@
 //! The window: what is shown where, what keys do, and the way from what panels say to the document.
 
+mod empty;
+
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -22,8 +24,9 @@ use crate::panel::{self, Dock, Facts, Panel, Say, Scope, export, look::SHADINGS,
 use crate::playback::by_key;
 use crate::session::{Memory, Session};
 use crate::settings::{Pose, Sides, Turn};
+use crate::theme;
 use crate::viewport::{KEY_TURN_RAD, Orbit};
-use crate::{theme, welcome};
+use empty::{empty, hovering};
 
 /// The window.
 pub struct App {
@@ -325,6 +328,10 @@ impl App {
                 ctx.copy_text(panel::report::command_line(settings));
                 return self.document.log.note("the command line is in the clipboard");
             }
+            Action::Benchmark => {
+                self.shown.insert(Panel::Benchmark);
+                return self.document.benchmark();
+            }
             Action::Cancel => return self.document.cancel(),
             Action::Restore => return self.document.run(Command::Target(Target::Original)),
             Action::Fewer => return self.scale_target(STEP),
@@ -600,7 +607,7 @@ impl App {
             if self.document.original().is_some() {
                 self.pictures.show(ui, &self.document, &mut says)
             } else {
-                welcome::empty(ui, &self.document, &self.facts, &mut says);
+                empty(ui, &self.document, &self.facts, &mut says);
                 None
             }
         });
@@ -716,7 +723,7 @@ impl eframe::App for App {
         self.panels(ui);
         self.middle(ui);
         self.dialogs(&ctx);
-        welcome::hovering(&ctx);
+        hovering(&ctx);
         self.rest(&ctx);
         let own = begin.elapsed().as_secs_f64();
         self.facts.frame_secs = frame.info().cpu_usage.map_or(own, |c| c as f64);
@@ -736,6 +743,7 @@ fn body(ui: &mut Ui, panel: Panel, scope: &mut Scope<'_>) {
         Panel::Error => panel::error::show(ui, scope),
         Panel::Log => panel::log::show(ui, scope),
         Panel::Timeline => panel::timeline::show(ui, scope),
+        Panel::Benchmark => panel::benchmark::show(ui, scope),
     }
 }
 

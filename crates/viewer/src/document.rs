@@ -9,6 +9,7 @@ use lodsmith_core::Model;
 use lodsmith_core::model::Pose;
 use lodsmith_render::Shading;
 
+use crate::benchmark::{Filling, Table};
 use crate::command::{Command, History};
 use crate::content::{Anatomy, Distances, Lighter, Original};
 use crate::export::{self, Export};
@@ -89,6 +90,8 @@ pub struct Document {
     /// What the last job to make levels was told.
     asked_levels: Option<(usize, Simplification)>,
     is_playing: bool,
+    /// Times of levels, and what they are of.
+    benchmark: Option<(usize, Filling)>,
     /// What the slider walks.
     road: Option<Road>,
     /// What the last job to make a road was told.
@@ -120,6 +123,7 @@ enum Outcome {
     Measured(Measured),
     Levels { of: (usize, Simplification), result: Result<Vec<Shown<Lighter>>, SimplifyError> },
     Exported { path: PathBuf, result: Result<export::Written, String> },
+    Benchmarked { is_whole: bool },
     Road { of: (usize, Simplification), secs: f64, result: Result<Box<Road>, SimplifyError> },
 }
 
@@ -149,6 +153,7 @@ impl Document {
             levels: None,
             asked_levels: None,
             is_playing: false,
+            benchmark: None,
             road: None,
             asked_road: None,
             is_due: false,
@@ -257,6 +262,10 @@ impl Document {
     pub fn is_behind(&self) -> bool {
         self.is_due || self.worker.is_busy(Kind::Simplify)
     }
+    /// Whether work of this kind waits or runs.
+    pub fn is_busy(&self, kind: Kind) -> bool {
+        self.worker.is_busy(kind)
+    }
     /// Whether no work waits or runs.
     pub fn is_idle(&self) -> bool {
         !self.is_due && self.worker.is_idle() && self.builder.is_idle()
@@ -337,9 +346,33 @@ impl Document {
         });
     }
 
+    /// Measures times of levels of the present file, with the present method and look. The table fills row after row.
+    pub fn benchmark(&mut self) {
+        let Some(original) = self.original.clone() else { return };
+        let (filling, settings, context) = (Filling::default(), self.settings.clone(), self.context.clone());
+        self.benchmark = Some((key(&original), filling.clone()));
+        self.worker.submit(Kind::Benchmark, move |watch| {
+            let is_whole = filling.fill(&original.content, &settings, context, watch);
+            Some(Outcome::Benchmarked { is_whole })
+        });
+    }
+
+    /// Times of levels of the present file, as far as they are measured.
+    pub fn benchmark_table(&self) -> Option<Table> {
+        let of = key(self.original.as_ref()?);
+        self.benchmark.as_ref().filter(|b| b.0 == of).map(|b| b.1.table())
+    }
+
     /// Ends the work that is under way; what is in sight stays.
     pub fn cancel(&mut self) {
-        self.worker.cancel(&[Kind::Load, Kind::Simplify, Kind::Measure, Kind::Export, Kind::Levels]);
+        self.worker.cancel(&[
+            Kind::Load,
+            Kind::Simplify,
+            Kind::Measure,
+            Kind::Export,
+            Kind::Levels,
+            Kind::Benchmark,
+        ]);
         if self.builder.is_busy(Kind::Road) {
             self.builder.cancel(&[Kind::Road]);
             self.log.note("the slider runs the method for each value: its progressive mesh was stopped");
@@ -459,6 +492,8 @@ impl Document {
                 Err(SimplifyError::Cancelled) => self.asked_levels = None,
                 Err(why) => self.fail(why.to_string()),
             },
+            Outcome::Benchmarked { is_whole: true } => self.log.good("times of levels were measured"),
+            Outcome::Benchmarked { is_whole: false } => self.log.note("measuring times was stopped"),
             Outcome::Road { of, secs, result } => self.take_road(&of, secs, result),
             Outcome::Exported { path, result } => match result {
                 Ok(written) => {

@@ -1,5 +1,6 @@
 //! What stands round the pictures. Panels read the document and say what is to be done; none changes it.
 
+pub mod benchmark;
 pub mod error;
 pub mod export;
 pub mod files;
@@ -39,11 +40,13 @@ pub enum Panel {
     Log,
     /// What moves when.
     Timeline,
+    /// Times of levels.
+    Benchmark,
 }
 
 impl Panel {
     /// All of them, in the order of the menu.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Files,
         Self::Method,
         Self::Report,
@@ -51,6 +54,7 @@ impl Panel {
         Self::Info,
         Self::Look,
         Self::Timeline,
+        Self::Benchmark,
         Self::Log,
     ];
 
@@ -65,6 +69,7 @@ impl Panel {
             Self::Error => "Error",
             Self::Log => "Log",
             Self::Timeline => "Timeline",
+            Self::Benchmark => "Benchmarks",
         }
     }
 
@@ -73,7 +78,7 @@ impl Panel {
         match self {
             Self::Files | Self::Method | Self::Report => Dock::Left,
             Self::Info | Self::Look | Self::Error => Dock::Right,
-            Self::Timeline => Dock::Middle,
+            Self::Timeline | Self::Benchmark => Dock::Middle,
             Self::Log => Dock::Bottom,
         }
     }

@@ -2,6 +2,8 @@
 //!
 //! With `LODSMITH_PICTURES=FOLDER` each picture is kept there, to be looked at.
 
+#[path = "screens/benchmark.rs"]
+mod benchmark;
 #[path = "screens/timeline.rs"]
 mod timeline;
 
@@ -514,7 +516,7 @@ fn a_session_is_saved_and_opened_again() {
     let Some(mut desk) = Desk::open("torus.obj") else { return };
     desk.press(Key::Minus);
     desk.press(Key::W);
-    desk.press(Key::CloseBracket);
+    desk.press_with(Modifiers::SHIFT, Key::PageDown);
     desk.press(Key::Num7);
     desk.press_with(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
     desk.press(Key::Enter);

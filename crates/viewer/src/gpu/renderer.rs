@@ -13,6 +13,7 @@ use super::frame::{Drawn, Frame, Gathered, Shown, gather, heat_range, reach};
 use super::model::DrawModel;
 use super::pipeline::{Pass, Pipelines, shading_number};
 use super::target::Target;
+use super::timer::Timer;
 use lodsmith_render::{Background, Shading};
 
 use super::uniforms::{Globals, LIGHTS_MAX, Seen, View};
@@ -47,6 +48,7 @@ pub struct Gpu {
     /// The matcap of `frame_bind`; 0 is none.
     bound_matcap: u64,
     sampler: wgpu::Sampler,
+    timer: Option<Timer>,
 }
 
 impl Gpu {
@@ -69,6 +71,17 @@ impl Gpu {
     /// What draws on a device, without any window.
     pub fn on(context: Context) -> Self {
         Self::with(context, None)
+    }
+
+    /// The same, with a clock in every pass where the adapter has one.
+    pub fn timed(self) -> Self {
+        Self { timer: Timer::new(&self.context), ..self }
+    }
+
+    /// Seconds that the adapter took for the frame that was drawn last; waits for it. `None` without [`Gpu::timed`] or a
+    /// clock.
+    pub fn adapter_secs(&self) -> Option<f64> {
+        self.timer.as_ref()?.seconds(&self.context)
     }
 
     fn with(context: Context, renderer: Option<Arc<egui::mutex::RwLock<egui_wgpu::Renderer>>>) -> Self {
@@ -111,6 +124,7 @@ impl Gpu {
             white,
             bound_matcap: 0,
             sampler,
+            timer: None,
         }
     }
 
@@ -174,6 +188,7 @@ impl Gpu {
                 label: Some("frame"),
                 color_attachments: &[Some(target.color_attachment())],
                 depth_stencil_attachment: Some(target.depth_attachment()),
+                timestamp_writes: self.timer.as_ref().map(Timer::writes),
                 ..wgpu::RenderPassDescriptor::default()
             });
             pass.set_bind_group(0, &self.frame_bind, &[]);
@@ -202,6 +217,9 @@ impl Gpu {
                     }
                 }
             }
+        }
+        if let Some(timer) = &self.timer {
+            timer.resolve(&mut encoder);
         }
         self.context.queue.submit([encoder.finish()]);
         target.shown = Some(Shown::new(frame, size));

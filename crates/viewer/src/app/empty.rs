@@ -1,4 +1,4 @@
-//! The window without a file, and under one that is about to fall.
+//! What the window shows where there is no file, and while one hangs over it.
 
 use eframe::egui::{self, Ui};
 
@@ -8,7 +8,7 @@ use crate::panel::{self, Facts, Say};
 use crate::theme;
 
 /// What a newcomer sees: what to do.
-pub(crate) fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
+pub(super) fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
     let p = theme::palette(ui);
     let room = ui.available_rect_before_wrap();
     let size = egui::vec2(420.0, 320.0).min(room.size());
@@ -57,7 +57,7 @@ pub(crate) fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut 
 }
 
 /// While a file hangs over the window, it says that it may fall.
-pub(crate) fn hovering(ctx: &egui::Context) {
+pub(super) fn hovering(ctx: &egui::Context) {
     if ctx.input(|i| i.raw.hovered_files.is_empty()) {
         return;
     }
