@@ -6,6 +6,7 @@
 mod accessors;
 mod buffers;
 mod container;
+mod copies;
 mod encode;
 mod geometry;
 mod inventory;
@@ -26,6 +27,7 @@ mod slot;
 mod unpack;
 mod write;
 
+pub use copies::CopyPlace;
 pub use lod::SceneLevels;
 pub use names::MeshNames;
 pub(crate) use scene::image_type;

@@ -1,6 +1,7 @@
 //! The window: what is shown where, what keys do, and the way from what panels say to the document.
 
 mod empty;
+mod stage;
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -24,6 +25,7 @@ use crate::panel::{self, Dock, Facts, Panel, Say, Scope, export, look::SHADINGS,
 use crate::playback::by_key;
 use crate::session::{Memory, Session};
 use crate::settings::{Pose, Sides, Turn};
+use crate::stage::file::LayoutFile;
 use crate::theme;
 use crate::viewport::{KEY_TURN_RAD, Orbit};
 use empty::{empty, hovering};
@@ -135,7 +137,9 @@ impl App {
     /// Opens files; a session among them is opened instead.
     fn open(&mut self, files: Vec<PathBuf>) {
         let is_session = |f: &&PathBuf| f.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-        if let Some(session) = files.iter().find(is_session).cloned() {
+        if let Some(layout) = files.iter().find(|f| is_session(f) && LayoutFile::is_one(f)).cloned() {
+            self.open_layout(&layout);
+        } else if let Some(session) = files.iter().find(is_session).cloned() {
             self.open_session(&session);
         } else if !files.is_empty() {
             self.document.run(Command::Open(files));
@@ -146,6 +150,7 @@ impl App {
         match Session::open(path) {
             Ok(session) => {
                 self.arriving = session.cameras;
+                self.pictures.stage.arrive_from(session.stage_camera);
                 self.framed = None;
                 self.document.run(Command::Session(Box::new(session.settings)));
             }
@@ -270,10 +275,14 @@ impl App {
             Purpose::SaveSession => {
                 let poses = self.orbits().map(|o| Pose::of(&o.camera()));
                 let path = if first.extension().is_none() { first.with_extension("json") } else { first };
-                match Session::new(self.document.settings().clone(), poses).save(&path) {
+                let session = Session::new(self.document.settings().clone(), poses);
+                match session.with_stage_camera(self.pictures.stage.pose()).save(&path) {
                     Ok(()) => self.document.log.good(format!("saved the session as {}", path.display())),
                     Err(e) => self.fail(e.to_string()),
                 }
+            }
+            Purpose::OpenLayout | Purpose::SaveLayout | Purpose::ExportStage => {
+                self.stage_file(purpose, first)
             }
             Purpose::ExportFile | Purpose::ExportFolder => {
                 if let Some(form) = &mut self.export {
@@ -294,6 +303,9 @@ impl App {
     }
 
     fn act(&mut self, ctx: &egui::Context, action: Action) {
+        if self.act_on_stage(ctx, action) {
+            return;
+        }
         let settings = self.document.settings();
         let mut look = settings.look.clone();
         let layout = settings.layout;
@@ -419,6 +431,7 @@ impl App {
             Action::Defects => looks.defects = !looks.defects,
             Action::Cull => looks.cull_back = !looks.cull_back,
             Action::Ground => look.ground = !look.ground,
+            Action::Stage | Action::Walk | Action::Copies(_) => return,
         }
         self.document.run(Command::Look(look));
     }
@@ -469,6 +482,7 @@ impl App {
             self.pictures.is_flickering = false;
             return;
         }
+        self.pictures.stage.walk_by_keys(ctx, &self.document);
         let actions = ctx.input_mut(keys::pressed);
         for action in actions {
             self.document.seal();
@@ -595,6 +609,8 @@ impl App {
                 Say::ChooseMatcap => self.choose(ctx, Purpose::Matcap, None),
                 Say::ChooseShader => self.choose(ctx, Purpose::Shader, None),
                 Say::Copy(text) => ctx.copy_text(text),
+                Say::Scatter(scatter) => self.scatter(scatter),
+                Say::ScatterForm(form) => self.pictures.stage.form = Some(form),
             }
         }
     }
@@ -718,6 +734,7 @@ impl eframe::App for App {
         let have_changed = std::mem::take(&mut self.document.own_files_changed);
         self.facts.shader_error = self.pictures.follow_files(&self.document.settings().look, have_changed);
         self.facts.triangles_drawn = self.pictures.triangles;
+        self.facts.stage = self.pictures.stage.facts();
         let lighter = self.document.lighter();
         self.facts.error_px = lighter.and_then(|l| self.pictures.pixels(&self.document, l.content.error()));
         self.panels(ui);
@@ -742,6 +759,7 @@ fn body(ui: &mut Ui, panel: Panel, scope: &mut Scope<'_>) {
         Panel::Look => panel::look::show(ui, scope),
         Panel::Error => panel::error::show(ui, scope),
         Panel::Log => panel::log::show(ui, scope),
+        Panel::Stage => panel::stage::show(ui, scope),
         Panel::Timeline => panel::timeline::show(ui, scope),
         Panel::Benchmark => panel::benchmark::show(ui, scope),
     }

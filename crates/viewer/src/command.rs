@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::playback::Playback;
 use crate::settings::{Appearance, AutoLod, Layout, Pose, Settings, Turn};
+use crate::stage::{Copies, StageChange};
 use crate::words::Simplification;
 
 /// One change of a document.
@@ -32,6 +33,8 @@ pub enum Command {
     KeepCamera(usize, Option<Pose>),
     /// A level by distance.
     AutoLod(AutoLod),
+    /// Copies of the model on a ground, and how they are shown.
+    Stage(StageChange),
     /// Another animation, moment or speed.
     Playback(Playback),
     /// All of it, as a session that was opened has it.
@@ -80,6 +83,7 @@ impl Command {
             Self::Turn(_) => "turn",
             Self::KeepCamera(..) => "camera",
             Self::AutoLod(_) => "level by distance",
+            Self::Stage(change) => change.name(),
             Self::Playback(_) => PLAYBACK,
             Self::Session(_) => "session",
         }
@@ -94,6 +98,8 @@ impl Command {
                 settings.simplify.options.stop = Stop::default();
                 settings.turn = Turn::default();
                 settings.cameras = [None; 4];
+                // Copies stand in the units of their model.
+                (settings.stage.is_on, settings.stage.copies) = (false, Copies::default());
                 settings.playback = settings.playback.anew();
             }
             Self::Show(which) => {
@@ -122,6 +128,7 @@ impl Command {
                 }
             }
             Self::AutoLod(auto) => settings.auto_lod = *auto,
+            Self::Stage(change) => change.apply(&mut settings.stage),
             Self::Playback(playback) => settings.playback = *playback,
             Self::Session(all) => settings.clone_from(all),
         }

@@ -17,6 +17,7 @@ use crate::numbers::{grouped, percent, significant};
 use crate::own_files::OwnFiles;
 use crate::panel::{Say, error};
 use crate::settings::{Appearance, Layout, Sides};
+use crate::stage::picture::StageView;
 use crate::theme::palette;
 use crate::viewport::{self, Orbit, moved_bounds, turn_matrix, turned_bounds};
 
@@ -66,6 +67,8 @@ pub struct Pictures {
     pub height_px: f64,
     /// Triangles drawn in the last frame that was drawn.
     pub triangles: u64,
+    /// Copies on a ground, in the place of the two sides.
+    pub stage: StageView,
     moved: Option<Instant>,
     own: OwnFiles,
     /// The view to begin with, once the size of the pictures is known.
@@ -96,6 +99,7 @@ impl Pictures {
             aspect: 1.0,
             height_px: 600.0,
             triangles: 0,
+            stage: StageView::default(),
             moved: None,
             own: OwnFiles::default(),
             arriving: None,
@@ -144,6 +148,11 @@ impl Pictures {
 
     /// All that is there, in the place that is left. Pushes what the mouse asks for.
     pub fn show(&mut self, ui: &mut Ui, document: &Document, says: &mut Vec<Say>) -> Option<f64> {
+        if document.stage().is_some() {
+            self.stage.show(ui, document, self.gpu.as_mut(), &self.own, &self.pose, says);
+            self.triangles = self.stage.triangles();
+            return None;
+        }
         let all = ui.available_rect_before_wrap();
         ui.allocate_rect(all, Sense::hover());
         let layout = document.settings().layout;

@@ -46,7 +46,8 @@ impl Original {
         Ok(Self::of_file(path.to_owned(), file, begin.elapsed().as_secs_f64()))
     }
 
-    fn of_file(path: PathBuf, file: ModelFile, read_secs: f64) -> Self {
+    /// Of what was read already.
+    pub fn of_file(path: PathBuf, file: ModelFile, read_secs: f64) -> Self {
         let model = &file.model;
         let count = |of: fn(&TriMesh) -> usize| placed(model, of);
         let prepared = model.meshes.iter().map(|_| OnceLock::new()).collect();

@@ -26,6 +26,12 @@ pub(crate) enum Purpose {
     Matcap,
     /// A shader.
     Shader,
+    /// A layout of the stage to open.
+    OpenLayout,
+    /// Where a layout goes.
+    SaveLayout,
+    /// Where a stage goes.
+    ExportStage,
 }
 
 impl Purpose {
@@ -38,6 +44,9 @@ impl Purpose {
             Self::ExportFolder => "Folder for all levels",
             Self::Matcap => "Picture of a lit ball",
             Self::Shader => "Shader",
+            Self::OpenLayout => "Open a layout",
+            Self::SaveLayout => "Save the layout",
+            Self::ExportStage => "Export the stage",
         }
     }
 
@@ -46,7 +55,8 @@ impl Purpose {
         match self {
             Self::Open => with_gz(&Format::ALL),
             Self::ExportFile => with_gz(&Format::WRITTEN),
-            Self::OpenSession | Self::SaveSession => vec!["json"],
+            Self::OpenSession | Self::SaveSession | Self::OpenLayout | Self::SaveLayout => vec!["json"],
+            Self::ExportStage => vec!["glb", "gltf"],
             Self::ExportFolder => Vec::new(),
             Self::Matcap => vec!["png", "jpg", "jpeg", "webp"],
             Self::Shader => vec!["wgsl"],
@@ -54,7 +64,7 @@ impl Purpose {
     }
 
     fn is_saving(self) -> bool {
-        matches!(self, Self::SaveSession | Self::ExportFile)
+        matches!(self, Self::SaveSession | Self::ExportFile | Self::SaveLayout | Self::ExportStage)
     }
 }
 

@@ -1,5 +1,7 @@
 //! What is open, what was made of it, and the work that is under way. Nothing here knows a window.
 
+mod stage;
+
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -20,6 +22,8 @@ use crate::numbers::{grouped, seconds};
 use crate::road::{self, Road};
 use crate::settings::Settings;
 use crate::words::Simplification;
+
+pub use stage::StageLevel;
 
 /// Something to be seen, and its buffers on the graphics card.
 pub struct Shown<T> {
@@ -55,6 +59,12 @@ const LEVELS: [f64; 9] = [0.5, 0.25, 0.125, 0.0625, 0.03, 0.015, 0.0075, 0.0035,
 
 /// Triangles below which a level is of no use.
 const LEAST_FACES: f64 = 50.0;
+
+/// The parts of its triangles that levels of a model have.
+pub(crate) fn level_ratios(faces: usize) -> Vec<f64> {
+    let fewest = LEAST_FACES / faces.max(1) as f64;
+    LEVELS.into_iter().filter(|r| *r > fewest).collect()
+}
 
 /// A document: changed by commands alone.
 pub struct Document {
@@ -190,12 +200,13 @@ impl Document {
     }
     /// The levels by distance, from the finest; none while it is off, or they are not made.
     pub fn levels(&self) -> &[Shown<Lighter>] {
-        let is_on = self.settings.auto_lod.is_on;
+        if self.settings.auto_lod.is_on { self.levels_made() } else { &[] }
+    }
+
+    /// The levels of what is open, as it is to be simplified; none if they are not made.
+    fn levels_made(&self) -> &[Shown<Lighter>] {
         let of = self.level_source();
-        self.levels
-            .as_ref()
-            .filter(|set| is_on && Some(&set.of) == of.as_ref())
-            .map_or(&[], |set| &set.levels)
+        self.levels.as_ref().filter(|set| Some(&set.of) == of.as_ref()).map_or(&[], |set| &set.levels)
     }
 
     /// The lightest level whose error is at most this, in the units of the model: its number from 1, and the level. 0 is
@@ -686,15 +697,15 @@ impl Document {
 
     /// Starts to make the levels by distance, where they are wanted.
     fn make_levels(&mut self, original: &Shown<Original>) {
-        let Some(of) = self.level_source().filter(|_| self.settings.auto_lod.is_on) else { return };
+        let is_wanted = self.settings.auto_lod.is_on || self.settings.stage.is_on;
+        let Some(of) = self.level_source().filter(|_| is_wanted) else { return };
         if self.asked_levels.as_ref() == Some(&of) {
             return;
         }
         self.asked_levels = Some(of.clone());
         let (context, original) = (self.context.clone(), original.clone());
         self.worker.submit(Kind::Levels, move |watch| {
-            let fewest = LEAST_FACES / original.content.faces.max(1) as f64;
-            let ratios: Vec<f64> = LEVELS.into_iter().filter(|r| *r > fewest).collect();
+            let ratios = level_ratios(original.content.faces);
             let made = Lighter::chain(&original.content, &of.1, &ratios, watch);
             let shown = |level: Lighter| {
                 let draw = context.as_ref().map(|c| Arc::new(Mutex::new(c.upload(&level.model))));

@@ -118,7 +118,7 @@ impl Export {
 }
 
 /// Takes images that are files into the scene, so that it can stand anywhere.
-fn embed(scene: &mut lodsmith_io::gltf::Scene, folder: &Path) -> Vec<Warning> {
+pub(crate) fn embed(scene: &mut lodsmith_io::gltf::Scene, folder: &Path) -> Vec<Warning> {
     for uri in scene.outside_files() {
         let path = outside_path(&uri).map(|path| folder.join(path)).filter(|p| p.is_file());
         if let Some(bytes) = path.and_then(|p| std::fs::read(p).ok()) {

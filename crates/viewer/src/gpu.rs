@@ -29,3 +29,4 @@ pub use pick::Picked;
 pub use renderer::{Gpu, Matcap};
 pub use surface_shader::{ShaderError, SurfaceShader};
 pub use target::Target;
+pub use uniforms::TINTS;

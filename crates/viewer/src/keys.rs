@@ -91,6 +91,39 @@ pub enum Action {
     Screenshot,
     /// The cheat sheet.
     Help,
+    /// Copies on a ground, or the two sides.
+    Stage,
+    /// Through the copies, on foot.
+    Walk,
+    /// Something done to copies.
+    Copies(CopiesAction),
+}
+
+/// Something done to the copies on the stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum CopiesAction {
+    /// A click places one, or chooses one.
+    Place,
+    /// Other places by chance.
+    Scatter,
+    /// The chosen ones once more.
+    Duplicate,
+    /// The chosen ones go.
+    Delete,
+    /// All are chosen.
+    All,
+    /// The chosen ones turn by steps.
+    Turn(i8),
+    /// The chosen ones grow by steps.
+    Scale(i8),
+    /// A colour for each level.
+    Colors,
+    /// Places into a file.
+    SaveLayout,
+    /// Places from a file.
+    OpenLayout,
+    /// All of it into a file.
+    Export,
 }
 
 /// Under which heading the cheat sheet has it.
@@ -106,18 +139,21 @@ pub enum Group {
     Look,
     /// From where.
     Camera,
+    /// Copies on a ground.
+    Stage,
     /// What is around it.
     Window,
 }
 
 impl Group {
     /// All of them, with their names.
-    pub const ALL: [(Self, &'static str); 6] = [
+    pub const ALL: [(Self, &'static str); 7] = [
         (Self::File, "Files"),
         (Self::Detail, "Detail"),
         (Self::Animation, "Animation"),
         (Self::Look, "Look"),
         (Self::Camera, "Camera"),
+        (Self::Stage, "Stage"),
         (Self::Window, "Window"),
     ];
 }
@@ -142,6 +178,11 @@ const fn bind(group: Group, modifiers: Modifiers, key: Key, action: Action, name
 const NONE: Modifiers = Modifiers::NONE;
 const CTRL: Modifiers = Modifiers::COMMAND;
 const CTRL_SHIFT: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
+const SHIFT: Modifiers = Modifiers::SHIFT;
+
+const fn copies(modifiers: Modifiers, key: Key, action: CopiesAction, name: &'static str) -> Binding {
+    bind(Group::Stage, modifiers, key, Action::Copies(action), name)
+}
 
 /// All keys. Those with more modifiers stand first, for they would match the others too.
 pub const BINDINGS: &[Binding] = &[
@@ -205,6 +246,18 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Camera, CTRL, Key::Num2, Action::Recall(1), "Camera 2"),
     bind(Group::Camera, CTRL, Key::Num3, Action::Recall(2), "Camera 3"),
     bind(Group::Camera, CTRL, Key::Num4, Action::Recall(3), "Camera 4"),
+    bind(Group::Stage, NONE, Key::Y, Action::Stage, "Show the stage, or the two sides"),
+    bind(Group::Stage, NONE, Key::I, Action::Walk, "Walk through, or see all"),
+    copies(SHIFT, Key::A, CopiesAction::Place, "Place copies by clicks, or choose them"),
+    copies(SHIFT, Key::S, CopiesAction::Scatter, "Scatter in another way"),
+    copies(SHIFT, Key::D, CopiesAction::Duplicate, "Duplicate the chosen copies"),
+    copies(SHIFT, Key::C, CopiesAction::Colors, "A colour for each level"),
+    copies(CTRL, Key::A, CopiesAction::All, "Choose all copies"),
+    copies(NONE, Key::Delete, CopiesAction::Delete, "Delete the chosen copies"),
+    copies(SHIFT, Key::ArrowLeft, CopiesAction::Turn(1), "Turn them left"),
+    copies(SHIFT, Key::ArrowRight, CopiesAction::Turn(-1), "Turn them right"),
+    copies(SHIFT, Key::ArrowDown, CopiesAction::Scale(-1), "Make them smaller"),
+    copies(SHIFT, Key::ArrowUp, CopiesAction::Scale(1), "Make them larger"),
     bind(Group::Window, NONE, Key::Tab, Action::Panels, "Hide or show all panels"),
     bind(Group::Window, NONE, Key::F2, Action::Panel(Panel::Files), "Files"),
     bind(Group::Window, NONE, Key::F3, Action::Panel(Panel::Method), "Method"),
@@ -213,6 +266,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Window, NONE, Key::F6, Action::Panel(Panel::Look), "Look"),
     bind(Group::Window, NONE, Key::F7, Action::Panel(Panel::Error), "Error"),
     bind(Group::Window, NONE, Key::F8, Action::Panel(Panel::Log), "Log"),
+    bind(Group::Window, NONE, Key::F11, Action::Panel(Panel::Stage), "Stage"),
     bind(Group::Window, NONE, Key::F9, Action::Panel(Panel::Timeline), "Timeline"),
     bind(Group::Window, NONE, Key::F10, Action::Panel(Panel::Benchmark), "Benchmarks"),
     bind(Group::Window, CTRL, Key::T, Action::Theme, "Dark or light"),
@@ -229,6 +283,12 @@ pub const GESTURES: &[(Group, &str, &str)] = &[
     (Group::Camera, "Shift + drag, middle", "Move sideways"),
     (Group::Camera, "Scroll, pinch", "Nearer or farther, to the pointer"),
     (Group::Camera, "Double click", "Look at that place"),
+    (Group::Stage, "Click, Shift + click", "Choose a copy, one more"),
+    (Group::Stage, "Drag a copy", "Move the chosen copies"),
+    (Group::Stage, "Alt + drag", "Turn them, up/down scale them"),
+    (Group::Stage, "W A S D, arrows", "Walk, while on foot"),
+    (Group::Stage, "Q, E", "Down, up, while on foot"),
+    (Group::Stage, "Esc", "See all again"),
 ];
 
 impl Action {
@@ -286,6 +346,10 @@ pub fn pressed(input: &mut InputState) -> Vec<Action> {
     // `=` is `+` without Shift on most keyboards.
     if input.consume_key(NONE, Key::Equals) {
         actions.push(Action::More);
+    }
+    // The key over Enter deletes on keyboards without another.
+    if input.consume_key(NONE, Key::Backspace) {
+        actions.push(Action::Copies(CopiesAction::Delete));
     }
     if input.consume_shortcut(&KeyboardShortcut::new(CTRL_SHIFT, Key::Z)) {
         actions.push(Action::Redo);

@@ -23,6 +23,7 @@ pub mod playback;
 pub mod road;
 pub mod session;
 pub mod settings;
+pub mod stage;
 pub mod theme;
 pub mod viewport;
 pub mod words;

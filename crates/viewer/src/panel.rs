@@ -11,6 +11,7 @@ pub mod look;
 pub mod method;
 pub mod parts;
 pub mod report;
+pub mod stage;
 pub mod target;
 pub mod timeline;
 pub mod top;
@@ -20,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::command::Command;
 use crate::document::Document;
 use crate::keys::Action;
+use crate::stage::scatter::Scatter;
 
 /// A panel that can be shown and hidden.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -38,6 +40,8 @@ pub enum Panel {
     Error,
     /// What was said.
     Log,
+    /// Copies on a ground.
+    Stage,
     /// What moves when.
     Timeline,
     /// Times of levels.
@@ -46,8 +50,9 @@ pub enum Panel {
 
 impl Panel {
     /// All of them, in the order of the menu.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Files,
+        Self::Stage,
         Self::Method,
         Self::Report,
         Self::Error,
@@ -68,6 +73,7 @@ impl Panel {
             Self::Look => "Look",
             Self::Error => "Error",
             Self::Log => "Log",
+            Self::Stage => "Stage",
             Self::Timeline => "Timeline",
             Self::Benchmark => "Benchmarks",
         }
@@ -76,7 +82,7 @@ impl Panel {
     /// Where it stands.
     pub fn dock(self) -> Dock {
         match self {
-            Self::Files | Self::Method | Self::Report => Dock::Left,
+            Self::Files | Self::Stage | Self::Method | Self::Report => Dock::Left,
             Self::Info | Self::Look | Self::Error => Dock::Right,
             Self::Timeline | Self::Benchmark => Dock::Middle,
             Self::Log => Dock::Bottom,
@@ -129,6 +135,10 @@ pub enum Say {
     ChooseShader,
     /// Into the clipboard.
     Copy(String),
+    /// Copies on the stage, by chance.
+    Scatter(Scatter),
+    /// How they will be.
+    ScatterForm(Scatter),
 }
 
 impl Scope<'_> {
@@ -161,4 +171,6 @@ pub struct Facts {
     pub error_px: Option<f64>,
     /// The unit of the slider.
     pub unit: target::Unit,
+    /// The stage.
+    pub stage: crate::stage::picture::Facts,
 }

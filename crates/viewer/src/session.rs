@@ -18,6 +18,9 @@ pub struct Session {
     pub settings: Settings,
     /// From where the two sides were seen.
     pub cameras: Option<[Pose; 2]>,
+    /// From where the stage was seen, if it was.
+    #[serde(default)]
+    pub stage_camera: Option<Pose>,
 }
 
 /// The version that is written.
@@ -57,7 +60,13 @@ pub enum SessionError {
 impl Session {
     /// A session of these.
     pub fn new(settings: Settings, cameras: [Pose; 2]) -> Self {
-        Self { program: PROGRAM.to_owned(), version: VERSION, settings, cameras: Some(cameras) }
+        let (program, cameras) = (PROGRAM.to_owned(), Some(cameras));
+        Self { program, version: VERSION, settings, cameras, stage_camera: None }
+    }
+
+    /// With the camera of the stage.
+    pub fn with_stage_camera(self, stage_camera: Option<Pose>) -> Self {
+        Self { stage_camera, ..self }
     }
 
     /// Saves it: to a temporary file first, which then takes the name. Files beside it are named relative to it.

@@ -9,6 +9,7 @@ use lodsmith_render::{
 use serde::{Deserialize, Serialize};
 
 use crate::playback::Playback;
+use crate::stage::Stage;
 use crate::words::Simplification;
 
 /// What a document is, beside the meshes themselves.
@@ -31,6 +32,8 @@ pub struct Settings {
     pub cameras: [Option<Pose>; 4],
     /// Whether the level goes by the distance of the camera.
     pub auto_lod: AutoLod,
+    /// Copies of the model on a ground.
+    pub stage: Stage,
     /// Which moment of which animation is shown, and how it goes on.
     pub playback: Playback,
 }

@@ -12,7 +12,7 @@ use lodsmith_render::{
     Background, Camera, Lens, Light, LightKind, Lighting, Look, Shading, StandardView, Subject, View, render,
 };
 use lodsmith_viewer::content::{Lighter, Original};
-use lodsmith_viewer::gpu::{Context, Frame, Gpu, Marks, Placed, Split};
+use lodsmith_viewer::gpu::{Context, Frame, Gpu, Marks, Placed, Split, TINTS};
 use lodsmith_viewer::playback::Playback;
 use lodsmith_viewer::words::Simplification;
 
@@ -566,6 +566,32 @@ fn a_shader_of_a_file_colours_or_says_what_is_wrong_with_it() {
         let error = gpu.shader(text).err().expect("a faulty shader");
         assert!(line.is_none() || error.line == line, "{error}");
         assert!(!error.message.is_empty());
+    }
+}
+
+#[test]
+fn a_tint_is_the_colour_of_the_surface_under_any_shading() {
+    let Some(mut gpu) = gpu() else { return };
+    for (tint, shading) in
+        [(1, Shading::Smooth), (3, Shading::Normals), (7, Shading::Matcap), (12, Shading::Heat)]
+    {
+        let mut scene = Scene::new("tint", shapes::torus(48, 24), Shading::Smooth);
+        scene.look.surface = TINTS[usize::from(tint) - 1];
+        let wanted = scene.on_cpu();
+        scene.look = Look { shading, ..Look::default() };
+        let drawn = gpu.upload(&scene.model);
+        let mut target = gpu.target(SIZE);
+        target.resize(SIZE, if gpu.is_software() { 2.0 } else { 1.0 });
+        let pose = Pose::default();
+        let placed = [Placed { tint, ..Placed::new(&drawn, &pose) }];
+        gpu.draw(&mut target, &scene.frame(&placed));
+        let image = target.read_back();
+        let image = if target.size() == SIZE { image } else { halved(&image) };
+        let difference = difference(&image, &wanted);
+        assert!(difference < 1.5, "tint {tint}: {difference:.2}");
+        // Without it, the same frame is another picture.
+        let plain = [Placed::new(&drawn, &pose)];
+        assert!(gpu.draw(&mut target, &scene.frame(&plain)).drawn);
     }
 }
 

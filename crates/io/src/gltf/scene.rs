@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use super::accessors::Accessor;
 use super::buffers::{Buffers, relative_path};
 use super::container::{Document, list, list_mut, whole};
+use super::copies::{self, CopyPlace};
 use super::lists::append;
 use super::lod::{self, SceneLevels};
 use super::mesh::{self, Budget};
@@ -91,7 +92,6 @@ impl Scene {
         }
 
         let placed = placements::placed(&json)?;
-        let (mut contents, _) = inventory::take(&json, &placed);
         let mut warnings = Vec::new();
         let meshes = {
             let opened = Buffers::loaded(&json, &buffers, unpacked);
@@ -119,9 +119,7 @@ impl Scene {
             count_instances(&json, &opened, &placed, &mut meshes)?;
             meshes
         };
-        contents.meshes = meshes.iter().fold(0, |n, m| m.instances.saturating_add(n));
-        let placed_faces = |m: &SceneMesh| m.instances.saturating_mul(m.mesh.face_count());
-        contents.polygons = meshes.iter().fold(0, |n, m| placed_faces(m).saturating_add(n));
+        let contents = contents(&json, &placed, &meshes);
         let bounds = bounds(&placed, &meshes);
         let (folder, limits) = (options.folder.clone(), options.limits);
         Ok(Self { json, buffers, meshes, bounds, contents, warnings, format, unpacked, folder, limits })
@@ -197,6 +195,26 @@ impl Scene {
     ) -> io::Result<Vec<Warning>> {
         let (json, replaced) = lod::with_levels(&self.json, levels)?;
         replace::write((&json, &self.buffers), &replaced, format, relink, out)
+    }
+
+    /// The scene with a copy of all that it shows at each of these places, under a node of its own. Copies share meshes,
+    /// materials and all that lies in buffers; each has nodes and skins of its own, and animations move all of them. What
+    /// stands in other scenes of the file is in none any more.
+    ///
+    /// # Errors
+    /// [`ReadError::Malformed`] for nodes that form no tree.
+    pub fn with_copies(&self, places: &[CopyPlace]) -> Result<Self, ReadError> {
+        let json = copies::with_copies(&self.json, places)?;
+        let placed = placements::placed(&json)?;
+        let mut meshes = self.meshes.clone();
+        for mesh in &mut meshes {
+            (mesh.instances, mesh.scale, mesh.world_from_mesh) = (0, 1.0, None);
+        }
+        let opened = Buffers::loaded(&json, &self.buffers, self.unpacked);
+        count_instances(&json, &opened, &placed, &mut meshes)?;
+        let contents = contents(&json, &placed, &meshes);
+        let bounds = bounds(&placed, &meshes);
+        Ok(Self { json, meshes, contents, bounds, ..self.clone() })
     }
 
     /// Whether nodes name others as levels of detail.
@@ -308,6 +326,15 @@ pub(super) fn relink(json: &mut Value, depth: usize, new: &dyn Fn(&str) -> Optio
 /// Whether a uri names a file, and not data or an address on the network.
 fn is_file(uri: &str) -> bool {
     !uri.is_empty() && !uri.starts_with("data:") && !uri.contains("://")
+}
+
+/// What the file holds; meshes and faces as often as they are placed.
+fn contents(json: &Value, placed: &[placements::Placement], meshes: &[SceneMesh]) -> Contents {
+    let (mut contents, _) = inventory::take(json, placed);
+    contents.meshes = meshes.iter().fold(0, |n, m| m.instances.saturating_add(n));
+    let placed_faces = |m: &SceneMesh| m.instances.saturating_mul(m.mesh.face_count());
+    contents.polygons = meshes.iter().fold(0, |n, m| placed_faces(m).saturating_add(n));
+    contents
 }
 
 /// The box round the corners of the meshes' boxes where they are placed.

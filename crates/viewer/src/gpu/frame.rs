@@ -8,7 +8,7 @@ use lodsmith_render::{Background, Camera, Lighting, Look};
 use super::model::DrawModel;
 use super::renderer::Matcap;
 use super::surface_shader::SurfaceShader;
-use super::uniforms::{View, ball};
+use super::uniforms::{TINTS, View, ball};
 
 /// Everything that a picture shows.
 #[derive(Clone, Copy)]
@@ -44,12 +44,14 @@ pub struct Placed<'a> {
     pub world_from_model: DMat4,
     /// Whether it is marked as chosen.
     pub selected: bool,
+    /// A number of [`TINTS`](super::TINTS), counted from 1, whose colour stands in for that of its surface; 0 for none.
+    pub tint: u8,
 }
 
 impl<'a> Placed<'a> {
     /// A model where its file puts it.
     pub fn new(model: &'a DrawModel, pose: &'a Pose) -> Self {
-        Self { model, pose, world_from_model: DMat4::IDENTITY, selected: false }
+        Self { model, pose, world_from_model: DMat4::IDENTITY, selected: false, tint: 0 }
     }
 }
 
@@ -72,7 +74,7 @@ pub struct Drawn {
 /// What a target shows, kept to be compared.
 pub(super) struct Shown {
     size: [u32; 2],
-    models: Vec<(u64, u64, Pose, DMat4, bool)>,
+    models: Vec<(u64, u64, Pose, DMat4, bool, u8)>,
     bounds: Bounds,
     camera: Camera,
     look: Look,
@@ -87,7 +89,7 @@ impl Shown {
     pub(super) fn new(frame: &Frame<'_>, size: [u32; 2]) -> Self {
         let model = |p: &Placed<'_>| {
             let (id, revision) = p.model.version();
-            (id, revision, p.pose.clone(), p.world_from_model, p.selected)
+            (id, revision, p.pose.clone(), p.world_from_model, p.selected, p.tint)
         };
         Self {
             size,
@@ -104,12 +106,13 @@ impl Shown {
     }
 
     pub(super) fn is(&self, frame: &Frame<'_>, size: [u32; 2]) -> bool {
-        let same = |(id, revision, pose, matrix, selected): &(u64, u64, Pose, DMat4, bool),
+        let same = |(id, revision, pose, matrix, selected, tint): &(u64, u64, Pose, DMat4, bool, u8),
                     p: &Placed<'_>| {
             (*id, *revision) == p.model.version()
                 && pose == p.pose
                 && *matrix == p.world_from_model
                 && *selected == p.selected
+                && *tint == p.tint
         };
         self.size == size
             && self.camera == frame.camera
@@ -141,6 +144,8 @@ const HAS_HEAT: u32 = 0x80000;
 const HAS_COLORS: u32 = 0x10_0000;
 const LINEAR_COLORS: u32 = 0x20_0000;
 const OWN_NORMALS: u32 = 0x40_0000;
+/// Where in the flags the number of the tint begins.
+const TINT_SHIFT: u32 = 24;
 /// Morph targets that pull at once at one place; what a shader counts in the lower half of its flags.
 const MORPHS_MAX: usize = 0xffff;
 
@@ -190,6 +195,7 @@ pub(super) fn gather<'a>(frame: &Frame<'a>, view: &View) -> Gathered<'a> {
             }
             let mut flags = morphs.len() as u32;
             flags |= if placed.selected { SELECTED } else { 0 };
+            flags |= u32::from(placed.tint.min(TINTS.len() as u8)) << TINT_SHIFT;
             flags |= if mesh.heat_max.is_some() { HAS_HEAT } else { 0 };
             flags |= if mesh.has_colors { HAS_COLORS } else { 0 };
             flags |= if model.has_linear_colors { LINEAR_COLORS } else { 0 };

@@ -90,6 +90,27 @@ impl View {
     }
 }
 
+/// Colours that tell models apart, in sRGB. See [`Placed::tint`](super::Placed::tint).
+pub const TINTS: [[f32; 3]; 12] = {
+    const fn rgb(hex: u32) -> [f32; 3] {
+        [(hex >> 16) as f32 / 255.0, (hex >> 8 & 0xff) as f32 / 255.0, (hex & 0xff) as f32 / 255.0]
+    }
+    [
+        rgb(0xf2f2f2),
+        rgb(0xff5d5d),
+        rgb(0xff9a3c),
+        rgb(0xffd23f),
+        rgb(0xa9d93f),
+        rgb(0x3fbf63),
+        rgb(0x24bcae),
+        rgb(0x3aa0ff),
+        rgb(0x5b6cff),
+        rgb(0x9a5bff),
+        rgb(0xd65bd6),
+        rgb(0x8a8f96),
+    ]
+};
+
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct GpuLight {
@@ -122,6 +143,7 @@ pub(super) struct Globals {
     marks: [f32; 4],
     /// By [`super::marks::Kind`].
     mark_colors: [[f32; 4]; 4],
+    tints: [[f32; 4]; TINTS.len()],
     stops: [[f32; 4]; STOPS_MAX],
     lights: [GpuLight; LIGHTS_MAX],
 }
@@ -212,6 +234,7 @@ impl Globals {
             ground: four(below, view.length(grid_step(ball(bounds).1))),
             marks: [look.borders, look.defects, false, false].map(|x| f32::from(u8::from(x))),
             mark_colors: super::marks::COLORS.map(opaque),
+            tints: TINTS.map(|c| opaque(c.map(linear_from_srgb))),
             stops,
             lights: gpu_lights,
         }

@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, RichText, Ui};
 
-use crate::keys::{Action, BINDINGS, GESTURES, Group, text};
+use crate::keys::{Action, BINDINGS, CopiesAction, GESTURES, Group, text};
 use crate::theme::{number, palette, weak};
 
 /// The sheet; whether it is to be closed.
@@ -33,7 +33,7 @@ pub fn show(ctx: &egui::Context) -> bool {
                                 let column = match group {
                                     Group::File | Group::Detail => 0,
                                     Group::Look | Group::Window => 1,
-                                    Group::Camera | Group::Animation => 2,
+                                    Group::Camera | Group::Animation | Group::Stage => 2,
                                 };
                                 block(&mut columns[column], group, title);
                             }
@@ -68,6 +68,8 @@ fn is_repeated(action: Action) -> bool {
     match action {
         Action::Keep(n) | Action::Recall(n) => n > 0,
         Action::Orbit(x, y) | Action::TurnModel(x, y) => (x, y) != (-1, 0),
+        Action::Copies(CopiesAction::Turn(n)) => n < 0,
+        Action::Copies(CopiesAction::Scale(n)) => n > 0,
         _ => false,
     }
 }
@@ -79,6 +81,12 @@ fn merged(action: Action, keys: String, name: &str) -> (String, String) {
         Action::Recall(_) => (format!("{keys} … 4"), "Back to a kept camera".to_owned()),
         Action::Orbit(..) => ("Arrows".to_owned(), "Turn round the model".to_owned()),
         Action::TurnModel(..) => ("Alt+arrows".to_owned(), "Turn the model itself".to_owned()),
+        Action::Copies(CopiesAction::Turn(_)) => {
+            ("Shift+Left, Right".to_owned(), "Turn the chosen copies".to_owned())
+        }
+        Action::Copies(CopiesAction::Scale(_)) => {
+            ("Shift+Down, Up".to_owned(), "Make them smaller, larger".to_owned())
+        }
         _ => (keys, name.to_owned()),
     }
 }

@@ -69,6 +69,15 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         parts::fact(ui, "On vertices", anatomy.attributes.join(", "));
     }
 
+    if let Some(stage) = document.stage() {
+        let shown = &scope.facts.stage;
+        parts::heading(ui, "Stage");
+        parts::fact(ui, "Copies", grouped(stage.copies.len()));
+        parts::fact(ui, "In sight", grouped(shown.chosen.in_sight.len()));
+        parts::fact(ui, "Our part of a frame", seconds(shown.secs))
+            .on_hover_text(format!("longest: {}", seconds(shown.longest_secs)));
+    }
+
     parts::heading(ui, "Times");
     parts::fact(ui, "Opening", seconds(o.read_secs));
     if let Some(l) = lighter {

@@ -4,7 +4,7 @@ use eframe::egui::{self, RichText, Ui};
 
 use super::{Panel, Scope, look::SHADINGS, parts};
 use crate::command::Command;
-use crate::keys::Action;
+use crate::keys::{Action, CopiesAction};
 use crate::settings::{Layout, Sides};
 use crate::theme::{palette, weak};
 
@@ -82,6 +82,7 @@ fn menus(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
         ui.separator();
         item(ui, scope, Action::TurnBack, "Turn the model back", has_file);
     });
+    stage_menu(ui, scope, has_file);
     ui.menu_button("Panels", |ui| {
         for panel in Panel::ALL {
             let text = if is_shown(panel) {
@@ -93,6 +94,27 @@ fn menus(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
         }
         ui.separator();
         item(ui, scope, Action::Panels, "Hide all", true);
+    });
+}
+
+fn stage_menu(ui: &mut Ui, scope: &mut Scope<'_>, has_file: bool) {
+    let is_on = scope.document.stage().is_some();
+    let has_copies = is_on && !scope.document.settings().stage.copies.is_empty();
+    let has_chosen = is_on && !scope.facts.stage.selected.is_empty();
+    let copies = Action::Copies;
+    ui.menu_button("Stage", |ui| {
+        item(ui, scope, Action::Stage, if is_on { "Show the two sides" } else { "Show the stage" }, has_file);
+        item(ui, scope, Action::Walk, "Walk through", is_on);
+        ui.separator();
+        item(ui, scope, copies(CopiesAction::Place), "Place copies by clicks", is_on);
+        item(ui, scope, copies(CopiesAction::Scatter), "Scatter in another way", is_on);
+        item(ui, scope, copies(CopiesAction::All), "Choose all", has_copies);
+        item(ui, scope, copies(CopiesAction::Duplicate), "Duplicate", has_chosen);
+        item(ui, scope, copies(CopiesAction::Delete), "Delete", has_chosen);
+        ui.separator();
+        item(ui, scope, copies(CopiesAction::OpenLayout), "Open a layout…", is_on);
+        item(ui, scope, copies(CopiesAction::SaveLayout), "Save the layout…", has_copies);
+        item(ui, scope, copies(CopiesAction::Export), "Export the stage…", has_copies);
     });
 }
 

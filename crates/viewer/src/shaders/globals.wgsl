@@ -20,6 +20,7 @@ struct Globals {
     ground: vec4<f32>,
     marks: vec4<f32>,
     mark_colors: array<vec4<f32>, 4>,
+    tints: array<vec4<f32>, 12>,
     stops: array<vec4<f32>, 16>,
     lights: array<Light, 8>,
 }

@@ -298,6 +298,10 @@ fn fs(in: Varying, @builtin(front_facing) faces_front: bool) -> @location(0) vec
     if cut || (single_sided && !front) {
         discard;
     }
+    let tint = (in.flags >> TINT_SHIFT) & 0xfu;
+    if tint != 0u {
+        rgb = lit(globals.tints[tint - 1u].rgb, n, in.view);
+    }
     if (in.flags & SELECTED) != 0u {
         rgb = mix(rgb, vec3(1.0, 0.34, 0.02), 0.35);
     }

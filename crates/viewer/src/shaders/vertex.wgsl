@@ -30,6 +30,8 @@ const HAS_HEAT: u32 = 0x80000u;
 const HAS_COLORS: u32 = 0x100000u;
 const LINEAR_COLORS: u32 = 0x200000u;
 const OWN_NORMALS: u32 = 0x400000u;
+// A number from 1 in four bits; 0 for none.
+const TINT_SHIFT: u32 = 24u;
 
 @group(0) @binding(1) var<storage, read> instances: array<Instance>;
 @group(0) @binding(2) var<storage, read> palette: array<vec4<f32>>;

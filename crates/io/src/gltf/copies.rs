@@ -1,0 +1,128 @@
+//! A scene several times: nodes that share its meshes, materials and samplers.
+//!
+//! ```text
+//! scene ── node "a"          scene ── "copy_1" ── node "a"
+//!                                  └─ "copy_2" ── node "a", of its own
+//! ```
+//!
+//! Skins and channels of animations name nodes, so each copy has its own; what they look up in buffers is shared.
+
+use std::collections::{BTreeSet, HashMap};
+
+use serde_json::{Value, json};
+
+use super::container::{list, list_mut, number};
+use super::lists::append;
+use super::placements;
+use crate::error::ReadError;
+
+/// Where a copy of a scene stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CopyPlace {
+    /// Name of its node.
+    pub name: String,
+    /// Where its origin is.
+    pub translation: [f64; 3],
+    /// How it is turned: a quaternion of length one, its real part last.
+    pub rotation: [f64; 4],
+    /// How much larger it is.
+    pub scale: f64,
+}
+
+/// The JSON with one scene, which holds a copy of the default one at each of these places.
+pub(super) fn with_copies(source: &Value, places: &[CopyPlace]) -> Result<Value, ReadError> {
+    let mut json = source.clone();
+    let mut roots = placements::roots(source)?;
+    if placements::placed(source)?.is_empty() {
+        // Where no node places a mesh, all are seen as they stand.
+        for mesh in 0..list(source, "meshes").len() {
+            roots.push(append(&mut json, "nodes", json!({ "mesh": mesh })));
+        }
+    }
+    let nodes = below(&json, &roots);
+    let of_node = |n: &usize, key: &str| number(&json["nodes"][*n][key]);
+    let skins: BTreeSet<usize> = nodes.iter().filter_map(|n| of_node(n, "skin")).collect();
+    let mut tops = Vec::with_capacity(places.len());
+    let mut of_copies: Vec<HashMap<usize, usize>> = Vec::with_capacity(places.len());
+    for (k, place) in places.iter().enumerate() {
+        let own = if k == 0 { HashMap::new() } else { copy(&mut json, &nodes, &skins) };
+        let renamed: Vec<usize> = roots.iter().map(|n| own.get(n).copied().unwrap_or(*n)).collect();
+        let mut top = json!({
+            "name": place.name,
+            "translation": place.translation,
+            "rotation": place.rotation,
+            "scale": ([place.scale; 3]),
+        });
+        if !renamed.is_empty() {
+            top["children"] = json!(renamed);
+        }
+        tops.push(append(&mut json, "nodes", top));
+        of_copies.push(own);
+    }
+    animate(&mut json, &of_copies);
+    let shown = number(&json["scene"]).unwrap_or(0);
+    let mut scene = list(&json, "scenes").get(shown).cloned().unwrap_or_else(|| json!({}));
+    scene["nodes"] = json!(tops);
+    json["scenes"] = json!([scene]);
+    json["scene"] = 0.into();
+    Ok(json)
+}
+
+/// The nodes of some trees, parents first.
+fn below(json: &Value, roots: &[usize]) -> Vec<usize> {
+    let mut all = Vec::new();
+    let mut open: Vec<usize> = roots.iter().rev().copied().collect();
+    while let Some(n) = open.pop() {
+        all.push(n);
+        open.extend(list(&json["nodes"][n], "children").iter().rev().filter_map(number));
+    }
+    all
+}
+
+/// Nodes and skins once more; the new number of each node.
+fn copy(json: &mut Value, nodes: &[usize], skins: &BTreeSet<usize>) -> HashMap<usize, usize> {
+    let first = list(json, "nodes").len();
+    let own: HashMap<usize, usize> = nodes.iter().enumerate().map(|(k, n)| (*n, first + k)).collect();
+    let renamed = |value: &mut Value| {
+        if let Some(new) = number(value).and_then(|n| own.get(&n)) {
+            *value = (*new).into();
+        }
+    };
+    let mut skin_of = HashMap::new();
+    for &skin in skins {
+        let Some(mut new) = list(json, "skins").get(skin).cloned() else { continue };
+        list_mut(&mut new, "joints").iter_mut().for_each(renamed);
+        if let Some(skeleton) = new.get_mut("skeleton") {
+            renamed(skeleton);
+        }
+        skin_of.insert(skin, append(json, "skins", new));
+    }
+    for n in nodes {
+        let mut node = json["nodes"][*n].clone();
+        list_mut(&mut node, "children").iter_mut().for_each(renamed);
+        if let Some(skin) = number(&node["skin"]).and_then(|s| skin_of.get(&s)) {
+            node["skin"] = (*skin).into();
+        }
+        append(json, "nodes", node);
+    }
+    own
+}
+
+/// Lets animations move the nodes of all copies.
+fn animate(json: &mut Value, of_copies: &[HashMap<usize, usize>]) {
+    for animation in list_mut(json, "animations") {
+        let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };
+        let mut more = Vec::new();
+        for own in of_copies {
+            for channel in channels.iter() {
+                let Some(new) = number(&channel["target"]["node"]).and_then(|n| own.get(&n)) else {
+                    continue;
+                };
+                let mut channel = channel.clone();
+                channel["target"]["node"] = (*new).into();
+                more.push(channel);
+            }
+        }
+        channels.extend(more);
+    }
+}

@@ -1,0 +1,114 @@
+//! A scene several times: what copies share, what each has of its own, and where they stand.
+
+mod scenes;
+
+use lodsmith_io::gltf::{CopyPlace, Scene, SceneLevels};
+use lodsmith_io::{Format, ReadOptions, read_bytes};
+use scenes::{everything, glb, gltf, small, split};
+use serde_json::{Value, json};
+
+fn places(count: usize) -> Vec<CopyPlace> {
+    let at = |k: usize| CopyPlace {
+        name: format!("copy_{}", k + 1),
+        translation: [10.0 * k as f64, 0.0, 0.0],
+        rotation: [0.0, 0.0, 0.0, 1.0],
+        scale: (k + 1) as f64,
+    };
+    (0..count).map(at).collect()
+}
+
+fn scene((json, bin): (Value, Vec<u8>)) -> Scene {
+    let read = |bytes: &[u8]| Scene::read(bytes, &ReadOptions::default()).unwrap();
+    let (text, binary) = (read(&gltf(&json, &bin)), read(&glb(&json, &bin)));
+    assert_eq!(text.contents(), binary.contents());
+    binary
+}
+
+fn written(scene: &Scene) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    scene.write(&[], Format::Glb, &|_| None, &mut bytes).unwrap();
+    bytes
+}
+
+#[test]
+fn copies_share_what_is_heavy_and_have_nodes_of_their_own() {
+    let source = scene(everything());
+    let copied = source.with_copies(&places(3)).unwrap();
+    let faces = |s: &Scene| s.meshes().iter().map(|m| m.instances * m.mesh.face_count()).sum::<usize>();
+    assert_eq!(faces(&copied), 3 * faces(&source));
+    assert_eq!(copied.contents().polygons, 3 * source.contents().polygons);
+    assert!(copied.bounds().unwrap().max[0] > source.bounds().unwrap().max[0] + 15.0);
+    let (before, _) = split(&written(&source));
+    let (after, _) = split(&written(&copied));
+    for shared in ["meshes", "materials", "images", "accessors", "bufferViews", "cameras"] {
+        assert_eq!(before[shared], after[shared], "{shared}");
+    }
+    assert_eq!(after["scenes"].as_array().unwrap().len(), 1);
+    let tops: Vec<&Value> = after["scenes"][0]["nodes"].as_array().unwrap().iter().collect();
+    let node = |n: &Value| &after["nodes"][n.as_u64().unwrap() as usize];
+    let names: Vec<&Value> = tops.iter().map(|n| &node(n)["name"]).collect();
+    assert_eq!(names, ["copy_1", "copy_2", "copy_3"]);
+    assert_eq!(node(tops[2])["scale"], json!([3.0, 3.0, 3.0]));
+    // Each node has one parent, so the copies are trees of their own.
+    let mut parents = vec![0; after["nodes"].as_array().unwrap().len()];
+    for parent in after["nodes"].as_array().unwrap() {
+        for child in parent["children"].as_array().into_iter().flatten() {
+            parents[child.as_u64().unwrap() as usize] += 1;
+        }
+    }
+    assert!(parents.iter().all(|n| *n <= 1));
+}
+
+#[test]
+fn bones_and_channels_are_those_of_the_copy() {
+    let copied = scene(everything()).with_copies(&places(2)).unwrap();
+    let (json, _) = split(&written(&copied));
+    let below = |top: u64| {
+        let (mut all, mut open) = (Vec::new(), vec![top]);
+        while let Some(n) = open.pop() {
+            all.push(n);
+            let children = json["nodes"][n as usize]["children"].as_array();
+            open.extend(children.into_iter().flatten().filter_map(Value::as_u64));
+        }
+        all
+    };
+    let tops = json["scenes"][0]["nodes"].as_array().unwrap();
+    let mut seen = Vec::new();
+    for top in tops {
+        let own = below(top.as_u64().unwrap());
+        for n in &own {
+            let Some(skin) = json["nodes"][*n as usize]["skin"].as_u64() else { continue };
+            seen.push(skin);
+            let joints = json["skins"][skin as usize]["joints"].as_array().unwrap();
+            assert!(joints.iter().all(|j| own.contains(&j.as_u64().unwrap())), "bones of another copy");
+        }
+        let channels = json["animations"][0]["channels"].as_array().unwrap();
+        let moved = channels.iter().filter(|c| own.contains(&c["target"]["node"].as_u64().unwrap()));
+        assert_eq!(moved.count(), 1, "one channel for each copy");
+    }
+    seen.dedup();
+    assert_eq!(seen.len(), 2, "a skin for each copy");
+    assert_eq!(json["animations"][0]["samplers"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn a_file_without_nodes_can_be_copied_and_levels_come_along() {
+    let copied = scene(small()).with_copies(&places(4)).unwrap();
+    let lighter = copied.meshes()[0].mesh.as_ref().clone();
+    let levels = SceneLevels::new(vec![Vec::new(), vec![Some(lighter)]]);
+    let mut bytes = Vec::new();
+    copied.write_levels(&levels, Format::Glb, &|_| None, &mut bytes).unwrap();
+    let (json, _) = split(&bytes);
+    let hosts = json["nodes"].as_array().unwrap().iter().filter(|n| !n["extensions"]["MSFT_lod"].is_null());
+    assert_eq!(hosts.count(), 4);
+    let read = read_bytes(&bytes, &ReadOptions::default()).unwrap();
+    assert_eq!(read.mesh.face_count(), 4);
+    let bounds = read.mesh.positions().view().bounds().unwrap();
+    assert_eq!((bounds.min[0], bounds.max[0], bounds.max[1]), (0.0, 34.0, 4.0));
+}
+
+#[test]
+fn no_copies_are_an_empty_scene() {
+    let copied = scene(everything()).with_copies(&[]).unwrap();
+    assert_eq!(copied.contents().meshes, 0);
+}

@@ -1,0 +1,81 @@
+//! The stage of a document: what its copies are made of, and its way into a file.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use lodsmith_core::Model;
+
+use super::{Document, Drawing, Outcome};
+use crate::content::Lighter;
+use crate::job::Kind;
+use crate::stage::export::{StageExport, Told};
+use crate::stage::levels::Level;
+use crate::stage::{Base, Stage};
+
+/// A level that copies can be shown in.
+pub struct StageLevel<'a> {
+    /// Its numbers.
+    pub level: Level,
+    /// What it is.
+    pub model: &'a Model,
+    /// How it is drawn; `None` where there is no card.
+    pub draw: Option<&'a Drawing>,
+}
+
+impl Document {
+    /// The stage, where it is to be shown.
+    pub fn stage(&self) -> Option<&Stage> {
+        let stage = &self.settings.stage;
+        (stage.is_on && self.original.is_some()).then_some(stage)
+    }
+
+    /// How the model stands on a ground.
+    pub fn stage_base(&self) -> Option<Base> {
+        let original = self.original.as_ref()?;
+        Some(Base::new(&original.content.bounds, self.settings.turn.rotation()))
+    }
+
+    /// The original and the levels that are made of it, from the finest.
+    pub fn stage_levels(&self) -> Vec<StageLevel<'_>> {
+        let Some(original) = &self.original else { return Vec::new() };
+        let first = StageLevel {
+            level: Level { error: 0.0, faces: original.content.faces as u64 },
+            model: original.content.model(),
+            draw: original.draw.as_ref(),
+        };
+        let lighter = self.levels_made().iter().map(|l| StageLevel {
+            level: Level { error: l.content.error(), faces: l.content.faces as u64 },
+            model: &l.content.model,
+            draw: l.draw.as_ref(),
+        });
+        std::iter::once(first).chain(lighter).collect()
+    }
+
+    /// Whether the levels of the stage are still to come.
+    pub fn awaits_levels(&self) -> bool {
+        self.levels_made().is_empty() && self.worker.is_busy(Kind::Levels)
+    }
+
+    /// Writes the stage as one file: copies that share the model and its levels. `fov_y_rad` is the angle of view for which
+    /// readers are told where to switch.
+    pub fn export_stage(&mut self, path: PathBuf, fov_y_rad: f64) {
+        let (Some(original), Some(base)) =
+            (self.original.as_ref().map(|o| o.content.clone()), self.stage_base())
+        else {
+            return;
+        };
+        let levels: Vec<Arc<Lighter>> = self.levels_made().iter().map(|l| l.content.clone()).collect();
+        let Some((_, how)) = self.level_source() else { return };
+        let stage = &self.settings.stage;
+        let export = StageExport {
+            path: path.clone(),
+            copies: stage.copies.clone(),
+            base,
+            told: Told { pixels: stage.view.pixels, fov_y_rad },
+        };
+        self.worker.submit(Kind::Export, move |watch| {
+            let result = export.write(&original, &levels, &how, watch).map_err(|e| format!("{e:#}"));
+            Some(Outcome::Exported { path, result })
+        });
+    }
+}

@@ -1,0 +1,242 @@
+//! Copies on a ground: how many, where, and in which levels.
+
+use eframe::egui::{self, Sense, Ui, Vec2};
+
+use super::{Say, Scope, parts};
+use crate::command::Command;
+use crate::keys::{Action, CopiesAction};
+use crate::numbers::{grouped, seconds, significant};
+use crate::stage::picture::color_of;
+use crate::stage::scatter::Scatter;
+use crate::stage::{MOST, Placement, SCALES, StageChange, View};
+use crate::theme::{palette, weak};
+
+/// The panel.
+pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+    if scope.document.original().is_none() {
+        return parts::nothing(ui, "open a file to place copies of it");
+    }
+    let Some(stage) = scope.document.stage() else {
+        ui.label(weak(ui, "Copies of the model on a ground, each in the level for its distance."));
+        let tip = format!("({})", Action::Stage.key());
+        if parts::primary(ui, "Show the stage").on_hover_text(tip).clicked() {
+            scope.action(Action::Stage);
+        }
+        return;
+    };
+    let (copies, view) = (stage.copies.clone(), stage.view);
+    let scatter = scope.facts.stage.form.unwrap_or(stage.scatter);
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        button(ui, scope, Action::Stage, "Leave", "Back to the two sides", false);
+        let is_walking = scope.facts.stage.is_walking;
+        button(ui, scope, Action::Walk, "Walk", "Through the copies, on foot", is_walking);
+        let (place, is_placing) = (Action::Copies(CopiesAction::Place), scope.facts.stage.is_placing);
+        button(ui, scope, place, "Place", "A click on the ground places a copy", is_placing);
+    });
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let actions = [
+            (CopiesAction::OpenLayout, "Open…", "Places from a JSON file"),
+            (CopiesAction::SaveLayout, "Save…", "Places into a JSON file"),
+            (
+                CopiesAction::Export,
+                "Export…",
+                "All copies as one GLB: nodes that share the levels (MSFT_lod)",
+            ),
+        ];
+        for (action, text, tip) in actions {
+            let is_enabled = action == CopiesAction::OpenLayout || !copies.is_empty();
+            if ui.add_enabled(is_enabled, egui::Button::new(text)).on_hover_text(tip).clicked() {
+                scope.action(Action::Copies(action));
+            }
+        }
+    });
+    scatter_fields(ui, scope, scatter);
+    chosen(ui, scope, &copies);
+    levels(ui, scope, view);
+}
+
+/// A button of an action, with its key in the tooltip.
+fn button(ui: &mut Ui, scope: &mut Scope<'_>, action: Action, text: &str, tip: &str, is_chosen: bool) {
+    if parts::segment(ui, text, is_chosen, &format!("{tip} ({})", action.key())) {
+        scope.action(action);
+    }
+}
+
+fn scatter_fields(ui: &mut Ui, scope: &mut Scope<'_>, before: Scatter) {
+    parts::heading(ui, "Scatter");
+    let mut s = before;
+    let number = |ui: &mut Ui, name: &str, add: egui::DragValue<'_>| {
+        let response = ui.add(add);
+        let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+    };
+    parts::field(ui, "Copies", "How many", |ui| {
+        number(ui, "Copies to scatter", egui::DragValue::new(&mut s.count).range(1..=MOST).speed(2));
+    });
+    parts::field(ui, "Seed", "Another number scatters in another way", |ui| {
+        number(ui, "Seed", egui::DragValue::new(&mut s.seed).speed(0.1));
+    });
+    parts::field(ui, "Room between", "In percent of the width of the model", |ui| {
+        let mut percent = 50.0 * s.gap;
+        number(
+            ui,
+            "Room between",
+            egui::DragValue::new(&mut percent).range(0.0..=500.0).suffix(" %").max_decimals(0),
+        );
+        s.gap = percent / 50.0;
+    });
+    parts::field(
+        ui,
+        "Square",
+        "Side of the square, in units of the model; 0 takes one with room for all",
+        |ui| {
+            let side = egui::DragValue::new(&mut s.side).range(0.0..=1e9).max_decimals(3);
+            number(ui, "Side of the square", side.speed(0.05 * s.footprint));
+        },
+    );
+    parts::field(ui, "Scale", "Least and greatest", |ui| {
+        for (k, name) in ["Least scale", "Greatest scale"].into_iter().enumerate() {
+            let scale = egui::DragValue::new(&mut s.scale[k]).range(0.1..=10.0).speed(0.01).max_decimals(2);
+            number(ui, name, scale);
+        }
+    });
+    parts::switch(ui, "Turned by chance", None, "Else all stand as the model does", &mut s.is_turned);
+    parts::switch(ui, "Keep those that stand", None, "Else they go", &mut s.keeps);
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        if parts::primary(ui, "Scatter").on_hover_text("The same numbers place the same copies").clicked() {
+            scope.says.push(Say::Scatter(s));
+        }
+        let again = Action::Copies(CopiesAction::Scatter);
+        button(ui, scope, again, "In another way", "With the next seed", false);
+    });
+    if s != before {
+        scope.says.push(Say::ScatterForm(s));
+    }
+}
+
+fn chosen(ui: &mut Ui, scope: &mut Scope<'_>, copies: &[Placement]) {
+    let selected = scope.facts.stage.selected.clone();
+    parts::heading(ui, "Chosen copies");
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let text = format!("{} of {}", grouped(selected.len()), grouped(copies.len()));
+        ui.label(weak(ui, text));
+        let all = Action::Copies(CopiesAction::All);
+        if !copies.is_empty() {
+            button(ui, scope, all, "All", "Choose all", false);
+        }
+        for (action, text, tip) in [
+            (CopiesAction::Duplicate, "Duplicate", "Once more, beside them"),
+            (CopiesAction::Delete, "Delete", "They go"),
+        ] {
+            if !selected.is_empty() {
+                button(ui, scope, Action::Copies(action), text, tip, false);
+            }
+        }
+    });
+    let Some(first) = selected.first().and_then(|n| copies.get(*n)) else { return };
+    let mut one = *first;
+    let name = if selected.len() > 1 { "Place of the first" } else { "Place" };
+    parts::field(ui, name, "On the ground, in units of the model", |ui| {
+        for (value, name) in [(&mut one.x, "x of the copy"), (&mut one.z, "z of the copy")] {
+            let response =
+                ui.add(egui::DragValue::new(value).speed(0.02 * scope_length(scope)).max_decimals(3));
+            let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+        }
+    });
+    let keys = |a: CopiesAction, b: CopiesAction| [a, b].map(|a| Action::Copies(a).key()).join(" ");
+    let tip = format!("Round the upright axis ({})", keys(CopiesAction::Turn(1), CopiesAction::Turn(-1)));
+    parts::field(ui, "Turn", &tip, |ui| {
+        let response = ui.add(egui::DragValue::new(&mut one.turn_deg).speed(1.0).suffix("°").max_decimals(1));
+        let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Turn of the copy"));
+    });
+    let tip = format!("Of the model ({})", keys(CopiesAction::Scale(-1), CopiesAction::Scale(1)));
+    parts::field(ui, "Scale", &tip, |ui| {
+        let drag = egui::DragValue::new(&mut one.scale).range(SCALES).speed(0.01).max_decimals(3);
+        let response = ui.add(drag);
+        let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Scale of the copy"));
+    });
+    if one != *first {
+        // The others go along.
+        let by = |c: &Placement| Placement {
+            x: c.x + one.x - first.x,
+            z: c.z + one.z - first.z,
+            turn_deg: c.turn_deg + one.turn_deg - first.turn_deg,
+            scale: c.scale * one.scale / first.scale,
+        };
+        let moved = selected.iter().filter_map(|&n| Some((n, by(copies.get(n)?)))).collect();
+        scope.command(Command::Stage(StageChange::Move(moved)));
+    }
+}
+
+fn scope_length(scope: &Scope<'_>) -> f64 {
+    scope.document.stage_base().map_or(1.0, |b| b.length())
+}
+
+fn levels(ui: &mut Ui, scope: &mut Scope<'_>, before: View) {
+    parts::heading(ui, "Levels");
+    let mut view = before;
+    let tip = "Pixels that the RMS error of a level may cover on the screen: it is switched there";
+    parts::field(ui, "Error", tip, |ui| {
+        let drag = egui::DragValue::new(&mut view.pixels).range(0.05..=50.0).speed(0.02).suffix(" px");
+        let response = ui.add(drag.max_decimals(2));
+        let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Error of the stage"));
+    });
+    let tip = "Triangles that a frame may have: where they are more, larger errors are allowed";
+    parts::field(ui, "Budget", tip, |ui| {
+        let mut millions = view.budget as f64 / 1e6;
+        let drag = egui::DragValue::new(&mut millions).range(0.01..=100.0).speed(0.02).suffix(" M");
+        if ui.add(drag.max_decimals(2)).changed() {
+            view.budget = (millions * 1e6).round() as u64;
+        }
+    });
+    let colors = Some(Action::Copies(CopiesAction::Colors));
+    parts::switch(ui, "A colour for each", colors, "Which level stands where", &mut view.has_level_colors);
+    let facts = &scope.facts.stage;
+    if scope.document.awaits_levels() {
+        parts::nothing(ui, "levels are being made…");
+    } else if !facts.levels.is_empty() {
+        parts::columns(ui, "Level, faces", &["from".into(), "copies".into()], true);
+        let spacing = std::mem::take(&mut ui.spacing_mut().item_spacing.y);
+        for (k, level) in facts.levels.iter().enumerate() {
+            ui.horizontal(|ui| {
+                let (dot, _) = ui.allocate_exact_size(Vec2::new(10.0, 16.0), Sense::hover());
+                if view.has_level_colors {
+                    let dot = egui::Rect::from_center_size(dot.center(), Vec2::splat(8.0));
+                    let line = egui::Stroke::new(1.0, palette(ui).weak);
+                    ui.painter().rect(dot, 2.0, color_of(k), line, egui::StrokeKind::Inside);
+                }
+                let name = grouped(usize::try_from(level.faces).unwrap_or(usize::MAX));
+                let from = if k == 0 { "0".to_owned() } else { significant(level.distance, 3) };
+                parts::columns(ui, &format!("{k}  {name}"), &[from, grouped(level.copies)], false);
+            });
+        }
+        ui.spacing_mut().item_spacing.y = spacing;
+        let triangles = grouped(usize::try_from(facts.chosen.triangles).unwrap_or(usize::MAX));
+        parts::fact(ui, "Triangles in sight", triangles);
+        let allowed = format!("{} px", significant(facts.chosen.pixels, 2));
+        parts::fact(ui, "Switching error", allowed)
+            .on_hover_text("What the budget allows, and with room in it what is asked for above");
+        if facts.chosen.left_out > 0 {
+            parts::fact(ui, "Left out, over the budget", grouped(facts.chosen.left_out));
+        }
+        parts::fact(ui, "Our part of it", seconds(facts.secs)).on_hover_text(format!(
+            "to choose levels and have them drawn; longest: {}",
+            seconds(facts.longest_secs)
+        ));
+    }
+    parts::heading(ui, "On foot");
+    parts::field(ui, "Eye height", "In heights of the model", |ui| {
+        let drag = egui::DragValue::new(&mut view.eye_height).range(0.01..=20.0).speed(0.01).suffix(" ×");
+        ui.add(drag.max_decimals(2));
+    });
+    parts::field(ui, "Speed", "In sizes of the model a second; with Shift four times as fast", |ui| {
+        let drag = egui::DragValue::new(&mut view.speed).range(0.05..=50.0).speed(0.01).suffix(" ×");
+        ui.add(drag.max_decimals(2));
+    });
+    if view != before {
+        scope.command(Command::Stage(StageChange::View(view)));
+    }
+}

@@ -1,0 +1,186 @@
+//! A stage as one glTF file: a node for each copy, meshes and materials that all share, levels by `MSFT_lod`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context as _, bail};
+use glam::{DQuat, DVec3};
+use lodsmith::Screen;
+use lodsmith_core::TriMesh;
+use lodsmith_io::gltf::{CopyPlace, Scene, SceneLevels};
+use lodsmith_io::{Format, ModelSource, ReadOptions, WriteOptions};
+
+use super::{Base, Copies, Placement};
+use crate::content::{Lighter, Original, placed_meshes};
+use crate::document::level_ratios;
+use crate::export::{Written, embed};
+use crate::job::Watch;
+use crate::numbers::grouped;
+use crate::words::Simplification;
+
+/// A stage, and where it goes.
+#[derive(Clone, Debug)]
+pub struct StageExport {
+    /// The file: GLB, or glTF by its ending.
+    pub path: PathBuf,
+    /// The copies.
+    pub copies: Copies,
+    /// How the model stands.
+    pub base: Base,
+    /// What readers are told.
+    pub told: Told,
+}
+
+/// For whom levels are to switch: it becomes the part of the picture that each covers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Told {
+    /// Pixels that an error may cover, of a picture 1080 high.
+    pub pixels: f64,
+    /// Its angle of view.
+    pub fov_y_rad: f64,
+}
+
+/// Nodes that a file may come to: more would be hundreds of megabytes of text.
+const MOST_NODES: usize = 1_000_000;
+
+impl StageExport {
+    /// Writes it. `levels` are those of the original, if they are made.
+    ///
+    /// # Errors
+    /// What the disk or the engine says; what was there before stays.
+    pub fn write(
+        &self,
+        original: &Original,
+        levels: &[Arc<Lighter>],
+        how: &Simplification,
+        watch: &mut Watch,
+    ) -> anyhow::Result<Written> {
+        if self.copies.is_empty() {
+            bail!("{}: there is no copy on the stage", self.path.display());
+        }
+        let mut warnings = Vec::new();
+        let as_scene;
+        let (original, mut made) = match &original.file.source {
+            ModelSource::Scene(_) => (original, levels.to_vec()),
+            _ => {
+                as_scene = self.as_scene(original, &mut warnings)?;
+                // What the writer makes of a mesh has vertices of its own: so have its levels.
+                (&as_scene, Vec::new())
+            }
+        };
+        let ModelSource::Scene(scene) = &original.file.source else {
+            bail!("{}: cannot be made a scene", original.path.display())
+        };
+        if scene.has_levels() {
+            bail!(
+                "{}: has levels of detail already (MSFT_lod): open a file without",
+                original.path.display()
+            );
+        }
+        let ratios = level_ratios(original.faces);
+        if made.is_empty() && !ratios.is_empty() {
+            made = Lighter::chain(original, how, &ratios, watch)?.into_iter().map(Arc::new).collect();
+        }
+        let nodes = (original.model().nodes.len() + 1) * (made.len() + 1) * self.copies.len();
+        if nodes > MOST_NODES {
+            let (all, most) = (grouped(nodes), grouped(MOST_NODES));
+            bail!(
+                "the stage would have {all} nodes, more than {most}: place fewer copies, or join the parts of the model"
+            );
+        }
+        let folder = original.path.parent().unwrap_or(Path::new(""));
+        let mut scene = Scene::clone(scene);
+        warnings.extend(embed(&mut scene, folder).iter().map(ToString::to_string));
+        let levels = self.levels(&scene, &made);
+        let places: Vec<_> = self.copies.iter().enumerate().map(|(k, c)| place(&self.base, k, c)).collect();
+        let staged = scene.with_copies(&places).context("the model cannot be copied")?;
+        let mut options = WriteOptions::default();
+        let is_text = self.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf"));
+        options.format = Some(if is_text { Format::Gltf } else { Format::Glb });
+        let lost = lodsmith_io::write_levels_path(&staged, &levels, &self.path, &options, &|_| None)?;
+        warnings.extend(lost.iter().map(ToString::to_string));
+        let summary = format!("{} copies, {} levels", grouped(self.copies.len()), made.len() + 1);
+        Ok(Written { summary, warnings })
+    }
+
+    /// A mesh as the scene that it is written as.
+    fn as_scene(&self, original: &Original, warnings: &mut Vec<String>) -> anyhow::Result<Original> {
+        let mut options = WriteOptions::default();
+        options.format = Some(Format::Glb);
+        if let ModelSource::Mesh(regions) = &original.file.source {
+            options.regions = Some(Arc::clone(regions));
+        }
+        let mut bytes = Vec::new();
+        let mesh = &original.model().meshes[0].mesh;
+        let lost = lodsmith_io::write_to(mesh, Format::Glb, &options, &mut bytes)?;
+        warnings.extend(lost.iter().map(ToString::to_string));
+        let file = lodsmith_io::read_model_bytes(&bytes, &ReadOptions::default())?;
+        Ok(Original::of_file(original.path.clone(), file, 0.0))
+    }
+
+    fn levels(&self, scene: &Scene, made: &[Arc<Lighter>]) -> SceneLevels {
+        let taken = placed_meshes(scene);
+        let mesh = |level: &Lighter, i: usize| {
+            let had_faces = scene.meshes()[i].mesh.face_count() > 0;
+            (had_faces && taken.contains(&i)).then(|| TriMesh::clone(&level.model.meshes[i].mesh))
+        };
+        let count = scene.meshes().len();
+        let lighter = made.iter().map(|level| (0..count).map(|i| mesh(level, i)).collect());
+        let mut levels = SceneLevels::new(std::iter::once(vec![None; count]).chain(lighter).collect());
+        let Told { pixels, fov_y_rad } = self.told;
+        let screen =
+            Screen::new(fov_y_rad.to_degrees(), Screen::default().height_px, pixels).unwrap_or_default();
+        let coverage = |i: usize| {
+            let mesh = &scene.meshes()[i];
+            let diameter = mesh.mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal()) * mesh.scale;
+            let mut all: Vec<f64> = Vec::with_capacity(made.len() + 1);
+            for level in made {
+                let distance = screen.distance(level.error());
+                let share = if distance > 0.0 { screen.coverage(diameter, distance).min(1.0) } else { 1.0 };
+                all.push(share.min(all.last().copied().unwrap_or(1.0)));
+            }
+            all.push(0.0);
+            all
+        };
+        levels.coverage = (0..count).map(coverage).collect();
+        levels
+    }
+}
+
+/// Where the scene of a model goes, so that it stands as this copy does.
+fn place(base: &Base, number: usize, copy: &Placement) -> CopyPlace {
+    let turn = DQuat::from_rotation_y(copy.turn_deg.to_radians());
+    let own = base.stage_from_model.transform_point3(DVec3::ZERO);
+    let at = DVec3::new(copy.x, 0.0, copy.z) + turn * (own * copy.scale);
+    CopyPlace {
+        name: format!("copy_{}", number + 1),
+        translation: at.to_array(),
+        rotation: (turn * base.turn).normalize().to_array(),
+        scale: copy.scale,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat4;
+    use lodsmith_core::Bounds;
+
+    use super::*;
+
+    #[test]
+    fn a_copy_is_written_where_it_stands() {
+        let bounds = Bounds { min: [1.0, 2.0, 3.0], max: [4.0, 4.0, 5.0] };
+        let base = Base::new(&bounds, DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.0, -0.7));
+        let copy = Placement { turn_deg: 130.0, scale: 2.5, ..Placement::at(-3.0, 8.0) };
+        let CopyPlace { translation, rotation, scale, .. } = place(&base, 0, &copy);
+        let written = DMat4::from_scale_rotation_translation(
+            DVec3::splat(scale),
+            DQuat::from_array(rotation),
+            translation.into(),
+        );
+        for p in [DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 2.0, 5.0)] {
+            let (a, b) = (written.transform_point3(p), base.stage_from(&copy).transform_point3(p));
+            assert!(a.distance(b) < 1e-9, "{a} {b}");
+        }
+    }
+}

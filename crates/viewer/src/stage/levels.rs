@@ -1,0 +1,288 @@
+//! Which level each copy is shown in: the lightest whose error covers no more than some pixels from where one looks, and all
+//! of them within a budget of triangles.
+
+use glam::DVec3;
+use lodsmith_render::{Camera, Lens};
+
+use super::{Base, Placement, View};
+
+/// A level of the model, from the finest; the first is the original, without error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// The RMS distance from the original, in units of the model.
+    pub error: f64,
+    /// Its triangles.
+    pub faces: u64,
+}
+
+/// From where one looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Eye {
+    /// The camera.
+    pub camera: Camera,
+    /// Width over height of the picture.
+    pub aspect: f64,
+    /// Height of the picture in pixels.
+    pub height_px: f64,
+}
+
+/// A copy that is in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InSight {
+    /// Its number.
+    pub copy: usize,
+    /// Its level.
+    pub level: usize,
+    /// Pixels that the error of its level covers.
+    pub pixels: f64,
+}
+
+/// What a frame shows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chosen {
+    /// The copies in the picture, from the nearest.
+    pub in_sight: Vec<InSight>,
+    /// Their triangles.
+    pub triangles: u64,
+    /// Pixels that an error may cover, as the budget has it.
+    pub pixels: f64,
+    /// Copies in the picture that are left out, because even their lightest levels are more than the budget.
+    pub left_out: usize,
+}
+
+impl Chosen {
+    /// Pixels that the largest error in the picture covers.
+    pub fn largest_px(&self) -> f64 {
+        self.in_sight.iter().map(|s| s.pixels).fold(0.0, f64::max)
+    }
+
+    /// For each level, how many copies are shown in it.
+    pub fn counts(&self, levels: usize) -> Vec<usize> {
+        let mut counts = vec![0; levels];
+        for seen in &self.in_sight {
+            counts[seen.level] += 1;
+        }
+        counts
+    }
+}
+
+/// Chooses levels, and remembers them: a copy at the border between two does not go to and fro.
+#[derive(Clone, Debug, Default)]
+pub struct Chooser {
+    /// The level that each copy had last.
+    last: Vec<Option<u8>>,
+    /// By how many steps the budget makes errors larger.
+    steps: i32,
+}
+
+/// A lighter level must be this much better than it has to be, before it is taken. Guessed.
+const MARGIN: f64 = 0.8;
+/// A step by which allowed errors grow until the budget is kept, and fall when this part of it would do.
+const STEP: f64 = 1.189_207;
+const SLACK: f64 = 0.85;
+/// Steps to a factor of 10^12: by then every level is the last.
+const MOST_STEPS: i32 = 160;
+
+impl Chooser {
+    /// The levels of all copies in the picture. `levels` must not be empty.
+    ///
+    /// Cost: O(copies · levels · steps of the budget); the last are few from frame to frame.
+    pub fn choose(
+        &mut self,
+        copies: &[Placement],
+        base: &Base,
+        levels: &[Level],
+        eye: &Eye,
+        view: &View,
+    ) -> Chosen {
+        self.last.resize(copies.len(), None);
+        for last in self.last.iter_mut().filter(|l| l.is_some_and(|l| usize::from(l) >= levels.len())) {
+            *last = None;
+        }
+        let cone = Cone::new(eye);
+        // Of each copy in the picture: distance, number, pixels for an error of one.
+        let mut seen: Vec<(f64, usize, f64)> = Vec::new();
+        for (number, copy) in copies.iter().enumerate() {
+            let (centre, radius) = base.ball(copy);
+            if cone.sees(centre, radius) {
+                let distance = (centre.distance(eye.camera.eye) - radius).max(1e-3 * radius);
+                let px =
+                    copy.scale / eye.camera.length_per_pixel(distance, eye.height_px).max(f64::MIN_POSITIVE);
+                seen.push((distance, number, px));
+            } else {
+                self.last[number] = None;
+            }
+        }
+        seen.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let allowed = |steps: i32| view.pixels.max(1e-6) * STEP.powi(steps);
+        let total = |steps: i32, chooser: &Self| -> u64 {
+            let of = |s: &(f64, usize, f64)| levels[chooser.level(s.1, s.2, levels, allowed(steps))].faces;
+            seen.iter().map(of).sum()
+        };
+        while self.steps < MOST_STEPS && total(self.steps, self) > view.budget {
+            self.steps += 1;
+        }
+        while self.steps > 0 && total(self.steps - 1, self) as f64 <= SLACK * view.budget as f64 {
+            self.steps -= 1;
+        }
+        let pixels = allowed(self.steps);
+        let mut chosen = Chosen { pixels, ..Chosen::default() };
+        for &(_, copy, px) in &seen {
+            let level = self.level(copy, px, levels, pixels);
+            self.last[copy] = u8::try_from(level).ok();
+            let faces = levels[level].faces;
+            // One is drawn in any case: else there would be nothing to see.
+            if chosen.triangles.saturating_add(faces) > view.budget && !chosen.in_sight.is_empty() {
+                chosen.left_out += 1;
+                continue;
+            }
+            chosen.triangles += faces;
+            chosen.in_sight.push(InSight { copy, level, pixels: levels[level].error * px });
+        }
+        chosen
+    }
+
+    /// Forgets what was shown.
+    pub fn forget(&mut self) {
+        *self = Self::default();
+    }
+
+    fn level(&self, copy: usize, px: f64, levels: &[Level], allowed: f64) -> usize {
+        let lightest = |allowed: f64| levels.iter().rposition(|l| l.error * px <= allowed).unwrap_or(0);
+        match self.last[copy].map(usize::from) {
+            Some(last) if levels[last].error * px <= allowed => last.max(lightest(MARGIN * allowed)),
+            _ => lightest(allowed),
+        }
+    }
+}
+
+/// The distance from which a level is shown, in units of the model, for a copy of scale 1.
+pub fn distance_of(level: &Level, eye: &Eye, pixels: f64) -> f64 {
+    level.error / eye.camera.length_per_pixel(1.0, eye.height_px).max(f64::MIN_POSITIVE) / pixels.max(1e-6)
+}
+
+/// What a camera sees.
+struct Cone {
+    eye: DVec3,
+    axes: [DVec3; 3],
+    half: [f64; 2],
+}
+
+impl Cone {
+    fn new(eye: &Eye) -> Self {
+        let half_height = match eye.camera.lens {
+            Lens::Perspective { fov_y_rad } => (0.5 * fov_y_rad).tan(),
+            Lens::Parallel { height } => 0.5 * height / eye.camera.distance().max(1e-30),
+        };
+        Self { eye: eye.camera.eye, axes: eye.camera.axes(), half: [half_height * eye.aspect, half_height] }
+    }
+
+    fn sees(&self, centre: DVec3, radius: f64) -> bool {
+        let to = centre - self.eye;
+        let [right, up, back] = self.axes.map(|a| a.dot(to));
+        let beside =
+            |along: f64, half: f64| (along.abs() + back * half) / (1.0 + half * half).sqrt() > radius;
+        !(back > radius || beside(right, self.half[0]) || beside(up, self.half[1]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+    use lodsmith_core::Bounds;
+
+    use super::super::scatter::Scatter;
+    use super::*;
+
+    const LEVELS: [Level; 4] = [
+        Level { error: 0.0, faces: 70_000 },
+        Level { error: 0.001, faces: 7_000 },
+        Level { error: 0.01, faces: 700 },
+        Level { error: 0.1, faces: 70 },
+    ];
+
+    fn base() -> Base {
+        Base::new(&Bounds { min: [-0.5; 3], max: [0.5; 3] }, DQuat::IDENTITY)
+    }
+
+    /// An eye on the ground that looks along -z.
+    fn eye(z: f64) -> Eye {
+        let eye = DVec3::new(0.0, 0.5, z);
+        let lens = Lens::Perspective { fov_y_rad: 0.6 };
+        let camera = Camera { eye, target: eye + DVec3::NEG_Z, up: DVec3::Y, lens };
+        Eye { camera, aspect: 1.5, height_px: 900.0 }
+    }
+
+    fn view(budget: u64) -> View {
+        View { budget, ..View::default() }
+    }
+
+    #[test]
+    fn farther_copies_are_lighter_and_no_error_shows() {
+        let copies: Vec<_> = (0..60).map(|k| Placement::at(0.0, -2.0 * f64::from(k))).collect();
+        let chosen = Chooser::default().choose(&copies, &base(), &LEVELS, &eye(1.5), &view(u64::MAX));
+        assert_eq!(chosen.in_sight.len(), 60);
+        assert!(chosen.in_sight.windows(2).all(|w| w[0].level <= w[1].level && w[0].copy < w[1].copy));
+        assert!(chosen.largest_px() <= 1.0);
+        let counts = chosen.counts(4);
+        assert!(counts[0] > 0 && counts[1] > 0 && counts[2] > 0, "{counts:?}");
+        // The copy that is the last of its level stands before the distance of the next.
+        let first_of = |level: usize| chosen.in_sight.iter().find(|s| s.level == level).unwrap().copy as f64;
+        let far = distance_of(&LEVELS[1], &eye(1.5), 1.0);
+        let place = 1.5 + 2.0 * first_of(1) - 0.5 * base().length();
+        assert!(place >= far && place < far + 2.0, "{place} {far}");
+    }
+
+    #[test]
+    fn what_is_behind_is_not_drawn() {
+        let copies = [Placement::at(0.0, 20.0), Placement::at(50.0, -5.0), Placement::at(0.0, -5.0)];
+        let chosen = Chooser::default().choose(&copies, &base(), &LEVELS, &eye(3.0), &view(u64::MAX));
+        assert_eq!(chosen.in_sight.iter().map(|s| s.copy).collect::<Vec<_>>(), [2]);
+    }
+
+    #[test]
+    fn a_level_stays_where_one_stands_at_its_border() {
+        let copies = [Placement::at(0.0, 0.0)];
+        let border = distance_of(&LEVELS[2], &eye(0.0), 1.0) + 0.5 * base().length();
+        let level = |chooser: &mut Chooser, z: f64| {
+            chooser.choose(&copies, &base(), &LEVELS, &eye(z), &view(u64::MAX)).in_sight[0].level
+        };
+        let mut chooser = Chooser::default();
+        assert_eq!(level(&mut chooser, border * 0.9), 1);
+        // A step back is not enough, some are; and a step forward takes it away at once, for its error would show.
+        assert_eq!(level(&mut chooser, border * 1.05), 1);
+        assert_eq!(level(&mut chooser, border * 1.3), 2);
+        assert_eq!(level(&mut chooser, border * 1.05), 2);
+        assert_eq!(level(&mut chooser, border * 0.99), 1);
+    }
+
+    #[test]
+    fn the_budget_is_kept_wherever_one_stands() {
+        let scatter = Scatter { count: 500, footprint: base().footprint(), ..Scatter::default() };
+        let copies = scatter.scattered(&[]);
+        let mut chooser = Chooser::default();
+        for budget in [2_000_000, 100_000, 40_000] {
+            for k in 0..60 {
+                let z = 40.0 - 1.5 * f64::from(k);
+                let chosen = chooser.choose(&copies, &base(), &LEVELS, &eye(z), &view(budget));
+                assert!(chosen.triangles <= budget, "{budget}: {} at {z}", chosen.triangles);
+                assert_eq!(chosen.left_out, 0, "{budget} at {z}");
+                assert_eq!(
+                    chosen.triangles,
+                    chosen.in_sight.iter().map(|s| LEVELS[s.level].faces).sum::<u64>()
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_budget_that_cannot_be_kept_leaves_the_farthest_out() {
+        let copies: Vec<_> = (0..50).map(|k| Placement::at(0.0, -2.0 * f64::from(k))).collect();
+        let chosen = Chooser::default().choose(&copies, &base(), &LEVELS[..1], &eye(3.0), &view(150_000));
+        assert_eq!((chosen.in_sight.len(), chosen.left_out), (2, 48));
+        assert_eq!(chosen.in_sight[1].copy, 1);
+        // One is drawn in any case.
+        let chosen = Chooser::default().choose(&copies, &base(), &LEVELS[..1], &eye(3.0), &view(1));
+        assert_eq!((chosen.in_sight.len(), chosen.left_out), (1, 49));
+    }
+}

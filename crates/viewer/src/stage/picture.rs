@@ -1,0 +1,613 @@
+//! The picture of the stage, and what the mouse and the keys do in it.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::sync::PoisonError;
+use std::time::{Duration, Instant};
+
+use eframe::egui::{
+    self, Color32, Key, Modifiers, PointerButton, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2, pos2,
+};
+use glam::DVec3;
+use lodsmith_core::model::Pose as ModelPose;
+
+use super::levels::{Chooser, Chosen, Eye, distance_of};
+use super::scatter::Scatter;
+use super::{Base, Placement, StageChange, ground, walk};
+use crate::command::Command;
+use crate::document::{Document, StageLevel};
+use crate::gpu::{Frame, Gpu, Placed, TINTS, Target};
+use crate::numbers::{grouped, significant};
+use crate::own_files::OwnFiles;
+use crate::panel::Say;
+use crate::settings::Pose;
+use crate::theme::{Palette, palette};
+use crate::viewport::{self, Orbit};
+
+/// What the window knows of the stage beside the document.
+pub struct StageView {
+    orbit: Orbit,
+    is_walking: bool,
+    is_placing: bool,
+    selected: BTreeSet<usize>,
+    chooser: Chooser,
+    facts: Facts,
+    target: Option<Target>,
+    drag: Option<Drag>,
+    moved: Option<Instant>,
+    /// The file that the camera was put in front of.
+    seen: Option<PathBuf>,
+    /// Where a session has the camera.
+    arriving: Option<Pose>,
+    aspect: f64,
+    /// The numbers of the panel, until copies are scattered by them.
+    pub form: Option<Scatter>,
+    eye_height: f64,
+}
+
+/// What panels are told of the stage.
+#[derive(Clone, Debug, Default)]
+pub struct Facts {
+    /// Numbers of the copies that are chosen.
+    pub selected: Vec<usize>,
+    /// Whether a click places a copy.
+    pub is_placing: bool,
+    /// Whether one walks.
+    pub is_walking: bool,
+    /// The levels, from the finest.
+    pub levels: Vec<LevelFacts>,
+    /// What the last frame showed.
+    pub chosen: Chosen,
+    /// Time of our own to choose the levels and to have them drawn.
+    pub secs: f64,
+    /// The longest such time since the stage was shown.
+    pub longest_secs: f64,
+    /// How copies will be scattered, where that is not how they were.
+    pub form: Option<Scatter>,
+}
+
+/// What panels are told of a level.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LevelFacts {
+    /// Its triangles.
+    pub faces: u64,
+    /// From where on a copy of scale 1 is shown in it, in units of the model.
+    pub distance: f64,
+    /// Copies that are shown in it.
+    pub copies: usize,
+}
+
+/// What is shown where.
+struct Shown<'a> {
+    document: &'a Document,
+    base: Base,
+    levels: Vec<StageLevel<'a>>,
+    pose: &'a ModelPose,
+    rect: Rect,
+}
+
+/// Copies that are being moved.
+struct Drag {
+    from: DVec3,
+    copies: Vec<(usize, Placement)>,
+}
+
+/// Turn of a copy for a point of movement, and the movement that makes one larger by a factor of e.
+const TURN_DEG_PER_POINT: f64 = 0.5;
+const SCALE_POINTS: f64 = 200.0;
+/// Turn of the head for a point of movement.
+const LOOK_PER_POINT: f64 = 0.004;
+/// Turn of the head by a key, a second.
+const LOOK_PER_SECOND: f64 = 1.6;
+/// How much faster one walks with Shift.
+const HURRY: f64 = 4.0;
+/// While the camera moves and a processor draws, a quarter of the pixels; with fewer triangles than this all of them.
+const COARSE: f32 = 0.5;
+const FAST_TRIANGLES: u64 = 50_000;
+const REST: Duration = Duration::from_millis(160);
+
+impl Default for StageView {
+    fn default() -> Self {
+        let bounds = lodsmith_core::Bounds { min: [-1.0, 0.0, -1.0], max: [1.0; 3] };
+        Self {
+            orbit: Orbit::fitting(&bounds, viewport::standard(0), 1.0),
+            is_walking: false,
+            is_placing: false,
+            selected: BTreeSet::new(),
+            chooser: Chooser::default(),
+            facts: Facts::default(),
+            target: None,
+            drag: None,
+            moved: None,
+            seen: None,
+            arriving: None,
+            aspect: 1.0,
+            form: None,
+            eye_height: 0.0,
+        }
+    }
+}
+
+impl StageView {
+    /// What panels are told.
+    pub fn facts(&self) -> Facts {
+        let (is_placing, is_walking) = (self.is_placing, self.is_walking);
+        let selected = self.selected.iter().copied().collect();
+        Facts { selected, is_placing, is_walking, form: self.form, ..self.facts.clone() }
+    }
+    /// Triangles of the last frame.
+    pub fn triangles(&self) -> u64 {
+        self.facts.chosen.triangles
+    }
+    /// From where it is seen; `None` before it was shown.
+    pub fn pose(&self) -> Option<Pose> {
+        self.seen.is_some().then(|| Pose::of(&self.orbit.camera()))
+    }
+    /// From where it is seen.
+    pub fn orbit(&self) -> Orbit {
+        self.orbit
+    }
+    /// Looks from elsewhere.
+    pub fn change_orbit(&mut self, change: impl FnOnce(&mut Orbit)) {
+        change(&mut self.orbit);
+        self.moved = Some(Instant::now());
+    }
+    /// Where the camera is to be once the file is there.
+    pub fn arrive_from(&mut self, pose: Option<Pose>) {
+        self.arriving = pose;
+        self.seen = None;
+    }
+    /// A click places a copy, or chooses one.
+    pub fn set_placing(&mut self, is_placing: bool) {
+        self.is_placing = is_placing;
+        self.is_walking &= !is_placing;
+    }
+    /// These copies and no others.
+    pub fn select(&mut self, numbers: impl IntoIterator<Item = usize>) {
+        self.selected = numbers.into_iter().collect();
+    }
+    /// The copies that are chosen, with their numbers.
+    pub fn selected(&self, document: &Document) -> Vec<(usize, Placement)> {
+        let copies = &document.settings().stage.copies;
+        self.selected.iter().filter_map(|&n| Some((n, *copies.get(n)?))).collect()
+    }
+
+    /// All copies in sight, or some models' worth of ground.
+    pub fn frame(&mut self, document: &Document) {
+        let Some(bounds) = seen_bounds(document) else { return };
+        self.is_walking = false;
+        self.change_orbit(|_| {});
+        self.orbit.frame(&bounds, self.aspect);
+    }
+
+    /// From a side with a name.
+    pub fn look_from(&mut self, document: &Document, view: usize) {
+        let Some(bounds) = seen_bounds(document) else { return };
+        self.is_walking = false;
+        self.change_orbit(|_| {});
+        self.orbit = Orbit::fitting(&bounds, viewport::standard(view), self.aspect);
+    }
+
+    /// Stands on the ground, or looks from above again.
+    pub fn set_walking(&mut self, document: &Document, is_walking: bool) {
+        let (Some(stage), Some(base)) = (document.stage(), document.stage_base()) else { return };
+        self.is_walking = is_walking;
+        if is_walking {
+            self.is_placing = false;
+            let bounds = seen_bounds(document).map_or(1.0, |b| b.max[0].max(b.max[2]));
+            let height = stage.view.eye_height * height_of(&base);
+            self.eye_height = height;
+            self.change_orbit(|o| walk::stand(o, height, bounds + base.length(), base.length()));
+        } else {
+            self.frame(document);
+        }
+    }
+
+    /// What is held while one walks. The keys are taken out of the input, so that they do nothing else.
+    pub fn walk_by_keys(&mut self, ctx: &egui::Context, document: &Document) {
+        let (Some(stage), Some(base)) = (document.stage(), document.stage_base()) else { return };
+        if !self.is_walking {
+            return;
+        }
+        const KEYS: [Key; 10] = [
+            Key::W,
+            Key::A,
+            Key::S,
+            Key::D,
+            Key::Q,
+            Key::E,
+            Key::ArrowUp,
+            Key::ArrowDown,
+            Key::ArrowLeft,
+            Key::ArrowRight,
+        ];
+        let (held, hurries, secs, is_over) = ctx.input_mut(|i| {
+            let m = i.modifiers;
+            let is_plain = !(m.command || m.ctrl || m.alt);
+            let held = KEYS.map(|key| is_plain && i.key_down(key));
+            if is_plain {
+                for key in KEYS {
+                    while i.consume_key(Modifiers::NONE, key) {}
+                }
+            }
+            (held, m.shift, f64::from(i.stable_dt.min(0.1)), i.consume_key(Modifiers::NONE, Key::Escape))
+        });
+        if is_over {
+            return self.set_walking(document, false);
+        }
+        if !held.contains(&true) {
+            return;
+        }
+        let axis = |plus: bool, minus: bool| f64::from(i8::from(plus) - i8::from(minus));
+        let [w, a, s, d, q, e, up, down, left, right] = held;
+        let length = stage.view.speed * base.length() * secs * if hurries { HURRY } else { 1.0 };
+        let by = DVec3::new(axis(d, a), axis(e, q), axis(w || up, s || down)) * length;
+        let turn = axis(right, left) * LOOK_PER_SECOND * secs;
+        self.change_orbit(|o| {
+            walk::step(o, by);
+            walk::look(o, turn, 0.0);
+        });
+        ctx.request_repaint();
+    }
+
+    /// The stage, in the place that is left. Pushes what the mouse asks for.
+    pub(crate) fn show(
+        &mut self,
+        ui: &mut Ui,
+        document: &Document,
+        gpu: Option<&mut Gpu>,
+        own: &OwnFiles,
+        pose: &ModelPose,
+        says: &mut Vec<Say>,
+    ) {
+        let rect = ui.available_rect_before_wrap();
+        ui.allocate_rect(rect, Sense::hover());
+        let (Some(stage), Some(base), Some(original)) =
+            (document.stage(), document.stage_base(), document.original())
+        else {
+            return;
+        };
+        self.aspect = viewport::aspect(rect);
+        self.arrive(document, &original.content.path);
+        let copies = &stage.copies;
+        self.selected.retain(|n| *n < copies.len());
+        let response = viewport::place(ui, rect, "Picture of the stage");
+        let height = stage.view.eye_height * height_of(&base);
+        if self.is_walking && self.eye_height != height {
+            self.eye_height = height;
+            self.change_orbit(|o| walk::set_height(o, height));
+        }
+        let shown = Shown { document, base, levels: document.stage_levels(), pose, rect };
+        self.mouse(&response, &shown, says);
+
+        let begin = Instant::now();
+        let height_px = f64::from(rect.height() * ui.pixels_per_point());
+        let eye = Eye { camera: self.orbit.camera(), aspect: self.aspect, height_px };
+        let numbers: Vec<_> = shown.levels.iter().map(|l| l.level).collect();
+        let chosen = self.chooser.choose(copies, &base, &numbers, &eye, &stage.view);
+        let counts = chosen.counts(numbers.len());
+        let of_level = |(level, copies): (&super::levels::Level, usize)| LevelFacts {
+            faces: level.faces,
+            distance: distance_of(level, &eye, chosen.pixels),
+            copies,
+        };
+        self.facts.levels = numbers.iter().zip(counts).map(of_level).collect();
+        self.facts.chosen = chosen;
+        let painter = ui.painter_at(rect);
+        painter.rect_filled(rect, 0.0, palette(ui).window);
+        if let Some(gpu) = gpu {
+            self.draw(ui, gpu, own, &shown);
+        }
+        self.facts.secs = begin.elapsed().as_secs_f64();
+        self.facts.longest_secs = self.facts.longest_secs.max(self.facts.secs);
+        self.rings(ui, rect, &response, document, &base);
+        self.words(ui, rect, document);
+    }
+
+    fn arrive(&mut self, document: &Document, path: &PathBuf) {
+        if self.seen.as_ref() == Some(path) {
+            return;
+        }
+        self.seen = Some(path.clone());
+        self.selected.clear();
+        self.chooser.forget();
+        self.facts = Facts::default();
+        self.is_placing = document.settings().stage.copies.is_empty();
+        self.is_walking = false;
+        self.look_from(document, 0);
+        if let Some(pose) = self.arriving.take() {
+            self.orbit = Orbit::of(&pose.camera());
+        }
+    }
+
+    fn draw(&mut self, ui: &Ui, gpu: &mut Gpu, own: &OwnFiles, shown: &Shown<'_>) {
+        let Shown { document, base, levels, pose, rect } = shown;
+        let settings = document.settings();
+        let stage = &settings.stage;
+        let scale = ui.pixels_per_point();
+        let size = [rect.width(), rect.height()].map(|x| (x * scale).round().max(1.0) as u32);
+        let rests_in = self.moved.and_then(|at| REST.checked_sub(at.elapsed()));
+        let is_many = self.facts.chosen.triangles > FAST_TRIANGLES;
+        let is_coarse = rests_in.is_some() && gpu.is_software() && is_many;
+        if let Some(rest) = rests_in {
+            ui.request_repaint_after(rest + Duration::from_millis(5));
+        }
+        let target = self.target.get_or_insert_with(|| gpu.target(size));
+        target.resize(size, if is_coarse { COARSE } else { 1.0 });
+        let locked: Vec<_> =
+            levels.iter().map(|l| l.draw.map(|d| d.lock().unwrap_or_else(PoisonError::into_inner))).collect();
+        let placed: Vec<Placed<'_>> = self
+            .facts
+            .chosen
+            .in_sight
+            .iter()
+            .filter_map(|seen| {
+                Some(Placed {
+                    world_from_model: base.stage_from(&stage.copies[seen.copy]),
+                    selected: self.selected.contains(&seen.copy),
+                    tint: if stage.view.has_level_colors { tint_of(seen.level) } else { 0 },
+                    ..Placed::new(locked[seen.level].as_deref()?, pose)
+                })
+            })
+            .collect();
+        let lighting = settings.look.rig.lighting(settings.look.brightness);
+        let frame = Frame {
+            models: &placed,
+            bounds: base.bounds(&stage.copies),
+            camera: self.orbit.camera(),
+            look: &settings.look.look,
+            lighting: &lighting,
+            background: settings.look.backdrop.background(ui.visuals().dark_mode),
+            ground: true,
+            matcap: own.matcap(),
+            shader: own.shader(),
+        };
+        gpu.draw(target, &frame);
+        if let Some(id) = target.texture_id() {
+            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            ui.painter_at(*rect).image(id, *rect, whole, Color32::WHITE);
+        }
+    }
+
+    /// The copy under a place, of those that are drawn.
+    fn under(&self, shown: &Shown<'_>, at: Pos2) -> Option<usize> {
+        let Shown { document, base, levels, pose, rect } = shown;
+        let model_of = |copy: usize| {
+            let seen = self.facts.chosen.in_sight.iter().find(|s| s.copy == copy)?;
+            Some(levels.get(seen.level)?.model)
+        };
+        let copies = &document.settings().stage.copies;
+        ground::copy_under(copies, base, pose, &self.orbit.camera(), *rect, at, model_of)
+    }
+
+    fn mouse(&mut self, response: &Response, shown: &Shown<'_>, says: &mut Vec<Say>) {
+        let Shown { document, base, rect, .. } = shown;
+        let rect = *rect;
+        let (modifiers, pressed_at) = response.ctx.input(|i| (i.modifiers, i.pointer.press_origin()));
+        let dragged = response.dragged_by(PointerButton::Primary);
+        let by = response.drag_delta();
+        if self.is_walking {
+            if dragged && by != Vec2::ZERO {
+                let turn = |points: f32| f64::from(points) * LOOK_PER_POINT;
+                self.change_orbit(|o| walk::look(o, turn(by.x), -turn(by.y)));
+            }
+            return;
+        }
+        let change = |change: StageChange| Say::Command(Command::Stage(change));
+        let is_plain = !modifiers.alt && !modifiers.shift && !self.is_placing;
+        if response.drag_started_by(PointerButton::Primary)
+            && is_plain
+            && let Some(at) = pressed_at
+            && let Some(copy) = self.under(shown, at)
+        {
+            if !self.selected.contains(&copy) {
+                self.select([copy]);
+            }
+            // At half its height, so that it stays under the pointer.
+            let height = base.ball(&document.settings().stage.copies[copy]).0.y;
+            if let Some(from) = ground::on_plane(&self.orbit.camera(), rect, at, height) {
+                self.drag = Some(Drag { from, copies: self.selected(document) });
+            }
+        }
+        if !response.dragged() {
+            self.drag = None;
+        }
+        if let (Some(drag), Some(pointer)) = (&self.drag, response.interact_pointer_pos()) {
+            if let Some(to) = ground::on_plane(&self.orbit.camera(), rect, pointer, drag.from.y) {
+                let by = to - drag.from;
+                let moved =
+                    drag.copies.iter().map(|(n, c)| (*n, Placement { x: c.x + by.x, z: c.z + by.z, ..*c }));
+                says.push(change(StageChange::Move(moved.collect())));
+            }
+        } else if dragged && modifiers.alt && !self.selected.is_empty() {
+            let (turn, factor) =
+                (f64::from(by.x) * TURN_DEG_PER_POINT, (f64::from(-by.y) / SCALE_POINTS).exp());
+            says.extend(self.changed(document, |c| Placement {
+                turn_deg: c.turn_deg + turn,
+                scale: c.scale * factor,
+                ..*c
+            }));
+        } else if self.orbit.interact(response, rect) {
+            self.moved = Some(Instant::now());
+        }
+        if response.clicked()
+            && let Some(at) = response.interact_pointer_pos()
+        {
+            if self.is_placing {
+                if let Some(place) = ground::on_ground(&self.orbit.camera(), rect, at) {
+                    says.push(change(StageChange::Add(vec![Placement::at(place.x, place.z)])));
+                    self.select([document.settings().stage.copies.len()]);
+                }
+            } else {
+                match self.under(shown, at) {
+                    Some(copy) if modifiers.shift => {
+                        if !self.selected.remove(&copy) {
+                            self.selected.insert(copy);
+                        }
+                    }
+                    Some(copy) => self.select([copy]),
+                    None => self.selected.clear(),
+                }
+            }
+        }
+        if response.double_clicked()
+            && !self.is_placing
+            && let Some(at) = response.interact_pointer_pos()
+        {
+            let under = self.under(shown, at);
+            let copy = under.map(|n| base.ball(&document.settings().stage.copies[n]).0);
+            if let Some(place) = copy.or_else(|| ground::on_ground(&self.orbit.camera(), rect, at)) {
+                self.change_orbit(|o| o.target = place);
+            }
+        }
+    }
+
+    /// A change of all copies that are chosen.
+    pub fn changed(&self, document: &Document, of: impl Fn(&Placement) -> Placement) -> Option<Say> {
+        let all: Vec<_> = self.selected(document).iter().map(|(n, c)| (*n, of(c))).collect();
+        (!all.is_empty()).then_some(Say::Command(Command::Stage(StageChange::Move(all))))
+    }
+
+    /// Circles on the ground: round what is chosen, and where a copy would stand.
+    fn rings(&self, ui: &Ui, rect: Rect, response: &Response, document: &Document, base: &Base) {
+        let camera = self.orbit.camera();
+        let p = palette(ui);
+        let painter = ui.painter_at(rect);
+        let ring = |at: DVec3, scale: f64, color: Color32| {
+            let line = ground::circle(&camera, rect, at, base.footprint() * scale);
+            if !line.is_empty() {
+                painter.add(egui::Shape::closed_line(line, Stroke::new(2.0, color)));
+            }
+        };
+        for (_, copy) in self.selected(document).iter().take(RINGS) {
+            ring(DVec3::new(copy.x, 0.0, copy.z), copy.scale, p.accent);
+        }
+        let hovered = response.hover_pos().filter(|_| self.is_placing && !response.dragged());
+        if let Some(place) = hovered.and_then(|at| ground::on_ground(&camera, rect, at)) {
+            ring(place, 1.0, p.weak);
+        }
+    }
+
+    /// What is shown, what to do, and the colours of the levels.
+    fn words(&self, ui: &Ui, rect: Rect, document: &Document) {
+        let stage = &document.settings().stage;
+        let p = palette(ui);
+        let painter = ui.painter_at(rect);
+        let chosen = &self.facts.chosen;
+        let mut text = match stage.copies.len() {
+            1 => "1 copy".to_owned(),
+            n => format!("{} copies", grouped(n)),
+        };
+        if !chosen.in_sight.is_empty() {
+            let triangles = usize::try_from(chosen.triangles).unwrap_or(usize::MAX);
+            text += &format!(
+                "  ·  {} in sight  ·  {} triangles",
+                grouped(chosen.in_sight.len()),
+                grouped(triangles)
+            );
+            text += &format!("  ·  error up to {} px", significant(chosen.largest_px(), 2));
+        }
+        if chosen.left_out > 0 {
+            text += &format!("  ·  {} left out", grouped(chosen.left_out));
+        }
+        chip(&painter, p, rect.min + Vec2::splat(10.0), "Stage", &text);
+        let hint = if document.awaits_levels() {
+            "Levels are being made: until then only some copies are drawn"
+        } else if self.is_walking {
+            "W A S D walk, Q and E go down and up, drag looks round, Shift hurries, Esc ends"
+        } else if self.is_placing && stage.copies.is_empty() {
+            "Click on the ground to place a copy, or scatter some by the panel"
+        } else if self.is_placing {
+            "Click on the ground to place a copy"
+        } else if stage.copies.is_empty() {
+            "Nothing stands here yet: place copies, or scatter some"
+        } else {
+            ""
+        };
+        if !hint.is_empty() {
+            let galley = painter.layout_no_wrap(hint.to_owned(), egui::FontId::proportional(13.0), p.text);
+            let size = galley.size() + Vec2::new(24.0, 12.0);
+            let place =
+                Rect::from_center_size(pos2(rect.center().x, rect.bottom() - 12.0 - size.y / 2.0), size);
+            painter.rect_filled(place, 5.0, p.panel.gamma_multiply(0.92));
+            painter.galley(place.min + Vec2::new(12.0, 6.0), galley, p.text);
+        }
+        if stage.view.has_level_colors {
+            self.legend(&painter, p, rect);
+        }
+    }
+
+    fn legend(&self, painter: &egui::Painter, p: &Palette, rect: Rect) {
+        const LINE: f32 = 18.0;
+        let rows = self.facts.levels.len() as f32;
+        let size = Vec2::new(196.0, rows * LINE + 16.0);
+        if rect.height() < size.y + 80.0 || rect.width() < size.x + 24.0 {
+            return;
+        }
+        let place = Rect::from_min_size(pos2(rect.right() - size.x - 10.0, rect.top() + 10.0), size);
+        painter.rect_filled(place, 5.0, p.panel.gamma_multiply(0.92));
+        let font = egui::FontId::monospace(11.5);
+        for (k, level) in self.facts.levels.iter().enumerate() {
+            let y = place.top() + 8.0 + LINE * (k as f32 + 0.5);
+            let dot = Rect::from_center_size(pos2(place.left() + 16.0, y), Vec2::splat(10.0));
+            let line = Stroke::new(1.0, p.weak);
+            painter.rect(dot, 2.0, color_of(k), line, egui::StrokeKind::Inside);
+            let color = if level.copies > 0 { p.text } else { p.weak };
+            let faces = grouped(usize::try_from(level.faces).unwrap_or(usize::MAX));
+            let text =
+                |x: f32, align, text: String| painter.text(pos2(x, y), align, text, font.clone(), color);
+            text(place.left() + 30.0, egui::Align2::LEFT_CENTER, format!("{k}  {faces}"));
+            text(place.right() - 10.0, egui::Align2::RIGHT_CENTER, format!("× {}", grouped(level.copies)));
+        }
+    }
+}
+
+/// Rings that are drawn: more would only be a carpet.
+const RINGS: usize = 200;
+
+/// The number of a level's colour among [`TINTS`].
+fn tint_of(level: usize) -> u8 {
+    level.min(TINTS.len() - 1) as u8 + 1
+}
+
+/// The colour of a level.
+pub fn color_of(level: usize) -> Color32 {
+    let [r, g, b] = TINTS[level.min(TINTS.len() - 1)].map(|c| (c * 255.0).round() as u8);
+    Color32::from_rgb(r, g, b)
+}
+
+/// By what eyes are measured: the height of the model, unless it lies flat.
+pub fn height_of(base: &Base) -> f64 {
+    base.size.y.max(0.1 * base.length())
+}
+
+/// A box round what stands there; with nothing, some models large.
+fn seen_bounds(document: &Document) -> Option<lodsmith_core::Bounds> {
+    let base = document.stage_base()?;
+    let copies = &document.settings().stage.copies;
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for copy in copies.iter() {
+        let (centre, radius) = base.ball(copy);
+        min = min.min(centre - radius);
+        max = max.max(centre + radius);
+    }
+    if copies.is_empty() {
+        return Some(lodsmith_core::Bounds {
+            min: [-1.5 * base.length(), 0.0, -1.5 * base.length()],
+            max: [1.5 * base.length(), base.size.y, 1.5 * base.length()],
+        });
+    }
+    min.y = 0.0;
+    Some(lodsmith_core::Bounds { min: min.to_array(), max: max.to_array() })
+}
+
+fn chip(painter: &egui::Painter, p: &Palette, at: Pos2, title: &str, text: &str) {
+    let title = painter.layout_no_wrap(title.to_owned(), egui::FontId::proportional(13.0), p.text);
+    let text = painter.layout_no_wrap(text.to_owned(), egui::FontId::monospace(12.0), p.weak);
+    let place = Rect::from_min_size(at, Vec2::new(title.size().x + text.size().x + 34.0, 26.0));
+    painter.rect_filled(place, 5.0, p.panel.gamma_multiply(0.92));
+    let middle = |galley: &egui::Galley| place.center().y - galley.size().y / 2.0;
+    let text_at = pos2(place.right() - text.size().x - 12.0, middle(&text));
+    painter.galley(pos2(place.left() + 12.0, middle(&title)), title, p.text);
+    painter.galley(text_at, text, p.weak);
+}

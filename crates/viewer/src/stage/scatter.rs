@@ -1,0 +1,283 @@
+//! Copies by chance: the same ones for the same numbers.
+
+use std::collections::HashMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::{MOST, Placement};
+
+/// How copies are scattered. All that the result depends on is in it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Scatter {
+    /// How many.
+    pub count: usize,
+    /// Another number scatters in another way.
+    pub seed: u64,
+    /// Radius of the circle that a copy of scale 1 stands in.
+    pub footprint: f64,
+    /// Room between two copies, in footprints.
+    pub gap: f64,
+    /// Side of the square that they stand in; 0 takes one with room to spare.
+    pub side: f64,
+    /// Least and greatest scale.
+    pub scale: [f64; 2],
+    /// Whether each is turned by chance.
+    pub is_turned: bool,
+    /// Whether those that stand already stay.
+    pub keeps: bool,
+}
+
+impl Default for Scatter {
+    fn default() -> Self {
+        Self {
+            count: 100,
+            seed: 1,
+            footprint: 1.0,
+            gap: 0.2,
+            side: 0.0,
+            scale: [0.8, 1.2],
+            is_turned: true,
+            keeps: false,
+        }
+    }
+}
+
+/// Share of the square that circles cover where its size goes by their number. Thrown circles find room up to .54.
+const COVER: f64 = 0.3;
+/// Throws for one circle before it is said that there is no room.
+const THROWS: usize = 200;
+
+impl Scatter {
+    /// The side of the square.
+    pub fn side(&self) -> f64 {
+        if self.side > 0.0 && self.side.is_finite() {
+            return self.side;
+        }
+        let radius = self.radius(self.greatest());
+        radius * (std::f64::consts::PI * self.count.max(1) as f64 / COVER).sqrt()
+    }
+
+    /// The copies after this one was done to those that stand.
+    ///
+    /// None of the new ones touches another, where they can be had: circles are thrown, and where one finds no room in
+    /// [`THROWS`] throws, all are put into the cells of a square grid, if those are large enough. Else it stands where there
+    /// is most room. Cost: O(count · throws).
+    pub fn scattered(&self, standing: &[Placement]) -> Vec<Placement> {
+        let kept: &[Placement] = if self.keeps { standing } else { &[] };
+        let count = self.count.min(MOST.saturating_sub(kept.len()));
+        let mut chance = Chance(self.seed);
+        let (mut copies, has_room) = self.thrown(count, kept, &mut chance);
+        if !has_room
+            && kept.is_empty()
+            && let Some(in_cells) = self.in_cells(count, &mut Chance(self.seed))
+        {
+            copies = in_cells;
+        }
+        kept.iter().copied().chain(copies).collect()
+    }
+
+    /// How many pairs of these copies stand in each other's way.
+    pub fn overlaps(&self, copies: &[Placement]) -> usize {
+        let mut near = Near::new(self.radius_without_gap(greatest_of(copies)));
+        let mut count = 0;
+        for copy in copies {
+            let radius = self.radius_without_gap(copy.scale);
+            let touches = |d: f64, other: f64| d < (radius + other) * (1.0 - 1e-9);
+            count += near.around(copy.x, copy.z, radius).filter(|(d, other)| touches(*d, *other)).count();
+            near.add(copy.x, copy.z, radius);
+        }
+        count
+    }
+
+    fn thrown(&self, count: usize, kept: &[Placement], chance: &mut Chance) -> (Vec<Placement>, bool) {
+        let side = self.side();
+        let mut near = Near::new(self.radius(self.greatest().max(greatest_of(kept))));
+        for copy in kept {
+            near.add(copy.x, copy.z, self.radius(copy.scale));
+        }
+        // Circles that are larger together than the square need no search for room.
+        let least = self.radius(self.scales()[0]);
+        let throws =
+            if count as f64 * least * least * std::f64::consts::PI > side * side { 0 } else { THROWS };
+        let mut has_room = throws > 0;
+        let mut copies = Vec::with_capacity(count);
+        for _ in 0..count {
+            let (turn_deg, scale) = self.turn_and_scale(chance);
+            let radius = self.radius(scale);
+            let [x, z] = [chance.next(), chance.next()].map(|u| (u - 0.5) * side);
+            let mut best = (f64::NEG_INFINITY, x, z);
+            for _ in 0..throws {
+                let [x, z] = [chance.next(), chance.next()].map(|u| (u - 0.5) * side);
+                let room = near.around(x, z, radius).map(|(d, other)| d - other - radius);
+                let room = room.fold(f64::INFINITY, f64::min);
+                if room > best.0 {
+                    best = (room, x, z);
+                }
+                if room >= 0.0 {
+                    break;
+                }
+            }
+            has_room &= best.0 >= 0.0;
+            let (_, x, z) = best;
+            near.add(x, z, radius);
+            copies.push(Placement { x, z, turn_deg, scale });
+        }
+        (copies, has_room)
+    }
+
+    /// One in each cell of a grid, somewhere where it keeps within; which cells stay empty is chance.
+    fn in_cells(&self, count: usize, chance: &mut Chance) -> Option<Vec<Placement>> {
+        let side = self.side();
+        let across = (count as f64).sqrt().ceil().max(1.0) as usize;
+        let cell = side / across as f64;
+        // The first circle may stand over the edge by its radius, as one that was thrown may.
+        if cell < 2.0 * self.radius(self.greatest()) {
+            return None;
+        }
+        let mut cells: Vec<usize> = (0..across * across).collect();
+        for i in (1..cells.len()).rev() {
+            cells.swap(i, ((chance.next() * (i + 1) as f64) as usize).min(i));
+        }
+        cells.truncate(count);
+        let copies = cells.into_iter().map(|at| {
+            let (turn_deg, scale) = self.turn_and_scale(chance);
+            let free = cell - 2.0 * self.radius(scale);
+            let along = |k: usize, u: f64| (k as f64 + 0.5) * cell - 0.5 * side + (u - 0.5) * free;
+            let (x, z) = (along(at % across, chance.next()), along(at / across, chance.next()));
+            Placement { x, z, turn_deg, scale }
+        });
+        Some(copies.collect())
+    }
+
+    fn turn_and_scale(&self, chance: &mut Chance) -> (f64, f64) {
+        let (turn, size) = (chance.next(), chance.next());
+        let [least, most] = self.scales();
+        (if self.is_turned { 360.0 * turn } else { 0.0 }, least + (most - least) * size)
+    }
+    fn scales(&self) -> [f64; 2] {
+        let [a, b] = self.scale.map(|s| if s.is_finite() { s.clamp(0.01, 100.0) } else { 1.0 });
+        [a.min(b), a.max(b)]
+    }
+    fn greatest(&self) -> f64 {
+        self.scales()[1]
+    }
+    fn radius_without_gap(&self, scale: f64) -> f64 {
+        let footprint = if self.footprint > 0.0 && self.footprint.is_finite() { self.footprint } else { 1.0 };
+        footprint * scale
+    }
+    fn radius(&self, scale: f64) -> f64 {
+        self.radius_without_gap(scale) * (1.0 + 0.5 * self.gap.clamp(0.0, 100.0))
+    }
+}
+
+fn greatest_of(copies: &[Placement]) -> f64 {
+    copies.iter().map(|c| c.scale).fold(1e-9, f64::max)
+}
+
+/// Circles by the cell of a grid, so that only near ones are looked at.
+struct Near {
+    cell: f64,
+    circles: HashMap<[i64; 2], Vec<[f64; 3]>>,
+}
+
+impl Near {
+    /// No circle will be larger.
+    fn new(radius: f64) -> Self {
+        Self { cell: 2.0 * radius, circles: HashMap::new() }
+    }
+
+    fn key(&self, x: f64, z: f64) -> [i64; 2] {
+        [x, z].map(|v| (v / self.cell).floor() as i64)
+    }
+
+    fn add(&mut self, x: f64, z: f64, radius: f64) {
+        self.circles.entry(self.key(x, z)).or_default().push([x, z, radius]);
+    }
+
+    /// Distances and radii of all that may touch a circle here.
+    fn around(&self, x: f64, z: f64, radius: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let reach = radius + 0.5 * self.cell;
+        let ([x0, z0], [x1, z1]) = (self.key(x - reach, z - reach), self.key(x + reach, z + reach));
+        let keys = (x0..=x1).flat_map(move |a| (z0..=z1).map(move |b| [a, b]));
+        keys.filter_map(|key| self.circles.get(&key))
+            .flatten()
+            .map(move |&[cx, cz, radius]| ((cx - x).hypot(cz - z), radius))
+    }
+}
+
+/// Numbers by chance, from 0 up to 1. [Steele, Lea, Flood 2014]
+struct Chance(u64);
+
+impl Chance {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut x = self.0;
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_numbers_scatter_in_the_same_way() {
+        let scatter = Scatter { count: 300, ..Scatter::default() };
+        let one = scatter.scattered(&[]);
+        assert_eq!(one, scatter.scattered(&[]));
+        assert_ne!(one, Scatter { seed: 2, ..scatter }.scattered(&[]));
+        assert_eq!(one.len(), 300);
+        assert!(one.iter().all(|c| c.scale >= 0.8 && c.scale <= 1.2 && c.turn_deg < 360.0));
+    }
+
+    #[test]
+    fn nothing_overlaps_where_there_is_room() {
+        for (count, seed) in [(1, 1), (10, 2), (500, 3), (5000, 4)] {
+            let scatter = Scatter { count, seed, footprint: 0.37, ..Scatter::default() };
+            let copies = scatter.scattered(&[]);
+            assert_eq!(scatter.overlaps(&copies), 0, "{count}");
+            let half = 0.5 * scatter.side();
+            assert!(copies.iter().all(|c| c.x.abs() <= half && c.z.abs() <= half));
+        }
+    }
+
+    #[test]
+    fn a_square_that_is_nearly_full_is_filled_without_overlap() {
+        // 100 circles of radius 1 in a square of 20.5: thrown ones would not find room.
+        let scatter = Scatter { count: 100, gap: 0.0, side: 20.5, scale: [1.0; 2], ..Scatter::default() };
+        assert!(!scatter.thrown(100, &[], &mut Chance(1)).1);
+        assert_eq!(scatter.overlaps(&scatter.scattered(&[])), 0);
+        // And where there is none, all still stand.
+        let tight = Scatter { side: 10.0, ..scatter };
+        let copies = tight.scattered(&[]);
+        assert_eq!(copies.len(), 100);
+        assert!(tight.overlaps(&copies) > 0);
+    }
+
+    #[test]
+    fn those_that_stand_stay_and_are_not_touched() {
+        let standing = [Placement::at(0.0, 0.0), Placement { scale: 4.0, ..Placement::at(8.0, 1.0) }];
+        let scatter = Scatter { count: 50, keeps: true, ..Scatter::default() };
+        let copies = scatter.scattered(&standing);
+        assert_eq!(copies.len(), 52);
+        assert_eq!(copies[..2], standing);
+        assert_eq!(scatter.overlaps(&copies), 0);
+    }
+
+    #[test]
+    fn strange_numbers_scatter_too() {
+        let strange = Scatter {
+            footprint: f64::NAN,
+            gap: -1.0,
+            side: f64::NEG_INFINITY,
+            scale: [f64::NAN, -3.0],
+            ..Scatter::default()
+        };
+        assert!(strange.scattered(&[]).iter().all(|c| c.checked().is_some()));
+        let many = Scatter { count: usize::MAX, ..Scatter::default() };
+        assert_eq!(many.scattered(&[Placement::at(0.0, 0.0); 3]).len(), MOST);
+    }
+}
