@@ -124,7 +124,7 @@ pub struct View {
 
 impl Default for View {
     fn default() -> Self {
-        Self { pixels: 1.0, budget: 2_000_000, has_level_colors: false, eye_height: 0.6, speed: 1.0 }
+        Self { pixels: 0.5, budget: 2_000_000, has_level_colors: false, eye_height: 0.6, speed: 1.0 }
     }
 }
 

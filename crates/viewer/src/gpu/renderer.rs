@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 use eframe::egui;
 use egui_wgpu::wgpu;
@@ -148,6 +149,7 @@ impl Gpu {
         if target.shown.as_ref().is_some_and(|shown| shown.is(frame, size)) {
             return Drawn::default();
         }
+        let begin = Instant::now();
         let aspect = f64::from(size[0]) / f64::from(size[1]);
         let view = View::new(&frame.camera, aspect, reach(frame));
         let gathered = gather(frame, &view);
@@ -203,8 +205,10 @@ impl Gpu {
                 }
             }
         }
-        self.context.queue.submit([encoder.finish()]);
         target.shown = Some(Shown::new(frame, size));
+        let commands = encoder.finish();
+        drawn.own = begin.elapsed();
+        self.context.queue.submit([commands]);
         drawn
     }
 
