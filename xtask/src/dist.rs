@@ -5,7 +5,6 @@
 
 mod archive;
 mod licences;
-mod sha256;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -13,6 +12,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
+use sha2::{Digest as _, Sha256};
 
 use crate::{cargo, root};
 use archive::Entry;
@@ -80,12 +80,16 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     let folder = folder.unwrap_or_else(|| built.join("dist"));
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     write(&folder.join(&file), &bytes)?;
-    let sum = sha256::hex(&bytes);
+    let sum = hex(&Sha256::digest(&bytes));
     // As `sha256sum --check` reads it.
     write(&folder.join(format!("{file}.sha256")), format!("{sum}  {file}\n").as_bytes())?;
     println!("{}: {} files, {:.1} MB", folder.join(&file).display(), entries.len(), bytes.len() as f64 / 1e6);
     println!("sha256 {sum}");
     Ok(())
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {

@@ -14,7 +14,7 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context, Result, bail, ensure};
 
 const HELP: &str = "\
-cargo xtask bench [rivals|attributes|cluster|io_speed|memory|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
+cargo xtask bench [rivals|attributes|cluster|io_speed|memory|render|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
 cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR through the release command
 cargo xtask corpus DIR --methods [--largest FACES] [...]   every method over every model that is not larger
 cargo xtask dist [--out FOLDER] [--binary FILE]            the archive to give away, for this platform
@@ -79,7 +79,7 @@ fn shared_models() -> Option<PathBuf> {
 fn bench(args: &[String]) -> Result<()> {
     let (which, rest) = match args.split_first() {
         Some((first, rest))
-            if ["rivals", "cluster", "io_speed", "memory", "all"].contains(&first.as_str()) =>
+            if ["rivals", "cluster", "io_speed", "memory", "render", "all"].contains(&first.as_str()) =>
         {
             (first.as_str(), rest)
         }
@@ -90,6 +90,7 @@ fn bench(args: &[String]) -> Result<()> {
         "io_speed" => &["io_speed"],
         "memory" => &["memory"],
         "cluster" => &["cluster"],
+        "render" => &["render"],
         _ => &["rivals"],
     };
     for &name in names {

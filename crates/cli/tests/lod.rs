@@ -56,6 +56,22 @@ fn errors_of_the_list_are_those_that_compare_finds() {
 }
 
 #[test]
+fn lengths_of_the_list_are_those_of_the_files() {
+    let desk = Desk::new();
+    desk.put("hills.ply", &hills(16));
+    desk.run("lod hills.ply -O one --faces 100").with_status(0);
+    let told = &desk.run("lod hills.ply -O ten --faces 100 --scale 10 --json").with_status(0).objects()[0];
+    let [one, ten] = ["one", "ten"].map(|folder| list(&desk, folder));
+    let ratio = |a: &Value, b: &Value| a.as_f64().expect("a number") / b.as_f64().expect("a number");
+    assert!((ratio(&ten["diagonal"], &one["diagonal"]) - 10.0).abs() < 1e-9);
+    for key in ["error", "rms", "distance"] {
+        let ratio = ratio(&ten["levels"][1][key], &one["levels"][1][key]);
+        assert!((ratio - 10.0).abs() < 1e-6, "{key}: {ratio}");
+    }
+    assert_eq!(told["levels"][0]["distance"], ten["levels"][1]["distance"]);
+}
+
+#[test]
 fn one_file_holds_all_levels() {
     let desk = Desk::new();
     desk.put("hills.ply", &hills(20));

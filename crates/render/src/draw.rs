@@ -11,7 +11,7 @@ use crate::look::Shading;
 use crate::marks::Marks;
 use crate::projection::Projection;
 use crate::raster::{BAND, Band, Kind, Kinds, NONE, SAMPLES, Screen};
-use crate::shade::Shader;
+use crate::shade::{Batch, Shader};
 use crate::subject::Subject;
 use crate::view::{RenderError, SIDE_MAX, View};
 
@@ -130,6 +130,7 @@ struct Scratch {
     band: Band,
     /// Linear, times opacity, with opacity; one for each sampled pixel, then one for each of the picture.
     colors: Vec<[f32; 4]>,
+    batch: Batch,
 }
 
 struct Frame<'a> {
@@ -142,15 +143,36 @@ struct Frame<'a> {
 
 impl Frame<'_> {
     fn draw(&self, index: usize, scratch: &mut Scratch) {
-        let Scratch { band, colors } = scratch;
+        let Scratch { band, colors, batch } = scratch;
         self.screen.draw(index, band, &|face, x, y| self.shader.is_there(face, x, y));
         colors.clear();
-        colors.reserve(band.cells.len());
-        for (at, cell) in band.cells.iter().enumerate() {
-            let faces = cell.face.to_array();
-            let (x, y) = ((at % band.width) as f32 + 0.5, (at / band.width + band.first_row) as f32 + 0.5);
-            colors.push(self.resolved(faces, x, y));
+        colors.resize(band.cells.len(), [0.0; 4]);
+        for (y, row) in band.cells.chunks(band.width).enumerate() {
+            let (first, y) = (y * band.width, (y + band.first_row) as u32 as f32 + 0.5);
+            for (x, cell) in row.iter().enumerate() {
+                let [f0, f1, f2, f3] = cell.face.to_array();
+                let (at, x) = (first + x, x as u32 as f32 + 0.5);
+                if f0 == f1 && f0 == f2 && f0 == f3 {
+                    if f0 != NONE {
+                        batch.add(&self.shader, f0, [x, y], (at, 1.0), colors);
+                    }
+                    continue;
+                }
+                let faces = [f0, f1, f2, f3];
+                let mut open = 0b1111u32;
+                while open != 0 {
+                    let face = faces[open.trailing_zeros() as usize];
+                    let mask = (0..4).fold(0, |m, k| m | u32::from(faces[k] == face) << k);
+                    open &= !mask;
+                    if face != NONE {
+                        let [dx, dy] = CENTRES[mask as usize];
+                        let share = mask.count_ones() as f32 * 0.25;
+                        batch.add(&self.shader, face, [x + dx, y + dy], (at, share), colors);
+                    }
+                }
+            }
         }
+        batch.finish(&self.shader, colors);
         if self.screen.has_blended(index) {
             self.blend(index, band, colors);
         }
@@ -191,29 +213,6 @@ impl Frame<'_> {
             let behind = through.iter().sum::<f32>() * 0.25;
             *color = [0, 1, 2, 3].map(|k| glass[k] + color[k] * behind);
         }
-    }
-
-    /// The colour of a pixel from what its samples see.
-    #[inline(always)]
-    fn resolved(&self, faces: [u32; 4], x: f32, y: f32) -> [f32; 4] {
-        let [f0, f1, f2, f3] = faces;
-        if f0 == f1 && f0 == f2 && f0 == f3 {
-            return if f0 == NONE { [0.0; 4] } else { self.shader.color(f0, x, y) };
-        }
-        let mut sum = [0f32; 4];
-        let mut open = 0b1111u32;
-        while open != 0 {
-            let face = faces[open.trailing_zeros() as usize];
-            let mask = (0..4).fold(0, |m, k| m | u32::from(faces[k] == face) << k);
-            open &= !mask;
-            if face != NONE {
-                let [dx, dy] = CENTRES[mask as usize];
-                let [r, g, b, _] = self.shader.color(face, x + dx, y + dy);
-                let share = mask.count_ones() as f32 * 0.25;
-                sum = [sum[0] + r * share, sum[1] + g * share, sum[2] + b * share, sum[3] + share];
-            }
-        }
-        sum
     }
 
     /// How near each pixel of the picture is.

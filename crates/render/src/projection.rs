@@ -1,6 +1,7 @@
 //! From a model to places on the screen.
 
 use glam::{DMat3, DMat4, DVec3, Vec3};
+use wide::f32x4;
 
 use crate::camera::{Camera, Lens, length};
 use crate::view::RenderError;
@@ -55,6 +56,39 @@ impl ToView {
         let m = self.linear;
         let largest = m.to_cols_array().iter().fold(0f64, |m, x| m.max(x.abs()));
         largest > 0.0 && (m * (1.0 / largest)).determinant() < 0.0
+    }
+}
+
+/// From places of a mesh in single precision to the screen.
+pub(crate) struct ToScreen {
+    origin: [f32; 3],
+    rows: [[f32; 3]; 3],
+    shift: [f32; 3],
+    per_unit: [f32; 2],
+    middle: [f32; 2],
+    is_perspective: bool,
+}
+
+impl ToScreen {
+    /// As [`Projection::on_screen`], and a number of no meaning.
+    #[inline(always)]
+    pub(crate) fn of_four(&self, places: [[f32; 3]; 4]) -> [[f32; 4]; 4] {
+        let p = [0, 1, 2].map(|k| f32x4::from(places.map(|p| p[k])) - self.origin[k]);
+        let view = |row: usize| {
+            let [a, b, c] = self.rows[row];
+            p[0] * a + p[1] * b + p[2] * c + self.shift[row]
+        };
+        let (vx, vy, vz) = (view(0), view(1), view(2));
+        let one = f32x4::splat(1.0);
+        let per_distance = if self.is_perspective { -one / vz } else { one };
+        let near = if self.is_perspective { per_distance } else { one + vz };
+        let x = vx * per_distance * self.per_unit[0] + self.middle[0];
+        let y = -vy * per_distance * self.per_unit[1] + self.middle[1];
+        let farthest = f32x4::splat(FARTHEST_PX as f32);
+        let is_seen =
+            (-vz).simd_gt(f32x4::splat(NEAR as f32)) & x.abs().simd_lt(farthest) & y.abs().simd_lt(farthest);
+        let x = is_seen.select(x, f32x4::splat(f32::NAN));
+        f32x4::transpose([x, y, near, one]).map(f32x4::to_array)
     }
 }
 
@@ -130,6 +164,29 @@ impl Projection {
         let y = 0.5 * self.size[1] - view.y * per_distance * self.per_unit[1];
         let is_seen = (-view.z > NEAR) & (x.abs() < FARTHEST_PX) & (y.abs() < FARTHEST_PX);
         [if is_seen { x } else { f64::NAN }, y, near]
+    }
+
+    /// The way from a mesh in single precision to the screen; `None` where only double precision will do.
+    pub(crate) fn to_screen(&self, to_view: &ToView) -> Option<ToScreen> {
+        let linear = to_view.linear;
+        // What the camera looks at, in the mesh: what lies near it is as exact as single precision has it, as it goes first.
+        let inverse = linear.inverse();
+        let origin = inverse * (DVec3::NEG_Z - to_view.shift);
+        let size = |m: DMat3| m.to_cols_array().iter().fold(0f64, |s, x| s.max(x.abs()));
+        let is_plain = size(linear) * size(inverse) < 1e4 && (1e-30..1e30).contains(&size(linear));
+        let origin = origin.as_vec3();
+        let shift = linear * origin.as_dvec3() + to_view.shift;
+        if !is_plain || !shift.is_finite() || length(shift) > 4.0 {
+            return None;
+        }
+        Some(ToScreen {
+            origin: origin.to_array(),
+            rows: [0, 1, 2].map(|k| linear.row(k).as_vec3().to_array()),
+            shift: shift.as_vec3().to_array(),
+            per_unit: self.per_unit.map(|x| x as f32),
+            middle: self.size.map(|x| 0.5 * x as f32),
+            is_perspective: self.is_perspective,
+        })
     }
 
     /// The ray through a place of the screen at distance 1: where it begins, and which way it goes.

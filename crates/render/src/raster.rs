@@ -3,56 +3,67 @@
 //! Vertices go to the screen, faces into bands of rows, and each band keeps the nearest face of every sample. Bands and
 //! pieces of work have fixed sizes and faces come in their order, so the answer is the same with any number of threads.
 
-use rayon::prelude::*;
-use wide::{f32x4, u32x4};
+mod band;
 
 use glam::DVec3;
 use lodsmith_core::{Positions, VertexId};
+use rayon::prelude::*;
+use wide::{f32x4, i32x4};
 
 use crate::projection::{Projection, ToView};
 use crate::subject::{Drawn, Part, Subject};
+
+pub(crate) use band::{Band, Corner, SAMPLES, side_by_side};
+use band::{Depths, Four, Pixels, doubled_areas, pixels_between, range};
 
 /// Rows of a band: its samples fit into the second cache at usual widths. Even, for fine pictures.
 pub(crate) const BAND: usize = 16;
 /// Faces, or vertices, of one piece of work.
 const PIECE: usize = 1 << 15;
+/// Two ways to one corner end no farther apart than this, in pixels.
+const SAME_PX: f32 = 0.01;
 /// No face.
 pub(crate) const NONE: u32 = u32::MAX;
 /// Marks places in the list of clipped faces.
 const CLIPPED: u32 = 1 << 31;
 
-/// Where in a pixel its four samples lie, from its middle: each in a column and a row of its own.
-pub(crate) const SAMPLES: [[f32; 2]; 4] =
-    [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
-
 /// A mesh on the screen.
 pub(crate) struct Placed<'a> {
     pub(crate) drawn: &'a Drawn,
     pub(crate) to_view: ToView,
+    pub(crate) is_mirrored: bool,
     pub(crate) first_face: u32,
     /// Of each vertex, its place in pixels and how near it is; the first is no number where faces must be clipped.
-    pub(crate) corners: Vec<[f32; 3]>,
+    pub(crate) corners: Vec<Corner>,
 }
 
 impl<'a> Placed<'a> {
     fn new(subject: &'a Subject, part: &Part, projection: &Projection) -> Self {
         let drawn = &subject.meshes[part.mesh];
         let to_view = projection.to_view(&part.world_from_mesh);
-        let on_screen = |p: DVec3| projection.on_screen(to_view.of(p)).map(|x| x as f32);
-        let mut corners = vec![[0f32; 3]; drawn.mesh.vertex_count()];
+        let mut corners = vec![[0f32; 4]; drawn.mesh.vertex_count()];
+        let exact = |p: DVec3| {
+            let [x, y, near] = projection.on_screen(to_view.of(p)).map(|x| x as f32);
+            [x, y, near, 0.0]
+        };
+        let pieces = corners.par_chunks_mut(PIECE);
         match drawn.mesh.positions() {
-            Positions::F32(all) => {
-                corners.par_chunks_mut(PIECE).zip(all.par_chunks(PIECE)).for_each(|(to, from)| {
-                    to.iter_mut().zip(from).for_each(|(c, p)| *c = on_screen(DVec3::from(p.map(f64::from))));
-                })
-            }
-            Positions::F64(all) => {
-                corners.par_chunks_mut(PIECE).zip(all.par_chunks(PIECE)).for_each(|(to, from)| {
-                    to.iter_mut().zip(from).for_each(|(c, p)| *c = on_screen(DVec3::from(*p)));
-                })
-            }
+            Positions::F32(all) => match projection.to_screen(&to_view) {
+                Some(to_screen) => pieces.zip(all.par_chunks(PIECE)).for_each(|(to, from)| {
+                    to.chunks_mut(4).zip(from.chunks(4)).for_each(|(to, from)| {
+                        let four = std::array::from_fn(|i| from[i.min(from.len() - 1)]);
+                        to.copy_from_slice(&to_screen.of_four(four)[..to.len()]);
+                    });
+                }),
+                None => pieces.zip(all.par_chunks(PIECE)).for_each(|(to, from)| {
+                    to.iter_mut().zip(from).for_each(|(c, p)| *c = exact(DVec3::from(p.map(f64::from))));
+                }),
+            },
+            Positions::F64(all) => pieces.zip(all.par_chunks(PIECE)).for_each(|(to, from)| {
+                to.iter_mut().zip(from).for_each(|(c, p)| *c = exact(DVec3::from(*p)));
+            }),
         }
-        Self { drawn, to_view, first_face: part.first_face, corners }
+        Self { drawn, is_mirrored: to_view.is_mirrored(), to_view, first_face: part.first_face, corners }
     }
 
     /// The vertices of a face of the mesh.
@@ -62,7 +73,7 @@ impl<'a> Placed<'a> {
     }
     /// The corners of a face on the screen.
     #[inline(always)]
-    pub(crate) fn on_screen(&self, face: usize) -> [[f32; 3]; 3] {
+    pub(crate) fn on_screen(&self, face: usize) -> [Corner; 3] {
         self.vertices(face).map(|v| self.corners[v.index()])
     }
     /// The corners of a face in the view, as exact as they come.
@@ -72,7 +83,7 @@ impl<'a> Placed<'a> {
     }
     /// Whether a face needs clipping.
     #[inline(always)]
-    pub(crate) fn is_cut(corners: &[[f32; 3]; 3]) -> bool {
+    pub(crate) fn is_cut(corners: &[Corner; 3]) -> bool {
         (corners[0][0] + corners[1][0] + corners[2][0]).is_nan()
     }
 }
@@ -112,16 +123,46 @@ pub(crate) type Kinds = Vec<Vec<Kind>>;
 /// A piece of a face that had to be clipped.
 struct Cut {
     face: u32,
-    corners: [[f32; 3]; 3],
+    corners: [Corner; 3],
+}
+
+/// A face seen from behind, and the least that tells whether all of it is hidden.
+struct Back {
+    face: u32,
+    near: f32,
+    pixels: Pixels,
 }
 
 /// Some faces of one part, by the bands that they touch.
 struct Piece {
     part: usize,
     bands: Vec<Vec<u32>>,
+    /// Those seen from behind, which come after: those before them hide most.
+    backs: Vec<Vec<Back>>,
     cuts: Vec<Cut>,
     /// Faces that one sees through, and how far they are.
     blended: Vec<(f32, u32)>,
+}
+
+/// Four triangles before they are drawn, each a bit of the first three.
+struct Outline {
+    /// May cover samples.
+    seen: u32,
+    /// Must be clipped first.
+    cut: u32,
+    clockwise: u32,
+    /// The nearest corners.
+    near: [f32; 4],
+    /// First column, end of the columns, first row, end of the rows.
+    pixels: [[i32; 4]; 4],
+}
+
+impl Outline {
+    #[inline(always)]
+    fn pixels(&self, which: usize) -> Pixels {
+        let [x0, x1, y0, y1] = self.pixels.each_ref().map(|all| all[which] as u16);
+        Pixels { x: [x0, x1], y: [y0, y1] }
+    }
 }
 
 /// Everything on the screen.
@@ -178,68 +219,122 @@ impl<'a> Screen<'a> {
     fn piece(&self, part: usize, first: usize) -> Piece {
         let placed = &self.placed[part];
         let end = (first + PIECE).min(placed.drawn.mesh.face_count());
-        let kinds = &self.kinds[part];
-        let is_mirrored = placed.to_view.is_mirrored();
-        let mut piece =
-            Piece { part, bands: vec![Vec::new(); self.band_count()], cuts: Vec::new(), blended: Vec::new() };
-        let list = |face: usize, corners: &[[f32; 3]; 3], is_cut: bool, piece: &mut Piece| {
-            let Some(rows) = self.rows(corners) else { return };
-            let kind = self.kind(placed, kinds, face);
-            if kind.hides_back() && (doubled_area(corners) > 0.0) != is_mirrored {
-                return;
-            }
-            let mut entry = face as u32;
-            if kind.is_blended() {
-                let far = corners.iter().map(|c| self.projection.distance(c[2])).sum();
-                // Its pieces come together: one entry is enough.
-                if piece.blended.last().is_none_or(|b| b.1 != entry) {
-                    piece.blended.push((far, entry));
-                }
-                return;
-            }
-            if is_cut {
-                entry = CLIPPED | piece.cuts.len() as u32;
-                piece.cuts.push(Cut { face: face as u32, corners: *corners });
-            }
-            for band in rows {
-                piece.bands[band].push(entry);
-            }
+        let lists = self.band_count();
+        let mut piece = Piece {
+            part,
+            bands: vec![Vec::new(); lists],
+            backs: (0..lists).map(|_| Vec::new()).collect(),
+            cuts: Vec::new(),
+            blended: Vec::new(),
         };
-        for face in first..end {
-            let corners = placed.on_screen(face);
-            if Placed::is_cut(&corners) {
-                for corners in self.cut(placed, face) {
-                    list(face, &corners, true, &mut piece);
+        for face in (first..end).step_by(4) {
+            let count = (end - face).min(4);
+            let vertex = |i: usize| placed.vertices(face + i.min(count - 1));
+            let four = [vertex(0), vertex(1), vertex(2), vertex(3)];
+            let outline = self.outline(|i, k| placed.corners[four[i][k].index()]);
+            let mut open = (outline.seen | outline.cut) & ((1 << count) - 1);
+            while open != 0 {
+                let which = open.trailing_zeros() as usize;
+                open &= open - 1;
+                if outline.cut >> which & 1 == 0 {
+                    self.list(&mut piece, face + which, None, &outline, which);
+                    continue;
                 }
-            } else {
-                list(face, &corners, false, &mut piece);
+                for corners in self.cut(placed, face + which) {
+                    let outline = self.outline(|_, k| corners[k]);
+                    if outline.seen != 0 {
+                        self.list(&mut piece, face + which, Some(corners), &outline, 0);
+                    }
+                }
             }
         }
         piece
     }
 
-    /// The bands that a triangle may be seen in; `None` if it hits no sample for sure.
+    /// Puts a triangle of a face where it will be looked for.
     #[inline(always)]
-    fn rows(&self, corners: &[[f32; 3]; 3]) -> Option<std::ops::RangeInclusive<usize>> {
-        let [a, b, c] = *corners;
-        let low = [0, 1].map(|k| a[k].min(b[k]).min(c[k]));
-        let high = [0, 1].map(|k| a[k].max(b[k]).max(c[k]));
-        // Samples stand in columns and rows of a quarter of a pixel.
-        let hits = |k: usize| least_above(low[k] * 4.0 + 0.5) <= (high[k] * 4.0 + 0.5) as i32;
-        let is_off =
-            high[0] < 0.0 || high[1] < 0.0 || low[0] > self.width as f32 || low[1] > self.height as f32;
-        if is_off || !hits(0) || !hits(1) {
-            return None;
+    fn list(
+        &self,
+        piece: &mut Piece,
+        face: usize,
+        cut: Option<[Corner; 3]>,
+        outline: &Outline,
+        which: usize,
+    ) {
+        let placed = &self.placed[piece.part];
+        let kind = self.kind(placed, &self.kinds[piece.part], face);
+        let is_back = (outline.clockwise >> which & 1 == 1) != placed.is_mirrored;
+        if kind.hides_back() && is_back {
+            return;
         }
+        let mut entry = face as u32;
+        if kind.is_blended() {
+            let corners = cut.unwrap_or_else(|| placed.on_screen(face));
+            let far = corners.iter().map(|c| self.projection.distance(c[2])).sum();
+            // Its pieces come together: one entry is enough.
+            if piece.blended.last().is_none_or(|b| b.1 != entry) {
+                piece.blended.push((far, entry));
+            }
+            return;
+        }
+        let pixels = outline.pixels(which);
         let last = self.band_count() - 1;
-        let band = |y: f32| ((y.max(0.0) as i32) as usize / BAND).min(last);
-        Some(band(low[1])..=band(high[1]))
+        let rows = usize::from(pixels.y[0]) / BAND..=((usize::from(pixels.y[1]) - 1) / BAND).min(last);
+        if is_back && cut.is_none() {
+            for band in rows {
+                piece.backs[band].push(Back { face: entry, near: outline.near[which], pixels });
+            }
+            return;
+        }
+        if let Some(corners) = cut {
+            entry = CLIPPED | piece.cuts.len() as u32;
+            piece.cuts.push(Cut { face: face as u32, corners });
+        }
+        for band in rows {
+            piece.bands[band].push(entry);
+        }
+    }
+
+    /// What there is to know of four triangles before they are drawn.
+    #[inline(always)]
+    fn outline(&self, of: impl Fn(usize, usize) -> Corner) -> Outline {
+        let corners = side_by_side(of);
+        let [a, b, c] = corners;
+        let doubled = doubled_areas(&corners);
+        let zero = f32x4::splat(0.0);
+        let size = [self.width as f32, self.height as f32];
+        let mut seen = doubled.simd_ne(zero);
+        let [[x0, x1], [y0, y1]] = [0, 1].map(|k| {
+            let [low, high] = range([a[k], b[k], c[k]]);
+            // Samples stand in columns and rows of a quarter of a pixel: one must lie between.
+            let last = (high * 4.0 + 0.5).fast_trunc_int().round_float();
+            seen &= high.simd_ge(zero) & low.simd_le(f32x4::splat(size[k])) & last.simd_ge(low * 4.0 + 0.5);
+            let [first, end] = pixels_between(low, high);
+            let most = i32x4::splat(size[k] as i32);
+            [first, end.min(most)]
+        });
+        // A last check, as rounding may leave no pixel.
+        let seen = bytemuck::cast::<_, i32x4>(seen) & x0.simd_lt(x1) & y0.simd_lt(y1);
+        let [_, near] = range([a[2], b[2], c[2]]);
+        Outline {
+            seen: seen.to_bitmask(),
+            cut: (a[0] + b[0] + c[0]).is_nan().to_bitmask(),
+            clockwise: doubled.simd_gt(zero).to_bitmask(),
+            near: near.to_array(),
+            pixels: [x0, x1, y0, y1].map(i32x4::to_array),
+        }
     }
 
     /// The pieces of a face that are before the eye.
-    fn cut(&self, placed: &Placed<'_>, face: usize) -> Vec<[[f32; 3]; 3]> {
+    fn cut(&self, placed: &Placed<'_>, face: usize) -> Vec<[Corner; 3]> {
         let polygon = self.projection.clipped(placed.in_view(face));
-        let at = |i: usize| polygon[i].map(|x| x as f32);
+        let own = placed.on_screen(face);
+        let at = |i: usize| {
+            let [x, y, near] = polygon[i].map(|x| x as f32);
+            // Where its neighbours, which need no clipping, have the same corner, to the last bit.
+            let is_same = |c: &&Corner| (c[0] - x).abs() < SAME_PX && (c[1] - y).abs() < SAME_PX;
+            own.iter().find(is_same).copied().unwrap_or([x, y, near, 0.0])
+        };
         (2..polygon.len()).map(|i| [at(0), at(i - 1), at(i)]).collect()
     }
 
@@ -256,7 +351,12 @@ impl<'a> Screen<'a> {
             let corners = placed.on_screen(face as usize);
             let pieces =
                 if Placed::is_cut(&corners) { self.cut(placed, face as usize) } else { vec![corners] };
-            let mut rows: Vec<usize> = pieces.iter().filter_map(|c| self.rows(c)).flatten().collect();
+            let rows = |corners: &[Corner; 3]| {
+                let outline = self.outline(|_, k| corners[k]);
+                let [first, end] = outline.pixels(0).y.map(usize::from);
+                if outline.seen == 0 { 0..0 } else { first / BAND..end.div_ceil(BAND) }
+            };
+            let mut rows: Vec<usize> = pieces.iter().flat_map(rows).collect();
             rows.sort_unstable();
             rows.dedup();
             rows.into_iter().for_each(|band| bands[band].push(whole));
@@ -275,26 +375,59 @@ impl<'a> Screen<'a> {
     pub(crate) fn draw(&self, index: usize, band: &mut Band, is_there: &dyn Fn(u32, f32, f32) -> bool) {
         band.clear(index * BAND, self.width, (self.height - index * BAND).min(BAND));
         for piece in &self.pieces {
-            let placed = &self.placed[piece.part];
-            let kinds = &self.kinds[piece.part];
-            let has_masks = kinds.iter().any(|k| k.is_masked());
-            for &entry in &piece.bands[index] {
-                let (face, corners) = if entry & CLIPPED == 0 {
-                    (entry, placed.on_screen(entry as usize))
-                } else {
-                    let cut = &piece.cuts[(entry & !CLIPPED) as usize];
-                    (cut.face, cut.corners)
-                };
+            self.draw_some(piece, &piece.bands[index], band, is_there);
+        }
+        if self.pieces.iter().all(|piece| piece.backs[index].is_empty()) {
+            return;
+        }
+        let depths = Depths::of(band);
+        let mut left = Vec::new();
+        for piece in &self.pieces {
+            let is_seen = |back: &&Back| !depths.hide(back.near, &back.pixels);
+            left.clear();
+            left.extend(piece.backs[index].iter().filter(is_seen).map(|back| back.face));
+            self.draw_some(piece, &left, band, is_there);
+        }
+    }
+
+    fn draw_some(
+        &self,
+        piece: &Piece,
+        entries: &[u32],
+        band: &mut Band,
+        is_there: &dyn Fn(u32, f32, f32) -> bool,
+    ) {
+        let placed = &self.placed[piece.part];
+        let kinds = &self.kinds[piece.part];
+        let has_masks = kinds.iter().any(|k| k.is_masked());
+        for entries in entries.chunks(4) {
+            let vertex = |i: usize| match entries[i.min(entries.len() - 1)] {
+                cut if cut & CLIPPED != 0 => [VertexId(0); 3],
+                face => placed.vertices(face as usize),
+            };
+            let vertices = [vertex(0), vertex(1), vertex(2), vertex(3)];
+            let is_cut = entries.iter().any(|e| e & CLIPPED != 0);
+            let four = if is_cut {
+                Four::new(|i, k| match entries[i.min(entries.len() - 1)] {
+                    cut if cut & CLIPPED != 0 => piece.cuts[(cut & !CLIPPED) as usize].corners[k],
+                    _ => placed.corners[vertices[i][k].index()],
+                })
+            } else {
+                Four::new(|i, k| placed.corners[vertices[i][k].index()])
+            };
+            for (which, &entry) in entries.iter().enumerate() {
+                let is_cut = entry & CLIPPED != 0;
+                let face = if is_cut { piece.cuts[(entry & !CLIPPED) as usize].face } else { entry };
                 let whole = placed.first_face + face;
                 if has_masks && self.kind(placed, kinds, face as usize).is_masked() {
-                    band.draw(&corners, whole, |x, y, mask| {
+                    band.draw(&four, which, whole, |x, y, mask| {
                         let is_on = |k: usize| {
                             mask >> k & 1 == 1 && is_there(whole, x + SAMPLES[k][0], y + SAMPLES[k][1])
                         };
                         (0..4).fold(0, |m, k| m | u32::from(is_on(k)) << k)
                     });
                 } else {
-                    band.draw_solid(&corners, whole);
+                    band.draw_solid(&four, which, whole);
                 }
             }
         }
@@ -318,161 +451,12 @@ impl<'a> Screen<'a> {
             let corners = placed.on_screen(face);
             let pieces = if Placed::is_cut(&corners) { self.cut(placed, face) } else { vec![corners] };
             for corners in &pieces {
-                band.walk(corners, |cell, x, y, mask, near| {
-                    let mask = mask & near.simd_gt(band.cells[cell].near).to_bitmask();
+                band.walk(&Four::new(|_, k| corners[k]), 0, |cell, x, y, mask, near| {
+                    let mask = (mask & near.simd_gt(band.cells[cell].near)).to_bitmask();
                     if mask != 0 {
                         seen(whole, x, y, mask);
                     }
                 });
-            }
-        }
-    }
-}
-
-/// Twice the area on the screen, whose rows count downwards: positive if the corners go round clockwise.
-#[inline(always)]
-pub(crate) fn doubled_area([a, b, c]: &[[f32; 3]; 3]) -> f32 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-}
-
-/// The least whole number that is not below, or 0: most processors round so only by a call.
-#[inline(always)]
-fn least_above(x: f32) -> i32 {
-    let below = x.max(0.0) as i32;
-    below + i32::from((below as f32) < x)
-}
-
-/// The four samples of a pixel.
-#[derive(Clone, Copy)]
-pub(crate) struct Cell {
-    /// How near what each sees is.
-    pub(crate) near: f32x4,
-    /// The face that each sees.
-    pub(crate) face: u32x4,
-}
-
-/// Some rows of the picture.
-#[derive(Default)]
-pub(crate) struct Band {
-    pub(crate) first_row: usize,
-    pub(crate) width: usize,
-    pub(crate) rows: usize,
-    pub(crate) cells: Vec<Cell>,
-}
-
-/// One side of a triangle: positive inside.
-#[derive(Clone, Copy)]
-struct Side {
-    a: f32,
-    b: f32,
-    x: f32,
-    y: f32,
-    /// What counts as inside: one of two neighbours has the samples on the line.
-    least: f32,
-}
-
-impl Side {
-    /// Both neighbours measure from the same end, so that they get the same number but for its sign: no sample is lost
-    /// between them, none is taken twice.
-    #[inline(always)]
-    fn new(p: [f32; 3], q: [f32; 3]) -> Self {
-        let (a, b) = (p[1] - q[1], q[0] - p[0]);
-        let is_first = (p[1], p[0]) < (q[1], q[0]);
-        let (from, least) = if is_first { (p, 0.0) } else { (q, f32::MIN_POSITIVE) };
-        Self { a, b, x: from[0], y: from[1], least }
-    }
-}
-
-impl Band {
-    fn clear(&mut self, first_row: usize, width: usize, rows: usize) {
-        (self.first_row, self.width, self.rows) = (first_row, width, rows);
-        let empty = Cell { near: f32x4::splat(f32::NEG_INFINITY), face: u32x4::splat(NONE) };
-        self.cells.clear();
-        self.cells.resize(width * rows, empty);
-    }
-
-    #[inline(always)]
-    fn draw_solid(&mut self, corners: &[[f32; 3]; 3], face: u32) {
-        let mut cells = std::mem::take(&mut self.cells);
-        self.walk_masks(corners, |at, _, _, mask, near| {
-            let cell = &mut cells[at];
-            let mask = mask & near.simd_gt(cell.near);
-            cell.near = mask.select(near, cell.near);
-            let mask: u32x4 = bytemuck::cast(mask);
-            cell.face = mask.select(u32x4::splat(face), cell.face);
-        });
-        self.cells = cells;
-    }
-
-    /// Draws a triangle where `keeps` leaves samples of those that it covers.
-    fn draw(&mut self, corners: &[[f32; 3]; 3], face: u32, keeps: impl Fn(f32, f32, u32) -> u32) {
-        let mut cells = std::mem::take(&mut self.cells);
-        self.walk(corners, |at, x, y, mask, near| {
-            let cell = &mut cells[at];
-            let mask = mask & near.simd_gt(cell.near).to_bitmask();
-            let kept = if mask == 0 { 0 } else { keeps(x as f32 + 0.5, y as f32 + 0.5, mask) };
-            let lanes: [u32; 4] = std::array::from_fn(|k| 0u32.wrapping_sub(kept >> k & 1));
-            let mask = u32x4::from(lanes);
-            cell.face = mask.select(u32x4::splat(face), cell.face);
-            let mask: f32x4 = bytemuck::cast(mask);
-            cell.near = mask.select(near, cell.near);
-        });
-        self.cells = cells;
-    }
-
-    #[inline(always)]
-    fn walk(&self, corners: &[[f32; 3]; 3], mut seen: impl FnMut(usize, usize, usize, u32, f32x4)) {
-        self.walk_masks(corners, |at, x, y, mask, near| seen(at, x, y, mask.to_bitmask(), near));
-    }
-
-    /// Walks the pixels of which a triangle covers samples: the cell, column and row of each, the samples, how near they are.
-    #[inline(always)]
-    fn walk_masks(&self, corners: &[[f32; 3]; 3], mut seen: impl FnMut(usize, usize, usize, f32x4, f32x4)) {
-        let doubled = doubled_area(corners);
-        let [a, mut b, mut c] = *corners;
-        if doubled < 0.0 {
-            std::mem::swap(&mut b, &mut c);
-        }
-        let doubled = doubled.abs();
-        // Also what is no number.
-        if !(doubled > 0.0 && doubled < f32::INFINITY) {
-            return;
-        }
-        // The outermost samples stand 3/8 from the middle of a pixel.
-        let first = |low: f32| least_above(low - 0.875) as usize;
-        let end = |high: f32, most: usize| ((high + 0.875).max(0.0) as i32 as usize).min(most);
-        let x0 = first(a[0].min(b[0]).min(c[0]));
-        let x1 = end(a[0].max(b[0]).max(c[0]), self.width);
-        let y0 = first(a[1].min(b[1]).min(c[1])).max(self.first_row);
-        let y1 = end(a[1].max(b[1]).max(c[1]), self.first_row + self.rows);
-        if x0 >= x1 || y0 >= y1 {
-            return;
-        }
-        let sides = [Side::new(b, c), Side::new(c, a), Side::new(a, b)];
-        let per_area = 1.0 / doubled;
-        let (nb, nc) = (b[2] - a[2], c[2] - a[2]);
-        let slope_x = (sides[1].a * nb + sides[2].a * nc) * per_area;
-        let slope_y = (sides[1].b * nb + sides[2].b * nc) * per_area;
-        let (least, most) = (a[2].min(b[2]).min(c[2]), a[2].max(b[2]).max(c[2]));
-        let (least, most) = (f32x4::splat(least), f32x4::splat(most));
-        let dx = f32x4::from(SAMPLES.map(|s| s[0] + 0.5));
-        let dy = f32x4::from(SAMPLES.map(|s| s[1] + 0.5));
-        for y in y0..y1 {
-            let py = dy + y as f32;
-            let row = sides.map(|s| (py - s.y) * s.b);
-            let near_row = (py - a[1]) * slope_y + a[2];
-            let start = (y - self.first_row) * self.width;
-            for x in x0..x1 {
-                let px = dx + x as f32;
-                let inside = |k: usize| {
-                    ((px - sides[k].x) * sides[k].a + row[k]).simd_ge(f32x4::splat(sides[k].least))
-                };
-                let mask = inside(0) & inside(1) & inside(2);
-                if mask.to_bitmask() == 0 {
-                    continue;
-                }
-                let near = ((px - a[0]) * slope_x + near_row).fast_max(least).fast_min(most);
-                seen(start + x, x, y, mask, near);
             }
         }
     }

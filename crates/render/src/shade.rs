@@ -1,5 +1,6 @@
 //! The colour of a face at a place of the screen.
 
+mod four;
 mod material;
 
 use std::sync::Arc;
@@ -12,13 +13,12 @@ use crate::light::LightKind;
 use crate::linear;
 use crate::look::Shading;
 use crate::projection::Projection;
-use crate::raster::{Placed, Screen, doubled_area};
+use crate::raster::{Corner, Placed, Screen};
 use crate::subject::Subject;
 use crate::view::View;
 
-/// How much light a plain surface throws straight back, and how narrow that gleam is: 2 to this power. (By eye.)
-const GLEAM: f32 = 0.10;
-const GLEAM_SQUARINGS: u32 = 3;
+pub(crate) use four::Batch;
+
 /// Height of a triangle in pixels from which on its lines have their full strength; below they would cover all. (By eye.)
 const WIRE_FULL_PX: f32 = 8.0;
 /// Strength of lines where triangles vanish.
@@ -79,7 +79,7 @@ struct Hit<'a> {
     face: usize,
     wedges: [WedgeId; 3],
     at: [f32; 2],
-    corners: [[f32; 3]; 3],
+    corners: [Corner; 3],
     /// On the screen, and how near the place is; of no use where the face is clipped.
     l: [f32; 3],
     near: f32,
@@ -153,37 +153,34 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Linear colour and opacity of a face of the whole at a place of the screen.
-    #[inline]
+    /// Linear colour and opacity of a face of the whole at a place of the screen, by its material.
     pub(crate) fn color(&self, whole: u32, x: f32, y: f32) -> [f32; 4] {
         let hit = self.hit(whole, x, y);
-        let (mut color, alpha) = match self.shading {
-            Shading::Smooth => (self.lit(self.surface, self.normal(&hit), &hit), 1.0),
-            Shading::Flat => (self.lit(self.surface, self.face_normal(&hit), &hit), 1.0),
-            Shading::VertexColors => (self.lit(self.vertex_color(&hit).0, self.normal(&hit), &hit), 1.0),
-            Shading::Normals => {
-                let n = self.own_normal(&hit);
-                let n = self.projection.direction_to_world(n) * 0.5 + 0.5;
-                (linear::of_srgb(n.to_array()), 1.0)
-            }
-            Shading::Matcap => (self.matcap(self.normal(&hit)), 1.0),
-            Shading::Heat => (self.heat(&hit), 1.0),
-            Shading::Textured => self.textured(&hit),
-        };
-        if let Some((wire, opacity, width)) = self.wire {
-            let (distance, strength) = self.to_side(&hit);
-            let cover = (0.5 * width + 0.5 - distance).clamp(0.0, 1.0) * opacity * strength;
-            color += (wire - color) * cover;
-            return [color.x, color.y, color.z, alpha + (1.0 - alpha) * cover];
-        }
-        [color.x, color.y, color.z, alpha]
+        let (color, alpha) = self.textured(&hit);
+        self.wired(color, alpha, || hit)
+    }
+
+    /// The lines of a face over its colour.
+    #[inline(always)]
+    fn wired<'h>(&self, mut color: Vec3, alpha: f32, hit: impl FnOnce() -> Hit<'h>) -> [f32; 4] {
+        let Some((wire, opacity, width)) = self.wire else { return [color.x, color.y, color.z, alpha] };
+        let (distance, strength) = self.to_side(&hit());
+        let cover = (0.5 * width + 0.5 - distance).clamp(0.0, 1.0) * opacity * strength;
+        color += (wire - color) * cover;
+        [color.x, color.y, color.z, alpha + (1.0 - alpha) * cover]
+    }
+
+    /// The part that a face of the whole belongs to.
+    #[inline(always)]
+    fn part_of(&self, whole: u32) -> usize {
+        let placed = &self.screen.placed;
+        if placed.len() == 1 { 0 } else { placed.partition_point(|p| p.first_face <= whole) - 1 }
     }
 
     #[inline(always)]
     fn hit(&self, whole: u32, x: f32, y: f32) -> Hit<'_> {
-        let placed = &self.screen.placed;
-        let part = if placed.len() == 1 { 0 } else { placed.partition_point(|p| p.first_face <= whole) - 1 };
-        let placed = &placed[part];
+        let part = self.part_of(whole);
+        let placed = &self.screen.placed[part];
         let face = (whole - placed.first_face) as usize;
         let wedges = placed.drawn.mesh.triangles()[face];
         let corners = wedges.map(|w| placed.corners[placed.drawn.mesh.vertex_of(w).index()]);
@@ -251,7 +248,7 @@ impl<'a> Shader<'a> {
         }
         let [a, b, c] = hit.corners;
         let doubled = doubled_area(&hit.corners).abs();
-        let height = |p: [f32; 3], q: [f32; 3]| doubled / (p[0] - q[0]).hypot(p[1] - q[1]).max(1e-6);
+        let height = |p: Corner, q: Corner| doubled / (p[0] - q[0]).hypot(p[1] - q[1]).max(1e-6);
         let heights = [height(b, c), height(c, a), height(a, b)];
         let distance = |k: usize| hit.l[k].max(0.0) * heights[k];
         let least = heights[0].min(heights[1]).min(heights[2]);
@@ -338,36 +335,16 @@ impl<'a> Shader<'a> {
     }
 
     /// The colour of the vertices, linear, and opacity; that of the look where there is none.
-    fn vertex_color(&self, hit: &Hit<'_>) -> (Vec3, f32) {
-        let Some(colors) = hit.placed.drawn.mesh.colors() else { return (self.surface, 1.0) };
-        let [a, b, c] = hit.wedges.map(|w| colors[w.index()]);
-        let mixed = [0, 1, 2, 3].map(|k| hit.b[0] * a[k] + hit.b[1] * b[k] + hit.b[2] * c[k]);
+    fn vertex_color(&self, placed: &Placed<'_>, wedges: [WedgeId; 3], l: [f32; 3]) -> (Vec3, f32) {
+        let Some(colors) = placed.drawn.mesh.colors() else { return (self.surface, 1.0) };
+        let [a, b, c] = wedges.map(|w| colors[w.index()]);
+        let mixed = [0, 1, 2, 3].map(|k| l[0] * a[k] + l[1] * b[k] + l[2] * c[k]);
         let rgb = [mixed[0], mixed[1], mixed[2]];
         let rgb = match self.subject.vertex_colors {
             VertexColors::Linear => Vec3::from(rgb),
             VertexColors::Srgb => linear::of_srgb(rgb),
         };
         (rgb.clamp(Vec3::ZERO, Vec3::ONE), mixed[3].clamp(0.0, 1.0))
-    }
-
-    /// What a plain surface shows under the lights.
-    #[inline(always)]
-    fn lit(&self, albedo: Vec3, n: Vec3, hit: &Hit<'_>) -> Vec3 {
-        let place = self.place(hit);
-        let to_eye = self.to_eye(place);
-        let mirrored = n * (2.0 * n.dot(to_eye)) - to_eye;
-        let mut diffuse = self.ambient(n);
-        let mut gleam = Vec3::ZERO;
-        self.each_light(place, |to_light, color| {
-            let along = n.dot(to_light);
-            if along > 0.0 {
-                diffuse += color * along;
-                let mut g = mirrored.dot(to_light).max(0.0);
-                (0..GLEAM_SQUARINGS).for_each(|_| g *= g);
-                gleam += color * g;
-            }
-        });
-        albedo * diffuse + gleam * GLEAM
     }
 
     #[inline(always)]
@@ -385,18 +362,24 @@ impl<'a> Shader<'a> {
     #[inline(always)]
     fn each_light(&self, place: Vec3, mut with: impl FnMut(Vec3, Vec3)) {
         for light in &self.lights {
-            match &light.place {
-                Place::Far { to_light } => with(*to_light, light.color),
-                Place::Near { at, cone } => {
-                    let to = *at - place;
-                    let distance_sq = (to.length_squared() / (self.radius * self.radius)).max(1e-6);
-                    let to_light = to.normalize_or(Vec3::Z);
-                    let share = cone.map_or(1.0, |(along, inner, outer)| {
-                        let t = ((-to_light.dot(along) - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);
-                        t * t * (3.0 - 2.0 * t)
-                    });
-                    with(to_light, light.color * (share / distance_sq));
-                }
+            let (to_light, color) = self.light_at(light, place);
+            with(to_light, color);
+        }
+    }
+
+    #[inline(always)]
+    fn light_at(&self, light: &ViewLight, place: Vec3) -> (Vec3, Vec3) {
+        match &light.place {
+            Place::Far { to_light } => (*to_light, light.color),
+            Place::Near { at, cone } => {
+                let to = *at - place;
+                let distance_sq = (to.length_squared() / (self.radius * self.radius)).max(1e-6);
+                let to_light = to.normalize_or(Vec3::Z);
+                let share = cone.map_or(1.0, |(along, inner, outer)| {
+                    let t = ((-to_light.dot(along) - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);
+                    t * t * (3.0 - 2.0 * t)
+                });
+                (to_light, light.color * (share / distance_sq))
             }
         }
     }
@@ -418,11 +401,11 @@ impl<'a> Shader<'a> {
         upper.lerp(lower, y - y0)
     }
 
-    fn heat(&self, hit: &Hit<'_>) -> Vec3 {
+    fn heat(&self, placed: &Placed<'_>, wedges: [WedgeId; 3], l: [f32; 3]) -> Vec3 {
         let (map, low, high) = self.heat;
-        let Some(values) = &hit.placed.drawn.values else { return self.surface };
-        let [a, b, c] = hit.placed.vertices(hit.face).map(|v| values[v.index()]);
-        let value = hit.b[0] * a + hit.b[1] * b + hit.b[2] * c;
+        let Some(values) = &placed.drawn.values else { return self.surface };
+        let [a, b, c] = wedges.map(|w| values[placed.drawn.mesh.vertex_of(w).index()]);
+        let value = l[0] * a + l[1] * b + l[2] * c;
         let span = high - low;
         let t = if span > 0.0 { (value - low) / span } else { value * 0.0 };
         linear::of_srgb(map.color(t))
@@ -441,9 +424,15 @@ fn extent(subject: &Subject, projection: &Projection) -> [Vec3; 2] {
     }
 }
 
+/// Twice the area on the screen, whose rows count downwards: positive if the corners go round clockwise.
+#[inline(always)]
+fn doubled_area([a, b, c]: &[Corner; 3]) -> f32 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
 /// Barycentric coordinates on the screen.
 #[inline(always)]
-fn on_screen(corners: &[[f32; 3]; 3], x: f32, y: f32) -> [f32; 3] {
+fn on_screen(corners: &[Corner; 3], x: f32, y: f32) -> [f32; 3] {
     let [a, b, c] = corners;
     let doubled = doubled_area(corners);
     if doubled == 0.0 {

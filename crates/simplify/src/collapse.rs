@@ -124,7 +124,7 @@ pub(crate) trait Original {
 
 #[derive(Clone)]
 pub(crate) struct Engine<M: Metric> {
-    pub(crate) store: Store<M>,
+    pub(crate) store: Store<M::Memory>,
     rules: Rules,
     /// Mean over the live triangles, as the tensors count it.
     area: f32,
@@ -172,7 +172,7 @@ impl<M: Metric> Engine<M> {
     /// Takes a store and fills its tensors and kinds. Says how many faces stood twice with the same winding; they are
     /// gone afterwards.
     pub(crate) fn new(
-        store: Store<M>,
+        store: Store<M::Memory>,
         rules: Rules,
         wedge_data: Option<Wedges>,
         attributes: Option<Attributes>,

@@ -14,7 +14,7 @@ use wide::f32x8;
 use crate::collapse::kind::Kind;
 use crate::collapse::order::NONE;
 use crate::collapse::store::{Corner, Store};
-use crate::metric::Metric;
+use crate::metric::Memory;
 use crate::tensor::Tensor;
 use crate::triangle;
 pub(crate) use values::{Originals, Values};
@@ -164,8 +164,8 @@ struct Placed {
     weight: f32,
 }
 
-struct Sampler<'a, M: Metric> {
-    store: &'a Store<M>,
+struct Sampler<'a, Q: Memory> {
+    store: &'a Store<Q>,
     faces: &'a [Face],
     ready: Vec<(VertexId, Vec<Fan>)>,
     loads: Vec<Load>,
@@ -175,7 +175,7 @@ struct Sampler<'a, M: Metric> {
     weight: f64,
 }
 
-impl<M: Metric> Sampler<'_, M> {
+impl<Q: Memory> Sampler<'_, Q> {
     /// Which slot holds the star of `u`, made if need be.
     #[inline(always)]
     fn star(&mut self, u: VertexId) -> usize {
@@ -327,8 +327,8 @@ fn min(a: f32, b: f32) -> f32 {
 
 /// Moves the vertices of a compact store towards the original, given as the ordered input, from which it is about `away`
 /// (RMS) far. The samples are shown to `values`, if there are any.
-pub(crate) fn fit<M: Metric>(
-    store: &mut Store<M>,
+pub(crate) fn fit<Q: Memory>(
+    store: &mut Store<Q>,
     points: &[Vec3],
     faces: &[[VertexId; 3]],
     away: f64,
@@ -407,7 +407,7 @@ pub(crate) fn fit<M: Metric>(
 
 /// Gauss-Seidel on the displacements, two sweeps. (Measured: a third brings nothing.) A triangle only sees the heights
 /// n·delta of its three vertices, its lift.
-fn solve<M: Metric>(store: &Store<M>, loads: &mut [Load]) -> Vec<Vec3> {
+fn solve<Q: Memory>(store: &Store<Q>, loads: &mut [Load]) -> Vec<Vec3> {
     let mut delta = vec![Vec3::ZERO; store.v.len()];
     let mut inverse = vec![Tensor::default(); store.v.len()];
     for u in 0..store.v.len() {
@@ -458,7 +458,7 @@ fn may_move(kind: Kind) -> bool {
 }
 
 /// The vertices at the other ends of the border edges of `u`.
-fn border_neighbours<M: Metric>(store: &Store<M>, u: VertexId) -> impl Iterator<Item = VertexId> + '_ {
+fn border_neighbours<Q: Memory>(store: &Store<Q>, u: VertexId) -> impl Iterator<Item = VertexId> + '_ {
     let others = move |c: &Corner| {
         let t = store.t[c.face()];
         [t[(c.k() + 1) % 3], t[(c.k() + 2) % 3]]
@@ -471,7 +471,7 @@ fn border_neighbours<M: Metric>(store: &Store<M>, u: VertexId) -> impl Iterator<
 }
 
 /// Whether every face of `u` keeps its side with `u` at `p`.
-fn is_fine<M: Metric>(store: &Store<M>, loads: &[Load], u: VertexId, p: Vec3) -> bool {
+fn is_fine<Q: Memory>(store: &Store<Q>, loads: &[Load], u: VertexId, p: Vec3) -> bool {
     store.listed(u).iter().all(|&corner| {
         let (t, k, n) = (&store.t[corner.face()], corner.k(), loads[corner.face()].normal);
         let (a, b) = (store.p(t[[1, 2, 0][k]]), store.p(t[[2, 0, 1][k]]));
@@ -498,7 +498,7 @@ struct Around {
     leeway: f32,
 }
 
-fn look_around<M: Metric>(store: &Store<M>, finals: &[Face], loads: &[Load]) -> Vec<Around> {
+fn look_around<Q: Memory>(store: &Store<Q>, finals: &[Face], loads: &[Load]) -> Vec<Around> {
     let mut around = vec![Around { worst: 0.0, leeway: f32::INFINITY }; store.v.len()];
     for ((t, face), load) in store.t.iter().zip(finals).zip(loads) {
         let leeway = if face.is_sound(store.facing(t)) { LEEWAY } else { 0.0 };
@@ -512,7 +512,7 @@ fn look_around<M: Metric>(store: &Store<M>, finals: &[Face], loads: &[Load]) -> 
 }
 
 /// Moves, by no more than the largest distance seen, and only where no triangle turns far.
-fn shift<M: Metric>(store: &mut Store<M>, loads: &[Load], around: &[Around], delta: &[Vec3]) {
+fn shift<Q: Memory>(store: &mut Store<Q>, loads: &[Load], around: &[Around], delta: &[Vec3]) {
     for (u, (&delta, &Around { worst, leeway })) in delta.iter().zip(around).enumerate() {
         let step = delta.length_squared();
         if step == 0.0 {
@@ -529,8 +529,8 @@ fn shift<M: Metric>(store: &mut Store<M>, loads: &[Load], around: &[Around], del
 
 /// Pulls in vertices that stick out farther than the root of `limit`. It is enough to look round the nearest of the
 /// points merged into a vertex: an exact pass over all faces doubles the time of the fit.
-fn tether<M: Metric>(
-    store: &mut Store<M>,
+fn tether<Q: Memory>(
+    store: &mut Store<Q>,
     loads: &[Load],
     around: &[Around],
     points: &[Vec3],

@@ -39,7 +39,7 @@ pub use options::{
     AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, MethodOptions, Placement, Preset,
     SimplifyOptions, Stop, TopologyPolicy,
 };
-pub use progressive::{Changed, Progressive};
+pub use progressive::{Changed, Progressive, ProgressiveScene};
 pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
 pub use report::{Cleanup, Clustered, ErrorReport, Refusal, Report, StoppedBy};

@@ -46,10 +46,14 @@ impl Judge {
     }
 }
 
+/// What a vertex carries for the cost.
+pub(crate) trait Memory: Copy + Default {}
+impl<T: Copy + Default> Memory for T {}
+
 /// How the loss of a collapse is judged.
 pub(crate) trait Metric: Clone {
     /// What a vertex carries, relative to its own position.
-    type Memory: Copy + Default;
+    type Memory: Memory;
     /// Whether the tensor is that of the present star: then the vertices around swap old planes for new ones.
     const MEMORYLESS: bool;
     /// Who decides.
@@ -88,6 +92,12 @@ pub(crate) trait Metric: Clone {
     fn judge(around: &Around, mean: f32) -> Option<(f32, Vec3)> {
         let _ = (around, mean);
         None
+    }
+    /// What a cost of one comes to among several meshes, for one whose unit frame is `size` units of theirs wide and whose
+    /// faces have twice the area `mean` in it on average. Costs are areas times squared distances, unless said otherwise.
+    fn common_cost(size: f64, mean: f64) -> f64 {
+        let _ = mean;
+        size.powi(4)
     }
     /// What two faces of a part cost that goes as a whole; `rate` is what that is for [`Memoryless`].
     fn part_rate(rate: f32, part: &PartSize, mean: f32) -> f32 {

@@ -9,6 +9,7 @@ mod build;
 mod checkpoints;
 mod correct;
 mod extract;
+mod scene;
 
 use std::mem::replace;
 use std::ops::Range;
@@ -20,6 +21,7 @@ use lodsmith_core::{MeshError, Positions, PositionsView, RegionId, Splits, TriMe
 use crate::SimplifyError;
 use crate::control::Control;
 use crate::options::{Method, SimplifyOptions};
+pub use scene::ProgressiveScene;
 
 /// Elements that are marked as changed together.
 const BLOCK: usize = 256;
@@ -125,7 +127,7 @@ impl Progressive {
         options: &SimplifyOptions,
         control: &mut dyn Control,
     ) -> Result<Self, SimplifyError> {
-        build::build(mesh, options, control)
+        build::build(mesh, options, control).map(|built| built.road)
     }
 
     /// A road from splits; stands at its full mesh. Cost: O(n).

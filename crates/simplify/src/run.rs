@@ -11,11 +11,13 @@ use lodsmith_core::{Attribute, Positions, PositionsView, Surface, TriMesh, Verte
 
 use crate::attributes::{Rows, with_wedges};
 use crate::care::{self, Care, Held, Known};
+use crate::collapse::attributes::Attributes;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::{self, NONE, Ordered};
-use crate::collapse::{End, Engine, Goal, Look, Original};
+use crate::collapse::store::Store;
+use crate::collapse::{End, Goal, Look, Original};
 use crate::control::{Control, Stage, Verdict};
-use crate::metric::{EdgeLength, LindstromTurk, Melax, Memoryless, Metric, Quadric};
+use crate::metric::{EdgeLength, LindstromTurk, Melax, Memory, Memoryless, Metric, Quadric};
 use crate::options::{Length, Measure, Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
@@ -528,11 +530,10 @@ impl Run<'_, '_> {
     }
 
     /// What locked vertices had at the corners of the result.
-    fn held<M: Metric>(&self, engine: &Engine<M>, rows: Option<&Rows>) -> Held {
+    fn held<Q: Memory>(&self, store: &Store<Q>, rows: Option<&Rows>) -> Held {
         let (Some(locked), Some(mesh)) = (self.care.locked(), self.input.mesh) else {
             return Held::default();
         };
-        let store = &engine.store;
         let carried = store.wedges.as_deref();
         let rank_of = |w: WedgeId| self.place(mesh, w);
         // What the engine calls a wedge, at a corner of the input: a row of values, or the wedge or vertex itself.
@@ -562,8 +563,12 @@ impl Run<'_, '_> {
     }
 
     /// The mesh of a compact store. Vertices that kept their place have the bits of the input.
-    fn result<M: Metric>(&self, engine: &Engine<M>, rows: Option<&Rows>) -> Result<TriMesh, SimplifyError> {
-        let store = &engine.store;
+    fn result<Q: Memory>(
+        &self,
+        store: &Store<Q>,
+        attributes: Option<&Attributes>,
+        rows: Option<&Rows>,
+    ) -> Result<TriMesh, SimplifyError> {
         let input_positions = self.input.surface.positions();
         // The first vertex of the input at each place.
         let mut first = vec![NONE; store.merged_into.len()];
@@ -586,9 +591,9 @@ impl Run<'_, '_> {
             PositionsView::F32(_) => Positions::F32(places.map(|p| p.map(|x| x as f32)).collect()),
             PositionsView::F64(_) => Positions::F64(places.collect()),
         };
-        let mut result = match (&store.wedges, self.input.mesh, rows, &engine.attributes) {
+        let mut result = match (&store.wedges, self.input.mesh, rows, attributes) {
             (Some(wedges), _, Some(rows), attributes @ Some(_)) => {
-                rows.mesh(attributes.as_ref(), positions, &store.t, wedges)?
+                rows.mesh(attributes, positions, &store.t, wedges)?
             }
             (None, _, Some(rows), None) => {
                 rows.mesh(None, positions, &store.t, bytemuck::cast_slice(&store.t))?

@@ -6,10 +6,11 @@ mod stage;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use eframe::egui::{self, Key, Modifiers, Theme, Ui};
 use glam::DQuat;
+use lodsmith::Stop;
 use lodsmith_render::Shading;
 
 use crate::ViewOptions;
@@ -55,6 +56,8 @@ pub struct App {
     played_at: Option<f64>,
     /// Whether the timeline came with a file that moves, and goes with it.
     has_own_timeline: bool,
+    /// The target that was last seen while something was held, and since when it is the same.
+    held: Option<(Stop, Instant)>,
 }
 
 /// Where a picture went, or why not.
@@ -62,6 +65,8 @@ type Saved = Result<PathBuf, String>;
 
 /// How much is left after a second of holding M.
 const HELD_PER_SECOND: f64 = 0.45;
+/// A slider that is held still for so long asks for a result.
+const REST: Duration = Duration::from_millis(300);
 /// What is left by a key.
 const STEP: f64 = 0.9;
 /// The example: the repository's own model, free of rights.
@@ -106,6 +111,7 @@ impl App {
             sample: None,
             played_at: None,
             has_own_timeline: false,
+            held: None,
         };
         app.open(options.inputs.clone());
         Ok(app)
@@ -243,7 +249,7 @@ impl App {
     /// More or less is to be left, by a factor.
     fn scale_target(&mut self, factor: f64) {
         let Some(whole) = self.whole() else { return };
-        let shown = self.document.lighter().map_or(whole.faces, |l| l.content.report.faces);
+        let shown = self.document.lighter().map_or(whole.faces, |l| l.content.faces);
         let target = whole.scaled(self.document.settings(), shown, factor);
         self.document.run(Command::Target(target));
     }
@@ -333,6 +339,10 @@ impl App {
             Action::CopyCommand => {
                 ctx.copy_text(panel::report::command_line(settings));
                 return self.document.log.note("the command line is in the clipboard");
+            }
+            Action::Benchmark => {
+                self.shown.insert(Panel::Benchmark);
+                return self.document.benchmark();
             }
             Action::Cancel => return self.document.cancel(),
             Action::Restore => return self.document.run(Command::Target(Target::Original)),
@@ -576,13 +586,13 @@ impl App {
     /// The same amount, in another unit.
     fn change_unit(&mut self, unit: Unit) {
         let (Some(whole), Some(lighter)) = (self.whole(), self.document.lighter()) else { return };
-        let r = &lighter.content.report;
+        let l = &lighter.content;
         let target = match unit {
-            Unit::Faces => Target::Faces(r.faces),
-            Unit::Vertices => Target::Vertices(r.vertices),
-            Unit::Percent => whole.target(unit, whole.place_of_faces(r.faces as f64)),
+            Unit::Faces => Target::Faces(l.faces),
+            Unit::Vertices => Target::Vertices(l.vertices),
+            Unit::Percent => whole.target(unit, whole.place_of_faces(l.faces as f64)),
             Unit::Error => {
-                let d = r.error.measured.as_ref().map_or(r.error.estimate, |m| m.hausdorff.symmetric);
+                let d = l.measured().map_or(l.error(), |m| m.hausdorff.symmetric);
                 Target::Error((d / whole.diagonal.max(1e-300)).clamp(1e-6, 0.1))
             }
         };
@@ -659,6 +669,25 @@ impl App {
         }
     }
 
+    /// What is held is let go, or rests: then the level that is shown becomes a result of its own.
+    fn rest(&mut self, ctx: &egui::Context) {
+        if !ctx.input(|i| i.pointer.any_down() || i.key_down(Key::M)) {
+            return self.document.seal();
+        }
+        let stop = self.document.settings().simplify.options.stop;
+        match self.held {
+            Some((before, since)) if before == stop => match REST.checked_sub(since.elapsed()) {
+                Some(left) => ctx.request_repaint_after(left + Duration::from_millis(5)),
+                None => self.document.finish(),
+            },
+            _ => {
+                self.held = Some((stop, Instant::now()));
+                // Panels are drawn before what they say is done.
+                ctx.request_repaint();
+            }
+        }
+    }
+
     fn dialogs(&mut self, ctx: &egui::Context) {
         if self.is_help && panel::help::show(ctx) {
             self.is_help = false;
@@ -706,17 +735,13 @@ impl eframe::App for App {
         self.facts.shader_error = self.pictures.follow_files(&self.document.settings().look, have_changed);
         self.facts.triangles_drawn = self.pictures.triangles;
         self.facts.stage = self.pictures.stage.facts();
-        self.facts.error_px = self.document.lighter().and_then(|l| {
-            let e = &l.content.report.error;
-            self.pictures.pixels(&self.document, e.measured.as_ref().map_or(e.estimate, |m| m.rms.symmetric))
-        });
+        let lighter = self.document.lighter();
+        self.facts.error_px = lighter.and_then(|l| self.pictures.pixels(&self.document, l.content.error()));
         self.panels(ui);
         self.middle(ui);
         self.dialogs(&ctx);
         hovering(&ctx);
-        if !ctx.input(|i| i.pointer.any_down() || i.key_down(Key::M)) {
-            self.document.seal();
-        }
+        self.rest(&ctx);
         let own = begin.elapsed().as_secs_f64();
         self.facts.frame_secs = frame.info().cpu_usage.map_or(own, |c| c as f64);
         if self.last_frame.replace(begin).is_some() {
@@ -736,6 +761,7 @@ fn body(ui: &mut Ui, panel: Panel, scope: &mut Scope<'_>) {
         Panel::Log => panel::log::show(ui, scope),
         Panel::Stage => panel::stage::show(ui, scope),
         Panel::Timeline => panel::timeline::show(ui, scope),
+        Panel::Benchmark => panel::benchmark::show(ui, scope),
     }
 }
 

@@ -247,13 +247,15 @@ impl Pictures {
         let size = [rect.width(), rect.height()].map(|x| (x * scale).round().max(1.0) as u32);
         self.height_px = f64::from(size[1]);
 
-        let faces = lighter.map_or(original.content.faces, |l| l.content.report.faces);
+        let faces = lighter.map_or(original.content.faces, |l| l.content.faces);
         let rests_in = self.moved.and_then(|at| REST.checked_sub(at.elapsed()));
         let is_coarse = rests_in.is_some() && gpu.is_software() && faces > FAST_TRIANGLES;
         if let Some(rest) = rests_in {
             ui.request_repaint_after(rest + Duration::from_millis(5));
         }
-        let target = self.targets[slot].get_or_insert_with(|| gpu.target(size));
+        let [first, second] = &mut self.targets;
+        let (target, other) = if slot == 0 { (first, None) } else { (second, first.as_ref()) };
+        let target = target.get_or_insert_with(|| gpu.target(size));
         target.resize(size, if is_coarse { COARSE } else { 1.0 });
 
         let settings = document.settings();
@@ -282,11 +284,15 @@ impl Pictures {
             matcap: self.own.matcap(),
             shader: self.own.shader(),
         };
-        let drawn: Drawn = gpu.draw(target, &frame);
-        if drawn.drawn {
-            self.triangles = drawn.triangles;
+        // Sides that show the same share one picture.
+        let same = other.filter(|other| other.size() == target.size() && other.shows(&frame));
+        if same.is_none() {
+            let drawn: Drawn = gpu.draw(target, &frame);
+            if drawn.drawn {
+                self.triangles = drawn.triangles;
+            }
         }
-        if let Some(id) = target.texture_id() {
+        if let Some(id) = same.unwrap_or(target).texture_id() {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             painter.image(id, rect, whole, Color32::WHITE);
         }
@@ -392,10 +398,10 @@ fn overlay(
 ) {
     let Some(original) = document.original() else { return };
     let lighter = lighter.filter(|_| side == Side::Result);
-    let faces = lighter.map_or(original.content.faces, |l| l.content.report.faces);
+    let faces = lighter.map_or(original.content.faces, |l| l.content.faces);
     let mut text = format!("{} faces", grouped(faces));
-    if let Some(lighter) = lighter {
-        let share = faces as f64 / lighter.content.report.input_faces.max(1) as f64;
+    if lighter.is_some() {
+        let share = faces as f64 / original.content.faces.max(1) as f64;
         text += &format!("  ·  {}", percent(share));
     }
     if let Some((number, pixels)) = level.filter(|_| side == Side::Result) {

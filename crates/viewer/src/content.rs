@@ -8,7 +8,7 @@ use glam::{DMat4, DVec3};
 use lodsmith::{
     Control, Levels, LodOptions, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError, Stop,
 };
-use lodsmith_core::measure::Prepared;
+use lodsmith_core::measure::{Comparison, Prepared};
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, Topology, TriMesh};
@@ -96,8 +96,12 @@ impl Original {
 pub struct Lighter {
     /// What is to be seen: as the original, with other meshes.
     pub model: Model,
-    /// What the engine says.
-    pub report: Report,
+    /// Triangles, as often as nodes place them.
+    pub faces: usize,
+    /// Vertices, counted likewise.
+    pub vertices: usize,
+    /// What the engine says; `None` for a level of a progressive mesh, which no run was made for.
+    pub report: Option<Report>,
     /// What became of each mesh of a scene.
     pub counts: Vec<MeshCounts>,
     /// What it was made with.
@@ -106,6 +110,7 @@ pub struct Lighter {
     pub seconds: f64,
     /// What the user should know.
     pub warnings: Vec<String>,
+    estimate: f64,
 }
 
 impl Lighter {
@@ -189,20 +194,38 @@ impl Lighter {
         }
         let warnings = told(&report);
         let model = original.model().with_meshes(meshes);
-        Ok(Self { model, report, counts, how: how.clone(), seconds, warnings })
+        let (faces, vertices, estimate) = (report.faces, report.vertices, report.error.estimate);
+        let (report, how) = (Some(report), how.clone());
+        Ok(Self { model, faces, vertices, report, counts, how, seconds, warnings, estimate })
+    }
+
+    /// A level of a progressive mesh, with its number of triangles and vertices and its error.
+    pub(crate) fn of_level(
+        model: Model,
+        [faces, vertices]: [usize; 2],
+        estimate: f64,
+        how: &Simplification,
+        seconds: f64,
+    ) -> Self {
+        let (counts, warnings, how) = (Vec::new(), Vec::new(), how.clone());
+        Self { model, faces, vertices, report: None, counts, how, seconds, warnings, estimate }
+    }
+
+    /// Both ways, where that was measured.
+    pub fn measured(&self) -> Option<&Comparison> {
+        self.report.as_ref()?.error.measured.as_ref()
     }
 
     /// The RMS distance from the original: measured where that was asked for, else estimated.
     pub fn error(&self) -> f64 {
-        let error = &self.report.error;
-        error.measured.as_ref().map_or(error.estimate, |m| m.rms.symmetric)
+        self.measured().map_or(self.estimate, |m| m.rms.symmetric)
     }
 }
 
 /// The meshes of a result, in the order of the model's.
 type Made = (Vec<Arc<TriMesh>>, Report, Vec<MeshCounts>);
 
-fn diagonal_of(scene: &lodsmith_io::gltf::Scene) -> f64 {
+pub(crate) fn diagonal_of(scene: &lodsmith_io::gltf::Scene) -> f64 {
     scene.bounds().map_or(0.0, |b| b.diagonal())
 }
 
@@ -226,7 +249,7 @@ pub fn placed_meshes(scene: &lodsmith_io::gltf::Scene) -> Vec<usize> {
 }
 
 /// Those meshes as the engine takes them; those placed by one matrix lie in one system.
-fn parts_of<'a>(scene: &'a lodsmith_io::gltf::Scene, taken: &[usize]) -> Vec<Part<'a>> {
+pub(crate) fn parts_of<'a>(scene: &'a lodsmith_io::gltf::Scene, taken: &[usize]) -> Vec<Part<'a>> {
     let mut systems: Vec<[[f64; 4]; 3]> = Vec::new();
     let mut parts = Vec::with_capacity(taken.len());
     for m in taken.iter().map(|&i| &scene.meshes()[i]) {
@@ -477,7 +500,7 @@ mod tests {
         assert!(distances.largest > 1e-4 && distances.largest < 0.03, "{}", distances.largest);
         assert!(distances.mean <= distances.rms && distances.rms <= distances.largest);
         let counted: u32 = distances.histogram.iter().sum();
-        assert_eq!(counted as usize, original.vertices + lighter.report.vertices);
+        assert_eq!(counted as usize, original.vertices + lighter.vertices);
         assert!(Distances::measure(&original, &lighter, &mut |_| false).is_none());
     }
 

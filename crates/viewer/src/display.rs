@@ -1,5 +1,6 @@
 //! Whether there is a screen to open a window on.
 
+use std::any::Any;
 use std::panic::catch_unwind;
 
 use winit::event_loop::EventLoop;
@@ -27,11 +28,53 @@ pub fn find() -> Result<String, String> {
     match catch_unwind(|| EventLoop::new().map(drop)) {
         Ok(Ok(())) => Ok(server()),
         Ok(Err(e)) => Err(reason(&e.to_string())),
-        Err(panic) => Err(match (panic.downcast_ref::<String>(), panic.downcast_ref::<&str>()) {
-            (Some(text), _) => text.clone(),
-            (None, Some(text)) => (*text).to_owned(),
-            (None, None) => "the window library gave up".to_owned(),
-        }),
+        Err(panic) => Err(words(&*panic)),
+    }
+}
+
+/// What a panic says.
+pub(crate) fn words(panic: &(dyn Any + Send)) -> String {
+    match (panic.downcast_ref::<String>(), panic.downcast_ref::<&str>()) {
+        (Some(text), _) => text.clone(),
+        (None, Some(text)) => (*text).to_owned(),
+        (None, None) => "the window library gave up".to_owned(),
+    }
+}
+
+/// Libraries of the system: by what they are known in what is said, and how they are installed.
+const LIBRARIES: [(&str, &str); 4] = [
+    (
+        "libxkbcommon",
+        "on Debian and Ubuntu `apt install libxkbcommon0 libxkbcommon-x11-0`, on Fedora `dnf install libxkbcommon \
+         libxkbcommon-x11`",
+    ),
+    (
+        "wayland",
+        "on Debian and Ubuntu `apt install libwayland-client0 libwayland-cursor0`, on Fedora `dnf install \
+         libwayland-client libwayland-cursor`",
+    ),
+    ("libX", X11),
+    ("xlib", X11),
+];
+const X11: &str = "on Debian and Ubuntu `apt install libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2`, on Fedora `dnf \
+                   install libX11 libX11-xcb libXcursor libXi libXrandr`";
+
+/// The library of the system that something could not be done for the lack of, and how it is installed.
+pub(crate) fn missing_library(text: &str) -> Option<(String, &'static str)> {
+    let is_lack = ["could not be loaded", "cannot open shared object", "Failed to load one of"];
+    if !is_lack.iter().any(|words| text.contains(words)) {
+        return None;
+    }
+    let how = LIBRARIES.iter().find(|(known, _)| text.contains(known)).map(|(_, how)| *how);
+    let is_of_name = |c: char| c.is_ascii_alphanumeric() || "-_.+".contains(c);
+    let mut words = text.split(|c| !is_of_name(c)).map(|w| w.trim_end_matches('.'));
+    let library = words.find(|w| w.starts_with("lib") && w.contains(".so"));
+    match (library, how) {
+        (None, None) => None,
+        (library, how) => Some((
+            library.unwrap_or("a library of the display").to_owned(),
+            how.unwrap_or("the packages of your system have it"),
+        )),
     }
 }
 
@@ -43,7 +86,24 @@ pub(crate) fn reason(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::reason;
+    use super::*;
+
+    #[test]
+    fn a_library_that_is_missing_is_named_with_what_brings_it() {
+        let of = |text: &str| missing_library(text).unwrap();
+        let (name, how) = of("Library libxkbcommon-x11.so could not be loaded.");
+        assert_eq!(name, "libxkbcommon-x11.so");
+        assert!(how.contains("apt install libxkbcommon0 libxkbcommon-x11-0"));
+        let (name, how) = of("libXcursor.so.1: cannot open shared object file: No such file or directory");
+        assert!(name == "libXcursor.so.1" && how.contains("libxcursor1"), "{name} {how}");
+        let (name, how) = of("libodd.so.2: cannot open shared object file");
+        assert!(name == "libodd.so.2" && how.contains("your system"));
+        let (name, how) = of("os error at x.rs:9: Failed to load one of xlib's shared libraries");
+        assert!(name == "a library of the display" && how.contains("libx11-6"), "{name} {how}");
+        assert!(of("The wayland library could not be loaded").1.contains("libwayland-client0"));
+        assert_eq!(missing_library("neither WAYLAND_DISPLAY nor DISPLAY is set"), None);
+        assert_eq!(missing_library("index out of bounds in lib.rs"), None);
+    }
 
     #[test]
     fn the_reason_is_what_the_system_says() {

@@ -11,12 +11,15 @@ use lodsmith_core::Model;
 use lodsmith_core::model::Pose;
 use lodsmith_render::Shading;
 
+use crate::benchmark::{Filling, Table};
 use crate::command::{Command, History};
 use crate::content::{Anatomy, Distances, Lighter, Original};
 use crate::export::{self, Export};
 use crate::gpu::{Context, DrawModel};
 use crate::job::{Kind, Message, Progress, Watch, Worker};
 use crate::log::Log;
+use crate::numbers::{grouped, seconds};
+use crate::road::{self, Road};
 use crate::settings::Settings;
 use crate::words::Simplification;
 
@@ -68,6 +71,8 @@ pub struct Document {
     settings: Settings,
     history: History,
     worker: Worker<Outcome>,
+    /// A second one, so that nothing waits for a road.
+    builder: Worker<Outcome>,
     context: Option<Context>,
     original: Option<Shown<Original>>,
     lighter: Option<Shown<Lighter>>,
@@ -95,6 +100,14 @@ pub struct Document {
     /// What the last job to make levels was told.
     asked_levels: Option<(usize, Simplification)>,
     is_playing: bool,
+    /// Times of levels, and what they are of.
+    benchmark: Option<(usize, Filling)>,
+    /// What the slider walks.
+    road: Option<Road>,
+    /// What the last job to make a road was told.
+    asked_road: Option<(usize, Simplification)>,
+    /// Whether a level of the road is shown in the place of a result that was not begun.
+    is_due: bool,
 }
 
 /// A file that is being read, and what follows.
@@ -120,15 +133,20 @@ enum Outcome {
     Measured(Measured),
     Levels { of: (usize, Simplification), result: Result<Vec<Shown<Lighter>>, SimplifyError> },
     Exported { path: PathBuf, result: Result<export::Written, String> },
+    Benchmarked { is_whole: bool },
+    Road { of: (usize, Simplification), secs: f64, result: Result<Box<Road>, SimplifyError> },
 }
 
 impl Document {
     /// An empty one. `wake` is called when there is something new to see.
     pub fn new(context: Option<Context>, wake: impl Fn() + Send + Sync + 'static) -> Self {
+        let wake = Arc::new(wake);
+        let [one, two] = [wake.clone(), wake];
         Self {
             settings: Settings::default(),
             history: History::default(),
-            worker: Worker::new(wake),
+            worker: Worker::new(move || one()),
+            builder: Worker::new(move || two()),
             context,
             original: None,
             lighter: None,
@@ -145,6 +163,10 @@ impl Document {
             levels: None,
             asked_levels: None,
             is_playing: false,
+            benchmark: None,
+            road: None,
+            asked_road: None,
+            is_due: false,
             log: Log::default(),
         }
     }
@@ -235,17 +257,29 @@ impl Document {
     pub fn progress(&self) -> Option<Progress> {
         self.worker.progress()
     }
+    /// How far the road is, while it is being made.
+    pub fn road_progress(&self) -> Option<Progress> {
+        self.builder.progress()
+    }
+    /// Whether any level can be shown at once.
+    pub fn has_road(&self) -> bool {
+        self.road.is_some() && self.asked_road == self.level_source()
+    }
     /// The file that is being read.
     pub fn opening(&self) -> Option<&Path> {
         self.opening.as_ref().map(|o| o.path.as_path())
     }
     /// Whether the result is not yet the one that is asked for.
     pub fn is_behind(&self) -> bool {
-        self.worker.is_busy(Kind::Simplify)
+        self.is_due || self.worker.is_busy(Kind::Simplify)
+    }
+    /// Whether work of this kind waits or runs.
+    pub fn is_busy(&self, kind: Kind) -> bool {
+        self.worker.is_busy(kind)
     }
     /// Whether no work waits or runs.
     pub fn is_idle(&self) -> bool {
-        self.worker.is_idle()
+        !self.is_due && self.worker.is_idle() && self.builder.is_idle()
     }
     /// What undo takes back and redo does again.
     pub fn history(&self) -> (Option<&'static str>, Option<&'static str>) {
@@ -266,9 +300,18 @@ impl Document {
         }
     }
 
-    /// The next command is a step of its own.
+    /// What is held was let go: the next command is a step of its own, and a level that is shown becomes a result.
     pub fn seal(&mut self) {
         self.history.seal();
+        self.finish();
+    }
+
+    /// Makes a result of its own for the target, if a level of the road stands in its place.
+    pub fn finish(&mut self) {
+        if let (true, Some(original), Some(how)) = (self.is_due, self.original.clone(), self.asked.clone()) {
+            self.is_due = false;
+            self.simplify(original, how);
+        }
     }
 
     /// Takes the last step back.
@@ -293,8 +336,8 @@ impl Document {
         }
     }
 
-    /// Writes what is asked.
-    /// What is shown where the level goes by distance is the one for this error.
+    /// Writes what is asked: the level for this error where levels go by distance, else the result, which is made first if
+    /// there is but a level of the road.
     pub fn export(&mut self, export: Export, level_error: f64) {
         let Some(original) = self.original.as_ref().map(|o| o.content.clone()) else { return };
         let lighter = match self.levels().is_empty() {
@@ -304,15 +347,47 @@ impl Document {
         let path = export.path.clone();
         let how = self.settings.simplify.clone();
         self.worker.submit(Kind::Export, move |watch| {
-            let result =
-                export.write(&original, lighter.as_deref(), &how, watch).map_err(|e| format!("{e:#}"));
+            let is_level = lighter.as_ref().is_some_and(|l| l.report.is_none()) && export.levels.is_empty();
+            let made = is_level.then(|| Lighter::make(&original, &how, watch)).transpose();
+            let result = made.map_err(|e| e.to_string()).and_then(|made| {
+                let lighter = made.as_ref().or(lighter.as_deref());
+                export.write(&original, lighter, &how, watch).map_err(|e| format!("{e:#}"))
+            });
             Some(Outcome::Exported { path, result })
         });
     }
 
+    /// Measures times of levels of the present file, with the present method and look. The table fills row after row.
+    pub fn benchmark(&mut self) {
+        let Some(original) = self.original.clone() else { return };
+        let (filling, settings, context) = (Filling::default(), self.settings.clone(), self.context.clone());
+        self.benchmark = Some((key(&original), filling.clone()));
+        self.worker.submit(Kind::Benchmark, move |watch| {
+            let is_whole = filling.fill(&original.content, &settings, context, watch);
+            Some(Outcome::Benchmarked { is_whole })
+        });
+    }
+
+    /// Times of levels of the present file, as far as they are measured.
+    pub fn benchmark_table(&self) -> Option<Table> {
+        let of = key(self.original.as_ref()?);
+        self.benchmark.as_ref().filter(|b| b.0 == of).map(|b| b.1.table())
+    }
+
     /// Ends the work that is under way; what is in sight stays.
     pub fn cancel(&mut self) {
-        self.worker.cancel(&[Kind::Load, Kind::Simplify, Kind::Measure, Kind::Export, Kind::Levels]);
+        self.worker.cancel(&[
+            Kind::Load,
+            Kind::Simplify,
+            Kind::Measure,
+            Kind::Export,
+            Kind::Levels,
+            Kind::Benchmark,
+        ]);
+        if self.builder.is_busy(Kind::Road) {
+            self.builder.cancel(&[Kind::Road]);
+            self.log.note("the slider runs the method for each value: its progressive mesh was stopped");
+        }
         if self.opening.take().is_some() {
             self.log.note("opening was cancelled");
         }
@@ -321,7 +396,7 @@ impl Document {
     /// Takes in what the worker has done. Whether there was anything.
     pub fn poll(&mut self) -> bool {
         let mut is_new = false;
-        while let Some(message) = self.worker.poll() {
+        while let Some(message) = self.worker.poll().or_else(|| self.builder.poll()) {
             self.take(message);
             is_new = true;
         }
@@ -337,15 +412,20 @@ impl Document {
         loop {
             self.poll();
             self.sync();
+            self.finish();
             let left = end.saturating_duration_since(Instant::now());
-            if self.worker.is_idle() {
-                // What it sent before it became idle.
-                if !self.poll() && self.worker.is_idle() {
+            if self.is_idle() {
+                // What they sent before they became idle.
+                if !self.poll() && self.is_idle() {
                     return true;
                 }
-            } else if left.is_zero() {
+                continue;
+            }
+            if left.is_zero() {
                 return false;
-            } else if let Some(message) = self.worker.wait(left.min(Duration::from_millis(20))) {
+            }
+            let at_work = if self.worker.is_idle() { &self.builder } else { &self.worker };
+            if let Some(message) = at_work.wait(left.min(Duration::from_millis(20))) {
                 self.take(message);
             }
         }
@@ -410,7 +490,8 @@ impl Document {
                     for warning in &lighter.content.warnings {
                         self.log.warn(warning.clone());
                     }
-                    self.lighter = Some(lighter);
+                    self.road.iter_mut().for_each(|road| road.learn(&lighter.content));
+                    (self.lighter, self.is_due) = (Some(lighter), false);
                 }
                 Ok(_) | Err(SimplifyError::Cancelled) => {}
                 Err(why) => self.fail(why.to_string()),
@@ -422,6 +503,9 @@ impl Document {
                 Err(SimplifyError::Cancelled) => self.asked_levels = None,
                 Err(why) => self.fail(why.to_string()),
             },
+            Outcome::Benchmarked { is_whole: true } => self.log.good("times of levels were measured"),
+            Outcome::Benchmarked { is_whole: false } => self.log.note("measuring times was stopped"),
+            Outcome::Road { of, secs, result } => self.take_road(&of, secs, result),
             Outcome::Exported { path, result } => match result {
                 Ok(written) => {
                     for warning in &written.warnings {
@@ -463,6 +547,7 @@ impl Document {
         self.is_playing &= matches!(then, Then::Reloaded);
         (self.lighter, self.measured, self.asked) = (None, None, None);
         self.anatomies = [None, None];
+        self.leave_road();
     }
 
     /// The file could not be read: what is open stays as it is.
@@ -488,6 +573,7 @@ impl Document {
         if self.settings.files.is_empty() {
             (self.original, self.lighter, self.measured, self.asked) = (None, None, None, None);
             self.is_playing = false;
+            self.leave_road();
             return;
         }
         let Some(original) = self.original.clone() else { return };
@@ -495,12 +581,17 @@ impl Document {
         if !how.has_end() {
             if self.asked.take().is_some() {
                 self.worker.cancel(&[Kind::Simplify, Kind::Measure]);
-                (self.lighter, self.measured) = (None, None);
+                (self.lighter, self.measured, self.is_due) = (None, None, false);
             }
         } else if self.asked.as_ref() != Some(how) {
+            let how = how.clone();
             self.asked = Some(how.clone());
-            self.simplify(original.clone(), how.clone());
+            self.is_due = self.show_level(&how);
+            if !self.is_due {
+                self.simplify(original.clone(), how);
+            }
         }
+        self.make_road(&original);
         self.make_levels(&original);
         self.inspect(&original);
         self.measure(&original);
@@ -534,6 +625,76 @@ impl Document {
         });
     }
 
+    /// Shows the level of the road for a target, where there is one: whether it is shown.
+    fn show_level(&mut self, how: &Simplification) -> bool {
+        if !self.has_road() {
+            return false;
+        }
+        match self.road.as_mut().map(|road| road.show(how)) {
+            Some(Ok(Some(level))) => {
+                self.worker.cancel(&[Kind::Simplify, Kind::Measure, Kind::Inspect]);
+                self.lighter = Some(level);
+                true
+            }
+            Some(Err(why)) => {
+                self.fail(why.to_string());
+                false
+            }
+            Some(Ok(None)) | None => false,
+        }
+    }
+
+    /// Starts to make the road, where it is not that of the file and the method.
+    fn make_road(&mut self, original: &Shown<Original>) {
+        let Some(of) = self.level_source() else { return };
+        if self.asked_road.as_ref() == Some(&of) {
+            return;
+        }
+        self.leave_road();
+        self.asked_road = Some(of.clone());
+        let faces = original.content.faces;
+        if faces > road::MOST_FACES {
+            let most = grouped(road::MOST_FACES);
+            let text = format!("{} faces are more than {most}: there is no progressive mesh", grouped(faces));
+            return self.log.note(format!("the slider runs the method for each value ({text})"));
+        }
+        let (context, original) = (self.context.clone(), original.content.clone());
+        self.builder.submit(Kind::Road, move |watch| {
+            let begin = Instant::now();
+            let result = Road::build(&original, &of.1, context.as_ref(), watch).map(Box::new);
+            Some(Outcome::Road { of, secs: begin.elapsed().as_secs_f64(), result })
+        });
+    }
+
+    fn take_road(
+        &mut self,
+        of: &(usize, Simplification),
+        secs: f64,
+        result: Result<Box<Road>, SimplifyError>,
+    ) {
+        if self.asked_road.as_ref() != Some(of) {
+            return;
+        }
+        match result {
+            Ok(mut road) => {
+                self.log.note(format!(
+                    "the slider follows at once: a progressive mesh of {} levels in {}",
+                    grouped(road.levels()),
+                    seconds(secs)
+                ));
+                self.lighter.iter().for_each(|l| road.learn(&l.content));
+                self.road = Some(*road);
+            }
+            Err(SimplifyError::Cancelled) => {}
+            Err(why) => self.log.note(format!("the slider runs the method for each value ({why})")),
+        }
+    }
+
+    fn leave_road(&mut self) {
+        (self.road, self.asked_road, self.is_due) = (None, None, false);
+        self.builder.cancel(&[Kind::Road]);
+    }
+
     /// Starts to make the levels by distance, where they are wanted.
     fn make_levels(&mut self, original: &Shown<Original>) {
         let is_wanted = self.settings.auto_lod.is_on || self.settings.stage.is_on;
@@ -556,7 +717,7 @@ impl Document {
     }
 
     fn inspect(&mut self, original: &Shown<Original>) {
-        if !self.wants_anatomy || self.worker.is_busy(Kind::Inspect) || self.worker.is_busy(Kind::Simplify) {
+        if !self.wants_anatomy || self.worker.is_busy(Kind::Inspect) || self.is_behind() {
             return;
         }
         let [one, two] = self.anatomies().map(|a| a.is_some());
@@ -566,7 +727,7 @@ impl Document {
             self.worker.submit(Kind::Inspect, move |_: &mut Watch| {
                 Some(Outcome::Inspected { which: 0, key, anatomy: Anatomy::of(content.model()) })
             });
-        } else if let Some(lighter) = self.lighter.as_ref().filter(|_| !two) {
+        } else if let Some(lighter) = self.lighter.as_ref().filter(|l| !two && l.content.report.is_some()) {
             let content = lighter.content.clone();
             let key = key(lighter);
             self.worker.submit(Kind::Inspect, move |_: &mut Watch| {
@@ -576,9 +737,9 @@ impl Document {
     }
 
     fn measure(&mut self, original: &Shown<Original>) {
-        let Some(lighter) = self.lighter.clone() else { return };
+        let Some(lighter) = self.lighter.clone().filter(|l| l.content.report.is_some()) else { return };
         let is_due = self.wants_distances && self.distances().is_none();
-        if !is_due || self.worker.is_busy(Kind::Measure) || self.worker.is_busy(Kind::Simplify) {
+        if !is_due || self.worker.is_busy(Kind::Measure) || self.is_behind() {
             return;
         }
         let original = original.clone();

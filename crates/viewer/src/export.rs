@@ -51,7 +51,7 @@ impl Export {
     ) -> anyhow::Result<Written> {
         if self.levels.is_empty() {
             let warnings = self.write_one(original, lighter, &self.path)?;
-            let faces = lighter.map_or(original.faces, |l| l.report.faces);
+            let faces = lighter.map_or(original.faces, |l| l.faces);
             return Ok(Written { summary: format!("{} faces", grouped(faces)), warnings });
         }
         std::fs::create_dir_all(&self.path).with_context(|| self.path.display().to_string())?;
@@ -66,7 +66,7 @@ impl Export {
         for (i, level) in whole.into_iter().chain(made.into_iter().map(Some)).enumerate() {
             let path = self.path.join(format!("{stem}_lod{i}.{}", self.format.name()));
             warnings.extend(self.write_one(original, level.as_ref(), &path)?);
-            counts.push(grouped(level.as_ref().map_or(original.faces, |l| l.report.faces)));
+            counts.push(grouped(level.as_ref().map_or(original.faces, |l| l.faces)));
         }
         warnings.dedup();
         Ok(Written { summary: format!("{} levels: {} faces", counts.len(), counts.join(", ")), warnings })

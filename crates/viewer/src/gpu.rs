@@ -17,6 +17,7 @@ mod renderer;
 mod surface_shader;
 mod target;
 mod texture;
+mod timer;
 mod uniforms;
 
 pub use adapter::Adapter;

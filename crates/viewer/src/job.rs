@@ -25,12 +25,24 @@ pub enum Kind {
     Export,
     /// Levels for distances.
     Levels,
+    /// Times of levels.
+    Benchmark,
+    /// A progressive mesh for the slider.
+    Road,
 }
 
 impl Kind {
     /// In the order in which waiting ones are taken.
-    pub const ALL: [Self; 6] =
-        [Self::Load, Self::Simplify, Self::Export, Self::Levels, Self::Measure, Self::Inspect];
+    pub const ALL: [Self; 8] = [
+        Self::Load,
+        Self::Simplify,
+        Self::Export,
+        Self::Levels,
+        Self::Measure,
+        Self::Inspect,
+        Self::Road,
+        Self::Benchmark,
+    ];
 
     /// What is going on, for people.
     pub fn title(self) -> &'static str {
@@ -41,6 +53,8 @@ impl Kind {
             Self::Measure => "Measuring",
             Self::Export => "Writing",
             Self::Levels => "Making levels",
+            Self::Benchmark => "Measuring times",
+            Self::Road => "Preparing the slider",
         }
     }
 
@@ -48,7 +62,8 @@ impl Kind {
     fn is_outdone_by(self, newer: Self) -> bool {
         match newer {
             Self::Load => self != Self::Export,
-            Self::Simplify => matches!(self, Self::Simplify | Self::Measure),
+            // Whoever moves the slider does not wait for times.
+            Self::Simplify => matches!(self, Self::Simplify | Self::Measure | Self::Benchmark),
             _ => self == newer,
         }
     }

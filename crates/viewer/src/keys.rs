@@ -27,6 +27,8 @@ pub enum Action {
     Redo,
     /// Copy the command line.
     CopyCommand,
+    /// Measure times of levels.
+    Benchmark,
     /// End what is under way.
     Cancel,
     /// Back to all triangles.
@@ -198,14 +200,15 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Detail, NONE, Key::Minus, Action::Fewer, "10 % fewer"),
     bind(Group::Detail, NONE, Key::Plus, Action::More, "10 % more"),
     bind(Group::Detail, NONE, Key::A, Action::AutoLod, "Level by distance"),
+    bind(Group::Detail, CTRL, Key::B, Action::Benchmark, "Measure times of levels"),
     bind(Group::Detail, NONE, Key::Escape, Action::Cancel, "Stop what is under way"),
+    bind(Group::Animation, Modifiers::SHIFT, Key::P, Action::Repeat, "Again and again, or once"),
+    bind(Group::Animation, Modifiers::SHIFT, Key::PageUp, Action::Speed(-1), "Half as fast"),
+    bind(Group::Animation, Modifiers::SHIFT, Key::PageDown, Action::Speed(1), "Twice as fast"),
     bind(Group::Animation, NONE, Key::P, Action::Play, "Play and pause"),
     bind(Group::Animation, NONE, Key::Home, Action::ToBegin, "To the begin"),
-    bind(Group::Animation, NONE, Key::Comma, Action::StepTime(-1), "A step back"),
-    bind(Group::Animation, NONE, Key::Period, Action::StepTime(1), "A step further"),
-    bind(Group::Animation, NONE, Key::OpenBracket, Action::Speed(-1), "Half as fast"),
-    bind(Group::Animation, NONE, Key::CloseBracket, Action::Speed(1), "Twice as fast"),
-    bind(Group::Animation, NONE, Key::O, Action::Repeat, "Again and again, or once"),
+    bind(Group::Animation, NONE, Key::PageUp, Action::StepTime(-1), "A step back"),
+    bind(Group::Animation, NONE, Key::PageDown, Action::StepTime(1), "A step further"),
     bind(Group::Animation, NONE, Key::J, Action::NextClip, "Next animation"),
     bind(Group::Look, NONE, Key::W, Action::Wireframe, "Wireframe"),
     bind(Group::Look, NONE, Key::S, Action::Shade(0), "Smooth"),
@@ -265,6 +268,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Window, NONE, Key::F8, Action::Panel(Panel::Log), "Log"),
     bind(Group::Window, NONE, Key::F11, Action::Panel(Panel::Stage), "Stage"),
     bind(Group::Window, NONE, Key::F9, Action::Panel(Panel::Timeline), "Timeline"),
+    bind(Group::Window, NONE, Key::F10, Action::Panel(Panel::Benchmark), "Benchmarks"),
     bind(Group::Window, CTRL, Key::T, Action::Theme, "Dark or light"),
     bind(Group::Window, NONE, Key::F12, Action::Screenshot, "Picture of the window"),
     bind(Group::Window, NONE, Key::H, Action::Help, "Keys and mouse"),
@@ -318,10 +322,6 @@ pub fn text(shortcut: &KeyboardShortcut) -> String {
         Key::ArrowRight => "Right",
         Key::ArrowUp => "Up",
         Key::ArrowDown => "Down",
-        Key::Comma => ",",
-        Key::Period => ".",
-        Key::OpenBracket => "[",
-        Key::CloseBracket => "]",
         key => key.name(),
     };
     text

@@ -4,6 +4,7 @@
 //! what is to be done. [`app`] is the window itself, [`gpu`] draws.
 
 pub mod app;
+pub mod benchmark;
 pub mod command;
 pub mod compare;
 pub mod content;
@@ -19,6 +20,7 @@ pub mod numbers;
 mod own_files;
 pub mod panel;
 pub mod playback;
+pub mod road;
 pub mod session;
 pub mod settings;
 pub mod stage;
@@ -26,6 +28,7 @@ pub mod theme;
 pub mod viewport;
 pub mod words;
 
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 
 use eframe::egui;
@@ -63,6 +66,14 @@ pub enum ViewError {
         /// What the system says.
         reason: String,
     },
+    /// The system lacks a library that every window needs.
+    #[error("{library} is missing, and no window opens without it. Install it: {how}")]
+    NoLibrary {
+        /// Its name.
+        library: String,
+        /// How it is installed.
+        how: &'static str,
+    },
     /// There is nothing that draws.
     #[error(transparent)]
     NoGpu(#[from] gpu::GpuError),
@@ -91,10 +102,21 @@ pub fn run(options: &ViewOptions) -> Result<(), ViewError> {
     };
     native.wgpu_options.wgpu_setup = gpu::Context::setup();
     let create: eframe::AppCreator<'_> = Box::new(move |cc| Ok(Box::new(app::App::new(cc, options)?)));
-    eframe::run_native("lodsmith", native, create).map_err(told)
+    // Where a library of the system is missing, the window library panics.
+    let opened = catch_unwind(AssertUnwindSafe(|| eframe::run_native("lodsmith", native, create)));
+    match opened {
+        Ok(ended) => ended.map_err(told),
+        Err(panic) => match display::missing_library(&display::words(&*panic)) {
+            Some((library, how)) => Err(ViewError::NoLibrary { library, how }),
+            None => resume_unwind(panic),
+        },
+    }
 }
 
 fn told(error: eframe::Error) -> ViewError {
+    if let Some((library, how)) = display::missing_library(&error.to_string()) {
+        return ViewError::NoLibrary { library, how };
+    }
     match error {
         eframe::Error::WinitEventLoop(e) => ViewError::NoDisplay { reason: display::reason(&e.to_string()) },
         eframe::Error::Winit(e) => ViewError::NoDisplay { reason: display::reason(&e.to_string()) },

@@ -1,5 +1,6 @@
 //! What stands round the pictures. Panels read the document and say what is to be done; none changes it.
 
+pub mod benchmark;
 pub mod error;
 pub mod export;
 pub mod files;
@@ -43,11 +44,13 @@ pub enum Panel {
     Stage,
     /// What moves when.
     Timeline,
+    /// Times of levels.
+    Benchmark,
 }
 
 impl Panel {
     /// All of them, in the order of the menu.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Files,
         Self::Stage,
         Self::Method,
@@ -56,6 +59,7 @@ impl Panel {
         Self::Info,
         Self::Look,
         Self::Timeline,
+        Self::Benchmark,
         Self::Log,
     ];
 
@@ -71,6 +75,7 @@ impl Panel {
             Self::Log => "Log",
             Self::Stage => "Stage",
             Self::Timeline => "Timeline",
+            Self::Benchmark => "Benchmarks",
         }
     }
 
@@ -79,7 +84,7 @@ impl Panel {
         match self {
             Self::Files | Self::Stage | Self::Method | Self::Report => Dock::Left,
             Self::Info | Self::Look | Self::Error => Dock::Right,
-            Self::Timeline => Dock::Middle,
+            Self::Timeline | Self::Benchmark => Dock::Middle,
             Self::Log => Dock::Bottom,
         }
     }

@@ -375,3 +375,39 @@ fn a_scene_plays_before_and_after_it_became_lighter() {
     document.play(true);
     assert!(!document.is_playing(), "nothing moves in it");
 }
+
+#[test]
+fn times_of_levels_fill_a_table_and_a_new_target_ends_it() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("torus.obj"));
+    assert_eq!(document.benchmark_table(), None);
+    document.benchmark();
+    assert!(document.settle(LONG));
+    let table = document.benchmark_table().unwrap();
+    let faces: Vec<usize> = table.rows.iter().map(|r| r.level.as_ref().unwrap().faces).collect();
+    let whole = document.original().unwrap().content.faces;
+    let wanted = [1.0, 0.5, 0.25, 0.1, 0.05, 0.01].map(|share| (whole as f64 * share) as usize);
+    assert_eq!(faces.len(), wanted.len());
+    assert_eq!(faces[0], whole);
+    assert!(faces.iter().zip(wanted).all(|(got, wanted)| got.abs_diff(wanted) <= 2), "{faces:?} {wanted:?}");
+    let errors: Vec<f64> = table.rows[1..].iter().map(|r| r.level.as_ref().unwrap().error.unwrap()).collect();
+    assert!(errors.windows(2).all(|e| e[0] < e[1]), "{errors:?}");
+    // Nothing draws here.
+    assert!(table.rows.iter().all(|r| r.level.as_ref().is_ok_and(|l| l.frame_secs.is_none())));
+    assert!(table.title().contains("--method memoryless") && table.title().contains("no adapter"));
+
+    // Whoever wants another target does not wait for the rest of the table.
+    document.benchmark();
+    document.run(Command::Target(Target::Faces(100)));
+    assert!(document.settle(LONG));
+    assert_eq!(faces_of(&document), Some(100));
+    let again = document.benchmark_table().unwrap();
+    assert!(again.rows.len() <= table.rows.len());
+    document.run(Command::Open(vec![folder.path().join("sphere.ply")]));
+    assert!(document.settle(LONG));
+    assert_eq!(document.benchmark_table(), None, "times of another file");
+}
+
+fn faces_of(document: &Document) -> Option<usize> {
+    document.lighter().map(|l| l.content.faces)
+}

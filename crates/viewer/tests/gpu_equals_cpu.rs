@@ -288,7 +288,9 @@ fn a_frame_is_drawn_once() {
         let first = gpu.draw(&mut target, &scene.frame(&placed));
         assert!(first.drawn && first.triangles == scene.model.face_count() as u64, "{first:?}");
         assert!(!gpu.draw(&mut target, &scene.frame(&placed)).drawn, "the same frame again");
+        assert!(target.shows(&scene.frame(&placed)));
         let look = Look { wireframe: true, ..scene.look.clone() };
+        assert!(!target.shows(&Frame { look: &look, ..scene.frame(&placed) }));
         assert!(gpu.draw(&mut target, &Frame { look: &look, ..scene.frame(&placed) }).drawn, "another look");
         assert!(gpu.draw(&mut target, &scene.frame(&placed)).drawn, "and back");
         target.resize(SIZE, 1.0);

@@ -2,6 +2,8 @@
 //!
 //! With `LODSMITH_PICTURES=FOLDER` each picture is kept there, to be looked at.
 
+#[path = "screens/benchmark.rs"]
+mod benchmark;
 #[path = "screens/timeline.rs"]
 mod timeline;
 
@@ -116,7 +118,7 @@ impl Desk {
         self.settle();
     }
     fn faces(&self) -> Option<usize> {
-        self.app().document().lighter().map(|l| l.content.report.faces)
+        self.app().document().lighter().map(|l| l.content.faces)
     }
     fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
@@ -184,6 +186,30 @@ fn the_slider_follows_the_pointer() {
     assert!(desk.faces().unwrap() > some);
     desk.press(Key::R);
     assert_eq!(desk.faces(), None);
+}
+
+#[test]
+fn a_held_slider_shows_levels_at_once() {
+    for is_light in [false, true] {
+        let Some(mut desk) = Desk::with(is_light, Some("sphere.ply")) else { return };
+        let rail = desk.harness.get_by_label("Target slider").rect();
+        let at =
+            |share: f32| egui::pos2(rail.left() + 10.0 + (rail.width() - 20.0) * share, rail.top() + 13.0);
+        desk.harness.drag_at(at(1.0));
+        desk.harness.run_steps(2);
+        for share in [0.9, 0.6, 0.4, 0.7, 0.5] {
+            desk.harness.hover_at(at(share));
+            desk.harness.run_steps(1);
+            let wanted = desk.app().document().settings().simplify.options.stop.faces.unwrap();
+            let shown = desk.faces().unwrap();
+            assert!(shown <= wanted && shown + 3 > wanted, "{shown} faces for {wanted}");
+        }
+        desk.picture(if is_light { "held_light" } else { "held_dark" });
+        desk.harness.drop_at(at(0.5));
+        desk.settle();
+        let document = desk.app().document();
+        assert!(document.lighter().is_some_and(|l| l.content.report.is_some()), "no run followed");
+    }
 }
 
 #[test]
@@ -307,6 +333,27 @@ fn sides_are_shown_in_four_ways() {
     desk.harness.key_up(Key::Space);
     desk.harness.run_steps(3);
     assert!(desk.pixels(RESULT) == result);
+}
+
+/// As long as both sides show the same they share one picture, and not a frame longer.
+#[test]
+fn sides_that_differ_have_their_own_pictures() {
+    let Some(mut desk) = Desk::open("torus.obj") else { return };
+    let both = |desk: &mut Desk| [desk.pixels(ORIGINAL), desk.pixels(RESULT)];
+    let [one, two] = both(&mut desk);
+    assert!(one == two && one.iter().any(|p| *p != one[0]));
+    desk.press(Key::L);
+    let place = desk.harness.get_by_label(RESULT).rect().center();
+    desk.drag(place, place + egui::vec2(60.0, 20.0));
+    let [one_then, two_then] = both(&mut desk);
+    assert!(one_then == one && two_then != two, "one camera moves one side");
+    desk.press(Key::L);
+    let [one, two] = both(&mut desk);
+    assert!(one == two, "linked again");
+    desk.press(Key::Minus);
+    desk.press(Key::W);
+    let [one, two] = both(&mut desk);
+    assert!(one != two, "a result is not the original");
 }
 
 #[test]
@@ -469,7 +516,7 @@ fn a_session_is_saved_and_opened_again() {
     let Some(mut desk) = Desk::open("torus.obj") else { return };
     desk.press(Key::Minus);
     desk.press(Key::W);
-    desk.press(Key::CloseBracket);
+    desk.press_with(Modifiers::SHIFT, Key::PageDown);
     desk.press(Key::Num7);
     desk.press_with(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
     desk.press(Key::Enter);

@@ -42,7 +42,7 @@ impl Shader<'_> {
     pub(super) fn textured(&self, hit: &Hit<'_>) -> (Vec3, f32) {
         let Some(material) = self.material(hit) else {
             let (base, _) = self.base_color(hit, None);
-            return (self.lit(base, self.normal(hit), hit), 1.0);
+            return (self.lit_one(base, self.normal(hit), hit), 1.0);
         };
         let (base, alpha) = self.base_color(hit, Some(material));
         let alpha = if material.alpha == AlphaMode::Blend { alpha } else { 1.0 };
@@ -60,7 +60,7 @@ impl Shader<'_> {
 
     /// Linear colour and opacity before any light.
     fn base_color(&self, hit: &Hit<'_>, material: Option<&Material>) -> (Vec3, f32) {
-        let (color, alpha) = self.vertex_color(hit);
+        let (color, alpha) = self.vertex_color(hit.placed, hit.wedges, hit.b);
         let Some(material) = material else { return (color, alpha) };
         let has_colors = hit.placed.drawn.mesh.colors().is_some();
         let (color, alpha) = if has_colors { (color, alpha) } else { (Vec3::ONE, 1.0) };

@@ -13,7 +13,7 @@ use lodsmith_core::VertexId;
 
 use super::kind::faces_at;
 use super::store::{Ring, Store};
-use crate::metric::Metric;
+use crate::metric::Memory;
 
 /// Two vertices that become one: `v` goes into `u`, both move to `at`.
 #[derive(Clone, Copy, Debug)]
@@ -100,7 +100,7 @@ impl Bundle {
     }
 
     /// Finds the faces that these pairs change, and which of them go.
-    pub(super) fn set<M: Metric>(&mut self, store: &mut Store<M>, pairs: &[[VertexId; 2]]) {
+    pub(super) fn set<Q: Memory>(&mut self, store: &mut Store<Q>, pairs: &[[VertexId; 2]]) {
         self.joints.clear();
         self.joints.extend(pairs.iter().map(|&[u, v]| Joint { u, v, at: Vec3::ZERO }));
         let (mut ring, mut faces) = (std::mem::take(&mut self.ring), std::mem::take(&mut self.faces));
@@ -139,7 +139,7 @@ impl Bundle {
     }
 
     /// What the contraction does to the topology.
-    pub(super) fn effect<M: Metric>(&mut self, store: &mut Store<M>) -> Effect {
+    pub(super) fn effect<Q: Memory>(&mut self, store: &mut Store<Q>) -> Effect {
         let directed = |a: VertexId, b: VertexId| (a.min(b), a.max(b), a < b);
         let sides = |[a, b, c]: [VertexId; 3]| [directed(a, b), directed(b, c), directed(c, a)];
         let (mut before, mut after) = (Wrongs::default(), Wrongs::default());
@@ -176,7 +176,7 @@ impl Bundle {
         effect
     }
 
-    fn effect_on_vertices<M: Metric>(&self, store: &mut Store<M>, ring: &mut Ring) -> Effect {
+    fn effect_on_vertices<Q: Memory>(&self, store: &mut Store<Q>, ring: &mut Ring) -> Effect {
         let mut fan = Vec::new();
         let mut is_manifold = true;
         for joint in &self.joints {
@@ -241,7 +241,7 @@ fn is_one_fan(fan: &[[VertexId; 2]]) -> bool {
     count == fan.len()
 }
 
-impl<M: Metric> Store<M> {
+impl<Q: Memory> Store<Q> {
     /// Whether an edge joins two vertices.
     pub(super) fn is_edge(&mut self, u: VertexId, v: VertexId, ring: &mut Ring) -> bool {
         self.ring(u, ring);
@@ -252,11 +252,11 @@ impl<M: Metric> Store<M> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::Memoryless;
+    use crate::tensor::Tensor;
 
     fn effect(points: usize, faces: &[[u32; 3]], pairs: &[[u32; 2]]) -> (Effect, usize) {
         let faces = faces.iter().map(|t| t.map(VertexId)).collect();
-        let mut store = Store::<Memoryless>::new(vec![Vec3::ZERO; points], faces, None, None);
+        let mut store = Store::<Tensor>::new(vec![Vec3::ZERO; points], faces, None, None);
         store.link();
         let pairs: Vec<_> = pairs.iter().map(|p| p.map(VertexId)).collect();
         let mut bundle = Bundle::default();

@@ -9,10 +9,10 @@ use lodsmith_core::VertexId;
 
 use super::kind::{distinct, faces_at};
 use super::store::{Ring, Store};
-use crate::metric::Metric;
+use crate::metric::Memory;
 use crate::report::Refusal;
 
-impl<M: Metric> Store<M> {
+impl<Q: Memory> Store<Q> {
     /// Asks the link condition for the edge u-v with the rings of both; says how many triangles hang on it.
     #[inline(always)]
     pub(crate) fn link_condition(

@@ -4,10 +4,10 @@ use lodsmith_core::VertexId;
 
 use super::Engine;
 use super::store::{Spoke, Store};
-use crate::metric::Metric;
+use crate::metric::{Memory, Metric};
 use crate::report::Refusal;
 
-impl<M: Metric> Store<M> {
+impl<Q: Memory> Store<Q> {
     /// Locks vertices, by number in the ordered input; before anything was merged.
     pub(crate) fn lock(&mut self, locked: &[bool]) {
         for (x, &locked) in self.v.iter_mut().zip(locked) {

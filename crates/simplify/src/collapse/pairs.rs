@@ -71,6 +71,12 @@ impl Pairs {
     }
 }
 
+/// The nearest ways, in order.
+fn keep_nearest(ways: &mut Vec<(f32, Vec<[VertexId; 2]>)>) {
+    ways.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+    ways.truncate(MOST_WAYS);
+}
+
 impl<M: Metric> Engine<M> {
     /// Contracts the pairs that cost at most `tau`, the nearest first, until the goal is met; with `probe` only finds out
     /// what they cost. `ask` is asked now and then whether to go on.
@@ -385,8 +391,7 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        ways.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
-        ways.truncate(MOST_WAYS);
+        keep_nearest(ways);
     }
 
     /// Places the pairs of a bundle, asks the guards, and contracts them if they cost at most `tau`.

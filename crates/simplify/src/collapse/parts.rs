@@ -66,6 +66,13 @@ pub(crate) struct Parts {
     changes: [usize; 2],
 }
 
+/// The cheapest first, without the last.
+fn all_but_the_dearest(mut order: Vec<usize>, cost: &[f32]) -> Vec<usize> {
+    order.sort_by(|&i, &j| cost[i].total_cmp(&cost[j]).then(i.cmp(&j)));
+    order.pop();
+    order
+}
+
 impl<M: Metric> Engine<M> {
     /// Removes whole parts, the cheapest first, until the goal is met or one part is left. Says whether it is met.
     pub(crate) fn remove_parts(&mut self, goal: &Goal) -> bool {
@@ -75,9 +82,8 @@ impl<M: Metric> Engine<M> {
         }
         self.store.compact();
         let (part_of, parts) = self.find_parts();
-        let mut order: Vec<usize> = (0..parts.len()).collect();
-        order.sort_by(|&i, &j| parts[i].worth().total_cmp(&parts[j].worth()).then(i.cmp(&j)));
-        order.pop(); // the dearest stays
+        let worth: Vec<f32> = parts.iter().map(Part::worth).collect();
+        let mut order = all_but_the_dearest((0..parts.len()).collect(), &worth);
         order.retain(|&i| parts[i].price < f32::INFINITY);
         let faces: Vec<usize> = parts.iter().map(|p| p.faces).collect();
         let cost: Vec<f32> = parts.iter().map(Part::cost).collect();
@@ -117,10 +123,9 @@ impl<M: Metric> Engine<M> {
             let size = parts.of_input[i].size(faces[i]);
             M::part_rate(2.0 * parts.worth[i] / faces[i] as f32, &size, self.mean_face)
         };
-        let mut order: Vec<usize> = (0..faces.len()).filter(|&i| faces[i] > 0).collect();
-        order.sort_by(|&i, &j| rate(i).total_cmp(&rate(j)).then(i.cmp(&j)));
-        order.pop(); // the dearest stays
-        order.retain(|&i| rate(i) <= tau);
+        let rates: Vec<f32> = (0..faces.len()).map(rate).collect();
+        let mut order = all_but_the_dearest((0..faces.len()).filter(|&i| faces[i] > 0).collect(), &rates);
+        order.retain(|&i| rates[i] <= tau);
         if !order.is_empty() {
             let part_of: Vec<u32> = self.store.v.iter().map(|x| parts.part_of[x.origin.index()]).collect();
             self.drop_parts(goal, &order, &faces, &parts.cost, &part_of);

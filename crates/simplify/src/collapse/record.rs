@@ -13,7 +13,7 @@ use super::attributes::Attributes;
 use super::order::{Frame, NONE};
 use super::store::Store;
 use crate::attributes::{RowPlaces, Rows};
-use crate::metric::Metric;
+use crate::metric::{Memory, Metric};
 
 /// Share of the bounds that one sweep takes while a record is kept: the road is to be good at every step, not only at its
 /// end. (Measured: at 0.7 levels have up to 1.6 times the RMS of single runs, at 0.25 up to 1.06, at 0.05 up to 1.04; exactly
@@ -199,9 +199,9 @@ impl Record {
 
     /// Notes what is different now at these faces of the store, which is not compacted since; `moved` are the vertices
     /// whose places or values may have changed.
-    fn note<M: Metric>(
+    fn note<Q: Memory>(
         &mut self,
-        store: &Store<M>,
+        store: &Store<Q>,
         attributes: Option<&Attributes>,
         (faces, moved): (&[usize], &[VertexId]),
         (cost, spent, lost): (f32, f64, f64),

@@ -5,7 +5,7 @@ use lodsmith_core::{RegionId, VertexId, WedgeId};
 use super::Engine;
 use super::kind::{distinct, faces_at};
 use super::store::{Ring, Spoke, Store};
-use crate::metric::Metric;
+use crate::metric::{Memory, Metric};
 use crate::report::Refusal;
 
 /// Weight of the line of a seam edge against the planes of faces: a seam that leaves its line shows what lies beyond the
@@ -55,7 +55,7 @@ impl Side {
     }
 }
 
-impl<M: Metric> Store<M> {
+impl<Q: Memory> Store<Q> {
     /// The class of a region: between classes borders are exact.
     fn class(&self, region: RegionId) -> RegionId {
         self.classes.get(region.index()).copied().unwrap_or(region)

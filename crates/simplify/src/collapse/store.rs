@@ -7,7 +7,7 @@ use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::kind::Kind;
 use super::order::NONE;
-use crate::metric::Metric;
+use crate::metric::Memory;
 
 /// A corner of a triangle: four times its index, and 0, 1 or 2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -86,8 +86,8 @@ impl Facing {
 }
 
 #[derive(Clone)]
-pub(crate) struct Store<M: Metric> {
-    pub(crate) v: Vec<Vertex<M::Memory>>,
+pub(crate) struct Store<Q: Memory> {
+    pub(crate) v: Vec<Vertex<Q>>,
     /// The smallest cost, as last seen, of the edges that a vertex owns: those to later vertices.
     pub(crate) bound: Vec<f32>,
     /// Three vertices for each triangle; the first is [`NONE`] when it is gone.
@@ -122,7 +122,7 @@ const WORTH_PERCENT: usize = 25;
 /// Room for lists that outgrow theirs, a share of all corners; when it is used up the store is compacted.
 const SLACK_PERCENT: usize = 30;
 
-impl<M: Metric> Store<M> {
+impl<Q: Memory> Store<Q> {
     /// A store whose corner lists are still to be filled.
     pub(crate) fn new(
         points: Vec<Vec3>,
@@ -134,7 +134,7 @@ impl<M: Metric> Store<M> {
         for (i, &p) in points.iter().enumerate() {
             v.push(Vertex {
                 p,
-                q: M::Memory::default(),
+                q: Q::default(),
                 origin: VertexId(i as u32),
                 head: 0,
                 count: 0,
@@ -422,11 +422,11 @@ fn roots(into: &[VertexId]) -> Vec<VertexId> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::Memoryless;
+    use crate::tensor::Tensor;
 
     #[test]
     fn a_vertex_is_one_cache_line() {
-        assert_eq!(size_of::<Vertex<<Memoryless as Metric>::Memory>>(), 64);
+        assert_eq!(size_of::<Vertex<Tensor>>(), 64);
     }
 
     #[test]

@@ -36,7 +36,7 @@ impl<M: Metric> Engine<M> {
         let (own, cuts_necks) = (self.rules, self.cuts_necks);
         // Some look possible as it is, until their wedges are handed over.
         let base = self.possible();
-        let mut gain = |changes: &[Change]| {
+        best(&open, &mut |changes| {
             let changed = changes.iter().fold(options.clone(), |o, c| c.applied(&o));
             self.rules = rules(&changed);
             self.cuts_necks = may_cut(&changed);
@@ -60,31 +60,7 @@ impl<M: Metric> Engine<M> {
                 x.kind = kind;
             }
             gain
-        };
-        let mut proposals = Vec::new();
-        for choices in &open {
-            let tried = choices.iter().map(|&c| (c, gain(&[c])));
-            proposals.extend(
-                tried.filter(|t| t.1 > 0).map(|(c, gain)| Proposal { changes: vec![c], gain }).next(),
-            );
-        }
-        // Where several refuse the same edges each alone does little: what of all, less those that do not matter?
-        let most = |proposals: &[Proposal]| proposals.iter().map(|p| p.gain).max().unwrap_or(0);
-        let mut all: Vec<Change> = open.iter().filter_map(|choices| choices.last().copied()).collect();
-        let gain_of_all = gain(&all);
-        if gain_of_all > LEAST_SHARE * most(&proposals) {
-            for i in (0..all.len()).rev() {
-                let less: Vec<Change> = all.iter().copied().filter(|c| *c != all[i]).collect();
-                if gain(&less) * LEAST_SHARE >= gain_of_all {
-                    all = less;
-                }
-            }
-            proposals.push(Proposal { gain: gain(&all), changes: all });
-        }
-        proposals.sort_by_key(|p| std::cmp::Reverse(p.gain));
-        let most = most(&proposals);
-        proposals.retain(|p| p.gain * LEAST_SHARE >= most);
-        proposals
+        })
     }
 
     /// Edges that could be collapsed at some cost.
@@ -131,4 +107,32 @@ impl<M: Metric> Engine<M> {
             self.store.v[u.index()].kind = self.kind_now(u, &ring);
         }
     }
+}
+
+/// Of the changes that are open, the best of each kind, and of several at once where one alone does little. `gain` says
+/// what some of them set free.
+fn best(open: &[Vec<Change>], gain: &mut dyn FnMut(&[Change]) -> usize) -> Vec<Proposal> {
+    let mut proposals = Vec::new();
+    for choices in open {
+        let tried = choices.iter().map(|&c| (c, gain(&[c])));
+        proposals
+            .extend(tried.filter(|t| t.1 > 0).map(|(c, gain)| Proposal { changes: vec![c], gain }).next());
+    }
+    // Where several refuse the same edges each alone does little: what of all, less those that do not matter?
+    let most = |proposals: &[Proposal]| proposals.iter().map(|p| p.gain).max().unwrap_or(0);
+    let mut all: Vec<Change> = open.iter().filter_map(|choices| choices.last().copied()).collect();
+    let gain_of_all = gain(&all);
+    if gain_of_all > LEAST_SHARE * most(&proposals) {
+        for i in (0..all.len()).rev() {
+            let less: Vec<Change> = all.iter().copied().filter(|c| *c != all[i]).collect();
+            if gain(&less) * LEAST_SHARE >= gain_of_all {
+                all = less;
+            }
+        }
+        proposals.push(Proposal { gain: gain(&all), changes: all });
+    }
+    proposals.sort_by_key(|p| std::cmp::Reverse(p.gain));
+    let most = most(&proposals);
+    proposals.retain(|p| p.gain * LEAST_SHARE >= most);
+    proposals
 }

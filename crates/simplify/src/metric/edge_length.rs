@@ -47,6 +47,10 @@ impl Metric for EdgeLength {
         Some((d.length_squared() as f32, step.as_vec3()))
     }
 
+    /// Squared lengths.
+    fn common_cost(size: f64, _: f64) -> f64 {
+        size * size
+    }
     /// A part goes when edges as long as itself would.
     fn part_rate(_: f32, part: &PartSize, _: f32) -> f32 {
         part.price * part.size_sq

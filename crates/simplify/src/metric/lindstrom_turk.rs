@@ -78,6 +78,10 @@ impl Metric for LindstromTurk {
         Some((((loss.at(step) + tie) / f64::from(mean)) as f32, step.as_vec3()))
     }
 
+    /// Squared volumes; what they are divided by differs from mesh to mesh.
+    fn common_cost(size: f64, mean: f64) -> f64 {
+        mean * size.powi(6)
+    }
     fn part_rate(rate: f32, part: &PartSize, mean: f32) -> f32 {
         rate * part.face / mean
     }

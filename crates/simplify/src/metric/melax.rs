@@ -51,6 +51,10 @@ impl Metric for Melax {
         }
     }
 
+    /// Lengths.
+    fn common_cost(size: f64, _: f64) -> f64 {
+        size
+    }
     /// A part goes when an edge as long as itself would, between faces at right angles.
     fn part_rate(_: f32, part: &PartSize, _: f32) -> f32 {
         0.5 * part.price * part.size_sq.sqrt()

@@ -41,6 +41,38 @@ pub(super) fn rows(mesh: &TriMesh) -> Vec<f32> {
     rows
 }
 
+/// A road of one level: a mesh as it is.
+pub(super) fn still(mesh: &TriMesh) -> SplitData {
+    let counts = [mesh.face_count(), mesh.wedge_count(), mesh.vertex_count()].map(|n| n as u32);
+    fn none<A, T>(to: T) -> Changes<A, T> {
+        Changes { ends: vec![0], at: Vec::new(), to }
+    }
+    let places = match mesh.positions() {
+        Positions::F32(_) => Positions::F32(Vec::new()),
+        Positions::F64(_) => Positions::F64(Vec::new()),
+    };
+    SplitData {
+        counts: vec![Counts { faces: counts[0], wedges: counts[1], vertices: counts[2] }],
+        faces: mesh.triangles().to_vec(),
+        regions: mesh.regions().map(<[_]>::to_vec),
+        vertex_of: mesh.vertex_map().map(<[_]>::to_vec),
+        layout: layout(mesh),
+        values: rows(mesh),
+        positions: mesh.positions().clone(),
+        corners: none(Vec::new()),
+        owners: none(Vec::new()),
+        rows: none(Vec::new()),
+        places: none(places),
+        checkpoints: Vec::new(),
+        original: Some(Original {
+            vertices: (0..counts[2]).map(VertexId).collect(),
+            wedges: (0..counts[1]).map(WedgeId).collect(),
+            faces: (0..counts[0]).map(FaceId).collect(),
+            has_vertex_map: mesh.vertex_map().is_some(),
+        }),
+    }
+}
+
 /// The entries of a change in the lists of a log.
 fn entries(steps: &[Step], change: usize, list: usize) -> std::ops::Range<usize> {
     let before = change.checked_sub(1).map_or(0, |i| steps[i].ends[list]);

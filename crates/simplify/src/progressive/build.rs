@@ -13,23 +13,49 @@ use crate::collapse::attributes::Attributes;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::record::{Copy, Names, Record};
-use crate::collapse::store::Facing;
-use crate::collapse::{End, Engine, Goal};
+use crate::collapse::store::{Facing, Store};
+use crate::collapse::{End, Goal};
 use crate::control::{Control, Stage, Verdict};
-use crate::metric::{EdgeLength, LindstromTurk, Melax, Memoryless, Metric, Quadric};
+use crate::metric::{EdgeLength, LindstromTurk, Melax, Memory, Memoryless, Metric, Quadric};
 use crate::options::{Length, Method, Placement, SimplifyOptions, TopologyPolicy};
 use crate::prune;
 use crate::run::{self, Input, Run, Source, Started};
 use crate::shading;
 
 /// The run of a method.
-type Walk = fn(&mut Run<'_, '_>, &TriMesh, &mut dyn Control) -> Result<Progressive, SimplifyError>;
+type Walk = fn(&mut Run<'_, '_>, &TriMesh, &mut dyn Control) -> Result<Built, SimplifyError>;
+
+/// A road, and what is saved by each of its splits.
+pub(super) struct Built {
+    pub(super) road: Progressive,
+    pub(super) costs: Costs,
+}
+
+/// What contractions cost, in an order in which they may be done.
+pub(super) struct Costs {
+    /// One for each split, from the base on: never rising.
+    pub(super) of_split: Vec<f32>,
+    /// Splits from the base on that come after all else, whatever they cost: they give back parts that went because
+    /// nothing else was left to do.
+    pub(super) late: usize,
+    /// Units of the mesh in one of the unit frame, and faces in it.
+    unit: f64,
+    mean: f64,
+    common: fn(f64, f64) -> f64,
+}
+
+impl Costs {
+    /// By what costs are multiplied to be compared with those of other meshes, where the mesh is so many times as large.
+    pub(super) fn factor(&self, scale: f64) -> f64 {
+        (self.common)(self.unit * scale, self.mean)
+    }
+}
 
 pub(super) fn build(
     mesh: &TriMesh,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Progressive, SimplifyError> {
+) -> Result<Built, SimplifyError> {
     options.check()?;
     care::check(options, mesh.vertex_count())?;
     let (walk, pass): (Walk, _) = match (options.method, run::collapses(options.method)) {
@@ -80,15 +106,15 @@ pub(super) fn build(
         is_traced: false,
     };
     let built = walk(&mut run, mesh, control)?;
-    let mut built = match limit {
-        Some(limit) => {
-            let level = built.level_of_error(limit);
-            built.without_below(level)
-        }
-        None => built,
-    };
-    built.to_level(built.top());
-    Ok(built)
+    let Built { mut road, mut costs } = built;
+    if let Some(limit) = limit {
+        let level = road.level_of_error(limit);
+        road = road.without_below(level);
+        costs.of_split.drain(..level);
+        costs.late = costs.late.saturating_sub(level);
+    }
+    road.to_level(road.top());
+    Ok(Built { road, costs })
 }
 
 /// The input without small parts and with near vertices joined, as the options ask for it.
@@ -126,23 +152,11 @@ fn walk<M: Metric>(
     run: &mut Run<'_, '_>,
     mesh: &TriMesh,
     control: &mut dyn Control,
-) -> Result<Progressive, SimplifyError> {
+) -> Result<Built, SimplifyError> {
     let Started { mut engine, rows, is_kept, .. } = run.start::<M>(None, true, (&[], 0))?;
-    let (names, home) = names(run, &engine, rows.as_ref());
-    let layout = arrange::layout(mesh);
-    let by_place = names.faces.clone();
-    let copy = Copy {
-        faces: mesh.triangles().to_vec(),
-        vertex_of: (0..mesh.wedge_count()).map(|w| mesh.vertex_of(WedgeId::new(w))).collect(),
-        width: layout.width(),
-        rows: arrange::rows(mesh),
-        positions: mesh.positions().clone(),
-    };
-    let rows = rows.map(|rows| {
-        let places = rows.places(&layout);
-        (rows, places)
-    });
-    engine.note_start(Box::new(Record::new(names, copy, run.ordered.frame, rows, home)));
+    let record = record(run, mesh, &engine.store, engine.attributes.as_ref(), rows);
+    let by_place = record.names.faces.clone();
+    engine.note_start(Box::new(record));
     let facings: Vec<Facing> = engine.store.v.iter().map(|x| x.facing).collect();
 
     control.stage(Stage::Collapse);
@@ -154,6 +168,7 @@ fn walk<M: Metric>(
     }
     let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept };
     let mut end = engine.sweep(&run.goal, &source, control);
+    let in_order = engine.record.as_ref().map_or(0, |record| record.log.steps.len());
     if end == End::Stuck && topology == TopologyPolicy::Relaxed {
         // As far as it goes without loss; from here on parts go, and handles.
         control.stage(Stage::Collapse);
@@ -163,11 +178,45 @@ fn walk<M: Metric>(
     let Some(record) = engine.record.take().filter(|_| end != End::Cancel) else {
         return Err(SimplifyError::Cancelled);
     };
-    let weights =
-        Weights { kept: M::KEPT_LOSS / 6.0 / engine.area_of_input(), lost: 0.25 / engine.area_of_input() };
+    let area = engine.area_of_input();
+    let weights = Weights { kept: M::KEPT_LOSS / 6.0 / area, lost: 0.25 / area };
     drop(engine);
-    let Record { copy, log, names, .. } = *record;
+    let fits = run.wants_fit(M::JUDGE);
+    let taken = Taken { by_place, facings, in_order, area, weights, fits, common: M::common_cost };
+    road(run, mesh, *record, taken, control)
+}
+
+/// What was taken from the engine.
+struct Taken {
+    by_place: Vec<FaceId>,
+    facings: Vec<Facing>,
+    /// Changes before the run was stuck for the first time.
+    in_order: usize,
+    /// Of the input, in the unit frame.
+    area: f64,
+    weights: Weights,
+    fits: bool,
+    common: fn(f64, f64) -> f64,
+}
+
+/// The road of a record, with its checkpoints.
+fn road(
+    run: &mut Run<'_, '_>,
+    mesh: &TriMesh,
+    record: Record,
+    taken: Taken,
+    control: &mut dyn Control,
+) -> Result<Built, SimplifyError> {
+    let Taken { by_place, facings, in_order, area, weights, fits, common } = taken;
+    let Record { copy, log, names, .. } = record;
     let arranged = arrange::arrange(mesh, copy, &log, &by_place);
+    let costs = Costs {
+        of_split: arranged.order.iter().rev().map(|&change| log.steps[change].key).collect(),
+        late: arranged.order.iter().filter(|&&change| change >= in_order).count(),
+        unit: run.ordered.frame.user_length(1.0),
+        mean: 2.0 * area / by_place.len().max(1) as f64,
+        common,
+    };
 
     control.stage(Stage::Fit);
     let recorded = Recorded {
@@ -179,24 +228,54 @@ fn walk<M: Metric>(
         by_place: &by_place,
         facings: &facings,
         weights,
-        fits: run.wants_fit::<M>(),
+        fits,
     };
     let mut road = Progressive::new(Splits::new(arranged.data).expect("a record names what is there"));
     let checkpoints = recorded.checkpoints(run, &mut road, control)?;
     let mut data = road.into_splits().into_data();
     data.checkpoints = checkpoints;
-    Ok(Progressive::new(Splits::new(data).expect("checkpoints of levels that are there")))
+    let road = Progressive::new(Splits::new(data).expect("checkpoints of levels that are there"));
+    Ok(Built { road, costs })
+}
+
+/// A record that begins with the input as the engine has it.
+fn record<Q: Memory>(
+    run: &Run<'_, '_>,
+    mesh: &TriMesh,
+    store: &Store<Q>,
+    attributes: Option<&Attributes>,
+    rows: Option<Rows>,
+) -> Record {
+    let (names, home) = names(run, store, attributes, rows.as_ref());
+    let layout = arrange::layout(mesh);
+    let copy = Copy {
+        faces: mesh.triangles().to_vec(),
+        vertex_of: (0..mesh.wedge_count()).map(|w| mesh.vertex_of(WedgeId::new(w))).collect(),
+        width: layout.width(),
+        rows: arrange::rows(mesh),
+        positions: mesh.positions().clone(),
+    };
+    let rows = rows.map(|rows| {
+        let places = rows.places(&layout);
+        (rows, places)
+    });
+    Record::new(names, copy, run.ordered.frame, rows, home)
 }
 
 /// What the engine's numbers are called in the input, and, where those of wedges are the input's own, where each stands.
-fn names<M: Metric>(run: &Run<'_, '_>, engine: &Engine<M>, rows: Option<&Rows>) -> (Names, Vec<VertexId>) {
+fn names<Q: Memory>(
+    run: &Run<'_, '_>,
+    store: &Store<Q>,
+    attributes: Option<&Attributes>,
+    rows: Option<&Rows>,
+) -> (Names, Vec<VertexId>) {
     let ordered: &Ordered = run.ordered;
     let mut vertices = vec![NONE; ordered.point_count];
     for (i, r) in ordered.rank.iter().enumerate().rev().filter(|r| *r.1 != NONE) {
         vertices[r.index()] = VertexId::new(i);
     }
     let faces = ordered.of_faces(&run.input.surface, FaceId::new, FaceId(0));
-    let has_wedges = engine.store.wedges.is_some();
+    let has_wedges = store.wedges.is_some();
     let keeps_wedges = has_wedges && run.options.placement == Placement::Endpoint;
     let (mut wedges, mut home) = (Vec::new(), Vec::new());
     let Some(mesh) = run.input.mesh else {
@@ -207,8 +286,7 @@ fn names<M: Metric>(run: &Run<'_, '_>, engine: &Engine<M>, rows: Option<&Rows>) 
         let at = |p: VertexId| if p == NONE { NONE } else { vertices[p.index()] };
         home.extend((0..mesh.wedge_count()).map(|w| at(place(WedgeId::new(w)))));
     } else {
-        let count =
-            engine.attributes.as_ref().filter(|_| has_wedges).map_or(vertices.len(), Attributes::count);
+        let count = attributes.filter(|_| has_wedges).map_or(vertices.len(), Attributes::count);
         wedges = vec![WedgeId(u32::MAX); count];
         for &w in mesh.triangles().iter().flatten().filter(|w| place(**w) != NONE) {
             let own = match rows.filter(|_| has_wedges) {

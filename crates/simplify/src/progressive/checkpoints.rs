@@ -12,8 +12,8 @@ use crate::collapse::record::Log;
 use crate::collapse::store::{Facing, Ring, Store};
 use crate::control::{Control, Verdict};
 use crate::fit;
-use crate::metric::Memoryless;
 use crate::run::Run;
+use crate::tensor::Tensor;
 
 /// Faces of a checkpoint, as a share of those of the finer one before it. (docs/decisions/0018)
 const FACTOR: f64 = 0.84;
@@ -143,7 +143,7 @@ impl Recorded<'_> {
         order.sort_unstable_by_key(|&f| place_of_face[self.faces[f].index()]);
         let faces = order.iter().map(|&f| road.faces[f].map(|w| number[vertex(w).index()])).collect();
         let points = live.iter().map(|&v| frame.unit(road.positions().get(v))).collect();
-        let mut store = Store::<Memoryless>::new(points, faces, None, None);
+        let mut store = Store::<Tensor>::new(points, faces, None, None);
         store.merged_into = into.to_vec();
         store.link();
         let mut ring = Ring::new();

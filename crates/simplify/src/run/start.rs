@@ -12,7 +12,7 @@ use crate::collapse::store::Store;
 use crate::collapse::{Engine, Goal, Wedges};
 use crate::fit;
 use crate::guard::Rules;
-use crate::metric::{Judge, Metric};
+use crate::metric::{Judge, Memory, Metric};
 use crate::options::{Fit, Length, Placement};
 
 /// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
@@ -38,6 +38,18 @@ struct Corners {
     rows: Option<(Rows, Option<Attributes>)>,
 }
 
+/// What an engine is made of, and what a run needs beside it.
+struct Basis<Q: Memory> {
+    rules: Rules,
+    store: Store<Q>,
+    endpoints: Option<Wedges>,
+    rows: Option<Rows>,
+    attributes: Option<Attributes>,
+    originals: Option<fit::Originals>,
+    is_kept: bool,
+    weights: Vec<Vec<f32>>,
+}
+
 impl Run<'_, '_> {
     /// An engine before its first sweep; `recorded` ones know the faces by their numbers in the ordered input. `step` is
     /// the largest distance from a plane that one collapse may leave, in user units; `goals` are those of a chain, if it
@@ -48,6 +60,24 @@ impl Run<'_, '_> {
         recorded: bool,
         (goals, level): (&[Goal], usize),
     ) -> Result<Started<M>, SimplifyError> {
+        let Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights } =
+            self.basis(M::JUDGE, step, recorded, (goals, level));
+        let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
+        engine.set_prices(self.care.prices());
+        if let Some(distance) = self.options.of_method.pairs {
+            engine.watch_pairs(pairs_reach(distance, self.ordered.frame, self.ordered.diagonal));
+        }
+        Ok(Started { engine, rows, originals, duplicate_faces, is_kept, weights })
+    }
+
+    /// What an engine begins with, whatever its metric is but for who `judge`s.
+    fn basis<Q: Memory>(
+        &mut self,
+        judge: Judge,
+        step: Option<f64>,
+        recorded: bool,
+        (goals, level): (&[Goal], usize),
+    ) -> Basis<Q> {
         let options = self.options;
         let surface = &self.input.surface;
         let frame = self.ordered.frame;
@@ -72,7 +102,7 @@ impl Run<'_, '_> {
         let regions = self.regions();
         let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
         let mut weights = Vec::new();
-        if !matches!(M::JUDGE, Judge::Engine) {
+        if !matches!(judge, Judge::Engine) {
             if let Some((_, Some(attributes))) = &mut rows {
                 attributes.weights_mut().fill(0.0);
             }
@@ -88,27 +118,22 @@ impl Run<'_, '_> {
         let (rows, attributes) = rows.unzip();
         let attributes = attributes.flatten();
         let originals = match (&attributes, &wedges) {
-            (Some(attributes), Some(wedges)) if self.wants_fit::<M>() && attributes.lanes() > 0 => {
+            (Some(attributes), Some(wedges)) if self.wants_fit(judge) && attributes.lanes() > 0 => {
                 Some(fit::Originals::new(attributes, wedges))
             }
             _ => None,
         };
-        let mut store = Store::<M>::new(points, faces, wedges, regions);
+        let mut store = Store::new(points, faces, wedges, regions);
         if recorded {
             store.names = Some((0..store.t.len() as u32).collect());
         }
-        if let Some(classes) = &options.region_classes {
+        if let Some(classes) = &self.options.region_classes {
             store.classes = classes.to_vec();
         }
         if let Some(locked) = self.care.locked() {
             store.lock(locked);
         }
-        let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
-        engine.set_prices(self.care.prices());
-        if let Some(distance) = options.of_method.pairs {
-            engine.watch_pairs(pairs_reach(distance, frame, self.ordered.diagonal));
-        }
-        Ok(Started { engine, rows, originals, duplicate_faces, is_kept, weights })
+        Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights }
     }
 
     /// The regions of the ordered faces, where there are several.
@@ -120,11 +145,12 @@ impl Run<'_, '_> {
             .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i], RegionId(0)))
     }
 
-    pub(crate) fn wants_fit<M: Metric>(&self) -> bool {
+    /// Whether there is a fit at the end.
+    pub(crate) fn wants_fit(&self, judge: Judge) -> bool {
         match self.options.fit {
             Fit::Off => false,
             Fit::On => self.options.placement != Placement::Endpoint,
-            Fit::Auto => matches!(M::JUDGE, Judge::Engine) && self.options.placement == Placement::Optimal,
+            Fit::Auto => matches!(judge, Judge::Engine) && self.options.placement == Placement::Optimal,
         }
     }
 

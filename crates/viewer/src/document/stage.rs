@@ -44,7 +44,7 @@ impl Document {
             draw: original.draw.as_ref(),
         };
         let lighter = self.levels_made().iter().map(|l| StageLevel {
-            level: Level { error: l.content.error(), faces: l.content.report.faces as u64 },
+            level: Level { error: l.content.error(), faces: l.content.faces as u64 },
             model: &l.content.model,
             draw: l.draw.as_ref(),
         });

@@ -172,6 +172,8 @@ fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static>
     wgpu::DeviceDescriptor {
         label: Some("lodsmith"),
         required_limits: adapter.limits(),
+        // To measure with, where there is a clock.
+        required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
         ..wgpu::DeviceDescriptor::default()
     }
 }

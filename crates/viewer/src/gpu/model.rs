@@ -9,6 +9,7 @@ use glam::DMat4;
 use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::model::{Instance, ModelMesh, Pose, Skin};
 use lodsmith_core::{Model, TriMesh, WedgeId};
+use rayon::prelude::*;
 
 use super::buffer::Storage;
 use super::context::Context;
@@ -161,15 +162,17 @@ impl DrawModel {
     /// # Panics
     /// If there is no such mesh.
     pub fn replace_mesh(&mut self, mesh: usize, geometry: &TriMesh) {
-        self.meshes[mesh].replace(&self.context, geometry);
+        self.meshes[mesh].replace(&self.context, geometry, &pack::normals(geometry));
         self.revision += 1;
     }
 
-    /// The same mesh after some of it has changed: only ranges are written where that can be. `faces` and `wedges` are
-    /// what changed of the triangles and of everything that stands on wedges, new ones included. Heat and marks go.
+    /// Another level of the same mesh: only ranges are written where that can be. `faces` and `wedges` are what changed of
+    /// the triangles and of the values on wedges, new ones included; places and normals are taken as changed everywhere.
+    /// Vertices have to be joined already where they are at one place: normals of the shape are made anew without a look
+    /// for others. Heat and marks go.
     ///
     /// Returns whether ranges were enough. A mesh of several regions or buffers, with morph targets or with other
-    /// attributes than before is replaced as a whole. A mesh without normals has those of its shape made anew.
+    /// attributes than before is replaced as a whole.
     ///
     /// # Panics
     /// If there is no such mesh, or a range goes beyond it.
@@ -182,7 +185,7 @@ impl DrawModel {
     ) -> bool {
         let is_enough = self.meshes[mesh].patch(&self.context, geometry, faces, wedges);
         if !is_enough {
-            self.meshes[mesh].replace(&self.context, geometry);
+            self.meshes[mesh].replace(&self.context, geometry, &pack::quick_normals(geometry));
         }
         self.revision += 1;
         is_enough
@@ -232,17 +235,18 @@ impl DrawModel {
 
 impl DrawMesh {
     fn new(context: &Context, mesh: &ModelMesh) -> Self {
-        let mut new = Self::of(context, &mesh.mesh, &mesh.materials, None);
+        let normals = pack::normals(&mesh.mesh);
+        let mut new = Self::of(context, &mesh.mesh, &normals, &mesh.materials, None);
         new.morph_weights.clone_from(&mesh.morph_weights);
         new
     }
 
-    fn replace(&mut self, context: &Context, mesh: &TriMesh) {
+    fn replace(&mut self, context: &Context, mesh: &TriMesh, normals: &[[f32; 3]]) {
         let materials = std::mem::take(&mut self.materials);
         let morph_weights = std::mem::take(&mut self.morph_weights);
         let pages = std::mem::take(&mut self.pages);
         let chunks = std::mem::take(&mut self.chunks);
-        *self = Self::of(context, mesh, &materials, Some((pages, chunks)));
+        *self = Self::of(context, mesh, normals, &materials, Some((pages, chunks)));
         self.morph_weights = morph_weights;
     }
 
@@ -250,12 +254,12 @@ impl DrawMesh {
     fn of(
         context: &Context,
         mesh: &TriMesh,
+        normals: &[[f32; 3]],
         materials: &[Option<usize>],
         old: Option<(Vec<Page>, Vec<Chunk>)>,
     ) -> Self {
         let frame = pack::frame_of(mesh);
         let row = Row::of(mesh);
-        let normals = pack::normals(mesh);
         let (faces, regions) = pack::by_region(mesh);
         let (old_pages, old_chunks) = old.unwrap_or_default();
         let (mut old_pages, mut old_chunks) = (old_pages.into_iter(), old_chunks.into_iter());
@@ -263,11 +267,11 @@ impl DrawMesh {
         for cut in cuts(&faces, mesh.wedge_count(), context) {
             if let Some(wedges) = cut.wedges {
                 let wedges = (!wedges.is_empty() || pages.is_empty()).then_some(wedges);
-                let (page, r) = Page::fill(context, mesh, &frame, &row, &normals, wedges, old_pages.next());
+                let (page, r) = Page::fill(context, mesh, &frame, &row, normals, wedges, old_pages.next());
                 radius = radius.max(r);
                 pages.push(page);
             } else if pages.is_empty() {
-                let (page, r) = Page::fill(context, mesh, &frame, &row, &normals, None, old_pages.next());
+                let (page, r) = Page::fill(context, mesh, &frame, &row, normals, None, old_pages.next());
                 radius = r;
                 pages.push(page);
             }
@@ -316,16 +320,11 @@ impl DrawMesh {
             let bytes = bytemuck::cast_slice(&mesh.triangles()[range.clone()]);
             moved |= chunk.indices.write(context, 12 * range.start as u64, bytes);
         }
-        // The normals of the shape change round what moved, too.
-        let whole = 0..mesh.wedge_count();
-        let corner_ranges = if has_own_normals { wedges } else { std::slice::from_ref(&whole) };
-        let normals = pack::normals(mesh);
-        for range in corner_ranges {
-            let ids = range.clone().map(WedgeId::new);
-            let corners = pack::corners(mesh, &self.frame, &normals, ids);
-            self.radius = self.radius.max(f64::from(pack::radius(&corners)));
-            moved |= page.corners.write(context, 16 * range.start as u64, bytemuck::cast_slice(&corners));
-        }
+        // A fit moves all of a level a little.
+        let ids = (0..mesh.wedge_count()).into_par_iter().map(WedgeId::new);
+        let corners = pack::corners(mesh, &self.frame, &pack::quick_normals(mesh), ids);
+        self.radius = self.radius.max(f64::from(pack::radius(&corners)));
+        moved |= page.corners.write(context, 0, bytemuck::cast_slice(&corners));
         for range in wedges {
             let rows = pack::rows(mesh, &self.row, range.clone().map(WedgeId::new));
             let at = 4 * u64::from(self.row.stride) * range.start as u64;
@@ -431,7 +430,7 @@ impl Page {
                 &all
             }
         };
-        let corners = pack::corners(mesh, frame, normals, ids.iter().copied());
+        let corners = pack::corners(mesh, frame, normals, ids.par_iter().copied());
         let rows = pack::rows(mesh, row, ids.iter().copied());
         let morphs = pack::morphs(mesh, frame, ids.iter().copied());
         let radius = pack::radius(&corners);

@@ -6,7 +6,8 @@ use glam::{DVec3, Vec2, Vec3};
 use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
-use lodsmith_core::{Attribute, Morphed, RegionId, Semantic, TriMesh, WedgeId};
+use lodsmith_core::{Attribute, Morphed, RegionId, Semantic, TriMesh, VertexId, WedgeId};
+use rayon::prelude::*;
 
 /// Which values stand in the row of a wedge, and where: offsets in words, `NONE` where a mesh has no such values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,15 +80,54 @@ pub(super) fn normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
     }
 }
 
-/// Places and normals of a range of wedges.
+/// Faces and wedges that a thread takes at least.
+const SHARE: usize = 1 << 14;
+
+/// The same for a mesh whose vertices are joined, in single precision and by all threads: for what is shown for a moment.
+pub(super) fn quick_normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
+    if let Some(normals) = mesh.normals() {
+        return normals.into();
+    }
+    let positions = mesh.positions().view();
+    let middle =
+        positions.bounds().map_or(DVec3::ZERO, |b| DVec3::from(b.min) * 0.5 + DVec3::from(b.max) * 0.5);
+    let places: Vec<Vec3> = (0..positions.len())
+        .into_par_iter()
+        .with_min_len(SHARE)
+        .map(|v| (DVec3::from(positions.get(VertexId::new(v))) - middle).as_vec3())
+        .collect();
+    let turns = |t: &[WedgeId; 3]| {
+        let [a, b, c] = t.map(|w| places[mesh.vertex_of(w).index()]);
+        let sides = [b - a, c - b, a - c].map(Vec3::normalize_or_zero);
+        let normal = sides[0].cross(sides[1]).normalize_or_zero();
+        [0, 1, 2].map(|k| normal * angle(-sides[k].dot(sides[(k + 2) % 3])))
+    };
+    let of_corners: Vec<[Vec3; 3]> = mesh.triangles().par_iter().with_min_len(SHARE).map(turns).collect();
+    let mut sums = vec![Vec3::ZERO; places.len()];
+    for (&w, turn) in mesh.triangles().iter().flatten().zip(of_corners.iter().flatten()) {
+        sums[mesh.vertex_of(w).index()] += *turn;
+    }
+    let unit = |w: usize| sums[mesh.vertex_of(WedgeId::new(w)).index()].normalize_or(Vec3::Z).to_array();
+    (0..mesh.wedge_count()).into_par_iter().with_min_len(SHARE).map(unit).collect::<Vec<_>>().into()
+}
+
+/// The angle of a cosine, to 7e-5. Source: [Abramowitz-Stegun 1964], 4.4.45.
+fn angle(cosine: f32) -> f32 {
+    let x = cosine.abs().min(1.0);
+    let angle = (1.0 - x).sqrt() * (1.570_728_8 + x * (-0.212_114_4 + x * (0.074_261_0 - 0.018_729_3 * x)));
+    if cosine < 0.0 { std::f32::consts::PI - angle } else { angle }
+}
+
+/// Places and normals of some wedges.
 pub(super) fn corners(
     mesh: &TriMesh,
     frame: &UnitFrame,
     normals: &[[f32; 3]],
-    wedges: impl Iterator<Item = WedgeId>,
+    wedges: impl IndexedParallelIterator<Item = WedgeId>,
 ) -> Vec<Corner> {
     let positions = mesh.positions().view();
     wedges
+        .with_min_len(SHARE)
         .map(|w| {
             let position = frame.unit_from_user(positions.get(mesh.vertex_of(w))).as_vec3().to_array();
             Corner { position, normal: octahedral(Vec3::from(normals[w.index()])) }
@@ -224,4 +264,20 @@ pub(super) fn octahedral(n: Vec3) -> u32 {
 pub(super) fn user_from_unit(frame: &UnitFrame) -> glam::DMat4 {
     let centre = DVec3::from(frame.user_from_unit(DVec3::ZERO));
     glam::DMat4::from_translation(centre) * glam::DMat4::from_scale(DVec3::splat(frame.user_length(1.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lodsmith_core::shapes;
+
+    #[test]
+    fn quick_normals_are_those_of_the_shape() {
+        for mesh in [shapes::cube(3), shapes::blob(3, 4), shapes::cylinder(20, 3)] {
+            let (one, two) = (normals(&mesh), quick_normals(&mesh));
+            for (a, b) in one.iter().zip(two.iter()) {
+                assert!(Vec3::from(*a).angle_between(Vec3::from(*b)) < 2e-3, "{a:?} {b:?}");
+            }
+        }
+    }
 }

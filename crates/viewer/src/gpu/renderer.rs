@@ -14,6 +14,7 @@ use super::frame::{Drawn, Frame, Gathered, Shown, gather, heat_range, reach};
 use super::model::DrawModel;
 use super::pipeline::{Pass, Pipelines, shading_number};
 use super::target::Target;
+use super::timer::Timer;
 use lodsmith_render::{Background, Shading};
 
 use super::uniforms::{Globals, LIGHTS_MAX, Seen, View};
@@ -48,6 +49,7 @@ pub struct Gpu {
     /// The matcap of `frame_bind`; 0 is none.
     bound_matcap: u64,
     sampler: wgpu::Sampler,
+    timer: Option<Timer>,
 }
 
 impl Gpu {
@@ -70,6 +72,17 @@ impl Gpu {
     /// What draws on a device, without any window.
     pub fn on(context: Context) -> Self {
         Self::with(context, None)
+    }
+
+    /// The same, with a clock in every pass where the adapter has one.
+    pub fn timed(self) -> Self {
+        Self { timer: Timer::new(&self.context), ..self }
+    }
+
+    /// Seconds that the adapter took for the frame that was drawn last; waits for it. `None` without [`Gpu::timed`] or a
+    /// clock.
+    pub fn adapter_secs(&self) -> Option<f64> {
+        self.timer.as_ref()?.seconds(&self.context)
     }
 
     fn with(context: Context, renderer: Option<Arc<egui::mutex::RwLock<egui_wgpu::Renderer>>>) -> Self {
@@ -112,6 +125,7 @@ impl Gpu {
             white,
             bound_matcap: 0,
             sampler,
+            timer: None,
         }
     }
 
@@ -145,11 +159,11 @@ impl Gpu {
     ///
     /// Cost of the caller's thread: O(models placed), whatever their size.
     pub fn draw(&mut self, target: &mut Target, frame: &Frame<'_>) -> Drawn {
-        let size = target.size();
-        if target.shown.as_ref().is_some_and(|shown| shown.is(frame, size)) {
+        if target.shows(frame) {
             return Drawn::default();
         }
         let begin = Instant::now();
+        let size = target.size();
         let aspect = f64::from(size[0]) / f64::from(size[1]);
         let view = View::new(&frame.camera, aspect, reach(frame));
         let gathered = gather(frame, &view);
@@ -176,6 +190,7 @@ impl Gpu {
                 label: Some("frame"),
                 color_attachments: &[Some(target.color_attachment())],
                 depth_stencil_attachment: Some(target.depth_attachment()),
+                timestamp_writes: self.timer.as_ref().map(Timer::writes),
                 ..wgpu::RenderPassDescriptor::default()
             });
             pass.set_bind_group(0, &self.frame_bind, &[]);
@@ -204,6 +219,9 @@ impl Gpu {
                     }
                 }
             }
+        }
+        if let Some(timer) = &self.timer {
+            timer.resolve(&mut encoder);
         }
         target.shown = Some(Shown::new(frame, size));
         let commands = encoder.finish();

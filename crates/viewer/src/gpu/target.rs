@@ -7,7 +7,7 @@ use egui_wgpu::wgpu;
 use lodsmith_core::Image;
 
 use super::context::Context;
-use super::frame::Shown;
+use super::frame::{Frame, Shown};
 use super::uniforms::{linear_from_srgb, srgb_from_linear};
 
 /// What the window looks up: sRGB as it is stored, with the opacity multiplied in.
@@ -90,6 +90,10 @@ impl Target {
     /// What the window shows it by; `None` without a window.
     pub fn texture_id(&self) -> Option<egui::TextureId> {
         self.registered.as_ref().map(|(_, id)| *id)
+    }
+    /// Whether it shows this very frame already.
+    pub fn shows(&self, frame: &Frame<'_>) -> bool {
+        self.shown.as_ref().is_some_and(|shown| shown.is(frame, self.size))
     }
     /// Forgets what it shows: the next frame is drawn in any case.
     pub fn forget(&mut self) {

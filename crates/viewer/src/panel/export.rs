@@ -109,7 +109,7 @@ impl Form {
         ui.add_space(4.0);
         let faces = document
             .lighter()
-            .map(|l| l.content.report.faces)
+            .map(|l| l.content.faces)
             .or_else(|| document.original().map(|o| o.content.faces))
             .unwrap_or(0);
         ui.horizontal(|ui| {

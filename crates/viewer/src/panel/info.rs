@@ -19,9 +19,9 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         let dash = || "–".to_owned();
         parts::columns(ui, name, &[one.unwrap_or_else(dash), two.unwrap_or_else(dash)], false);
     };
-    pair(ui, "Faces", Some(grouped(o.faces)), lighter.map(|l| grouped(l.report.faces)));
-    pair(ui, "Vertices", Some(grouped(o.vertices)), lighter.map(|l| grouped(l.report.vertices)));
-    let left = lighter.map(|l| percent(l.report.faces as f64 / o.faces.max(1) as f64));
+    pair(ui, "Faces", Some(grouped(o.faces)), lighter.map(|l| grouped(l.faces)));
+    pair(ui, "Vertices", Some(grouped(o.vertices)), lighter.map(|l| grouped(l.vertices)));
+    let left = lighter.map(|l| percent(l.faces as f64 / o.faces.max(1) as f64));
     pair(ui, "Percent", Some("100 %".into()), left);
     let [one, two] = document.anatomies();
     let each = |of: &dyn Fn(&crate::content::Anatomy) -> String| [one.map(of), two.map(of)];
@@ -41,9 +41,8 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         two.map(|a| if a.is_closed { "yes" } else { "no" }.into()),
     );
     if let Some(l) = lighter {
-        let e = &l.report.error;
-        let d = e.measured.as_ref().map_or(e.estimate, |m| m.rms.symmetric);
-        let share = if e.diagonal > 0.0 { 100.0 * d / e.diagonal } else { 0.0 };
+        let diagonal = o.bounds.diagonal();
+        let share = if diagonal > 0.0 { 100.0 * l.error() / diagonal } else { 0.0 };
         parts::fact(ui, "RMS error of the diagonal", format!("{} %", significant(share, 3)));
     }
     if let Some(px) = scope.facts.error_px {

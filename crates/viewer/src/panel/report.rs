@@ -5,6 +5,7 @@ use lodsmith::{Change, Proposal, Report};
 
 use super::{Say, Scope, parts};
 use crate::command::Command;
+use crate::content::Lighter;
 use crate::keys::Action;
 use crate::log::Level;
 use crate::numbers::{grouped, percent, seconds, significant};
@@ -17,7 +18,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         return;
     };
     let lighter = shown.content.clone();
-    let r = &lighter.report;
+    let Some(r) = &lighter.report else { return level(ui, scope, &lighter) };
     let stopped = r.stopped_by.name().replace('_', " ");
     match r.reached {
         true => parts::told(ui, Level::Good, &format!("target reached, stopped by {stopped}")),
@@ -61,6 +62,29 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
             propose(ui, scope, proposal);
         }
     }
+    command(ui, scope);
+}
+
+/// What is known of a level that no run was made for.
+fn level(ui: &mut Ui, scope: &mut Scope<'_>, lighter: &Lighter) {
+    let Some(original) = scope.document.original().map(|o| o.content.clone()) else { return };
+    let what = "a level of the progressive mesh";
+    match scope.document.is_behind() {
+        true => parts::told(ui, Level::Note, &format!("{what}; the exact run follows")),
+        false => parts::told(ui, Level::Warning, &format!("{what}; the exact run did not come to its end")),
+    }
+    parts::fact(ui, "Faces", format!("{} → {}", grouped(original.faces), grouped(lighter.faces)));
+    parts::fact(ui, "Vertices", format!("{} → {}", grouped(original.vertices), grouped(lighter.vertices)));
+    parts::fact(ui, "Left", percent(lighter.faces as f64 / original.faces.max(1) as f64));
+    let diagonal = original.bounds.diagonal();
+    let share = if diagonal > 0.0 { 100.0 * lighter.error() / diagonal } else { 0.0 };
+    parts::fact(ui, "RMS error, estimated", format!("{} %", significant(share, 3)));
+    parts::fact(ui, "Time", seconds(lighter.seconds));
+    command(ui, scope);
+}
+
+/// The command that does the same, to be copied.
+fn command(ui: &mut Ui, scope: &mut Scope<'_>) {
     parts::heading(ui, "Command line");
     let line = command_line(scope.document.settings());
     ui.horizontal_wrapped(|ui| {

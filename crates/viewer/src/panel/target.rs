@@ -251,11 +251,18 @@ fn status(ui: &mut Ui, scope: &mut Scope<'_>) {
         ui.label(weak(ui, format!("{}{stage}", progress.kind.title())));
     } else if let Some(lighter) = document.lighter() {
         let l = &lighter.content;
-        let left = percent(l.report.faces as f64 / l.report.input_faces.max(1) as f64);
-        let text = format!("{} faces, {left} of the original", grouped(l.report.faces));
+        let whole = document.original().map_or(1, |o| o.content.faces.max(1));
+        let left = percent(l.faces as f64 / whole as f64);
+        let text = format!("{} faces, {left} of the original", grouped(l.faces));
         ui.label(weak(ui, text));
     } else if let Some(original) = document.original() {
         ui.label(weak(ui, format!("{} faces: the original", grouped(original.content.faces))));
+    }
+    if let Some(road) = document.road_progress() {
+        ui.add_space(8.0);
+        let text = format!("Preparing the slider: {}", percent(f64::from(road.done)));
+        let tip = "A progressive mesh is being made: from then on the result follows at once while you drag";
+        ui.label(weak(ui, text)).on_hover_text(tip);
     }
 }
 
@@ -315,7 +322,7 @@ fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit)
         }
         // What is reached, where that is not what is asked.
         if let Some(lighter) = scope.document.lighter() {
-            let x = x_of(whole.place_of_faces(lighter.content.report.faces as f64));
+            let x = x_of(whole.place_of_faces(lighter.content.faces as f64));
             if unit == Unit::Error || (x - x_of(at)).abs() > 3.0 {
                 let mark = [
                     pos2(x, rail.top() - 1.0),

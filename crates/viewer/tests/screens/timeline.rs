@@ -79,8 +79,8 @@ fn playing_moves_both_sides_and_a_pause_is_a_pause() {
 fn once_stops_at_the_end_and_again_goes_round() {
     let Some(mut desk) = arm(false) else { return };
     desk.press(Key::J);
-    desk.press(Key::O);
-    desk.press(Key::CloseBracket);
+    desk.press_with(Modifiers::SHIFT, Key::P);
+    desk.press_with(Modifiers::SHIFT, Key::PageDown);
     assert_eq!(playback(&desk), Playback { clip: Some(1), seconds: 0.0, speed: 2.0, repeats: false });
     desk.harness.key_press(Key::P);
     desk.harness.run_steps(30);
@@ -91,7 +91,7 @@ fn once_stops_at_the_end_and_again_goes_round() {
     desk.harness.run_steps(4);
     assert!(desk.app().document().is_playing() && playback(&desk).seconds < 0.6);
     desk.press(Key::P);
-    desk.press(Key::O);
+    desk.press_with(Modifiers::SHIFT, Key::P);
     desk.press(Key::P);
     desk.harness.run_steps(30);
     assert!(desk.app().document().is_playing());
@@ -110,9 +110,9 @@ fn a_moment_is_dragged_typed_and_stepped_to_and_taken_back() {
     assert!(!desk.app().document().is_playing(), "who drags wants to look");
     assert!((playback(&desk).seconds - 1.0).abs() < 0.02, "{:?}", playback(&desk));
     desk.picture("timeline_dragged");
-    desk.press(Key::Period);
+    desk.press(Key::PageDown);
     assert!((playback(&desk).seconds - 1.0 - 1.0 / 24.0).abs() < 0.02);
-    desk.press(Key::Comma);
+    desk.press(Key::PageUp);
     let dragged = playback(&desk).seconds;
     let field = desk.harness.get_by_role_and_label(Role::TextInput, "Moment");
     field.click();

@@ -13,9 +13,14 @@ use crate::exit::{Interrupted, Status};
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::{self, Output};
 
-/// From how far away a level is as good as the original.
+/// From how far away a level is as good as the original, as it is written.
 pub(super) fn distance(report: &Report, args: &LodArgs) -> f64 {
-    args.screen().distance(error_of(report))
+    args.screen().distance(error_of(report)) * scale(args)
+}
+
+/// What lengths of the engine are multiplied by in what is written.
+fn scale(args: &LodArgs) -> f64 {
+    args.writing.scale.unwrap_or(1.0)
 }
 
 /// Prints the outcome; returns the status that it ends with.
@@ -159,13 +164,13 @@ fn list(made: &Made, path: &str, plan: &Plan, args: &LodArgs) -> Value {
         let rms = r.error.measured.as_ref().map_or(r.error.estimate, |m| m.rms.symmetric);
         json!({
             "level": k + 1, "file": plan.file(k + 1), "faces": r.faces, "vertices": r.vertices,
-            "error": error_of(r), "rms": rms, "distance": distance(r, args),
+            "error": error_of(r) * scale(args), "rms": rms * scale(args), "distance": distance(r, args),
         })
     });
     json!({
         "input": path,
         "unit": "model",
-        "diagonal": made.diagonal,
+        "diagonal": made.diagonal * scale(args),
         "screen": { "pixels": screen.pixels, "fov_deg": screen.fov_deg, "height_px": screen.height_px },
         "levels": std::iter::once(first).chain(others).collect::<Vec<_>>(),
     })

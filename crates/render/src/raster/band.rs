@@ -1,0 +1,253 @@
+//! The samples of some rows of the picture, and the triangles that cover them.
+
+use wide::{f32x4, i32x4, u32x4};
+
+use super::NONE;
+
+/// Where in a pixel its four samples lie, from its middle: each in a column and a row of its own.
+pub(crate) const SAMPLES: [[f32; 2]; 4] =
+    [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
+/// Pixels along a side of what [`Depths`] are told of.
+const TILE: usize = 8;
+
+/// A corner on the screen: its place in pixels, how near it is, and nothing.
+pub(crate) type Corner = [f32; 4];
+
+/// The four samples of a pixel.
+#[derive(Clone, Copy)]
+pub(crate) struct Cell {
+    /// How near what each sees is.
+    pub(crate) near: f32x4,
+    /// The face that each sees.
+    pub(crate) face: u32x4,
+}
+
+/// Some rows of the picture.
+#[derive(Default)]
+pub(crate) struct Band {
+    pub(crate) first_row: usize,
+    pub(crate) width: usize,
+    pub(crate) rows: usize,
+    pub(crate) cells: Vec<Cell>,
+}
+
+/// How near the farthest thing is that any sample of a tile of the picture sees.
+pub(crate) struct Depths {
+    first_row: usize,
+    columns: usize,
+    least: Vec<f32>,
+}
+
+/// Pixels, each end excluded.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Pixels {
+    pub(crate) x: [u16; 2],
+    pub(crate) y: [u16; 2],
+}
+
+/// Four triangles side by side, ready to be drawn.
+pub(crate) struct Four {
+    /// Opposite the corners: factors of x and y, where it is measured from, and what counts as inside.
+    sides: [[f32x4; 5]; 3],
+    /// How near the first corner is, how that changes along rows and down, and where it is: in pixels.
+    near: [f32x4; 5],
+    range: [f32x4; 2],
+    first: [i32x4; 2],
+    end: [i32x4; 2],
+}
+
+/// The corners of four triangles by their coordinates: x, y and how near of the first, of the second, of the third. Asked
+/// for by triangle and corner.
+#[inline(always)]
+pub(crate) fn side_by_side(of: impl Fn(usize, usize) -> Corner) -> [[f32x4; 3]; 3] {
+    // Spelled out: arrays of so many numbers are else copied by calls.
+    let corner = |k: usize| {
+        let all = [of(0, k).into(), of(1, k).into(), of(2, k).into(), of(3, k).into()];
+        let [x, y, near, _] = f32x4::transpose(all);
+        [x, y, near]
+    };
+    [corner(0), corner(1), corner(2)]
+}
+
+/// Twice the area on the screen, whose rows count downwards: positive if the corners go round clockwise.
+#[inline(always)]
+pub(super) fn doubled_areas([a, b, c]: &[[f32x4; 3]; 3]) -> f32x4 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+/// The columns, or rows, of pixels whose samples lie between two numbers: the first, and the one after the last. The
+/// outermost samples stand 3/8 from the middle of a pixel.
+#[inline(always)]
+pub(super) fn pixels_between(low: f32x4, high: f32x4) -> [i32x4; 2] {
+    let zero = f32x4::splat(0.0);
+    let from = (low - 0.875).fast_max(zero);
+    let below = from.fast_trunc_int();
+    let is_below: i32x4 = bytemuck::cast(below.round_float().simd_lt(from));
+    [below - is_below, (high + 0.875).fast_max(zero).fast_trunc_int()]
+}
+
+/// The smallest and the largest of three numbers.
+#[inline(always)]
+pub(super) fn range([a, b, c]: [f32x4; 3]) -> [f32x4; 2] {
+    [a.fast_min(b).fast_min(c), a.fast_max(b).fast_max(c)]
+}
+
+impl Four {
+    #[inline(always)]
+    pub(super) fn new(of: impl Fn(usize, usize) -> Corner) -> Self {
+        let corners = side_by_side(of);
+        let doubled = doubled_areas(&corners);
+        let [a, b, c] = corners;
+        let turned = doubled.simd_lt(f32x4::splat(0.0));
+        let [b, c] =
+            [[0, 1, 2].map(|k| turned.select(c[k], b[k])), [0, 1, 2].map(|k| turned.select(b[k], c[k]))];
+        let doubled = doubled.abs();
+        let side = |p: [f32x4; 3], q: [f32x4; 3]| {
+            // Both neighbours measure from the same end, so that they get the same number but for its sign: no sample is
+            // lost between them, none is taken twice.
+            let is_first = p[1].simd_lt(q[1]) | (p[1].simd_eq(q[1]) & p[0].simd_lt(q[0]));
+            let least = is_first.select(f32x4::splat(0.0), f32x4::splat(f32::MIN_POSITIVE));
+            [p[1] - q[1], q[0] - p[0], is_first.select(p[0], q[0]), is_first.select(p[1], q[1]), least]
+        };
+        let sides = [side(b, c), side(c, a), side(a, b)];
+        let per_area = f32x4::splat(1.0) / doubled;
+        let (nb, nc) = (b[2] - a[2], c[2] - a[2]);
+        let slope = |k: usize| (sides[1][k] * nb + sides[2][k] * nc) * per_area;
+        // Also what is no number.
+        let is_there = doubled.simd_gt(f32x4::splat(0.0)) & doubled.simd_lt(f32x4::splat(f32::INFINITY));
+        let is_there: i32x4 = bytemuck::cast(is_there);
+        let [x, y] = [0, 1].map(|k| {
+            let [low, high] = range([a[k], b[k], c[k]]);
+            let [first, end] = pixels_between(low, high);
+            [first, end & is_there]
+        });
+        Self {
+            sides,
+            near: [a[2], slope(0), slope(1), a[0], a[1]],
+            range: range([a[2], b[2], c[2]]),
+            first: [x[0], y[0]],
+            end: [x[1], y[1]],
+        }
+    }
+}
+
+impl Band {
+    pub(super) fn clear(&mut self, first_row: usize, width: usize, rows: usize) {
+        (self.first_row, self.width, self.rows) = (first_row, width, rows);
+        let empty = Cell { near: f32x4::splat(f32::NEG_INFINITY), face: u32x4::splat(NONE) };
+        self.cells.clear();
+        self.cells.resize(width * rows, empty);
+    }
+
+    /// Draws one of four triangles.
+    #[inline(always)]
+    pub(super) fn draw_solid(&mut self, four: &Four, which: usize, face: u32) {
+        let mut cells = std::mem::take(&mut self.cells);
+        let face = u32x4::splat(face);
+        self.walk(four, which, |at, _, _, mask, near| {
+            let cell = &mut cells[at];
+            let mask = mask & near.simd_gt(cell.near);
+            cell.near = mask.select(near, cell.near);
+            let mask: u32x4 = bytemuck::cast(mask);
+            cell.face = mask.select(face, cell.face);
+        });
+        self.cells = cells;
+    }
+
+    /// Draws one of four triangles where `keeps` leaves samples of those that it covers.
+    #[inline(never)]
+    pub(super) fn draw(
+        &mut self,
+        four: &Four,
+        which: usize,
+        face: u32,
+        keeps: impl Fn(f32, f32, u32) -> u32,
+    ) {
+        let mut cells = std::mem::take(&mut self.cells);
+        self.walk(four, which, |at, x, y, mask, near| {
+            let cell = &mut cells[at];
+            let mask = (mask & near.simd_gt(cell.near)).to_bitmask();
+            let kept = if mask == 0 { 0 } else { keeps(x as f32 + 0.5, y as f32 + 0.5, mask) };
+            let lanes: [u32; 4] = std::array::from_fn(|k| 0u32.wrapping_sub(kept >> k & 1));
+            let mask = u32x4::from(lanes);
+            cell.face = mask.select(u32x4::splat(face), cell.face);
+            let mask: f32x4 = bytemuck::cast(mask);
+            cell.near = mask.select(near, cell.near);
+        });
+        self.cells = cells;
+    }
+
+    /// Walks the pixels of which a triangle covers samples: the cell, column and row of each, the samples, how near they are.
+    #[inline(always)]
+    pub(super) fn walk(
+        &self,
+        four: &Four,
+        which: usize,
+        mut seen: impl FnMut(usize, usize, usize, f32x4, f32x4),
+    ) {
+        let [x0, y0] = four.first.each_ref().map(|all| all.as_array()[which] as usize);
+        let [x1, y1] = four.end.each_ref().map(|all| all.as_array()[which] as usize);
+        let (x1, y0, y1) = (x1.min(self.width), y0.max(self.first_row), y1.min(self.first_row + self.rows));
+        if x0 >= x1 || y0 >= y1 {
+            return;
+        }
+        let splat = |all: &f32x4| f32x4::splat(all.as_array()[which]);
+        let sides = four.sides.each_ref().map(|side| side.each_ref().map(splat));
+        let [first, slope_x, slope_y, ax, ay] = four.near.each_ref().map(splat);
+        let [least, most] = four.range.each_ref().map(splat);
+        let dx = f32x4::from(SAMPLES.map(|s| s[0] + 0.5));
+        let dy = f32x4::from(SAMPLES.map(|s| s[1] + 0.5));
+        let always = x1 - x0 <= 3;
+        for y in y0..y1 {
+            let py = dy + y as u32 as f32;
+            let row = sides.map(|[_, b, _, y, _]| (py - y) * b);
+            let near_row = (py - ay) * slope_y + first;
+            let start = (y - self.first_row) * self.width;
+            for x in x0..x1 {
+                let px = dx + x as u32 as f32;
+                let inside = |k: usize| {
+                    let [a, _, x, _, least] = sides[k];
+                    ((px - x) * a + row[k]).simd_ge(least)
+                };
+                let mask = inside(0) & inside(1) & inside(2);
+                if !always && mask.to_bitmask() == 0 {
+                    continue;
+                }
+                let near = ((px - ax) * slope_x + near_row).fast_max(least).fast_min(most);
+                seen(start + x, x, y, mask, near);
+            }
+        }
+    }
+}
+
+impl Depths {
+    pub(super) fn of(band: &Band) -> Self {
+        let mut depths =
+            Self { first_row: band.first_row, columns: band.width.div_ceil(TILE), least: Vec::new() };
+        let mut columns = vec![f32x4::splat(f32::INFINITY); depths.columns];
+        for rows in band.cells.chunks(TILE * band.width) {
+            columns.fill(f32x4::splat(f32::INFINITY));
+            for row in rows.chunks(band.width) {
+                for (least, tile) in columns.iter_mut().zip(row.chunks(TILE)) {
+                    *least = tile.iter().fold(*least, |least, cell| least.fast_min(cell.near));
+                }
+            }
+            let least = |all: &f32x4| all.to_array().into_iter().fold(f32::INFINITY, f32::min);
+            depths.least.extend(columns.iter().map(least));
+        }
+        depths
+    }
+
+    /// Whether nothing that is no nearer than this can be seen in some pixels.
+    #[inline(always)]
+    pub(super) fn hide(&self, near: f32, pixels: &Pixels) -> bool {
+        let [x0, x1] = pixels.x.map(usize::from);
+        let [y0, y1] = pixels.y.map(|y| usize::from(y).saturating_sub(self.first_row));
+        let columns = x0 / TILE..x1.div_ceil(TILE);
+        let rows = y0 / TILE..y1.div_ceil(TILE).min(self.least.len() / self.columns);
+        rows.into_iter().all(|row| {
+            let row = &self.least[row * self.columns..][..self.columns];
+            row[columns.clone()].iter().all(|&least| near <= least)
+        })
+    }
+}

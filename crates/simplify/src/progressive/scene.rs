@@ -1,0 +1,288 @@
+//! Several meshes that move together: a road for each, and one order for the splits of all.
+
+use std::sync::Arc;
+
+use lodsmith_core::Splits;
+use lodsmith_core::topology::size_of;
+
+use super::build::{self, Built};
+use super::{Changed, Progressive, arrange};
+use crate::SimplifyError;
+use crate::care;
+use crate::control::{Control, Share};
+use crate::options::{Length, SimplifyOptions, Stop};
+use crate::scene::Part;
+
+/// The meshes of a scene, each with a [road](Progressive) of its own, that move under one threshold: a split is done where
+/// it gains most, whichever mesh that is.
+///
+/// Counts are of all instances, errors are lengths in the scene. A level depends on its number alone. Parts that touch are
+/// not held together: where they meet, levels may gape as each of them loses vertices.
+///
+/// ```
+/// use lodsmith::core::shapes;
+/// use lodsmith::{NoControl, Part, ProgressiveScene, SimplifyOptions};
+///
+/// let (a, b) = (shapes::icosphere(3), shapes::torus(24, 12));
+/// let part = |mesh, instances| Part { mesh, instances, scale: 1.0, system: None };
+/// let parts = [part(&a, 1), part(&b, 3)];
+/// let mut scene = ProgressiveScene::build(&parts, 10.0, &SimplifyOptions::default(), &mut NoControl)?;
+/// scene.to_faces(500);
+/// assert!(scene.face_count() <= 500);
+/// let light: Vec<_> = scene.roads().iter().map(|road| road.fitted_mesh()).collect::<Result<_, _>>()?;
+/// # assert!(light[0].face_count() + 3 * light[1].face_count() <= 500);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct ProgressiveScene {
+    roads: Vec<Progressive>,
+    order: Arc<Order>,
+    level: usize,
+}
+
+/// Which mesh each split of the scene is of.
+#[derive(Debug)]
+struct Order {
+    splits: usize,
+    /// Of each mesh: the splits of the scene that are its own, rising.
+    of_mesh: Vec<Vec<u32>>,
+    /// How often each mesh counts.
+    times: Vec<usize>,
+    /// The share of each in the mean of squared distances, those in its own units.
+    shares: Vec<f64>,
+}
+
+impl ProgressiveScene {
+    /// Records the simplification of each mesh as far as it goes, and puts all of it in one order. The stops, counted as
+    /// [`simplify_scene`](crate::simplify_scene) counts them, say where the scene's own base lies; `diagonal` is that of
+    /// the scene, which lengths given as shares refer to. Stands at the full scene afterwards. A mesh without a face that
+    /// has an area stays as it is.
+    ///
+    /// # Errors
+    /// As [`Progressive::build`]; [`SimplifyError::NotTogether`] with a budget for each mesh by itself.
+    pub fn build(
+        parts: &[Part<'_>],
+        diagonal: f64,
+        options: &SimplifyOptions,
+        control: &mut dyn Control,
+    ) -> Result<Self, SimplifyError> {
+        if options.per_mesh {
+            return Err(SimplifyError::NotTogether { first: "progressive", second: "per-mesh" });
+        }
+        options.check()?;
+        care::check(options, parts.iter().map(|p| p.mesh.vertex_count()).sum())?;
+        let faces = parts.iter().map(|p| p.mesh.face_count()).sum::<usize>();
+        let share = |n: usize| n as f64 / faces.max(1) as f64;
+        let (mut begun, mut first) = (0, 0);
+        let (mut roads, mut all) = (Vec::with_capacity(parts.len()), Vec::new());
+        let mut is_any = false;
+        for (number, part) in parts.iter().enumerate() {
+            let mut own = Share { control, begin: share(begun), length: share(part.mesh.face_count()) };
+            begun += part.mesh.face_count();
+            let vertices = first..first + part.mesh.vertex_count();
+            first = vertices.end;
+            let scale = scale_of(part);
+            let options = of_part(options, vertices, diagonal, scale);
+            match build::build(part.mesh, &options, &mut own) {
+                Ok(Built { road, costs }) => {
+                    let factor = costs.factor(scale);
+                    let step = |(i, cost): (usize, &f32)| Step {
+                        is_late: i < costs.late,
+                        cost: f64::from(*cost) * factor,
+                        mesh: number,
+                    };
+                    all.extend(costs.of_split.iter().enumerate().map(step));
+                    roads.push(road);
+                    is_any = true;
+                }
+                Err(SimplifyError::NoFaces { .. }) => {
+                    let data = arrange::still(part.mesh);
+                    roads.push(Progressive::new(Splits::new(data).expect("a mesh as it is")));
+                }
+                Err(other) => return Err(other),
+            }
+        }
+        if !is_any {
+            return Err(SimplifyError::NoFaces { faces });
+        }
+        // What is dearest to give up comes first; those of one mesh are in order, and stay in it.
+        all.sort_by(|a, b| {
+            b.is_late.cmp(&a.is_late).then(b.cost.total_cmp(&a.cost)).then(a.mesh.cmp(&b.mesh))
+        });
+        let mut of_mesh: Vec<Vec<u32>> = roads.iter().map(|r| Vec::with_capacity(r.top())).collect();
+        for (split, step) in all.iter().enumerate() {
+            of_mesh[step.mesh].push(split as u32);
+        }
+        let is_placed = parts.iter().any(|p| p.instances > 0);
+        let times: Vec<usize> = parts.iter().map(|p| if is_placed { p.instances } else { 1 }).collect();
+        let order = Order { splits: all.len(), of_mesh, shares: shares(parts, &times), times };
+        let scene = Self { roads, level: order.splits, order: Arc::new(order) };
+        Ok(scene.ended(&options.stop, diagonal))
+    }
+
+    /// The same, down to where the first of the stops is met.
+    fn ended(mut self, stop: &Stop, diagonal: f64) -> Self {
+        let is_stopped = *stop != Stop::default();
+        let base = if is_stopped { self.level_of(stop, diagonal) } else { 0 };
+        if base == 0 {
+            return self;
+        }
+        let levels = self.order.levels(base);
+        self.roads = self.roads.into_iter().zip(&levels).map(|(r, &level)| r.without_below(level)).collect();
+        let Order { splits, of_mesh, times, shares } = &*self.order;
+        let above =
+            |(all, level): (&Vec<u32>, &usize)| all[*level..].iter().map(|s| s - base as u32).collect();
+        let of_mesh = of_mesh.iter().zip(&levels).map(above).collect();
+        let splits = splits - base;
+        self.order = Arc::new(Order { splits, of_mesh, times: times.clone(), shares: shares.clone() });
+        self.level = 0;
+        self.to_level(splits);
+        self
+    }
+
+    /// The roads of the meshes, in their order, at their levels. They go on by themselves as copies.
+    pub fn roads(&self) -> &[Progressive] {
+        &self.roads
+    }
+    /// The roads, to be walked one by one.
+    pub fn into_roads(self) -> Vec<Progressive> {
+        self.roads
+    }
+    /// The finest level: as many as there are splits.
+    pub fn top(&self) -> usize {
+        self.order.splits
+    }
+    /// The present level: how many splits are done.
+    pub fn level(&self) -> usize {
+        self.level
+    }
+    /// Faces of all instances at the present level.
+    pub fn face_count(&self) -> usize {
+        self.count(self.level, |road, level| road.splits().counts[level].faces)
+    }
+    /// Vertices of all instances at the present level that a face uses.
+    pub fn vertex_count(&self) -> usize {
+        self.count(self.level, |road, level| road.road.vertices[level])
+    }
+    /// About how far the present level, with its fit, is from the full scene (RMS over all instances).
+    pub fn error(&self) -> f64 {
+        self.error_at(self.level)
+    }
+
+    /// The level at which the first of these stops is met, from the full scene down; without any, the full scene. An error
+    /// is one of the [estimate](Self::error), and shares are of this diagonal.
+    pub fn level_of(&self, stop: &Stop, diagonal: f64) -> usize {
+        let whole = self.count(self.top(), |road, level| road.splits().counts[level].faces);
+        let by_ratio = stop.ratio.map(|r| ((whole as f64 * r).round() as usize).max(1));
+        let by_faces = stop.faces.into_iter().chain(by_ratio).max().map(|n| self.level_of_faces(n));
+        let by_vertices = stop.vertices.map(|n| self.level_of_vertices(n));
+        let by_error = stop.error.map(|e| self.level_of_error(e.in_units(diagonal)));
+        by_faces.into_iter().chain(by_vertices).chain(by_error).max().unwrap_or(self.top())
+    }
+    /// The finest level with at most `n` faces in all instances, or the base.
+    pub fn level_of_faces(&self, n: usize) -> usize {
+        let is_within = |l| self.count(l, |road, level| road.splits().counts[level].faces) <= n;
+        first(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
+    }
+    /// A fine level with at most `n` vertices in use in all instances, there and at all coarser ones, or the base.
+    pub fn level_of_vertices(&self, n: usize) -> usize {
+        let is_within = |l| self.count(l, |road, level| road.road.most_vertices[level]) <= n;
+        first(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
+    }
+    /// The coarsest level whose estimated error is at most `distance`, or the full scene.
+    pub fn level_of_error(&self, distance: f64) -> usize {
+        first(self.top(), |l| self.error_at(l) <= distance)
+    }
+    /// Goes to [the level](Self::level_of_faces) of a number of faces.
+    pub fn to_faces(&mut self, n: usize) -> Vec<Changed> {
+        self.to_level(self.level_of_faces(n))
+    }
+    /// Goes to [the level](Self::level_of_vertices) of a number of vertices.
+    pub fn to_vertices(&mut self, n: usize) -> Vec<Changed> {
+        self.to_level(self.level_of_vertices(n))
+    }
+    /// Goes to [the level](Self::level_of_error) of an estimated error.
+    pub fn to_error(&mut self, distance: f64) -> Vec<Changed> {
+        self.to_level(self.level_of_error(distance))
+    }
+    /// Goes to a level, or to the full scene if there are not so many. Says what changed of each mesh.
+    pub fn to_level(&mut self, level: usize) -> Vec<Changed> {
+        self.level = level.min(self.top());
+        let levels = self.order.levels(self.level);
+        self.roads.iter_mut().zip(levels).map(|(road, level)| road.to_level(level)).collect()
+    }
+
+    /// A sum over all instances.
+    fn count(&self, level: usize, of: impl Fn(&Progressive, usize) -> u32) -> usize {
+        let all = self.roads.iter().zip(self.order.levels(level)).zip(&self.order.times);
+        all.map(|((road, level), times)| (of(road, level) as usize).saturating_mul(*times)).sum()
+    }
+
+    fn error_at(&self, level: usize) -> f64 {
+        let all = self.roads.iter().zip(self.order.levels(level)).zip(&self.order.shares);
+        all.map(|((road, level), share)| share * road.error_at(level).powi(2)).sum::<f64>().sqrt()
+    }
+}
+
+impl Order {
+    /// The level of each mesh at one of the scene.
+    fn levels(&self, level: usize) -> Vec<usize> {
+        self.of_mesh.iter().map(|all| all.partition_point(|&split| (split as usize) < level)).collect()
+    }
+}
+
+/// A split in the order of the scene.
+struct Step {
+    is_late: bool,
+    cost: f64,
+    mesh: usize,
+}
+
+/// The first number below `end` from which on something holds, or `end`.
+fn first(end: usize, holds: impl Fn(usize) -> bool) -> usize {
+    let (mut low, mut high) = (0, end);
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if holds(middle) { high = middle } else { low = middle + 1 }
+    }
+    high
+}
+
+fn scale_of(part: &Part<'_>) -> f64 {
+    if part.scale.is_finite() && part.scale > 0.0 { part.scale } else { 1.0 }
+}
+
+/// The options for one mesh: no stops, lengths in its units, and of lists over vertices what is its own.
+fn of_part(
+    options: &SimplifyOptions,
+    vertices: std::ops::Range<usize>,
+    diagonal: f64,
+    scale: f64,
+) -> SimplifyOptions {
+    let mut own = options.clone();
+    let units = |length: Length| Length::Units(length.in_units(diagonal) / scale);
+    own.stop = Stop::default();
+    own.locked = options.locked.as_deref().and_then(|l| l.get(vertices.clone())).map(Into::into);
+    own.importance = options.importance.as_deref().and_then(|l| l.get(vertices)).map(Into::into);
+    own.weld = options.weld.map(units);
+    own.prune = options.prune.map(units);
+    own.guards.max_edge = options.guards.max_edge.map(units);
+    own.of_method.pairs = options.of_method.pairs.map(units);
+    own.of_method.edge_length = options.of_method.edge_length.map(units);
+    own
+}
+
+/// By the area that each mesh has in the scene, all instances together; distances are in the units of the mesh.
+fn shares(parts: &[Part<'_>], times: &[usize]) -> Vec<f64> {
+    let area = |(part, times): (&Part<'_>, &usize)| {
+        let own = size_of(&part.mesh.surface()).area * scale_of(part).powi(2);
+        if own.is_finite() { own * *times as f64 } else { 0.0 }
+    };
+    let areas: Vec<f64> = parts.iter().zip(times).map(area).collect();
+    let total: f64 = areas.iter().sum();
+    let share = |(part, area): (&Part<'_>, f64)| {
+        let of_all = if total > 0.0 { area / total } else { 1.0 / parts.len() as f64 };
+        of_all * scale_of(part).powi(2)
+    };
+    parts.iter().zip(areas).map(share).collect()
+}

@@ -1,0 +1,341 @@
+//! How long it takes to make levels and to draw them: a table of times, filled row after row.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use lodsmith::{Control, SimplifyError, Stage, Stop, Verdict};
+use lodsmith_core::Model;
+use lodsmith_core::model::Pose;
+use lodsmith_render::{Camera, Shading};
+
+use crate::content::{Lighter, Original};
+use crate::gpu::{Context, Frame, Gpu, Placed};
+use crate::job::Watch;
+use crate::numbers::{grouped, percent, seconds, significant};
+use crate::settings::Settings;
+use crate::viewport;
+use crate::words::Simplification;
+
+/// Parts of the triangles that are made; the original comes before them.
+pub const LEVELS: [f64; 5] = [0.5, 0.25, 0.1, 0.05, 0.01];
+/// Pixels of the picture that is drawn.
+pub const SIZE: [u32; 2] = [1024, 768];
+/// Pictures of each level: the fastest counts, for whatever else the machine does makes them slower.
+pub const PICTURES: usize = 5;
+
+/// Times of a model and of its levels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// Name of the file.
+    pub file: String,
+    /// What made the levels, as it is typed.
+    pub how: String,
+    /// What drew them; empty without a card.
+    pub adapter: String,
+    /// How surfaces were shown.
+    pub shading: &'static str,
+    /// Seconds that opening took.
+    pub read_secs: f64,
+    /// The original, then the levels.
+    pub rows: Vec<Row>,
+}
+
+/// One level.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Part of the triangles that was asked for.
+    pub share: f64,
+    /// What came out, or why nothing did.
+    pub level: Result<Level, String>,
+}
+
+/// What a level takes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Level {
+    /// Triangles.
+    pub faces: usize,
+    /// Seconds to make it; `None` for the original.
+    pub simplify_secs: Option<f64>,
+    /// RMS distance as part of the diagonal; `None` for the original.
+    pub error: Option<f64>,
+    /// Seconds until the card had it.
+    pub upload_secs: Option<f64>,
+    /// Seconds of our own for a picture.
+    pub frame_secs: Option<f64>,
+    /// Seconds of the adapter for a picture, where it has a clock.
+    pub adapter_secs: Option<f64>,
+}
+
+/// Heads of the columns.
+pub const HEADS: [&str; 7] =
+    ["level", "faces", "simplify", "RMS of diagonal", "upload", "frame, ours", "frame, adapter"];
+
+impl Row {
+    /// Its columns, as people read them.
+    pub fn cells(&self) -> [String; 7] {
+        let dash = || "–".to_owned();
+        let name = if self.share < 1.0 { percent(self.share) } else { "original".to_owned() };
+        let level = match &self.level {
+            Ok(level) => level,
+            Err(why) => return [name, dash(), why.clone(), dash(), dash(), dash(), dash()],
+        };
+        let time = |secs: Option<f64>| secs.map_or_else(dash, fine_seconds);
+        [
+            name,
+            grouped(level.faces),
+            time(level.simplify_secs),
+            level.error.map_or_else(dash, |e| format!("{} %", significant(100.0 * e, 3))),
+            time(level.upload_secs),
+            time(level.frame_secs),
+            time(level.adapter_secs),
+        ]
+    }
+}
+
+/// Seconds, of which drawing takes few.
+fn fine_seconds(secs: f64) -> String {
+    if secs < 1e-3 { format!("{} ms", significant(1e3 * secs, 2)) } else { seconds(secs) }
+}
+
+impl Table {
+    /// What it is about, in a line.
+    pub fn title(&self) -> String {
+        let adapter = if self.adapter.is_empty() { "no adapter" } else { &self.adapter };
+        let [width, height] = SIZE;
+        format!(
+            "{}, opened in {}; {}; drawn {} at {width} × {height} by {adapter}, best of {PICTURES}",
+            self.file,
+            seconds(self.read_secs),
+            self.how,
+            self.shading,
+        )
+    }
+
+    /// For pages: a table of Markdown below its title.
+    pub fn markdown(&self) -> String {
+        let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+        let heads = HEADS.map(str::to_owned);
+        let rule = "|---".to_owned() + &"|--:".repeat(HEADS.len() - 1) + "|\n";
+        let rows: String = self.rows.iter().map(|row| line(&row.cells())).collect();
+        format!("{}\n\n{}{rule}{rows}", self.title(), line(&heads))
+    }
+
+    /// For spreadsheets: numbers alone, seconds and parts, with tabs between.
+    pub fn tsv(&self) -> String {
+        let heads = "share\tfaces\tsimplify_s\trms_of_diagonal\tupload_s\tframe_s\tadapter_s\n";
+        let number = |x: Option<f64>| x.map(|x| x.to_string()).unwrap_or_default();
+        let line = |row: &Row| match &row.level {
+            Ok(l) => {
+                let times =
+                    [l.simplify_secs, l.error, l.upload_secs, l.frame_secs, l.adapter_secs].map(number);
+                format!("{}\t{}\t{}\n", row.share, l.faces, times.join("\t"))
+            }
+            Err(_) => format!("{}\t\t\t\t\t\t\n", row.share),
+        };
+        heads.to_owned() + &self.rows.iter().map(line).collect::<String>()
+    }
+}
+
+/// A table that is being filled.
+#[derive(Clone, Debug, Default)]
+pub struct Filling(Arc<Mutex<Table>>);
+
+impl Filling {
+    /// As far as it is.
+    pub fn table(&self) -> Table {
+        self.lock().clone()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Table> {
+        // A row is pushed as a whole.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Makes and draws every level. Whether it came to its end.
+    pub fn fill(
+        &self,
+        original: &Original,
+        settings: &Settings,
+        context: Option<Context>,
+        watch: &mut Watch,
+    ) -> bool {
+        let mut how = settings.simplify.clone();
+        how.options.stop = Stop::default();
+        *self.lock() = Table {
+            file: original.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            how: described(&how),
+            adapter: context.as_ref().map(Context::adapter_name).unwrap_or_default(),
+            shading: settings.look.look.shading.name(),
+            read_secs: original.read_secs,
+            rows: Vec::new(),
+        };
+        let mut easel = context.map(|context| Easel::new(context, original, settings));
+        let mut finish = |share: f64, model: &Model, level: Level| {
+            let level = easel.as_mut().map_or(level.clone(), |easel| easel.draw(model, level));
+            self.lock().rows.push(Row { share, level: Ok(level) });
+        };
+        finish(1.0, original.model(), Level { faces: original.faces, ..Level::default() });
+        for (k, share) in LEVELS.into_iter().enumerate() {
+            let at = |k: usize| k as f64 / LEVELS.len() as f64;
+            how.options.stop = Stop::ratio(share);
+            let mut within = Within { watch, from: at(k), to: at(k + 1) };
+            if !within.watch.go_on(at(k)) {
+                return false;
+            }
+            match Lighter::make(original, &how, &mut within) {
+                Ok(lighter) => {
+                    let diagonal = lighter.report.as_ref().map_or(0.0, |r| r.error.diagonal);
+                    let level = Level {
+                        faces: lighter.faces,
+                        simplify_secs: Some(lighter.seconds),
+                        error: (diagonal > 0.0).then(|| lighter.error() / diagonal),
+                        ..Level::default()
+                    };
+                    finish(share, &lighter.model, level);
+                }
+                Err(SimplifyError::Cancelled) => return false,
+                Err(why) => self.lock().rows.push(Row { share, level: Err(why.to_string()) }),
+            }
+        }
+        watch.go_on(1.0)
+    }
+}
+
+/// The options that are not the usual ones, as they are typed.
+fn described(how: &Simplification) -> String {
+    let words = how.words();
+    let method = format!("--method {}", how.options.method.name());
+    match words.join(" ") {
+        words if words.contains("--method") => words,
+        words if words.is_empty() => method,
+        words => format!("{method} {words}"),
+    }
+}
+
+/// Part of the way of a job.
+struct Within<'a> {
+    watch: &'a mut Watch,
+    from: f64,
+    to: f64,
+}
+
+impl Control for Within<'_> {
+    fn stage(&mut self, stage: Stage) {
+        self.watch.stage(stage);
+    }
+
+    fn progress(&mut self, done: f64) -> Verdict {
+        self.watch.progress(self.from + (self.to - self.from) * done)
+    }
+}
+
+/// What draws, and from where.
+struct Easel<'a> {
+    gpu: Gpu,
+    original: &'a Original,
+    settings: &'a Settings,
+}
+
+impl<'a> Easel<'a> {
+    fn new(context: Context, original: &'a Original, settings: &'a Settings) -> Self {
+        Self { gpu: Gpu::on(context).timed(), original, settings }
+    }
+
+    /// Brings a model to the card and draws it, as the window does; the first picture makes what all need.
+    fn draw(&mut self, model: &Model, level: Level) -> Level {
+        let begin = Instant::now();
+        let drawing = self.gpu.upload(model);
+        let upload_secs = Some(begin.elapsed().as_secs_f64());
+        let mut target = self.gpu.target(SIZE);
+        let look = &self.settings.look;
+        let mut shown = look.look.clone();
+        // Heat is a result of another job.
+        if shown.shading == Shading::Heat {
+            shown.shading = Shading::Smooth;
+        }
+        let lighting = look.rig.lighting(look.brightness);
+        let bounds = self.original.bounds;
+        let pose = Pose::default();
+        let placed = [Placed::new(&drawing, &pose)];
+        let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
+        let camera = Camera::fitting(&bounds, viewport::standard(0), aspect);
+        let (mut ours, mut adapter): (Option<f64>, Option<f64>) = (None, None);
+        for k in 0..=PICTURES {
+            let mut camera = camera;
+            camera.eye += (camera.eye - camera.target) * (1e-3 * k as f64);
+            let frame = Frame {
+                models: &placed,
+                bounds,
+                camera,
+                look: &shown,
+                lighting: &lighting,
+                background: look.backdrop.background(true),
+                ground: look.ground,
+                matcap: None,
+                shader: None,
+            };
+            let begin = Instant::now();
+            self.gpu.draw(&mut target, &frame);
+            let own = begin.elapsed().as_secs_f64();
+            let its = self.gpu.adapter_secs();
+            if k > 0 {
+                ours = Some(ours.map_or(own, |least| least.min(own)));
+                adapter = its.map(|its| adapter.map_or(its, |least| least.min(its)));
+            }
+        }
+        Level { upload_secs, frame_secs: ours, adapter_secs: adapter, ..level }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> Table {
+        let level = Level {
+            faces: 34_567,
+            simplify_secs: Some(0.25),
+            error: Some(0.00123),
+            upload_secs: Some(0.004),
+            frame_secs: Some(0.00005),
+            adapter_secs: None,
+        };
+        let original = Level { simplify_secs: None, error: None, faces: 69_451, ..level.clone() };
+        Table {
+            file: "bunny.obj".to_owned(),
+            how: "--method memoryless".to_owned(),
+            adapter: "card".to_owned(),
+            shading: "smooth",
+            read_secs: 0.5,
+            rows: vec![
+                Row { share: 1.0, level: Ok(original) },
+                Row { share: 0.5, level: Ok(level) },
+                Row { share: 0.01, level: Err("too few".to_owned()) },
+            ],
+        }
+    }
+
+    #[test]
+    fn a_table_is_markdown_with_as_many_columns_in_every_line() {
+        let text = table().markdown();
+        let lines: Vec<_> = text.lines().skip(2).collect();
+        assert!(
+            text.starts_with("bunny.obj, opened in 0.50 s; --method memoryless; drawn smooth at 1024 × 768")
+        );
+        assert_eq!(lines.len(), 5);
+        assert!(lines.iter().all(|l| l.matches('|').count() == HEADS.len() + 1), "{text}");
+        assert_eq!(lines[2], "| original | 69,451 | – | – | 4.0 ms | 0.050 ms | – |");
+        assert_eq!(lines[3], "| 50.0 % | 34,567 | 0.25 s | 0.123 % | 4.0 ms | 0.050 ms | – |");
+        assert!(lines[4].starts_with("| 1.0 % | – | too few |"), "{}", lines[4]);
+    }
+
+    #[test]
+    fn a_table_for_spreadsheets_has_numbers_alone() {
+        let text = table().tsv();
+        let lines: Vec<Vec<&str>> = text.lines().map(|l| l.split('\t').collect()).collect();
+        assert!(lines.iter().all(|l| l.len() == 7), "{text}");
+        assert_eq!(lines[2], ["0.5", "34567", "0.25", "0.00123", "0.004", "0.00005", ""]);
+        let is_number = |cell: &&str| cell.is_empty() || cell.parse::<f64>().is_ok();
+        assert!(lines[1..].iter().flatten().all(is_number), "{text}");
+    }
+}

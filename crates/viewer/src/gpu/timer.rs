@@ -1,0 +1,81 @@
+//! How long the adapter draws.
+
+use std::sync::mpsc::{TryRecvError, channel};
+use std::time::{Duration, Instant};
+
+use egui_wgpu::wgpu;
+
+use super::context::Context;
+
+/// Two moments of a pass: its begin and its end.
+pub(super) struct Timer {
+    moments: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    read: wgpu::Buffer,
+}
+
+/// Bytes of two moments.
+const BYTES: u64 = 16;
+/// After this long nobody waits any more for a device that may be lost.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+impl Timer {
+    /// `None` where the adapter has no clock.
+    pub(super) fn new(context: &Context) -> Option<Self> {
+        if !context.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+            return None;
+        }
+        let buffer = |usage| {
+            let label = Some("moments");
+            let descriptor = wgpu::BufferDescriptor { label, size: BYTES, usage, mapped_at_creation: false };
+            context.device.create_buffer(&descriptor)
+        };
+        Some(Self {
+            moments: context.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("moments"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2,
+            }),
+            resolved: buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC),
+            read: buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ),
+        })
+    }
+
+    /// Where a pass notes its moments.
+    pub(super) fn writes(&self) -> wgpu::RenderPassTimestampWrites<'_> {
+        wgpu::RenderPassTimestampWrites {
+            query_set: &self.moments,
+            beginning_of_pass_write_index: Some(0),
+            end_of_pass_write_index: Some(1),
+        }
+    }
+
+    /// After the pass: the moments into memory.
+    pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.resolve_query_set(&self.moments, 0..2, &self.resolved, 0);
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.read, 0, BYTES);
+    }
+
+    /// Seconds between both, after the work was submitted. Others can use the device while this waits.
+    pub(super) fn seconds(&self, context: &Context) -> Option<f64> {
+        let (sender, receiver) = channel();
+        self.read.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
+        let begin = Instant::now();
+        loop {
+            context.device.poll(wgpu::PollType::Poll).ok()?;
+            match receiver.try_recv() {
+                Ok(Ok(())) => break,
+                Err(TryRecvError::Empty) if begin.elapsed() < PATIENCE => {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                _ => return None,
+            }
+        }
+        let view = self.read.get_mapped_range(..).ok()?;
+        let [from, to] = [0, 8].map(|at| u64::from_le_bytes(view[at..at + 8].try_into().unwrap_or_default()));
+        drop(view);
+        self.read.unmap();
+        let ticks = to.checked_sub(from)?;
+        Some(ticks as f64 * f64::from(context.queue.get_timestamp_period()) * 1e-9)
+    }
+}

@@ -1,0 +1,86 @@
+//! Times of making levels and of drawing them, as a table that can be taken along.
+
+use eframe::egui::{self, Align, Layout, RichText, Ui, Vec2};
+
+use super::{Say, Scope, parts};
+use crate::benchmark::{HEADS, LEVELS, Table};
+use crate::job::Kind;
+use crate::keys::Action;
+use crate::theme::{number, weak};
+
+/// The panel.
+pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let document = scope.document;
+    let is_running = document.is_busy(Kind::Benchmark);
+    let table = document.benchmark_table();
+    ui.horizontal(|ui| {
+        if is_running {
+            let tip = format!("End what is under way ({})", Action::Cancel.key());
+            if ui.button("Stop measuring").on_hover_text(tip).clicked() {
+                scope.action(Action::Cancel);
+            }
+        } else {
+            let tip = format!(
+                "Makes {} levels with the present method and draws each ({})",
+                LEVELS.len(),
+                Action::Benchmark.key()
+            );
+            let button = egui::Button::new("Measure times");
+            if ui.add_enabled(document.original().is_some(), button).on_hover_text(tip).clicked() {
+                scope.action(Action::Benchmark);
+            }
+        }
+        let Some(table) = table.as_ref().filter(|t| !t.rows.is_empty()) else { return };
+        for (name, tip, text) in [
+            ("Copy as Markdown", "A table for pages", table.markdown()),
+            ("Copy as TSV", "Numbers alone, for spreadsheets", table.tsv()),
+        ] {
+            if ui.button(name).on_hover_text(tip).clicked() {
+                scope.says.push(Say::Copy(text));
+            }
+        }
+        let missing = (LEVELS.len() + 1).saturating_sub(table.rows.len());
+        if missing > 0 {
+            let text = if is_running { "to come" } else { "were not measured" };
+            ui.label(weak(ui, format!("{missing} {text}")));
+        }
+    });
+    match table.filter(|t| !t.rows.is_empty()) {
+        Some(table) => {
+            ui.add(egui::Label::new(weak(ui, table.title()).small()).wrap().selectable(true));
+            grid(ui, &table);
+        }
+        None if document.original().is_none() => parts::nothing(ui, "open a file to measure times"),
+        None if is_running => parts::nothing(ui, "the first row comes soon"),
+        None => parts::nothing(ui, "nothing was measured yet"),
+    }
+}
+
+fn grid(ui: &mut Ui, table: &Table) {
+    ui.spacing_mut().interact_size.y = 18.0;
+    let width = ui.available_width() / HEADS.len() as f32;
+    let cell = |ui: &mut Ui, column: usize, text: RichText| {
+        let align = if column == 0 {
+            Layout::left_to_right(Align::Center)
+        } else {
+            Layout::right_to_left(Align::Center)
+        };
+        let size = Vec2::new(width, 18.0);
+        ui.allocate_ui_with_layout(size, align, |ui| {
+            ui.set_min_size(size);
+            ui.add(egui::Label::new(text).truncate());
+        });
+    };
+    let line = |ui: &mut Ui, cells: Vec<RichText>| {
+        ui.horizontal(|ui| {
+            ui.spacing_mut().item_spacing.x = 0.0;
+            cells.into_iter().enumerate().for_each(|(column, text)| cell(ui, column, text));
+        });
+    };
+    ui.spacing_mut().item_spacing.y = 2.0;
+    let heads = HEADS.map(|head| weak(ui, head).small());
+    line(ui, heads.into());
+    for row in &table.rows {
+        line(ui, row.cells().map(number).into());
+    }
+}

@@ -1,0 +1,130 @@
+//! The progressive mesh behind the slider: any level at once, while the exact run is still to come.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use lodsmith::{Control, Length, Part, ProgressiveScene, SimplifyError, Stop};
+use lodsmith_core::{MeshError, Model, TriMesh};
+use lodsmith_io::ModelSource;
+
+use crate::content::{Lighter, Original, diagonal_of, parts_of, placed_meshes};
+use crate::document::{Drawing, Shown};
+use crate::gpu::Context;
+use crate::words::{Normals, Simplification};
+
+/// Triangles above which there is no road: a jump would hold the window, and the memory is several times the mesh.
+pub const MOST_FACES: usize = 3_000_000;
+
+/// Largest distance over the RMS distance, until a run has shown it for the model. (Measured: 7 to 13 on cow, bunny,
+/// nefertiti and spot at errors of 0.5 and 2 % of the diagonal, 9 to 26 at 0.1 %.)
+const PEAK: f64 = 8.0;
+
+/// A model that moves between levels, and its buffers on the graphics card.
+pub struct Road {
+    scene: ProgressiveScene,
+    /// The mesh of the model that each part is.
+    meshes: Vec<usize>,
+    diagonal: f64,
+    /// As it stands, in the numbers of the road.
+    model: Model,
+    draw: Option<Drawing>,
+    /// Whether normals of the original are shown.
+    keeps_normals: bool,
+    peak: f64,
+}
+
+impl Road {
+    /// Makes the road of a model; the target does not matter.
+    ///
+    /// # Errors
+    /// As [`ProgressiveScene::build`].
+    pub fn build(
+        original: &Original,
+        how: &Simplification,
+        context: Option<&Context>,
+        control: &mut dyn Control,
+    ) -> Result<Self, SimplifyError> {
+        let mut options = how.options.clone();
+        options.stop = Stop::default();
+        let (scene, meshes, diagonal) = match &original.file.source {
+            ModelSource::Scene(scene) => {
+                let (taken, diagonal) = (placed_meshes(scene), diagonal_of(scene));
+                let parts = parts_of(scene, &taken);
+                (ProgressiveScene::build(&parts, diagonal, &options, control)?, taken, diagonal)
+            }
+            _ => {
+                options.per_mesh = false;
+                let mesh: &TriMesh = &original.model().meshes[0].mesh;
+                let part = Part { mesh, instances: 1, scale: 1.0, system: None };
+                let diagonal = mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal());
+                (ProgressiveScene::build(&[part], diagonal, &options, control)?, vec![0], diagonal)
+            }
+        };
+        let keeps_normals = how.normals == Normals::Keep;
+        let mut all: Vec<Arc<TriMesh>> = original.model().meshes.iter().map(|m| m.mesh.clone()).collect();
+        for (road, &mesh) in scene.roads().iter().zip(&meshes) {
+            all[mesh] = Arc::new(buffers(road, keeps_normals)?);
+        }
+        let model = original.model().with_meshes(all);
+        let draw = context.map(|c| Arc::new(Mutex::new(c.upload(&model))));
+        Ok(Self { scene, meshes, diagonal, model, draw, keeps_normals, peak: PEAK })
+    }
+
+    /// How many levels there are.
+    pub fn levels(&self) -> usize {
+        self.scene.top() + 1
+    }
+
+    /// Takes in what a run came to: what the largest distance is, next to the mean.
+    pub fn learn(&mut self, run: &Lighter) {
+        let Some(measured) = run.measured() else { return };
+        let peak = measured.hausdorff.symmetric / measured.rms.symmetric;
+        if peak.is_finite() && peak >= 1.0 {
+            self.peak = peak;
+        }
+    }
+
+    /// Goes to the level for a target. `None` where no level can be meant by it.
+    ///
+    /// # Errors
+    /// [`MeshError`], if a level is no mesh.
+    pub fn show(&mut self, how: &Simplification) -> Result<Option<Shown<Lighter>>, MeshError> {
+        let begin = Instant::now();
+        let Some(level) = self.level_for(&how.options.stop) else { return Ok(None) };
+        let before: Vec<usize> = self.scene.roads().iter().map(|r| r.level()).collect();
+        let changed = self.scene.to_level(level);
+        for (i, (road, changed)) in self.scene.roads().iter().zip(&changed).enumerate() {
+            if road.level() == before[i] {
+                continue;
+            }
+            let (number, mesh) = (self.meshes[i], buffers(road, self.keeps_normals)?);
+            if let Some(draw) = &self.draw {
+                let mut draw = draw.lock().unwrap_or_else(PoisonError::into_inner);
+                draw.patch_mesh(number, &mesh, &changed.faces, &changed.wedges);
+            }
+            self.model.meshes[number].mesh = Arc::new(mesh);
+        }
+        let counts = [self.scene.face_count(), self.scene.vertex_count()];
+        let seconds = begin.elapsed().as_secs_f64();
+        let level = Lighter::of_level(self.model.clone(), counts, self.scene.error(), how, seconds);
+        Ok(Some(Shown { content: Arc::new(level), draw: self.draw.clone() }))
+    }
+
+    fn level_for(&self, stop: &Stop) -> Option<usize> {
+        let is_share = |x: f64| x > 0.0 && x.is_finite();
+        let error = stop.error.map(|e| e.in_units(self.diagonal) / self.peak);
+        let is_sound = stop.ratio.is_none_or(is_share) && error.is_none_or(is_share);
+        let mut stop = *stop;
+        stop.error = error.map(Length::Units);
+        is_sound.then(|| self.scene.level_of(&stop, self.diagonal))
+    }
+}
+
+/// A level as it is drawn.
+fn buffers(road: &lodsmith::Progressive, keeps_normals: bool) -> Result<TriMesh, MeshError> {
+    let mut mesh = road.fitted_buffers()?;
+    if !keeps_normals {
+        mesh.set_normals(None)?;
+    }
+    Ok(mesh)
+}

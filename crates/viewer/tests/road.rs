@@ -1,0 +1,230 @@
+//! The slider walks a progressive mesh: any level at once, and a result of its own when it is let go.
+
+use std::path::Path;
+use std::time::Duration;
+
+use lodsmith::{Method, NoControl, SimplifyOptions, Stop, simplify};
+use lodsmith_core::{TriMesh, shapes};
+use lodsmith_io::{Format, Textures};
+use lodsmith_viewer::command::{Command, Target};
+use lodsmith_viewer::content::placed;
+use lodsmith_viewer::document::Document;
+use lodsmith_viewer::export::Export;
+use lodsmith_viewer::gpu::{Context, Frame, Gpu, Placed};
+use lodsmith_viewer::words::Simplification;
+
+const LONG: Duration = Duration::from_secs(120);
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, mesh) in [("blob.ply", shapes::blob(4, 3)), ("torus.obj", shapes::torus(48, 24))] {
+        lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
+    }
+    folder
+}
+
+fn opened_with(context: Option<Context>, path: &Path) -> Document {
+    let mut document = Document::new(context, || {});
+    document.run(Command::Open(vec![path.to_owned()]));
+    assert!(document.settle(LONG), "opening never ends");
+    document
+}
+
+fn opened(path: &Path) -> Document {
+    opened_with(None, path)
+}
+
+fn faces(document: &Document) -> usize {
+    placed(&document.lighter().unwrap().content.model, TriMesh::face_count)
+}
+
+fn is_level(document: &Document) -> bool {
+    document.lighter().is_some_and(|l| l.content.report.is_none())
+}
+
+#[test]
+fn a_drag_shows_levels_at_once_and_ends_with_a_run() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("blob.ply"));
+    let whole = document.original().unwrap().content.faces;
+    assert!(document.has_road());
+    let down = (1..=10).map(|i| whole * (21 - 2 * i) / 21);
+    let up = (1..=10).map(|i| 100 + whole * i / 12);
+    for n in down.chain(up) {
+        document.run(Command::Target(Target::Faces(n)));
+        assert!(faces(&document) <= n && faces(&document) + 3 > n, "{} for {n}", faces(&document));
+        let level = &document.lighter().unwrap().content;
+        assert_eq!(level.faces, faces(&document));
+        assert!(level.report.is_none() && level.error() > 0.0);
+        assert!(document.is_behind() && document.progress().is_none(), "a run was begun for {n}");
+        document.poll();
+        assert!(document.progress().is_none(), "a run was begun for {n}");
+    }
+    document.run(Command::Target(Target::Faces(700)));
+    document.seal();
+    assert!(document.settle(LONG));
+    let original = document.original().unwrap().content.model().meshes[0].mesh.clone();
+    let run = simplify(&original, &SimplifyOptions::new(Stop::faces(700)), &mut NoControl).unwrap();
+    let shown = &document.lighter().unwrap().content;
+    assert_eq!(*shown.model.meshes[0].mesh, run.mesh, "the result is that of a plain run");
+    assert_eq!(shown.report.as_ref(), Some(&run.report));
+    document.undo();
+    assert!(document.lighter().is_none(), "a drag is one step");
+}
+
+#[test]
+fn every_unit_has_its_level() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("blob.ply"));
+    let whole = document.original().unwrap().content.clone();
+    document.run(Command::Target(Target::Vertices(300)));
+    assert!(is_level(&document));
+    let level = document.lighter().unwrap().content.clone();
+    assert!(level.vertices <= 300 && level.vertices > 290, "{}", level.vertices);
+    document.run(Command::Target(Target::Ratio(0.25)));
+    assert!(is_level(&document));
+    assert!(faces(&document) * 4 <= whole.faces && faces(&document) * 4 > whole.faces - 20);
+    let mut last = 0;
+    for share in [0.05, 0.02, 0.01, 0.005] {
+        document.run(Command::Target(Target::Error(share)));
+        assert!(is_level(&document));
+        assert!(faces(&document) > last, "less error, more faces");
+        last = faces(&document);
+        // What the run keeps within the error is not far off.
+        assert!(document.settle(LONG));
+        let run = document.lighter().unwrap().content.faces as f64;
+        assert!((0.3..3.0).contains(&(last as f64 / run)), "{last} for {run} at {share}");
+    }
+    document.run(Command::Target(Target::Original));
+    assert!(document.lighter().is_none());
+    // What no target is goes to the engine, which says so.
+    document.run(Command::Target(Target::Ratio(-1.0)));
+    assert!(!is_level(&document));
+}
+
+#[test]
+fn a_rest_makes_a_result_and_the_drag_goes_on() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("torus.obj"));
+    document.run(Command::Target(Target::Faces(900)));
+    document.finish();
+    assert!(document.settle(LONG));
+    assert!(!is_level(&document));
+    document.run(Command::Target(Target::Faces(400)));
+    assert!(is_level(&document) && faces(&document) <= 400);
+    document.undo();
+    assert!(document.lighter().is_none(), "a rest is no step");
+    document.redo();
+    assert!(is_level(&document) && document.settle(LONG));
+    assert!(!is_level(&document) && faces(&document) <= 400);
+}
+
+#[test]
+fn the_road_is_that_of_the_method() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("torus.obj"));
+    let mut how = Simplification::default();
+    how.options.method = Method::Planar;
+    document.run(Command::Method(Box::new(how.clone())));
+    assert!(document.settle(LONG));
+    assert!(!document.has_road());
+    let told = document.log.entries().iter().any(|l| l.text.contains("planar") && l.text.contains("slider"));
+    assert!(told, "nothing says that the slider does not follow");
+    how.options.method = Method::Quadric;
+    document.run(Command::Method(Box::new(how.clone())));
+    assert!(!document.has_road(), "that of another method");
+    document.run(Command::Target(Target::Faces(500)));
+    assert!(!is_level(&document), "without a road the method runs");
+    assert!(document.settle(LONG));
+    assert!(document.has_road() && faces(&document) <= 500);
+    document.run(Command::Target(Target::Faces(300)));
+    assert!(is_level(&document) && faces(&document) <= 300);
+    // Another file has another road.
+    document.run(Command::Open(vec![folder.path().join("blob.ply")]));
+    assert!(document.settle(LONG) && document.has_road());
+    document.run(Command::Target(Target::Faces(1000)));
+    assert!(faces(&document) > 990);
+}
+
+#[test]
+fn what_is_written_is_the_result_and_no_level() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("blob.ply"));
+    document.run(Command::Target(Target::Faces(600)));
+    assert!(is_level(&document));
+    let path = folder.path().join("out.ply");
+    let (format, textures) = (Format::Ply, Textures::default());
+    document.export(Export { path: path.clone(), format, ascii: false, textures, levels: Vec::new() }, 0.0);
+    assert!(document.settle(LONG));
+    let original = document.original().unwrap().content.model().meshes[0].mesh.clone();
+    let run = simplify(&original, &SimplifyOptions::new(Stop::faces(600)), &mut NoControl).unwrap();
+    let read = lodsmith_io::read_path(&path, &Default::default()).unwrap();
+    assert_eq!(read.mesh, run.mesh);
+}
+
+#[test]
+fn a_scene_moves_as_one() {
+    let wave = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/wave.glb");
+    let mut document = opened(&wave);
+    let whole = document.original().unwrap().content.faces;
+    for share in [0.8, 0.3, 0.5] {
+        document.run(Command::Target(Target::Ratio(share)));
+        assert!(is_level(&document));
+        let count = faces(&document) as f64 / whole as f64;
+        assert!(count <= share && count > share - 0.1, "{count} for {share}");
+    }
+    assert!(document.settle(LONG) && !is_level(&document));
+}
+
+/// The buffers that were patched level after level show what new ones show.
+#[test]
+fn patched_levels_look_like_new_ones() {
+    let mut gpu = match Gpu::headless() {
+        Ok(gpu) => gpu,
+        Err(e) if std::env::var_os("LODSMITH_REQUIRE_GPU").is_some_and(|v| v == "1") => {
+            unreachable!("an adapter is demanded: {e}")
+        }
+        Err(_) => return,
+    };
+    let folder = folder();
+    for name in ["blob.ply", "torus.obj"] {
+        let mut document = opened_with(Some(gpu.context().clone()), &folder.path().join(name));
+        for n in [1000, 300, 320, 900, 60, 1500] {
+            document.run(Command::Target(Target::Faces(n)));
+            assert!(is_level(&document));
+            let bounds = document.original().unwrap().content.bounds;
+            let shown = document.lighter().unwrap();
+            let fresh = gpu.upload(&shown.content.model);
+            let patched = shown.draw.as_ref().unwrap().lock().unwrap();
+            let [one, two] = [&patched, &fresh].map(|model| picture(&mut gpu, model, bounds));
+            let off = one.pixels().iter().zip(two.pixels());
+            let off: f64 =
+                off.map(|(a, b)| (0..3).map(|k| f64::from(a[k].abs_diff(b[k]))).sum::<f64>()).sum();
+            let mean = off / (3.0 * 255.0 * one.pixels().len() as f64);
+            assert!(mean < 0.01, "{name} at {n}: {mean}");
+        }
+    }
+}
+
+fn picture(
+    gpu: &mut Gpu,
+    model: &lodsmith_viewer::gpu::DrawModel,
+    bounds: lodsmith_core::Bounds,
+) -> lodsmith_core::Image {
+    let pose = lodsmith_core::model::Pose::default();
+    let (look, lighting) = (lodsmith_render::Look::default(), lodsmith_render::Lighting::default());
+    let frame = Frame {
+        models: &[Placed::new(model, &pose)],
+        bounds,
+        camera: lodsmith_render::Camera::fitting(&bounds, lodsmith_render::StandardView::Iso, 1.0),
+        look: &look,
+        lighting: &lighting,
+        background: lodsmith_render::Background::Color([0.5; 3]),
+        ground: false,
+        matcap: None,
+        shader: None,
+    };
+    let mut target = gpu.target([200, 200]);
+    gpu.draw(&mut target, &frame);
+    target.read_back()
+}

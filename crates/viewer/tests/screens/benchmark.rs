@@ -1,0 +1,64 @@
+//! Times of levels: the panel, its key, and what can be taken along.
+
+use std::path::Path;
+
+use eframe::egui::{Key, Modifiers, OutputCommand, Role};
+use egui_kittest::kittest::Queryable;
+use lodsmith_viewer::benchmark::HEADS;
+use lodsmith_viewer::panel::Panel;
+
+use super::Desk;
+
+/// What a button puts into the clipboard.
+fn copied(desk: &mut Desk, button: &str) -> String {
+    desk.harness.get_by_role_and_label(Role::Button, button).click();
+    for _ in 0..4 {
+        desk.harness.step();
+        let commands = &desk.harness.output().platform_output.commands;
+        if let Some(OutputCommand::CopyText(text)) = commands.first() {
+            return text.clone();
+        }
+    }
+    unreachable!("{button} copies nothing")
+}
+
+#[test]
+fn times_of_every_level_are_measured_and_copied() {
+    for is_light in [false, true] {
+        let Some(mut desk) = Desk::with(is_light, Some(Path::new("../../testdata/finial.ply"))) else {
+            return;
+        };
+        assert!(!desk.app().is_shown(Panel::Benchmark));
+        desk.press(Key::F10);
+        desk.harness.get_by_label("nothing was measured yet");
+        desk.press_with(Modifiers::COMMAND, Key::B);
+        let table = desk.app().document().benchmark_table().unwrap();
+        assert_eq!(table.rows.len(), 6);
+        for row in &table.rows {
+            let level = row.level.as_ref().unwrap();
+            assert_eq!(level.simplify_secs.is_some(), row.share < 1.0);
+            assert!(level.upload_secs.is_some_and(|s| s > 0.0) && level.frame_secs.is_some_and(|s| s > 0.0));
+            assert!(level.adapter_secs.is_none_or(|s| (0.0..60.0).contains(&s)), "{level:?}");
+        }
+        desk.picture(if is_light { "benchmark_light" } else { "benchmark_dark" });
+        assert_eq!(copied(&mut desk, "Copy as Markdown"), table.markdown());
+        let tsv = copied(&mut desk, "Copy as TSV");
+        assert_eq!(tsv, table.tsv());
+        assert_eq!(tsv.lines().count(), 7);
+        assert!(HEADS.iter().all(|head| table.markdown().contains(head)));
+    }
+}
+
+#[test]
+fn measuring_stops_when_it_is_told_to() {
+    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::B);
+    desk.harness.run_steps(2);
+    assert!(desk.app().is_shown(Panel::Benchmark), "who asks wants to see");
+    desk.harness.get_by_role_and_label(Role::Button, "Stop measuring").click();
+    desk.settle();
+    let table = desk.app().document().benchmark_table().unwrap();
+    assert!(table.rows.len() < 6, "{} rows", table.rows.len());
+    desk.harness.get_by_role_and_label(Role::Button, "Measure times");
+    desk.picture("benchmark_stopped");
+}
