@@ -1,5 +1,6 @@
-//! A walk through 500 copies of a file: `cargo run --release -p lodsmith-viewer --example walk -- FILE`. Prints how many
-//! triangles the frames had, and what they took of our own thread; the picture itself is the adapter's work.
+//! A walk through copies of a file, 500 unless asked for others: `cargo run -p lodsmith-viewer --example walk -- FILE
+//! [COPIES]`. Prints how many triangles the frames had, and what they took of our own thread; the picture itself is the
+//! adapter's work.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -23,6 +24,7 @@ fn own_secs(since: Instant) -> f64 {
 
 fn main() -> Result<(), String> {
     let file = std::env::args_os().nth(1).map(PathBuf::from).ok_or("which file?")?;
+    let count = std::env::args().nth(2).map_or(Ok(500), |n| n.parse()).map_err(|e| format!("copies: {e}"))?;
     let options =
         ViewOptions { inputs: vec![file], remember: false, use_system_dialogs: false, is_light: None };
     let mut harness = Harness::builder()
@@ -37,7 +39,7 @@ fn main() -> Result<(), String> {
     };
     settle(&mut harness);
     let base = harness.state().document().stage_base().ok_or("there is nothing in it")?;
-    let scatter = Scatter { count: 500, footprint: base.footprint(), ..Scatter::default() };
+    let scatter = Scatter { count, footprint: base.footprint(), ..Scatter::default() };
     for change in [StageChange::Show(true), StageChange::Scatter(scatter)] {
         harness.state_mut().document_mut().run(Command::Stage(change));
     }

@@ -422,6 +422,24 @@ fn one_walks_by_keys_and_levels_switch_by_distance() {
 }
 
 #[test]
+fn the_sample_stands_on_a_stage_in_the_colours_of_its_levels() {
+    let sample: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../testdata/finial.ply"].iter().collect();
+    let Some(mut desk) = Desk::with(false, vec![sample], folder()) else { return };
+    desk.press(Key::Y);
+    desk.act(Action::Copies(CopiesAction::Scatter));
+    desk.act(Action::Copies(CopiesAction::Colors));
+    desk.press(Key::I);
+    let facts = desk.app().stage_view().facts();
+    let used = facts.levels.iter().filter(|l| l.copies > 0).count();
+    assert!(used >= 4, "{:?}", facts.levels);
+    assert!(facts.chosen.triangles < 100 * facts.levels[0].faces / 10);
+    // The picture of docs/viewer.md.
+    let dark = desk.picture("stage");
+    desk.press_with(Modifiers::COMMAND, Key::T);
+    assert_ne!(desk.picture("stage_sample_light"), dark);
+}
+
+#[test]
 fn a_layout_and_a_session_come_back() {
     let copies =
         vec![Placement { turn_deg: 30.0, scale: 1.5, ..Placement::at(-2.0, 1.0) }, Placement::at(2.0, 0.0)];

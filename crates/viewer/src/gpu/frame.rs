@@ -1,5 +1,7 @@
 //! What a picture is to show, and what of it must be drawn.
 
+use std::time::Duration;
+
 use glam::{DMat4, DVec3};
 use lodsmith_core::Bounds;
 use lodsmith_core::model::Pose;
@@ -69,6 +71,8 @@ pub struct Drawn {
     pub culled: u32,
     /// Lights beyond what shaders have room for.
     pub lights_left_out: u32,
+    /// Time until all was ready to be handed to the adapter, which may then let one wait.
+    pub own: Duration,
 }
 
 /// What a target shows, kept to be compared.

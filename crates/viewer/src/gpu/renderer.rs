@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 use eframe::egui;
 use egui_wgpu::wgpu;
@@ -161,6 +162,7 @@ impl Gpu {
         if target.shows(frame) {
             return Drawn::default();
         }
+        let begin = Instant::now();
         let size = target.size();
         let aspect = f64::from(size[0]) / f64::from(size[1]);
         let view = View::new(&frame.camera, aspect, reach(frame));
@@ -221,8 +223,10 @@ impl Gpu {
         if let Some(timer) = &self.timer {
             timer.resolve(&mut encoder);
         }
-        self.context.queue.submit([encoder.finish()]);
         target.shown = Some(Shown::new(frame, size));
+        let commands = encoder.finish();
+        drawn.own = begin.elapsed();
+        self.context.queue.submit([commands]);
         drawn
     }
 

@@ -31,9 +31,9 @@ pub fn show(ctx: &egui::Context) -> bool {
                         ui.columns(3, |columns| {
                             for (group, title) in Group::ALL {
                                 let column = match group {
-                                    Group::File | Group::Detail => 0,
+                                    Group::File | Group::Detail | Group::Stage => 0,
                                     Group::Look | Group::Window => 1,
-                                    Group::Camera | Group::Animation | Group::Stage => 2,
+                                    Group::Camera | Group::Animation => 2,
                                 };
                                 block(&mut columns[column], group, title);
                             }

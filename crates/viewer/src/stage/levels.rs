@@ -214,7 +214,7 @@ mod tests {
     }
 
     fn view(budget: u64) -> View {
-        View { budget, ..View::default() }
+        View { budget, pixels: 1.0, ..View::default() }
     }
 
     #[test]

@@ -295,10 +295,11 @@ impl StageView {
         self.facts.chosen = chosen;
         let painter = ui.painter_at(rect);
         painter.rect_filled(rect, 0.0, palette(ui).window);
+        let mut spent = begin.elapsed();
         if let Some(gpu) = gpu {
-            self.draw(ui, gpu, own, &shown);
+            spent += self.draw(ui, gpu, own, &shown);
         }
-        self.facts.secs = begin.elapsed().as_secs_f64();
+        self.facts.secs = spent.as_secs_f64();
         self.facts.longest_secs = self.facts.longest_secs.max(self.facts.secs);
         self.rings(ui, rect, &response, document, &base);
         self.words(ui, rect, document);
@@ -320,7 +321,9 @@ impl StageView {
         }
     }
 
-    fn draw(&mut self, ui: &Ui, gpu: &mut Gpu, own: &OwnFiles, shown: &Shown<'_>) {
+    /// Draws it; the time that this took of our own.
+    fn draw(&mut self, ui: &Ui, gpu: &mut Gpu, own: &OwnFiles, shown: &Shown<'_>) -> Duration {
+        let begin = Instant::now();
         let Shown { document, base, levels, pose, rect } = shown;
         let settings = document.settings();
         let stage = &settings.stage;
@@ -362,11 +365,13 @@ impl StageView {
             matcap: own.matcap(),
             shader: own.shader(),
         };
-        gpu.draw(target, &frame);
+        let ready = begin.elapsed();
+        let drawn = gpu.draw(target, &frame);
         if let Some(id) = target.texture_id() {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             ui.painter_at(*rect).image(id, *rect, whole, Color32::WHITE);
         }
+        ready + drawn.own
     }
 
     /// The copy under a place, of those that are drawn.
