@@ -1,5 +1,6 @@
 //! From a mesh's attributes to one row of values for each wedge, and back.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
@@ -37,6 +38,8 @@ pub(crate) struct Rows {
     pub(crate) wedge_rows: Vec<WedgeId>,
     /// Whether colours lie between 0 and 1.
     unit_colors: bool,
+    /// Whether joints pull all wedges of a vertex alike: so they do in the result, or it comes apart where it moves.
+    is_pulled_whole: bool,
 }
 
 /// The surface that attributes lie on, in the unit frame.
@@ -60,6 +63,8 @@ struct Column {
     largest: f32,
     /// What those are divided by.
     divisor: f32,
+    /// Whether it moves vertices, all wedges of one alike: so it does in the result, or that comes apart.
+    moves_whole: bool,
 }
 
 /// Where columns stand in rows of a mesh.
@@ -90,7 +95,15 @@ impl Rows {
         let mut layout = Vec::new();
         let mut width = 0;
         let mut add = |of: Of, n: usize| {
-            let mut column = Column { of, at: width, width: n, constant: None, largest: 0.0, divisor: 1.0 };
+            let mut column = Column {
+                of,
+                at: width,
+                width: n,
+                constant: None,
+                largest: 0.0,
+                divisor: 1.0,
+                moves_whole: false,
+            };
             column.constant = column.constant_of(mesh);
             column.bound(mesh);
             width += if column.constant.is_some() { 0 } else { n };
@@ -143,13 +156,25 @@ impl Rows {
                 count += 1;
             }
         }
+        // Wedges of one vertex stand side by side.
+        let differ = |what: &dyn Fn(usize, usize) -> bool| {
+            order.windows(2).any(|pair| {
+                let [(v, a), (u, b)] = [pair[0], pair[1]].map(|(v, w)| (v, wedge_rows[w.index()].index()));
+                v == u && a != b && what(a, b)
+            })
+        };
+        let is_pulled_whole = !differ(&|a, b| !skin_sets.is_empty() && all_pulls[a] != all_pulls[b]);
+        for c in layout.iter_mut().filter(|c| c.constant.is_none() && c.is_movement()) {
+            let of = |row: usize| &values[row * width + c.at..][..c.width];
+            c.moves_whole = !differ(&|a, b| of(a) != of(b));
+        }
         let unit_colors = mesh.colors().is_none_or(|c| c.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
         let directions =
             layout.iter().filter(|c| c.is_direction() && c.constant.is_none()).map(|c| c.at).collect();
         let textures =
             layout.iter().filter(|c| c.is_texture() && c.constant.is_none()).map(|c| c.at).collect();
         let attributes = Attributes::new(count, width, directions, textures, &values, all_pulls);
-        Some((Self { layout, skin_sets, wedge_rows, unit_colors }, attributes))
+        Some((Self { layout, skin_sets, wedge_rows, unit_colors, is_pulled_whole }, attributes))
     }
 
     /// Values in a row.
@@ -289,16 +314,21 @@ impl Rows {
                             *t = [x, y, z, if t[3] < 0.0 { -1.0 } else { 1.0 }];
                         }
                     }
+                    if c.moves_whole {
+                        join(&pairs, c.width, &mut values);
+                    }
                     mesh.add_attribute(Attribute { semantic: semantic.clone(), width: c.width, values })?;
                 }
             }
         }
-        for (i, &set) in self.skin_sets.iter().enumerate() {
-            let Some(attributes) = attributes else { break };
+        let pulls = match attributes {
+            Some(attributes) if !self.skin_sets.is_empty() => self.pulls_of(attributes, &pairs),
+            _ => Vec::new(),
+        };
+        for (i, &set) in self.skin_sets.iter().enumerate().filter(|_| attributes.is_some()) {
             let most = 4 * self.skin_sets.len();
             let (mut joints, mut weights) = (Vec::new(), Vec::new());
-            for p in &pairs {
-                let pulls = &attributes.pulls[p.1.index()];
+            for pulls in &pulls {
                 let kept = &pulls[..pulls.len().min(most)];
                 let sum: f32 = kept.iter().map(|p| p.1).sum();
                 for k in 4 * i..4 * i + 4 {
@@ -311,6 +341,54 @@ impl Rows {
             mesh.add_attribute(Attribute { semantic: Semantic::Weights(set), width: 4, values: weights })?;
         }
         Ok(mesh)
+    }
+
+    /// The joints of each pair: its own, or those of all pairs of its vertex.
+    fn pulls_of<'a>(
+        &self,
+        attributes: &'a Attributes,
+        pairs: &[(VertexId, WedgeId)],
+    ) -> Vec<Cow<'a, [(u32, f32)]>> {
+        let own = |p: &(VertexId, WedgeId)| &attributes.pulls[p.1.index()];
+        let mut all: Vec<Cow<'a, [(u32, f32)]>> = pairs.iter().map(|p| Cow::Borrowed(&own(p)[..])).collect();
+        if !self.is_pulled_whole {
+            return all;
+        }
+        let mut at = 0;
+        for vertex in pairs.chunk_by(|a, b| a.0 == b.0) {
+            if vertex.iter().any(|p| own(p) != own(&vertex[0])) {
+                let mut sums: BTreeMap<u32, f32> = BTreeMap::new();
+                for pulls in vertex.iter().map(own) {
+                    let sum: f32 = pulls.iter().map(|p| p.1).sum();
+                    let share = |weight: f32| if sum > 0.0 { weight / sum } else { 0.0 };
+                    pulls.iter().for_each(|p| *sums.entry(p.0).or_default() += share(p.1));
+                }
+                let mut joined: Pulls = sums.into_iter().filter(|p| p.1 > 0.0).collect();
+                joined.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+                all[at..at + vertex.len()].fill(Cow::Owned(joined));
+            }
+            at += vertex.len();
+        }
+        all
+    }
+}
+
+/// Gives all pairs of a vertex the mean of their values, where they are not alike already.
+fn join(pairs: &[(VertexId, WedgeId)], width: usize, values: &mut [f32]) {
+    let mut rest = values;
+    for vertex in pairs.chunk_by(|a, b| a.0 == b.0) {
+        let (own, after) = rest.split_at_mut(vertex.len() * width);
+        rest = after;
+        let first = own[..width].to_vec();
+        if own.chunks_exact(width).all(|row| row == first) {
+            continue;
+        }
+        let mean = |k: usize| {
+            let sum: f64 = own.iter().skip(k).step_by(width).map(|x| f64::from(*x)).sum();
+            (sum / vertex.len() as f64) as f32
+        };
+        let mean: Vec<f32> = (0..width).map(mean).collect();
+        own.chunks_exact_mut(width).for_each(|row| row.copy_from_slice(&mean));
     }
 }
 
@@ -389,6 +467,10 @@ impl Column {
     }
     fn is_direction(&self) -> bool {
         matches!(self.of, Of::Normals | Of::Further(Semantic::Tangent)) && self.width >= 3
+    }
+    /// Whether it says where vertices go.
+    fn is_movement(&self) -> bool {
+        matches!(&self.of, Of::Further(Semantic::Morph { of: Morphed::Position, .. }))
     }
     fn is_shading(&self) -> bool {
         let morphed = [Morphed::Normal, Morphed::Tangent];

@@ -165,6 +165,42 @@ fn skins_stay_whole_and_the_rest_comes_along() {
 }
 
 #[test]
+fn what_moves_a_vertex_whole_never_tears_it_at_a_seam() {
+    let plain = two_charts(24);
+    let wave = |p: [f64; 3]| (0.5 + 0.5 * (9.0 * p[0] + 5.0 * p[1]).sin()) as f32;
+    let morph = Semantic::Morph { target: 0, of: Morphed::Position };
+    let apart = |mesh: &TriMesh, semantic: &Semantic| -> usize {
+        let found = mesh.further_attributes().iter().find(|a| a.semantic == *semantic).unwrap();
+        let mut first: Vec<Option<WedgeId>> = vec![None; mesh.vertex_count()];
+        let other = |w: &WedgeId| {
+            let v = mesh.vertex_of(*w);
+            found.of(*w) != found.of(*first[v.index()].get_or_insert(*w))
+        };
+        wedges(mesh).filter(other).count()
+    };
+    for is_torn in [false, true] {
+        let mut mesh = plain.clone();
+        let first_chart = |w: WedgeId| mesh.uvs().unwrap()[w.index()][0] < 2.0;
+        let joints = wedges(&mesh).flat_map(|_| [0.0, 1.0, 2.0, 0.0]).collect();
+        let values: Vec<f32> = wedges(&mesh).map(|w| wave(place(&mesh, w))).collect();
+        let weights = values.iter().flat_map(|x| [0.7 * x, 1.0 - x, 0.3 * x, 0.0]).collect();
+        let side = |w| if is_torn && first_chart(w) { 0.5 } else { 0.0 };
+        let moved = wedges(&mesh).zip(&values).flat_map(|(w, x)| [x * x + side(w), 0.0, -x]).collect();
+        for (semantic, width, values) in
+            [(Semantic::Joints(0), 4, joints), (Semantic::Weights(0), 4, weights), (morph.clone(), 3, moved)]
+        {
+            mesh.add_attribute(Attribute { semantic, width, values }).unwrap();
+        }
+        let got = lighter(&mesh, 0.15);
+        assert!(got.wedge_count() > got.vertex_count() + 4, "the seam is still there");
+        assert_eq!(apart(&got, &Semantic::Weights(0)), 0);
+        assert_eq!(apart(&got, &Semantic::Joints(0)), 0);
+        // What was torn before is not sewn together.
+        assert_eq!(apart(&got, &morph) > 0, is_torn);
+    }
+}
+
+#[test]
 fn the_fit_brings_values_closer() {
     let mut mesh = shapes::blob(5, 3);
     let bent = |p: [f64; 3]| [(2.0 * p[0]).sin() as f32, (p[1] * p[2]) as f32];
