@@ -248,7 +248,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Camera, CTRL, Key::Num4, Action::Recall(3), "Camera 4"),
     bind(Group::Stage, NONE, Key::Y, Action::Stage, "Show the stage, or the two sides"),
     bind(Group::Stage, NONE, Key::I, Action::Walk, "Walk through, or see all"),
-    copies(SHIFT, Key::A, CopiesAction::Place, "Place copies by clicks, or choose them"),
+    copies(SHIFT, Key::A, CopiesAction::Place, "Place copies, or choose them"),
     copies(SHIFT, Key::S, CopiesAction::Scatter, "Scatter in another way"),
     copies(SHIFT, Key::D, CopiesAction::Duplicate, "Duplicate the chosen copies"),
     copies(SHIFT, Key::C, CopiesAction::Colors, "A colour for each level"),
