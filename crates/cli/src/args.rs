@@ -24,7 +24,7 @@ pub(crate) use clusters::{BuildArgs, ClustersCommand, CutArgs, LevelsArgs};
 pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
 pub(crate) use progressive::{ExtractArgs, LpmBuildArgs, LpmInfoArgs, Progressive};
-pub(crate) use render::{LookArgs, PlaceArgs, RenderArgs};
+pub(crate) use render::{LookArgs, PlaceArgs, RenderArgs, Surroundings};
 pub(crate) use simplify::{How, Importance, Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 

@@ -263,6 +263,7 @@ impl Pictures {
             background: settings.look.backdrop.background(ui.visuals().dark_mode),
             ground: settings.look.ground,
             matcap: self.own.matcap(),
+            environment: self.own.environment(),
             shader: self.own.shader(),
         };
         let drawn: Drawn = gpu.draw(target, &frame);

@@ -24,6 +24,8 @@ pub(crate) enum Purpose {
     ExportFolder,
     /// A picture of a lit ball.
     Matcap,
+    /// A picture of all directions.
+    Around,
     /// A shader.
     Shader,
 }
@@ -37,6 +39,7 @@ impl Purpose {
             Self::ExportFile => "Export",
             Self::ExportFolder => "Folder for all levels",
             Self::Matcap => "Picture of a lit ball",
+            Self::Around => "Picture of all directions",
             Self::Shader => "Shader",
         }
     }
@@ -49,6 +52,7 @@ impl Purpose {
             Self::OpenSession | Self::SaveSession => vec!["json"],
             Self::ExportFolder => Vec::new(),
             Self::Matcap => vec!["png", "jpg", "jpeg", "webp"],
+            Self::Around => vec!["hdr", "png", "jpg", "jpeg", "webp"],
             Self::Shader => vec!["wgsl"],
         }
     }
