@@ -26,7 +26,7 @@ pub(crate) use engine::{How, Importance};
 pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
 pub(crate) use progressive::{ExtractArgs, LpmBuildArgs, LpmInfoArgs, Progressive};
-pub(crate) use render::{LookArgs, MomentArgs, PlaceArgs, RenderArgs};
+pub(crate) use render::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings};
 pub(crate) use simplify::{Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 

@@ -94,6 +94,30 @@ fn levels_stand_on_one_sheet() {
     assert!(seen.width() > 400 && seen.height() > 120, "{seen:?}");
 }
 
+#[test]
+fn surroundings_are_seen_in_materials() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("squares.glb"), two_squares(2)).expect("a file");
+    let draw = |options: &str| {
+        desk.run(&format!("render squares.glb -o out.png --size 60x40 -q {options}")).with_status(0);
+        picture(&desk, "out.png")
+    };
+    let plain = draw("");
+    assert_eq!(plain, draw("--environment none"));
+    let studio = draw("--environment studio");
+    assert_ne!(plain, studio);
+    // A picture of the sky is a file like any other, and one that is none says so.
+    desk.run("render squares.glb -o sky.png --size 64x32 -q").with_status(0);
+    let sky = draw("--environment sky.png");
+    assert!(sky != plain && sky != studio);
+    let error =
+        desk.run("render squares.glb -o out.png --environment squares.glb").with_status(1).with_one_error();
+    assert!(error.stderr.contains("squares.glb"), "{}", error.stderr);
+    let error =
+        desk.run("render squares.glb -o out.png --environment no.hdr").with_status(1).with_one_error();
+    assert!(error.stderr.contains("no.hdr"), "{}", error.stderr);
+}
+
 /// A GLB of two squares in grids of `n`, green and twice as large beside red, each a mesh with a material.
 fn two_squares(n: u32) -> Vec<u8> {
     let places = (0..=n).flat_map(|y| (0..=n).map(move |x| [x, y].map(|i| i as f32 / n as f32)));

@@ -32,7 +32,7 @@ pub enum PictureError {
 /// Quality of a JPEG: edges of a drawing stay sharp. (By eye.)
 const JPEG_QUALITY: u8 = 92;
 /// Most bytes that a picture may take when it is unpacked, whatever its header says.
-const UNPACKED_MAX: u64 = 1 << 30;
+pub(crate) const UNPACKED_MAX: u64 = 1 << 30;
 
 impl PictureFormat {
     /// All of them.

@@ -9,6 +9,7 @@ use glam::{DVec3, Mat3, Vec3};
 use lodsmith_core::model::VertexColors;
 use lodsmith_core::{Image, WedgeId};
 
+use crate::environment::Environment;
 use crate::light::LightKind;
 use crate::linear;
 use crate::look::Shading;
@@ -54,6 +55,7 @@ pub(crate) struct Shader<'a> {
     surface: Vec3,
     wire: Option<(Vec3, f32, f32)>,
     matcap: Option<Arc<Image>>,
+    environment: Option<Arc<Environment>>,
     heat: (crate::ColorMap, f32, f32),
 }
 
@@ -149,6 +151,7 @@ impl<'a> Shader<'a> {
             surface: linear::of_srgb(look.surface),
             wire: is_wired.then(|| (linear::of_srgb([r, g, b]), opacity.min(1.0), width)),
             matcap: view.matcap.clone().filter(|m| !m.pixels().is_empty()),
+            environment: view.environment.clone(),
             heat: (look.color_map, low, high),
         }
     }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use lodsmith_core::{Bounds, Image};
 
 use crate::camera::{Camera, StandardView};
+use crate::environment::Environment;
 use crate::light::Lighting;
 use crate::look::{Background, Look};
 
@@ -28,6 +29,8 @@ pub struct View {
     pub background: Background,
     /// The lit ball of [`Shading::Matcap`](crate::Shading::Matcap); `None` takes one of clay.
     pub matcap: Option<Arc<Image>>,
+    /// What materials mirror, and are lit by beside the lights; `None` is the plain light from above and below.
+    pub environment: Option<Arc<Environment>>,
     /// A floor below the model.
     pub ground: Ground,
     /// Whether creases are darker, as if less light came into them.
@@ -62,6 +65,7 @@ impl View {
             lighting: Lighting::default(),
             background: Background::default(),
             matcap: None,
+            environment: None,
             ground: Ground::default(),
             occlusion: false,
             fine: false,

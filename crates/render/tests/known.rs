@@ -9,8 +9,8 @@ use lodsmith_core::model::{
 };
 use lodsmith_core::{Image, Model, Positions, TriMesh, VertexId, WedgeId, shapes};
 use lodsmith_render::{
-    Background, Camera, Ground, Lens, Light, LightKind, Lighting, Look, RenderError, Shading, StandardView,
-    Subject, View, render,
+    Background, Camera, Environment, Ground, Lens, Light, LightKind, Lighting, Look, RenderError, Shading,
+    StandardView, Subject, View, render,
 };
 
 const PLAIN: [[f32; 3]; 2] = TextureRef::PLAIN;
@@ -500,4 +500,58 @@ fn a_framed_subject_fills_its_picture() {
     let point = Subject::of_mesh(mesh(&[[3.0; 3]; 3], &[[0, 1, 2]])).unwrap();
     let near = point.framed(camera, 1.0, 0.06);
     assert!(near.eye.is_finite() && near.distance() > 0.0 && near.target == DVec3::splat(3.0));
+}
+
+/// A ball of a material in surroundings, without any other light, seen straight from the front.
+fn ball_in(environment: Environment, material: Material) -> Image {
+    let model = model(vec![(shapes::icosphere(5), Material { double_sided: true, ..material })]);
+    let subject = Subject::new(&model).unwrap();
+    let mut view = View::of(&subject.bounds().unwrap(), StandardView::Front, 80, 80);
+    view.look.shading = Shading::Textured;
+    view.background = Background::Transparent;
+    view.lighting.lights.clear();
+    view.environment = Some(Arc::new(environment));
+    view.camera = subject.framed(view.camera, 1.0, 0.05);
+    render(&subject, &view).unwrap()
+}
+
+#[test]
+fn a_white_ball_vanishes_in_white_surroundings() {
+    // Whatever it is made of: what it takes it throws back. 188 is a half as light adds up.
+    let half = Environment::of_light(1, 1, &[glam::Vec3::splat(0.5)]);
+    for (roughness, metallic) in [(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (0.0, 1.0), (0.4, 1.0), (1.0, 0.5)] {
+        let material = Material { roughness, metallic, ..Material::default() };
+        let picture = ball_in(half.clone(), material);
+        for p in picture.pixels().iter().filter(|p| p[3] == 255) {
+            assert!(p[..3].iter().all(|c| c.abs_diff(188) <= 1), "{roughness} {metallic}: {p:?}");
+        }
+    }
+}
+
+#[test]
+fn a_metal_ball_mirrors_what_is_around() {
+    // Red above, green below, blue to the right: +x.
+    let (w, h) = (64, 32);
+    let light = |i: usize| match (i % w, i / w) {
+        (x, y) if (28..36).contains(&x) && (12..20).contains(&y) => glam::Vec3::Z,
+        (_, y) if y < h / 2 => glam::Vec3::X,
+        _ => glam::Vec3::Y,
+    };
+    let pixels: Vec<glam::Vec3> = (0..w * h).map(light).collect();
+    let around = Environment::of_light(w, h, &pixels);
+    let metal = |roughness: f32| Material { roughness, metallic: 1.0, ..Material::default() };
+    let smooth = ball_in(around.clone(), metal(0.0));
+    // The normal half-way between the eye and +x mirrors it: at about sin 45 degrees of the radius, which is 36 pixels.
+    let strongest = |p: [u8; 4]| (0..3).find(|&k| p[k] > 150).unwrap();
+    let seen = [(40, 22), (40, 58), (65, 40)].map(|(x, y)| strongest(smooth.at(x, y)));
+    assert_eq!(seen, [0, 1, 2]);
+    assert!(smooth.at(40, 22)[0] > 200, "metal is not dark: {:?}", smooth.at(40, 22));
+    // The rougher, the more of both at once.
+    let share = |roughness: f32| ball_in(around.clone(), metal(roughness)).at(40, 30)[1];
+    let all = [0.0, 0.5, 1.0].map(share);
+    assert!(all[0] < 40 && all[0] <= all[1] && all[1] < all[2], "{all:?}");
+    // Without metal or gloss it is lit from both sides, softly.
+    let matt = ball_in(around, Material { roughness: 1.0, metallic: 0.0, ..Material::default() });
+    let [above, below] = [matt.at(40, 12), matt.at(40, 68)];
+    assert!(above[0] > above[1] + 100 && below[1] > below[0] + 100, "{above:?} {below:?}");
 }

@@ -33,6 +33,7 @@ fn main() -> Result<(), GpuError> {
             background: Background::default(),
             ground: false,
             matcap: None,
+            environment: None,
             shader: None,
         }
     };

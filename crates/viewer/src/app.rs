@@ -24,7 +24,7 @@ use crate::panel::target::{Unit, Whole};
 use crate::panel::{self, Dock, Facts, Panel, Say, Scope, export, look::SHADINGS, parts};
 use crate::playback::by_key;
 use crate::session::{Memory, Session};
-use crate::settings::{Pose, Sides, Turn};
+use crate::settings::{Around, Pose, Sides, Turn};
 use crate::stage::file::LayoutFile;
 use crate::theme;
 use crate::viewport::{KEY_TURN_RAD, Orbit};
@@ -289,11 +289,13 @@ impl App {
                     form.chosen(&first);
                 }
             }
-            Purpose::Matcap | Purpose::Shader => {
+            Purpose::Matcap | Purpose::Shader | Purpose::Around => {
                 let mut look = self.document.settings().look.clone();
                 if purpose == Purpose::Matcap {
                     look.matcap = Some(first);
                     look.look.shading = Shading::Matcap;
+                } else if purpose == Purpose::Around {
+                    look.around = Around::File(first);
                 } else {
                     look.shader = Some(first);
                 }
@@ -607,6 +609,7 @@ impl App {
                 Say::OpenFile(path) => self.open(vec![path]),
                 Say::OpenSample => self.open_sample(),
                 Say::ChooseMatcap => self.choose(ctx, Purpose::Matcap, None),
+                Say::ChooseAround => self.choose(ctx, Purpose::Around, None),
                 Say::ChooseShader => self.choose(ctx, Purpose::Shader, None),
                 Say::Copy(text) => ctx.copy_text(text),
                 Say::Scatter(scatter) => self.scatter(scatter),

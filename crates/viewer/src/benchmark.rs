@@ -272,6 +272,7 @@ impl<'a> Easel<'a> {
                 background: look.backdrop.background(true),
                 ground: look.ground,
                 matcap: None,
+                environment: None,
                 shader: None,
             };
             let begin = Instant::now();

@@ -282,6 +282,7 @@ impl Pictures {
             background: settings.look.backdrop.background(ui.visuals().dark_mode),
             ground: settings.look.ground,
             matcap: self.own.matcap(),
+            environment: self.own.environment(),
             shader: self.own.shader(),
         };
         // Sides that show the same share one picture.

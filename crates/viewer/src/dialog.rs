@@ -24,6 +24,8 @@ pub(crate) enum Purpose {
     ExportFolder,
     /// A picture of a lit ball.
     Matcap,
+    /// A picture of all directions.
+    Around,
     /// A shader.
     Shader,
     /// A layout of the stage to open.
@@ -43,6 +45,7 @@ impl Purpose {
             Self::ExportFile => "Export",
             Self::ExportFolder => "Folder for all levels",
             Self::Matcap => "Picture of a lit ball",
+            Self::Around => "Picture of all directions",
             Self::Shader => "Shader",
             Self::OpenLayout => "Open a layout",
             Self::SaveLayout => "Save the layout",
@@ -59,6 +62,7 @@ impl Purpose {
             Self::ExportStage => vec!["glb", "gltf"],
             Self::ExportFolder => Vec::new(),
             Self::Matcap => vec!["png", "jpg", "jpeg", "webp"],
+            Self::Around => vec!["hdr", "png", "jpg", "jpeg", "webp"],
             Self::Shader => vec!["wgsl"],
         }
     }

@@ -599,8 +599,7 @@ impl Document {
 
     /// Tells the worker which files to look at.
     fn watch(&mut self) {
-        let look = &self.settings.look;
-        let own = look.matcap.iter().chain(&look.shader);
+        let own = self.settings.look.files();
         let files: Vec<PathBuf> = self.settings.files.iter().chain(own).cloned().collect();
         if files != self.watched {
             self.watched.clone_from(&files);
@@ -609,8 +608,7 @@ impl Document {
     }
 
     fn is_of_look(&self, path: &Path) -> bool {
-        let look = &self.settings.look;
-        look.matcap.iter().chain(&look.shader).any(|own| own == path)
+        self.settings.look.files().any(|own| own == path)
     }
 
     fn simplify(&mut self, original: Shown<Original>, how: Simplification) {

@@ -6,6 +6,7 @@
 mod adapter;
 mod buffer;
 mod context;
+mod environment;
 mod frame;
 mod layout;
 mod marks;
@@ -22,6 +23,7 @@ mod uniforms;
 
 pub use adapter::Adapter;
 pub use context::{Context, GpuError, Split};
+pub use environment::Surroundings;
 pub use frame::{Drawn, Frame, Placed};
 pub use marks::Marks;
 pub use model::DrawModel;

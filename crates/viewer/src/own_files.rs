@@ -1,17 +1,19 @@
-//! Looks of the user's: a picture of a lit ball, a shader. Read when they are named, and again when they change.
+//! Looks of the user's: a picture of a lit ball, a shader, what is all around. Read when they are named, and again when they change.
 
 use std::path::{Path, PathBuf};
 
 use lodsmith_core::Image;
+use lodsmith_render::Environment;
 
-use crate::gpu::{Gpu, Matcap, SurfaceShader};
-use crate::settings::Appearance;
+use crate::gpu::{Gpu, Matcap, SurfaceShader, Surroundings};
+use crate::settings::{Appearance, Around};
 
 /// What was read, and what was wrong with it.
 #[derive(Default)]
 pub(crate) struct OwnFiles {
     matcap: Option<(PathBuf, Result<Matcap, String>)>,
     shader: Option<(PathBuf, Result<SurfaceShader, String>)>,
+    around: Option<(Around, Result<Surroundings, String>)>,
 }
 
 /// Largest picture of a ball, in pixels along a side: more show nothing more.
@@ -34,8 +36,23 @@ impl OwnFiles {
             let read = |path: &PathBuf| (path.clone(), text_of(path).and_then(make));
             self.shader = look.shader.as_ref().map(read);
         }
+        let is_known = self.around.as_ref().is_some_and(|(of, _)| *of == look.around)
+            && (!have_changed || look.around.file().is_none());
+        if look.around == Around::Plain {
+            self.around = None;
+        } else if !is_known {
+            let made = match look.around.file() {
+                None => Ok(Environment::studio()),
+                Some(path) => environment_of(path),
+            };
+            self.around = Some((look.around.clone(), made.map(|made| gpu.environment(&made))));
+        }
     }
 
+    /// What is all around.
+    pub(crate) fn environment(&self) -> Option<&Surroundings> {
+        self.around.as_ref().and_then(|a| a.1.as_ref().ok())
+    }
     /// The picture of a ball.
     pub(crate) fn matcap(&self) -> Option<&Matcap> {
         self.matcap.as_ref().and_then(|m| m.1.as_ref().ok())
@@ -46,10 +63,12 @@ impl OwnFiles {
     }
     /// What is wrong with them.
     pub(crate) fn error(&self) -> Option<String> {
-        let of = |path: &Path, why: &String| format!("{}: {why}", path.display());
-        let matcap = self.matcap.as_ref().and_then(|m| m.1.as_ref().err().map(|e| of(&m.0, e)));
-        let shader = self.shader.as_ref().and_then(|s| s.1.as_ref().err().map(|e| of(&s.0, e)));
-        matcap.into_iter().chain(shader).reduce(|a, b| format!("{a}\n{b}"))
+        let of_file = |path: &Path, why: &String| format!("{}: {why}", path.display());
+        let matcap = self.matcap.as_ref().and_then(|m| m.1.as_ref().err().map(|e| of_file(&m.0, e)));
+        let shader = self.shader.as_ref().and_then(|s| s.1.as_ref().err().map(|e| of_file(&s.0, e)));
+        let around =
+            self.around.as_ref().and_then(|(of, made)| Some(of_file(of.file()?, made.as_ref().err()?)));
+        matcap.into_iter().chain(shader).chain(around).reduce(|a, b| format!("{a}\n{b}"))
     }
 }
 
@@ -62,6 +81,11 @@ fn image_of(path: &Path) -> Result<Image, String> {
     let pixels = reader.decode().map_err(|e| e.to_string())?.into_rgba8();
     let (width, height) = (pixels.width() as usize, pixels.height() as usize);
     Ok(Image::new(width, height, pixels.into_raw().as_chunks().0.to_vec()))
+}
+
+fn environment_of(path: &Path) -> Result<Environment, String> {
+    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+    Environment::decode(&bytes).map_err(|e| e.to_string())
 }
 
 fn text_of(path: &Path) -> Result<String, String> {

@@ -131,6 +131,8 @@ pub enum Say {
     OpenSample,
     /// Choose a picture of a lit ball.
     ChooseMatcap,
+    /// Choose a picture of all directions.
+    ChooseAround,
     /// Choose a shader.
     ChooseShader,
     /// Into the clipboard.

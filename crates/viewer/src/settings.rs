@@ -136,6 +136,8 @@ pub struct Appearance {
     pub rig: Rig,
     /// How strong it is.
     pub brightness: f32,
+    /// What materials mirror.
+    pub around: Around,
     /// A picture of a lit ball.
     pub matcap: Option<PathBuf>,
     /// A shader of the user's.
@@ -150,9 +152,39 @@ impl Default for Appearance {
             ground: false,
             rig: Rig::default(),
             brightness: 1.0,
+            around: Around::default(),
             matcap: None,
             shader: None,
         }
+    }
+}
+
+/// What materials mirror and are lit by beside the lights.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum Around {
+    /// Plain light from above and below.
+    #[default]
+    Plain,
+    /// A room with soft lamps.
+    Studio,
+    /// A picture of all directions.
+    File(PathBuf),
+}
+
+impl Around {
+    /// The file.
+    pub fn file(&self) -> Option<&PathBuf> {
+        match self {
+            Self::File(path) => Some(path),
+            Self::Plain | Self::Studio => None,
+        }
+    }
+}
+
+impl Appearance {
+    /// Files of the user's that the look is made of.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.matcap.iter().chain(&self.shader).chain(self.around.file())
     }
 }
 

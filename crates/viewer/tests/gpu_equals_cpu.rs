@@ -9,7 +9,8 @@ use lodsmith_core::{
     Attribute, Bounds, Image, Model, Morphed, RegionId, Semantic, TriMesh, VertexId, shapes,
 };
 use lodsmith_render::{
-    Background, Camera, Lens, Light, LightKind, Lighting, Look, Shading, StandardView, Subject, View, render,
+    Background, Camera, Environment, Lens, Light, LightKind, Lighting, Look, Shading, StandardView, Subject,
+    View, render,
 };
 use lodsmith_viewer::content::{Lighter, Original};
 use lodsmith_viewer::gpu::{Context, Frame, Gpu, Marks, Placed, Split, TINTS};
@@ -40,6 +41,7 @@ struct Scene {
     ground: bool,
     camera: Camera,
     heat: Option<Vec<f32>>,
+    environment: Option<Arc<Environment>>,
     most: f64,
 }
 
@@ -57,6 +59,7 @@ impl Scene {
             ground: false,
             camera,
             heat: None,
+            environment: None,
             most: 1.5,
         }
     }
@@ -71,6 +74,7 @@ impl Scene {
         view.lighting = self.lighting.clone();
         view.background = self.background;
         view.ground.grid = self.ground;
+        view.environment = self.environment.clone();
         render(&subject, &view).unwrap()
     }
 
@@ -88,7 +92,9 @@ impl Scene {
         target.resize(SIZE, if gpu.is_software() { 2.0 } else { 1.0 });
         let pose = Pose::default();
         let placed = [Placed::new(&drawn, &pose)];
-        gpu.draw(&mut target, &self.frame(&placed));
+        let environment = self.environment.as_ref().map(|e| gpu.environment(e));
+        let frame = Frame { environment: environment.as_ref(), ..self.frame(&placed) };
+        gpu.draw(&mut target, &frame);
         let image = target.read_back();
         if target.size() == SIZE { image } else { halved(&image) }
     }
@@ -103,6 +109,7 @@ impl Scene {
             background: self.background,
             ground: self.ground,
             matcap: None,
+            environment: None,
             shader: None,
         }
     }
@@ -251,6 +258,21 @@ fn scenes() -> Vec<Scene> {
     all.push(textured("masked", Material { alpha: AlphaMode::Mask(0.5), ..base.clone() }));
     all.push(textured("blended", Material { alpha: AlphaMode::Blend, ..base.clone() }));
     all.push(textured("unlit", Material { unlit: true, ..base }));
+
+    let of =
+        |metallic, roughness| Material { metallic, roughness, double_sided: true, ..Material::default() };
+    // Another colour from each side.
+    let side = |i: usize| glam::Vec3::from([3, 5, 6].map(|k| ((i * k) % 7) as f32 / 4.0));
+    let colored = Arc::new(Environment::of_light(4, 3, &(0..12).map(side).collect::<Vec<_>>()));
+    let studio = Arc::new(Environment::studio());
+    for (name, material, around) in [
+        ("metal-in-a-studio", of(1.0, 0.15), &studio),
+        ("gloss-among-colors", of(0.0, 0.3), &colored),
+        ("metal-among-colors", of(1.0, 0.0), &colored),
+        ("half-of-each", of(0.5, 0.7), &colored),
+    ] {
+        all.push(Scene { environment: Some(around.clone()), ..textured(name, material) });
+    }
     all
 }
 

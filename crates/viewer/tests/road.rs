@@ -222,6 +222,7 @@ fn picture(
         background: lodsmith_render::Background::Color([0.5; 3]),
         ground: false,
         matcap: None,
+        environment: None,
         shader: None,
     };
     let mut target = gpu.target([200, 200]);

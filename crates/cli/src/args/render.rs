@@ -1,5 +1,6 @@
 //! What can be typed after `lodsmith render`.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -109,6 +110,10 @@ pub(crate) struct LookArgs {
     /// A light, see below; may be repeated
     #[arg(long, value_name = "LIGHT", value_parser = light, allow_hyphen_values = true)]
     pub(crate) light: Vec<Light>,
+    /// What materials mirror and are lit by beside the lights: studio, none, or a picture of all directions (.hdr,
+    /// .png, .jpg), twice as wide as high
+    #[arg(long, value_name = "ENVIRONMENT", default_value = "none")]
+    pub(crate) environment: Surroundings,
     /// Darken creases, as if less light came into them
     #[arg(long)]
     pub(crate) occlusion: bool,
@@ -121,6 +126,24 @@ pub(crate) struct LookArgs {
     /// What lies behind, see below
     #[arg(long, value_name = "BACKGROUND", value_parser = background, default_value = "gradient")]
     pub(crate) background: Background,
+}
+
+/// What is all around.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Surroundings {
+    None,
+    Studio,
+    File(PathBuf),
+}
+
+impl From<OsString> for Surroundings {
+    fn from(word: OsString) -> Self {
+        match word.to_str() {
+            Some("none") => Self::None,
+            Some("studio") => Self::Studio,
+            _ => Self::File(word.into()),
+        }
+    }
 }
 
 /// From where.

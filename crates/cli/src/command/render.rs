@@ -10,13 +10,13 @@ use lodsmith::core::{Bounds, Image, Model, Positions, TriMesh, VertexId};
 use lodsmith::{Method, Simplified, SimplifyOptions, Stop, simplify_scene};
 use lodsmith_io::{ModelFile, ModelSource, Warning};
 use lodsmith_render::{
-    Background, Camera, DMat4, DQuat, DVec3, Ground, Legend, Lens, Light, LightKind, Panel, Shading,
-    StandardView, Subject, View, decode, render, sheet,
+    Background, Camera, DMat4, DQuat, DVec3, Environment, Ground, Legend, Lens, Light, LightKind, Panel,
+    Shading, StandardView, Subject, View, decode, render, sheet,
 };
 use serde_json::{Value, json};
 
 use super::{show_warnings, simplify::parts_of};
-use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Up};
+use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings, Up};
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink, Source};
 use crate::in_order;
@@ -93,6 +93,7 @@ struct Drawing<'a> {
     args: &'a RenderArgs,
     items: Vec<Item>,
     matcap: Option<Arc<Image>>,
+    environment: Option<Arc<Environment>>,
     warnings: Vec<(String, Vec<Warning>)>,
 }
 
@@ -197,7 +198,15 @@ impl<'a> Drawing<'a> {
                 Some(Arc::new(read().with_context(|| format!("{}", path.display()))?))
             }
         };
-        let mut drawing = Self { args, items: Vec::new(), matcap, warnings: Vec::new() };
+        let environment = match &args.look.environment {
+            Surroundings::None => None,
+            Surroundings::Studio => Some(Arc::new(Environment::studio())),
+            Surroundings::File(path) => {
+                let read = || anyhow::Ok(Environment::decode(&std::fs::read(path)?)?);
+                Some(Arc::new(read().with_context(|| format!("{}", path.display()))?))
+            }
+        };
+        let mut drawing = Self { args, items: Vec::new(), matcap, environment, warnings: Vec::new() };
         let bar = progress.file("");
         bar.read();
         if let Some(reference) = &args.compare {
@@ -385,6 +394,7 @@ impl<'a> Drawing<'a> {
         let mut view = View::new(camera, width, height);
         view.background = look.background;
         view.matcap = self.matcap.clone();
+        view.environment = self.environment.clone();
         view.ground = Ground { grid: look.grid, shadow: look.shadow };
         view.occlusion = look.occlusion;
         view.fine = self.args.sheet.fine;

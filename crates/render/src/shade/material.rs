@@ -102,11 +102,21 @@ impl Shader<'_> {
             let gleam = fresnel * (facets * 0.5 / hidden.max(1e-4));
             light += color * along * (matt * (Vec3::ONE - fresnel) + gleam);
         });
-        // What is around is a sky over a ground; the rougher the surface, the more of both at once.
         let mirrored = 2.0 * n.dot(to_eye) * n - to_eye;
+        let rim_over =
+            |straight: Vec3| (Vec3::splat(1.0 - roughness).max(straight) - straight) * (1.0 - n_eye).powi(5);
+        if let Some(environment) = &self.environment {
+            let [n, mirrored] = [n, mirrored].map(|v| self.projection.direction_to_world(v));
+            // What is plain and what is metal side by side: each throws back all that it takes, if it is white.
+            let plain = Vec3::splat(PLAIN_REFLECTANCE);
+            let plain = plain + rim_over(plain);
+            let thrown = plain.lerp(base + rim_over(base), metallic);
+            let around = environment.mirrored(mirrored, roughness) * thrown;
+            return light + (environment.matt(n) * matt * (Vec3::ONE - plain) + around) * open;
+        }
+        // What is around is a sky over a ground; the rougher the surface, the more of both at once.
         let around = self.ambient(mirrored.lerp(n, roughness));
-        let rim = (Vec3::splat(1.0 - roughness).max(straight) - straight) * (1.0 - n_eye).powi(5);
-        light + (self.ambient(n) * matt + around * (straight + rim)) * open
+        light + (self.ambient(n) * matt + around * (straight + rim_over(straight))) * open
     }
 
     fn mapped_normal(&self, hit: &Hit<'_>, material: &Material) -> Vec3 {

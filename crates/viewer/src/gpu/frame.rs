@@ -7,6 +7,7 @@ use lodsmith_core::Bounds;
 use lodsmith_core::model::Pose;
 use lodsmith_render::{Background, Camera, Lighting, Look};
 
+use super::environment::Surroundings;
 use super::model::DrawModel;
 use super::renderer::Matcap;
 use super::surface_shader::SurfaceShader;
@@ -31,6 +32,8 @@ pub struct Frame<'a> {
     pub ground: bool,
     /// The lit ball of [`Shading::Matcap`](lodsmith_render::Shading::Matcap); `None` takes one of clay.
     pub matcap: Option<&'a Matcap>,
+    /// What materials mirror; `None` is the plain light from above and below.
+    pub environment: Option<&'a Surroundings>,
     /// Colours surfaces instead of the look's shading.
     pub shader: Option<&'a SurfaceShader>,
 }
@@ -86,6 +89,7 @@ pub(super) struct Shown {
     background: Background,
     ground: bool,
     matcap: Option<u64>,
+    environment: Option<u64>,
     shader: Option<u64>,
 }
 
@@ -105,6 +109,7 @@ impl Shown {
             background: frame.background,
             ground: frame.ground,
             matcap: frame.matcap.map(Matcap::id),
+            environment: frame.environment.map(Surroundings::id),
             shader: frame.shader.map(SurfaceShader::id),
         }
     }
@@ -126,6 +131,7 @@ impl Shown {
             && self.background == frame.background
             && self.ground == frame.ground
             && self.matcap == frame.matcap.map(Matcap::id)
+            && self.environment == frame.environment.map(Surroundings::id)
             && self.shader == frame.shader.map(SurfaceShader::id)
             && self.models.len() == frame.models.len()
             && self.models.iter().zip(frame.models).all(|(was, is)| same(was, is))

@@ -27,7 +27,14 @@ impl Layouts {
         Self {
             frame: group(
                 "frame",
-                &[uniform(0, vertex | fragment), storage(1), storage(2), texture(3), sampler(4)],
+                &[
+                    uniform(0, vertex | fragment),
+                    storage(1),
+                    storage(2),
+                    texture(3),
+                    sampler(4),
+                    image(5, false),
+                ],
             ),
             mesh: group(
                 "mesh",
@@ -63,8 +70,12 @@ fn storage(binding: u32) -> wgpu::BindGroupLayoutEntry {
 }
 
 fn texture(binding: u32) -> wgpu::BindGroupLayoutEntry {
+    image(binding, true)
+}
+
+fn image(binding: u32, filterable: bool) -> wgpu::BindGroupLayoutEntry {
     let ty = wgpu::BindingType::Texture {
-        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+        sample_type: wgpu::TextureSampleType::Float { filterable },
         view_dimension: wgpu::TextureViewDimension::D2,
         multisampled: false,
     };

@@ -10,6 +10,7 @@ use lodsmith_core::{Image, Model};
 
 use super::buffer::Storage;
 use super::context::{Context, GpuError};
+use super::environment::Surroundings;
 use super::frame::{Drawn, Frame, Gathered, Shown, gather, heat_range, reach};
 use super::model::DrawModel;
 use super::pipeline::{Pass, Pipelines, shading_number};
@@ -48,6 +49,8 @@ pub struct Gpu {
     white: wgpu::TextureView,
     /// The matcap of `frame_bind`; 0 is none.
     bound_matcap: u64,
+    /// The surroundings of `frame_bind`; 0 is none.
+    bound_environment: u64,
     sampler: wgpu::Sampler,
     timer: Option<Timer>,
 }
@@ -107,7 +110,7 @@ impl Gpu {
         });
         let instances = Storage::new(&context, "instances", &[]);
         let palette = Storage::new(&context, "palette", &[]);
-        let frame_bind = bind_frame(&context, &globals, &instances, &palette, &white, &sampler);
+        let frame_bind = bind_frame(&context, &globals, &instances, &palette, &white, &sampler, &white);
         let nothing = context.upload(&Model::default());
         let plain_material = nothing.surfaces.plain().clone();
         let no_mesh = super::model::no_mesh(&context);
@@ -124,9 +127,15 @@ impl Gpu {
             no_mesh,
             white,
             bound_matcap: 0,
+            bound_environment: 0,
             sampler,
             timer: None,
         }
+    }
+
+    /// Takes over what is all around.
+    pub fn environment(&self, environment: &lodsmith_render::Environment) -> Surroundings {
+        Surroundings::new(&self.context, environment)
     }
 
     /// The device, to upload with from any thread.
@@ -269,6 +278,7 @@ impl Gpu {
             background: frame.background,
             heat_range: heat_range(frame),
             has_matcap: frame.matcap.is_some(),
+            has_environment: frame.environment.is_some(),
             scale,
         });
         self.context.queue.write_buffer(&self.globals, 0, bytemuck::bytes_of(&globals));
@@ -277,8 +287,10 @@ impl Gpu {
             self.palette.replace(&self.context, bytemuck::cast_slice(&gathered.palette)),
         ];
         let matcap = frame.matcap.map_or(0, Matcap::id);
-        if moved.contains(&true) || matcap != self.bound_matcap {
+        let environment = frame.environment.map_or(0, Surroundings::id);
+        if moved.contains(&true) || matcap != self.bound_matcap || environment != self.bound_environment {
             self.bound_matcap = matcap;
+            self.bound_environment = environment;
             self.frame_bind = bind_frame(
                 &self.context,
                 &self.globals,
@@ -286,6 +298,7 @@ impl Gpu {
                 &self.palette,
                 frame.matcap.map_or(&self.white, |m| &m.view),
                 &self.sampler,
+                frame.environment.map_or(&self.white, |e| &e.view),
             );
         }
     }
@@ -325,6 +338,7 @@ fn bind_frame(
     palette: &Storage,
     matcap: &wgpu::TextureView,
     sampler: &wgpu::Sampler,
+    environment: &wgpu::TextureView,
 ) -> wgpu::BindGroup {
     let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
     context.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -336,6 +350,7 @@ fn bind_frame(
             entry(2, palette.buffer().as_entire_binding()),
             entry(3, wgpu::BindingResource::TextureView(matcap)),
             entry(4, wgpu::BindingResource::Sampler(sampler)),
+            entry(5, wgpu::BindingResource::TextureView(environment)),
         ],
     })
 }

@@ -139,7 +139,7 @@ pub(super) struct Globals {
     background: [[f32; 4]; 2],
     /// Centre of the ground in view coordinates, and the size of a square of its grid.
     ground: [f32; 4],
-    /// Whether borders are shown, and defects.
+    /// Whether borders are shown, defects, and whether there are surroundings.
     marks: [f32; 4],
     /// By [`super::marks::Kind`].
     mark_colors: [[f32; 4]; 4],
@@ -158,6 +158,7 @@ pub(super) struct Seen<'a> {
     pub(super) background: Background,
     pub(super) heat_range: [f32; 2],
     pub(super) has_matcap: bool,
+    pub(super) has_environment: bool,
     /// Pixels of the picture for each pixel of the screen.
     pub(super) scale: f32,
 }
@@ -232,7 +233,7 @@ impl Globals {
             heat: [least, range, map.len() as f32, f32::from(u8::from(seen.has_matcap))],
             background,
             ground: four(below, view.length(grid_step(ball(bounds).1))),
-            marks: [look.borders, look.defects, false, false].map(|x| f32::from(u8::from(x))),
+            marks: [look.borders, look.defects, seen.has_environment, false].map(|x| f32::from(u8::from(x))),
             mark_colors: super::marks::COLORS.map(opaque),
             tints: TINTS.map(|c| opaque(c.map(linear_from_srgb))),
             stops,

@@ -6,7 +6,7 @@ use lodsmith_render::{ColorMap, Shading};
 use super::{Say, Scope, files, parts};
 use crate::command::Command;
 use crate::keys::Action;
-use crate::settings::{Appearance, Backdrop, Rig};
+use crate::settings::{Appearance, Around, Backdrop, Rig};
 
 /// Shadings with their names, in the order of their keys.
 pub const SHADINGS: [(Shading, &str); 7] = [
@@ -84,6 +84,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
     parts::switch(ui, "Ground grid", Some(Action::Ground), "A grid below the model", &mut all.ground);
     parts::choose(ui, "Light", "", &Rig::ALL, &mut all.rig);
+    around(ui, scope, &mut all.around);
     let mut brightness = f64::from(all.brightness);
     parts::slider(ui, "Brightness", "", &mut brightness, 0.2..=3.0);
     all.brightness = brightness as f32;
@@ -95,6 +96,23 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     if all != before {
         scope.command(Command::Look(all));
     }
+}
+
+/// What materials mirror.
+fn around(ui: &mut Ui, scope: &mut Scope<'_>, around: &mut Around) {
+    let tip = "What materials mirror and are lit by beside the lights: a picture of all directions (HDR, PNG, JPEG), \
+        twice as wide as high, is read again when it changes";
+    parts::field(ui, "Surroundings", tip, |ui| {
+        for (choice, name) in [(Around::Plain, "Plain"), (Around::Studio, "Studio")] {
+            if ui.selectable_label(*around == choice, name).clicked() {
+                *around = choice;
+            }
+        }
+        let name = around.file().map_or("Picture…".to_owned(), |path| files::name(path));
+        if ui.selectable_label(around.file().is_some(), name).clicked() {
+            scope.says.push(Say::ChooseAround);
+        }
+    });
 }
 
 /// Files of the user's: a picture of a lit ball, a shader.

@@ -363,6 +363,7 @@ impl StageView {
             background: settings.look.backdrop.background(ui.visuals().dark_mode),
             ground: true,
             matcap: own.matcap(),
+            environment: own.environment(),
             shader: own.shader(),
         };
         let ready = begin.elapsed();

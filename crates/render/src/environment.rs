@@ -1,0 +1,272 @@
+//! What is all around: light from every side, from a picture or a studio.
+
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::fmt;
+use std::io::Cursor;
+
+use glam::Vec3;
+use image::{DynamicImage, ImageFormat, ImageReader};
+use rayon::prelude::*;
+
+use crate::file::{PictureError, UNPACKED_MAX, decode};
+use crate::linear;
+
+/// Pixels in a row of a map: enough for what surfaces show of it. (By eye.)
+pub const WIDTH: usize = 128;
+/// Rows of a map.
+pub const HEIGHT: usize = 64;
+/// Maps, from a mirror to the roughest surface.
+pub const LEVELS: usize = 6;
+/// Directions that one pixel of a rougher map is a mean of. (By eye: with fewer, lamps leave a pattern.)
+const DIRECTIONS: u32 = 64;
+
+/// Light from every side, as if from far away. It stands still in the world, whose up is +y.
+#[derive(Clone, PartialEq)]
+pub struct Environment {
+    /// One behind the other, by falling gloss.
+    maps: Vec<Vec<Vec3>>,
+    /// What comes to a matt surface: of all directions alike, along the axes, and the squares.
+    matt: [Vec3; 9],
+}
+
+impl fmt::Debug for Environment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Environment").field("mean", &self.matt[0]).finish_non_exhaustive()
+    }
+}
+
+impl Environment {
+    /// From the bytes of a picture of all directions: rows from straight up to straight down, twice as wide as high.
+    /// Radiance HDR keeps light brighter than white; of other formats white is 1.
+    ///
+    /// # Errors
+    /// [`PictureError::Codec`] if it is damaged, in no known format, or larger than a gigabyte when unpacked.
+    pub fn decode(bytes: &[u8]) -> Result<Self, PictureError> {
+        let mut reader =
+            ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(image::ImageError::from)?;
+        if reader.format() != Some(ImageFormat::Hdr) {
+            let picture = decode(bytes)?;
+            let light = |&[r, g, b, _]: &[u8; 4]| Vec3::from([r, g, b].map(linear::of_byte));
+            let pixels: Vec<Vec3> = picture.pixels().iter().map(light).collect();
+            return Ok(Self::of_light(picture.width(), picture.height(), &pixels));
+        }
+        let mut limits = image::Limits::default();
+        limits.max_alloc = Some(UNPACKED_MAX);
+        reader.limits(limits);
+        let DynamicImage::ImageRgb32F(picture) = reader.decode()? else {
+            unreachable!("this format has one kind of pixels");
+        };
+        let (width, height) = picture.dimensions();
+        let pixels: Vec<Vec3> = picture.pixels().map(|p| Vec3::from(p.0)).collect();
+        Ok(Self::of_light(width as usize, height as usize, &pixels))
+    }
+
+    /// From light by rows, from straight up to straight down. What is no number or negative is dark.
+    ///
+    /// # Panics
+    /// If there are not so many pixels, or none.
+    pub fn of_light(width: usize, height: usize, pixels: &[Vec3]) -> Self {
+        assert!(width > 0 && height > 0 && pixels.len() == width * height, "{width} by {height} pixels");
+        let sound = |v: Vec3| Vec3::from(v.to_array().map(|x| if x > 0.0 { x.min(1e4) } else { 0.0 }));
+        let span = |i: usize, n: usize, of: usize| {
+            let first = i * of / n;
+            first..((i + 1) * of).div_ceil(n).clamp(first + 1, of.max(first + 1))
+        };
+        let mean = |i: usize| {
+            let (columns, rows) = (span(i % WIDTH, WIDTH, width), span(i / WIDTH, HEIGHT, height));
+            let count = (columns.len() * rows.len()) as f32;
+            let all = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
+            all.fold(Vec3::ZERO, |sum, at| sum + sound(pixels[at])) / count
+        };
+        Self::of_map((0..WIDTH * HEIGHT).into_par_iter().map(mean).collect())
+    }
+
+    /// A dark room with large soft lamps above and beside, over a bright floor.
+    pub fn studio() -> Self {
+        // Direction, half its sides as tangents, brightness. (By eye.)
+        let lamps = [
+            (Vec3::new(-0.55, 0.65, 0.55), [0.55, 0.40], 3.2),
+            (Vec3::new(0.90, 0.25, 0.30), [0.25, 0.60], 1.6),
+            (Vec3::new(0.10, 0.45, -0.90), [0.80, 0.22], 1.8),
+            (Vec3::new(0.0, 1.0, 0.0), [0.60, 0.60], 0.9),
+        ];
+        let light = |d: Vec3| {
+            let wall = 0.16 + 0.12 * d.y;
+            let floor = 0.10 * (-d.y).clamp(0.0, 1.0);
+            let of_lamp = |(at, half, strength): &(Vec3, [f32; 2], f32)| {
+                let at = at.normalize_or(Vec3::Y);
+                let along = d.dot(at);
+                if along <= 0.0 {
+                    return 0.0;
+                }
+                let right = at.cross(if at.y.abs() > 0.9 { Vec3::Z } else { Vec3::Y }).normalize_or(Vec3::X);
+                let upward = right.cross(at);
+                let edge = |x: f32, half: f32| (1.0 - (x.abs() - half) / 0.08).clamp(0.0, 1.0);
+                strength * edge(d.dot(right) / along, half[0]) * edge(d.dot(upward) / along, half[1])
+            };
+            Vec3::new(1.0, 0.99, 0.97) * (wall + floor + lamps.iter().map(of_lamp).sum::<f32>())
+        };
+        Self::of_map((0..WIDTH * HEIGHT).map(|i| light(direction(i))).collect())
+    }
+
+    /// Its numbers for a shader: rows of [`WIDTH`] pixels, the maps below each other, [`HEIGHT`] rows each, and a last row
+    /// that begins with the nine factors of matt surfaces.
+    pub fn table(&self) -> Vec<[f32; 4]> {
+        let last = self.matt.into_iter().chain(std::iter::repeat(Vec3::ZERO)).take(WIDTH);
+        self.maps.iter().flatten().copied().chain(last).map(|v| [v.x, v.y, v.z, 1.0]).collect()
+    }
+
+    fn of_map(mirror: Vec<Vec3>) -> Self {
+        let matt = harmonics(&mirror);
+        let mut maps = vec![mirror];
+        for level in 1..LEVELS {
+            let roughness = level as f32 / (LEVELS - 1) as f32;
+            let map = (0..WIDTH * HEIGHT).into_par_iter().map(|i| spread(&maps[0], direction(i), roughness));
+            maps.push(map.collect());
+        }
+        Self { maps, matt }
+    }
+
+    /// What comes to a matt surface from all sides that it faces, as if white paper were as bright as that.
+    pub(crate) fn matt(&self, n: Vec3) -> Vec3 {
+        let sum = basis(n).iter().zip(&self.matt).fold(Vec3::ZERO, |sum, (b, c)| sum + *c * *b);
+        sum.max(Vec3::ZERO)
+    }
+
+    /// What a surface of a roughness mirrors from a direction.
+    pub(crate) fn mirrored(&self, along: Vec3, roughness: f32) -> Vec3 {
+        let level = roughness.clamp(0.0, 1.0) * (LEVELS - 1) as f32;
+        let first = (level as usize).min(LEVELS - 2);
+        let [a, b] = [first, first + 1].map(|k| looked_up(&self.maps[k], along));
+        a.lerp(b, level - first as f32)
+    }
+}
+
+/// The direction of the middle of a pixel.
+fn direction(pixel: usize) -> Vec3 {
+    let turn = ((pixel % WIDTH) as f32 + 0.5) / WIDTH as f32 * TAU - PI;
+    let (sin, cos) = (FRAC_PI_2 - ((pixel / WIDTH) as f32 + 0.5) / HEIGHT as f32 * PI).sin_cos();
+    Vec3::new(turn.cos() * cos, sin, turn.sin() * cos)
+}
+
+/// A map in a direction, between its pixels.
+fn looked_up(map: &[Vec3], d: Vec3) -> Vec3 {
+    let x = (d.z.atan2(d.x) / TAU + 0.5) * WIDTH as f32 - 0.5;
+    let y = (0.5 - d.y.clamp(-1.0, 1.0).asin() / PI) * HEIGHT as f32 - 0.5;
+    let (x0, y0) = (x.floor(), y.floor());
+    let at = |x: f32, y: f32| {
+        let column = (x as i32).rem_euclid(WIDTH as i32) as usize;
+        map[(y.max(0.0) as usize).min(HEIGHT - 1) * WIDTH + column]
+    };
+    let upper = at(x0, y0).lerp(at(x0 + 1.0, y0), x - x0);
+    let lower = at(x0, y0 + 1.0).lerp(at(x0 + 1.0, y0 + 1.0), x - x0);
+    upper.lerp(lower, y - y0)
+}
+
+/// The mean of what facets of a rough surface mirror, as seen along its normal. [Karis 2013], the GGX lobe.
+fn spread(map: &[Vec3], n: Vec3, roughness: f32) -> Vec3 {
+    let side = n.cross(if n.y.abs() > 0.9 { Vec3::X } else { Vec3::Y }).normalize_or(Vec3::X);
+    let other = n.cross(side);
+    let a2 = roughness.powi(4);
+    let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+    for i in 0..DIRECTIONS {
+        let u = (i as f32 + 0.5) / DIRECTIONS as f32;
+        // Bits turned round: spread evenly whatever their number.
+        let (sin, cos) = (i.reverse_bits() as f32 / 4_294_967_296.0 * TAU).sin_cos();
+        let cos_half = ((1.0 - u) / (1.0 + (a2 - 1.0) * u)).sqrt();
+        let sin_half = (1.0 - cos_half * cos_half).max(0.0).sqrt();
+        let half = side * (cos * sin_half) + other * (sin * sin_half) + n * cos_half;
+        let along = half * (2.0 * n.dot(half)) - n;
+        let weight = n.dot(along);
+        if weight > 0.0 {
+            sum += looked_up(map, along) * weight;
+            weights += weight;
+        }
+    }
+    if weights > 0.0 { sum / weights } else { looked_up(map, n) }
+}
+
+/// Spherical harmonics up to the second degree.
+fn basis(Vec3 { x, y, z }: Vec3) -> [f32; 9] {
+    [
+        0.282_094_8,
+        0.488_602_5 * y,
+        0.488_602_5 * z,
+        0.488_602_5 * x,
+        1.092_548_4 * x * y,
+        1.092_548_4 * y * z,
+        0.315_391_57 * (3.0 * z * z - 1.0),
+        1.092_548_4 * x * z,
+        0.546_274_2 * (x * x - y * y),
+    ]
+}
+
+/// What of a map a matt surface can tell apart, spread over the half that it faces. [Ramamoorthi-Hanrahan 2001]
+fn harmonics(map: &[Vec3]) -> [Vec3; 9] {
+    let mut sums = [Vec3::ZERO; 9];
+    for (i, &light) in map.iter().enumerate() {
+        let row = (i / WIDTH) as f32;
+        let edge = |row: f32| (row / HEIGHT as f32 * PI).cos();
+        let solid = (edge(row) - edge(row + 1.0)) * TAU / WIDTH as f32;
+        let along = basis(direction(i));
+        sums.iter_mut().zip(along).for_each(|(sum, b)| *sum += light * (b * solid));
+    }
+    // By degree, over pi.
+    let share = [1.0, 2.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0, 0.25, 0.25, 0.25, 0.25, 0.25];
+    [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|k| sums[k] * share[k])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn directions() -> impl Iterator<Item = Vec3> {
+        (0..WIDTH * HEIGHT).step_by(37).map(direction)
+    }
+
+    #[test]
+    fn an_even_light_stays_even() {
+        let even = Environment::of_light(2, 1, &[Vec3::splat(0.7); 2]);
+        for d in directions() {
+            assert!((even.matt(d) - 0.7).abs().max_element() < 2e-3, "{:?}", even.matt(d));
+            for roughness in [0.0, 0.1, 0.5, 1.0] {
+                assert!((even.mirrored(d, roughness) - 0.7).abs().max_element() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn a_white_sky_over_black_lights_by_the_share_of_it_that_is_seen() {
+        let sky: Vec<Vec3> = (0..8).map(|i| Vec3::splat(f32::from(u8::from(i < 4)))).collect();
+        let half = Environment::of_light(1, 8, &sky);
+        for d in directions() {
+            // The known answer: (1 + cos) / 2; the second degree adds nothing here, the fourth is left out.
+            let wanted = 0.5 + 0.5 * d.y;
+            assert!((half.matt(d).x - wanted).abs() < 0.01, "{d} {}", half.matt(d));
+        }
+        assert!(half.mirrored(Vec3::Y, 0.0).x > 0.99 && half.mirrored(Vec3::NEG_Y, 0.0).x < 0.01);
+        let slant = Vec3::new(0.8, 0.6, 0.0);
+        assert!(half.mirrored(slant, 0.0).x > 0.99 && half.mirrored(slant, 1.0).x < 0.95);
+    }
+
+    #[test]
+    fn directions_are_found_where_they_were_put() {
+        let mut map = vec![Vec3::ZERO; WIDTH * HEIGHT];
+        let at = 20 * WIDTH + 77;
+        map[at] = Vec3::ONE;
+        assert!((looked_up(&map, direction(at)).x - 1.0).abs() < 1e-3);
+        // Nothing breaks where the map closes.
+        assert!(looked_up(&map, Vec3::new(-1.0, 0.0, -0.0)).is_finite());
+    }
+
+    #[test]
+    fn files_are_read_and_bad_ones_refused() {
+        assert!(Environment::decode(b"no picture").is_err() && Environment::decode(b"#?RADIANCE\n").is_err());
+        // One pixel of 2: mantissa a half, exponent 2.
+        let hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\x80\x80\x80\x82";
+        let bright = Environment::decode(hdr).unwrap();
+        assert!((bright.mirrored(Vec3::X, 0.0).x - 2.0).abs() < 0.02, "{bright:?}");
+        let odd = Environment::of_light(1, 1, &[Vec3::new(f32::NAN, -1.0, f32::INFINITY)]);
+        assert!(odd.matt(Vec3::Y).is_finite());
+    }
+}

@@ -1,0 +1,53 @@
+//! What is all around, on the graphics card.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use egui_wgpu::wgpu;
+use egui_wgpu::wgpu::util::DeviceExt;
+use lodsmith_render::Environment;
+use lodsmith_render::environment::{HEIGHT, LEVELS, WIDTH};
+
+use super::context::Context;
+
+/// Light from every side, ready to be looked up.
+pub struct Surroundings {
+    id: u64,
+    pub(super) view: wgpu::TextureView,
+}
+
+static NEXT: AtomicU64 = AtomicU64::new(1);
+
+impl Surroundings {
+    pub(super) fn new(context: &Context, environment: &Environment) -> Self {
+        let size = wgpu::Extent3d {
+            width: WIDTH as u32,
+            height: (HEIGHT * LEVELS + 1) as u32,
+            depth_or_array_layers: 1,
+        };
+        let descriptor = wgpu::TextureDescriptor {
+            label: Some("environment"),
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba32Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        };
+        let table = environment.table();
+        let texture = context.device.create_texture_with_data(
+            &context.queue,
+            &descriptor,
+            wgpu::util::TextureDataOrder::LayerMajor,
+            bytemuck::cast_slice(&table),
+        );
+        Self {
+            id: NEXT.fetch_add(1, Ordering::Relaxed),
+            view: texture.create_view(&wgpu::TextureViewDescriptor::default()),
+        }
+    }
+
+    pub(super) fn id(&self) -> u64 {
+        self.id
+    }
+}
