@@ -102,17 +102,27 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
 fn around(ui: &mut Ui, scope: &mut Scope<'_>, around: &mut Around) {
     let tip = "What materials mirror and are lit by beside the lights: a picture of all directions (HDR, PNG, JPEG), \
         twice as wide as high, is read again when it changes";
-    parts::field(ui, "Surroundings", tip, |ui| {
-        for (choice, name) in [(Around::Plain, "Plain"), (Around::Studio, "Studio")] {
-            if ui.selectable_label(*around == choice, name).clicked() {
-                *around = choice;
+    let names = [(0, "Plain"), (1, "Studio"), (2, "A picture")];
+    let before = match around {
+        Around::Plain => 0,
+        Around::Studio => 1,
+        Around::File(_) => 2,
+    };
+    let mut chosen = before;
+    parts::choose(ui, "Surroundings", tip, &names, &mut chosen);
+    match chosen {
+        _ if chosen == before => {}
+        0 => *around = Around::Plain,
+        1 => *around = Around::Studio,
+        _ => scope.says.push(Say::ChooseAround),
+    }
+    if let Some(path) = around.file() {
+        parts::field(ui, "", tip, |ui| {
+            if ui.add(egui::Button::new(files::name(path)).truncate()).clicked() {
+                scope.says.push(Say::ChooseAround);
             }
-        }
-        let name = around.file().map_or("Picture…".to_owned(), |path| files::name(path));
-        if ui.selectable_label(around.file().is_some(), name).clicked() {
-            scope.says.push(Say::ChooseAround);
-        }
-    });
+        });
+    }
 }
 
 /// Files of the user's: a picture of a lit ball, a shader.
