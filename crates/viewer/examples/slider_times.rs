@@ -77,6 +77,7 @@ fn flush(gpu: Option<&mut Gpu>, document: &Document) {
         background: Background::default(),
         ground: false,
         matcap: None,
+        environment: None,
         shader: None,
     };
     gpu.draw(&mut target, &frame);
