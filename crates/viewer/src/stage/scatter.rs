@@ -61,7 +61,7 @@ impl Scatter {
     /// The copies after this one was done to those that stand.
     ///
     /// None of the new ones touches another, where they can be had: circles are thrown, and where one finds no room in
-    /// [`THROWS`] throws, all are put into the cells of a square grid, if those are large enough. Else it stands where there
+    /// 200 throws, all are put into the cells of a square grid, if those are large enough. Else it stands where there
     /// is most room. Cost: O(count · throws).
     pub fn scattered(&self, standing: &[Placement]) -> Vec<Placement> {
         let kept: &[Placement] = if self.keeps { standing } else { &[] };
