@@ -1,5 +1,7 @@
 //! The order of vertices and faces in memory, which alone changes times by a factor of two and more on large meshes.
 
+use lodsmith_core::sampling::Random;
+
 use crate::Soup;
 
 /// How vertices and faces are laid out.
@@ -41,12 +43,12 @@ impl Order {
                 sorted
             }
             Self::Shuffled => {
-                let mut chance = Chance(0x10D5_3117);
+                let mut random = Random::new(0x10D5_3117);
                 let mut order: Vec<u32> = (0..soup.positions.len() as u32).collect();
-                chance.shuffle(&mut order);
+                shuffle(&mut order, &mut random);
                 let mut shuffled = renumbered(soup, &order);
                 let mut faces: Vec<[u32; 3]> = bytemuck::cast_slice(&shuffled.indices).to_vec();
-                chance.shuffle(&mut faces);
+                shuffle(&mut faces, &mut random);
                 shuffled.indices = faces.into_flattened();
                 shuffled
             }
@@ -88,23 +90,9 @@ fn morton_codes(positions: &[[f32; 3]]) -> Vec<u64> {
     positions.iter().map(code).collect()
 }
 
-/// A small generator of numbers by chance (`SplitMix64`); equal seeds give equal numbers.
-#[derive(Clone, Debug)]
-struct Chance(u64);
-
-impl Chance {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn shuffle<T>(&mut self, items: &mut [T]) {
-        for i in (1..items.len()).rev() {
-            items.swap(i, (self.next() % (i as u64 + 1)) as usize);
-        }
+fn shuffle<T>(items: &mut [T], random: &mut Random) {
+    for i in (1..items.len()).rev() {
+        items.swap(i, (random.next_u64() % (i as u64 + 1)) as usize);
     }
 }
 

@@ -41,6 +41,35 @@ impl Sample {
     }
 }
 
+/// A small seeded generator: the same numbers on every machine.
+///
+/// Source: SplitMix64 [Steele 2014].
+#[derive(Clone, Debug)]
+pub struct Random(u64);
+
+/// What SplitMix64 counts by.
+const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+
+impl Random {
+    /// Equal seeds give equal numbers.
+    pub const fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    /// Any number, all as likely.
+    #[inline]
+    pub fn next_u64(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(STEP);
+        mix(self.0)
+    }
+
+    /// Evenly spread from zero to below one.
+    #[inline]
+    pub fn unit(&mut self) -> f64 {
+        unit(self.next_u64())
+    }
+}
+
 /// Faces laid side by side, ready to be sampled.
 #[derive(Clone, Debug)]
 pub struct Sampler {
@@ -157,8 +186,13 @@ fn fold(along: f64, in_face: f64, seed: u64, number: usize) -> [f64; 3] {
 /// Source: the mixing steps of SplitMix64 [Steele 2014], over a counter.
 #[inline]
 fn random(seed: u64, number: usize, stream: u64) -> f64 {
-    let mut x = mix(seed).wrapping_add((number as u64 * 3 + stream).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    x = mix(x);
+    let x = mix(seed).wrapping_add((number as u64 * 3 + stream).wrapping_mul(STEP));
+    unit(mix(x))
+}
+
+/// The upper bits as a number from 0 to below 1.
+#[inline]
+fn unit(x: u64) -> f64 {
     (x >> 11) as f64 / (1u64 << 53) as f64
 }
 
@@ -180,6 +214,15 @@ mod tests {
 
     const SQUARE: [[f64; 3]; 5] =
         [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [f64::NAN, 0.0, 0.0]];
+
+    #[test]
+    fn numbers_by_chance_are_those_of_the_paper() {
+        // The first numbers of the reference program for the seed 1234567.
+        let mut random = Random::new(1_234_567);
+        let first = [6_457_827_717_110_365_317, 3_203_168_211_198_807_973, 9_817_491_932_198_370_423];
+        assert_eq!(first, [(); 3].map(|()| random.next_u64()));
+        assert!((0..1000).map(|_| random.unit()).all(|x| (0.0..1.0).contains(&x)));
+    }
 
     #[test]
     fn faces_get_samples_by_their_area() {

@@ -8,6 +8,7 @@ use std::f64::consts::{PI, TAU};
 
 use crate::ids::VertexId;
 use crate::mesh::{Positions, TriMesh};
+use crate::sampling::Random;
 
 /// Every shape at a small size, with its name; what contracts are tested on.
 pub fn all() -> Vec<(&'static str, TriMesh)> {
@@ -85,7 +86,7 @@ pub fn icosphere(n: u32) -> TriMesh {
 /// An [`icosphere`] whose vertices were moved along their normals by up to `noise`, evenly spread.
 pub fn noisy_sphere(n: u32, noise: f64, seed: u64) -> TriMesh {
     let (mut points, triangles) = icosphere_parts(n);
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     for p in &mut points {
         let r = 1.0 + noise * (2.0 * random.unit() - 1.0);
         *p = p.map(|x| x * r);
@@ -96,7 +97,7 @@ pub fn noisy_sphere(n: u32, noise: f64, seed: u64) -> TriMesh {
 /// A smooth lump like a scanned animal: an [`icosphere`] with seeded bumps of several sizes, and two ears.
 pub fn blob(n: u32, seed: u64) -> TriMesh {
     let (mut points, triangles) = icosphere_parts(n);
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut direction = || loop {
         let d = [0; 3].map(|_| 2.0 * random.unit() - 1.0);
         let length = dot(d, d).sqrt();
@@ -301,7 +302,7 @@ pub fn tetrahedra(count: u32) -> TriMesh {
 
 /// As many random triangles as `count` that share nothing, in the unit cube: 3 vertices each.
 pub fn soup(count: u32, seed: u64) -> TriMesh {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut points = Vec::new();
     for _ in 0..count {
         let middle = [0; 3].map(|_| random.unit());
@@ -389,20 +390,6 @@ fn on_sphere(p: [f64; 3]) -> [f64; 3] {
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// A small seeded generator (splitmix64, public domain, Steele 2014): the same numbers on every machine.
-struct Random(u64);
-
-impl Random {
-    /// Evenly spread from zero to below one.
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
-    }
 }
 
 #[cfg(test)]

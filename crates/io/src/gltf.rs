@@ -16,6 +16,7 @@ mod materials;
 mod mesh;
 mod meshopt;
 mod model;
+mod moving;
 mod names;
 mod placements;
 mod primitive;
@@ -29,6 +30,7 @@ mod write;
 
 pub use copies::CopyPlace;
 pub use lod::SceneLevels;
+pub use moving::{MovingNode, SceneLens, SceneMotion};
 pub use names::MeshNames;
 pub(crate) use scene::image_type;
 pub use scene::{Scene, SceneMesh, outside_path};

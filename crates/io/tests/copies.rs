@@ -2,7 +2,8 @@
 
 mod scenes;
 
-use lodsmith_io::gltf::{CopyPlace, Scene, SceneLevels};
+use lodsmith_core::model::{Channel, Interpolation, Track};
+use lodsmith_io::gltf::{CopyPlace, MovingNode, Scene, SceneLens, SceneLevels, SceneMotion};
 use lodsmith_io::{Format, ReadOptions, read_bytes};
 use scenes::{everything, glb, gltf, small, split};
 use serde_json::{Value, json};
@@ -111,4 +112,72 @@ fn a_file_without_nodes_can_be_copied_and_levels_come_along() {
 fn no_copies_are_an_empty_scene() {
     let copied = scene(everything()).with_copies(&[]).unwrap();
     assert_eq!(copied.contents().meshes, 0);
+}
+
+/// A node over the second of three copies, which goes along x by a curve, and a camera that hangs under another node.
+fn motion() -> SceneMotion {
+    let moves = MovingNode {
+        name: "moves".to_owned(),
+        over: Some(1),
+        translation: [0.0, 1.0, 0.0],
+        scale: 2.0,
+        ..MovingNode::default()
+    };
+    let stand =
+        MovingNode { name: "stand".to_owned(), translation: [0.0, 0.0, 9.0], ..MovingNode::default() };
+    let lens = Some(SceneLens { fov_y_rad: 0.6, near: 0.01 });
+    let camera = MovingNode { name: "camera".to_owned(), parent: Some(1), lens, ..MovingNode::default() };
+    let [still, far] = [[0.0, 1.0, 0.0], [8.0, 1.0, 0.0]];
+    let curve = vec![[0.0; 3], still, [0.0; 3], [0.0; 3], far, [0.0; 3]];
+    let half = [0.0, 0.5f32.sqrt(), 0.0, 0.5f32.sqrt()];
+    let channel = |node, track, interpolation| Channel { node, track, times: vec![0.0, 2.0], interpolation };
+    let channels = vec![
+        channel(0, Track::Translation(curve), Interpolation::Cubic),
+        channel(2, Track::Rotation(vec![[0.0, 0.0, 0.0, 1.0], half]), Interpolation::Step),
+        channel(7, Track::Scale(vec![[1.0; 3]; 2]), Interpolation::Linear),
+    ];
+    SceneMotion { name: "stage".to_owned(), nodes: vec![moves, stand, camera], channels }
+}
+
+#[test]
+fn what_stands_in_a_scene_moves_by_nodes_over_it() {
+    for source in [everything(), small()] {
+        let source = scene(source);
+        let copied = source.with_copies(&places(3)).unwrap();
+        let moving = copied.with_motion(&motion()).unwrap();
+        assert_eq!(moving.contents().polygons, copied.contents().polygons);
+        let bytes = written(&moving);
+        let (json, _) = split(&bytes);
+        let nodes = json["nodes"].as_array().unwrap();
+        let name = |n: &Value| nodes[n.as_u64().unwrap() as usize]["name"].as_str().unwrap();
+        let roots: Vec<&str> = json["scenes"][0]["nodes"].as_array().unwrap().iter().map(name).collect();
+        assert_eq!(roots, ["copy_1", "moves", "copy_3", "stand"]);
+        let model = lodsmith_io::read_model_bytes(&bytes, &ReadOptions::default()).unwrap().model;
+        let clips = source.contents().animations;
+        assert_eq!(model.animations.len(), clips + 1);
+        let place = |secs: f64, name: &str| {
+            let pose = model.pose(clips, secs);
+            let at = model.nodes.iter().position(|n| n.name == name).unwrap();
+            model.world_from_nodes(&pose)[at]
+        };
+        for (secs, x) in [(0.0, 0.0), (1.0, 4.0), (2.0, 8.0)] {
+            // The copy stands at 10, in a node twice as large.
+            let origin = place(secs, "copy_2").w_axis.truncate();
+            assert!((origin.x - x - 20.0).abs() < 1e-5 && (origin.y - 1.0).abs() < 1e-6, "{origin}");
+        }
+        assert_eq!(place(2.0, "camera").w_axis.z, 9.0);
+        assert!((place(2.0, "camera").z_axis.x - 1.0).abs() < 1e-6, "turned by a right angle");
+    }
+}
+
+#[test]
+fn a_scene_that_nothing_moves_in_stays_as_it_is() {
+    let copied = scene(small()).with_copies(&places(2)).unwrap();
+    assert_eq!(written(&copied.with_motion(&SceneMotion::default()).unwrap()), written(&copied));
+    // Nodes that name what is not there stand by themselves.
+    let lost = MovingNode { over: Some(9), parent: Some(4), ..MovingNode::default() };
+    let more = copied.with_motion(&SceneMotion { nodes: vec![lost], ..SceneMotion::default() }).unwrap();
+    let (json, _) = split(&written(&more));
+    assert_eq!(json["scenes"][0]["nodes"].as_array().unwrap().len(), 3);
+    assert!(json.get("animations").is_none());
 }

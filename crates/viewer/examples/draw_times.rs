@@ -6,7 +6,7 @@ use std::time::Instant;
 use glam::{DMat4, DVec3};
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, shapes};
-use lodsmith_render::{Background, Camera, Lighting, Look, StandardView};
+use lodsmith_render::{Camera, Lighting, Look, StandardView};
 use lodsmith_viewer::gpu::{Frame, Gpu, GpuError, Placed};
 
 fn main() -> Result<(), GpuError> {
@@ -24,18 +24,7 @@ fn main() -> Result<(), GpuError> {
     let frame = |k: usize| {
         let mut camera = Camera::fitting(&bounds, StandardView::Iso, 4.0 / 3.0);
         camera.eye.x += 0.01 * k as f64;
-        Frame {
-            models: &[],
-            bounds,
-            camera,
-            look: &look,
-            lighting: &lighting,
-            background: Background::default(),
-            ground: false,
-            matcap: None,
-            environment: None,
-            shader: None,
-        }
+        Frame::new(&[], bounds, camera, &look, &lighting)
     };
     for n in [60, 230, 420] {
         let mesh = shapes::torus(n * 5 / 2, n / 4 * 5 / 2);

@@ -7,7 +7,7 @@ use std::sync::PoisonError;
 use std::time::{Duration, Instant};
 
 use lodsmith_core::model::Pose;
-use lodsmith_render::{Background, Camera, Lighting, Look, StandardView};
+use lodsmith_render::{Camera, Lighting, Look, StandardView};
 use lodsmith_viewer::command::{Command, Target};
 use lodsmith_viewer::document::Document;
 use lodsmith_viewer::gpu::{Frame, Gpu, Placed};
@@ -68,18 +68,7 @@ fn flush(gpu: Option<&mut Gpu>, document: &Document) {
     let bounds = original.content.bounds;
     let (pose, look, lighting) = (Pose::default(), Look::default(), Lighting::default());
     let mut target = gpu.target([16, 16]);
-    let frame = Frame {
-        models: &[Placed::new(&model, &pose)],
-        bounds,
-        camera: Camera::fitting(&bounds, StandardView::Iso, 1.0),
-        look: &look,
-        lighting: &lighting,
-        background: Background::default(),
-        ground: false,
-        matcap: None,
-        environment: None,
-        shader: None,
-    };
-    gpu.draw(&mut target, &frame);
+    let camera = Camera::fitting(&bounds, StandardView::Iso, 1.0);
+    gpu.draw(&mut target, &Frame::new(&[Placed::new(&model, &pose)], bounds, camera, &look, &lighting));
     target.read_back();
 }

@@ -358,8 +358,10 @@ impl App {
                 if matches!(action, Action::StepTime(_)) {
                     self.document.play(false);
                 }
-                let model = self.document.original().map(|o| o.content.model());
-                let then = model.and_then(|m| by_key(self.document.settings().playback, m, action));
+                let (model, length) =
+                    (self.document.original().map(|o| o.content.model()), self.document.timeline_secs());
+                let playback = self.document.settings().playback;
+                let then = model.and_then(|m| by_key(playback, m, length, action));
                 return then.into_iter().for_each(|p| self.document.run(Command::Playback(p)));
             }
             Action::AutoLod => {
@@ -614,6 +616,7 @@ impl App {
                 Say::Copy(text) => ctx.copy_text(text),
                 Say::Scatter(scatter) => self.scatter(scatter),
                 Say::ScatterForm(form) => self.pictures.stage.form = Some(form),
+                Say::Keyframes(desk) => self.pictures.stage.keyframes = desk,
             }
         }
     }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::playback::Playback;
 use crate::settings::{Appearance, AutoLod, Layout, Pose, Settings, Turn};
+use crate::stage::motion::Motion;
 use crate::stage::{Copies, StageChange};
 use crate::words::Simplification;
 
@@ -99,7 +100,8 @@ impl Command {
                 settings.turn = Turn::default();
                 settings.cameras = [None; 4];
                 // Copies stand in the units of their model.
-                (settings.stage.is_on, settings.stage.copies) = (false, Copies::default());
+                StageChange::Replace(Copies::default(), Motion::default()).apply(&mut settings.stage);
+                settings.stage.is_on = false;
                 settings.playback = settings.playback.anew();
             }
             Self::Show(which) => {

@@ -18,17 +18,64 @@ fn server() -> String {
     }
 }
 
+/// Why no window can be opened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Lack {
+    /// There is no display server, or it does not answer.
+    Display {
+        /// What the system says.
+        reason: String,
+    },
+    /// The system has not a library that is needed to speak to it.
+    Library {
+        /// Its name, for people.
+        library: String,
+        /// What brings it, where that is known.
+        packages: Packages,
+    },
+}
+
+/// Packages by their names.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Packages {
+    /// Of Debian and Ubuntu.
+    pub debian: &'static [&'static str],
+    /// Of Fedora.
+    pub fedora: &'static [&'static str],
+}
+
+impl Packages {
+    /// How they are installed, for people.
+    pub fn how(&self) -> String {
+        if self.debian.is_empty() {
+            return "the packages of your system have it".to_owned();
+        }
+        let [debian, fedora] = [self.debian, self.fedora].map(|p| p.join(" "));
+        format!("on Debian and Ubuntu `apt install {debian}`, on Fedora `dnf install {fedora}`")
+    }
+}
+
+impl Lack {
+    /// What stands behind what the window library says.
+    fn of(text: &str) -> Self {
+        match missing_library(text) {
+            Some((library, packages)) => Self::Library { library, packages },
+            None => Self::Display { reason: reason(text) },
+        }
+    }
+}
+
 /// Goes to the display server as the window does, and gives its name. Works once in a process, on its first thread, and
 /// no window can be opened in it afterwards.
 ///
 /// # Errors
-/// Why there is none.
-pub fn find() -> Result<String, String> {
+/// Why none can be opened: there is none, or a library is missing.
+pub fn find() -> Result<String, Lack> {
     // Where a library of the keyboard is missing, the window library panics.
     match catch_unwind(|| EventLoop::new().map(drop)) {
         Ok(Ok(())) => Ok(server()),
-        Ok(Err(e)) => Err(reason(&e.to_string())),
-        Err(panic) => Err(words(&*panic)),
+        Ok(Err(e)) => Err(Lack::of(&e.to_string())),
+        Err(panic) => Err(Lack::of(&words(&*panic))),
     }
 }
 
@@ -41,41 +88,44 @@ pub(crate) fn words(panic: &(dyn Any + Send)) -> String {
     }
 }
 
-/// Libraries of the system: by what they are known in what is said, and how they are installed.
-const LIBRARIES: [(&str, &str); 4] = [
+/// Libraries of the system: by what they are known in what is said, for people, and what brings them.
+const LIBRARIES: [(&str, &str, Packages); 4] = [
     (
         "libxkbcommon",
-        "on Debian and Ubuntu `apt install libxkbcommon0 libxkbcommon-x11-0`, on Fedora `dnf install libxkbcommon \
-         libxkbcommon-x11`",
+        "a library of the keyboard",
+        Packages {
+            debian: &["libxkbcommon0", "libxkbcommon-x11-0"],
+            fedora: &["libxkbcommon", "libxkbcommon-x11"],
+        },
     ),
     (
         "wayland",
-        "on Debian and Ubuntu `apt install libwayland-client0 libwayland-cursor0`, on Fedora `dnf install \
-         libwayland-client libwayland-cursor`",
+        "a library of Wayland",
+        Packages {
+            debian: &["libwayland-client0", "libwayland-cursor0"],
+            fedora: &["libwayland-client", "libwayland-cursor"],
+        },
     ),
-    ("libX", X11),
-    ("xlib", X11),
+    ("libX", "a library of X11", X11),
+    ("xlib", "a library of X11", X11),
 ];
-const X11: &str = "on Debian and Ubuntu `apt install libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2`, on Fedora `dnf \
-                   install libX11 libX11-xcb libXcursor libXi libXrandr`";
+const X11: Packages = Packages {
+    debian: &["libx11-6", "libx11-xcb1", "libxcursor1", "libxi6", "libxrandr2"],
+    fedora: &["libX11", "libX11-xcb", "libXcursor", "libXi", "libXrandr"],
+};
 
-/// The library of the system that something could not be done for the lack of, and how it is installed.
-pub(crate) fn missing_library(text: &str) -> Option<(String, &'static str)> {
+/// The library of the system that something could not be done for the lack of, and what brings it.
+pub(crate) fn missing_library(text: &str) -> Option<(String, Packages)> {
     let is_lack = ["could not be loaded", "cannot open shared object", "Failed to load one of"];
     if !is_lack.iter().any(|words| text.contains(words)) {
         return None;
     }
-    let how = LIBRARIES.iter().find(|(known, _)| text.contains(known)).map(|(_, how)| *how);
+    let known = LIBRARIES.iter().find(|(known, ..)| text.contains(known));
     let is_of_name = |c: char| c.is_ascii_alphanumeric() || "-_.+".contains(c);
     let mut words = text.split(|c| !is_of_name(c)).map(|w| w.trim_end_matches('.'));
     let library = words.find(|w| w.starts_with("lib") && w.contains(".so"));
-    match (library, how) {
-        (None, None) => None,
-        (library, how) => Some((
-            library.unwrap_or("a library of the display").to_owned(),
-            how.unwrap_or("the packages of your system have it"),
-        )),
-    }
+    let name = library.or(known.map(|(_, name, _)| *name))?;
+    Some((name.to_owned(), known.map(|(.., packages)| *packages).unwrap_or_default()))
 }
 
 /// What the system says, without the place in the source of the window library where it was met.
@@ -90,7 +140,7 @@ mod tests {
 
     #[test]
     fn a_library_that_is_missing_is_named_with_what_brings_it() {
-        let of = |text: &str| missing_library(text).unwrap();
+        let of = |text: &str| missing_library(text).map(|(name, packages)| (name, packages.how())).unwrap();
         let (name, how) = of("Library libxkbcommon-x11.so could not be loaded.");
         assert_eq!(name, "libxkbcommon-x11.so");
         assert!(how.contains("apt install libxkbcommon0 libxkbcommon-x11-0"));
@@ -99,10 +149,26 @@ mod tests {
         let (name, how) = of("libodd.so.2: cannot open shared object file");
         assert!(name == "libodd.so.2" && how.contains("your system"));
         let (name, how) = of("os error at x.rs:9: Failed to load one of xlib's shared libraries");
-        assert!(name == "a library of the display" && how.contains("libx11-6"), "{name} {how}");
-        assert!(of("The wayland library could not be loaded").1.contains("libwayland-client0"));
+        assert!(name == "a library of X11" && how.contains("libx11-6"), "{name} {how}");
+        let (name, how) = of("os error at x.rs:9: The wayland library could not be loaded");
+        assert!(name == "a library of Wayland" && how.contains("libwayland-client0"), "{name} {how}");
         assert_eq!(missing_library("neither WAYLAND_DISPLAY nor DISPLAY is set"), None);
         assert_eq!(missing_library("index out of bounds in lib.rs"), None);
+    }
+
+    #[test]
+    fn a_library_that_is_missing_is_no_missing_display() {
+        for text in ["neither WAYLAND_DISPLAY nor DISPLAY is set", "Failed to open connection to X server"] {
+            assert!(matches!(Lack::of(text), Lack::Display { .. }), "{text}");
+        }
+        for text in [
+            "os error at x.rs:9: Failed to load one of xlib's shared libraries",
+            "os error at x.rs:9: The wayland library could not be loaded",
+            "Library libxkbcommon.so could not be loaded.",
+        ] {
+            let Lack::Library { packages, .. } = Lack::of(text) else { unreachable!("{text}") };
+            assert!(!packages.debian.is_empty() && !packages.fedora.is_empty(), "{text}");
+        }
     }
 
     #[test]

@@ -225,8 +225,9 @@ impl Document {
 
     /// How the model stands at the moment that is shown.
     pub fn pose(&self) -> Pose {
-        let model = self.original.as_ref().map(|o| o.content.model());
-        model.map_or_else(Pose::default, |model| self.settings.playback.pose(model))
+        let Some(original) = &self.original else { return Pose::default() };
+        let playback = self.settings.playback;
+        playback.at(self.timeline_secs(), playback.seconds).pose(original.content.model())
     }
     /// Whether an animation goes on by itself.
     pub fn is_playing(&self) -> bool {
@@ -236,21 +237,24 @@ impl Document {
     /// Lets the animation go on, from the begin if it was over, or stops it. Of what does not move, nothing goes on.
     pub fn play(&mut self, goes_on: bool) {
         let Some(model) = self.original.as_ref().map(|o| o.content.model()) else { return };
+        let has_clips = !model.animations.is_empty();
+        let moves_on_stage = self.stage().is_some_and(|s| !s.motion.is_empty());
         if goes_on {
             // At rest nothing moves: the first is what is meant.
-            let playback = &mut self.settings.playback;
-            playback.clip = playback.clip.filter(|c| *c < model.animations.len()).or(Some(0));
-            *playback = playback.ready(model);
+            let clip = self.settings.playback.clip.filter(|c| *c < model.animations.len());
+            self.settings.playback.clip = if moves_on_stage { clip } else { clip.or(Some(0)) };
+            self.settings.playback = self.settings.playback.ready(self.timeline_secs());
         }
-        self.is_playing = goes_on && !model.animations.is_empty();
+        self.is_playing = goes_on && (moves_on_stage || has_clips);
     }
 
     /// So many seconds of the clock went by.
     pub fn go_on(&mut self, elapsed_secs: f64) {
-        let Some(original) = self.original.as_ref().filter(|_| self.is_playing) else { return };
-        let (then, is_over) = self.settings.playback.after(original.content.model(), elapsed_secs);
-        self.settings.playback = then;
-        self.is_playing = !is_over;
+        if self.is_playing {
+            let (then, is_over) = self.settings.playback.after(self.timeline_secs(), elapsed_secs);
+            self.settings.playback = then;
+            self.is_playing = !is_over;
+        }
     }
 
     /// What is going on, if anything is.

@@ -118,6 +118,16 @@ pub enum CopiesAction {
     Scale(i8),
     /// A colour for each level.
     Colors,
+    /// The chosen ones are here at this moment.
+    Keyframe,
+    /// The camera is here at this moment.
+    CameraKeyframe,
+    /// To the keyframe before or after.
+    ToKeyframe(i8),
+    /// Along a curve, or by steps.
+    Curve,
+    /// The camera goes by its keyframes, or is free.
+    FreeCamera,
     /// Places into a file.
     SaveLayout,
     /// Places from a file.
@@ -184,6 +194,10 @@ const fn copies(modifiers: Modifiers, key: Key, action: CopiesAction, name: &'st
     bind(Group::Stage, modifiers, key, Action::Copies(action), name)
 }
 
+const fn keyframes(modifiers: Modifiers, key: Key, action: CopiesAction, name: &'static str) -> Binding {
+    bind(Group::Animation, modifiers, key, Action::Copies(action), name)
+}
+
 /// All keys. Those with more modifiers stand first, for they would match the others too.
 pub const BINDINGS: &[Binding] = &[
     bind(Group::File, CTRL_SHIFT, Key::O, Action::OpenSession, "Open a session"),
@@ -210,6 +224,12 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Animation, NONE, Key::PageUp, Action::StepTime(-1), "A step back"),
     bind(Group::Animation, NONE, Key::PageDown, Action::StepTime(1), "A step further"),
     bind(Group::Animation, NONE, Key::J, Action::NextClip, "Next animation"),
+    keyframes(SHIFT, Key::K, CopiesAction::Keyframe, "Keyframe of the chosen copies"),
+    keyframes(CTRL, Key::K, CopiesAction::CameraKeyframe, "Keyframe of the stage's camera"),
+    keyframes(CTRL, Key::PageUp, CopiesAction::ToKeyframe(-1), "To the keyframe before"),
+    keyframes(CTRL, Key::PageDown, CopiesAction::ToKeyframe(1), "To the keyframe after"),
+    keyframes(SHIFT, Key::L, CopiesAction::Curve, "Along a curve, or by steps"),
+    keyframes(SHIFT, Key::V, CopiesAction::FreeCamera, "Camera by keyframes, or free"),
     bind(Group::Look, NONE, Key::W, Action::Wireframe, "Wireframe"),
     bind(Group::Look, NONE, Key::S, Action::Shade(0), "Smooth"),
     bind(Group::Look, NONE, Key::D, Action::Shade(1), "Flat"),
@@ -278,6 +298,7 @@ pub const BINDINGS: &[Binding] = &[
 pub const GESTURES: &[(Group, &str, &str)] = &[
     (Group::Detail, "Hold M", "Keep simplifying"),
     (Group::Detail, "Alt + drag up/down", "More or less detail"),
+    (Group::Animation, "Drag a keyframe", "Another moment; with Alt a copy"),
     (Group::Look, "Hold Space", "Flicker: the other side in its place"),
     (Group::Camera, "Drag", "Turn round the model"),
     (Group::Camera, "Shift + drag, middle", "Move sideways"),

@@ -72,7 +72,7 @@ pub enum ViewError {
         /// Its name.
         library: String,
         /// How it is installed.
-        how: &'static str,
+        how: String,
     },
     /// There is nothing that draws.
     #[error(transparent)]
@@ -107,15 +107,15 @@ pub fn run(options: &ViewOptions) -> Result<(), ViewError> {
     match opened {
         Ok(ended) => ended.map_err(told),
         Err(panic) => match display::missing_library(&display::words(&*panic)) {
-            Some((library, how)) => Err(ViewError::NoLibrary { library, how }),
+            Some((library, packages)) => Err(ViewError::NoLibrary { library, how: packages.how() }),
             None => resume_unwind(panic),
         },
     }
 }
 
 fn told(error: eframe::Error) -> ViewError {
-    if let Some((library, how)) = display::missing_library(&error.to_string()) {
-        return ViewError::NoLibrary { library, how };
+    if let Some((library, packages)) = display::missing_library(&error.to_string()) {
+        return ViewError::NoLibrary { library, how: packages.how() };
     }
     match error {
         eframe::Error::WinitEventLoop(e) => ViewError::NoDisplay { reason: display::reason(&e.to_string()) },

@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::command::Command;
 use crate::document::Document;
 use crate::keys::Action;
+use crate::stage::picture::KeyframeDesk;
 use crate::stage::scatter::Scatter;
 
 /// A panel that can be shown and hidden.
@@ -141,6 +142,8 @@ pub enum Say {
     Scatter(Scatter),
     /// How they will be.
     ScatterForm(Scatter),
+    /// Which keyframes are chosen and held.
+    Keyframes(KeyframeDesk),
 }
 
 impl Scope<'_> {

@@ -44,24 +44,25 @@ impl Playback {
         clip.map_or(0.0, |c| c.duration())
     }
 
-    /// How the model stands; at rest where there is no such clip.
+    /// How the model stands; at rest where there is no such clip. What goes on for longer than the clip sees it again and
+    /// again, or its end.
     pub fn pose(&self, model: &Model) -> Pose {
-        match self.clip.filter(|c| *c < model.animations.len()) {
-            Some(clip) => model.pose(clip, self.moment(model)),
-            None => Pose::default(),
-        }
+        let Some(clip) = self.clip.filter(|c| *c < model.animations.len()) else { return Pose::default() };
+        let (length, seconds) = (self.length(model), self.moment(f64::MAX));
+        let is_round = self.repeats && length > 0.0 && seconds > length;
+        model.pose(clip, if is_round { seconds.rem_euclid(length) } else { seconds.min(length) })
     }
 
-    /// The moment within the clip, whatever a file says.
-    pub fn moment(&self, model: &Model) -> f64 {
+    /// The moment within so many seconds, whatever a file says.
+    pub fn moment(&self, length: f64) -> f64 {
         let seconds = if self.seconds.is_finite() { self.seconds } else { 0.0 };
-        seconds.clamp(0.0, self.length(model))
+        seconds.clamp(0.0, length)
     }
 
-    /// The same at another moment, held within the clip.
+    /// The same at another moment, held within so many seconds.
     #[must_use]
-    pub fn at(self, model: &Model, seconds: f64) -> Self {
-        let seconds = Self { seconds, ..self }.moment(model);
+    pub fn at(self, length: f64, seconds: f64) -> Self {
+        let seconds = Self { seconds, ..self }.moment(length);
         Self { seconds, ..self }
     }
 
@@ -72,11 +73,10 @@ impl Playback {
         Self { speed, ..self }
     }
 
-    /// After so many seconds of the clock, and whether it is over then.
+    /// After so many seconds of the clock, of a time that takes `length`, and whether it is over then.
     #[must_use]
-    pub fn after(self, model: &Model, elapsed_secs: f64) -> (Self, bool) {
-        let length = self.length(model);
-        let further = self.moment(model) + elapsed_secs.max(0.0) * self.at_speed(self.speed).speed;
+    pub fn after(self, length: f64, elapsed_secs: f64) -> (Self, bool) {
+        let further = self.moment(length) + elapsed_secs.max(0.0) * self.at_speed(self.speed).speed;
         match length > 0.0 && self.repeats {
             // At the very end the last moment is seen, then the first.
             true if further > length => (Self { seconds: further.rem_euclid(length), ..self }, false),
@@ -87,9 +87,9 @@ impl Playback {
 
     /// The begin, if it stands at the end and would go no further.
     #[must_use]
-    pub fn ready(self, model: &Model) -> Self {
-        let is_over = !self.repeats && self.moment(model) >= self.length(model);
-        Self { seconds: if is_over { 0.0 } else { self.moment(model) }, ..self }
+    pub fn ready(self, length: f64) -> Self {
+        let is_over = !self.repeats && self.moment(length) >= length;
+        Self { seconds: if is_over { 0.0 } else { self.moment(length) }, ..self }
     }
 
     /// The next of the clips, from its begin; after the last comes the first.
@@ -101,10 +101,10 @@ impl Playback {
 }
 
 /// What a key makes of it; `None` for keys of other things.
-pub fn by_key(playback: Playback, model: &Model, action: Action) -> Option<Playback> {
+pub fn by_key(playback: Playback, model: &Model, length: f64, action: Action) -> Option<Playback> {
     Some(match action {
-        Action::ToBegin => playback.at(model, 0.0),
-        Action::StepTime(by) => playback.at(model, playback.moment(model) + f64::from(by) * STEP_SECS),
+        Action::ToBegin => playback.at(length, 0.0),
+        Action::StepTime(by) => playback.at(length, playback.moment(length) + f64::from(by) * STEP_SECS),
         Action::Speed(by) => playback.at_speed(playback.speed * 2f64.powi(i32::from(by))),
         Action::Repeat => Playback { repeats: !playback.repeats, ..playback },
         Action::NextClip => playback.next_clip(model),
@@ -162,9 +162,12 @@ mod tests {
         for (elapsed, speed, wanted) in
             [(0.0, 1.0, 0.0), (0.5, 1.0, 0.5), (0.5, 2.0, 1.0), (2.0, 1.0, 2.0), (2.5, 1.0, 0.5)]
         {
-            let (then, is_over) = begin.at_speed(speed).after(&model(), elapsed);
+            let (then, is_over) = begin.at_speed(speed).after(2.0, elapsed);
             assert!((x(&then) - wanted).abs() < 1e-9 && !is_over, "{elapsed} {speed}: {}", x(&then));
         }
+        // What goes on for longer than the clip sees it again and again, or its end.
+        let late = begin.at(10.0, 5.5);
+        assert_eq!([x(&late), x(&Playback { repeats: false, ..late })], [1.5, 2.0]);
         assert_eq!(Playback { clip: None, ..begin }.pose(&model()), Pose::default());
         assert_eq!(Playback { clip: Some(7), ..begin }.pose(&model()), Pose::default());
     }
@@ -172,15 +175,14 @@ mod tests {
     #[test]
     fn once_ends_at_the_end_and_begins_anew_when_asked_again() {
         let once = Playback { repeats: false, ..Playback::default() };
-        let (then, is_over) = once.after(&model(), 1.9);
+        let (then, is_over) = once.after(2.0, 1.9);
         assert!(!is_over);
-        let (then, is_over) = then.after(&model(), 0.2);
+        let (then, is_over) = then.after(2.0, 0.2);
         assert!(is_over && x(&then) == 2.0);
-        assert_eq!(then.ready(&model()).seconds, 0.0);
-        assert_eq!(once.at(&model(), 1.5).ready(&model()).seconds, 1.5);
+        assert_eq!(then.ready(2.0).seconds, 0.0);
+        assert_eq!(once.at(2.0, 1.5).ready(2.0).seconds, 1.5);
         // Where nothing moves there is nothing to wait for.
-        let at_rest = Playback { clip: None, ..once };
-        assert!(at_rest.after(&model(), 0.1).1);
+        assert!(once.after(0.0, 0.1).1);
     }
 
     #[test]
@@ -189,11 +191,11 @@ mod tests {
             for speed in [f64::NAN, 0.0, -1.0, 1e300] {
                 let odd = Playback { seconds, speed, ..Playback::default() };
                 assert!((0.0..=2.0).contains(&x(&odd)), "{seconds}");
-                let (then, _) = odd.after(&model(), 0.1);
+                let (then, _) = odd.after(2.0, 0.1);
                 assert!((0.0..=2.0).contains(&then.seconds), "{seconds} {speed}: {then:?}");
             }
         }
-        assert_eq!(Playback::default().at(&model(), 9.0).seconds, 2.0);
+        assert_eq!(Playback::default().at(2.0, 9.0).seconds, 2.0);
     }
 
     #[test]

@@ -7,6 +7,7 @@ pub mod export;
 pub mod file;
 pub mod ground;
 pub mod levels;
+pub mod motion;
 pub mod picture;
 pub mod scatter;
 pub mod walk;
@@ -18,6 +19,7 @@ use lodsmith_core::Bounds;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::viewport::{turn_matrix, turned_bounds};
+use motion::{Motion, Track};
 use scatter::Scatter;
 
 /// A copy of the model.
@@ -104,6 +106,29 @@ pub struct Stage {
     pub scatter: Scatter,
     /// How they are shown.
     pub view: View,
+    /// What moves.
+    pub motion: Motion,
+}
+
+impl Stage {
+    /// Where all copies stand at a moment. Cost: O(copies) where some move.
+    pub fn copies_at(&self, secs: f64) -> Copies {
+        if self.motion.copies.is_empty() {
+            return self.copies.clone();
+        }
+        let mut copies = self.copies.to_vec();
+        for (n, track) in &self.motion.copies {
+            if let (Some(copy), Some(now)) = (copies.get_mut(*n), track.at(secs)) {
+                *copy = now;
+            }
+        }
+        Copies(Arc::new(copies))
+    }
+
+    /// Every place where copies stand or have a keyframe.
+    pub fn places(&self) -> impl Iterator<Item = &Placement> {
+        self.copies.iter().chain(self.motion.copies.values().flat_map(Track::values))
+    }
 }
 
 /// How the stage is shown.
@@ -137,12 +162,26 @@ pub enum StageChange {
     Add(Vec<Placement>),
     /// Copies by chance: in the place of all, or between those that stand.
     Scatter(Scatter),
-    /// Other places for some, by their numbers.
-    Move(Vec<(usize, Placement)>),
+    /// The same once more beside them, by their numbers, with their keyframes.
+    Duplicate {
+        /// Which.
+        numbers: Vec<usize>,
+        /// How far to the right, for a copy of scale 1.
+        aside: f64,
+    },
+    /// Other places for some, by their numbers: where these have keyframes, as a keyframe at this moment.
+    Move {
+        /// Which, and where they are to be.
+        copies: Vec<(usize, Placement)>,
+        /// When.
+        secs: f64,
+    },
     /// Those with these numbers go.
     Delete(Vec<usize>),
-    /// These and no others.
-    Replace(Copies),
+    /// These and no others, and how they move.
+    Replace(Copies, Motion),
+    /// Other keyframes.
+    Motion(Motion),
     /// Another way to show them.
     View(View),
 }
@@ -154,9 +193,11 @@ impl StageChange {
             Self::Show(_) => "stage",
             Self::Add(_) => "new copies",
             Self::Scatter(_) => "scatter",
-            Self::Move(_) => "move copies",
+            Self::Duplicate { .. } => "duplicate copies",
+            Self::Move { .. } => "move copies",
             Self::Delete(_) => "delete copies",
-            Self::Replace(_) => "layout",
+            Self::Replace(..) => "layout",
+            Self::Motion(_) => "keyframes",
             Self::View(_) => "look of the stage",
         }
     }
@@ -170,25 +211,73 @@ impl StageChange {
             }
             Self::Scatter(scatter) => {
                 stage.scatter = *scatter;
+                let kept = if scatter.keeps { stage.copies.len() } else { 0 };
                 stage.copies = scatter.scattered(&stage.copies).into();
+                stage.motion = stage.motion.within(kept);
             }
-            Self::Move(moved) => {
-                let mut copies = stage.copies.to_vec();
-                for (number, placement) in moved {
-                    if let (Some(copy), Some(placement)) = (copies.get_mut(*number), placement.checked()) {
-                        *copy = placement;
-                    }
-                }
-                stage.copies = copies.into();
-            }
+            Self::Duplicate { numbers, aside } => stage.duplicate(numbers, *aside),
+            Self::Move { copies, secs } => stage.move_copies(copies, *secs),
             Self::Delete(gone) => {
                 let is_left = |(number, _): &(usize, &Placement)| !gone.contains(number);
                 let left: Vec<_> = stage.copies.iter().enumerate().filter(is_left).map(|x| *x.1).collect();
                 stage.copies = left.into();
+                stage.motion = stage.motion.without_copies(gone);
             }
-            Self::Replace(copies) => stage.copies = copies.clone(),
+            Self::Replace(copies, motion) => {
+                stage.copies = copies.clone();
+                stage.motion = motion.within(copies.len());
+            }
+            Self::Motion(motion) => stage.set_motion(motion.within(stage.copies.len())),
             Self::View(view) => stage.view = *view,
         }
+    }
+}
+
+impl Stage {
+    fn duplicate(&mut self, numbers: &[usize], aside: f64) {
+        let beside = |c: &Placement| Placement { x: c.x + aside * c.scale, ..*c };
+        let mut copies = self.copies.to_vec();
+        let mut tracks = Vec::new();
+        for n in numbers.iter().filter(|n| **n < self.copies.len()) {
+            if let Some(track) = self.motion.copies.get(n) {
+                tracks.push((copies.len(), track.changed(beside)));
+            }
+            copies.push(beside(&self.copies[*n]));
+        }
+        self.copies = copies.into();
+        if !tracks.is_empty() {
+            self.motion = self.motion.with(|m| m.copies.extend(tracks)).within(self.copies.len());
+        }
+    }
+
+    fn move_copies(&mut self, moved: &[(usize, Placement)], secs: f64) {
+        let mut copies = self.copies.to_vec();
+        let mut keyed = Vec::new();
+        for (number, placement) in moved {
+            let Some(placement) = placement.checked() else { continue };
+            if self.motion.copies.contains_key(number) {
+                keyed.push((*number, placement));
+            } else if let Some(copy) = copies.get_mut(*number) {
+                *copy = placement;
+            }
+        }
+        self.copies = copies.into();
+        if !keyed.is_empty() {
+            self.motion = self.motion.with(|m| {
+                keyed.into_iter().for_each(|(n, p)| m.copies.entry(n).or_default().set(secs, p));
+            });
+        }
+    }
+
+    /// Other keyframes. A copy that loses its last stays where that was.
+    fn set_motion(&mut self, motion: Motion) {
+        let stays = |(n, track): (&usize, &Track<Placement>)| {
+            let is_still = !motion.copies.contains_key(n);
+            track.values().next().filter(|_| is_still).map(|p| (*n, *p))
+        };
+        let stay: Vec<_> = self.motion.copies.iter().filter_map(stays).collect();
+        self.motion = motion;
+        self.move_copies(&stay, 0.0);
     }
 }
 
@@ -249,7 +338,7 @@ impl Base {
 
     /// A box round the whole stage: at least some models large, and then in steps of two, so that ground and light stay as
     /// they are while copies come and go.
-    pub fn bounds(&self, copies: &[Placement]) -> Bounds {
+    pub fn bounds<'a>(&self, copies: impl IntoIterator<Item = &'a Placement>) -> Bounds {
         let mut reach = 0f64;
         let mut height = self.size.y;
         for copy in copies {
@@ -281,12 +370,48 @@ mod tests {
         let stage = stage_of(&[
             StageChange::Add(vec![Placement::at(0.0, 0.0), Placement::at(1.0, 0.0)]),
             StageChange::Add(vec![Placement::at(2.0, 0.0)]),
-            StageChange::Move(vec![(1, moved), (99, moved)]),
+            StageChange::Move { copies: vec![(1, moved), (99, moved)], secs: 0.0 },
             StageChange::Delete(vec![0, 77]),
         ]);
         assert_eq!(stage.copies.len(), 2);
         assert_eq!(stage.copies[0], Placement { turn_deg: 270.0, ..moved });
         assert_eq!(stage.copies[1], Placement::at(2.0, 0.0));
+    }
+
+    #[test]
+    fn copies_with_keyframes_take_them_along() {
+        let mut motion = motion::Tracks::default();
+        for (secs, x) in [(0.0, 1.0), (4.0, 9.0)] {
+            motion.copies.entry(1).or_default().set(secs, Placement::at(x, 0.0));
+        }
+        let changes = [
+            StageChange::Add((0..3).map(|k| Placement::at(f64::from(k), 0.0)).collect()),
+            StageChange::Motion(motion.into()),
+            StageChange::Move {
+                copies: vec![(0, Placement::at(-1.0, 0.0)), (1, Placement::at(0.0, 7.0))],
+                secs: 2.0,
+            },
+            StageChange::Duplicate { numbers: vec![1, 2], aside: 10.0 },
+        ];
+        let stage = stage_of(&changes);
+        assert_eq!(stage.copies.iter().map(|c| c.x).collect::<Vec<_>>(), [-1.0, 1.0, 2.0, 11.0, 12.0]);
+        let at = |secs: f64| stage.copies_at(secs).iter().map(|c| (c.x, c.z)).collect::<Vec<_>>();
+        assert_eq!(at(0.0), [(-1.0, 0.0), (1.0, 0.0), (2.0, 0.0), (11.0, 0.0), (12.0, 0.0)]);
+        assert_eq!(at(2.0)[1..4], [(0.0, 7.0), (2.0, 0.0), (10.0, 7.0)]);
+        assert_eq!(at(9.0)[3], (19.0, 0.0));
+        assert_eq!(stage.places().count(), 5 + 6);
+        // Numbers follow, scatter leaves none, and without keyframes a copy stays where the first was.
+        let mut less = stage.clone();
+        StageChange::Delete(vec![0, 1]).apply(&mut less);
+        assert_eq!(less.motion.copies.keys().copied().collect::<Vec<_>>(), [1]);
+        StageChange::Scatter(Scatter { keeps: true, count: 5, ..Scatter::default() }).apply(&mut less);
+        assert_eq!(less.motion.copies.len(), 1);
+        StageChange::Scatter(Scatter { count: 5, ..Scatter::default() }).apply(&mut less);
+        assert!(less.motion.is_empty());
+        let mut still = stage;
+        StageChange::Move { copies: vec![(1, Placement::at(5.0, 5.0))], secs: 0.0 }.apply(&mut still);
+        StageChange::Motion(Motion::default()).apply(&mut still);
+        assert_eq!(still.copies[1], Placement::at(5.0, 5.0));
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Each graphics pass beside the picture of the processor of the same scene. They need an adapter; one that computes on
 //! the processor will do. Without any they say so and pass, unless `LODSMITH_REQUIRE_GPU` is set.
 
+mod adapter;
+
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3};
@@ -13,22 +15,14 @@ use lodsmith_render::{
     View, render,
 };
 use lodsmith_viewer::content::{Lighter, Original};
-use lodsmith_viewer::gpu::{Context, Frame, Gpu, Marks, Placed, Split, TINTS};
+use lodsmith_viewer::gpu::{Frame, Gpu, Marks, Placed, Split, TINTS};
 use lodsmith_viewer::playback::Playback;
 use lodsmith_viewer::words::Simplification;
 
 const SIZE: [u32; 2] = [240, 200];
 
-/// What draws; `None` where nothing can and nobody insists.
 fn gpu() -> Option<Gpu> {
-    match Context::headless() {
-        Ok(context) => Some(Gpu::on(context)),
-        Err(e) if std::env::var_os("LODSMITH_REQUIRE_GPU").is_some() => panic!("{e}"),
-        Err(e) => {
-            std::io::Write::write_all(&mut std::io::stderr(), format!("SKIPPED: {e}\n").as_bytes()).ok();
-            None
-        }
-    }
+    adapter::context().map(Gpu::on)
 }
 
 /// A scene that both can draw.

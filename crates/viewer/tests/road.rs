@@ -1,5 +1,7 @@
 //! The slider walks a progressive mesh: any level at once, and a result of its own when it is let go.
 
+mod adapter;
+
 use std::path::Path;
 use std::time::Duration;
 
@@ -179,13 +181,7 @@ fn a_scene_moves_as_one() {
 /// The buffers that were patched level after level show what new ones show.
 #[test]
 fn patched_levels_look_like_new_ones() {
-    let mut gpu = match Gpu::headless() {
-        Ok(gpu) => gpu,
-        Err(e) if std::env::var_os("LODSMITH_REQUIRE_GPU").is_some_and(|v| v == "1") => {
-            unreachable!("an adapter is demanded: {e}")
-        }
-        Err(_) => return,
-    };
+    let Some(mut gpu) = adapter::context().map(Gpu::on) else { return };
     let folder = folder();
     for name in ["blob.ply", "torus.obj"] {
         let mut document = opened_with(Some(gpu.context().clone()), &folder.path().join(name));
@@ -213,17 +209,11 @@ fn picture(
 ) -> lodsmith_core::Image {
     let pose = lodsmith_core::model::Pose::default();
     let (look, lighting) = (lodsmith_render::Look::default(), lodsmith_render::Lighting::default());
+    let camera = lodsmith_render::Camera::fitting(&bounds, lodsmith_render::StandardView::Iso, 1.0);
+    let models = [Placed::new(model, &pose)];
     let frame = Frame {
-        models: &[Placed::new(model, &pose)],
-        bounds,
-        camera: lodsmith_render::Camera::fitting(&bounds, lodsmith_render::StandardView::Iso, 1.0),
-        look: &look,
-        lighting: &lighting,
         background: lodsmith_render::Background::Color([0.5; 3]),
-        ground: false,
-        matcap: None,
-        environment: None,
-        shader: None,
+        ..Frame::new(&models, bounds, camera, &look, &lighting)
     };
     let mut target = gpu.target([200, 200]);
     gpu.draw(&mut target, &frame);

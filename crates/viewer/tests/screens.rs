@@ -2,152 +2,28 @@
 //!
 //! With `LODSMITH_PICTURES=FOLDER` each picture is kept there, to be looked at.
 
+mod adapter;
 #[path = "screens/benchmark.rs"]
 mod benchmark;
+#[path = "screens/desk.rs"]
+mod desk;
+#[path = "screens/keyframes.rs"]
+mod keyframes;
+#[path = "screens/stage.rs"]
+mod stage;
 #[path = "screens/timeline.rs"]
 mod timeline;
 
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::path::Path;
 
+use desk::Desk;
 use eframe::egui::Role;
-use eframe::egui::{self, Key, Modifiers, Pos2};
-use egui_kittest::Harness;
+use eframe::egui::{self, Key, Modifiers};
 use egui_kittest::kittest::Queryable;
-use lodsmith_core::shapes;
 use lodsmith_render::Shading;
-use lodsmith_viewer::ViewOptions;
-use lodsmith_viewer::app::App;
-use lodsmith_viewer::gpu::{Context, Gpu};
 use lodsmith_viewer::keys::{Action, BINDINGS};
 use lodsmith_viewer::panel::Panel;
 use lodsmith_viewer::settings::Sides;
-
-const LONG: Duration = Duration::from_secs(120);
-
-/// Whether there is an adapter; where one is demanded, there must be.
-fn has_adapter() -> bool {
-    match Gpu::headless() {
-        Ok(_) => true,
-        Err(e) if std::env::var_os("LODSMITH_REQUIRE_GPU").is_some_and(|v| v == "1") => {
-            unreachable!("an adapter is demanded: {e}")
-        }
-        Err(e) => {
-            let _ = std::io::Write::write_all(&mut std::io::stderr(), format!("SKIPPED: {e}\n").as_bytes());
-            false
-        }
-    }
-}
-
-struct Desk {
-    harness: Harness<'static, App>,
-    folder: tempfile::TempDir,
-}
-
-impl Desk {
-    /// A name is one of the folder's, unless it is a path of its own.
-    fn with(is_light: bool, name: Option<impl AsRef<Path>>) -> Option<Self> {
-        if !has_adapter() {
-            return None;
-        }
-        let folder = tempfile::tempdir().unwrap();
-        let meshes = [("sphere.ply", shapes::icosphere(5)), ("torus.obj", shapes::torus(64, 32))];
-        for (name, mesh) in meshes {
-            lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
-        }
-        let of = |n: &Path| if n.is_file() { n.to_owned() } else { folder.path().join(n) };
-        let inputs = name.map(|n| of(n.as_ref())).into_iter().collect();
-        let mut options = ViewOptions { inputs, ..ViewOptions::default() };
-        (options.remember, options.use_system_dialogs) = (false, false);
-        options.is_light = Some(is_light);
-        let harness = Harness::builder()
-            .with_size(egui::vec2(1440.0, 900.0))
-            // Two clicks must come within a third of a second to be a double one.
-            .with_step_dt(0.05)
-            .with_theme(if is_light { egui::Theme::Light } else { egui::Theme::Dark })
-            .wgpu_setup(Context::setup())
-            .build_eframe(move |cc| App::new(cc, &options).unwrap());
-        let mut desk = Self { harness, folder };
-        desk.settle();
-        Some(desk)
-    }
-
-    fn open(name: &str) -> Option<Self> {
-        Self::with(false, Some(name))
-    }
-
-    /// Goes on until all work is done and shown.
-    fn settle(&mut self) {
-        let end = Instant::now() + LONG;
-        loop {
-            self.harness.run_steps(2);
-            let document = self.harness.state_mut().document_mut();
-            if document.settle(Duration::from_millis(50)) {
-                self.harness.run_steps(3);
-                if self.harness.state().document().is_idle() {
-                    return;
-                }
-            }
-            assert!(Instant::now() < end, "work never ends");
-        }
-    }
-
-    fn app(&self) -> &App {
-        self.harness.state()
-    }
-    fn press(&mut self, key: Key) {
-        self.harness.key_press(key);
-        self.settle();
-    }
-    fn press_with(&mut self, modifiers: Modifiers, key: Key) {
-        self.harness.key_press_modifiers(modifiers, key);
-        self.settle();
-    }
-    fn click(&mut self, label: &str) {
-        self.harness.get_by_role_and_label(Role::Button, label).click();
-        self.settle();
-    }
-    fn drag(&mut self, from: Pos2, to: Pos2) {
-        self.harness.drag_at(from);
-        self.harness.run_steps(2);
-        for i in 1..=4 {
-            self.harness.hover_at(from + (to - from) * (i as f32 / 4.0));
-            self.harness.run_steps(1);
-        }
-        self.harness.drop_at(to);
-        self.settle();
-    }
-    fn faces(&self) -> Option<usize> {
-        self.app().document().lighter().map(|l| l.content.faces)
-    }
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    /// Renders the window; more than one colour must be in it.
-    fn picture(&mut self, name: &str) -> image::RgbaImage {
-        let picture = self.harness.render().unwrap();
-        let first = *picture.get_pixel(0, 0);
-        assert!(picture.pixels().any(|p| *p != first), "{name} is empty");
-        if let Some(folder) = std::env::var_os("LODSMITH_PICTURES") {
-            picture.save(Path::new(&folder).join(format!("{name}.png"))).unwrap();
-        }
-        picture
-    }
-
-    /// The pixels of a picture within the window.
-    fn pixels(&mut self, label: &str) -> Vec<[u8; 4]> {
-        let rect = self.harness.get_by_label(label).rect();
-        let picture = self.harness.render().unwrap();
-        let mut pixels = Vec::new();
-        for y in rect.top() as u32 + 60..rect.bottom() as u32 - 60 {
-            for x in rect.left() as u32 + 20..rect.right() as u32 - 20 {
-                pixels.push(picture.get_pixel(x, y).0);
-            }
-        }
-        pixels
-    }
-}
 
 const ORIGINAL: &str = "Picture of the original";
 const RESULT: &str = "Picture of the result";
@@ -524,15 +400,7 @@ fn a_session_is_saved_and_opened_again() {
     assert!(path.is_file());
     let (settings, orbit, faces) =
         (desk.app().document().settings().clone(), desk.app().orbits()[0], desk.faces());
-    let folder = desk.folder;
-    let mut options = ViewOptions { inputs: vec![path], ..ViewOptions::default() };
-    options.remember = false;
-    let harness = Harness::builder()
-        .with_size(egui::vec2(1440.0, 900.0))
-        .wgpu_setup(Context::setup())
-        .build_eframe(move |cc| App::new(cc, &options).unwrap());
-    let mut again = Desk { harness, folder };
-    again.settle();
+    let Some(again) = Desk::within(false, vec![path], desk.folder) else { return };
     assert_eq!(again.app().document().settings().simplify, settings.simplify);
     assert_eq!(again.app().document().settings().look, settings.look);
     assert_eq!(again.app().document().settings().playback, settings.playback);

@@ -29,9 +29,17 @@ struct Findings {
 
 /// What a window needs.
 struct Window {
-    /// The display server, or why there is none.
-    display: Result<String, String>,
+    /// The display server, or why no window can be opened.
+    display: Result<String, Lack>,
     adapters: Vec<Adapter>,
+}
+
+/// Why no window can be opened.
+enum Lack {
+    /// There is no display, for this reason.
+    Display(String),
+    /// A library is missing: its name, and packages of Debian and of Fedora.
+    Library(String, [&'static [&'static str]; 2]),
 }
 
 /// Something that draws.
@@ -61,12 +69,11 @@ const HOW_TO_GET: &str = "not built in; `cargo install lodsmith-cli --features v
 const DRIVERS: [&[&str]; 2] =
     [&["mesa-vulkan-drivers", "libvulkan1"], &["mesa-vulkan-drivers", "vulkan-loader"]];
 const SCREEN: [&[&str]; 2] = [&["xvfb", "libxkbcommon-x11-0"], &["xorg-x11-server-Xvfb", "libxkbcommon-x11"]];
-const KEYBOARD: [&[&str]; 2] =
-    [&["libxkbcommon0", "libxkbcommon-x11-0"], &["libxkbcommon", "libxkbcommon-x11"]];
 
 impl Window {
     #[cfg(feature = "view")]
     fn look() -> Option<Self> {
+        use lodsmith_viewer::display;
         let adapter = |a: lodsmith_viewer::gpu::Adapter| Adapter {
             name: a.name,
             backend: a.backend,
@@ -75,7 +82,13 @@ impl Window {
             fault: a.fault,
         };
         let adapters = lodsmith_viewer::gpu::Adapter::all().into_iter().map(adapter).collect();
-        Some(Self { display: lodsmith_viewer::display::find(), adapters })
+        let lack = |lack: display::Lack| match lack {
+            display::Lack::Display { reason } => Lack::Display(reason),
+            display::Lack::Library { library, packages } => {
+                Lack::Library(library, [packages.debian, packages.fedora])
+            }
+        };
+        Some(Self { display: display::find().map_err(lack), adapters })
     }
     #[cfg(not(feature = "view"))]
     fn look() -> Option<Self> {
@@ -89,10 +102,13 @@ impl Window {
             let of = |packages| if has_packages { packages } else { &[][..] };
             missing.push(Missing { what, hint, debian: of(debian), fedora: of(fedora) });
         };
-        if let Err(why) = &self.display {
-            if why.contains("xkbcommon") {
-                add(format!("a library of the keyboard ({why})"), "install it", KEYBOARD);
-            } else {
+        match &self.display {
+            Ok(_) => {}
+            Err(Lack::Library(name, packages)) => {
+                let hint = "no window opens without it; the packages of the system have it";
+                add(name.clone(), hint, *packages);
+            }
+            Err(Lack::Display(why)) => {
                 let hint = "log in to a desktop, or give the window a virtual one: `xvfb-run lodsmith view`; `lodsmith \
                             render` makes pictures without";
                 add(format!("a display ({why})"), hint, SCREEN);
@@ -198,7 +214,8 @@ mod tests {
     }
 
     fn window(display: Result<&str, &str>, adapters: Vec<Adapter>) -> Window {
-        Window { display: display.map(str::to_owned).map_err(str::to_owned), adapters }
+        let lack = |why: &str| Lack::Display(why.to_owned());
+        Window { display: display.map(str::to_owned).map_err(lack), adapters }
     }
 
     #[test]
@@ -218,17 +235,18 @@ mod tests {
         assert!(bare.contains("a graphics adapter:"), "{bare}");
         let old = texts(&window(Ok(":0"), vec![adapter(false, Some("old"))]));
         assert!(old.contains("that can draw") && !old.contains("a display"), "{old}");
-        let keys = texts(&window(
-            Err("Library libxkbcommon-x11.so could not be loaded."),
-            vec![adapter(true, None)],
-        ));
-        assert!(!keys.contains("xvfb"), "{keys}");
+        let packages: [&[&str]; 2] = [&["libx11-6", "libxi6"], &["libX11", "libXi"]];
+        let display = Err(Lack::Library("a library of X11".to_owned(), packages));
+        let library = texts(&Window { display, adapters: vec![adapter(true, None)] });
+        assert!(library.contains("missing          a library of X11: no window"), "{library}");
+        assert!(!library.contains("xvfb") && !library.contains("a display"), "{library}");
         if cfg!(target_os = "linux") {
             assert!(
                 bare.contains("apt install mesa-vulkan-drivers") && bare.contains("dnf install"),
                 "{bare}"
             );
-            assert!(keys.contains("apt install libxkbcommon0 libxkbcommon-x11-0"), "{keys}");
+            assert!(library.contains("apt install libx11-6 libxi6"), "{library}");
+            assert!(library.contains("dnf install libX11 libXi"), "{library}");
         }
     }
 

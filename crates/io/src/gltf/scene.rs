@@ -15,6 +15,7 @@ use super::copies::{self, CopyPlace};
 use super::lists::append;
 use super::lod::{self, SceneLevels};
 use super::mesh::{self, Budget};
+use super::moving::{self, SceneMotion};
 use super::names::MeshNames;
 use super::placements;
 use super::{inventory, replace, unpack};
@@ -204,7 +205,27 @@ impl Scene {
     /// # Errors
     /// [`ReadError::Malformed`] for nodes that form no tree.
     pub fn with_copies(&self, places: &[CopyPlace]) -> Result<Self, ReadError> {
-        let json = copies::with_copies(&self.json, places)?;
+        self.with_nodes(copies::with_copies(&self.json, places)?)
+    }
+
+    /// The scene with more nodes and cameras, and an animation that moves them. Its numbers go into a buffer of their own,
+    /// which is one with the others when the scene is written. Moments of a channel must rise; of a node or a channel that
+    /// names what is not there, that part is left out.
+    ///
+    /// # Errors
+    /// [`ReadError::Malformed`] for nodes that form no tree.
+    pub fn with_motion(&self, motion: &SceneMotion) -> Result<Self, ReadError> {
+        if motion.nodes.is_empty() {
+            return Ok(self.clone());
+        }
+        let (json, numbers) = moving::with_motion(&self.json, motion);
+        let mut scene = self.clone();
+        scene.buffers.extend(numbers.map(Arc::new));
+        scene.with_nodes(json)
+    }
+
+    /// The scene with other nodes.
+    fn with_nodes(&self, json: Value) -> Result<Self, ReadError> {
         let placed = placements::placed(&json)?;
         let mut meshes = self.meshes.clone();
         for mesh in &mut meshes {

@@ -1,5 +1,7 @@
 //! What keys, menus and dialogs do to the stage.
 
+mod keyframes;
+
 use std::path::{Path, PathBuf};
 
 use eframe::egui;
@@ -39,6 +41,11 @@ impl App {
         }
         let Some(stage) = self.document.stage() else { return false };
         let view = stage.view;
+        if let Action::Copies(action) = action
+            && self.act_on_keyframes(ctx, action)
+        {
+            return true;
+        }
         let pictures = &mut self.pictures;
         match action {
             Action::Walk => {
@@ -102,9 +109,10 @@ impl App {
             }
             CopiesAction::Duplicate => {
                 let Some(base) = self.document.stage_base().filter(|_| !selected.is_empty()) else { return };
-                let aside = |c: &Placement| Placement { x: c.x + 2.0 * base.footprint() * c.scale, ..*c };
+                let aside = 2.0 * base.footprint();
                 view.select(stage.copies.len()..stage.copies.len() + selected.len());
-                self.change_stage(StageChange::Add(selected.iter().map(|(_, c)| aside(c)).collect()));
+                let numbers = selected.iter().map(|s| s.0).collect();
+                self.change_stage(StageChange::Duplicate { numbers, aside });
             }
             CopiesAction::Turn(steps) => self.change_selected(|c| Placement {
                 turn_deg: c.turn_deg + f64::from(steps) * TURN_STEP_DEG,
@@ -116,10 +124,9 @@ impl App {
                     ..*c
                 });
             }
-            CopiesAction::Colors => {}
             CopiesAction::SaveLayout => self.choose(ctx, Purpose::SaveLayout, self.beside("stage.json")),
             CopiesAction::OpenLayout => self.choose(ctx, Purpose::OpenLayout, None),
-            CopiesAction::Export => self.choose(ctx, Purpose::ExportStage, self.beside("stage.glb")),
+            _ => self.choose(ctx, Purpose::ExportStage, self.beside("stage.glb")),
         }
     }
 
@@ -166,7 +173,7 @@ impl App {
             Purpose::SaveLayout => {
                 let path = if path.extension().is_none() { path.with_extension("json") } else { path };
                 let model = self.document.settings().file().map(Path::to_owned).unwrap_or_default();
-                match LayoutFile::new(&model, &self.document.settings().stage.copies).save(&path) {
+                match LayoutFile::new(&model, &self.document.settings().stage).save(&path) {
                     Ok(()) => self.document.log.good(format!("saved the layout as {}", path.display())),
                     Err(e) => self.fail(e.to_string()),
                 }
@@ -184,14 +191,14 @@ impl App {
             return self.fail(format!("{}: open a model first, which the layout places", path.display()));
         }
         match LayoutFile::open(path) {
-            Ok((copies, lost)) => {
+            Ok((copies, motion, lost)) => {
                 if lost > 0 {
                     let text = "copies are left out: without a place or a size, or beyond what a stage holds";
                     self.document.log.warn(format!("{}: {lost} {text}", path.display()));
                 }
                 self.pictures.stage.select([]);
                 self.pictures.stage.set_placing(false);
-                self.change_stage(StageChange::Replace(copies));
+                self.change_stage(StageChange::Replace(copies, motion));
                 if !self.document.settings().stage.is_on {
                     self.toggle_stage();
                 }

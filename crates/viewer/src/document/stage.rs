@@ -10,7 +10,7 @@ use crate::content::Lighter;
 use crate::job::Kind;
 use crate::stage::export::{StageExport, Told};
 use crate::stage::levels::Level;
-use crate::stage::{Base, Stage};
+use crate::stage::{Base, Copies, Stage};
 
 /// A level that copies can be shown in.
 pub struct StageLevel<'a> {
@@ -27,6 +27,22 @@ impl Document {
     pub fn stage(&self) -> Option<&Stage> {
         let stage = &self.settings.stage;
         (stage.is_on && self.original.is_some()).then_some(stage)
+    }
+
+    /// Seconds from begin to end of what moves: the clip, or all that goes on on the stage.
+    pub fn timeline_secs(&self) -> f64 {
+        let clip = self.original.as_ref().map_or(0.0, |o| self.settings.playback.length(o.content.model()));
+        self.stage().map_or(clip, |stage| stage.motion.length(clip))
+    }
+
+    /// The moment that is shown, within those.
+    pub fn moment(&self) -> f64 {
+        self.settings.playback.moment(self.timeline_secs())
+    }
+
+    /// Where the copies stand at that moment.
+    pub fn copies_now(&self) -> Copies {
+        self.settings.stage.copies_at(self.moment())
     }
 
     /// How the model stands on a ground.
@@ -70,6 +86,7 @@ impl Document {
         let export = StageExport {
             path: path.clone(),
             copies: stage.copies.clone(),
+            motion: stage.motion.clone(),
             base,
             told: Told { pixels: stage.view.pixels, fov_y_rad },
         };

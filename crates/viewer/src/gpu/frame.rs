@@ -38,6 +38,30 @@ pub struct Frame<'a> {
     pub shader: Option<&'a SurfaceShader>,
 }
 
+impl<'a> Frame<'a> {
+    /// Models from there, on the usual background; no ground, no surroundings, and no looks of the user's.
+    pub fn new(
+        models: &'a [Placed<'a>],
+        bounds: Bounds,
+        camera: Camera,
+        look: &'a Look,
+        lighting: &'a Lighting,
+    ) -> Self {
+        Self {
+            models,
+            bounds,
+            camera,
+            look,
+            lighting,
+            background: Background::default(),
+            ground: false,
+            matcap: None,
+            environment: None,
+            shader: None,
+        }
+    }
+}
+
 /// A model somewhere.
 #[derive(Clone, Copy)]
 pub struct Placed<'a> {

@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         }
         return;
     };
-    let (copies, view) = (stage.copies.clone(), stage.view);
+    let (copies, view) = (scope.document.copies_now(), stage.view);
     let scatter = scope.facts.stage.form.unwrap_or(stage.scatter);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
@@ -136,6 +136,10 @@ fn chosen(ui: &mut Ui, scope: &mut Scope<'_>, copies: &[Placement]) {
             }
         }
     });
+    if !selected.is_empty() {
+        let tip = "They are here at this moment of the timeline, and elsewhere at others";
+        button(ui, scope, Action::Copies(CopiesAction::Keyframe), "Set a keyframe", tip, false);
+    }
     let Some(first) = selected.first().and_then(|n| copies.get(*n)) else { return };
     let mut one = *first;
     let name = if selected.len() > 1 { "Place of the first" } else { "Place" };
@@ -166,8 +170,9 @@ fn chosen(ui: &mut Ui, scope: &mut Scope<'_>, copies: &[Placement]) {
             turn_deg: c.turn_deg + one.turn_deg - first.turn_deg,
             scale: c.scale * one.scale / first.scale,
         };
-        let moved = selected.iter().filter_map(|&n| Some((n, by(copies.get(n)?)))).collect();
-        scope.command(Command::Stage(StageChange::Move(moved)));
+        let copies = selected.iter().filter_map(|&n| Some((n, by(copies.get(n)?)))).collect();
+        let secs = scope.document.moment();
+        scope.command(Command::Stage(StageChange::Move { copies, secs }));
     }
 }
 

@@ -1,13 +1,17 @@
 //! What moves when: the animation, its moment, and a lane for everything that has keyframes.
 
+mod keyframes;
+
 use eframe::egui::{self, Rangef, Rect, Response, Sense, Stroke, Ui, Vec2, pos2};
 use lodsmith_core::Model;
 
 use super::{Scope, parts};
 use crate::command::Command;
+use crate::document::Document;
 use crate::keys::Action;
-use crate::playback::{Playback, SPEEDS, clip_names, keyframes};
-use crate::theme::{palette, weak};
+use crate::playback::{Playback, SPEEDS, clip_names, keyframes as of_clip};
+use crate::stage::motion::Mover;
+use crate::theme::palette;
 
 /// Room for names before the lanes.
 const NAMES: f32 = 128.0;
@@ -18,6 +22,9 @@ const MARGIN: f32 = 8.0;
 /// Least room between two marks of the ruler.
 const MARK_POINTS: f64 = 64.0;
 
+/// Lanes that are seen at once; others are scrolled to.
+const LANES: usize = 6;
+
 /// Something that changes over time: a lane under the ruler.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
@@ -25,14 +32,22 @@ pub struct Track {
     pub name: String,
     /// Seconds of its keyframes, rising.
     pub keys: Vec<f64>,
+    /// What they move on the stage; those of a file stay as they are.
+    pub mover: Option<Mover>,
 }
 
 /// All lanes, from above.
-fn tracks(model: &Model, playback: &Playback) -> Vec<Track> {
+fn tracks(document: &Document, model: &Model, playback: &Playback) -> Vec<Track> {
     let clip = playback.clip.filter(|c| *c < model.animations.len());
-    clip.map(|c| Track { name: clip_names(model).swap_remove(c), keys: keyframes(model, c) })
-        .into_iter()
-        .collect()
+    let from_file =
+        |c| Track { name: clip_names(model).swap_remove(c), keys: of_clip(model, c), mover: None };
+    let mut all: Vec<Track> = clip.map(from_file).into_iter().collect();
+    if let Some(stage) = document.stage() {
+        let of = |name: String, mover| Track { name, keys: stage.motion.moments(mover), mover: Some(mover) };
+        all.push(of("Camera".to_owned(), Mover::Camera));
+        all.extend(stage.motion.copies.keys().map(|n| of(format!("Copy {}", n + 1), Mover::Copy(*n))));
+    }
+    all
 }
 
 /// Where the moments of the ruler and of all lanes are on the screen.
@@ -73,13 +88,15 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         return;
     };
     let model = original.content.model();
-    if model.animations.is_empty() {
-        parts::nothing(ui, "nothing moves in this file: animations come with glTF and GLB");
+    if model.animations.is_empty() && document.stage().is_none() {
+        let text = "nothing moves in this file: animations come with glTF and GLB; copies on the stage take keyframes";
+        parts::nothing(ui, text);
         return;
     }
     let before = document.settings().playback;
     let mut playback = before;
     ui.horizontal(|ui| transport(ui, scope, model, &mut playback));
+    keyframes::row(ui, scope);
     lanes(ui, scope, model, &mut playback);
     if playback != before {
         scope.command(Command::Playback(playback));
@@ -108,7 +125,9 @@ fn transport(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut P
         }
     }
     ui.add_space(8.0);
-    clips(ui, model, playback);
+    if !model.animations.is_empty() {
+        clips(ui, model, playback);
+    }
     let text = "Begin anew at the end, or stop there";
     if parts::segment(ui, "Repeat", playback.repeats, &tip(Action::Repeat, text)) {
         playback.repeats = !playback.repeats;
@@ -124,14 +143,14 @@ fn transport(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut P
         *playback = playback.at_speed(speed);
     }
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-        let length = playback.length(model);
-        ui.label(weak(ui, format!("of {length:.2} s")));
+        let length = scope.document.timeline_secs();
+        keyframes::length(ui, scope, length);
         let is_good = |t: &str| seconds_of(t).is_some();
-        let now = format!("{:.2}", playback.moment(model));
+        let now = format!("{:.2}", playback.moment(length));
         if let Some(text) = parts::typed(ui, "Moment", &now, "", 72.0, is_good)
             && let Some(seconds) = seconds_of(&text)
         {
-            *playback = playback.at(model, seconds);
+            *playback = playback.at(length, seconds);
         }
     });
 }
@@ -164,23 +183,31 @@ fn seconds_of(text: &str) -> Option<f64> {
 
 /// The ruler, a lane for each track, and the line of the moment over all of them.
 fn lanes(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playback) {
-    let tracks = tracks(model, playback);
-    let size = Vec2::new(ui.available_width(), RULER + LANE * tracks.len().max(1) as f32);
-    let (all, _) = ui.allocate_exact_size(size, Sense::hover());
-    let reach = Rangef::new(all.left() + NAMES + MARGIN, all.right() - MARGIN);
-    let scale = Scale { reach, length: playback.length(model) };
-    let (moment, p) = (playback.moment(model), palette(ui));
-    let ruler = Rect::from_min_max(pos2(all.left() + NAMES, all.top()), pos2(all.right(), all.top() + RULER));
+    let tracks = tracks(scope.document, model, playback);
+    let length = scope.document.timeline_secs();
+    let (ruler, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), RULER), Sense::hover());
+    let reach = Rangef::new(ruler.left() + NAMES + MARGIN, ruler.right() - MARGIN);
+    let scale = Scale { reach, length };
+    let (moment, p) = (playback.moment(length), palette(ui));
+    let ruler = Rect::from_min_max(pos2(ruler.left() + NAMES, ruler.top()), ruler.max);
     let response = scrub(ui, ruler, &scale, moment);
     marks(ui, ruler, &scale);
-    for (row, track) in tracks.iter().enumerate() {
-        let top = ruler.bottom() + LANE * row as f32;
-        lane(ui, Rect::from_min_max(pos2(all.left(), top), pos2(all.right(), top + LANE)), &scale, track);
-    }
+    ui.spacing_mut().item_spacing.y = 0.0;
+    let shown = tracks.len().clamp(1, LANES) as f32;
+    let area = egui::ScrollArea::vertical().max_height(LANE * shown).min_scrolled_height(LANE * shown);
+    let seen = area.auto_shrink([false, true]).show_rows(ui, LANE, tracks.len().max(1), |ui, rows| {
+        for track in rows.map(|row| tracks.get(row)) {
+            let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), LANE), Sense::hover());
+            if let Some(track) = track {
+                lane(ui, rect, &scale, track);
+                keyframes::lane(ui, scope, rect, &scale, track, playback);
+            }
+        }
+    });
     if scale.length > 0.0 {
         let x = scale.x_of(moment);
         let color = if response.hovered() || response.dragged() { p.text } else { p.accent };
-        ui.painter().vline(x, ruler.bottom()..=all.bottom(), Stroke::new(1.5, color));
+        ui.painter().vline(x, ruler.bottom()..=seen.inner_rect.bottom(), Stroke::new(1.5, color));
         // Below the words of the ruler, which stay to be read.
         let top = ruler.bottom() - 9.0;
         let tip = [pos2(x, ruler.bottom() + 1.0), pos2(x - 6.0, top), pos2(x + 6.0, top)];
@@ -191,7 +218,7 @@ fn lanes(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playb
         if scope.document.is_playing() {
             scope.action(Action::Play);
         }
-        *playback = playback.at(model, scale.seconds_at(pointer.x));
+        *playback = playback.at(length, scale.seconds_at(pointer.x));
     }
 }
 
@@ -237,6 +264,9 @@ fn lane(ui: &Ui, rect: Rect, scale: &Scale, track: &Track) {
     painter.galley(pos2(rect.left(), rect.center().y - galley.size().y / 2.0), galley, p.text);
     let bed = Rect::from_x_y_ranges(scale.reach, rect.top() + 4.0..=rect.bottom() - 4.0);
     painter.rect_filled(bed.expand2(Vec2::new(MARGIN, 0.0)), 3.0, p.sunken);
+    if track.mover.is_some() {
+        return;
+    }
     let mut last = f32::NEG_INFINITY;
     for &seconds in &track.keys {
         let x = scale.x_of(seconds);

@@ -112,6 +112,9 @@ fn stage_menu(ui: &mut Ui, scope: &mut Scope<'_>, has_file: bool) {
         item(ui, scope, copies(CopiesAction::Duplicate), "Duplicate", has_chosen);
         item(ui, scope, copies(CopiesAction::Delete), "Delete", has_chosen);
         ui.separator();
+        item(ui, scope, copies(CopiesAction::Keyframe), "Keyframe of the chosen copies", has_chosen);
+        item(ui, scope, copies(CopiesAction::CameraKeyframe), "Keyframe of the camera", is_on);
+        ui.separator();
         item(ui, scope, copies(CopiesAction::OpenLayout), "Open a layout…", is_on);
         item(ui, scope, copies(CopiesAction::SaveLayout), "Save the layout…", has_copies);
         item(ui, scope, copies(CopiesAction::Export), "Export the stage…", has_copies);

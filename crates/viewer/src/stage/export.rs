@@ -7,9 +7,10 @@ use anyhow::{Context as _, bail};
 use glam::{DQuat, DVec3};
 use lodsmith::Screen;
 use lodsmith_core::TriMesh;
-use lodsmith_io::gltf::{CopyPlace, Scene, SceneLevels};
+use lodsmith_io::gltf::{CopyPlace, MovingNode, Scene, SceneLens, SceneLevels, SceneMotion};
 use lodsmith_io::{Format, ModelSource, ReadOptions, WriteOptions};
 
+use super::motion::{Channels, Keyed, Motion};
 use super::{Base, Copies, Placement};
 use crate::content::{Lighter, Original, placed_meshes};
 use crate::document::level_ratios;
@@ -25,6 +26,8 @@ pub struct StageExport {
     pub path: PathBuf,
     /// The copies.
     pub copies: Copies,
+    /// How they and the camera move.
+    pub motion: Motion,
     /// How the model stands.
     pub base: Base,
     /// What readers are told.
@@ -40,6 +43,10 @@ pub struct Told {
     pub fov_y_rad: f64,
 }
 
+/// A copy where the model itself would stand.
+const STILL: Placement = Placement { x: 0.0, z: 0.0, turn_deg: 0.0, scale: 1.0 };
+/// What is nearer to a camera than this part of the model is not seen. Guessed.
+const NEAR: f64 = 0.001;
 /// Nodes that a file may come to: more would be hundreds of megabytes of text.
 const MOST_NODES: usize = 1_000_000;
 
@@ -92,15 +99,63 @@ impl StageExport {
         let mut scene = Scene::clone(scene);
         warnings.extend(embed(&mut scene, folder).iter().map(ToString::to_string));
         let levels = self.levels(&scene, &made);
-        let places: Vec<_> = self.copies.iter().enumerate().map(|(k, c)| place(&self.base, k, c)).collect();
+        let moves = |k: &usize| self.motion.copies.contains_key(k);
+        // What moves stands still within a node that does.
+        let of = |(k, c): (usize, &Placement)| place(&self.base, k, if moves(&k) { &STILL } else { c });
+        let places: Vec<_> = self.copies.iter().enumerate().map(of).collect();
         let staged = scene.with_copies(&places).context("the model cannot be copied")?;
+        let staged = staged.with_motion(&self.moving()).context("the copies cannot be moved")?;
         let mut options = WriteOptions::default();
         let is_text = self.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf"));
         options.format = Some(if is_text { Format::Gltf } else { Format::Glb });
         let lost = lodsmith_io::write_levels_path(&staged, &levels, &self.path, &options, &|_| None)?;
         warnings.extend(lost.iter().map(ToString::to_string));
-        let summary = format!("{} copies, {} levels", grouped(self.copies.len()), made.len() + 1);
+        let mut summary = format!("{} copies, {} levels", grouped(self.copies.len()), made.len() + 1);
+        match (self.motion.copies.len(), self.motion.camera.is_empty()) {
+            (0, true) => {}
+            (0, false) => summary += ", a camera that moves",
+            (n, true) => summary += &format!(", {} that move", grouped(n)),
+            (n, false) => summary += &format!(", {} and the camera that move", grouped(n)),
+        }
         Ok(Written { summary, warnings })
+    }
+
+    /// Nodes for what has keyframes, and the animation that moves them.
+    fn moving(&self) -> SceneMotion {
+        let mut motion = SceneMotion { name: "stage".to_owned(), ..SceneMotion::default() };
+        for (n, track) in &self.motion.copies {
+            let Some(first) = track.values().next() else { continue };
+            let node = motion.nodes.len();
+            motion.nodes.push(MovingNode {
+                name: format!("copy_{}_moves", n + 1),
+                over: Some(*n),
+                translation: [first.x, 0.0, first.z],
+                rotation: DQuat::from_rotation_y(first.turn_deg.to_radians()).to_array(),
+                scale: first.scale,
+                ..MovingNode::default()
+            });
+            motion.channels.extend(Channels { node, tilted: None, is_scaled: true }.of(track));
+        }
+        if let Some(first) = self.motion.camera.values().next() {
+            let [yaw, pitch] = first.parts().turns_deg.map(f64::to_radians);
+            let node = motion.nodes.len();
+            motion.nodes.push(MovingNode {
+                name: "camera_moves".to_owned(),
+                translation: [first.x, first.y, first.z],
+                rotation: DQuat::from_rotation_y(yaw).to_array(),
+                ..MovingNode::default()
+            });
+            motion.nodes.push(MovingNode {
+                name: "camera".to_owned(),
+                parent: Some(node),
+                rotation: DQuat::from_rotation_x(pitch).to_array(),
+                lens: Some(SceneLens { fov_y_rad: self.told.fov_y_rad, near: NEAR * self.base.length() }),
+                ..MovingNode::default()
+            });
+            let channels = Channels { node, tilted: Some(node + 1), is_scaled: false };
+            motion.channels.extend(channels.of(&self.motion.camera));
+        }
+        motion
     }
 
     /// A mesh as the scene that it is written as.

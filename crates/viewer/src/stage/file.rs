@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Copies, Placement};
+use super::motion::Motion;
+use super::{Copies, Placement, Stage};
 
 /// A layout as a file. Lengths are those of the model; the ground is y = 0, the middle of a copy's base stands on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,6 +20,9 @@ pub struct LayoutFile {
     pub model: String,
     /// The copies.
     pub copies: Vec<Placement>,
+    /// Their keyframes, and those of the camera.
+    #[serde(default)]
+    pub motion: Motion,
 }
 
 /// The version that is written.
@@ -49,10 +53,11 @@ pub enum LayoutError {
 }
 
 impl LayoutFile {
-    /// A layout of these.
-    pub fn new(model: &Path, copies: &[Placement]) -> Self {
+    /// The layout of a stage.
+    pub fn new(model: &Path, stage: &Stage) -> Self {
         let model = model.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        Self { program: PROGRAM.to_owned(), version: VERSION, model, copies: copies.to_vec() }
+        let (copies, motion) = (stage.copies.to_vec(), stage.motion.clone());
+        Self { program: PROGRAM.to_owned(), version: VERSION, model, copies, motion }
     }
 
     /// Whether a file says that it is one.
@@ -71,11 +76,12 @@ impl LayoutFile {
             .map_err(|source| LayoutError::Io { path: path.to_owned(), source })
     }
 
-    /// Opens one: its copies, and how many of the file are none, because they have no place, no size, or are too many.
+    /// Opens one: its copies, how they and the camera move, and how many copies of the file are none, because they have no
+    /// place, no size, or are too many.
     ///
     /// # Errors
     /// Each [`LayoutError`].
-    pub fn open(path: &Path) -> Result<(Copies, usize), LayoutError> {
+    pub fn open(path: &Path) -> Result<(Copies, Motion, usize), LayoutError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| LayoutError::Io { path: path.to_owned(), source })?;
         let malformed = |reason: String| LayoutError::Malformed { path: path.to_owned(), reason };
@@ -89,9 +95,12 @@ impl LayoutFile {
             return Err(malformed(reason));
         }
         let all = file.copies.len();
+        // Keyframes belong to numbers: those of copies that are none go, and the others follow.
+        let gone: Vec<usize> = (0..all).filter(|n| file.copies[*n].checked().is_none()).collect();
         let copies = Copies::from(file.copies);
+        let motion = file.motion.without_copies(&gone).within(copies.len());
         let lost = all - copies.len();
-        Ok((copies, lost))
+        Ok((copies, motion, lost))
     }
 }
 
@@ -104,11 +113,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
         let copies = [Placement { turn_deg: 33.25, scale: 0.1 + 0.2, ..Placement::at(1.0 / 3.0, -4e-7) }];
-        LayoutFile::new(Path::new("some/folder/tree.glb"), &copies).save(&path).unwrap();
+        let motion = Motion::default().with(|m| {
+            m.copies.entry(0).or_default().set(1.5, copies[0]);
+            m.length_secs = Some(4.0);
+        });
+        let stage = Stage { copies: copies.to_vec().into(), motion: motion.clone(), ..Stage::default() };
+        LayoutFile::new(Path::new("some/folder/tree.glb"), &stage).save(&path).unwrap();
         assert!(LayoutFile::is_one(&path));
         assert!(std::fs::read_to_string(&path).unwrap().contains("\"tree.glb\""));
-        let (back, lost) = LayoutFile::open(&path).unwrap();
-        assert_eq!((&*back, lost), (copies.as_slice(), 0));
+        let (back, moves, lost) = LayoutFile::open(&path).unwrap();
+        assert_eq!((&*back, moves, lost), (copies.as_slice(), motion, 0));
     }
 
     #[test]
@@ -127,8 +141,15 @@ mod tests {
         assert!(open(newer).unwrap_err().to_string().contains("newer"));
         let some =
             r#"{"program":"lodsmith stage","version":1,"copies":[{"x":1,"z":2},{"x":1,"z":2,"scale":-1}]}"#;
-        let (copies, lost) = open(some).unwrap();
+        let (copies, motion, lost) = open(some).unwrap();
         assert_eq!((&*copies, lost), ([Placement::at(1.0, 2.0)].as_slice(), 1));
+        assert!(motion.is_empty(), "an older file");
+        let moves = r#"{"program":"lodsmith stage","version":1,"copies":[{"x":1,"z":2,"scale":0},{"x":3,"z":4}],
+            "motion":{"copies":[{"copy":0,"keys":[{"seconds":1,"x":0,"z":0}]},
+            {"copy":1,"curve":"step","keys":[{"seconds":2,"x":5,"z":6}]},{"copy":7,"keys":[{"seconds":2,"x":5,"z":6}]}]}}"#;
+        let (_, motion, lost) = open(moves).unwrap();
+        assert_eq!((lost, motion.copies.keys().copied().collect::<Vec<_>>()), (1, vec![0]));
+        assert_eq!(motion.copies[&0].at(0.0), Some(Placement::at(5.0, 6.0)));
         std::fs::remove_file(&path).unwrap();
         assert!(matches!(LayoutFile::open(&path), Err(LayoutError::Io { .. })));
         assert!(!LayoutFile::is_one(&path));

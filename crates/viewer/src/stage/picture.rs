@@ -12,11 +12,13 @@ use glam::DVec3;
 use lodsmith_core::model::Pose as ModelPose;
 
 use super::levels::{Chooser, Chosen, Eye, distance_of};
+use super::motion::{Motion, Name, Stand, Track};
 use super::scatter::Scatter;
-use super::{Base, Placement, StageChange, ground, walk};
+use super::{Base, Copies, Placement, StageChange, ground, walk};
 use crate::command::Command;
 use crate::document::{Document, StageLevel};
 use crate::gpu::{Frame, Gpu, Placed, TINTS, Target};
+use crate::keys::Action;
 use crate::numbers::{grouped, significant};
 use crate::own_files::OwnFiles;
 use crate::panel::Say;
@@ -43,6 +45,34 @@ pub struct StageView {
     /// The numbers of the panel, until copies are scattered by them.
     pub form: Option<Scatter>,
     eye_height: f64,
+    /// The moment that was shown last.
+    moment: f64,
+    /// By which moment and keyframes the camera was put where it is.
+    flown: Option<(f64, Track<Stand>)>,
+    /// Which keyframes are chosen and held.
+    pub keyframes: KeyframeDesk,
+}
+
+/// Keyframes that are chosen in the timeline, and those that are dragged.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KeyframeDesk {
+    /// The chosen ones.
+    pub chosen: Vec<Name>,
+    /// What is dragged.
+    pub drag: Option<KeyframeDrag>,
+}
+
+/// Keyframes that are being dragged.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeyframeDrag {
+    /// All of them as they were.
+    pub before: Motion,
+    /// Which are dragged.
+    pub names: Vec<Name>,
+    /// The moment under the pointer at the begin.
+    pub from_secs: f64,
+    /// Whether the old ones stay.
+    pub keeps: bool,
 }
 
 /// What panels are told of the stage.
@@ -64,6 +94,8 @@ pub struct Facts {
     pub longest_secs: f64,
     /// How copies will be scattered, where that is not how they were.
     pub form: Option<Scatter>,
+    /// Which keyframes are chosen and held.
+    pub keyframes: KeyframeDesk,
 }
 
 /// What panels are told of a level.
@@ -80,6 +112,8 @@ pub struct LevelFacts {
 /// What is shown where.
 struct Shown<'a> {
     document: &'a Document,
+    /// Where they stand at the moment.
+    copies: Copies,
     base: Base,
     levels: Vec<StageLevel<'a>>,
     pose: &'a ModelPose,
@@ -124,6 +158,9 @@ impl Default for StageView {
             aspect: 1.0,
             form: None,
             eye_height: 0.0,
+            moment: 0.0,
+            flown: None,
+            keyframes: KeyframeDesk::default(),
         }
     }
 }
@@ -133,7 +170,8 @@ impl StageView {
     pub fn facts(&self) -> Facts {
         let (is_placing, is_walking) = (self.is_placing, self.is_walking);
         let selected = self.selected.iter().copied().collect();
-        Facts { selected, is_placing, is_walking, form: self.form, ..self.facts.clone() }
+        let keyframes = self.keyframes.clone();
+        Facts { selected, is_placing, is_walking, form: self.form, keyframes, ..self.facts.clone() }
     }
     /// Triangles of the last frame.
     pub fn triangles(&self) -> u64 {
@@ -165,10 +203,11 @@ impl StageView {
     /// These copies and no others.
     pub fn select(&mut self, numbers: impl IntoIterator<Item = usize>) {
         self.selected = numbers.into_iter().collect();
+        self.keyframes = KeyframeDesk::default();
     }
-    /// The copies that are chosen, with their numbers.
+    /// The copies that are chosen, with their numbers, as they stand at the moment.
     pub fn selected(&self, document: &Document) -> Vec<(usize, Placement)> {
-        let copies = &document.settings().stage.copies;
+        let copies = document.copies_now();
         self.selected.iter().filter_map(|&n| Some((n, *copies.get(n)?))).collect()
     }
 
@@ -269,22 +308,23 @@ impl StageView {
         };
         self.aspect = viewport::aspect(rect);
         self.arrive(document, &original.content.path);
-        let copies = &stage.copies;
+        let copies = document.copies_now();
         self.selected.retain(|n| *n < copies.len());
+        self.follow(document);
         let response = viewport::place(ui, rect, "Picture of the stage");
         let height = stage.view.eye_height * height_of(&base);
         if self.is_walking && self.eye_height != height {
             self.eye_height = height;
             self.change_orbit(|o| walk::set_height(o, height));
         }
-        let shown = Shown { document, base, levels: document.stage_levels(), pose, rect };
+        let shown = Shown { document, copies, base, levels: document.stage_levels(), pose, rect };
         self.mouse(&response, &shown, says);
 
         let begin = Instant::now();
         let height_px = f64::from(rect.height() * ui.pixels_per_point());
         let eye = Eye { camera: self.orbit.camera(), aspect: self.aspect, height_px };
         let numbers: Vec<_> = shown.levels.iter().map(|l| l.level).collect();
-        let chosen = self.chooser.choose(copies, &base, &numbers, &eye, &stage.view);
+        let chosen = self.chooser.choose(&shown.copies, &base, &numbers, &eye, &stage.view);
         let counts = chosen.counts(numbers.len());
         let of_level = |(level, copies): (&super::levels::Level, usize)| LevelFacts {
             faces: level.faces,
@@ -301,7 +341,7 @@ impl StageView {
         }
         self.facts.secs = spent.as_secs_f64();
         self.facts.longest_secs = self.facts.longest_secs.max(self.facts.secs);
-        self.rings(ui, rect, &response, document, &base);
+        self.rings(ui, &response, &shown);
         self.words(ui, rect, document);
     }
 
@@ -316,15 +356,37 @@ impl StageView {
         self.is_placing = document.settings().stage.copies.is_empty();
         self.is_walking = false;
         self.look_from(document, 0);
+        self.keyframes = KeyframeDesk::default();
+        self.flown = None;
         if let Some(pose) = self.arriving.take() {
             self.orbit = Orbit::of(&pose.camera());
+            // What a session says of the camera holds until something moves.
+            self.flown = Some((document.moment(), document.settings().stage.motion.camera.clone()));
+        }
+    }
+
+    /// Puts the camera where its keyframes have it, whenever the moment or the keyframes are others.
+    fn follow(&mut self, document: &Document) {
+        let (motion, moment) = (&document.settings().stage.motion, document.moment());
+        if moment != self.moment {
+            self.moment = moment;
+            self.moved = Some(Instant::now());
+        }
+        let Some(stand) = motion.camera.at(moment).filter(|_| !motion.has_free_camera) else {
+            self.flown = None;
+            return;
+        };
+        let is_there = self.flown.as_ref().is_some_and(|(m, track)| *m == moment && *track == motion.camera);
+        if !is_there {
+            self.change_orbit(|orbit| stand.put(orbit));
+            self.flown = Some((moment, motion.camera.clone()));
         }
     }
 
     /// Draws it; the time that this took of our own.
     fn draw(&mut self, ui: &Ui, gpu: &mut Gpu, own: &OwnFiles, shown: &Shown<'_>) -> Duration {
         let begin = Instant::now();
-        let Shown { document, base, levels, pose, rect } = shown;
+        let Shown { document, copies, base, levels, pose, rect } = shown;
         let settings = document.settings();
         let stage = &settings.stage;
         let scale = ui.pixels_per_point();
@@ -346,7 +408,7 @@ impl StageView {
             .iter()
             .filter_map(|seen| {
                 Some(Placed {
-                    world_from_model: base.stage_from(&stage.copies[seen.copy]),
+                    world_from_model: base.stage_from(&copies[seen.copy]),
                     selected: self.selected.contains(&seen.copy),
                     tint: if stage.view.has_level_colors { tint_of(seen.level) } else { 0 },
                     ..Placed::new(locked[seen.level].as_deref()?, pose)
@@ -356,7 +418,7 @@ impl StageView {
         let lighting = settings.look.rig.lighting(settings.look.brightness);
         let frame = Frame {
             models: &placed,
-            bounds: base.bounds(&stage.copies),
+            bounds: base.bounds(stage.places()),
             camera: self.orbit.camera(),
             look: &settings.look.look,
             lighting: &lighting,
@@ -377,18 +439,17 @@ impl StageView {
 
     /// The copy under a place, of those that are drawn.
     fn under(&self, shown: &Shown<'_>, at: Pos2) -> Option<usize> {
-        let Shown { document, base, levels, pose, rect } = shown;
+        let Shown { copies, base, levels, pose, rect, .. } = shown;
         let model_of = |copy: usize| {
             let seen = self.facts.chosen.in_sight.iter().find(|s| s.copy == copy)?;
             Some(levels.get(seen.level)?.model)
         };
-        let copies = &document.settings().stage.copies;
         ground::copy_under(copies, base, pose, &self.orbit.camera(), *rect, at, model_of)
     }
 
     fn mouse(&mut self, response: &Response, shown: &Shown<'_>, says: &mut Vec<Say>) {
-        let Shown { document, base, rect, .. } = shown;
-        let rect = *rect;
+        let Shown { document, copies, base, rect, .. } = shown;
+        let (rect, secs) = (*rect, document.moment());
         let (modifiers, pressed_at) = response.ctx.input(|i| (i.modifiers, i.pointer.press_origin()));
         let dragged = response.dragged_by(PointerButton::Primary);
         let by = response.drag_delta();
@@ -410,8 +471,12 @@ impl StageView {
                 self.select([copy]);
             }
             // At half its height, so that it stays under the pointer.
-            let height = base.ball(&document.settings().stage.copies[copy]).0.y;
+            let height = base.ball(&copies[copy]).0.y;
             if let Some(from) = ground::on_plane(&self.orbit.camera(), rect, at, height) {
+                // What is held stands still.
+                if document.is_playing() {
+                    says.push(Say::Action(Action::Play));
+                }
                 self.drag = Some(Drag { from, copies: self.selected(document) });
             }
         }
@@ -423,7 +488,7 @@ impl StageView {
                 let by = to - drag.from;
                 let moved =
                     drag.copies.iter().map(|(n, c)| (*n, Placement { x: c.x + by.x, z: c.z + by.z, ..*c }));
-                says.push(change(StageChange::Move(moved.collect())));
+                says.push(change(StageChange::Move { copies: moved.collect(), secs }));
             }
         } else if dragged && modifiers.alt && !self.selected.is_empty() {
             let (turn, factor) =
@@ -442,7 +507,7 @@ impl StageView {
             if self.is_placing {
                 if let Some(place) = ground::on_ground(&self.orbit.camera(), rect, at) {
                     says.push(change(StageChange::Add(vec![Placement::at(place.x, place.z)])));
-                    self.select([document.settings().stage.copies.len()]);
+                    self.select([copies.len()]);
                 }
             } else {
                 match self.under(shown, at) {
@@ -461,7 +526,7 @@ impl StageView {
             && let Some(at) = response.interact_pointer_pos()
         {
             let under = self.under(shown, at);
-            let copy = under.map(|n| base.ball(&document.settings().stage.copies[n]).0);
+            let copy = under.map(|n| base.ball(&copies[n]).0);
             if let Some(place) = copy.or_else(|| ground::on_ground(&self.orbit.camera(), rect, at)) {
                 self.change_orbit(|o| o.target = place);
             }
@@ -470,12 +535,15 @@ impl StageView {
 
     /// A change of all copies that are chosen.
     pub fn changed(&self, document: &Document, of: impl Fn(&Placement) -> Placement) -> Option<Say> {
-        let all: Vec<_> = self.selected(document).iter().map(|(n, c)| (*n, of(c))).collect();
-        (!all.is_empty()).then_some(Say::Command(Command::Stage(StageChange::Move(all))))
+        let copies: Vec<_> = self.selected(document).iter().map(|(n, c)| (*n, of(c))).collect();
+        let secs = document.moment();
+        (!copies.is_empty()).then_some(Say::Command(Command::Stage(StageChange::Move { copies, secs })))
     }
 
     /// Circles on the ground: round what is chosen, and where a copy would stand.
-    fn rings(&self, ui: &Ui, rect: Rect, response: &Response, document: &Document, base: &Base) {
+    fn rings(&self, ui: &Ui, response: &Response, shown: &Shown<'_>) {
+        let Shown { copies, base, rect, .. } = shown;
+        let rect = *rect;
         let camera = self.orbit.camera();
         let p = palette(ui);
         let painter = ui.painter_at(rect);
@@ -485,7 +553,7 @@ impl StageView {
                 painter.add(egui::Shape::closed_line(line, Stroke::new(2.0, color)));
             }
         };
-        for (_, copy) in self.selected(document).iter().take(RINGS) {
+        for copy in self.selected.iter().take(RINGS).filter_map(|n| copies.get(*n)) {
             ring(DVec3::new(copy.x, 0.0, copy.z), copy.scale, p.accent);
         }
         let hovered = response.hover_pos().filter(|_| self.is_placing && !response.dragged());
@@ -590,7 +658,7 @@ pub fn height_of(base: &Base) -> f64 {
 /// A box round what stands there; with nothing, some models large.
 fn seen_bounds(document: &Document) -> Option<lodsmith_core::Bounds> {
     let base = document.stage_base()?;
-    let copies = &document.settings().stage.copies;
+    let copies = document.copies_now();
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for copy in copies.iter() {
         let (centre, radius) = base.ball(copy);

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use lodsmith_core::sampling::Random;
 use serde::{Deserialize, Serialize};
 
 use super::{MOST, Placement};
@@ -66,11 +67,11 @@ impl Scatter {
     pub fn scattered(&self, standing: &[Placement]) -> Vec<Placement> {
         let kept: &[Placement] = if self.keeps { standing } else { &[] };
         let count = self.count.min(MOST.saturating_sub(kept.len()));
-        let mut chance = Chance(self.seed);
+        let mut chance = Random::new(self.seed);
         let (mut copies, has_room) = self.thrown(count, kept, &mut chance);
         if !has_room
             && kept.is_empty()
-            && let Some(in_cells) = self.in_cells(count, &mut Chance(self.seed))
+            && let Some(in_cells) = self.in_cells(count, &mut Random::new(self.seed))
         {
             copies = in_cells;
         }
@@ -90,7 +91,7 @@ impl Scatter {
         count
     }
 
-    fn thrown(&self, count: usize, kept: &[Placement], chance: &mut Chance) -> (Vec<Placement>, bool) {
+    fn thrown(&self, count: usize, kept: &[Placement], chance: &mut Random) -> (Vec<Placement>, bool) {
         let side = self.side();
         let mut near = Near::new(self.radius(self.greatest().max(greatest_of(kept))));
         for copy in kept {
@@ -105,10 +106,10 @@ impl Scatter {
         for _ in 0..count {
             let (turn_deg, scale) = self.turn_and_scale(chance);
             let radius = self.radius(scale);
-            let [x, z] = [chance.next(), chance.next()].map(|u| (u - 0.5) * side);
+            let [x, z] = [chance.unit(), chance.unit()].map(|u| (u - 0.5) * side);
             let mut best = (f64::NEG_INFINITY, x, z);
             for _ in 0..throws {
-                let [x, z] = [chance.next(), chance.next()].map(|u| (u - 0.5) * side);
+                let [x, z] = [chance.unit(), chance.unit()].map(|u| (u - 0.5) * side);
                 let room = near.around(x, z, radius).map(|(d, other)| d - other - radius);
                 let room = room.fold(f64::INFINITY, f64::min);
                 if room > best.0 {
@@ -127,7 +128,7 @@ impl Scatter {
     }
 
     /// One in each cell of a grid, somewhere where it keeps within; which cells stay empty is chance.
-    fn in_cells(&self, count: usize, chance: &mut Chance) -> Option<Vec<Placement>> {
+    fn in_cells(&self, count: usize, chance: &mut Random) -> Option<Vec<Placement>> {
         let side = self.side();
         let across = (count as f64).sqrt().ceil().max(1.0) as usize;
         let cell = side / across as f64;
@@ -137,21 +138,21 @@ impl Scatter {
         }
         let mut cells: Vec<usize> = (0..across * across).collect();
         for i in (1..cells.len()).rev() {
-            cells.swap(i, ((chance.next() * (i + 1) as f64) as usize).min(i));
+            cells.swap(i, ((chance.unit() * (i + 1) as f64) as usize).min(i));
         }
         cells.truncate(count);
         let copies = cells.into_iter().map(|at| {
             let (turn_deg, scale) = self.turn_and_scale(chance);
             let free = cell - 2.0 * self.radius(scale);
             let along = |k: usize, u: f64| (k as f64 + 0.5) * cell - 0.5 * side + (u - 0.5) * free;
-            let (x, z) = (along(at % across, chance.next()), along(at / across, chance.next()));
+            let (x, z) = (along(at % across, chance.unit()), along(at / across, chance.unit()));
             Placement { x, z, turn_deg, scale }
         });
         Some(copies.collect())
     }
 
-    fn turn_and_scale(&self, chance: &mut Chance) -> (f64, f64) {
-        let (turn, size) = (chance.next(), chance.next());
+    fn turn_and_scale(&self, chance: &mut Random) -> (f64, f64) {
+        let (turn, size) = (chance.unit(), chance.unit());
         let [least, most] = self.scales();
         (if self.is_turned { 360.0 * turn } else { 0.0 }, least + (most - least) * size)
     }
@@ -206,19 +207,6 @@ impl Near {
     }
 }
 
-/// Numbers by chance, from 0 up to 1. [Steele, Lea, Flood 2014]
-struct Chance(u64);
-
-impl Chance {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut x = self.0;
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -248,7 +236,7 @@ mod tests {
     fn a_square_that_is_nearly_full_is_filled_without_overlap() {
         // 100 circles of radius 1 in a square of 20.5: thrown ones would not find room.
         let scatter = Scatter { count: 100, gap: 0.0, side: 20.5, scale: [1.0; 2], ..Scatter::default() };
-        assert!(!scatter.thrown(100, &[], &mut Chance(1)).1);
+        assert!(!scatter.thrown(100, &[], &mut Random::new(1)).1);
         assert_eq!(scatter.overlaps(&scatter.scattered(&[])), 0);
         // And where there is none, all still stand.
         let tight = Scatter { side: 10.0, ..scatter };

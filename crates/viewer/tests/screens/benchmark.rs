@@ -7,7 +7,7 @@ use egui_kittest::kittest::Queryable;
 use lodsmith_viewer::benchmark::HEADS;
 use lodsmith_viewer::panel::Panel;
 
-use super::Desk;
+use super::desk::Desk;
 
 /// What a button puts into the clipboard.
 fn copied(desk: &mut Desk, button: &str) -> String {

@@ -8,7 +8,8 @@ use lodsmith_viewer::command::Command;
 use lodsmith_viewer::panel::Panel;
 use lodsmith_viewer::playback::Playback;
 
-use super::{Desk, ORIGINAL, RESULT};
+use super::desk::Desk;
+use super::{ORIGINAL, RESULT};
 
 const ARM: &str = "../../testdata/arm.glb";
 

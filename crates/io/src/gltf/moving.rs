@@ -1,0 +1,193 @@
+//! Nodes over what a scene shows, cameras among them, and an animation that moves them.
+//!
+//! ```text
+//! scene ─┬─ "a"            scene ─┬─ "a_moves" ── "a"
+//!        └─ "b"                   ├─ "b"
+//!                                 └─ "camera_moves" ── "camera"
+//! ```
+
+use std::collections::HashMap;
+
+use lodsmith_core::model::{Channel, Interpolation, Track};
+use serde_json::{Value, json};
+
+use super::container::list;
+use super::lists::append;
+
+/// What moves in a scene; see [`Scene::with_motion`](super::Scene::with_motion).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneMotion {
+    /// Name of the animation.
+    pub name: String,
+    /// Nodes that come to those of the scene.
+    pub nodes: Vec<MovingNode>,
+    /// How they move; their nodes are numbers in the list above.
+    pub channels: Vec<Channel>,
+}
+
+/// A node that comes to a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MovingNode {
+    /// Its name.
+    pub name: String,
+    /// The node before in the list under which it hangs; `None` for one that the scene names.
+    pub parent: Option<usize>,
+    /// What hangs under it: the scene's node with this number, from 0.
+    pub over: Option<usize>,
+    /// Where its origin is.
+    pub translation: [f64; 3],
+    /// How it is turned: a quaternion of length one, its real part last.
+    pub rotation: [f64; 4],
+    /// How much larger it is.
+    pub scale: f64,
+    /// The camera in it, which looks along -z.
+    pub lens: Option<SceneLens>,
+}
+
+impl Default for MovingNode {
+    fn default() -> Self {
+        let (translation, rotation) = ([0.0; 3], [0.0, 0.0, 0.0, 1.0]);
+        Self { name: String::new(), parent: None, over: None, translation, rotation, scale: 1.0, lens: None }
+    }
+}
+
+/// A camera, which sees as far as there is something.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneLens {
+    /// Angle from the lower to the upper edge.
+    pub fov_y_rad: f64,
+    /// What is nearer is not seen.
+    pub near: f64,
+}
+
+/// The JSON with nodes, cameras and an animation, and the buffer that holds its numbers; `None` where nothing moves.
+pub(super) fn with_motion(source: &Value, motion: &SceneMotion) -> (Value, Option<Vec<u8>>) {
+    let mut json = source.clone();
+    let first = list(&json, "nodes").len();
+    let shown = super::container::number(&json["scene"]).unwrap_or(0);
+    let mut roots: Vec<Value> = list(&json["scenes"][shown], "nodes").to_vec();
+    let before = roots.len();
+    for (k, node) in motion.nodes.iter().enumerate() {
+        let mut entry = json!({
+            "name": node.name,
+            "translation": node.translation,
+            "rotation": node.rotation,
+            "scale": ([node.scale; 3]),
+        });
+        if let Some(lens) = node.lens {
+            let perspective = json!({ "yfov": lens.fov_y_rad, "znear": lens.near });
+            let camera = json!({ "type": "perspective", "perspective": perspective });
+            entry["camera"] = append(&mut json, "cameras", camera).into();
+        }
+        let number: Value = append(&mut json, "nodes", entry).into();
+        let below = node.over.filter(|n| *n < before && roots[*n].is_number());
+        if let Some(over) = below {
+            json["nodes"][first + k]["children"] = json!([std::mem::take(&mut roots[over])]);
+        }
+        match node.parent.filter(|p| *p < k) {
+            Some(parent) => {
+                let parent = &mut json["nodes"][first + parent];
+                let mut children = list(parent, "children").to_vec();
+                children.push(number);
+                parent["children"] = children.into();
+            }
+            // It stands where what hangs under it stood.
+            None => match below {
+                Some(over) => roots[over] = json!([number]),
+                None => roots.push(number),
+            },
+        }
+    }
+    let roots: Vec<Value> = roots
+        .into_iter()
+        .filter_map(|root| match root {
+            Value::Array(mut one) => one.pop(),
+            Value::Null => None,
+            number => Some(number),
+        })
+        .collect();
+    if !json["scenes"].is_array() {
+        json["scenes"] = json!([]);
+        json["scene"] = 0.into();
+        append(&mut json, "scenes", json!({}));
+    }
+    json["scenes"][shown]["nodes"] = roots.into();
+    let bytes = animate(&mut json, motion, first);
+    (json, bytes)
+}
+
+/// Adds the animation; the bytes of its numbers.
+fn animate(json: &mut Value, motion: &SceneMotion, first: usize) -> Option<Vec<u8>> {
+    let of_nodes = |c: &&Channel| c.node < motion.nodes.len() && !c.times.is_empty();
+    let channels: Vec<&Channel> = motion.channels.iter().filter(of_nodes).collect();
+    if channels.is_empty() {
+        return None;
+    }
+    let view = list(json, "bufferViews").len();
+    let mut data = Numbers { bytes: Vec::new(), view, times: HashMap::new() };
+    let (mut samplers, mut entries) = (Vec::new(), Vec::new());
+    for channel in channels {
+        let input = data.times(json, &channel.times);
+        let (path, output) = match &channel.track {
+            Track::Translation(v) => ("translation", data.put(json, v.as_flattened(), "VEC3", false)),
+            Track::Rotation(v) => ("rotation", data.put(json, v.as_flattened(), "VEC4", false)),
+            Track::Scale(v) => ("scale", data.put(json, v.as_flattened(), "VEC3", false)),
+            Track::MorphWeights(v) => ("weights", data.put(json, v, "SCALAR", false)),
+        };
+        let interpolation = match channel.interpolation {
+            Interpolation::Linear => "LINEAR",
+            Interpolation::Step => "STEP",
+            Interpolation::Cubic => "CUBICSPLINE",
+        };
+        entries.push(json!({
+            "sampler": samplers.len(),
+            "target": { "node": first + channel.node, "path": path },
+        }));
+        samplers.push(json!({ "input": input, "output": output, "interpolation": interpolation }));
+    }
+    let animation = json!({ "name": motion.name, "channels": entries, "samplers": samplers });
+    append(json, "animations", animation);
+    let buffer = append(json, "buffers", json!({ "byteLength": data.bytes.len() }));
+    append(json, "bufferViews", json!({ "buffer": buffer, "byteLength": data.bytes.len() }));
+    Some(data.bytes)
+}
+
+/// Numbers of an animation: one view, in which accessors lie one after the other.
+struct Numbers {
+    bytes: Vec<u8>,
+    view: usize,
+    /// Accessors of moments that are there already.
+    times: HashMap<Vec<u32>, usize>,
+}
+
+impl Numbers {
+    fn times(&mut self, json: &mut Value, times: &[f32]) -> usize {
+        let bits: Vec<u32> = times.iter().map(|t| t.to_bits()).collect();
+        if let Some(&known) = self.times.get(&bits) {
+            return known;
+        }
+        let new = self.put(json, times, "SCALAR", true);
+        self.times.insert(bits, new);
+        new
+    }
+
+    fn put(&mut self, json: &mut Value, values: &[f32], kind: &str, has_bounds: bool) -> usize {
+        let width = match kind {
+            "VEC3" => 3,
+            "VEC4" => 4,
+            _ => 1,
+        };
+        let mut accessor = json!({
+            "bufferView": self.view,
+            "byteOffset": self.bytes.len(),
+            "componentType": 5126,
+            "count": values.len() / width,
+            "type": kind,
+        });
+        if has_bounds && let (Some(first), Some(last)) = (values.first(), values.last()) {
+            (accessor["min"], accessor["max"]) = (json!([first]), json!([last]));
+        }
+        self.bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+        append(json, "accessors", accessor)
+    }
+}

@@ -1,0 +1,252 @@
+//! Keyframes of the stage: set, chosen, dragged, copied and taken away.
+
+use eframe::egui::{self, CursorIcon, Modifiers, Rect, Response, Sense, Shape, Stroke, Ui, Vec2, pos2};
+
+use super::{MARGIN, NAMES, Scale, Scope, Track, parts};
+use crate::command::Command;
+use crate::keys::{Action, CopiesAction};
+use crate::panel::Say;
+use crate::playback::Playback;
+use crate::stage::StageChange;
+use crate::stage::motion::{Curve, MOST_SECS, Motion, Mover, Name, moment};
+use crate::stage::picture::{KeyframeDesk, KeyframeDrag};
+use crate::theme::{palette, weak};
+
+/// Half of a mark, and how near a pointer means it.
+const MARK: f32 = 5.5;
+const NEAR: f32 = 7.0;
+/// Moments that a drag comes to rest at: hundredths.
+const GRID: f64 = 100.0;
+
+/// What can be done to keyframes; nothing where there is no stage.
+pub(super) fn row(ui: &mut Ui, scope: &mut Scope<'_>) {
+    let Some(stage) = scope.document.stage() else { return };
+    let motion = stage.motion.clone();
+    let facts = &scope.facts.stage;
+    let (selected, chosen) = (!facts.selected.is_empty(), facts.keyframes.chosen.clone());
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let button = |ui: &mut Ui, scope: &mut Scope<'_>, action, text: &str, tip: &str, is_enabled| {
+            let action = Action::Copies(action);
+            let response = ui.add_enabled(is_enabled, egui::Button::new(text));
+            let tip = format!("{tip} ({})", action.key());
+            if response.on_hover_text(&tip).on_disabled_hover_text(tip).clicked() {
+                scope.action(action);
+            }
+        };
+        ui.label(weak(ui, "Keyframe of"));
+        let tip = "The chosen copies are here at this moment";
+        button(ui, scope, CopiesAction::Keyframe, "the copies", tip, selected);
+        let tip = "The camera looks from here at this moment";
+        button(ui, scope, CopiesAction::CameraKeyframe, "the camera", tip, true);
+        ui.add_space(8.0);
+        let is_any = !chosen.is_empty();
+        let tip = "The chosen keyframes once more, the first of them at this moment";
+        button(ui, scope, CopiesAction::Duplicate, "Copy here", tip, is_any);
+        button(ui, scope, CopiesAction::Delete, "Take away", "The chosen keyframes go", is_any);
+        ui.add_space(8.0);
+        let is_step = is_any && chosen.iter().all(|c| motion.curve(c.0) == Curve::Step);
+        let tip = format!(
+            "What the chosen keyframes move stays until the next ({} changes to and fro)",
+            Action::Copies(CopiesAction::Curve).key()
+        );
+        for (text, is_on, curve) in
+            [("Smooth", is_any && !is_step, Curve::Smooth), ("Steps", is_step, Curve::Step)]
+        {
+            let tip = if curve == Curve::Step {
+                tip.clone()
+            } else {
+                "Along a curve through all keyframes".to_owned()
+            };
+            ui.add_enabled_ui(is_any, |ui| {
+                if parts::segment(ui, text, is_on, &tip) {
+                    let with = motion.with(|m| chosen.iter().for_each(|c| m.set_curve(c.0, curve)));
+                    scope.command(Command::Stage(StageChange::Motion(with)));
+                }
+            });
+        }
+        ui.add_space(8.0);
+        let action = Action::Copies(CopiesAction::FreeCamera);
+        let tip = format!("Look from where the keyframes of the camera have it ({})", action.key());
+        let has_camera = !motion.camera.is_empty();
+        ui.add_enabled_ui(has_camera, |ui| {
+            if parts::segment(ui, "Through the camera", has_camera && !motion.has_free_camera, &tip) {
+                scope.action(action);
+            }
+        });
+    });
+}
+
+/// How long all of it is: to be changed where there is a stage.
+pub(super) fn length(ui: &mut Ui, scope: &mut Scope<'_>, length: f64) {
+    let Some(stage) = scope.document.stage() else {
+        ui.label(weak(ui, format!("of {length:.2} s")));
+        return;
+    };
+    let mut secs = length;
+    let least = stage.motion.last_secs().max(0.1);
+    let drag = egui::DragValue::new(&mut secs).range(least..=MOST_SECS).speed(0.05).suffix(" s");
+    let response = ui.add(drag.fixed_decimals(2)).on_hover_text("How long all of it is");
+    let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Length of the stage"));
+    ui.label(weak(ui, "of"));
+    if secs != length {
+        let with = stage.motion.with(|m| m.length_secs = Some(secs));
+        scope.command(Command::Stage(StageChange::Motion(with)));
+    }
+}
+
+/// The marks of a lane, and what the mouse does to them.
+pub(super) fn lane(
+    ui: &Ui,
+    scope: &mut Scope<'_>,
+    rect: Rect,
+    scale: &Scale,
+    track: &Track,
+    playback: &mut Playback,
+) {
+    let (Some(mover), Some(stage)) = (track.mover, scope.document.stage()) else { return };
+    let bed = Rect::from_min_max(pos2(rect.left() + NAMES, rect.top()), rect.max);
+    let bed = bed.intersect(Rect::from_x_y_ranges(
+        scale.reach.min - MARGIN..=scale.reach.max + MARGIN,
+        rect.y_range(),
+    ));
+    let response = ui.interact(bed, ui.scope_id().with(("lane", mover)), Sense::click_and_drag());
+    let name = format!("Keyframes of {}", track.name.to_lowercase());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Group, true, &name));
+    let mut desk = scope.facts.stage.keyframes.clone();
+    let before = desk.clone();
+    if let Some(new) = mouse(&response, scope, scale, &stage.motion, mover, &track.keys, &mut desk) {
+        match new {
+            Asked::Motion(motion) => scope.command(Command::Stage(StageChange::Motion(motion))),
+            Asked::Moment(secs) => {
+                if scope.document.is_playing() {
+                    scope.action(Action::Play);
+                }
+                *playback = playback.at(scale.length, secs);
+            }
+        }
+    }
+    if desk != before {
+        scope.says.push(Say::Keyframes(desk));
+    }
+    paint(ui, scope, rect, scale, &response, (mover, &track.keys));
+}
+
+enum Asked {
+    Motion(Motion),
+    Moment(f64),
+}
+
+/// What the mouse asks for; which keyframes are chosen and held is changed at once.
+fn mouse(
+    response: &Response,
+    scope: &Scope<'_>,
+    scale: &Scale,
+    motion: &Motion,
+    mover: Mover,
+    keys: &[f64],
+    desk: &mut KeyframeDesk,
+) -> Option<Asked> {
+    let (modifiers, pressed): (Modifiers, _) =
+        response.ctx.input(|i| (i.modifiers, i.pointer.press_origin()));
+    if response.drag_started()
+        && let Some(at) = pressed
+        && let Some(secs) = near(scale, keys, at.x)
+    {
+        let name = (mover, secs);
+        if !desk.chosen.contains(&name) {
+            if !modifiers.shift {
+                desk.chosen.clear();
+            }
+            desk.chosen.push(name);
+        }
+        let (names, before) = (desk.chosen.clone(), motion.clone());
+        let from_secs = secs + scale.seconds_at(at.x) - scale.seconds_at(scale.x_of(secs));
+        desk.drag = Some(KeyframeDrag { before, names, from_secs, keeps: modifiers.alt });
+        return None;
+    }
+    // Only the lane that is held has something to say of a drag.
+    if response.dragged()
+        && let Some(drag) = &desk.drag
+        && let Some(pointer) = response.interact_pointer_pos()
+    {
+        let first = drag.names.iter().map(|n| n.1).fold(f64::INFINITY, f64::min);
+        let last = drag.names.iter().map(|n| n.1).fold(0.0, f64::max);
+        let by = (scale.seconds_at(pointer.x) - drag.from_secs).min((scale.length - last).max(0.0));
+        // The first comes to rest at round moments, and the others keep their distances.
+        let to = ((first + by) * GRID).round() / GRID;
+        let by = if by.abs() < 0.5 / GRID { 0.0 } else { to - first };
+        let mut new = Vec::new();
+        let with = drag.before.with(|m| new = m.shift(&drag.names, by, drag.keeps));
+        desk.chosen = new;
+        return (with != *motion).then_some(Asked::Motion(with));
+    }
+    if response.drag_stopped() {
+        desk.drag = None;
+    }
+    if !response.clicked() {
+        return None;
+    }
+    let secs = response.interact_pointer_pos().and_then(|at| near(scale, keys, at.x));
+    let Some(secs) = secs else {
+        desk.chosen.clear();
+        return None;
+    };
+    let name: Name = (mover, secs);
+    if !modifiers.shift {
+        desk.chosen = vec![name];
+        return (moment(scope.document.moment()) != secs).then_some(Asked::Moment(secs));
+    }
+    match desk.chosen.iter().position(|n| *n == name) {
+        Some(at) => _ = desk.chosen.remove(at),
+        None => desk.chosen.push(name),
+    }
+    None
+}
+
+/// The keyframe under a pointer.
+fn near(scale: &Scale, keys: &[f64], x: f32) -> Option<f64> {
+    let away = |secs: &f64| (scale.x_of(*secs) - x).abs();
+    keys.iter().copied().filter(|s| away(s) <= NEAR).min_by(|a, b| away(a).total_cmp(&away(b)))
+}
+
+fn paint(
+    ui: &Ui,
+    scope: &Scope<'_>,
+    rect: Rect,
+    scale: &Scale,
+    response: &Response,
+    (mover, keys): (Mover, &[f64]),
+) {
+    let p = palette(ui);
+    let painter = ui.painter_at(rect);
+    let hovered = response.hover_pos().and_then(|at| near(scale, keys, at.x));
+    if hovered.is_some() {
+        ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
+    }
+    let is_step = scope.document.stage().is_some_and(|s| s.motion.curve(mover) == Curve::Step);
+    let y = rect.center().y;
+    // What goes on between two is told by a line, which steps do not have.
+    if !is_step && let (Some(first), Some(last)) = (keys.first(), keys.last()) {
+        painter.hline(scale.x_of(*first)..=scale.x_of(*last), y, Stroke::new(1.5, p.weak));
+    }
+    let is_empty = scope.document.stage().is_some_and(|s| s.motion.is_empty());
+    if is_empty {
+        let hint = "Choose copies, or put the camera somewhere, then set a keyframe";
+        let font = egui::TextStyle::Small.resolve(ui.style());
+        painter.text(pos2(scale.reach.min + 4.0, y), egui::Align2::LEFT_CENTER, hint, font, p.weak);
+    }
+    let desk = &scope.facts.stage.keyframes;
+    for &secs in keys {
+        let at = pos2(scale.x_of(secs), y);
+        let is_chosen = desk.chosen.contains(&(mover, secs));
+        let fill = if is_chosen { p.accent } else { p.panel };
+        let line = if is_chosen || hovered == Some(secs) { p.text } else { p.weak };
+        let points =
+            [(0.0, -MARK), (MARK, 0.0), (0.0, MARK), (-MARK, 0.0)].map(|(x, y)| at + Vec2::new(x, y));
+        painter.add(Shape::convex_polygon(points.to_vec(), fill, Stroke::new(1.5, line)));
+    }
+    if let Some(secs) = hovered.filter(|_| !response.dragged()) {
+        response.clone().on_hover_text(format!("{secs:.2} s"));
+    }
+}

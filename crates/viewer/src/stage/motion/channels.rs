@@ -1,0 +1,203 @@
+//! Keyframes as channels of an animation of glTF: the same curves, by the same polynomials.
+
+use lodsmith_core::model::{self, Channel, Interpolation};
+
+use super::{Curve, Keyed, Parts, Track};
+
+/// What moves a node, and one below it that tilts what hangs there.
+#[derive(Clone, Copy, Debug)]
+pub struct Channels {
+    /// The node that is moved and turned.
+    pub node: usize,
+    /// The one that is tilted.
+    pub tilted: Option<usize>,
+    /// Whether the size is that of the node.
+    pub is_scaled: bool,
+}
+
+/// The largest turn between two keyframes of a rotation: with it the curve of quaternions is within 0.001 degrees of the turn
+/// that is meant. (Measured by the test below.)
+const MOST_TURN_DEG: f64 = 10.0;
+
+/// Values of a channel, with those that a cubic curve needs beside them.
+struct Values<const N: usize> {
+    times: Vec<f32>,
+    /// Tangent in, value, tangent out for each.
+    all: Vec<[f32; N]>,
+}
+
+impl Channels {
+    /// The channels of a track. What is the same in all keyframes has none.
+    pub fn of<T: Keyed>(&self, track: &Track<T>) -> Vec<Channel> {
+        let mut channels = Vec::new();
+        let values: Vec<Parts> = track.values().map(Keyed::parts).collect();
+        let Some(first) = values.first() else { return channels };
+        let differs = |same: &dyn Fn(&Parts) -> bool| !values.iter().all(same);
+        let (curve, to_f32) = (track.curve, |v: [f64; 3]| v.map(|x| x as f32));
+        if differs(&|p| p.place == first.place) {
+            let values =
+                sampled(track, |_| 1, |p| to_f32(p.place.to_array()), |_, s| to_f32(s.place.to_array()));
+            channels.push(channel(self.node, curve, values, model::Track::Translation));
+        }
+        if self.is_scaled && differs(&|p| p.size == first.size) {
+            let values = sampled(track, |_| 1, |p| to_f32([p.size; 3]), |_, s| to_f32([s.size; 3]));
+            channels.push(channel(self.node, curve, values, model::Track::Scale));
+        }
+        for (k, node) in [(0, Some(self.node)), (1, self.tilted)] {
+            let Some(node) = node.filter(|_| differs(&|p| p.turns_deg[k] == first.turns_deg[k])) else {
+                continue;
+            };
+            let parts = |way: &Parts| (way.turns_deg[k].abs() / MOST_TURN_DEG).ceil().max(1.0) as usize;
+            // About y, or about x; half the angle.
+            let quaternion = |[sin, cos]: [f64; 2]| {
+                let mut q = [0.0, 0.0, 0.0, cos as f32];
+                q[1 - k] = sin as f32;
+                q
+            };
+            let half = |p: &Parts| 0.5 * p.turns_deg[k].to_radians();
+            let value = |p: &Parts| quaternion(half(p).sin_cos().into());
+            let slope = |p: &Parts, s: &Parts| {
+                let ((sin, cos), speed) = (half(p).sin_cos(), half(s));
+                quaternion([speed * cos, -speed * sin])
+            };
+            channels.push(channel(node, curve, sampled(track, parts, value, slope), model::Track::Rotation));
+        }
+        channels
+    }
+}
+
+/// Values at the keyframes and, where a segment is to have several parts, between them.
+fn sampled<T: Keyed, const N: usize>(
+    track: &Track<T>,
+    parts_of: impl Fn(&Parts) -> usize,
+    value: impl Fn(&Parts) -> [f32; N],
+    slope: impl Fn(&Parts, &Parts) -> [f32; N],
+) -> Values<N> {
+    let mut out = Values { times: Vec::new(), all: Vec::new() };
+    if track.curve == Curve::Step || track.len() < 2 {
+        out.times = track.moments().map(|t| t as f32).collect();
+        out.all = track.values().map(|v| value(&v.parts())).collect();
+        return out;
+    }
+    // Angles go on through all segments, so that no quaternion jumps to its opposite.
+    let mut angles = track.values().next().map_or([0.0; 2], |v| v.parts().turns_deg);
+    let mut push = |secs: f64, mut at: Parts, by: [f64; 2], speed: Parts| {
+        at.turns_deg = by;
+        out.times.push(secs as f32);
+        out.all.extend([slope(&at, &speed), value(&at), slope(&at, &speed)]);
+    };
+    for i in 0..track.len() - 1 {
+        let segment = track.segment(i);
+        let begin = segment.at(0.0).0.turns_deg;
+        let parts = parts_of(&segment.way);
+        let is_last = i + 2 == track.len();
+        for part in 0..parts + usize::from(is_last) {
+            let t = part as f64 / parts as f64;
+            let (at, speed) = segment.at(t);
+            let by = [0, 1].map(|k| angles[k] + at.turns_deg[k] - begin[k]);
+            push(segment.begin + t * segment.length, at, by, speed);
+        }
+        angles = [0, 1].map(|k| angles[k] + segment.way.turns_deg[k]);
+    }
+    out
+}
+
+fn channel<const N: usize>(
+    node: usize,
+    curve: Curve,
+    values: Values<N>,
+    track: impl FnOnce(Vec<[f32; N]>) -> model::Track,
+) -> Channel {
+    let is_cubic = curve == Curve::Smooth && values.all.len() > values.times.len();
+    let interpolation = if is_cubic { Interpolation::Cubic } else { Interpolation::Step };
+    Channel { node, track: track(values.all), times: values.times, interpolation }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+    use lodsmith_core::Model;
+    use lodsmith_core::model::{Animation, Node, Transform};
+
+    use super::super::super::Placement;
+    use super::super::Stand;
+    use super::*;
+
+    fn played(channels: Vec<Channel>) -> Model {
+        let animations = vec![Animation { name: String::new(), channels }];
+        Model { nodes: vec![Node::default(); 2], roots: vec![0, 1], animations, ..Model::default() }
+    }
+
+    fn parts(model: &Model, node: usize, secs: f64) -> (DVec3, DQuat, DVec3) {
+        match model.pose(0, secs).transforms[node] {
+            Transform::Parts { translation, rotation, scale } => (translation, rotation, scale),
+            Transform::Matrix(_) => (DVec3::NAN, DQuat::IDENTITY, DVec3::NAN),
+        }
+    }
+
+    #[test]
+    fn an_animation_of_gltf_takes_the_same_way() {
+        for curve in [Curve::Smooth, Curve::Step] {
+            let mut track = Track::default();
+            track.curve = curve;
+            for (secs, x, turn_deg, scale) in [
+                (0.5, 0.0, 10.0, 1.0),
+                (1.0, 3.0, 189.0, 2.0),
+                (2.5, 4.0, 120.0, 0.5),
+                (4.0, -1.0, 290.0, 0.5),
+            ] {
+                track.set(secs, Placement { x, z: 2.0 * x, turn_deg, scale });
+            }
+            let model = played(Channels { node: 1, tilted: None, is_scaled: true }.of(&track));
+            for k in 0..=220 {
+                // Beside the keyframes, where a step would be told by the last bit of a number.
+                let secs = 0.02 * f64::from(k) + 0.003;
+                let (translation, rotation, scale) = parts(&model, 1, secs);
+                let p = track.at(secs).unwrap();
+                assert!(translation.distance(DVec3::new(p.x, 0.0, p.z)) < 1e-5, "{secs}");
+                assert!((scale.x - p.scale).abs() < 1e-5);
+                let turn = DQuat::from_rotation_y(p.turn_deg.to_radians());
+                let off = rotation.angle_between(turn).to_degrees();
+                assert!(off < 1e-3, "{curve:?} {secs}: {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_camera_is_turned_by_one_node_and_tilted_by_another() {
+        let mut track = Track::default();
+        let stand = |yaw_deg: f64, pitch_deg: f64| Stand {
+            x: 1.0,
+            y: yaw_deg,
+            z: 0.0,
+            yaw_deg,
+            pitch_deg,
+            distance: 2.0,
+        };
+        track.set(0.0, stand(350.0, -80.0));
+        track.set(2.0, stand(60.0, 40.0));
+        let channels = Channels { node: 0, tilted: Some(1), is_scaled: false }.of(&track);
+        assert_eq!(channels.len(), 3);
+        let model = played(channels);
+        for k in 0..=40 {
+            let secs = 0.05 * f64::from(k);
+            let p = track.at(secs).unwrap();
+            let [yaw, pitch] = [p.yaw_deg, p.pitch_deg].map(f64::to_radians);
+            assert!(parts(&model, 0, secs).1.angle_between(DQuat::from_rotation_y(yaw)).to_degrees() < 1e-3);
+            assert!(
+                parts(&model, 1, secs).1.angle_between(DQuat::from_rotation_x(pitch)).to_degrees() < 1e-3
+            );
+        }
+    }
+
+    #[test]
+    fn what_does_not_move_has_no_channel() {
+        let mut track = Track::default();
+        let of = Channels { node: 0, tilted: None, is_scaled: true };
+        assert!(of.of(&track).is_empty());
+        track.set(1.0, Placement::at(1.0, 0.0));
+        assert!(of.of(&track).is_empty());
+        track.set(2.0, Placement::at(2.0, 0.0));
+        assert_eq!(of.of(&track).len(), 1);
+    }
+}

@@ -1,0 +1,326 @@
+//! The keyframes of one thing, and what lies between them.
+
+use glam::DVec3;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::{Keyed, Parts};
+
+/// Where something is at a moment.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Keyframe<T> {
+    /// From the begin; whole milliseconds.
+    pub seconds: f64,
+    /// Where it is.
+    #[serde(flatten)]
+    pub value: T,
+}
+
+/// How something gets from one keyframe to the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Curve {
+    /// Along a curve, without a jerk.
+    #[default]
+    Smooth,
+    /// It stays until the next.
+    Step,
+}
+
+/// Keyframes of one thing, by time; no two at one moment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track<T> {
+    /// How it gets from one to the next.
+    pub curve: Curve,
+    keys: Vec<Keyframe<T>>,
+}
+
+impl<T> Default for Track<T> {
+    fn default() -> Self {
+        Self { curve: Curve::Smooth, keys: Vec::new() }
+    }
+}
+
+/// The latest moment of a keyframe: an hour.
+pub const MOST_SECS: f64 = 3600.0;
+
+/// The moment that a keyframe for these seconds has.
+pub fn moment(seconds: f64) -> f64 {
+    let seconds = if seconds.is_finite() { seconds } else { 0.0 };
+    (1000.0 * seconds.clamp(0.0, MOST_SECS)).round() / 1000.0
+}
+
+impl<T> Track<T> {
+    /// Whether there is no keyframe.
+    pub fn is_empty(&self) -> bool {
+        self.keys.is_empty()
+    }
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.keys.len()
+    }
+    /// Their moments, rising.
+    pub fn moments(&self) -> impl Iterator<Item = f64> {
+        self.keys.iter().map(|k| k.seconds)
+    }
+    /// The moment of the last; 0 without any.
+    pub fn last_secs(&self) -> f64 {
+        self.keys.last().map_or(0.0, |k| k.seconds)
+    }
+
+    fn place(&self, secs: f64) -> Result<usize, usize> {
+        self.keys.binary_search_by(|k| k.seconds.total_cmp(&moment(secs)))
+    }
+
+    /// Takes the keyframe of a moment away.
+    pub fn remove(&mut self, secs: f64) {
+        if let Ok(i) = self.place(secs) {
+            self.keys.remove(i);
+        }
+    }
+}
+
+impl<T: Keyed> Track<T> {
+    /// A keyframe at a moment, in the place of the one there. What is nowhere is none.
+    pub fn set(&mut self, secs: f64, value: T) {
+        let Some(value) = value.checked() else { return };
+        let key = Keyframe { seconds: moment(secs), value };
+        match self.place(secs) {
+            Ok(i) => self.keys[i] = key,
+            Err(i) => self.keys.insert(i, key),
+        }
+    }
+
+    /// The same with all it holds changed.
+    #[must_use]
+    pub fn changed(&self, of: impl Fn(&T) -> T) -> Self {
+        let mut track = Self { curve: self.curve, keys: Vec::new() };
+        self.keys.iter().for_each(|k| track.set(k.seconds, of(&k.value)));
+        track
+    }
+
+    /// What all keyframes hold.
+    pub fn values(&self) -> impl Iterator<Item = &T> {
+        self.keys.iter().map(|k| &k.value)
+    }
+    /// The keyframe of a moment, if there is one.
+    pub fn keyframe(&self, secs: f64) -> Option<T> {
+        self.place(secs).ok().map(|i| self.keys[i].value)
+    }
+    /// Where it is at a moment; `None` without a keyframe. Cost: O(log n).
+    pub fn at(&self, secs: f64) -> Option<T> {
+        let (first, last) = (self.keys.first()?, self.keys.last()?);
+        if secs <= first.seconds {
+            return Some(first.value);
+        }
+        if secs >= last.seconds || secs.is_nan() {
+            return Some(last.value);
+        }
+        let i = self.keys.partition_point(|k| k.seconds <= secs) - 1;
+        if self.curve == Curve::Step {
+            return Some(self.keys[i].value);
+        }
+        let segment = self.segment(i);
+        T::of(&segment.at((secs - segment.begin) / segment.length).0).checked()
+    }
+
+    /// The way from a keyframe to the next.
+    pub(super) fn segment(&self, i: usize) -> Segment {
+        let [from, to] = [i, i + 1].map(|i| &self.keys[i]);
+        let way = difference(&from.value.parts(), &to.value.parts());
+        Segment {
+            begin: from.seconds,
+            length: to.seconds - from.seconds,
+            from: from.value.parts(),
+            way,
+            slopes: [self.slope(i), self.slope(i + 1)],
+        }
+    }
+
+    /// How fast it is at a keyframe, for a second. At both ends it stands.
+    fn slope(&self, i: usize) -> Parts {
+        if i == 0 || i + 1 >= self.keys.len() {
+            return Parts::default();
+        }
+        let [before, here, after] = [i - 1, i, i + 1].map(|i| &self.keys[i]);
+        let (h0, h1) = (here.seconds - before.seconds, after.seconds - here.seconds);
+        let d0 = difference(&before.value.parts(), &here.value.parts());
+        let d1 = difference(&here.value.parts(), &after.value.parts());
+        // The slope of the parabola through the three.
+        let mean = |d0: f64, d1: f64| (h1 * (d0 / h0) + h0 * (d1 / h1)) / (h0 + h1);
+        // Within these bounds a curve does not go beyond its ends [Fritsch-Carlson 1980].
+        let bounded = |d0: f64, d1: f64| {
+            let most = 3.0 * (d0 / h0).abs().min((d1 / h1).abs());
+            if d0 * d1 > 0.0 { mean(d0, d1).clamp(-most, most) } else { 0.0 }
+        };
+        let place = if d0.place == DVec3::ZERO || d1.place == DVec3::ZERO {
+            // What stands there for a while does not swing out.
+            DVec3::ZERO
+        } else {
+            DVec3::from([0, 1, 2].map(|k| mean(d0.place[k], d1.place[k])))
+        };
+        Parts {
+            place,
+            turns_deg: [0, 1].map(|k| bounded(d0.turns_deg[k], d1.turns_deg[k])),
+            size: bounded(d0.size, d1.size),
+        }
+    }
+}
+
+/// The way from one to the other; turns take the shorter one.
+fn difference(from: &Parts, to: &Parts) -> Parts {
+    let shorter = |k: usize| {
+        let turn = (to.turns_deg[k] - from.turns_deg[k]).rem_euclid(360.0);
+        if turn > 180.0 { turn - 360.0 } else { turn }
+    };
+    Parts { place: to.place - from.place, turns_deg: [0, 1].map(shorter), size: to.size - from.size }
+}
+
+/// The way between two keyframes.
+pub(super) struct Segment {
+    /// Its first moment.
+    pub begin: f64,
+    /// Its seconds.
+    pub length: f64,
+    from: Parts,
+    /// To the end, turns as they are taken.
+    pub way: Parts,
+    slopes: [Parts; 2],
+}
+
+impl Segment {
+    /// Where it is after a part of the way, from 0 to 1, and how fast for a second. Turns go on from where the segment began.
+    pub(super) fn at(&self, t: f64) -> (Parts, Parts) {
+        let h = self.length;
+        let (t2, t3) = (t * t, t * t * t);
+        // By the way to the end: the basis of Hermite without its first polynomial.
+        let number = |way: f64, s: [f64; 2]| {
+            let value = (3.0 * t2 - 2.0 * t3) * way + h * ((t3 - 2.0 * t2 + t) * s[0] + (t3 - t2) * s[1]);
+            let speed = (6.0 * t - 6.0 * t2) / h * way
+                + (3.0 * t2 - 4.0 * t + 1.0) * s[0]
+                + (3.0 * t2 - 2.0 * t) * s[1];
+            (value, speed)
+        };
+        let [a, b] = &self.slopes;
+        let place = [0, 1, 2].map(|k| number(self.way.place[k], [a.place[k], b.place[k]]));
+        let turns = [0, 1].map(|k| number(self.way.turns_deg[k], [a.turns_deg[k], b.turns_deg[k]]));
+        let size = number(self.way.size, [a.size, b.size]);
+        let value = Parts {
+            place: self.from.place + DVec3::from(place.map(|p| p.0)),
+            turns_deg: [0, 1].map(|k| self.from.turns_deg[k] + turns[k].0),
+            size: self.from.size + size.0,
+        };
+        (value, Parts { place: place.map(|p| p.1).into(), turns_deg: turns.map(|t| t.1), size: size.1 })
+    }
+}
+
+/// As files have it.
+#[derive(Serialize, Deserialize)]
+struct InFile<T> {
+    #[serde(default)]
+    curve: Curve,
+    #[serde(default = "Vec::new")]
+    keys: Vec<Keyframe<T>>,
+}
+
+impl<T: Serialize + Clone> Serialize for Track<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        InFile { curve: self.curve, keys: self.keys.clone() }.serialize(serializer)
+    }
+}
+
+impl<'de, T: Keyed + Deserialize<'de>> Deserialize<'de> for Track<T> {
+    /// By time, and only what is somewhere; of two at one moment the last.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let InFile { curve, keys } = InFile::<T>::deserialize(deserializer)?;
+        let checked =
+            |k: Keyframe<T>| Some(Keyframe { seconds: moment(k.seconds), value: k.value.checked()? });
+        let mut keys: Vec<_> = keys.into_iter().filter_map(checked).collect();
+        // Behind each other where they are at one moment, in the order of the file.
+        keys.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+        keys.reverse();
+        keys.dedup_by(|a, b| a.seconds == b.seconds);
+        keys.reverse();
+        Ok(Self { curve, keys })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::Placement;
+    use super::*;
+
+    fn track(keys: &[(f64, Placement)]) -> Track<Placement> {
+        let mut track = Track::default();
+        keys.iter().for_each(|(secs, value)| track.set(*secs, *value));
+        track
+    }
+
+    fn turned(turn_deg: f64) -> Placement {
+        Placement { turn_deg, ..Placement::at(0.0, 0.0) }
+    }
+
+    #[test]
+    fn it_passes_its_keyframes_and_stands_before_and_after() {
+        let keys: Vec<_> = [(0.5, 1.0), (1.0, 4.0), (2.5, -3.0), (3.0, 0.0)]
+            .map(|(t, x)| (t, Placement { turn_deg: 20.0 * t, scale: 1.0 + t, ..Placement::at(x, 2.0 * x) }))
+            .to_vec();
+        let track = track(&keys);
+        for (secs, value) in &keys {
+            let got = track.at(*secs).unwrap();
+            assert!((got.x - value.x).abs() < 1e-12 && (got.turn_deg - value.turn_deg).abs() < 1e-9);
+        }
+        assert_eq!((track.at(-1.0), track.at(9.0)), (Some(keys[0].1), Some(keys[3].1)));
+        assert_eq!(Track::<Placement>::default().at(1.0), None);
+        // Speeds agree on both sides of a keyframe, and are none at the ends.
+        for i in 0..2 {
+            let (end, begin) = (track.segment(i).at(1.0).1, track.segment(i + 1).at(0.0).1);
+            assert!(end.place.distance(begin.place) < 1e-9 && (end.size - begin.size).abs() < 1e-9);
+            assert!((end.turns_deg[0] - begin.turns_deg[0]).abs() < 1e-9);
+        }
+        assert_eq!(track.segment(0).at(0.0).1.place, DVec3::ZERO);
+        // And they are the slopes of what is passed.
+        let (segment, step) = (track.segment(1), 1e-6);
+        let [a, b] = [0.4 - step, 0.4 + step].map(|t| segment.at(t).0.place);
+        let slope = (b - a) / (2.0 * step * segment.length);
+        assert!(slope.distance(segment.at(0.4).1.place) < 1e-5);
+    }
+
+    #[test]
+    fn turns_take_the_shorter_way_and_sizes_stay_between_their_keyframes() {
+        let round = track(&[(0.0, turned(350.0)), (1.0, turned(20.0))]);
+        assert!((round.at(0.5).unwrap().turn_deg - 5.0).abs() < 1e-9);
+        let back = track(&[(0.0, turned(20.0)), (1.0, turned(350.0))]);
+        assert!((back.at(0.5).unwrap().turn_deg - 5.0).abs() < 1e-9);
+        let sized = |scale: f64| Placement { scale, ..Placement::at(0.0, 0.0) };
+        let sizes = track(&[(0.0, sized(1.0)), (1.0, sized(0.02)), (1.1, sized(50.0)), (5.0, sized(49.0))]);
+        for k in 0..=500 {
+            let scale = sizes.at(0.01 * f64::from(k)).unwrap().scale;
+            assert!((0.02 - 1e-9..=50.0 + 1e-9).contains(&scale), "{k}: {scale}");
+        }
+    }
+
+    #[test]
+    fn what_stands_does_not_swing_out_and_steps_stay() {
+        let places = [(0.0, 0.0), (1.0, 0.0), (2.0, 8.0), (3.0, 8.0)];
+        let mut rests = track(&places.map(|(t, x)| (t, Placement::at(x, 0.0))));
+        for k in 0..=300 {
+            let x = rests.at(0.01 * f64::from(k)).unwrap().x;
+            assert!((-1e-12..=8.0 + 1e-12).contains(&x), "{k}: {x}");
+        }
+        assert_eq!([rests.at(0.5).unwrap().x, rests.at(1.5).unwrap().x], [0.0, 4.0]);
+        rests.curve = Curve::Step;
+        assert_eq!([1.999, 2.0, 2.7].map(|t| rests.at(t).unwrap().x), [0.0, 8.0, 8.0]);
+    }
+
+    #[test]
+    fn there_is_one_keyframe_at_a_moment() {
+        let mut track = track(&[(1.0, Placement::at(1.0, 0.0)), (1.0004, Placement::at(2.0, 0.0))]);
+        assert_eq!((track.len(), track.keyframe(1.0)), (1, Some(Placement::at(2.0, 0.0))));
+        track.set(f64::NAN, Placement::at(3.0, 0.0));
+        track.set(5.0, Placement { scale: -1.0, ..Placement::at(0.0, 0.0) });
+        assert_eq!(track.moments().collect::<Vec<_>>(), [0.0, 1.0]);
+        track.remove(1.0);
+        assert_eq!(track.len(), 1);
+        assert_eq!([moment(-1.0), moment(1e9), moment(0.12345)], [0.0, MOST_SECS, 0.123]);
+    }
+}

@@ -1,0 +1,17 @@
+//! What draws in tests; an adapter that computes on the processor will do.
+
+use lodsmith_viewer::gpu::Context;
+
+/// An adapter; without one says so, unless `LODSMITH_REQUIRE_GPU` demands it.
+pub(crate) fn context() -> Option<Context> {
+    match Context::headless() {
+        Ok(context) => Some(context),
+        Err(e) if std::env::var_os("LODSMITH_REQUIRE_GPU").is_some_and(|v| v == "1") => {
+            unreachable!("an adapter is demanded: {e}")
+        }
+        Err(e) => {
+            let _ = std::io::Write::write_all(&mut std::io::stderr(), format!("SKIPPED: {e}\n").as_bytes());
+            None
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! The window without a window, and what people do to it.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use eframe::egui::{self, Key, Modifiers, Pos2, Role};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use lodsmith_core::shapes;
+use lodsmith_viewer::ViewOptions;
+use lodsmith_viewer::app::App;
+use lodsmith_viewer::gpu::Context;
+use lodsmith_viewer::keys::Action;
+
+use crate::adapter::context;
+
+const LONG: Duration = Duration::from_secs(120);
+
+/// A window that is drawn into memory, and a folder with two models.
+pub(super) struct Desk {
+    pub(super) harness: Harness<'static, App>,
+    pub(super) folder: tempfile::TempDir,
+}
+
+impl Desk {
+    /// A name is one of the folder's, unless it is a path of its own.
+    pub(super) fn with(is_light: bool, name: Option<impl AsRef<Path>>) -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let meshes = [("sphere.ply", shapes::icosphere(5)), ("torus.obj", shapes::torus(64, 32))];
+        for (name, mesh) in meshes {
+            lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
+        }
+        let of = |n: &Path| if n.is_file() { n.to_owned() } else { folder.path().join(n) };
+        let inputs = name.map(|n| of(n.as_ref())).into_iter().collect();
+        Self::within(is_light, inputs, folder)
+    }
+
+    /// A window that opens these files, of which some lie in this folder.
+    pub(super) fn within(is_light: bool, inputs: Vec<PathBuf>, folder: tempfile::TempDir) -> Option<Self> {
+        context()?;
+        let mut options = ViewOptions { inputs, ..ViewOptions::default() };
+        (options.remember, options.use_system_dialogs) = (false, false);
+        options.is_light = Some(is_light);
+        let harness = Harness::builder()
+            .with_size(egui::vec2(1440.0, 900.0))
+            // Two clicks must come within a third of a second to be a double one.
+            .with_step_dt(0.05)
+            .with_theme(if is_light { egui::Theme::Light } else { egui::Theme::Dark })
+            .wgpu_setup(Context::setup())
+            .build_eframe(move |cc| App::new(cc, &options).unwrap());
+        let mut desk = Self { harness, folder };
+        desk.settle();
+        Some(desk)
+    }
+
+    pub(super) fn open(name: &str) -> Option<Self> {
+        Self::with(false, Some(name))
+    }
+
+    /// Goes on until all work is done and shown.
+    pub(super) fn settle(&mut self) {
+        let end = Instant::now() + LONG;
+        loop {
+            self.harness.run_steps(2);
+            let document = self.harness.state_mut().document_mut();
+            if document.settle(Duration::from_millis(50)) {
+                self.harness.run_steps(3);
+                if self.harness.state().document().is_idle() {
+                    return;
+                }
+            }
+            assert!(Instant::now() < end, "work never ends");
+        }
+    }
+
+    pub(super) fn app(&self) -> &App {
+        self.harness.state()
+    }
+    pub(super) fn press(&mut self, key: Key) {
+        self.harness.key_press(key);
+        self.settle();
+    }
+    pub(super) fn press_with(&mut self, modifiers: Modifiers, key: Key) {
+        self.harness.key_press_modifiers(modifiers, key);
+        self.settle();
+    }
+    pub(super) fn click(&mut self, label: &str) {
+        self.harness.get_by_role_and_label(Role::Button, label).click();
+        self.settle();
+    }
+    /// Presses the key of an action.
+    pub(super) fn act(&mut self, action: Action) {
+        let shortcut = action.binding().unwrap().shortcut;
+        self.press_with(shortcut.modifiers, shortcut.logical_key);
+    }
+    /// Clicks at a place.
+    pub(super) fn point(&mut self, at: Pos2) {
+        self.harness.drag_at(at);
+        self.harness.run_steps(1);
+        self.harness.drop_at(at);
+        // A second click soon after would be a double one.
+        self.harness.run_steps(10);
+        self.settle();
+    }
+    pub(super) fn drag(&mut self, from: Pos2, to: Pos2) {
+        self.harness.drag_at(from);
+        self.harness.run_steps(2);
+        for i in 1..=4 {
+            self.harness.hover_at(from + (to - from) * (i as f32 / 4.0));
+            self.harness.run_steps(1);
+        }
+        self.harness.drop_at(to);
+        self.settle();
+    }
+    pub(super) fn faces(&self) -> Option<usize> {
+        self.app().document().lighter().map(|l| l.content.faces)
+    }
+    pub(super) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Renders the window; more than one colour must be in it.
+    pub(super) fn picture(&mut self, name: &str) -> image::RgbaImage {
+        let picture = self.harness.render().unwrap();
+        let first = *picture.get_pixel(0, 0);
+        assert!(picture.pixels().any(|p| *p != first), "{name} is empty");
+        if let Some(folder) = std::env::var_os("LODSMITH_PICTURES") {
+            picture.save(Path::new(&folder).join(format!("{name}.png"))).unwrap();
+        }
+        picture
+    }
+
+    /// The pixels of a picture within the window.
+    pub(super) fn pixels(&mut self, label: &str) -> Vec<[u8; 4]> {
+        let rect = self.harness.get_by_label(label).rect();
+        let picture = self.harness.render().unwrap();
+        let mut pixels = Vec::new();
+        for y in rect.top() as u32 + 60..rect.bottom() as u32 - 60 {
+            for x in rect.left() as u32 + 20..rect.right() as u32 - 20 {
+                pixels.push(picture.get_pixel(x, y).0);
+            }
+        }
+        pixels
+    }
+}
