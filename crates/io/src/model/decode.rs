@@ -2,10 +2,12 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
-use image::ImageFormat;
+use image::codecs::tga::TgaDecoder;
+use image::{DynamicImage, ImageFormat};
 use lodsmith_core::Image;
 use lodsmith_core::model::{Material, TextureRef};
 use rayon::prelude::*;
@@ -119,9 +121,14 @@ fn size_of(bytes: &[u8], format: ImageFormat) -> Option<(u32, u32)> {
 
 impl Ready<'_> {
     fn decode(self) -> Result<Image, String> {
-        // (A reader with limits of its own would build all decoders once more: docs/decisions/0019. What an image may take
-        // while it is decoded is half a gigabyte.)
-        let decoded = image::load_from_memory_with_format(&self.bytes, self.format);
+        // (Not by a reader with limits of its own, which would build all decoders once more: docs/decisions/0019. What an
+        // image may take while it is decoded is half a gigabyte.)
+        let decoded = match self.format {
+            ImageFormat::Tga => {
+                TgaDecoder::new(Cursor::new(&*self.bytes)).and_then(DynamicImage::from_decoder)
+            }
+            _ => image::load_from_memory(&self.bytes),
+        };
         let decoded = decoded.map_err(|e| cannot_decode(&e))?.into_rgba8();
         if decoded.dimensions() != self.size {
             return Err("cannot be decoded: its header is damaged".to_owned());
