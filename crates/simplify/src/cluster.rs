@@ -221,6 +221,7 @@ impl<'a, P: Place> Run<'a, P> {
             _ => self.options.weights.border,
         };
         let (placed, non_manifold_edges) = pieces::both(
+            self.model.faces.len(),
             || place::place(&self.model, clusters, borders),
             || faces::non_manifold_edges(faces, all),
         );

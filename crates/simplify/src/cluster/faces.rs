@@ -17,7 +17,7 @@ const MANY: usize = 24;
 /// The faces between different clusters, by their least one and then by their order in the model. Of several between the
 /// same three the first stays, unless it goes the other way round. Cost: O(F).
 pub(super) fn between(faces: &[[VertexId; 3]], cluster_of: &[u32], clusters: usize) -> Vec<Face> {
-    let (shift, shares) = pieces::split(clusters, pieces::shares());
+    let (shift, shares) = pieces::split(clusters, pieces::shares(faces.len()));
     let lists: Vec<Vec<Vec<Face>>> = pieces::map(faces.len(), |range| {
         let mut lists = vec![Vec::new(); shares];
         let first = range.start;

@@ -21,27 +21,32 @@ pub(super) fn fill<T: Send>(items: &mut [T], work: impl Fn(usize, &mut [T]) + Sy
 /// Calls `work` for each run of `len` items, with the number of the run.
 pub(super) fn shared<T: Send>(items: &mut [T], len: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     #[cfg(feature = "rayon")]
-    items.par_chunks_mut(len).enumerate().for_each(|(k, share)| work(k, share));
-    #[cfg(not(feature = "rayon"))]
+    if items.len() > len {
+        return items.par_chunks_mut(len).enumerate().for_each(|(k, share)| work(k, share));
+    }
     items.chunks_mut(len).enumerate().for_each(|(k, share)| work(k, share));
 }
 
 /// Calls `work` with each number below `count`; results in their order.
 pub(crate) fn each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    // One alone is not worth the way to another thread: tens of microseconds, where a small mesh takes hundreds.
     #[cfg(feature = "rayon")]
-    return (0..count).into_par_iter().map(&work).collect();
-    #[cfg(not(feature = "rayon"))]
+    if count > 1 {
+        return (0..count).into_par_iter().map(&work).collect();
+    }
     (0..count).map(work).collect()
 }
 
-/// Into how many parts work is shared out that no fixed pieces can be made of; no result depends on it.
-pub(super) fn shares() -> usize {
+/// Into how many parts work on so many elements is shared out that no fixed pieces can be made of; no result depends on it.
+pub(super) fn shares(count: usize) -> usize {
     #[cfg(feature = "rayon")]
-    return match rayon::current_num_threads() {
-        1 => 1,
-        threads => 8 * threads,
-    };
-    #[cfg(not(feature = "rayon"))]
+    if count > PIECE {
+        return match rayon::current_num_threads() {
+            1 => 1,
+            threads => 8 * threads,
+        };
+    }
+    let _ = count;
     1
 }
 
@@ -54,15 +59,22 @@ pub(super) fn split(count: usize, shares: usize) -> (u32, usize) {
 /// Sorts by whatever tells all items apart.
 pub(super) fn sort<T: Ord + Send>(items: &mut [T]) {
     #[cfg(feature = "rayon")]
-    items.par_sort_unstable();
-    #[cfg(not(feature = "rayon"))]
+    if items.len() > PIECE {
+        return items.par_sort_unstable();
+    }
     items.sort_unstable();
 }
 
-/// Both results, made side by side where there are threads.
-pub(super) fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+/// Both results, made side by side where there are threads and the work is on more than a piece.
+pub(super) fn both<A: Send, B: Send>(
+    count: usize,
+    a: impl FnOnce() -> A + Send,
+    b: impl FnOnce() -> B + Send,
+) -> (A, B) {
     #[cfg(feature = "rayon")]
-    return rayon::join(a, b);
-    #[cfg(not(feature = "rayon"))]
+    if count > PIECE {
+        return rayon::join(a, b);
+    }
+    let _ = count;
     (a(), b())
 }

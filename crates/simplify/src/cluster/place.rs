@@ -88,7 +88,7 @@ pub(super) fn place<P: Place>(model: &Model<'_, P>, clusters: &Clusters, borders
 
 fn sums<P: Place>(model: &Model<'_, P>, corners: &[Corner], of: &[u32], cells: &[[u32; 3]]) -> Vec<Sum> {
     let mut sums = vec![Sum::default(); cells.len()];
-    let shares = pieces::shares();
+    let shares = pieces::shares(model.faces.len());
     if shares == 1 {
         let mut ready = [[Corner::default(); 3]; AHEAD];
         for batch in model.faces.chunks(AHEAD) {
