@@ -129,6 +129,10 @@ impl App {
     pub fn is_shown(&self, panel: Panel) -> bool {
         !self.is_bare && self.shown.contains(&panel)
     }
+    /// Triangles of the pictures that are still to be drawn, part by part.
+    pub fn triangles_left(&self) -> u64 {
+        self.pictures.triangles_left
+    }
     /// From where the two sides are seen.
     pub fn orbits(&self) -> [Orbit; 2] {
         [Side::Original, Side::Result].map(|s| self.pictures.orbit(s))

@@ -35,11 +35,11 @@ struct Window {
 }
 
 /// Why no window can be opened.
-enum Lack {
-    /// There is no display, for this reason.
-    Display(String),
-    /// A library is missing: its name, and packages of Debian and of Fedora.
-    Library(String, [&'static [&'static str]; 2]),
+struct Lack {
+    /// Why there is no display, or the name of the library that is missing.
+    what: String,
+    /// Where it is a library, what brings it: packages of Debian and of Fedora.
+    library: Option<[&'static [&'static str]; 2]>,
 }
 
 /// Something that draws.
@@ -83,9 +83,9 @@ impl Window {
         };
         let adapters = lodsmith_viewer::gpu::Adapter::all().into_iter().map(adapter).collect();
         let lack = |lack: display::Lack| match lack {
-            display::Lack::Display { reason } => Lack::Display(reason),
+            display::Lack::Display { reason } => Lack { what: reason, library: None },
             display::Lack::Library { library, packages } => {
-                Lack::Library(library, [packages.debian, packages.fedora])
+                Lack { what: library, library: Some([packages.debian, packages.fedora]) }
             }
         };
         Some(Self { display: display::find().map_err(lack), adapters })
@@ -104,11 +104,11 @@ impl Window {
         };
         match &self.display {
             Ok(_) => {}
-            Err(Lack::Library(name, packages)) => {
+            Err(Lack { what, library: Some(packages) }) => {
                 let hint = "no window opens without it; the packages of the system have it";
-                add(name.clone(), hint, *packages);
+                add(what.clone(), hint, *packages);
             }
-            Err(Lack::Display(why)) => {
+            Err(Lack { what: why, library: None }) => {
                 let hint = "log in to a desktop, or give the window a virtual one: `xvfb-run lodsmith view`; `lodsmith \
                             render` makes pictures without";
                 add(format!("a display ({why})"), hint, SCREEN);
@@ -214,7 +214,7 @@ mod tests {
     }
 
     fn window(display: Result<&str, &str>, adapters: Vec<Adapter>) -> Window {
-        let lack = |why: &str| Lack::Display(why.to_owned());
+        let lack = |why: &str| Lack { what: why.to_owned(), library: None };
         Window { display: display.map(str::to_owned).map_err(lack), adapters }
     }
 
@@ -236,7 +236,7 @@ mod tests {
         let old = texts(&window(Ok(":0"), vec![adapter(false, Some("old"))]));
         assert!(old.contains("that can draw") && !old.contains("a display"), "{old}");
         let packages: [&[&str]; 2] = [&["libx11-6", "libxi6"], &["libX11", "libXi"]];
-        let display = Err(Lack::Library("a library of X11".to_owned(), packages));
+        let display = Err(Lack { what: "a library of X11".to_owned(), library: Some(packages) });
         let library = texts(&Window { display, adapters: vec![adapter(true, None)] });
         assert!(library.contains("missing          a library of X11: no window"), "{library}");
         assert!(!library.contains("xvfb") && !library.contains("a display"), "{library}");
