@@ -286,6 +286,14 @@ pub(super) fn gather<'a>(frame: &Frame<'a>, view: &View) -> Gathered<'a> {
     Gathered { batches, instances, palette, culled }
 }
 
+/// Triangles of all that is placed, in sight or not.
+pub(super) fn triangles(frame: &Frame<'_>) -> u64 {
+    let of = |p: &Placed<'_>| -> u64 {
+        p.model.instances(p.pose).iter().map(|i| p.model.face_count(i.mesh) as u64).sum()
+    };
+    frame.models.iter().map(of).sum()
+}
+
 /// Values at the ends of the colours of heat: those of the look, or from none to the greatest of all models.
 pub(super) fn heat_range(frame: &Frame<'_>) -> [f32; 2] {
     frame.look.heat_range.unwrap_or_else(|| {

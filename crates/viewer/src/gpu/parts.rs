@@ -126,6 +126,8 @@ pub(super) struct Pace {
     done: Arc<Mutex<Option<Instant>>>,
 }
 
+/// So many triangles are drawn at once.
+pub(super) const FEW: u64 = 100_000;
 /// Triangles of the first part, and bounds of all others.
 const FIRST: u64 = 40_000;
 const MOST: [u64; 2] = [5_000, 4_000_000];

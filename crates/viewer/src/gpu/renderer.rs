@@ -11,7 +11,7 @@ use lodsmith_core::{Image, Model};
 use super::buffer::Storage;
 use super::context::{Context, GpuError};
 use super::environment::Surroundings;
-use super::frame::{Drawn, Frame, Gathered, Shown, gather, heat_range, reach};
+use super::frame::{Drawn, Frame, Gathered, Shown, gather, heat_range, reach, triangles};
 use super::model::DrawModel;
 use super::parts::{self, Call, Kind, Pace};
 use super::pipeline::{Pass, Pipelines, shading_number};
@@ -184,7 +184,7 @@ impl Gpu {
     /// until the new one is whole. To be called again while [`Drawn::triangles_left`] says that some are left; parts are so
     /// large that each takes some hundredths of a second.
     pub fn draw_in_parts(&mut self, target: &mut Target, frame: &Frame<'_>) -> Drawn {
-        if !self.is_software() || target.shows(frame) {
+        if !self.is_software() || target.shows(frame) || triangles(frame) <= parts::FEW {
             return self.draw(target, frame);
         }
         let is_free = self.pace.is_free();
