@@ -16,7 +16,7 @@ use crate::gpu::{Drawn, Frame, Gpu, Placed, Target};
 use crate::numbers::{grouped, percent, significant};
 use crate::own_files::OwnFiles;
 use crate::panel::{Say, error};
-use crate::settings::{Appearance, Layout, Sides};
+use crate::settings::{Layout, Sides};
 use crate::stage::picture::StageView;
 use crate::stand_in;
 use crate::theme::palette;
@@ -124,8 +124,9 @@ impl Pictures {
     }
 
     /// Reads the looks of the user's that are named, and again what has changed. What is wrong with them.
-    pub fn follow_files(&mut self, look: &Appearance, have_changed: bool) -> Option<String> {
-        self.own.follow(self.gpu.as_ref(), look, have_changed);
+    pub fn follow_files(&mut self, document: &Document, have_changed: bool) -> Option<String> {
+        let has_metal = document.original().is_some_and(|o| o.content.model().has_metal());
+        self.own.follow(self.gpu.as_ref(), &document.settings().look, has_metal, have_changed);
         if have_changed {
             self.targets.iter_mut().flatten().for_each(Target::forget);
         }

@@ -267,6 +267,19 @@ fn scenes() -> Vec<Scene> {
     ] {
         all.push(Scene { environment: Some(around.clone()), ..textured(name, material) });
     }
+    let behind = |name, blurred| Scene {
+        environment: Some(colored.clone()),
+        background: Background::Surroundings { blurred },
+        ..textured(name, of(0.5, 0.3))
+    };
+    all.push(Scene { ground: true, ..behind("surroundings-behind", false) });
+    all.push(behind("surroundings-blurred", true));
+    let mut parallel = behind("surroundings-behind-a-parallel-view", false);
+    parallel.camera.lens = Lens::Parallel { height: 3.0 };
+    all.push(parallel);
+    let mut none = behind("no-surroundings-behind", true);
+    none.environment = None;
+    all.push(none);
     all
 }
 

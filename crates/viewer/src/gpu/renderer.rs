@@ -112,7 +112,7 @@ impl Gpu {
         });
         let instances = Storage::new(&context, "instances", &[]);
         let palette = Storage::new(&context, "palette", &[]);
-        let frame_bind = bind_frame(&context, &globals, &instances, &palette, &white, &sampler, &white);
+        let frame_bind = bind_frame(&context, &globals, &instances, &palette, &white, &sampler, [&white; 2]);
         let nothing = context.upload(&Model::default());
         let plain_material = nothing.surfaces.plain().clone();
         let no_mesh = super::model::no_mesh(&context);
@@ -356,7 +356,7 @@ impl Gpu {
                 &self.palette,
                 frame.matcap.map_or(&self.white, |m| &m.view),
                 &self.sampler,
-                frame.environment.map_or(&self.white, |e| &e.view),
+                frame.environment.map_or([&self.white; 2], |e| [&e.view, &e.sky]),
             );
         }
     }
@@ -369,7 +369,7 @@ fn bind_frame(
     palette: &Storage,
     matcap: &wgpu::TextureView,
     sampler: &wgpu::Sampler,
-    environment: &wgpu::TextureView,
+    [environment, sky]: [&wgpu::TextureView; 2],
 ) -> wgpu::BindGroup {
     let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
     context.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -382,6 +382,7 @@ fn bind_frame(
             entry(3, wgpu::BindingResource::TextureView(matcap)),
             entry(4, wgpu::BindingResource::Sampler(sampler)),
             entry(5, wgpu::BindingResource::TextureView(environment)),
+            entry(6, wgpu::BindingResource::TextureView(sky)),
         ],
     })
 }
