@@ -22,8 +22,8 @@ Shadings:
   matcap         a picture of a lit ball, looked up by the normal
   heat           distance from the reference, with --compare or --levels
 
-Backgrounds: transparent; #rrggbb; #rrggbb,#rrggbb from top to bottom; surroundings, or blurred, what --environment
-puts around; gradient, the default.
+Backgrounds: transparent; #rrggbb; #rrggbb,#rrggbb from top to bottom; gradient, the default;
+surroundings, what --environment puts around; blurred, the same out of focus.
 Lights, in radii of the model from its centre, x to the right, y up, z towards the eye:
   sun:X,Y,Z    from that direction
   point:X,Y,Z  from that place to all sides
