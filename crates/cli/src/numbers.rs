@@ -1,34 +1,10 @@
 //! Numbers as people read them.
 
-/// A count in groups of three: `69,451`.
-pub(crate) fn grouped(count: usize) -> String {
-    let digits = count.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
+pub(crate) use lodsmith::core::numbers::{grouped, significant};
 
 /// Two leading digits, more only before the point: `0.017`, `0.17`, `1.7`, `17`, `170`.
 pub(crate) fn short(x: f64) -> String {
     significant(x, 2)
-}
-
-/// As many leading digits as asked, more only before the point; very small ones with an exponent.
-pub(crate) fn significant(x: f64, digits: usize) -> String {
-    if x == 0.0 {
-        return "0".to_owned();
-    }
-    // Below this a row of zeros is harder to read than an exponent.
-    if !x.is_finite() || x.abs() < 1e-4 || x.abs() >= 1e15 {
-        return format!("{x:.*e}", digits - 1);
-    }
-    let decimals = digits as i32 - 1 - x.abs().log10().floor() as i32;
-    format!("{x:.*}", decimals.max(0) as usize)
 }
 
 /// One thing or many of them: `1 face`, `2,000 faces`.
@@ -49,14 +25,6 @@ pub(crate) fn micros(secs: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn counts_are_grouped() {
-        assert_eq!(
-            [0, 999, 1000, 69451, 1234567].map(grouped),
-            ["0", "999", "1,000", "69,451", "1,234,567"].map(String::from)
-        );
-    }
 
     #[test]
     fn figures_keep_two_digits() {

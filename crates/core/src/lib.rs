@@ -12,6 +12,7 @@ pub mod image;
 pub mod measure;
 pub mod mesh;
 pub mod model;
+pub mod numbers;
 pub mod polygon;
 pub mod sampling;
 pub mod shapes;

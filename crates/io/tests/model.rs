@@ -208,14 +208,15 @@ fn materials_of_obj_are_seen() {
     put(
         "a.obj",
         b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\n\
-          usemtl wood\nf 1/1 3/3 4/4\nusemtl glass\nf 1/1 2/2 4/4\n",
+          usemtl wood\nf 1/1 3/3 4/4\nusemtl glass\nf 1/1 2/2 4/4\nusemtl lamp\nf 2/2 3/3 4/4\n",
     );
     put(
         "a.mtl",
         b"newmtl wood\nKd 0.5 0.5 0.5\nmap_Kd grain.bmp\nmap_bump heights.png\nNs 30\nKs 1 1 1\nnewmtl glass\n\
-          Kd 0.5 0.25 0.125\nd 0.25\nKe 0 1 0\nPr 0.5\nNs 5\nmap_Ke broken.png\nmap_disp unknown.png\n",
+          Kd 0.5 0.25 0.125\nd 0.25\nKe 0 1 0\nPr 0.5\nNs 5\nmap_Ke broken.png\nmap_disp unknown.png\nnewmtl lamp\nmap_Kd light.tga\n",
     );
     put("grain.bmp", &picture(image::ImageFormat::Bmp));
+    put("light.tga", &picture(image::ImageFormat::Tga));
     put("broken.png", &png()[..40]);
     let mut grey = Cursor::new(Vec::new());
     image::GrayImage::from_raw(2, 1, vec![0, 255])
@@ -225,8 +226,11 @@ fn materials_of_obj_are_seen() {
     put("heights.png", &grey.into_inner());
     let file = read_model_path(&folder.path().join("a.obj"), &ReadOptions::default()).unwrap();
     let model = &file.model;
-    assert_eq!((model.nodes.len(), &model.meshes[0].materials[..]), (1, &[None, Some(0), Some(1)][..]));
-    let [wood, glass] = &model.materials[..] else { panic!("two materials") };
+    assert_eq!(
+        (model.nodes.len(), &model.meshes[0].materials[..]),
+        (1, &[None, Some(0), Some(1), Some(2)][..])
+    );
+    let [wood, glass, lamp] = &model.materials[..] else { panic!("three materials") };
     // With an image, the colour is left out; heights are no normals.
     assert_eq!((wood.base_color, wood.base_color_texture.map(|t| t.image)), ([1.0; 4], Some(0)));
     assert!(wood.normal_texture.is_none() && wood.double_sided);
@@ -234,11 +238,17 @@ fn materials_of_obj_are_seen() {
     assert_eq!((glass.base_color, glass.alpha), ([0.5, 0.25, 0.125, 0.25], AlphaMode::Blend));
     assert_eq!((glass.roughness, glass.emissive), (0.5, [0.0, 1.0, 0.0]));
     assert!(glass.emissive_texture.is_none());
+    let light = lamp.base_color_texture.map(|t| &model.images[t.image]);
+    assert_eq!(
+        light.map(|i| i.pixels()),
+        Some(model.images[0].pixels()),
+        "one and the same picture in two formats"
+    );
     assert_eq!(model.images[0].at(1, 0)[..3], [0, 255, 0]);
     let said = said(&file);
     assert!(said.len() == 1 && said[0].contains("cannot be decoded"), "{said:?}");
     let ModelSource::Mesh(regions) = &file.source else { panic!("no mesh") };
-    assert_eq!(regions.len(), 3);
+    assert_eq!(regions.len(), 4);
 }
 
 #[test]

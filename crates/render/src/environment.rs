@@ -2,13 +2,12 @@
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
-use std::io::Cursor;
 
 use glam::Vec3;
-use image::{DynamicImage, ImageFormat, ImageReader};
+use image::{DynamicImage, ImageFormat};
 use rayon::prelude::*;
 
-use crate::file::{PictureError, UNPACKED_MAX, decode};
+use crate::file::{PictureError, decode};
 use crate::linear;
 
 /// Pixels in a row of a map: enough for what surfaces show of it. (By eye.)
@@ -56,20 +55,15 @@ impl Environment {
     /// Radiance HDR keeps light brighter than white; of other formats white is 1.
     ///
     /// # Errors
-    /// [`PictureError::Codec`] if it is damaged, in no known format, or larger than a gigabyte when unpacked.
+    /// [`PictureError::Codec`] if it is damaged, in no known format, or larger than half a gigabyte when unpacked.
     pub fn decode(bytes: &[u8]) -> Result<Self, PictureError> {
-        let mut reader =
-            ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(image::ImageError::from)?;
-        if reader.format() != Some(ImageFormat::Hdr) {
+        if image::guess_format(bytes)? != ImageFormat::Hdr {
             let picture = decode(bytes)?;
             let light = |&[r, g, b, _]: &[u8; 4]| Vec3::from([r, g, b].map(linear::of_byte));
             let pixels: Vec<Vec3> = picture.pixels().iter().map(light).collect();
             return Ok(Self::of_light(picture.width(), picture.height(), &pixels));
         }
-        let mut limits = image::Limits::default();
-        limits.max_alloc = Some(UNPACKED_MAX);
-        reader.limits(limits);
-        let DynamicImage::ImageRgb32F(picture) = reader.decode()? else {
+        let DynamicImage::ImageRgb32F(picture) = image::load_from_memory(bytes)? else {
             unreachable!("this format has one kind of pixels");
         };
         let (width, height) = picture.dimensions();

@@ -1,11 +1,9 @@
 //! Pictures as files: PNG, JPEG and WebP.
 
-use std::io::Cursor;
-
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::codecs::webp::WebPEncoder;
-use image::{ExtendedColorType, ImageDecoder as _, ImageEncoder as _, ImageReader};
+use image::{ExtendedColorType, ImageEncoder as _};
 use lodsmith_core::Image;
 
 /// How a picture is stored.
@@ -31,8 +29,6 @@ pub enum PictureError {
 
 /// Quality of a JPEG: edges of a drawing stay sharp. (By eye.)
 const JPEG_QUALITY: u8 = 92;
-/// Most bytes that a picture may take when it is unpacked, whatever its header says.
-pub(crate) const UNPACKED_MAX: u64 = 1 << 30;
 
 impl PictureFormat {
     /// All of them.
@@ -97,16 +93,11 @@ pub fn encode(picture: &Image, format: PictureFormat) -> Result<Vec<u8>, Picture
 /// A picture from the bytes of a file, whatever its ending said.
 ///
 /// # Errors
-/// [`PictureError::Codec`] if it is damaged, in no known format, or larger than a gigabyte when unpacked.
+/// [`PictureError::Codec`] if it is damaged, in no known format, or larger than half a gigabyte when unpacked.
 pub fn decode(bytes: &[u8]) -> Result<Image, PictureError> {
-    let mut reader =
-        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(image::ImageError::from)?;
-    let mut limits = image::Limits::default();
-    limits.max_alloc = Some(UNPACKED_MAX);
-    reader.limits(limits);
-    let decoder = reader.into_decoder()?;
-    let (width, height) = decoder.dimensions();
-    let pixels = image::DynamicImage::from_decoder(decoder)?.into_rgba8();
+    // (Its own reader with its own limits would build all decoders once more: docs/decisions/0019.)
+    let pixels = image::load_from_memory(bytes)?.into_rgba8();
+    let (width, height) = pixels.dimensions();
     let pixels = pixels.pixels().map(|p| p.0).collect();
     Ok(Image::new(width as usize, height as usize, pixels))
 }

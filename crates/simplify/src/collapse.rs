@@ -124,6 +124,7 @@ pub(crate) trait Original {
 
 #[derive(Clone)]
 pub(crate) struct Engine<M: Metric> {
+    pub(crate) metric: M,
     pub(crate) store: Store<M::Memory>,
     rules: Rules,
     /// Mean over the live triangles, as the tensors count it.
@@ -172,12 +173,14 @@ impl<M: Metric> Engine<M> {
     /// Takes a store and fills its tensors and kinds. Says how many faces stood twice with the same winding; they are
     /// gone afterwards.
     pub(crate) fn new(
+        metric: M,
         store: Store<M::Memory>,
         rules: Rules,
         wedge_data: Option<Wedges>,
         attributes: Option<Attributes>,
     ) -> (Self, usize) {
         let mut engine = Self {
+            metric,
             store,
             rules,
             area: 0.0,
@@ -258,7 +261,7 @@ impl<M: Metric> Engine<M> {
         for x in &mut self.store.v {
             x.q = M::Memory::default();
         }
-        if matches!(M::JUDGE, Judge::FormThenStars) {
+        if matches!(self.metric.decides(), Judge::FormThenStars) {
             self.mean_face = self.mean_face();
         }
         let mut normals = vec![Vec3::ZERO; self.store.v.len()];
@@ -268,7 +271,7 @@ impl<M: Metric> Engine<M> {
             let normal = (b - a).cross(c - a);
             let length = normal.length();
             self.total_area += f64::from(length);
-            let plane = Tensor::outer(normal, M::plane_weight(length, self.mean_face));
+            let plane = Tensor::outer(normal, self.metric.plane_weight(length, self.mean_face));
             for w in t {
                 M::tensor(&mut self.store.v[w.index()].q).add(&plane);
                 normals[w.index()] += normal;
@@ -315,7 +318,7 @@ impl<M: Metric> Engine<M> {
         for w in distinct(ring) {
             let weight = self.line_weight(ring, w, seams);
             if weight > 0.0 {
-                sum.add(&M::line(self.store.p(w) - self.store.p(u), weight, self.mean_face));
+                sum.add(&self.metric.line(self.store.p(w) - self.store.p(u), weight, self.mean_face));
             }
         }
     }
@@ -342,14 +345,14 @@ impl<M: Metric> Engine<M> {
     fn refresh(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
         self.store.v[u.index()].kind = self.kind_now(u, ring);
-        if !M::MEMORYLESS {
+        if !self.metric.is_memoryless() {
             return;
         }
         let p = self.store.p(u);
         let mut q = M::Memory::default();
         for r in ring.iter() {
             let normal = (self.store.p(r.a) - p).cross(self.store.p(r.b) - p);
-            let weight = M::plane_weight(normal.length(), self.mean_face);
+            let weight = self.metric.plane_weight(normal.length(), self.mean_face);
             M::tensor(&mut q).add(&Tensor::outer(normal, weight));
         }
         M::tensor(&mut q).add(&self.attribute_tensor(u, ring));
@@ -495,7 +498,7 @@ impl<M: Metric> Engine<M> {
         let v = refused.removed;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let turned = matches!(why, Refusal::NormalFlip | Refusal::Quality);
-        let is_open = self.rules.placement == Placement::Optimal && !M::JUDGE.is_metric();
+        let is_open = self.rules.placement == Placement::Optimal && !self.metric.decides().is_metric();
         if !(turned && is_open && x.kind.is_free() && z.kind.is_free()) {
             return None;
         }
@@ -571,8 +574,8 @@ impl<M: Metric> Engine<M> {
         original: &dyn Original,
         control: &mut dyn Control,
     ) -> Option<End> {
-        let extreme =
-            !M::JUDGE.is_metric() && goal.faces.is_some_and(|n| late::is_extreme(n, self.first_faces));
+        let extreme = !self.metric.decides().is_metric()
+            && goal.faces.is_some_and(|n| late::is_extreme(n, self.first_faces));
         let mut scratch = Scratch::default();
         'sweeps: for _ in 0..MOST_SWEEPS {
             // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
@@ -729,7 +732,7 @@ impl<M: Metric> Engine<M> {
     /// costs 2 A h².
     pub(crate) fn estimate(&self, fitted: Option<f64>) -> f64 {
         let area = self.total_area.max(f64::MIN_POSITIVE);
-        let kept = fitted.map_or(M::KEPT_LOSS * self.spent / 6.0 / area, |rms| rms * rms);
+        let kept = fitted.map_or(self.metric.kept_loss() * self.spent / 6.0 / area, |rms| rms * rms);
         // Not all of a part is as far from the rest as it is large: a quarter, in squares. (Guessed.)
         (kept + 0.25 * self.lost / area).sqrt()
     }

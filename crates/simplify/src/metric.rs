@@ -1,6 +1,7 @@
 //! Cost and placement together: one quadratic form answers both, or a metric that looks at the stars of both ends.
 
 mod edge_length;
+mod judged;
 mod lindstrom_turk;
 mod melax;
 mod memoryless;
@@ -8,9 +9,7 @@ mod quadric;
 
 use glam::{DVec3, Vec3};
 
-pub(crate) use edge_length::EdgeLength;
-pub(crate) use lindstrom_turk::LindstromTurk;
-pub(crate) use melax::Melax;
+pub(crate) use judged::Judged;
 pub(crate) use memoryless::Memoryless;
 pub(crate) use quadric::Quadric;
 
@@ -50,57 +49,75 @@ impl Judge {
 pub(crate) trait Memory: Copy + Default {}
 impl<T: Copy + Default> Memory for T {}
 
-/// How the loss of a collapse is judged.
-pub(crate) trait Metric: Clone {
+/// What costs are made of: a power of a length, times a power of the doubled area of a face of the input on average.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Dimension {
+    pub(crate) length: i32,
+    pub(crate) face: i32,
+}
+
+impl Dimension {
+    /// What a cost of one comes to among several meshes, for one whose unit frame is `size` units of theirs wide and whose
+    /// faces have twice the area `mean` in it on average.
+    pub(crate) fn of(self, size: f64, mean: f64) -> f64 {
+        size.powi(self.length) * mean.powi(self.face)
+    }
+}
+
+/// How the loss of a collapse is judged. The engine is built once for each type that says it.
+pub(crate) trait Metric: Copy {
     /// What a vertex carries, relative to its own position.
     type Memory: Memory;
-    /// Whether the tensor is that of the present star: then the vertices around swap old planes for new ones.
-    const MEMORYLESS: bool;
-    /// Who decides.
-    const JUDGE: Judge;
-    /// Costs go with this power of what they would be for [`Memoryless`], as a place of the same shape gets more
-    /// triangles: prices are taken to it.
-    const PRICE_POWER: f32 = 1.0;
-    /// The squared RMS distance of a result over what the distances to planes, as they were at each collapse, amount to.
-    /// (Measured on fandisk, bunny, nefertiti and horse at 50, 10 and 1 %, where [`Memoryless`] has it from its fit.)
-    const KEPT_LOSS: f64 = 1.0;
 
     /// The tensor within.
     fn tensor_of(memory: &Self::Memory) -> &Tensor;
     /// The tensor within, to be changed.
     fn tensor(memory: &mut Self::Memory) -> &mut Tensor;
+
+    /// Whether the tensor is that of the present star: then the vertices around swap old planes for new ones.
+    fn is_memoryless(&self) -> bool;
+    /// Who decides.
+    fn decides(&self) -> Judge;
     /// The form of an edge: `d` leads from the kept to the removed end.
-    fn form(kept: &Self::Memory, removed: &Self::Memory, d: Vec3) -> Form;
+    fn form(&self, kept: &Self::Memory, removed: &Self::Memory, d: Vec3) -> Form;
     /// What the merged vertex carries at the kept position + `y`, where it is not made from its star.
-    fn merged(form: &Form, y: Vec3) -> Self::Memory;
+    fn merged(&self, form: &Form, y: Vec3) -> Self::Memory;
 
     /// What n nᵀ of a triangle counts in the tensor, with its normal n of `length` twice its area; `mean` is that length
     /// on average over the input.
     #[inline(always)]
-    fn plane_weight(length: f32, mean: f32) -> f32 {
+    fn plane_weight(&self, length: f32, mean: f32) -> f32 {
         let _ = mean;
         1.0 / length.max(1e-30)
     }
     /// The tensor of a feature edge.
     #[inline(always)]
-    fn line(edge: Vec3, weight: f32, mean: f32) -> Tensor {
+    fn line(&self, edge: Vec3, weight: f32, mean: f32) -> Tensor {
         let _ = mean;
         Tensor::line(edge, weight)
     }
     /// Cost of a collapse and the step from the kept end to the merged vertex; `None` if it may not be. Only asked where
-    /// [`Self::JUDGE`] says so.
-    fn judge(around: &Around, mean: f32) -> Option<(f32, Vec3)> {
+    /// [`Self::decides`] says so.
+    fn judge(&self, around: &Around, mean: f32) -> Option<(f32, Vec3)> {
         let _ = (around, mean);
         None
     }
-    /// What a cost of one comes to among several meshes, for one whose unit frame is `size` units of theirs wide and whose
-    /// faces have twice the area `mean` in it on average. Costs are areas times squared distances, unless said otherwise.
-    fn common_cost(size: f64, mean: f64) -> f64 {
-        let _ = mean;
-        size.powi(4)
+    /// Costs go with this power of what they would be for [`Memoryless`], as a place of the same shape gets more
+    /// triangles: prices are taken to it.
+    fn price_power(&self) -> f32 {
+        1.0
+    }
+    /// The squared RMS distance of a result over what the distances to planes, as they were at each collapse, amount to.
+    /// (Measured on fandisk, bunny, nefertiti and horse at 50, 10 and 1 %, where [`Memoryless`] has it from its fit.)
+    fn kept_loss(&self) -> f64 {
+        1.0
+    }
+    /// Of costs: an area times a squared distance, unless said otherwise.
+    fn dimension(&self) -> Dimension {
+        Dimension { length: 4, face: 0 }
     }
     /// What two faces of a part cost that goes as a whole; `rate` is what that is for [`Memoryless`].
-    fn part_rate(rate: f32, part: &PartSize, mean: f32) -> f32 {
+    fn part_rate(&self, rate: f32, part: &PartSize, mean: f32) -> f32 {
         let _ = (part, mean);
         rate
     }

@@ -17,7 +17,7 @@ use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
 use crate::collapse::{End, Goal, Look, Original};
 use crate::control::{Control, Stage, Verdict};
-use crate::metric::{EdgeLength, LindstromTurk, Melax, Memory, Memoryless, Metric, Quadric};
+use crate::metric::{Judged, Memory, Memoryless, Metric, Quadric};
 use crate::options::{Length, Measure, Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
@@ -205,13 +205,15 @@ pub(crate) type Pass =
 /// How a method on sweeps does it.
 pub(crate) fn collapses(method: Method) -> Option<Pass> {
     match method {
-        Method::Memoryless => Some(|run, goal, step, control| run.pass::<Memoryless>(goal, step, control)),
-        Method::Quadric => Some(|run, goal, step, control| run.pass::<Quadric>(goal, step, control)),
+        Method::Memoryless => Some(|run, goal, step, control| run.pass(Memoryless, goal, step, control)),
+        Method::Quadric => Some(|run, goal, step, control| run.pass(Quadric, goal, step, control)),
         Method::LindstromTurk => {
-            Some(|run, goal, step, control| run.pass::<LindstromTurk>(goal, step, control))
+            Some(|run, goal, step, control| run.pass(Judged::Volume, goal, step, control))
         }
-        Method::Melax => Some(|run, goal, step, control| run.pass::<Melax>(goal, step, control)),
-        Method::ShortestEdge => Some(|run, goal, step, control| run.pass::<EdgeLength>(goal, step, control)),
+        Method::Melax => Some(|run, goal, step, control| run.pass(Judged::Turn, goal, step, control)),
+        Method::ShortestEdge => {
+            Some(|run, goal, step, control| run.pass(Judged::Length, goal, step, control))
+        }
         _ => None,
     }
 }
@@ -479,6 +481,7 @@ impl Run<'_, '_> {
     /// One run of the engine; `step` is the largest distance from a plane that one collapse may leave, in user units.
     fn pass<M: Metric>(
         &mut self,
+        metric: M,
         goal: Goal,
         step: Option<f64>,
         control: &mut dyn Control,
@@ -486,7 +489,7 @@ impl Run<'_, '_> {
         // Where the topology may change, parts and necks go in their turn from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;
         let mut first =
-            self.single_pass::<M>(&goal, step, Leave { parts: is_free, cuts: is_free }, control)?;
+            self.single_pass(metric, &goal, step, Leave { parts: is_free, cuts: is_free }, control)?;
         let is_short =
             first.parts_removed > 0 || first.end == End::Stuck && step.is_none() && !goal.is_none();
         let may_change = self.options.topology == TopologyPolicy::Relaxed;
@@ -495,9 +498,9 @@ impl Run<'_, '_> {
         }
         // Parts and handles stand in the way: let them go in their turn.
         let cuts = may_cut(self.options);
-        let mut second = self.single_pass::<M>(&goal, step, Leave { parts: true, cuts }, control)?;
+        let mut second = self.single_pass(metric, &goal, step, Leave { parts: true, cuts }, control)?;
         if second.touches && second.end != End::Finish {
-            second = self.single_pass::<M>(&goal, step, Leave { parts: true, cuts: false }, control)?;
+            second = self.single_pass(metric, &goal, step, Leave { parts: true, cuts: false }, control)?;
         }
         let faces = [&first, &second].map(|o| o.mesh.face_count());
         let is_better = second.end != End::Stuck || faces[1] < faces[0] || first.parts_removed > 0;
@@ -510,12 +513,13 @@ impl Run<'_, '_> {
 
     fn single_pass<M: Metric>(
         &mut self,
+        metric: M,
         goal: &Goal,
         step: Option<f64>,
         leave: Leave,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
-        let mut trunk = self.begin::<M>(step, leave, (&[], 0), control)?;
+        let mut trunk = self.begin(metric, step, leave, (&[], 0), control)?;
         let end = self.sweep(&mut trunk, goal, control)?;
         // Where parts may go, a first pass is not the last one; a search for an error has its own end.
         let is_last = leave.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;

@@ -1,29 +1,6 @@
 //! Numbers as people read them.
 
-/// A count in groups of three: `69,451`.
-pub fn grouped(count: usize) -> String {
-    let digits = count.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-/// As many leading digits as asked, more only before the point; very small ones with an exponent.
-pub fn significant(x: f64, digits: usize) -> String {
-    if x == 0.0 {
-        return "0".to_owned();
-    }
-    if !x.is_finite() || x.abs() < 1e-4 || x.abs() >= 1e15 {
-        return format!("{x:.*e}", digits - 1);
-    }
-    let decimals = digits as i32 - 1 - x.abs().log10().floor() as i32;
-    format!("{x:.*}", decimals.max(0) as usize)
-}
+pub use lodsmith_core::numbers::{grouped, significant};
 
 /// A share as percent: `100 %`, `12.5 %`, `0.25 %`.
 pub fn percent(share: f64) -> String {
@@ -61,7 +38,6 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        assert_eq!([0, 999, 69451, 1234567].map(grouped), ["0", "999", "69,451", "1,234,567"]);
         assert_eq!([1.0, 0.125, 0.0025].map(percent), ["100 %", "12.5 %", "0.25 %"]);
         assert_eq!([0.0032, 0.41, 12.34].map(seconds), ["3.2 ms", "0.41 s", "12.3 s"]);
     }

@@ -30,16 +30,8 @@ struct Findings {
 /// What a window needs.
 struct Window {
     /// The display server, or why no window can be opened.
-    display: Result<String, Lack>,
+    display: Result<String, Missing>,
     adapters: Vec<Adapter>,
-}
-
-/// Why no window can be opened.
-struct Lack {
-    /// Why there is no display, or the name of the library that is missing.
-    what: String,
-    /// Where it is a library, what brings it: packages of Debian and of Fedora.
-    library: Option<[&'static [&'static str]; 2]>,
 }
 
 /// Something that draws.
@@ -53,7 +45,7 @@ struct Adapter {
 }
 
 /// What is missing, and what brings it.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 struct Missing {
     what: String,
     /// What to do, for people.
@@ -68,6 +60,7 @@ const HOW_TO_GET: &str = "not built in; `cargo install lodsmith-cli --features v
                           checkout: cargo install --path crates/cli --features view)";
 const DRIVERS: [&[&str]; 2] =
     [&["mesa-vulkan-drivers", "libvulkan1"], &["mesa-vulkan-drivers", "vulkan-loader"]];
+#[cfg(any(test, feature = "view"))]
 const SCREEN: [&[&str]; 2] = [&["xvfb", "libxkbcommon-x11-0"], &["xorg-x11-server-Xvfb", "libxkbcommon-x11"]];
 
 impl Window {
@@ -83,9 +76,9 @@ impl Window {
         };
         let adapters = lodsmith_viewer::gpu::Adapter::all().into_iter().map(adapter).collect();
         let lack = |lack: display::Lack| match lack {
-            display::Lack::Display { reason } => Lack { what: reason, library: None },
+            display::Lack::Display { reason } => Missing::display(&reason),
             display::Lack::Library { library, packages } => {
-                Lack { what: library, library: Some([packages.debian, packages.fedora]) }
+                Missing::library(library, [packages.debian, packages.fedora])
             }
         };
         Some(Self { display: display::find().map_err(lack), adapters })
@@ -96,30 +89,14 @@ impl Window {
     }
 
     fn missing(&self) -> Vec<Missing> {
-        let mut missing = Vec::new();
-        let has_packages = cfg!(target_os = "linux");
-        let mut add = |what: String, hint, [debian, fedora]: [&'static [&'static str]; 2]| {
-            let of = |packages| if has_packages { packages } else { &[][..] };
-            missing.push(Missing { what, hint, debian: of(debian), fedora: of(fedora) });
-        };
-        match &self.display {
-            Ok(_) => {}
-            Err(Lack { what, library: Some(packages) }) => {
-                let hint = "no window opens without it; the packages of the system have it";
-                add(what.clone(), hint, *packages);
-            }
-            Err(Lack { what: why, library: None }) => {
-                let hint = "log in to a desktop, or give the window a virtual one: `xvfb-run lodsmith view`; `lodsmith \
-                            render` makes pictures without";
-                add(format!("a display ({why})"), hint, SCREEN);
-            }
-        }
+        let mut missing: Vec<_> = self.display.as_ref().err().cloned().into_iter().collect();
+        let mut add = |what: &str, hint| missing.push(Missing::new(what.to_owned(), hint, DRIVERS));
         if self.adapters.is_empty() {
             let hint = "install a driver; these also draw without a graphics card";
-            add("a graphics adapter".to_owned(), hint, DRIVERS);
+            add("a graphics adapter", hint);
         } else if self.adapters.iter().all(|a| a.fault.is_some()) {
             let hint = "update the driver, or install one that draws without a graphics card";
-            add("a graphics adapter that can draw".to_owned(), hint, DRIVERS);
+            add("a graphics adapter that can draw", hint);
         }
         missing
     }
@@ -131,7 +108,24 @@ impl Window {
     }
 }
 
+#[cfg(any(test, feature = "view"))]
 impl Missing {
+    fn display(why: &str) -> Self {
+        let hint = "log in to a desktop, or give the window a virtual one: `xvfb-run lodsmith view`; `lodsmith render` makes \
+                    pictures without";
+        Self::new(format!("a display ({why})"), hint, SCREEN)
+    }
+    fn library(name: String, packages: [&'static [&'static str]; 2]) -> Self {
+        Self::new(name, "no window opens without it; the packages of the system have it", packages)
+    }
+}
+
+impl Missing {
+    fn new(what: String, hint: &'static str, [debian, fedora]: [&'static [&'static str]; 2]) -> Self {
+        let of = |packages| if cfg!(target_os = "linux") { packages } else { &[][..] };
+        Self { what, hint, debian: of(debian), fedora: of(fedora) }
+    }
+
     fn lines(&self) -> Vec<String> {
         let mut lines = vec![format!("  missing          {}: {}", self.what, self.hint)];
         for (system, tool, packages) in
@@ -214,8 +208,7 @@ mod tests {
     }
 
     fn window(display: Result<&str, &str>, adapters: Vec<Adapter>) -> Window {
-        let lack = |why: &str| Lack { what: why.to_owned(), library: None };
-        Window { display: display.map(str::to_owned).map_err(lack), adapters }
+        Window { display: display.map(str::to_owned).map_err(Missing::display), adapters }
     }
 
     #[test]
@@ -236,7 +229,7 @@ mod tests {
         let old = texts(&window(Ok(":0"), vec![adapter(false, Some("old"))]));
         assert!(old.contains("that can draw") && !old.contains("a display"), "{old}");
         let packages: [&[&str]; 2] = [&["libx11-6", "libxi6"], &["libX11", "libXi"]];
-        let display = Err(Lack { what: "a library of X11".to_owned(), library: Some(packages) });
+        let display = Err(Missing::library("a library of X11".to_owned(), packages));
         let library = texts(&Window { display, adapters: vec![adapter(true, None)] });
         assert!(library.contains("missing          a library of X11: no window"), "{library}");
         assert!(!library.contains("xvfb") && !library.contains("a display"), "{library}");

@@ -42,7 +42,7 @@ impl<M: Metric> Engine<M> {
         let mut rv = std::mem::take(&mut self.other_ring);
         let mut stuck = 0;
         for &v in owned {
-            match M::JUDGE {
+            match self.metric.decides() {
                 Judge::Ends => rv.clear(),
                 _ => self.store.ring(v, &mut rv),
             }
@@ -68,7 +68,7 @@ impl<M: Metric> Engine<M> {
         let place = self.place(u, v)?;
         let mut around = std::mem::take(&mut self.around);
         self.look_around(u, v, place, ru, rv, &mut around);
-        let judged = M::judge(&around, self.mean_face);
+        let judged = self.metric.judge(&around, self.mean_face);
         self.around = around;
         // (A cost without bound, on input of extreme sizes, would look like one that is not known.)
         judged.map(|(cost, step)| Candidate { cost: cost.clamp(0.0, f32::MAX), removed: v, step })
@@ -81,7 +81,7 @@ impl<M: Metric> Engine<M> {
         around.place = place;
         around.walls.clear();
         around.lines.clear();
-        let stars = !matches!(M::JUDGE, Judge::Ends);
+        let stars = !matches!(self.metric.decides(), Judge::Ends);
         if stars {
             let wall = |r: &Spoke, side: At| Wall { at: side, a: at(r.a), b: at(r.b) };
             let of_u = |r: &Spoke| wall(r, if r.has(v) { At::Both } else { At::Kept });

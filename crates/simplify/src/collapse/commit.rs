@@ -107,7 +107,7 @@ impl<M: Metric> Engine<M> {
         }
         let d = z.p - x.p;
         let mut judged = candidate.cost;
-        if matches!(M::JUDGE, Judge::FormThenStars) {
+        if matches!(self.metric.decides(), Judge::FormThenStars) {
             let Some(Candidate { cost, step, .. }) = self.judged(u, v, ru, rv) else {
                 return Outcome::Refused(Refusal::Locked);
             };
@@ -194,7 +194,7 @@ impl<M: Metric> Engine<M> {
             }
         }
         // What is too dear already need not be known to the last digit.
-        let is_exact = matches!(M::JUDGE, Judge::Engine);
+        let is_exact = matches!(self.metric.decides(), Judge::Engine);
         if is_exact && self.attributes.is_some() && (cost <= tau || probe) {
             self.prepare_merge(u, v, y, ru);
             cost += self.attribute_cost(u, v, y, ru.len());
@@ -216,7 +216,7 @@ impl<M: Metric> Engine<M> {
         if peak > self.rules.max_step_sq {
             return Outcome::Refused(Refusal::Cost);
         }
-        if !M::JUDGE.is_metric() {
+        if !self.metric.decides().is_metric() {
             plain = cost;
             cost *= (WORSE_SHAPE / shape.sqrt().max(1e-4)).max(1.0);
         }
@@ -253,13 +253,14 @@ impl<M: Metric> Engine<M> {
         let at = merged_position(x.p, z.p, y);
         let kind = x.kind.union(z.kind);
         let own = self.merge_wedges(u, v, y, at, ru);
-        let q = if M::MEMORYLESS {
+        let q = if self.metric.is_memoryless() {
             // The vertices around swap old planes for new ones; u starts afresh.
             let mut q = M::Memory::default();
             for w in &self.wings {
-                let mut change = Tensor::outer(w.normal, -M::plane_weight(w.length, self.mean_face));
+                let mut change = Tensor::outer(w.normal, -self.metric.plane_weight(w.length, self.mean_face));
                 if !w.both {
-                    let new = Tensor::outer(w.after, M::plane_weight(w.after.length(), self.mean_face));
+                    let new =
+                        Tensor::outer(w.after, self.metric.plane_weight(w.after.length(), self.mean_face));
                     M::tensor(&mut q).add(&new);
                     change.add(&new);
                 }
@@ -271,7 +272,7 @@ impl<M: Metric> Engine<M> {
             for &(w, at_u, line) in self.rim.iter().filter(|r| r.0 != v) {
                 let o = &mut self.store.v[w.index()];
                 let from = if at_u { x.p } else { z.p };
-                let [old, new] = [from, at].map(|p| M::line(p - o.p, line, self.mean_face));
+                let [old, new] = [from, at].map(|p| self.metric.line(p - o.p, line, self.mean_face));
                 let s = M::tensor(&mut o.q);
                 s.sub(&old);
                 s.add(&new);
@@ -279,11 +280,11 @@ impl<M: Metric> Engine<M> {
             }
             q
         } else {
-            let form: Form = M::form(&x.q, &z.q, z.p - x.p);
+            let form: Form = self.metric.form(&x.q, &z.q, z.p - x.p);
             if !self.lines.is_empty() {
                 self.merge_lines([x.origin, z.origin], z.p - x.p, y);
             }
-            M::merged(&form, y)
+            self.metric.merged(&form, y)
         };
         for spoke in rv {
             // (By selection: which two triangles go could not be foretold.)
@@ -323,7 +324,7 @@ impl<M: Metric> Engine<M> {
     /// Weight of a largest squared distance. In the late phase true distances are charged instead.
     #[inline(always)]
     pub(crate) fn peak_weight(&self) -> f32 {
-        if self.late.is_some() || M::JUDGE.is_metric() { 0.0 } else { PEAK * self.area }
+        if self.late.is_some() || self.metric.decides().is_metric() { 0.0 } else { PEAK * self.area }
     }
 
     /// Squared distance from `q` to the star that the wings become.

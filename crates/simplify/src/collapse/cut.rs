@@ -128,19 +128,20 @@ impl<M: Metric> Engine<M> {
         let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
         let at = merged_position(x.p, z.p, y);
         self.merge_wedges(u, v, y, at, ru);
-        if M::MEMORYLESS {
+        if self.metric.is_memoryless() {
             for wing in &self.wings {
-                let mut change = Tensor::outer(wing.normal, -M::plane_weight(wing.length, self.mean_face));
+                let mut change =
+                    Tensor::outer(wing.normal, -self.metric.plane_weight(wing.length, self.mean_face));
                 if !wing.both {
-                    let weight = M::plane_weight(wing.after.length(), self.mean_face);
+                    let weight = self.metric.plane_weight(wing.after.length(), self.mean_face);
                     change.add(&Tensor::outer(wing.after, weight));
                 }
                 M::tensor(&mut self.store.v[wing.a.index()].q).add(&change);
                 M::tensor(&mut self.store.v[wing.b.index()].q).add(&change);
             }
         } else {
-            let form: Form = M::form(&x.q, &z.q, z.p - x.p);
-            let q = M::merged(&form, y);
+            let form: Form = self.metric.form(&x.q, &z.q, z.p - x.p);
+            let q = self.metric.merged(&form, y);
             (self.store.v[u.index()].q, self.store.v[v.index()].q) = (q, q);
         }
         // Who stands at whose place, to the bit.

@@ -37,12 +37,12 @@ impl<M: Metric> Engine<M> {
         members: &mut Vec<Member>,
         mut take: impl FnMut(Candidate),
     ) -> u64 {
-        if matches!(M::JUDGE, Judge::Stars | Judge::Ends) {
+        if matches!(self.metric.decides(), Judge::Stars | Judge::Ends) {
             return self.judge_owned(u, owned, ru, take);
         }
         let mut stuck = 0;
         let is_plain = |w: VertexId| self.store.v[w.index()].kind.is_free();
-        let plain = M::MEMORYLESS && self.rules.placement == Placement::Optimal && is_plain(u);
+        let plain = self.metric.is_memoryless() && self.rules.placement == Placement::Optimal && is_plain(u);
         for four in owned.chunks(4) {
             if plain && four.len() > 1 && four.iter().all(|&w| is_plain(w)) {
                 let (cost, step, solved) = self.evaluate_four(u, four, ru, members);
@@ -127,7 +127,7 @@ impl<M: Metric> Engine<M> {
         let off = y - d;
         let q = c - 2.0 * h.dot(y) + a.times(y).dot(y);
         let tie = 0.5 * TIE * trace * (y.length_squared() + off.length_squared());
-        if !M::MEMORYLESS {
+        if !self.metric.is_memoryless() {
             return q.max(0.0) + tie;
         }
         let peak = 1.0 + PEAK_GUESS * self.peak_weight() / trace.max(1e-37);
@@ -153,7 +153,7 @@ impl<M: Metric> Engine<M> {
     fn form(&self, u: VertexId, v: VertexId, ru: &Ring, members: &mut Vec<Member>) -> (Form, Vec3) {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let d = z.p - x.p;
-        let mut form = M::form(&x.q, &z.q, d);
+        let mut form = self.metric.form(&x.q, &z.q, d);
         if self.attributes.is_some() {
             self.add_attributes(u, v, d, ru, members, &mut form);
         }

@@ -7,7 +7,7 @@
 
 use lodsmith_core::VertexId;
 
-use super::kind::{distinct, faces_at};
+use super::kind::faces_at;
 use super::store::{Ring, Store};
 use crate::metric::Memory;
 use crate::report::Refusal;
@@ -52,14 +52,30 @@ impl<Q: Memory> Store<Q> {
         rv: &Ring,
     ) -> Result<usize, Refusal> {
         let (ku, kv) = (self.v[u.index()].kind, self.v[v.index()].kind);
-        let shared = faces_at(ru, v);
-        let apexes = distinct(ru).filter(|&w| w != v && ru.iter().any(|r| r.has(v) && r.has(w))).count();
+        // One stamp for the neighbours of u, the next for those that are counted already.
         let stamp = self.next_stamp();
-        for r in ru {
-            (self.v[r.a.index()].mark, self.v[r.b.index()].mark) = (stamp, stamp);
+        for w in ru.iter().flat_map(|r| [r.a, r.b]) {
+            self.v[w.index()].mark = stamp;
         }
-        let common = distinct(rv).filter(|&w| w != u && self.v[w.index()].mark == stamp).count();
-        if shared == 0 || common != apexes || is_opposite_to_both(u, v, ru, rv) {
+        let mut common = 0;
+        for w in rv.iter().flat_map(|r| [r.a, r.b]) {
+            let mark = &mut self.v[w.index()].mark;
+            if *mark == stamp && w != u {
+                *mark = stamp + 1;
+                common += 1;
+            }
+        }
+        // (Every apex is a common neighbour, so all are marked as counted by now.)
+        let (mut shared, mut apexes) = (0, 0);
+        for r in ru.iter().filter(|r| r.has(v)) {
+            shared += 1;
+            let mark = &mut self.v[if r.a == v { r.b } else { r.a }.index()].mark;
+            apexes += usize::from(*mark == stamp + 1);
+            *mark = stamp;
+        }
+        let by_u = |w: VertexId| self.v[w.index()].mark >= stamp;
+        let opposite = rv.iter().any(|r| !r.has(u) && by_u(r.a) && by_u(r.b));
+        if shared == 0 || common != apexes || opposite && is_opposite_to_both(u, v, ru, rv) {
             return Err(Refusal::LinkCondition);
         }
         if ku.is_feature() && kv.is_feature() && shared == 2 {

@@ -20,8 +20,8 @@ impl<M: Metric> Engine<M> {
     /// Prices of vertices, by number in the ordered input, as they are for the method that is without memory.
     pub(crate) fn set_prices(&mut self, prices: Option<Vec<f32>>) {
         self.prices = prices;
-        if M::PRICE_POWER != 1.0 {
-            self.prices.iter_mut().flatten().for_each(|p| *p = p.powf(M::PRICE_POWER));
+        if self.metric.price_power() != 1.0 {
+            self.prices.iter_mut().flatten().for_each(|p| *p = p.powf(self.metric.price_power()));
         }
     }
 

@@ -81,7 +81,9 @@ impl<M: Metric> Engine<M> {
         members: &mut Vec<Member>,
         form: &mut Form,
     ) {
-        let Some(attributes) = self.attributes.as_ref().filter(|_| matches!(M::JUDGE, Judge::Engine)) else {
+        let Some(attributes) =
+            self.attributes.as_ref().filter(|_| matches!(self.metric.decides(), Judge::Engine))
+        else {
             return;
         };
         if attributes.lanes() > 0 {
@@ -101,8 +103,10 @@ impl<M: Metric> Engine<M> {
         ru: &[Spoke],
         members: &mut Vec<Member>,
     ) {
-        let Some(attributes) =
-            self.attributes.as_ref().filter(|a| a.lanes() > 0 && matches!(M::JUDGE, Judge::Engine))
+        let Some(attributes) = self
+            .attributes
+            .as_ref()
+            .filter(|a| a.lanes() > 0 && matches!(self.metric.decides(), Judge::Engine))
         else {
             return;
         };

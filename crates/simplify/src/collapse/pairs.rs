@@ -126,7 +126,7 @@ impl<M: Metric> Engine<M> {
     /// Lets pairs nearer than `reach` be contracted; before anything was merged.
     pub(crate) fn watch_pairs(&mut self, reach: f32) {
         self.pairs = Some(Pairs::new(reach));
-        if M::MEMORYLESS || !self.has_lines() {
+        if self.metric.is_memoryless() || !self.has_lines() {
             return;
         }
         self.lines = vec![M::Memory::default(); self.store.merged_into.len()];
@@ -144,7 +144,7 @@ impl<M: Metric> Engine<M> {
 
     /// Merges what lines say at two vertices, by number in the ordered input, `d` apart; the first goes by `y`.
     pub(super) fn merge_lines(&mut self, origins: [VertexId; 2], d: Vec3, y: Vec3) {
-        let merged = M::merged(&self.form_of_lines(origins, d), y);
+        let merged = self.metric.merged(&self.form_of_lines(origins, d), y);
         for origin in origins {
             if let Some(lines) = self.lines.get_mut(origin.index()) {
                 *lines = merged;
@@ -159,14 +159,15 @@ impl<M: Metric> Engine<M> {
             return;
         };
         let (own, none) = (std::mem::take(lines), M::Memory::default());
-        let (form, lines) = (M::form(&x.q, &none, Vec3::ZERO), M::form(&own, &none, Vec3::ZERO));
+        let (form, lines) =
+            (self.metric.form(&x.q, &none, Vec3::ZERO), self.metric.form(&own, &none, Vec3::ZERO));
         let planes = Form { a: form.a.less(&lines.a), h: form.h - lines.h, c: form.c - lines.c };
-        self.store.v[w.index()].q = M::merged(&planes, Vec3::ZERO);
+        self.store.v[w.index()].q = self.metric.merged(&planes, Vec3::ZERO);
     }
 
     fn form_of_lines(&self, origins: [VertexId; 2], d: Vec3) -> Form {
         let of = |origin: VertexId| self.lines.get(origin.index()).copied().unwrap_or_default();
-        M::form(&of(origins[0]), &of(origins[1]), d)
+        self.metric.form(&of(origins[0]), &of(origins[1]), d)
     }
 
     /// How many pairs within `reach` could be contracted at some cost. Nothing is changed.
@@ -417,7 +418,7 @@ impl<M: Metric> Engine<M> {
             Ok(moved) => moved,
             Err(why) => return Outcome::Refused(why),
         };
-        let loss = if M::MEMORYLESS { moved.cost } else { remembered };
+        let loss = if self.metric.is_memoryless() { moved.cost } else { remembered };
         let plain = loss + gaps;
         let mut cost = plain * (WORSE_SHAPE / moved.shape.sqrt().max(1e-4)).max(1.0);
         let tau = tau / price;
@@ -454,7 +455,7 @@ impl<M: Metric> Engine<M> {
             return Err(Refusal::Locked);
         }
         // Of the planes alone: the line of a border that closes is no loss.
-        let form = if M::MEMORYLESS {
+        let form = if self.metric.is_memoryless() {
             let (own, other) = (self.planes(u, ring), self.planes(v, ring));
             let mut a = own;
             a.add(&other);
@@ -486,7 +487,7 @@ impl<M: Metric> Engine<M> {
     /// What a metric with memory holds of planes at two vertices.
     fn form_of_planes(&self, x: &Vertex<M::Memory>, z: &Vertex<M::Memory>) -> Form {
         let d = z.p - x.p;
-        let (form, lines) = (M::form(&x.q, &z.q, d), self.form_of_lines([x.origin, z.origin], d));
+        let (form, lines) = (self.metric.form(&x.q, &z.q, d), self.form_of_lines([x.origin, z.origin], d));
         Form { a: form.a.less(&lines.a), h: form.h - lines.h, c: form.c - lines.c }
     }
 
@@ -497,7 +498,7 @@ impl<M: Metric> Engine<M> {
         let mut sum = Tensor::default();
         for r in ring.iter() {
             let normal = (self.store.p(r.a) - p).cross(self.store.p(r.b) - p);
-            sum.add(&Tensor::outer(normal, M::plane_weight(normal.length(), self.mean_face)));
+            sum.add(&Tensor::outer(normal, self.metric.plane_weight(normal.length(), self.mean_face)));
         }
         sum
     }
@@ -560,7 +561,7 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        if M::MEMORYLESS {
+        if self.metric.is_memoryless() {
             moved.cost += self.peak_weight() * peak;
         }
         if peak > self.rules.max_step_sq {
@@ -721,9 +722,9 @@ impl<M: Metric> Engine<M> {
             record.merge(merged, origin);
         }
         self.merge_prices(origin, merged);
-        if !M::MEMORYLESS {
+        if !self.metric.is_memoryless() {
             let (d, y) = (z.p - x.p, at - x.p);
-            self.store.v[u.index()].q = M::merged(&M::form(&x.q, &z.q, d), y);
+            self.store.v[u.index()].q = self.metric.merged(&self.metric.form(&x.q, &z.q, d), y);
             self.merge_lines([x.origin, z.origin], d, y);
         }
         let kept = &mut self.store.v[u.index()];

@@ -121,7 +121,7 @@ impl<M: Metric> Engine<M> {
         }
         let rate = |i: usize| {
             let size = parts.of_input[i].size(faces[i]);
-            M::part_rate(2.0 * parts.worth[i] / faces[i] as f32, &size, self.mean_face)
+            self.metric.part_rate(2.0 * parts.worth[i] / faces[i] as f32, &size, self.mean_face)
         };
         let rates: Vec<f32> = (0..faces.len()).map(rate).collect();
         let mut order = all_but_the_dearest((0..faces.len()).filter(|&i| faces[i] > 0).collect(), &rates);

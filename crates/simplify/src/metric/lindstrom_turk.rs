@@ -10,7 +10,7 @@
 
 use glam::{DMat3, DVec3, Vec3};
 
-use super::{Around, At, Form, Judge, Metric, PartSize, Place};
+use super::{Around, At, Place};
 use crate::collapse::TIE;
 use crate::tensor::Tensor;
 
@@ -24,67 +24,26 @@ const NO_VOLUME: f64 = 1e-6;
 /// of n·y, areas half of e × y, and the weights of both are a half.
 const BORDER: f64 = 9.0;
 
-#[derive(Clone)]
-pub(crate) struct LindstromTurk;
+/// The tensor of a feature edge, as if the edge that goes were as long as this one.
+#[inline(always)]
+pub(super) fn line(edge: Vec3, weight: f32, mean: f32) -> Tensor {
+    Tensor::line(edge, weight * BORDER as f32 * 0.1 * edge.length_squared() / mean)
+}
 
-impl Metric for LindstromTurk {
-    type Memory = Tensor;
-    const MEMORYLESS: bool = true;
-    const JUDGE: Judge = Judge::FormThenStars;
-    /// An area more than those of [`super::Memoryless`].
-    const PRICE_POWER: f32 = 1.4;
-    /// (0.32 to 0.49: places between the faces that go halve their distances.)
-    const KEPT_LOSS: f64 = 0.42;
-
-    #[inline(always)]
-    fn tensor_of(memory: &Tensor) -> &Tensor {
-        memory
-    }
-    #[inline(always)]
-    fn tensor(memory: &mut Tensor) -> &mut Tensor {
-        memory
-    }
-    #[inline(always)]
-    fn form(kept: &Tensor, removed: &Tensor, d: Vec3) -> Form {
-        super::Memoryless::form(kept, removed, d)
-    }
-    #[inline(always)]
-    fn merged(form: &Form, _: Vec3) -> Tensor {
-        form.a
-    }
-    #[inline(always)]
-    fn plane_weight(_: f32, mean: f32) -> f32 {
-        1.0 / mean
-    }
-    /// As if the edge that goes were as long as this one.
-    #[inline(always)]
-    fn line(edge: Vec3, weight: f32, mean: f32) -> Tensor {
-        Tensor::line(edge, weight * BORDER as f32 * 0.1 * edge.length_squared() / mean)
-    }
-
-    #[inline(never)]
-    fn judge(around: &Around, mean: f32) -> Option<(f32, Vec3)> {
-        let loss = Loss::new(around);
-        let step = match around.place {
-            Place::Anywhere => loss.best_place(around),
-            Place::Middle => around.d * 0.5,
-            Place::Kept => DVec3::ZERO,
-            Place::Removed => around.d,
-            Place::Ends if loss.at(around.d) < loss.at(DVec3::ZERO) => around.d,
-            Place::Ends => DVec3::ZERO,
-        };
-        let off = step - around.d;
-        let tie = f64::from(TIE) * 0.5 * loss.trace() * (step.length_squared() + off.length_squared());
-        Some((((loss.at(step) + tie) / f64::from(mean)) as f32, step.as_vec3()))
-    }
-
-    /// Squared volumes; what they are divided by differs from mesh to mesh.
-    fn common_cost(size: f64, mean: f64) -> f64 {
-        mean * size.powi(6)
-    }
-    fn part_rate(rate: f32, part: &PartSize, mean: f32) -> f32 {
-        rate * part.face / mean
-    }
+/// Cost and step.
+pub(super) fn judge(around: &Around, mean: f32) -> (f32, Vec3) {
+    let loss = Loss::new(around);
+    let step = match around.place {
+        Place::Anywhere => loss.best_place(around),
+        Place::Middle => around.d * 0.5,
+        Place::Kept => DVec3::ZERO,
+        Place::Removed => around.d,
+        Place::Ends if loss.at(around.d) < loss.at(DVec3::ZERO) => around.d,
+        Place::Ends => DVec3::ZERO,
+    };
+    let off = step - around.d;
+    let tie = f64::from(TIE) * 0.5 * loss.trace() * (step.length_squared() + off.length_squared());
+    (((loss.at(step) + tie) / f64::from(mean)) as f32, step.as_vec3())
 }
 
 /// The sum of squares y·A·y − 2 h·y + c, 36 times that of volumes, and what else pins the place.

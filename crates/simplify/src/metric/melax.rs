@@ -7,8 +7,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Around, At, Form, Judge, Metric, PartSize, Place, Wall};
-use crate::tensor::Tensor;
+use super::{Around, At, Place, Wall};
 
 /// What length alone counts against curvature: decides among flat places only. (Normals in single precision are not
 /// better.)
@@ -16,48 +15,16 @@ const TIE: f64 = 1e-7;
 /// Faces on an edge that are looked at.
 const MOST_SIDES: usize = 4;
 
-#[derive(Clone)]
-pub(crate) struct Melax;
-
-impl Metric for Melax {
-    type Memory = Tensor;
-    const MEMORYLESS: bool = false;
-    const JUDGE: Judge = Judge::Stars;
-    /// On a smooth surface the cost falls with the density of triangles to 1.5, on a rough one to 0.5.
-    const PRICE_POWER: f32 = 0.4;
-
-    fn tensor_of(memory: &Tensor) -> &Tensor {
-        memory
-    }
-    fn tensor(memory: &mut Tensor) -> &mut Tensor {
-        memory
-    }
-    fn form(_: &Tensor, _: &Tensor, _: Vec3) -> Form {
-        Form::default()
-    }
-    fn merged(_: &Form, _: Vec3) -> Tensor {
-        Tensor::default()
-    }
-
-    fn judge(around: &Around, _: f32) -> Option<(f32, Vec3)> {
-        let length = around.d.length();
-        let [kept, removed] = turns(around).map(|turn| turn.map(|t| (length * (t + TIE)) as f32));
-        let onto_kept = removed.map(|cost| (cost, Vec3::ZERO));
-        let onto_removed = kept.map(|cost| (cost, around.d.as_vec3()));
-        match (around.place, onto_kept, onto_removed) {
-            (Place::Kept, onto, _) | (Place::Removed, _, onto) => onto,
-            (_, Some(a), Some(b)) if b.0 < a.0 => Some(b),
-            (_, a, b) => a.or(b),
-        }
-    }
-
-    /// Lengths.
-    fn common_cost(size: f64, _: f64) -> f64 {
-        size
-    }
-    /// A part goes when an edge as long as itself would, between faces at right angles.
-    fn part_rate(_: f32, part: &PartSize, _: f32) -> f32 {
-        0.5 * part.price * part.size_sq.sqrt()
+/// The cost of the cheaper of the two ends, or of the one that may go, and the step to the other.
+pub(super) fn judge(around: &Around) -> Option<(f32, Vec3)> {
+    let length = around.d.length();
+    let [kept, removed] = turns(around).map(|turn| turn.map(|t| (length * (t + TIE)) as f32));
+    let onto_kept = removed.map(|cost| (cost, Vec3::ZERO));
+    let onto_removed = kept.map(|cost| (cost, around.d.as_vec3()));
+    match (around.place, onto_kept, onto_removed) {
+        (Place::Kept, onto, _) | (Place::Removed, _, onto) => onto,
+        (_, Some(a), Some(b)) if b.0 < a.0 => Some(b),
+        (_, a, b) => a.or(b),
     }
 }
 
@@ -130,12 +97,11 @@ mod tests {
         // tip--0---d--2
         //    \ | /
         //     -Y
-        let (cost, step) = Melax::judge(&strip(DVec3::new(-1.0, 0.0, 1.0)), 1.0).unwrap();
+        let (cost, step) = judge(&strip(DVec3::new(-1.0, 0.0, 1.0))).unwrap();
         assert_eq!(step, Vec3::ZERO);
         assert!(cost <= 2.0 * TIE as f32, "{cost}");
         let (cost, step) =
-            Melax::judge(&Around { place: Place::Removed, ..strip(DVec3::new(-1.0, 0.0, 1.0)) }, 1.0)
-                .unwrap();
+            judge(&Around { place: Place::Removed, ..strip(DVec3::new(-1.0, 0.0, 1.0)) }).unwrap();
         // Their normals are (1, 0, 1) / √2, half a right angle off z.
         assert_eq!(step, Vec3::X);
         assert!((f64::from(cost) - (0.5 - 0.5 / 2f64.sqrt())).abs() < 1e-6, "{cost}");
@@ -146,11 +112,11 @@ mod tests {
         let mut around = strip(-DVec3::X);
         around.on_lines = [true, false];
         around.lines = vec![Line { at: At::Kept, to: DVec3::new(0.0, 1.0, 0.0), weight: 1.0, sense: 1.0 }];
-        assert_eq!(Melax::judge(&Around { place: Place::Removed, ..around.clone() }, 1.0), None);
+        assert_eq!(judge(&Around { place: Place::Removed, ..around.clone() }), None);
         // The edge itself on the border, which turns by a right angle at the kept end.
         around.lines.push(Line { at: At::Both, to: around.d, weight: 1.0, sense: -1.0 });
         around.on_lines = [true, true];
-        let (cost, step) = Melax::judge(&Around { place: Place::Removed, ..around }, 1.0).unwrap();
+        let (cost, step) = judge(&Around { place: Place::Removed, ..around }).unwrap();
         assert_eq!(step, Vec3::X);
         assert!((cost - 0.5).abs() < 1e-6, "{cost}");
     }

@@ -10,13 +10,11 @@ use glam::Vec3;
 use super::{Form, Judge, Metric};
 use crate::tensor::Tensor;
 
-#[derive(Clone)]
+#[derive(Clone, Copy)]
 pub(crate) struct Memoryless;
 
 impl Metric for Memoryless {
     type Memory = Tensor;
-    const MEMORYLESS: bool = true;
-    const JUDGE: Judge = Judge::Engine;
 
     #[inline(always)]
     fn tensor_of(memory: &Tensor) -> &Tensor {
@@ -27,14 +25,22 @@ impl Metric for Memoryless {
         memory
     }
     #[inline(always)]
-    fn form(kept: &Tensor, removed: &Tensor, d: Vec3) -> Form {
+    fn is_memoryless(&self) -> bool {
+        true
+    }
+    #[inline(always)]
+    fn decides(&self) -> Judge {
+        Judge::Engine
+    }
+    #[inline(always)]
+    fn form(&self, kept: &Tensor, removed: &Tensor, d: Vec3) -> Form {
         let mut a = *kept;
         a.add(removed);
         let h = removed.times(d);
         Form { a, h, c: d.dot(h) }
     }
     #[inline(always)]
-    fn merged(form: &Form, _: Vec3) -> Tensor {
+    fn merged(&self, form: &Form, _: Vec3) -> Tensor {
         form.a
     }
 }

@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::{Form, Judge, Metric};
 use crate::tensor::Tensor;
 
-#[derive(Clone)]
+#[derive(Clone, Copy)]
 pub(crate) struct Quadric;
 
 /// y·A·y + 2 g·y + e at the vertex + y.
@@ -21,8 +21,6 @@ pub(crate) struct Memory {
 
 impl Metric for Quadric {
     type Memory = Memory;
-    const MEMORYLESS: bool = false;
-    const JUDGE: Judge = Judge::Form;
 
     #[inline(always)]
     fn tensor_of(memory: &Memory) -> &Tensor {
@@ -33,7 +31,15 @@ impl Metric for Quadric {
         &mut memory.a
     }
     #[inline(always)]
-    fn form(kept: &Memory, removed: &Memory, d: Vec3) -> Form {
+    fn is_memoryless(&self) -> bool {
+        false
+    }
+    #[inline(always)]
+    fn decides(&self) -> Judge {
+        Judge::Form
+    }
+    #[inline(always)]
+    fn form(&self, kept: &Memory, removed: &Memory, d: Vec3) -> Form {
         let mut a = kept.a;
         a.add(&removed.a);
         let ad = removed.a.times(d);
@@ -41,7 +47,7 @@ impl Metric for Quadric {
         Form { a, h: ad - removed.g - kept.g, c }
     }
     #[inline(always)]
-    fn merged(form: &Form, y: Vec3) -> Memory {
+    fn merged(&self, form: &Form, y: Vec3) -> Memory {
         let ay = form.a.times(y);
         Memory { a: form.a, g: ay - form.h, e: (form.c - 2.0 * form.h.dot(y) + y.dot(ay)).max(0.0) }
     }
@@ -55,8 +61,8 @@ mod tests {
     fn a_merged_quadric_still_measures_the_same_planes() {
         // The plane z = 0 seen from (0, 0, 0) and the plane x = 1 seen from (1, 0, 0).
         let at = |n: Vec3| Memory { a: Tensor::outer(n, 1.0), ..Memory::default() };
-        let form = Quadric::form(&at(Vec3::Z), &at(Vec3::X), Vec3::X);
-        let merged = Quadric::merged(&form, Vec3::new(0.5, 0.0, 0.25));
+        let form = Quadric.form(&at(Vec3::Z), &at(Vec3::X), Vec3::X);
+        let merged = Quadric.merged(&form, Vec3::new(0.5, 0.0, 0.25));
         let value = |m: &Memory, y: Vec3| y.dot(m.a.times(y)) + 2.0 * m.g.dot(y) + m.e;
         let whole = |p: Vec3| p.z * p.z + (p.x - 1.0) * (p.x - 1.0);
         for p in [Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0), Vec3::new(-0.5, 0.1, 0.2)] {

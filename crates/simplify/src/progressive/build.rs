@@ -16,7 +16,7 @@ use crate::collapse::record::{Copy, Names, Record};
 use crate::collapse::store::{Facing, Store};
 use crate::collapse::{End, Goal};
 use crate::control::{Control, Stage, Verdict};
-use crate::metric::{EdgeLength, LindstromTurk, Melax, Memory, Memoryless, Metric, Quadric};
+use crate::metric::{Dimension, Judged, Memory, Memoryless, Metric, Quadric};
 use crate::options::{Length, Method, Placement, SimplifyOptions, TopologyPolicy};
 use crate::prune;
 use crate::run::{self, Input, Run, Source, Started};
@@ -41,13 +41,13 @@ pub(super) struct Costs {
     /// Units of the mesh in one of the unit frame, and faces in it.
     unit: f64,
     mean: f64,
-    common: fn(f64, f64) -> f64,
+    dimension: Dimension,
 }
 
 impl Costs {
     /// By what costs are multiplied to be compared with those of other meshes, where the mesh is so many times as large.
     pub(super) fn factor(&self, scale: f64) -> f64 {
-        (self.common)(self.unit * scale, self.mean)
+        self.dimension.of(self.unit * scale, self.mean)
     }
 }
 
@@ -59,11 +59,15 @@ pub(super) fn build(
     options.check()?;
     care::check(options, mesh.vertex_count())?;
     let (walk, pass): (Walk, _) = match (options.method, run::collapses(options.method)) {
-        (Method::Quadric, Some(pass)) => (walk::<Quadric>, pass),
-        (Method::LindstromTurk, Some(pass)) => (walk::<LindstromTurk>, pass),
-        (Method::Melax, Some(pass)) => (walk::<Melax>, pass),
-        (Method::ShortestEdge, Some(pass)) => (walk::<EdgeLength>, pass),
-        (_, Some(pass)) => (walk::<Memoryless>, pass),
+        (Method::Quadric, Some(pass)) => (|run, mesh, control| walk(Quadric, run, mesh, control), pass),
+        (Method::LindstromTurk, Some(pass)) => {
+            (|run, mesh, control| walk(Judged::Volume, run, mesh, control), pass)
+        }
+        (Method::Melax, Some(pass)) => (|run, mesh, control| walk(Judged::Turn, run, mesh, control), pass),
+        (Method::ShortestEdge, Some(pass)) => {
+            (|run, mesh, control| walk(Judged::Length, run, mesh, control), pass)
+        }
+        (_, Some(pass)) => (|run, mesh, control| walk(Memoryless, run, mesh, control), pass),
         (method, None) => {
             return Err(SimplifyError::NotOfMethod { option: "progressive", takers: PROGRESSIVE, method });
         }
@@ -149,11 +153,12 @@ fn prepared<'a>(mesh: &'a TriMesh, options: &mut SimplifyOptions) -> Result<Inpu
 /// Runs to the end of the road, and makes it from what was recorded. `mesh` is the input without normals that were lent
 /// to it.
 fn walk<M: Metric>(
+    metric: M,
     run: &mut Run<'_, '_>,
     mesh: &TriMesh,
     control: &mut dyn Control,
 ) -> Result<Built, SimplifyError> {
-    let Started { mut engine, rows, is_kept, .. } = run.start::<M>(None, true, (&[], 0))?;
+    let Started { mut engine, rows, is_kept, .. } = run.start(metric, None, true, (&[], 0))?;
     let record = record(run, mesh, &engine.store, engine.attributes.as_ref(), rows);
     let by_place = record.names.faces.clone();
     engine.note_start(Box::new(record));
@@ -179,10 +184,10 @@ fn walk<M: Metric>(
         return Err(SimplifyError::Cancelled);
     };
     let area = engine.area_of_input();
-    let weights = Weights { kept: M::KEPT_LOSS / 6.0 / area, lost: 0.25 / area };
+    let weights = Weights { kept: metric.kept_loss() / 6.0 / area, lost: 0.25 / area };
     drop(engine);
-    let fits = run.wants_fit(M::JUDGE);
-    let taken = Taken { by_place, facings, in_order, area, weights, fits, common: M::common_cost };
+    let fits = run.wants_fit(metric.decides());
+    let taken = Taken { by_place, facings, in_order, area, weights, fits, dimension: metric.dimension() };
     road(run, mesh, *record, taken, control)
 }
 
@@ -196,7 +201,7 @@ struct Taken {
     area: f64,
     weights: Weights,
     fits: bool,
-    common: fn(f64, f64) -> f64,
+    dimension: Dimension,
 }
 
 /// The road of a record, with its checkpoints.
@@ -207,7 +212,7 @@ fn road(
     taken: Taken,
     control: &mut dyn Control,
 ) -> Result<Built, SimplifyError> {
-    let Taken { by_place, facings, in_order, area, weights, fits, common } = taken;
+    let Taken { by_place, facings, in_order, area, weights, fits, dimension } = taken;
     let Record { copy, log, names, .. } = record;
     let arranged = arrange::arrange(mesh, copy, &log, &by_place);
     let costs = Costs {
@@ -215,7 +220,7 @@ fn road(
         late: arranged.order.iter().filter(|&&change| change >= in_order).count(),
         unit: run.ordered.frame.user_length(1.0),
         mean: 2.0 * area / by_place.len().max(1) as f64,
-        common,
+        dimension,
     };
 
     control.stage(Stage::Fit);

@@ -23,7 +23,7 @@ use crate::collapse::cut::may_cut;
 use crate::collapse::order::NONE;
 use crate::collapse::{End, Goal};
 use crate::control::{Control, Share, Stage};
-use crate::metric::{EdgeLength, LindstromTurk, Melax, Memoryless, Metric, Quadric};
+use crate::metric::{Judged, Memoryless, Metric, Quadric};
 use crate::options::{Measure, Method, SimplifyOptions, Stop, TopologyPolicy};
 
 /// For each level, the input first, the vertex of the next one that each of its vertices became;
@@ -35,11 +35,11 @@ type Passes = fn(&mut Run<'_, '_>, &[Goal], &mut dyn Control) -> Result<Vec<(Out
 
 fn passes_of(method: Method) -> Option<Passes> {
     Some(match method {
-        Method::Memoryless => |run, goals, control| run.chain::<Memoryless>(goals, control),
-        Method::Quadric => |run, goals, control| run.chain::<Quadric>(goals, control),
-        Method::LindstromTurk => |run, goals, control| run.chain::<LindstromTurk>(goals, control),
-        Method::Melax => |run, goals, control| run.chain::<Melax>(goals, control),
-        Method::ShortestEdge => |run, goals, control| run.chain::<EdgeLength>(goals, control),
+        Method::Memoryless => |run, goals, control| run.chain(Memoryless, goals, control),
+        Method::Quadric => |run, goals, control| run.chain(Quadric, goals, control),
+        Method::LindstromTurk => |run, goals, control| run.chain(Judged::Volume, goals, control),
+        Method::Melax => |run, goals, control| run.chain(Judged::Turn, goals, control),
+        Method::ShortestEdge => |run, goals, control| run.chain(Judged::Length, goals, control),
         _ => return None,
     })
 }
@@ -107,6 +107,7 @@ impl Run<'_, '_> {
     /// The outcome of each goal, and the number of the trunk that it grew on.
     fn chain<M: Metric>(
         &mut self,
+        metric: M,
         goals: &[Goal],
         control: &mut dyn Control,
     ) -> Result<Vec<(Outcome, usize)>, SimplifyError> {
@@ -117,16 +118,16 @@ impl Run<'_, '_> {
         let mut outcomes: Vec<(Outcome, usize)> = Vec::with_capacity(goals.len());
         for i in 0..goals.len() {
             let control = &mut Share::of(control, i, goals.len());
-            let mut outcome = self.level::<M>(&mut trunk, (i, goals), leave, control)?;
+            let mut outcome = self.level(metric, &mut trunk, (i, goals), leave, control)?;
             let may_change = self.options.topology == TopologyPolicy::Relaxed;
             let is_short = outcome.parts_removed > 0 || outcome.end == End::Stuck;
             if may_change && !leave.parts && is_short && outcome.end != End::Finish {
                 // Parts and handles stand in the way: a trunk in which they go in their turn.
                 let (mut second, mut own) = (None, Leave { parts: true, cuts: may_cut(self.options) });
-                let mut other = self.level::<M>(&mut second, (i, goals), own, control)?;
+                let mut other = self.level(metric, &mut second, (i, goals), own, control)?;
                 if other.touches && other.end != End::Finish {
                     (second, own.cuts) = (None, false);
-                    other = self.level::<M>(&mut second, (i, goals), own, control)?;
+                    other = self.level(metric, &mut second, (i, goals), own, control)?;
                 }
                 let fewer = other.mesh.face_count() < outcome.mesh.face_count();
                 if other.end != End::Stuck || fewer || outcome.parts_removed > 0 {
@@ -137,7 +138,7 @@ impl Run<'_, '_> {
                 }
             } else if may_change && leave.cuts && outcome.touches && outcome.end != End::Finish {
                 (trunk, leave.cuts) = (None, false);
-                outcome = self.level::<M>(&mut trunk, (i, goals), leave, control)?;
+                outcome = self.level(metric, &mut trunk, (i, goals), leave, control)?;
                 number += 1;
             }
             let is_last = outcome.end == End::Finish;
@@ -152,6 +153,7 @@ impl Run<'_, '_> {
     /// Sweeps a trunk to a level, from its begin if there is none yet, and makes a result of it.
     fn level<M: Metric>(
         &mut self,
+        metric: M,
         trunk: &mut Option<Trunk<M>>,
         (i, goals): (usize, &[Goal]),
         leave: Leave,
@@ -169,7 +171,7 @@ impl Run<'_, '_> {
                 trunk
             }
             None => {
-                let mut trunk = self.begin::<M>(None, leave, (goals, i), control)?;
+                let mut trunk = self.begin(metric, None, leave, (goals, i), control)?;
                 if !self.is_traced {
                     trunk.sweeps = Some(trunk.engine.begin_sweeps(goal));
                 }

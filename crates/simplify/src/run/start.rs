@@ -56,13 +56,14 @@ impl Run<'_, '_> {
     /// is one, and `level` is the first that is swept to.
     pub(crate) fn start<M: Metric>(
         &mut self,
+        metric: M,
         step: Option<f64>,
         recorded: bool,
         (goals, level): (&[Goal], usize),
     ) -> Result<Started<M>, SimplifyError> {
         let Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights } =
-            self.basis(M::JUDGE, step, recorded, (goals, level));
-        let (mut engine, duplicate_faces) = Engine::new(store, rules, endpoints, attributes);
+            self.basis(metric.decides(), step, recorded, (goals, level));
+        let (mut engine, duplicate_faces) = Engine::new(metric, store, rules, endpoints, attributes);
         engine.set_prices(self.care.prices());
         if let Some(distance) = self.options.of_method.pairs {
             engine.watch_pairs(pairs_reach(distance, self.ordered.frame, self.ordered.diagonal));

@@ -51,6 +51,7 @@ impl Run<'_, '_> {
     /// if it is one, and `level` is the first that is swept to.
     pub(super) fn begin<M: Metric>(
         &mut self,
+        metric: M,
         step: Option<f64>,
         leave: Leave,
         (goals, level): (&[Goal], usize),
@@ -58,7 +59,7 @@ impl Run<'_, '_> {
     ) -> Result<Trunk<M>, SimplifyError> {
         control.stage(Stage::Prepare);
         let Started { mut engine, rows, originals, duplicate_faces, is_kept, weights } =
-            self.start::<M>(step, false, (goals, level))?;
+            self.start(metric, step, false, (goals, level))?;
 
         control.stage(Stage::Collapse);
         if leave.parts {
@@ -102,7 +103,7 @@ impl Run<'_, '_> {
             false => Vec::new(),
         };
         let mut fitted = None;
-        let wants_fit = self.wants_fit(M::JUDGE) && engine.collapses > 0;
+        let wants_fit = self.wants_fit(engine.metric.decides()) && engine.collapses > 0;
         if wants_fit {
             control.stage(Stage::Fit);
             if control.progress(0.0) == Verdict::Cancel {

@@ -1,0 +1,50 @@
+//! Numbers as people read them.
+
+/// A count in groups of three: `69,451`.
+pub fn grouped(count: usize) -> String {
+    let digits = count.to_string();
+    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// As many leading digits as asked, at least one, more only before the point: `0.017`, `1.7`, `170`. Very small and very
+/// large ones have an exponent.
+pub fn significant(x: f64, digits: usize) -> String {
+    if x == 0.0 {
+        return "0".to_owned();
+    }
+    // Below this a row of zeros is harder to read than an exponent.
+    if !x.is_finite() || x.abs() < 1e-4 || x.abs() >= 1e15 {
+        return format!("{x:.*e}", digits.saturating_sub(1));
+    }
+    let decimals = digits as i32 - 1 - x.abs().log10().floor() as i32;
+    format!("{x:.*}", decimals.max(0) as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_grouped() {
+        assert_eq!(
+            [0, 999, 1000, 69451, 1234567].map(grouped),
+            ["0", "999", "1,000", "69,451", "1,234,567"].map(String::from)
+        );
+    }
+
+    #[test]
+    fn leading_digits_are_kept() {
+        assert_eq!(
+            [0.0, 0.0174, 0.168, 1.74, 17.4, 174.0].map(|x| significant(x, 2)),
+            ["0", "0.017", "0.17", "1.7", "17", "174"].map(String::from)
+        );
+        assert_eq!([2.5e-7, f64::INFINITY].map(|x| significant(x, 2)), ["2.5e-7", "inf"].map(String::from));
+    }
+}

@@ -1,0 +1,107 @@
+//! The metrics that judge an edge by what hangs on it. One type, so that the engine is built once for them all.
+
+use glam::Vec3;
+
+use super::{
+    Around, Dimension, Form, Judge, Memoryless, Metric, PartSize, edge_length, lindstrom_turk, melax,
+};
+use crate::tensor::Tensor;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Judged {
+    /// [Lindstrom-Turk 1998]
+    Volume,
+    /// [Melax 1998]
+    Turn,
+    /// The shortest edge first.
+    Length,
+}
+
+impl Metric for Judged {
+    type Memory = Tensor;
+
+    #[inline(always)]
+    fn tensor_of(memory: &Tensor) -> &Tensor {
+        memory
+    }
+    #[inline(always)]
+    fn tensor(memory: &mut Tensor) -> &mut Tensor {
+        memory
+    }
+    #[inline(always)]
+    fn is_memoryless(&self) -> bool {
+        *self == Self::Volume
+    }
+    #[inline(always)]
+    fn decides(&self) -> Judge {
+        match self {
+            Self::Volume => Judge::FormThenStars,
+            Self::Turn => Judge::Stars,
+            Self::Length => Judge::Ends,
+        }
+    }
+    #[inline(always)]
+    fn form(&self, kept: &Tensor, removed: &Tensor, d: Vec3) -> Form {
+        match self {
+            Self::Volume => Memoryless.form(kept, removed, d),
+            Self::Turn | Self::Length => Form::default(),
+        }
+    }
+    #[inline(always)]
+    fn merged(&self, form: &Form, _: Vec3) -> Tensor {
+        form.a
+    }
+    #[inline(always)]
+    fn plane_weight(&self, _: f32, mean: f32) -> f32 {
+        1.0 / mean
+    }
+    #[inline(always)]
+    fn line(&self, edge: Vec3, weight: f32, mean: f32) -> Tensor {
+        lindstrom_turk::line(edge, weight, mean)
+    }
+    #[inline(never)]
+    fn judge(&self, around: &Around, mean: f32) -> Option<(f32, Vec3)> {
+        match self {
+            Self::Volume => Some(lindstrom_turk::judge(around, mean)),
+            Self::Turn => melax::judge(around),
+            Self::Length => Some(edge_length::judge(around)),
+        }
+    }
+
+    fn price_power(&self) -> f32 {
+        match self {
+            // An area more than those of the memoryless tensors.
+            Self::Volume => 1.4,
+            // On a smooth surface the cost falls with the density of triangles to 1.5, on a rough one to 0.5.
+            Self::Turn => 0.4,
+            // Squared lengths fall as the density of triangles rises.
+            Self::Length => 0.4,
+        }
+    }
+    fn kept_loss(&self) -> f64 {
+        match self {
+            // (0.32 to 0.49: places between the faces that go halve their distances.)
+            Self::Volume => 0.42,
+            Self::Turn => 1.0,
+            // (0.7 to 3.4, more at fewer faces.)
+            Self::Length => 1.6,
+        }
+    }
+    fn dimension(&self) -> Dimension {
+        match self {
+            // Squared volumes, divided by an area.
+            Self::Volume => Dimension { length: 6, face: 1 },
+            Self::Turn => Dimension { length: 1, face: 0 },
+            Self::Length => Dimension { length: 2, face: 0 },
+        }
+    }
+    fn part_rate(&self, rate: f32, part: &PartSize, mean: f32) -> f32 {
+        match self {
+            Self::Volume => rate * part.face / mean,
+            // As if an edge as long as the part itself went, between faces at right angles.
+            Self::Turn => 0.5 * part.price * part.size_sq.sqrt(),
+            // As edges as long as the part itself.
+            Self::Length => part.price * part.size_sq,
+        }
+    }
+}
