@@ -120,6 +120,11 @@ impl Model {
         Self { meshes: meshes.collect(), ..self.clone() }
     }
 
+    /// Whether a material is more metal than not: it mirrors what is around it, and shows little else.
+    pub fn has_metal(&self) -> bool {
+        self.materials.iter().any(|m| m.metallic > 0.5)
+    }
+
     /// Triangles as they are drawn: those of a mesh as often as nodes place it.
     pub fn face_count(&self) -> usize {
         self.instances(&Pose::default()).iter().map(|i| self.meshes[i.mesh].mesh.face_count()).sum()

@@ -1,9 +1,12 @@
 //! What lies behind and below the model.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 
 use crate::camera::{Camera, Lens, length};
 use crate::draw::{nearness, over};
+use crate::environment::Environment;
 use crate::linear::{self, Encoder};
 use crate::look::Background;
 use crate::projection::Projection;
@@ -20,6 +23,8 @@ const HEIGHT: f32 = 0.30;
 const DARKEST: f32 = 0.62;
 /// Lines of the grid in one radius, about.
 const LINES: f64 = 4.0;
+/// Half the height of what a parallel view shows of surroundings, at a distance of one. (By eye.)
+const PARALLEL: f32 = 0.31;
 /// How far the grid goes, in radii.
 const REACH: f64 = 6.0;
 
@@ -29,6 +34,18 @@ pub(crate) struct Backdrop {
     /// The same as bytes, for pixels that nothing else touches.
     plain: Vec<[u8; 4]>,
     floor: Option<Floor>,
+    sky: Option<Sky>,
+}
+
+/// What is all around, behind each pixel.
+struct Sky {
+    environment: Arc<Environment>,
+    is_blurred: bool,
+    /// To the right, up, and back.
+    axes: [Vec3; 3],
+    /// Of the picture, at a distance of one.
+    half: [f32; 2],
+    size: [f32; 2],
 }
 
 struct Floor {
@@ -46,17 +63,14 @@ struct Floor {
 impl Backdrop {
     pub(crate) fn new(subject: &Subject, view: &View) -> Result<Self, RenderError> {
         let height = view.height;
-        let rows = match view.background {
-            Background::Transparent => None,
-            Background::Color(color) => Some(vec![linear::of_srgb(color); height]),
-            Background::Gradient(upper, lower) => {
-                let row = |y: usize| {
-                    let t = (y as f32 + 0.5) / height as f32;
-                    linear::of_srgb([0, 1, 2].map(|k| upper[k] + (lower[k] - upper[k]) * t))
-                };
-                Some((0..height).map(row).collect())
-            }
-        };
+        let sky = Sky::new(view);
+        let rows = view.background.edges().map(|[upper, lower]| -> Vec<Vec3> {
+            let row = |y: usize| {
+                let t = (y as f32 + 0.5) / height as f32;
+                linear::of_srgb([0, 1, 2].map(|k| upper[k] + (lower[k] - upper[k]) * t))
+            };
+            (0..height).map(row).collect()
+        });
         let brightness = rows.as_ref().map_or(0.2, |r| r[height - 1].dot(Vec3::new(0.21, 0.72, 0.07)));
         let line = Vec3::splat(if brightness > 0.18 { 0.05 } else { 0.55 });
         let mut floor = None;
@@ -88,7 +102,7 @@ impl Backdrop {
                 rows.iter().map(|&row| opaque(encoder.bytes(row))).collect()
             }
         };
-        Ok(Self { rows, plain, floor })
+        Ok(Self { rows, plain, floor, sky })
     }
 
     /// A pixel: what was drawn, over what lies behind.
@@ -98,15 +112,14 @@ impl Backdrop {
             let [r, g, b] = encoder.bytes(Vec3::new(color[0], color[1], color[2]));
             return [r, g, b, 255];
         }
-        if color[3] == 0.0 && self.floor.is_none() {
+        if color[3] == 0.0 && self.floor.is_none() && self.sky.is_none() {
             return self.plain[y];
         }
-        let mut behind = match &self.rows {
-            Some(rows) => {
-                let Vec3 { x, y, z } = rows[y];
-                [x, y, z, 1.0]
-            }
-            None => [0.0; 4],
+        let of_light = |Vec3 { x, y, z }| [x, y, z, 1.0];
+        let mut behind = match (&self.sky, &self.rows) {
+            (Some(sky), _) => of_light(sky.light(x, y)),
+            (None, Some(rows)) => of_light(rows[y]),
+            (None, None) => [0.0; 4],
         };
         if let Some(floor) = &self.floor {
             floor.draw(x, y, &mut behind);
@@ -122,6 +135,35 @@ impl Backdrop {
         }
         let [r, g, b] = encoder.bytes(Vec3::new(r, g, b) / a);
         [r, g, b, (a * 255.0).round() as u8]
+    }
+}
+
+impl Sky {
+    fn new(view: &View) -> Option<Self> {
+        let (Background::Surroundings { blurred: is_blurred }, Some(environment)) =
+            (view.background, view.environment.clone())
+        else {
+            return None;
+        };
+        let size = [view.width, view.height].map(|x| x as f32);
+        let half_height = match view.camera.lens {
+            Lens::Perspective { fov_y_rad } => (0.5 * fov_y_rad).tan() as f32,
+            // In one direction there would be one colour.
+            Lens::Parallel { .. } => PARALLEL,
+        };
+        let axes = view.camera.axes().map(|a| a.as_vec3());
+        let half = [half_height * size[0] / size[1], half_height];
+        Some(Self { environment, is_blurred, axes, half, size })
+    }
+
+    fn light(&self, x: usize, y: usize) -> Vec3 {
+        let [right, up, back] = self.axes;
+        let across = (2.0 * (x as f32 + 0.5) / self.size[0] - 1.0) * self.half[0];
+        let along = (1.0 - 2.0 * (y as f32 + 0.5) / self.size[1]) * self.half[1];
+        let light = self
+            .environment
+            .seen((right * across + up * along - back).normalize_or(Vec3::Y), self.is_blurred);
+        light.min(Vec3::ONE)
     }
 }
 

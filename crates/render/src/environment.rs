@@ -19,6 +19,13 @@ pub const LEVELS: usize = 6;
 /// Directions that one pixel of a rougher map is a mean of. (By eye: with fewer, lamps leave a pattern.)
 const DIRECTIONS: u32 = 64;
 
+/// Most pixels in a row of what is seen behind a model, and most rows. (By eye: a window shows a fifth of a row.)
+const SKY: [usize; 2] = [2048, 1024];
+/// Size of the studio behind a model.
+const STUDIO: [usize; 2] = [512, 256];
+/// How rough a mirror is that shows what is behind a model out of focus. (By eye.)
+const BLUR: f32 = 0.4;
+
 /// Light from every side, as if from far away. It stands still in the world, whose up is +y.
 #[derive(Clone, PartialEq)]
 pub struct Environment {
@@ -26,6 +33,15 @@ pub struct Environment {
     maps: Vec<Vec<Vec3>>,
     /// What comes to a matt surface: of all directions alike, along the axes, and the squares.
     matt: [Vec3; 9],
+    /// As it is seen, not mirrored.
+    sky: Map,
+}
+
+/// Light by rows, from straight up to straight down.
+#[derive(Clone, PartialEq)]
+struct Map {
+    size: [usize; 2],
+    pixels: Vec<Vec3>,
 }
 
 impl fmt::Debug for Environment {
@@ -66,13 +82,16 @@ impl Environment {
             let first = i * of / n;
             first..((i + 1) * of).div_ceil(n).clamp(first + 1, of.max(first + 1))
         };
-        let mean = |i: usize| {
-            let (columns, rows) = (span(i % WIDTH, WIDTH, width), span(i / WIDTH, HEIGHT, height));
-            let count = (columns.len() * rows.len()) as f32;
-            let all = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
-            all.fold(Vec3::ZERO, |sum, at| sum + sound(pixels[at])) / count
+        let scaled = |size: [usize; 2]| {
+            let mean = |i: usize| {
+                let (columns, rows) = (span(i % size[0], size[0], width), span(i / size[0], size[1], height));
+                let count = (columns.len() * rows.len()) as f32;
+                let all = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
+                all.fold(Vec3::ZERO, |sum, at| sum + sound(pixels[at])) / count
+            };
+            Map { size, pixels: (0..size[0] * size[1]).into_par_iter().map(mean).collect() }
         };
-        Self::of_map((0..WIDTH * HEIGHT).into_par_iter().map(mean).collect())
+        Self::of_map(scaled([WIDTH, HEIGHT]).pixels, scaled([width.min(SKY[0]), height.min(SKY[1])]))
     }
 
     /// A dark room with large soft lamps above and beside, over a bright floor.
@@ -100,7 +119,8 @@ impl Environment {
             };
             Vec3::new(1.0, 0.99, 0.97) * (wall + floor + lamps.iter().map(of_lamp).sum::<f32>())
         };
-        Self::of_map((0..WIDTH * HEIGHT).map(|i| light(direction(i))).collect())
+        let map = |size: [usize; 2]| (0..size[0] * size[1]).map(|i| light(direction_in(size, i))).collect();
+        Self::of_map(map([WIDTH, HEIGHT]), Map { size: STUDIO, pixels: map(STUDIO) })
     }
 
     /// Its numbers for a shader: rows of [`WIDTH`] pixels, the maps below each other, [`HEIGHT`] rows each, and a last row
@@ -110,7 +130,12 @@ impl Environment {
         self.maps.iter().flatten().copied().chain(last).map(|v| [v.x, v.y, v.z, 1.0]).collect()
     }
 
-    fn of_map(mirror: Vec<Vec3>) -> Self {
+    /// Width and height of what is seen behind a model, and its pixels for a shader, by rows from straight up.
+    pub fn sky(&self) -> ([usize; 2], Vec<[f32; 4]>) {
+        (self.sky.size, self.sky.pixels.iter().map(|v| [v.x, v.y, v.z, 1.0]).collect())
+    }
+
+    fn of_map(mirror: Vec<Vec3>, sky: Map) -> Self {
         let matt = harmonics(&mirror);
         let mut maps = vec![mirror];
         for level in 1..LEVELS {
@@ -118,7 +143,7 @@ impl Environment {
             let map = (0..WIDTH * HEIGHT).into_par_iter().map(|i| spread(&maps[0], direction(i), roughness));
             maps.push(map.collect());
         }
-        Self { maps, matt }
+        Self { maps, matt, sky }
     }
 
     /// What comes to a matt surface from all sides that it faces, as if white paper were as bright as that.
@@ -131,26 +156,39 @@ impl Environment {
     pub(crate) fn mirrored(&self, along: Vec3, roughness: f32) -> Vec3 {
         let level = roughness.clamp(0.0, 1.0) * (LEVELS - 1) as f32;
         let first = (level as usize).min(LEVELS - 2);
-        let [a, b] = [first, first + 1].map(|k| looked_up(&self.maps[k], along));
+        let [a, b] = [first, first + 1].map(|k| looked_up(&self.maps[k], [WIDTH, HEIGHT], along));
         a.lerp(b, level - first as f32)
+    }
+
+    /// What is seen in a direction.
+    pub(crate) fn seen(&self, along: Vec3, is_blurred: bool) -> Vec3 {
+        match is_blurred {
+            true => self.mirrored(along, BLUR),
+            false => looked_up(&self.sky.pixels, self.sky.size, along),
+        }
     }
 }
 
-/// The direction of the middle of a pixel.
+/// The direction of the middle of a pixel of a map to mirror.
 fn direction(pixel: usize) -> Vec3 {
-    let turn = ((pixel % WIDTH) as f32 + 0.5) / WIDTH as f32 * TAU - PI;
-    let (sin, cos) = (FRAC_PI_2 - ((pixel / WIDTH) as f32 + 0.5) / HEIGHT as f32 * PI).sin_cos();
+    direction_in([WIDTH, HEIGHT], pixel)
+}
+
+/// The direction of the middle of a pixel.
+fn direction_in([width, height]: [usize; 2], pixel: usize) -> Vec3 {
+    let turn = ((pixel % width) as f32 + 0.5) / width as f32 * TAU - PI;
+    let (sin, cos) = (FRAC_PI_2 - ((pixel / width) as f32 + 0.5) / height as f32 * PI).sin_cos();
     Vec3::new(turn.cos() * cos, sin, turn.sin() * cos)
 }
 
 /// A map in a direction, between its pixels.
-fn looked_up(map: &[Vec3], d: Vec3) -> Vec3 {
-    let x = (d.z.atan2(d.x) / TAU + 0.5) * WIDTH as f32 - 0.5;
-    let y = (0.5 - d.y.clamp(-1.0, 1.0).asin() / PI) * HEIGHT as f32 - 0.5;
+fn looked_up(map: &[Vec3], [width, height]: [usize; 2], d: Vec3) -> Vec3 {
+    let x = (d.z.atan2(d.x) / TAU + 0.5) * width as f32 - 0.5;
+    let y = (0.5 - d.y.clamp(-1.0, 1.0).asin() / PI) * height as f32 - 0.5;
     let (x0, y0) = (x.floor(), y.floor());
     let at = |x: f32, y: f32| {
-        let column = (x as i32).rem_euclid(WIDTH as i32) as usize;
-        map[(y.max(0.0) as usize).min(HEIGHT - 1) * WIDTH + column]
+        let column = (x as i32).rem_euclid(width as i32) as usize;
+        map[(y.max(0.0) as usize).min(height - 1) * width + column]
     };
     let upper = at(x0, y0).lerp(at(x0 + 1.0, y0), x - x0);
     let lower = at(x0, y0 + 1.0).lerp(at(x0 + 1.0, y0 + 1.0), x - x0);
@@ -173,11 +211,11 @@ fn spread(map: &[Vec3], n: Vec3, roughness: f32) -> Vec3 {
         let along = half * (2.0 * n.dot(half)) - n;
         let weight = n.dot(along);
         if weight > 0.0 {
-            sum += looked_up(map, along) * weight;
+            sum += looked_up(map, [WIDTH, HEIGHT], along) * weight;
             weights += weight;
         }
     }
-    if weights > 0.0 { sum / weights } else { looked_up(map, n) }
+    if weights > 0.0 { sum / weights } else { looked_up(map, [WIDTH, HEIGHT], n) }
 }
 
 /// Spherical harmonics up to the second degree.
@@ -248,9 +286,24 @@ mod tests {
         let mut map = vec![Vec3::ZERO; WIDTH * HEIGHT];
         let at = 20 * WIDTH + 77;
         map[at] = Vec3::ONE;
-        assert!((looked_up(&map, direction(at)).x - 1.0).abs() < 1e-3);
+        assert!((looked_up(&map, [WIDTH, HEIGHT], direction(at)).x - 1.0).abs() < 1e-3);
         // Nothing breaks where the map closes.
-        assert!(looked_up(&map, Vec3::new(-1.0, 0.0, -0.0)).is_finite());
+        assert!(looked_up(&map, [WIDTH, HEIGHT], Vec3::new(-1.0, 0.0, -0.0)).is_finite());
+    }
+
+    #[test]
+    fn what_is_seen_is_as_fine_as_the_picture_and_blurred_where_asked() {
+        let (width, height) = (512, 256);
+        let light = |i: usize| Vec3::splat(f32::from(u8::from((i % width / 8).is_multiple_of(2))));
+        let stripes: Vec<Vec3> = (0..width * height).map(light).collect();
+        let around = Environment::of_light(width, height, &stripes);
+        for i in (0..width * height).skip(width * 128).take(width).step_by(8).map(|i| i + 4) {
+            let d = direction_in([width, height], i);
+            assert!((around.seen(d, false) - light(i)).abs().max_element() < 1e-3);
+            assert!((around.seen(d, true).x - 0.5).abs() < 0.1, "{}", around.seen(d, true));
+        }
+        let (size, table) = Environment::of_light(5000, 2, &[Vec3::ONE; 10_000]).sky();
+        assert_eq!((size, table.len()), ([2048, 2], 4096));
     }
 
     #[test]

@@ -99,10 +99,28 @@ pub enum Background {
     Color([f32; 3]),
     /// From the upper edge to the lower one.
     Gradient([f32; 3], [f32; 3]),
+    /// What is all around the model; without any surroundings the usual gradient.
+    Surroundings {
+        /// Whether it is out of focus.
+        blurred: bool,
+    },
 }
 
 impl Default for Background {
     fn default() -> Self {
         Self::Gradient([0.27, 0.30, 0.34], [0.13, 0.14, 0.16])
+    }
+}
+
+impl Background {
+    /// Colours of the upper edge and of the lower one, between which it goes evenly; `None` where it is transparent. For
+    /// surroundings what stands in for them.
+    pub fn edges(self) -> Option<[[f32; 3]; 2]> {
+        match self {
+            Self::Transparent => None,
+            Self::Color(color) => Some([color; 2]),
+            Self::Gradient(upper, lower) => Some([upper, lower]),
+            Self::Surroundings { .. } => Self::default().edges(),
+        }
     }
 }

@@ -86,13 +86,9 @@ impl Canvas {
         let row = |y: usize| {
             let t = (y as f32 + 0.5) / height.max(1) as f32;
             let opaque = |c: Vec3| [c.x, c.y, c.z, 1.0];
-            match background {
-                Background::Transparent => [0.0; 4],
-                Background::Color(color) => opaque(linear::of_srgb(color)),
-                Background::Gradient(a, b) => {
-                    opaque(linear::of_srgb([0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t)))
-                }
-            }
+            background.edges().map_or([0.0; 4], |[a, b]| {
+                opaque(linear::of_srgb([0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t)))
+            })
         };
         let pixels = (0..height).flat_map(|y| std::iter::repeat_n(row(y), width)).collect();
         let [r, g, b, a] = row(height / 2);

@@ -555,3 +555,33 @@ fn a_metal_ball_mirrors_what_is_around() {
     let [above, below] = [matt.at(40, 12), matt.at(40, 68)];
     assert!(above[0] > above[1] + 100 && below[1] > below[0] + 100, "{above:?} {below:?}");
 }
+
+#[test]
+fn surroundings_are_seen_behind_the_model() {
+    // Red above, green below, blue straight ahead of who looks from the front: -z.
+    let (w, h) = (256, 128);
+    let light = |i: usize| match (i % w, i / w) {
+        (x, y) if x.abs_diff(w / 4) < 4 && y.abs_diff(h / 2) < 4 => glam::Vec3::Z,
+        (_, y) if y < h / 2 => glam::Vec3::X,
+        _ => glam::Vec3::Y,
+    };
+    let around = Environment::of_light(w, h, &(0..w * h).map(light).collect::<Vec<_>>());
+    let subject =
+        Subject::of_mesh(mesh(&[[0.0; 3], [1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0]], &[[0, 1, 2]])).unwrap();
+    let bounds = lodsmith_core::Bounds { min: [-1.0; 3], max: [1.0; 3] };
+    let mut view = View::of(&bounds, StandardView::Front, 90, 60);
+    view.background = Background::Surroundings { blurred: false };
+    let usual = render(&subject, &View { background: Background::default(), ..view.clone() }).unwrap();
+    assert_eq!(render(&subject, &view).unwrap(), usual, "without any, the usual gradient");
+    view.environment = Some(Arc::new(around));
+    for lens in [view.camera.lens, Lens::Parallel { height: 3.0 }] {
+        view.camera.lens = lens;
+        let picture = render(&subject, &view).unwrap();
+        let seen = [(45, 3), (45, 56), (44, 29)].map(|(x, y)| picture.at(x, y));
+        assert_eq!(seen, [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]], "{lens:?}");
+    }
+    // Out of focus the edge between the two is none.
+    view.background = Background::Surroundings { blurred: true };
+    let soft = render(&subject, &view).unwrap().at(10, 30);
+    assert!(soft[0] > 120 && soft[1] > 120, "{soft:?}");
+}

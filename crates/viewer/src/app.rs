@@ -129,6 +129,10 @@ impl App {
     pub fn is_shown(&self, panel: Panel) -> bool {
         !self.is_bare && self.shown.contains(&panel)
     }
+    /// Triangles of the pictures that are still to be drawn, part by part.
+    pub fn triangles_left(&self) -> u64 {
+        self.pictures.triangles_left
+    }
     /// From where the two sides are seen.
     pub fn orbits(&self) -> [Orbit; 2] {
         [Side::Original, Side::Result].map(|s| self.pictures.orbit(s))
@@ -435,6 +439,7 @@ impl App {
             Action::Defects => looks.defects = !looks.defects,
             Action::Cull => looks.cull_back = !looks.cull_back,
             Action::Ground => look.ground = !look.ground,
+            Action::Around => look.around = look.around.next(),
             Action::Stage | Action::Walk | Action::Copies(_) => return,
         }
         self.document.run(Command::Look(look));
@@ -738,7 +743,7 @@ impl eframe::App for App {
         self.play(&ctx);
         self.want();
         let have_changed = std::mem::take(&mut self.document.own_files_changed);
-        self.facts.shader_error = self.pictures.follow_files(&self.document.settings().look, have_changed);
+        self.facts.shader_error = self.pictures.follow_files(&self.document, have_changed);
         self.facts.triangles_drawn = self.pictures.triangles;
         self.facts.stage = self.pictures.stage.facts();
         let lighter = self.document.lighter();

@@ -16,8 +16,9 @@ use crate::gpu::{Drawn, Frame, Gpu, Placed, Target};
 use crate::numbers::{grouped, percent, significant};
 use crate::own_files::OwnFiles;
 use crate::panel::{Say, error};
-use crate::settings::{Appearance, Layout, Sides};
+use crate::settings::{Layout, Sides};
 use crate::stage::picture::StageView;
+use crate::stand_in;
 use crate::theme::palette;
 use crate::viewport::{self, Orbit, moved_bounds, turn_matrix, turned_bounds};
 
@@ -69,6 +70,8 @@ pub struct Pictures {
     pub triangles: u64,
     /// Copies on a ground, in the place of the two sides.
     pub stage: StageView,
+    /// Triangles of the last frame that are still to be drawn.
+    pub triangles_left: u64,
     moved: Option<Instant>,
     own: OwnFiles,
     /// The view to begin with, once the size of the pictures is known.
@@ -99,6 +102,7 @@ impl Pictures {
             aspect: 1.0,
             height_px: 600.0,
             triangles: 0,
+            triangles_left: 0,
             stage: StageView::default(),
             moved: None,
             own: OwnFiles::default(),
@@ -120,8 +124,9 @@ impl Pictures {
     }
 
     /// Reads the looks of the user's that are named, and again what has changed. What is wrong with them.
-    pub fn follow_files(&mut self, look: &Appearance, have_changed: bool) -> Option<String> {
-        self.own.follow(self.gpu.as_ref(), look, have_changed);
+    pub fn follow_files(&mut self, document: &Document, have_changed: bool) -> Option<String> {
+        let has_metal = document.original().is_some_and(|o| o.content.model().has_metal());
+        self.own.follow(self.gpu.as_ref(), &document.settings().look, has_metal, have_changed);
         if have_changed {
             self.targets.iter_mut().flatten().for_each(Target::forget);
         }
@@ -196,6 +201,7 @@ impl Pictures {
         if is_moved {
             self.moved = Some(Instant::now());
         }
+        self.triangles_left = 0;
         for (slot, &(rect, seen, side)) in slots.iter().enumerate() {
             let shown = if self.is_flickering { side.other() } else { side };
             self.draw(ui, document, slot, rect, seen, shown);
@@ -268,9 +274,12 @@ impl Pictures {
         }
         let lighting = settings.look.rig.lighting(settings.look.brightness);
         let drawing = drawing.lock().unwrap_or_else(PoisonError::into_inner);
+        // At first too, so that there is something to see. It has no distances to be coloured by.
+        let has_time = !is_coarse && target.shows_model(&drawing);
+        let is_light = !has_time && faces > stand_in::MUCH && look.shading != Shading::Heat;
         let placed = Placed {
             world_from_model: turn_matrix(&original.content.bounds, turn),
-            ..Placed::new(&drawing, &self.pose)
+            ..Placed::new(drawing.light().filter(|_| is_light).unwrap_or(&drawing), &self.pose)
         };
         let camera_of = if slot == 0 && settings.layout.sides != Sides::Result { 0 } else { 1 };
         let frame = Frame {
@@ -286,16 +295,29 @@ impl Pictures {
             shader: self.own.shader(),
         };
         // Sides that show the same share one picture.
-        let same = other.filter(|other| other.size() == target.size() && other.shows(&frame));
+        let is_same = |other: &&Target| other.shows(&frame) || other.draws(&frame);
+        let same = other.filter(|other| other.size() == target.size() && is_same(other));
+        let mut part = None;
         if same.is_none() {
-            let drawn: Drawn = gpu.draw(target, &frame);
+            let drawn: Drawn = gpu.draw_in_parts(target, &frame);
             if drawn.drawn {
                 self.triangles = drawn.triangles;
+            }
+            if drawn.triangles_left > 0 {
+                self.triangles_left += drawn.triangles_left;
+                part = drawn.share();
+                ui.request_repaint();
             }
         }
         if let Some(id) = same.unwrap_or(target).texture_id() {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             painter.image(id, rect, whole, Color32::WHITE);
+        }
+        if is_light && !is_coarse {
+            ui.request_repaint();
+        }
+        if let Some(share) = part {
+            drawing_line(ui, rect, share);
         }
     }
 
@@ -350,6 +372,13 @@ impl Pictures {
         let camera = self.orbit(Side::Result).camera();
         Some(length / camera.length_per_pixel(camera.eye.distance(middle).max(1e-30), self.height_px))
     }
+}
+
+/// How much of a picture is drawn that comes in parts: a line at its lower edge.
+pub(crate) fn drawing_line(ui: &Ui, rect: Rect, share: f64) {
+    let y = rect.bottom() - 1.5;
+    let to = rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32;
+    ui.painter_at(rect).hline(rect.left()..=to, y, egui::Stroke::new(3.0, palette(ui).accent));
 }
 
 /// The box of what is shown at rest, as it is turned.

@@ -21,6 +21,7 @@ use crate::log::Log;
 use crate::numbers::{grouped, seconds};
 use crate::road::{self, Road};
 use crate::settings::Settings;
+use crate::stand_in;
 use crate::words::Simplification;
 
 pub use stage::StageLevel;
@@ -449,7 +450,7 @@ impl Document {
         self.worker.submit(Kind::Load, move |watch| {
             let read = Original::read(&path).map_err(|e| e.to_string());
             let result = read.map(|original| {
-                let draw = context.map(|c| Arc::new(Mutex::new(c.upload(original.model()))));
+                let draw = context.map(|c| stand_in::upload(&c, original.model()));
                 Shown { content: Arc::new(original), draw }
             });
             watch.go_on(1.0).then_some(Outcome::Opened { path, result })
@@ -620,7 +621,7 @@ impl Document {
         self.worker.submit(Kind::Simplify, move |watch| {
             let made = Lighter::make(&original.content, &how, watch);
             let result = made.map(|lighter| {
-                let draw = context.map(|c| Arc::new(Mutex::new(c.upload(&lighter.model))));
+                let draw = context.map(|c| stand_in::upload(&c, &lighter.model));
                 Shown { content: Arc::new(lighter), draw }
             });
             Some(Outcome::Lighter { how, result })

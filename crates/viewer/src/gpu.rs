@@ -12,6 +12,7 @@ mod layout;
 mod marks;
 mod model;
 mod pack;
+mod parts;
 mod pick;
 mod pipeline;
 mod renderer;

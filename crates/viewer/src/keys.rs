@@ -51,6 +51,8 @@ pub enum Action {
     Defects,
     /// A grid below the model.
     Ground,
+    /// What materials mirror.
+    Around,
     /// Whether backs are seen.
     Cull,
     /// The level goes by distance.
@@ -241,6 +243,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Look, NONE, Key::B, Action::Borders, "Open borders"),
     bind(Group::Look, NONE, Key::X, Action::Defects, "Defects"),
     bind(Group::Look, NONE, Key::G, Action::Ground, "Ground grid"),
+    bind(Group::Look, SHIFT, Key::E, Action::Around, "Surroundings: by the model, plain, studio"),
     bind(Group::Look, NONE, Key::U, Action::Cull, "Hide backs"),
     bind(Group::Look, NONE, Key::V, Action::NextSides, "Side by side, wipe, one alone"),
     bind(Group::Look, NONE, Key::L, Action::Link, "Link the cameras"),

@@ -24,6 +24,7 @@ pub mod road;
 pub mod session;
 pub mod settings;
 pub mod stage;
+pub mod stand_in;
 pub mod theme;
 pub mod viewport;
 pub mod words;

@@ -23,7 +23,13 @@ const LONGEST: u64 = 1 << 20;
 
 impl OwnFiles {
     /// Reads what the look names and is not known yet; and all again if they have changed.
-    pub(crate) fn follow(&mut self, gpu: Option<&Gpu>, look: &Appearance, have_changed: bool) {
+    pub(crate) fn follow(
+        &mut self,
+        gpu: Option<&Gpu>,
+        look: &Appearance,
+        has_metal: bool,
+        have_changed: bool,
+    ) {
         let Some(gpu) = gpu else { return };
         let is_known =
             |of: Option<&Path>, path: Option<&PathBuf>| !have_changed && of == path.map(PathBuf::as_path);
@@ -36,16 +42,17 @@ impl OwnFiles {
             let read = |path: &PathBuf| (path.clone(), text_of(path).and_then(make));
             self.shader = look.shader.as_ref().map(read);
         }
-        let is_known = self.around.as_ref().is_some_and(|(of, _)| *of == look.around)
-            && (!have_changed || look.around.file().is_none());
-        if look.around == Around::Plain {
+        let around = look.surroundings(has_metal);
+        let is_known = self.around.as_ref().is_some_and(|(of, _)| *of == around)
+            && (!have_changed || around.file().is_none());
+        if around == Around::Plain {
             self.around = None;
         } else if !is_known {
-            let made = match look.around.file() {
+            let made = match around.file() {
                 None => Ok(Environment::studio()),
                 Some(path) => environment_of(path),
             };
-            self.around = Some((look.around.clone(), made.map(|made| gpu.environment(&made))));
+            self.around = Some((around, made.map(|made| gpu.environment(&made))));
         }
     }
 

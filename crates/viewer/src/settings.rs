@@ -162,8 +162,10 @@ impl Default for Appearance {
 /// What materials mirror and are lit by beside the lights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Around {
-    /// Plain light from above and below.
+    /// The studio where the model has metal, which shows little else, or where it is to be seen behind; else plain light.
     #[default]
+    Auto,
+    /// Plain light from above and below.
     Plain,
     /// A room with soft lamps.
     Studio,
@@ -172,16 +174,35 @@ pub enum Around {
 }
 
 impl Around {
+    /// The next without a file: by the model, plain, studio.
+    pub fn next(&self) -> Self {
+        match self {
+            Self::Auto => Self::Plain,
+            Self::Plain => Self::Studio,
+            Self::Studio | Self::File(_) => Self::Auto,
+        }
+    }
+
     /// The file.
     pub fn file(&self) -> Option<&PathBuf> {
         match self {
             Self::File(path) => Some(path),
-            Self::Plain | Self::Studio => None,
+            Self::Auto | Self::Plain | Self::Studio => None,
         }
     }
 }
 
 impl Appearance {
+    /// What materials mirror, where that goes by the model.
+    pub fn surroundings(&self, has_metal: bool) -> Around {
+        let is_behind = matches!(self.backdrop, Backdrop::Surroundings | Backdrop::Blurred);
+        match &self.around {
+            Around::Auto if has_metal || is_behind => Around::Studio,
+            Around::Auto => Around::Plain,
+            chosen => chosen.clone(),
+        }
+    }
+
     /// Files of the user's that the look is made of.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.matcap.iter().chain(&self.shader).chain(self.around.file())
@@ -202,16 +223,22 @@ pub enum Backdrop {
     Sky,
     /// One colour.
     Color([f32; 3]),
+    /// What is all around.
+    Surroundings,
+    /// The same, out of focus.
+    Blurred,
 }
 
 impl Backdrop {
     /// Those with a name.
-    pub const ALL: [(Self, &'static str); 5] = [
+    pub const ALL: [(Self, &'static str); 7] = [
         (Self::Theme, "Like the window"),
         (Self::Dark, "Dark studio"),
         (Self::Bright, "Bright studio"),
         (Self::Sky, "Sky"),
         (Self::Color([1.0; 3]), "One colour"),
+        (Self::Surroundings, "Surroundings"),
+        (Self::Blurred, "Surroundings, blurred"),
     ];
 
     /// As it is drawn.
@@ -223,6 +250,8 @@ impl Backdrop {
             Self::Bright => Background::Gradient([0.97, 0.97, 0.97], [0.86, 0.86, 0.87]),
             Self::Sky => Background::Gradient([0.36, 0.56, 0.82], [0.83, 0.88, 0.92]),
             Self::Color(color) => Background::Color(color),
+            Self::Surroundings => Background::Surroundings { blurred: false },
+            Self::Blurred => Background::Surroundings { blurred: true },
         }
     }
 }
@@ -373,6 +402,16 @@ mod tests {
         let text = serde_json::to_string(&settings).unwrap();
         assert_eq!(serde_json::from_str::<Settings>(&text).unwrap(), settings);
         assert_eq!(serde_json::from_str::<Settings>("{}").unwrap(), Settings::default());
+    }
+
+    #[test]
+    fn metal_and_what_is_behind_have_a_studio_unless_something_was_chosen() {
+        let mut look = Appearance::default();
+        assert_eq!([false, true].map(|m| look.surroundings(m)), [Around::Plain, Around::Studio]);
+        look.backdrop = Backdrop::Blurred;
+        assert_eq!(look.surroundings(false), Around::Studio);
+        look.around = Around::Plain;
+        assert_eq!(look.surroundings(true), Around::Plain);
     }
 
     #[test]

@@ -267,6 +267,19 @@ fn scenes() -> Vec<Scene> {
     ] {
         all.push(Scene { environment: Some(around.clone()), ..textured(name, material) });
     }
+    let behind = |name, blurred| Scene {
+        environment: Some(colored.clone()),
+        background: Background::Surroundings { blurred },
+        ..textured(name, of(0.5, 0.3))
+    };
+    all.push(Scene { ground: true, ..behind("surroundings-behind", false) });
+    all.push(behind("surroundings-blurred", true));
+    let mut parallel = behind("surroundings-behind-a-parallel-view", false);
+    parallel.camera.lens = Lens::Parallel { height: 3.0 };
+    all.push(parallel);
+    let mut none = behind("no-surroundings-behind", true);
+    none.environment = None;
+    all.push(none);
     all
 }
 
@@ -625,4 +638,54 @@ fn what_lies_outside_is_left_out_and_copies_come_together() {
     let mut target = gpu.target(SIZE);
     let result = gpu.draw(&mut target, &scene.frame(&placed));
     assert!(result.culled >= 250 && result.calls == 1, "{result:?}");
+}
+
+/// A picture that comes in parts is that which is drawn at once, and the one before it stays until it is whole.
+#[test]
+fn parts_of_a_picture_come_to_the_whole() {
+    let Some(mut gpu) = gpu() else { return };
+    let mut mesh = shapes::torus(400, 200);
+    let half = mesh.face_count() / 2;
+    let regions = (0..mesh.face_count()).map(|f| RegionId(u32::from(f >= half))).collect();
+    mesh.set_regions(Some(regions)).unwrap();
+    let mut model = Model::of_mesh(mesh);
+    let glass = Material { base_color: [0.2, 0.4, 0.9, 0.5], alpha: AlphaMode::Blend, ..Material::default() };
+    model.materials = vec![Material::default(), glass];
+    model.meshes[0].materials = vec![Some(0), Some(1)];
+    let drawn = gpu.upload(&model);
+    let (pose, lighting) = (Pose::default(), Lighting::default());
+    let look = Look { shading: Shading::Textured, borders: true, defects: true, ..Look::default() };
+    let placed: Vec<_> = (0..3)
+        .map(|k| Placed {
+            world_from_model: DMat4::from_translation(DVec3::new(0.7 * f64::from(k), 0.0, 0.0)),
+            ..Placed::new(&drawn, &pose)
+        })
+        .collect();
+    let bounds = Bounds { min: [-1.5; 3], max: [3.0, 1.5, 1.5] };
+    let camera = |view| Camera::fitting(&bounds, view, 1.2);
+    let frame = |view| Frame { ground: true, ..Frame::new(&placed, bounds, camera(view), &look, &lighting) };
+    let [mut whole, mut parts] = [(); 2].map(|()| gpu.target(SIZE));
+    gpu.draw(&mut parts, &frame(StandardView::Front));
+    let before = parts.read_back();
+    gpu.draw(&mut whole, &frame(StandardView::Iso));
+    let wanted = whole.read_back();
+    let mut count = 0;
+    loop {
+        let some = gpu.draw_in_parts(&mut parts, &frame(StandardView::Iso));
+        count += u32::from(some.drawn);
+        match some.share() {
+            None => break,
+            Some(share) => assert!((0.0..1.0).contains(&share)),
+        }
+        assert!(parts.draws(&frame(StandardView::Iso)) && !parts.shows(&frame(StandardView::Iso)));
+        assert_eq!(parts.read_back(), before);
+    }
+    assert!(count > 1 || !gpu.is_software(), "{count}");
+    assert_eq!(parts.read_back(), wanted);
+    assert!(parts.shows(&frame(StandardView::Iso)));
+    // Another size does not take the picture away either.
+    parts.resize([100, 80], 1.0);
+    assert_eq!(parts.read_back(), wanted);
+    gpu.draw(&mut parts, &frame(StandardView::Iso));
+    assert_eq!((parts.read_back().width(), parts.read_back().height()), (100, 80));
 }

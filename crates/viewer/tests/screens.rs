@@ -21,9 +21,10 @@ use eframe::egui::Role;
 use eframe::egui::{self, Key, Modifiers};
 use egui_kittest::kittest::Queryable;
 use lodsmith_render::Shading;
+use lodsmith_viewer::command::Command;
 use lodsmith_viewer::keys::{Action, BINDINGS};
 use lodsmith_viewer::panel::Panel;
-use lodsmith_viewer::settings::Sides;
+use lodsmith_viewer::settings::{Appearance, Around, Backdrop, Sides};
 
 const ORIGINAL: &str = "Picture of the original";
 const RESULT: &str = "Picture of the result";
@@ -209,6 +210,33 @@ fn sides_are_shown_in_four_ways() {
     desk.harness.key_up(Key::Space);
     desk.harness.run_steps(3);
     assert!(desk.pixels(RESULT) == result);
+}
+
+#[test]
+fn surroundings_are_mirrored_and_seen_behind() {
+    let Some(mut desk) = Desk::with(false, Some(Path::new("../../testdata/arm.glb"))) else { return };
+    let around = |desk: &Desk| desk.app().document().settings().look.around.clone();
+    assert_eq!(around(&desk), Around::Auto);
+    let mut seen = vec![desk.pixels(ORIGINAL)];
+    let key = Action::Around.binding().unwrap().shortcut;
+    for wanted in [Around::Plain, Around::Studio, Around::Auto] {
+        desk.press_with(key.modifiers, key.logical_key);
+        assert_eq!(around(&desk), wanted);
+        seen.push(desk.pixels(ORIGINAL));
+    }
+    assert!(seen[1] != seen[2], "a studio is seen");
+    let has_metal = desk.app().document().original().unwrap().content.model().has_metal();
+    let by_model = if has_metal { &seen[2] } else { &seen[1] };
+    assert!(seen[0] == *by_model && seen[3] == *by_model);
+    for (backdrop, name) in [(Backdrop::Surroundings, "sharp"), (Backdrop::Blurred, "blurred")] {
+        let look = Appearance { backdrop, ..desk.app().document().settings().look.clone() };
+        desk.harness.state_mut().document_mut().run(Command::Look(look));
+        desk.settle();
+        let now = desk.pixels(ORIGINAL);
+        assert!(!seen.contains(&now), "{name}");
+        seen.push(now);
+        desk.picture(&format!("surroundings_{name}"));
+    }
 }
 
 /// As long as both sides show the same they share one picture, and not a frame longer.

@@ -22,7 +22,8 @@ Shadings:
   matcap         a picture of a lit ball, looked up by the normal
   heat           distance from the reference, with --compare or --levels
 
-Backgrounds: transparent; #rrggbb; #rrggbb,#rrggbb from top to bottom; gradient, the default.
+Backgrounds: transparent; #rrggbb; #rrggbb,#rrggbb from top to bottom; gradient, the default;
+surroundings, what --environment puts around; blurred, the same out of focus.
 Lights, in radii of the model from its centre, x to the right, y up, z towards the eye:
   sun:X,Y,Z    from that direction
   point:X,Y,Z  from that place to all sides
@@ -111,8 +112,8 @@ pub(crate) struct LookArgs {
     #[arg(long, value_name = "LIGHT", value_parser = light, allow_hyphen_values = true)]
     pub(crate) light: Vec<Light>,
     /// What materials mirror and are lit by beside the lights: studio, none, or a picture of all directions (.hdr,
-    /// .png, .jpg), twice as wide as high
-    #[arg(long, value_name = "ENVIRONMENT", default_value = "none")]
+    /// .png, .jpg), twice as wide as high; auto: studio for models with metal, or with it behind
+    #[arg(long, value_name = "ENVIRONMENT", default_value = "auto")]
     pub(crate) environment: Surroundings,
     /// Darken creases, as if less light came into them
     #[arg(long)]
@@ -131,6 +132,7 @@ pub(crate) struct LookArgs {
 /// What is all around.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Surroundings {
+    Auto,
     None,
     Studio,
     File(PathBuf),
@@ -139,6 +141,7 @@ pub(crate) enum Surroundings {
 impl From<OsString> for Surroundings {
     fn from(word: OsString) -> Self {
         match word.to_str() {
+            Some("auto") => Self::Auto,
             Some("none") => Self::None,
             Some("studio") => Self::Studio,
             _ => Self::File(word.into()),
@@ -220,11 +223,13 @@ fn background(text: &str) -> Result<Background, String> {
     match text {
         "transparent" => Ok(Background::Transparent),
         "gradient" => Ok(Background::default()),
+        "surroundings" => Ok(Background::Surroundings { blurred: false }),
+        "blurred" => Ok(Background::Surroundings { blurred: true }),
         _ => match text.split_once(',') {
             Some((upper, lower)) => Ok(Background::Gradient(values::color(upper)?, values::color(lower)?)),
             None => values::color(text).map(Background::Color),
         }
-        .map_err(|e: String| format!("transparent, gradient, or {e}")),
+        .map_err(|e: String| format!("transparent, gradient, surroundings, blurred, or {e}")),
     }
 }
 
@@ -276,6 +281,7 @@ mod tests {
         assert_eq!(background("#ff0000"), Ok(Background::Color([1.0, 0.0, 0.0])));
         assert_eq!(background("#000000,#ffffff"), Ok(Background::Gradient([0.0; 3], [1.0; 3])));
         assert_eq!(background("transparent"), Ok(Background::Transparent));
+        assert_eq!(background("blurred"), Ok(Background::Surroundings { blurred: true }));
         for bad in ["red", "#ff00", "#gg0000", "#000000,", ""] {
             assert!(background(bad).is_err(), "{bad}");
         }

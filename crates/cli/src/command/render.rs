@@ -199,7 +199,7 @@ impl<'a> Drawing<'a> {
             }
         };
         let environment = match &args.look.environment {
-            Surroundings::None => None,
+            Surroundings::Auto | Surroundings::None => None,
             Surroundings::Studio => Some(Arc::new(Environment::studio())),
             Surroundings::File(path) => {
                 let read = || anyhow::Ok(Environment::decode(&std::fs::read(path)?)?);
@@ -233,6 +233,11 @@ impl<'a> Drawing<'a> {
                     moment: None,
                 });
             }
+        }
+        let has_metal = || drawing.items.iter().any(|item| item.model.has_metal());
+        let is_behind = matches!(args.look.background, Background::Surroundings { .. });
+        if args.look.environment == Surroundings::Auto && (is_behind || has_metal()) {
+            drawing.environment = Some(Arc::new(Environment::studio()));
         }
         drawing.measure()?;
         Ok(drawing)

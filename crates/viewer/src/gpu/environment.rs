@@ -13,37 +13,38 @@ use super::context::Context;
 pub struct Surroundings {
     id: u64,
     pub(super) view: wgpu::TextureView,
+    /// What is seen behind a model.
+    pub(super) sky: wgpu::TextureView,
 }
 
 static NEXT: AtomicU64 = AtomicU64::new(1);
 
 impl Surroundings {
     pub(super) fn new(context: &Context, environment: &Environment) -> Self {
-        let size = wgpu::Extent3d {
-            width: WIDTH as u32,
-            height: (HEIGHT * LEVELS + 1) as u32,
-            depth_or_array_layers: 1,
+        let texture = |[width, height]: [usize; 2], table: &[[f32; 4]]| {
+            let descriptor = wgpu::TextureDescriptor {
+                label: Some("environment"),
+                size: wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rgba32Float,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            };
+            let texture = context.device.create_texture_with_data(
+                &context.queue,
+                &descriptor,
+                wgpu::util::TextureDataOrder::LayerMajor,
+                bytemuck::cast_slice(table),
+            );
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
         };
-        let descriptor = wgpu::TextureDescriptor {
-            label: Some("environment"),
-            size,
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba32Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        };
-        let table = environment.table();
-        let texture = context.device.create_texture_with_data(
-            &context.queue,
-            &descriptor,
-            wgpu::util::TextureDataOrder::LayerMajor,
-            bytemuck::cast_slice(&table),
-        );
+        let (size, sky) = environment.sky();
         Self {
             id: NEXT.fetch_add(1, Ordering::Relaxed),
-            view: texture.create_view(&wgpu::TextureViewDescriptor::default()),
+            view: texture([WIDTH, HEIGHT * LEVELS + 1], &environment.table()),
+            sky: texture(size, &sky),
         }
     }
 

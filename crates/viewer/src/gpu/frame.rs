@@ -90,8 +90,10 @@ impl<'a> Placed<'a> {
 pub struct Drawn {
     /// Whether anything was drawn; the target may have shown this very frame already.
     pub drawn: bool,
-    /// Triangles sent, as often as they are placed.
+    /// Triangles sent, as often as they are placed, with those of the parts before.
     pub triangles: u64,
+    /// Triangles of the frame that are still to be drawn, by [`Gpu::draw_in_parts`](super::Gpu::draw_in_parts).
+    pub triangles_left: u64,
     /// Draw calls.
     pub calls: u32,
     /// Meshes placed outside the picture, which were left out.
@@ -100,6 +102,14 @@ pub struct Drawn {
     pub lights_left_out: u32,
     /// Time until all was ready to be handed to the adapter, which may then let one wait.
     pub own: Duration,
+}
+
+impl Drawn {
+    /// How much of a picture is there that comes in parts; `None` for a whole one.
+    pub fn share(&self) -> Option<f64> {
+        let all = self.triangles + self.triangles_left;
+        (self.triangles_left > 0).then(|| self.triangles as f64 / all as f64)
+    }
 }
 
 /// What a target shows, kept to be compared.
@@ -136,6 +146,10 @@ impl Shown {
             environment: frame.environment.map(Surroundings::id),
             shader: frame.shader.map(SurfaceShader::id),
         }
+    }
+
+    pub(super) fn has(&self, model: u64) -> bool {
+        self.models.iter().any(|(id, ..)| *id == model)
     }
 
     pub(super) fn is(&self, frame: &Frame<'_>, size: [u32; 2]) -> bool {
@@ -270,6 +284,14 @@ pub(super) fn gather<'a>(frame: &Frame<'a>, view: &View) -> Gathered<'a> {
     }
     let instances = found.into_iter().map(|(_, _, gpu)| gpu).collect();
     Gathered { batches, instances, palette, culled }
+}
+
+/// Triangles of all that is placed, in sight or not.
+pub(super) fn triangles(frame: &Frame<'_>) -> u64 {
+    let of = |p: &Placed<'_>| -> u64 {
+        p.model.instances(p.pose).iter().map(|i| p.model.face_count(i.mesh) as u64).sum()
+    };
+    frame.models.iter().map(of).sum()
 }
 
 /// Values at the ends of the colours of heat: those of the look, or from none to the greatest of all models.

@@ -34,6 +34,7 @@ impl Layouts {
                     texture(3),
                     sampler(4),
                     image(5, false),
+                    image(6, false),
                 ],
             ),
             mesh: group(

@@ -30,6 +30,7 @@ pub struct DrawModel {
     at_rest: Vec<Instance>,
     pub(super) surfaces: Surfaces,
     pub(super) has_linear_colors: bool,
+    light: Option<Box<Self>>,
 }
 
 /// A mesh on the graphics card.
@@ -129,6 +130,7 @@ impl Context {
             at_rest,
             surfaces,
             has_linear_colors: false,
+            light: None,
         }
     }
 }
@@ -142,6 +144,14 @@ impl DrawModel {
     /// Which model it is, and how often it has changed: equal if the picture is the same.
     pub fn version(&self) -> (u64, u64) {
         (self.id, self.revision)
+    }
+    /// Something lighter that may be drawn in its place while there is no time.
+    pub fn light(&self) -> Option<&Self> {
+        self.light.as_deref()
+    }
+    /// Sets that.
+    pub fn set_light(&mut self, light: Self) {
+        self.light = Some(Box::new(light));
     }
     /// Triangles of a mesh.
     ///

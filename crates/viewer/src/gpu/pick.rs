@@ -6,7 +6,7 @@ use glam::{DVec3, Mat4, Vec3};
 use super::frame::{Frame, gather, reach};
 use super::pipeline::{PICKED, Pass};
 use super::renderer::Gpu;
-use super::target::{DEPTH, Target, depth_attachment, read_texture, texture};
+use super::target::{DEPTH, Part, Target, depth_attachment, read_texture, texture};
 use super::uniforms::View;
 
 /// What lies under a place of the picture.
@@ -52,7 +52,7 @@ impl Gpu {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("pick"),
                 color_attachments: &[Some(color)],
-                depth_stencil_attachment: Some(depth_attachment(&depth_view)),
+                depth_stencil_attachment: Some(depth_attachment(&depth_view, Part::WHOLE)),
                 ..wgpu::RenderPassDescriptor::default()
             });
             self.draw_plain(&mut pass, Pass::Pick, &gathered);

@@ -43,6 +43,7 @@ pub(super) struct Pipelines {
 }
 
 const GLOBALS: &str = include_str!("../shaders/globals.wgsl");
+const ENVIRONMENT: &str = include_str!("../shaders/environment.wgsl");
 const VERTEX: &str = include_str!("../shaders/vertex.wgsl");
 const SURFACE: &str = include_str!("../shaders/surface.wgsl");
 const BACKGROUND: &str = include_str!("../shaders/background.wgsl");
@@ -59,8 +60,8 @@ impl Pipelines {
         let module = |label: &str, texts: &[&str]| module(context, label, texts);
         Self {
             layout: layout(context),
-            surface: module("surface", &[GLOBALS, VERTEX, SURFACE, NO_SHADER]),
-            background: module("background", &[GLOBALS, BACKGROUND]),
+            surface: module("surface", &[GLOBALS, ENVIRONMENT, VERTEX, SURFACE, NO_SHADER]),
+            background: module("background", &[GLOBALS, ENVIRONMENT, BACKGROUND]),
             ground: module("ground", &[GLOBALS, GROUND]),
             marks: module("marks", &[GLOBALS, VERTEX, MARKS]),
             pick: module("pick", &[GLOBALS, VERTEX, PICK]),
@@ -170,7 +171,7 @@ fn module(context: &Context, label: &str, texts: &[&str]) -> wgpu::ShaderModule 
 
 /// The module of a surface that a file of the user colours, and how many lines stand before the file's first.
 pub(super) fn custom_module(context: &Context, text: &str) -> (wgpu::ShaderModule, u32) {
-    let before = [GLOBALS, VERTEX, SURFACE].join("\n");
+    let before = [GLOBALS, ENVIRONMENT, VERTEX, SURFACE].join("\n");
     let lines = before.matches('\n').count() as u32 + 1;
     (module(context, "surface of a file", &[&before, text]), lines)
 }

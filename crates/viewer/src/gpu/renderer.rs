@@ -11,10 +11,11 @@ use lodsmith_core::{Image, Model};
 use super::buffer::Storage;
 use super::context::{Context, GpuError};
 use super::environment::Surroundings;
-use super::frame::{Drawn, Frame, Gathered, Shown, gather, heat_range, reach};
+use super::frame::{Drawn, Frame, Gathered, Shown, gather, heat_range, reach, triangles};
 use super::model::DrawModel;
+use super::parts::{self, Call, Kind, Pace};
 use super::pipeline::{Pass, Pipelines, shading_number};
-use super::target::Target;
+use super::target::{Part, Target};
 use super::timer::Timer;
 use lodsmith_render::{Background, Shading};
 
@@ -53,6 +54,7 @@ pub struct Gpu {
     bound_environment: u64,
     sampler: wgpu::Sampler,
     timer: Option<Timer>,
+    pace: Pace,
 }
 
 impl Gpu {
@@ -110,7 +112,7 @@ impl Gpu {
         });
         let instances = Storage::new(&context, "instances", &[]);
         let palette = Storage::new(&context, "palette", &[]);
-        let frame_bind = bind_frame(&context, &globals, &instances, &palette, &white, &sampler, &white);
+        let frame_bind = bind_frame(&context, &globals, &instances, &palette, &white, &sampler, [&white; 2]);
         let nothing = context.upload(&Model::default());
         let plain_material = nothing.surfaces.plain().clone();
         let no_mesh = super::model::no_mesh(&context);
@@ -130,6 +132,7 @@ impl Gpu {
             bound_environment: 0,
             sampler,
             timer: None,
+            pace: Pace::default(),
         }
     }
 
@@ -171,11 +174,70 @@ impl Gpu {
         if target.shows(frame) {
             return Drawn::default();
         }
+        target.make_room();
+        let drawn = self.draw_range(target, frame, Some(0..u64::MAX));
+        target.shown = Some(Shown::new(frame, target.size()));
+        drawn
+    }
+
+    /// The same, but a part of it at a time where a processor draws and there is much to draw: the picture before stays
+    /// until the new one is whole. To be called again while [`Drawn::triangles_left`] says that some are left; parts are so
+    /// large that each takes some hundredths of a second.
+    pub fn draw_in_parts(&mut self, target: &mut Target, frame: &Frame<'_>) -> Drawn {
+        if !self.is_software() || target.shows(frame) || triangles(frame) <= parts::FEW {
+            return self.draw(target, frame);
+        }
+        let is_free = self.pace.is_free();
+        let most = self.pace.most;
+        self.draw_parts_of(target, frame, is_free.then_some(most))
+    }
+
+    /// Draws so many triangles more; none to see how many are left.
+    pub(super) fn draw_parts_of(
+        &mut self,
+        target: &mut Target,
+        frame: &Frame<'_>,
+        most: Option<u64>,
+    ) -> Drawn {
+        let from = target.go_on(frame);
+        let mut drawn = self.draw_range(target, frame, most.map(|most| from..from + most));
+        if drawn.drawn {
+            self.pace.sent(&self.context, drawn.triangles.saturating_sub(from).max(1));
+            target.went_on(from + most.unwrap_or(0), drawn.triangles_left == 0);
+        } else {
+            (drawn.triangles, drawn.triangles_left) = (from, drawn.triangles_left.saturating_sub(from));
+        }
+        drawn
+    }
+
+    /// Draws these of its triangles; without a range none.
+    fn draw_range(
+        &mut self,
+        target: &Target,
+        frame: &Frame<'_>,
+        range: Option<std::ops::Range<u64>>,
+    ) -> Drawn {
         let begin = Instant::now();
         let size = target.size();
         let aspect = f64::from(size[0]) / f64::from(size[1]);
         let view = View::new(&frame.camera, aspect, reach(frame));
         let gathered = gather(frame, &view);
+        let is_textured = frame.look.shading == Shading::Textured && frame.shader.is_none();
+        let has_marks = frame.look.borders || frame.look.defects;
+        let plain = self.plain_material.clone();
+        let calls = parts::calls(&gathered, is_textured, has_marks, &plain);
+        let total: u64 = calls.iter().map(Call::triangles).sum();
+        let mut drawn = Drawn {
+            culled: gathered.culled,
+            lights_left_out: frame.lighting.lights.len().saturating_sub(LIGHTS_MAX) as u32,
+            triangles_left: total,
+            ..Drawn::default()
+        };
+        let Some(range) = range else { return drawn };
+        (drawn.drawn, drawn.triangles_left) = (true, total.saturating_sub(range.end));
+        drawn.triangles = range.start;
+        let part = Part { is_first: range.start == 0, is_last: drawn.triangles_left == 0 };
+        let calls = if part == Part::WHOLE { calls } else { parts::some(calls, range) };
         self.write_frame(frame, &view, size, target.scale(), &gathered);
         let shading = shading_number(frame.look.shading);
         let [solid, blended] = [false, true].map(|is_blended| Pass::Surface { shading, is_blended });
@@ -186,53 +248,49 @@ impl Gpu {
             Some(shader) => [&shader.pipelines[0], &shader.pipelines[1]],
             None => [self.pipelines.get(solid), self.pipelines.get(blended)],
         };
-        let mut drawn = Drawn {
-            drawn: true,
-            culled: gathered.culled,
-            lights_left_out: frame.lighting.lights.len().saturating_sub(LIGHTS_MAX) as u32,
-            ..Drawn::default()
-        };
         let mut encoder =
             self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
+            let (color, depth) = target.attachments(part);
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("frame"),
-                color_attachments: &[Some(target.color_attachment())],
-                depth_stencil_attachment: Some(target.depth_attachment()),
+                color_attachments: &[Some(color)],
+                depth_stencil_attachment: Some(depth),
                 timestamp_writes: self.timer.as_ref().map(Timer::writes),
                 ..wgpu::RenderPassDescriptor::default()
             });
             pass.set_bind_group(0, &self.frame_bind, &[]);
             pass.set_bind_group(1, &self.no_mesh, &[]);
             pass.set_bind_group(2, &self.plain_material, &[]);
-            if frame.background != Background::Transparent {
+            if part.is_first && frame.background != Background::Transparent {
                 pass.set_pipeline(self.pipelines.get(Pass::Background));
                 pass.draw(0..3, 0..1);
             }
-            if frame.ground {
+            if part.is_first && frame.ground {
                 pass.set_pipeline(self.pipelines.get(Pass::Ground));
                 pass.draw(0..3, 0..1);
             }
-            let is_textured = frame.look.shading == Shading::Textured && frame.shader.is_none();
-            for (draws_blended, pipeline) in [false, true].into_iter().zip(surfaces) {
-                pass.set_pipeline(pipeline);
-                draw_surfaces(&mut pass, &gathered, is_textured, draws_blended, &mut drawn);
-            }
-            if frame.look.borders || frame.look.defects {
-                pass.set_pipeline(self.pipelines.get(Pass::Marks));
-                for batch in &gathered.batches {
-                    for (bind, corners) in batch.model.meshes[batch.mesh].marks() {
-                        pass.set_bind_group(1, bind, &[]);
-                        pass.draw(0..corners, batch.instances.clone());
-                        drawn.calls += 1;
-                    }
+            let mut last = None;
+            for call in &calls {
+                if last.replace(call.kind) != Some(call.kind) {
+                    pass.set_pipeline(match call.kind {
+                        Kind::Solid => surfaces[0],
+                        Kind::Blended => surfaces[1],
+                        Kind::Marks => self.pipelines.get(Pass::Marks),
+                    });
+                }
+                pass.set_bind_group(1, call.mesh, &[]);
+                pass.set_bind_group(2, call.material, &[]);
+                pass.draw(call.corners.clone(), call.instances.clone());
+                drawn.calls += 1;
+                if call.kind != Kind::Marks {
+                    drawn.triangles += call.triangles();
                 }
             }
         }
         if let Some(timer) = &self.timer {
             timer.resolve(&mut encoder);
         }
-        target.shown = Some(Shown::new(frame, size));
         let commands = encoder.finish();
         drawn.own = begin.elapsed();
         self.context.queue.submit([commands]);
@@ -298,35 +356,8 @@ impl Gpu {
                 &self.palette,
                 frame.matcap.map_or(&self.white, |m| &m.view),
                 &self.sampler,
-                frame.environment.map_or(&self.white, |e| &e.view),
+                frame.environment.map_or([&self.white; 2], |e| [&e.view, &e.sky]),
             );
-        }
-    }
-}
-
-/// Draws the triangles that one sees through, or all others.
-fn draw_surfaces(
-    pass: &mut wgpu::RenderPass<'_>,
-    gathered: &Gathered<'_>,
-    is_textured: bool,
-    draws_blended: bool,
-    drawn: &mut Drawn,
-) {
-    for batch in &gathered.batches {
-        let copies = u64::from(batch.instances.end - batch.instances.start);
-        let surfaces = &batch.model.surfaces;
-        for chunk in &batch.model.meshes[batch.mesh].chunks {
-            pass.set_bind_group(1, &chunk.bind, &[]);
-            for part in &chunk.parts {
-                let surface = part.material.filter(|_| is_textured).and_then(|m| surfaces.get(m));
-                if surface.is_some_and(|s| s.is_blended) != draws_blended {
-                    continue;
-                }
-                pass.set_bind_group(2, surface.map_or(surfaces.plain(), |s| &s.bind), &[]);
-                pass.draw(part.corners.clone(), batch.instances.clone());
-                drawn.triangles += u64::from(part.corners.end - part.corners.start) / 3 * copies;
-                drawn.calls += 1;
-            }
         }
     }
 }
@@ -338,7 +369,7 @@ fn bind_frame(
     palette: &Storage,
     matcap: &wgpu::TextureView,
     sampler: &wgpu::Sampler,
-    environment: &wgpu::TextureView,
+    [environment, sky]: [&wgpu::TextureView; 2],
 ) -> wgpu::BindGroup {
     let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
     context.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -351,6 +382,7 @@ fn bind_frame(
             entry(3, wgpu::BindingResource::TextureView(matcap)),
             entry(4, wgpu::BindingResource::Sampler(sampler)),
             entry(5, wgpu::BindingResource::TextureView(environment)),
+            entry(6, wgpu::BindingResource::TextureView(sky)),
         ],
     })
 }

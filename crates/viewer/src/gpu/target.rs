@@ -8,6 +8,7 @@ use lodsmith_core::Image;
 
 use super::context::Context;
 use super::frame::{Frame, Shown};
+use super::model::DrawModel;
 use super::uniforms::{linear_from_srgb, srgb_from_linear};
 
 /// What the window looks up: sRGB as it is stored, with the opacity multiplied in.
@@ -29,12 +30,23 @@ pub struct Target {
     scale: f32,
     planes: Planes,
     pub(super) shown: Option<Shown>,
+    /// A picture that is drawn in parts, behind the one that is shown.
+    back: Option<Back>,
     /// Where the window looks the picture up.
     registered: Option<(Renderer, egui::TextureId)>,
 }
 
+/// A picture that is not whole yet.
+struct Back {
+    planes: Planes,
+    of: Shown,
+    /// Triangles that are in it.
+    done: u64,
+}
+
 /// The textures of one size.
 struct Planes {
+    size: [u32; 2],
     color: wgpu::Texture,
     /// For the window.
     color_view: wgpu::TextureView,
@@ -53,22 +65,28 @@ impl Target {
             let id = renderer.write().register_native_texture(&context.device, &planes.color_view, filter);
             (Arc::clone(renderer), id)
         });
-        Self { context, size, scale: 1.0, planes, shown: None, registered }
+        Self { context, size, scale: 1.0, planes, shown: None, back: None, registered }
     }
 
     /// The size of the place on the screen in pixels, and how many pixels of the picture stand for one of the screen
-    /// along each side: less than 1 draws faster, more is smoother. Nothing is made anew if nothing changes.
+    /// along each side: less than 1 draws faster, more is smoother. What is shown stays until something is drawn.
     pub fn resize(&mut self, screen_px: [u32; 2], scale: f32) {
         let scale = scale.clamp(0.1, 4.0);
         let size = screen_px.map(|x| (x as f32 * scale).round() as u32);
         let size = clamped(&self.context, size);
-        self.scale = scale;
-        if size == self.size {
-            return;
+        (self.scale, self.size) = (scale, size);
+    }
+
+    /// Makes room for a picture that is drawn at once.
+    pub(super) fn make_room(&mut self) {
+        self.back = None;
+        if self.planes.size != self.size {
+            self.show(Planes::new(&self.context, self.size));
         }
-        self.size = size;
-        self.shown = None;
-        self.planes = Planes::new(&self.context, size);
+    }
+
+    fn show(&mut self, planes: Planes) {
+        self.planes = planes;
         if let Some((renderer, id)) = &self.registered {
             renderer.write().update_egui_texture_from_wgpu_texture(
                 &self.context.device,
@@ -77,6 +95,33 @@ impl Target {
                 *id,
             );
         }
+    }
+
+    /// Goes on with a picture in parts, or begins it: how many triangles are in it.
+    pub(super) fn go_on(&mut self, frame: &Frame<'_>) -> u64 {
+        let size = self.size;
+        if let Some(back) = self.back.as_ref().filter(|back| back.of.is(frame, size)) {
+            return back.done;
+        }
+        let kept = self.back.take().map(|back| back.planes).filter(|planes| planes.size == size);
+        let planes = kept.unwrap_or_else(|| Planes::new(&self.context, size));
+        self.back = Some(Back { planes, of: Shown::new(frame, size), done: 0 });
+        0
+    }
+
+    /// So many triangles are in the picture; a whole one is shown.
+    pub(super) fn went_on(&mut self, done: u64, is_whole: bool) {
+        if let Some(back) = self.back.as_mut().filter(|_| !is_whole) {
+            back.done = done;
+        } else if let Some(back) = self.back.take() {
+            self.shown = Some(back.of);
+            self.show(back.planes);
+        }
+    }
+
+    /// Whether this very frame is being drawn in parts.
+    pub fn draws(&self, frame: &Frame<'_>) -> bool {
+        self.back.as_ref().is_some_and(|back| back.of.is(frame, self.size))
     }
 
     /// Width and height of the picture in its own pixels.
@@ -95,15 +140,21 @@ impl Target {
     pub fn shows(&self, frame: &Frame<'_>) -> bool {
         self.shown.as_ref().is_some_and(|shown| shown.is(frame, self.size))
     }
+    /// Whether it shows this model, or what stands in for it, from wherever.
+    pub fn shows_model(&self, model: &DrawModel) -> bool {
+        let is = |id: u64| self.shown.as_ref().is_some_and(|shown| shown.has(id));
+        is(model.version().0) || model.light().is_some_and(|light| is(light.version().0))
+    }
     /// Forgets what it shows: the next frame is drawn in any case.
     pub fn forget(&mut self) {
-        self.shown = None;
+        (self.shown, self.back) = (None, None);
     }
 
     /// The picture. Waits until it is drawn.
     pub fn read_back(&self) -> Image {
-        let [width, height] = self.size.map(|x| x as usize);
-        let bytes = read_texture(&self.context, &self.planes.color, self.size, 4);
+        let size = self.planes.size;
+        let [width, height] = size.map(|x| x as usize);
+        let bytes = read_texture(&self.context, &self.planes.color, size, 4);
         let pixels = bytes.chunks_exact(4).map(|p| {
             // Light was multiplied, not what is stored.
             let alpha = f32::from(p[3].max(1)) / 255.0;
@@ -116,21 +167,33 @@ impl Target {
         Image::new(width, height, pixels.collect())
     }
 
-    /// Where passes draw: colours (which are cleared to nothing) and depth.
-    pub(super) fn color_attachment(&self) -> wgpu::RenderPassColorAttachment<'_> {
-        let (view, resolve_target) = match &self.planes.samples {
-            Some(samples) => (samples, Some(&self.planes.light_view)),
-            None => (&self.planes.light_view, None),
+    /// Where passes draw: colours and depth, cleared to nothing, or as the part before left them.
+    pub(super) fn attachments(
+        &self,
+        part: Part,
+    ) -> (wgpu::RenderPassColorAttachment<'_>, wgpu::RenderPassDepthStencilAttachment<'_>) {
+        let planes = self.back.as_ref().map_or(&self.planes, |back| &back.planes);
+        let (view, resolve_target) = match &planes.samples {
+            Some(samples) => (samples, Some(&planes.light_view)),
+            None => (&planes.light_view, None),
         };
-        let ops = wgpu::Operations {
-            load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-            store: wgpu::StoreOp::Store,
-        };
-        wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops }
+        let clear = wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT);
+        let load = if part.is_first { clear } else { wgpu::LoadOp::Load };
+        let ops = wgpu::Operations { load, store: wgpu::StoreOp::Store };
+        let color = wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops };
+        (color, depth_attachment(&planes.depth, part))
     }
-    pub(super) fn depth_attachment(&self) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-        depth_attachment(&self.planes.depth)
-    }
+}
+
+/// Which part of a picture is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Part {
+    pub(super) is_first: bool,
+    pub(super) is_last: bool,
+}
+
+impl Part {
+    pub(super) const WHOLE: Self = Self { is_first: true, is_last: true };
 }
 
 impl Drop for Target {
@@ -151,6 +214,7 @@ impl Planes {
         let view = |t: &wgpu::Texture| t.create_view(&wgpu::TextureViewDescriptor::default());
         let as_light = wgpu::TextureViewDescriptor { format: Some(drawn_as), ..Default::default() };
         Self {
+            size,
             light_view: color.create_view(&as_light),
             color_view: view(&color),
             samples: (samples > 1).then(|| view(&texture(context, size, samples, drawn_as, attachment))),
@@ -160,9 +224,14 @@ impl Planes {
     }
 }
 
-/// Depth, which starts infinitely far and is not kept.
-pub(super) fn depth_attachment(view: &wgpu::TextureView) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-    let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard };
+/// Depth, which starts infinitely far and is kept for the next part alone.
+pub(super) fn depth_attachment(
+    view: &wgpu::TextureView,
+    part: Part,
+) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    let load = if part.is_first { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load };
+    let store = if part.is_last { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
+    let ops = wgpu::Operations { load, store };
     wgpu::RenderPassDepthStencilAttachment { view, depth_ops: Some(ops), stencil_ops: None }
 }
 

@@ -139,7 +139,7 @@ pub(super) struct Globals {
     background: [[f32; 4]; 2],
     /// Centre of the ground in view coordinates, and the size of a square of its grid.
     ground: [f32; 4],
-    /// Whether borders are shown, defects, and whether there are surroundings.
+    /// Whether borders are shown, defects, and whether there are surroundings; 1 with these behind, 2 out of focus.
     marks: [f32; 4],
     /// By [`super::marks::Kind`].
     mark_colors: [[f32; 4]; 4],
@@ -204,11 +204,13 @@ impl Globals {
         }
         let [least, most] = seen.heat_range;
         let range = if most > least { (most - least).recip() } else { 0.0 };
-        let background = match seen.background {
-            Background::Transparent => [[0.0; 4]; 2],
-            Background::Color(c) => [opaque(c); 2],
-            Background::Gradient(upper, lower) => [opaque(upper), opaque(lower)],
+        let behind = match seen.background {
+            Background::Surroundings { blurred } if seen.has_environment => {
+                1.0 + f32::from(u8::from(blurred))
+            }
+            _ => 0.0,
         };
+        let background = seen.background.edges().map_or([[0.0; 4]; 2], |edges| edges.map(opaque));
         let [w, h] = seen.size.map(|x| x as f32);
         let below = DVec3::new(
             0.5 * (bounds.min[0] + bounds.max[0]),
@@ -233,7 +235,11 @@ impl Globals {
             heat: [least, range, map.len() as f32, f32::from(u8::from(seen.has_matcap))],
             background,
             ground: four(below, view.length(grid_step(ball(bounds).1))),
-            marks: [look.borders, look.defects, seen.has_environment, false].map(|x| f32::from(u8::from(x))),
+            marks: {
+                let [a, b, c] =
+                    [look.borders, look.defects, seen.has_environment].map(|x| f32::from(u8::from(x)));
+                [a, b, c, behind]
+            },
             mark_colors: super::marks::COLORS.map(opaque),
             tints: TINTS.map(|c| opaque(c.map(linear_from_srgb))),
             stops,

@@ -76,6 +76,10 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     };
     if parts::choose(ui, "Background", "", &Backdrop::ALL, &mut backdrop) {
         all.backdrop = backdrop;
+        // Else there would be nothing to see.
+        if matches!(backdrop, Backdrop::Surroundings | Backdrop::Blurred) && all.around == Around::Plain {
+            all.around = Around::Auto;
+        }
     }
     if let Backdrop::Color(color) = &mut all.backdrop {
         parts::field(ui, "Colour", "", |ui| {
@@ -102,18 +106,21 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
 fn around(ui: &mut Ui, scope: &mut Scope<'_>, around: &mut Around) {
     let tip = "What materials mirror and are lit by beside the lights: a picture of all directions (HDR, PNG, JPEG), \
         twice as wide as high, is read again when it changes";
-    let names = [(0, "Plain"), (1, "Studio"), (2, "A picture")];
+    let tip = &format!("{tip}. By the model: a studio where it has metal ({} changes)", Action::Around.key());
+    let names = [(0, "By the model"), (1, "Plain"), (2, "Studio"), (3, "A picture")];
     let before = match around {
-        Around::Plain => 0,
-        Around::Studio => 1,
-        Around::File(_) => 2,
+        Around::Auto => 0,
+        Around::Plain => 1,
+        Around::Studio => 2,
+        Around::File(_) => 3,
     };
     let mut chosen = before;
     parts::choose(ui, "Surroundings", tip, &names, &mut chosen);
     match chosen {
         _ if chosen == before => {}
-        0 => *around = Around::Plain,
-        1 => *around = Around::Studio,
+        0 => *around = Around::Auto,
+        1 => *around = Around::Plain,
+        2 => *around = Around::Studio,
         _ => scope.says.push(Say::ChooseAround),
     }
     if let Some(path) = around.file() {

@@ -16,6 +16,7 @@ use super::motion::{Motion, Name, Stand, Track};
 use super::scatter::Scatter;
 use super::{Base, Copies, Placement, StageChange, ground, walk};
 use crate::command::Command;
+use crate::compare::drawing_line;
 use crate::document::{Document, StageLevel};
 use crate::gpu::{Frame, Gpu, Placed, TINTS, Target};
 use crate::keys::Action;
@@ -429,10 +430,14 @@ impl StageView {
             shader: own.shader(),
         };
         let ready = begin.elapsed();
-        let drawn = gpu.draw(target, &frame);
+        let drawn = gpu.draw_in_parts(target, &frame);
         if let Some(id) = target.texture_id() {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             ui.painter_at(*rect).image(id, *rect, whole, Color32::WHITE);
+        }
+        if let Some(share) = drawn.share() {
+            drawing_line(ui, *rect, share);
+            ui.request_repaint();
         }
         ready + drawn.own
     }

@@ -1,0 +1,182 @@
+//! A frame as draw calls, and those in parts: a processor that draws lets the window answer in between.
+
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use egui_wgpu::wgpu;
+
+use super::context::Context;
+use super::frame::Gathered;
+
+/// One draw call.
+pub(super) struct Call<'a> {
+    pub(super) kind: Kind,
+    pub(super) mesh: &'a wgpu::BindGroup,
+    pub(super) material: &'a wgpu::BindGroup,
+    pub(super) corners: Range<u32>,
+    pub(super) instances: Range<u32>,
+}
+
+/// With what something is drawn, in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Triangles that hide what is behind them.
+    Solid,
+    /// Triangles that one sees through.
+    Blended,
+    /// Lines along edges.
+    Marks,
+}
+
+impl Call<'_> {
+    fn triangles_each(&self) -> u64 {
+        u64::from(self.corners.end - self.corners.start) / 3
+    }
+    /// As often as they are placed.
+    pub(super) fn triangles(&self) -> u64 {
+        self.triangles_each() * u64::from(self.instances.end - self.instances.start)
+    }
+
+    /// The calls that draw this range of its triangles, in their order: one copy after the other.
+    fn cut(&self, range: Range<u64>) -> Vec<Self> {
+        let each = self.triangles_each().max(1);
+        let part = |triangles: Range<u64>, copies: Range<u64>| {
+            let corner = |t: u64| self.corners.start + 3 * t as u32;
+            let copy = |c: u64| self.instances.start + c as u32;
+            Self {
+                kind: self.kind,
+                mesh: self.mesh,
+                material: self.material,
+                corners: corner(triangles.start)..corner(triangles.end),
+                instances: copy(copies.start)..copy(copies.end),
+            }
+        };
+        let ((first, from), (last, to)) =
+            ((range.start / each, range.start % each), (range.end / each, range.end % each));
+        if first == last {
+            return vec![part(from..to, first..first + 1)];
+        }
+        let whole = first + u64::from(from > 0);
+        let all = [
+            part(from..each, first..whole),
+            part(0..each, whole..last),
+            part(0..to, last..last + u64::from(to > 0)),
+        ];
+        all.into_iter().filter(|c| c.triangles() > 0).collect()
+    }
+}
+
+/// All calls of a frame.
+pub(super) fn calls<'a>(
+    gathered: &Gathered<'a>,
+    is_textured: bool,
+    has_marks: bool,
+    plain: &'a wgpu::BindGroup,
+) -> Vec<Call<'a>> {
+    let mut calls = Vec::new();
+    for kind in [Kind::Solid, Kind::Blended] {
+        for batch in &gathered.batches {
+            let surfaces = &batch.model.surfaces;
+            for chunk in &batch.model.meshes[batch.mesh].chunks {
+                for part in &chunk.parts {
+                    let surface = part.material.filter(|_| is_textured).and_then(|m| surfaces.get(m));
+                    if surface.is_some_and(|s| s.is_blended) == (kind == Kind::Blended) {
+                        calls.push(Call {
+                            kind,
+                            mesh: &chunk.bind,
+                            material: surface.map_or(surfaces.plain(), |s| &s.bind),
+                            corners: part.corners.clone(),
+                            instances: batch.instances.clone(),
+                        });
+                    }
+                }
+            }
+        }
+    }
+    for batch in gathered.batches.iter().filter(|_| has_marks) {
+        for (mesh, corners) in batch.model.meshes[batch.mesh].marks() {
+            let (material, instances) = (plain, batch.instances.clone());
+            calls.push(Call { kind: Kind::Marks, mesh, material, corners: 0..corners, instances });
+        }
+    }
+    calls
+}
+
+/// The calls that draw so many triangles from this one on.
+pub(super) fn some<'a>(calls: Vec<Call<'a>>, range: Range<u64>) -> Vec<Call<'a>> {
+    let mut begin = 0;
+    let mut taken = Vec::new();
+    for call in calls {
+        let end = begin + call.triangles();
+        let within = range.start.max(begin)..range.end.min(end);
+        if within.start < within.end {
+            taken.extend(call.cut(within.start - begin..within.end - begin));
+        }
+        begin = end;
+    }
+    taken
+}
+
+/// How much is drawn at a time, by how long it took before.
+pub(super) struct Pace {
+    /// Triangles of a part.
+    pub(super) most: u64,
+    sent: Option<(Instant, u64)>,
+    done: Arc<Mutex<Option<Instant>>>,
+}
+
+/// So many triangles are drawn at once.
+pub(super) const FEW: u64 = 100_000;
+/// Triangles of the first part, and bounds of all others.
+const FIRST: u64 = 40_000;
+const MOST: [u64; 2] = [5_000, 4_000_000];
+/// What a part is to take. With it a window that the same processor draws answers ten times a second. Guessed.
+const GOAL: Duration = Duration::from_millis(60);
+/// How often it is asked whether a part is done, and how often at most.
+const ASK: Duration = Duration::from_millis(4);
+const ASKS: usize = 5_000;
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self { most: FIRST, sent: None, done: Arc::default() }
+    }
+}
+
+impl Pace {
+    /// Whether the part before is done; does not wait. Learns from how long it took.
+    pub(super) fn is_free(&mut self) -> bool {
+        let Some((begin, triangles)) = self.sent else { return true };
+        let done = self.done.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let Some(end) = done else { return false };
+        self.sent = None;
+        let took = end.saturating_duration_since(begin).as_secs_f64().max(1e-4);
+        let factor = (GOAL.as_secs_f64() / took).clamp(0.25, 2.0);
+        self.most = ((triangles as f64 * factor) as u64).clamp(MOST[0], MOST[1]);
+        true
+    }
+
+    /// So many triangles were handed to the adapter.
+    pub(super) fn sent(&mut self, context: &Context, triangles: u64) {
+        // Each part has a place of its own to say that it is done: one that comes late is not taken for another.
+        self.done = Arc::default();
+        let done = Arc::clone(&self.done);
+        self.sent = Some((Instant::now(), triangles));
+        let is_done = Arc::clone(&self.done);
+        context.queue.on_submitted_work_done(move || {
+            *done.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+        });
+        // The window asks once a frame, which is too seldom to know how long it took.
+        let context = context.clone();
+        std::thread::spawn(move || {
+            for _ in 0..ASKS {
+                std::thread::sleep(ASK);
+                // A device that is lost calls as well.
+                let _ = context.device.poll(wgpu::PollType::Poll);
+                if Arc::strong_count(&is_done) == 1 || is_done.lock().is_ok_and(|done| done.is_some()) {
+                    break;
+                }
+            }
+        });
+    }
+}

@@ -1,0 +1,61 @@
+//! What stands in for a large model while the camera moves, where a processor draws: the same, clustered coarsely.
+
+use std::sync::{Arc, Mutex};
+
+use lodsmith::{Method, NoControl, SimplifyOptions, Stop};
+use lodsmith_core::{Model, TriMesh};
+
+use crate::document::Drawing;
+use crate::gpu::Context;
+
+/// Triangles above which a model has a stand-in: with so many a processor takes most of a second for a picture.
+pub const MUCH: usize = 400_000;
+/// Triangles of a stand-in. A quarter of the pixels of a window, and these, take about a tenth of a second. (Measured.)
+const FEW: usize = 60_000;
+
+/// Brings a model to the graphics card, with a stand-in where that is of use. Takes a while: for a worker.
+pub fn upload(context: &Context, model: &Model) -> Drawing {
+    let mut drawn = context.upload(model);
+    if context.is_software()
+        && let Some(light) = lighter(model)
+    {
+        drawn.set_light(context.upload(&light));
+    }
+    Arc::new(Mutex::new(drawn))
+}
+
+/// The same with few triangles; `None` where there are not many, or fewer cannot be had.
+pub fn lighter(model: &Model) -> Option<Model> {
+    let all: usize = model.meshes.iter().map(|m| m.mesh.face_count()).sum();
+    if all <= MUCH {
+        return None;
+    }
+    let ratio = FEW as f64 / all as f64;
+    let clustered = |mesh: &Arc<TriMesh>| {
+        let mut options = SimplifyOptions::new(Stop::ratio(ratio));
+        options.method = Method::Cluster;
+        let done = lodsmith::simplify(mesh, &options, &mut NoControl);
+        done.map_or_else(|_| mesh.clone(), |done| Arc::new(done.mesh))
+    };
+    let light = model.with_meshes(model.meshes.iter().map(|m| clustered(&m.mesh)).collect());
+    let left: usize = light.meshes.iter().map(|m| m.mesh.face_count()).sum();
+    (left < all / 2).then_some(light)
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::shapes;
+
+    use super::*;
+
+    #[test]
+    fn a_large_model_has_a_stand_in_in_its_place() {
+        let model = Model::of_mesh(shapes::torus(900, 260));
+        let light = lighter(&model).unwrap();
+        let faces = light.meshes[0].mesh.face_count();
+        assert!((FEW / 3..=FEW).contains(&faces), "{faces}");
+        let [one, two] = [&model, &light].map(|m| m.bounds(&Default::default()).unwrap());
+        assert!((0..3).all(|k| (one.max[k] - two.max[k]).abs() < 0.02), "{one:?} {two:?}");
+        assert!(lighter(&Model::of_mesh(shapes::torus(300, 200))).is_none());
+    }
+}
