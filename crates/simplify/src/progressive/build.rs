@@ -187,10 +187,11 @@ fn walk<M: Metric>(
     let area = engine.area_of_input();
     let weights = Weights { kept: M::KEPT_LOSS / 6.0 / area, lost: 0.25 / area };
     let counted = goals.iter().filter_map(|g| g.faces).zip(weights_of_attributes).collect();
-    let values = originals.zip(engine.attributes.take()).map(|(o, a)| (o, a, counted));
+    let values = originals.zip(engine.attributes.take());
     drop(engine);
     let fits = run.wants_fit(M::JUDGE);
-    let taken = Taken { by_place, facings, in_order, area, weights, fits, values, common: M::common_cost };
+    let taken =
+        Taken { by_place, facings, in_order, area, weights, fits, values, counted, common: M::common_cost };
     road(run, mesh, *record, taken, control)
 }
 
@@ -204,8 +205,9 @@ struct Taken {
     area: f64,
     weights: Weights,
     fits: bool,
-    /// What the fit of values needs, with what they count at so many faces.
-    values: Option<(Originals, Attributes, Vec<(usize, Vec<f32>)>)>,
+    /// What the fit of values needs, and what they count at so many faces.
+    values: Option<(Originals, Attributes)>,
+    counted: Vec<(usize, Vec<f32>)>,
     common: fn(f64, f64) -> f64,
 }
 
@@ -223,7 +225,7 @@ fn road(
     taken: Taken,
     control: &mut dyn Control,
 ) -> Result<Built, SimplifyError> {
-    let Taken { by_place, facings, in_order, area, weights, fits, values, common } = taken;
+    let Taken { by_place, facings, in_order, area, weights, fits, values, counted, common } = taken;
     let Record { copy, log, names, rows, .. } = record;
     let named = copy.vertex_of.len();
     let arranged = arrange::arrange(mesh, copy, &log, &by_place);
@@ -236,13 +238,13 @@ fn road(
     };
 
     control.stage(Stage::Fit);
-    let mut dresser = values.zip(rows).map(|((originals, attributes, weights), (rows, places))| {
+    let mut dresser = values.zip(rows).map(|((originals, attributes), (rows, places))| {
         let mut of_name = vec![WedgeId(u32::MAX); named];
         for (number, name) in names.wedges.iter().enumerate().filter(|n| n.1.0 != u32::MAX) {
             of_name[name.index()] = WedgeId::new(number);
         }
         let numbers = arranged.wedges.iter().map(|name| of_name[name.index()]).collect();
-        Dresser { rows, places, originals, attributes, weights, numbers }
+        Dresser { rows, places, originals, attributes, weights: counted, numbers }
     });
     let recorded = Recorded {
         order: &arranged.order,
