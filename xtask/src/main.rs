@@ -14,7 +14,7 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context, Result, bail, ensure};
 
 const HELP: &str = "\
-cargo xtask bench [rivals|attributes|cluster|io_speed|memory|render|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
+cargo xtask bench [rivals|attributes|cluster|io_speed|memory|render|progressive|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
 cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR through the release command
 cargo xtask corpus DIR --methods [--largest FACES] [...]   every method over every model that is not larger
 cargo xtask dist [--out FOLDER] [--binary FILE]            the archive to give away, for this platform

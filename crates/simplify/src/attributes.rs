@@ -1,15 +1,17 @@
 //! From a mesh's attributes to one row of values for each wedge, and back.
 
+mod recorded;
+
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
-use lodsmith_core::splits::Layout;
 use lodsmith_core::{Attribute, Morphed, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
 use crate::collapse::attributes::{Attributes, Pulls};
 use crate::collapse::order::{Frame, NONE};
 use crate::options::AttributeWeights;
+pub(crate) use recorded::RowPlaces;
 
 /// What an error of 1 in a normal or of the full range in a colour counts: this share of the edge length of the result.
 /// (A curve that an edge cuts short by h turns the normal by 4 h over the edge's length: a quarter would weigh both
@@ -65,15 +67,6 @@ struct Column {
     divisor: f32,
     /// Whether it moves vertices, all wedges of one alike: so it does in the result, or that comes apart.
     moves_whole: bool,
-}
-
-/// Where columns stand in rows of a mesh.
-#[derive(Clone)]
-pub(crate) struct RowPlaces {
-    /// For each column; nothing for one that is the same at all wedges, or was lent.
-    columns: Vec<Option<usize>>,
-    /// Joints and weights.
-    skins: Vec<[usize; 2]>,
 }
 
 /// Which attribute.
@@ -219,64 +212,6 @@ impl Rows {
             };
             let weight = weight.min(MOST_COUNTED / f64::from(c.largest).max(1e-12));
             attributes.weights_mut()[range].fill((weight * weight) as f32);
-        }
-    }
-
-    /// Where the columns stand in rows of a mesh, and joints and weights of each set.
-    pub(crate) fn places(&self, layout: &Layout) -> RowPlaces {
-        let uvs = 3 * usize::from(layout.has_normals);
-        let colors = uvs + 2 * usize::from(layout.has_uvs);
-        let mut at = colors + 4 * usize::from(layout.has_colors);
-        let mut further = Vec::new();
-        for (semantic, width) in &layout.further {
-            further.push((semantic, *width, at));
-            at += width;
-        }
-        let find = |s: &Semantic, n: usize| further.iter().find(|f| f.0 == s && f.1 == n).map(|f| f.2);
-        let place = |c: &Column| match &c.of {
-            Of::Normals => layout.has_normals.then_some(0),
-            Of::Uvs => Some(uvs),
-            Of::Colors => Some(colors),
-            Of::Further(semantic) => find(semantic, c.width),
-        };
-        let varying = |c: &Column| if c.constant.is_some() { None } else { place(c) };
-        let skins = self
-            .skin_sets
-            .iter()
-            .filter_map(|&set| Some([find(&Semantic::Joints(set), 4)?, find(&Semantic::Weights(set), 4)?]));
-        RowPlaces { columns: self.layout.iter().map(varying).collect(), skins: skins.collect() }
-    }
-
-    /// Writes what the engine has for a wedge into its row of a mesh; what is the same at all wedges stays.
-    pub(crate) fn write(&self, attributes: &Attributes, w: WedgeId, places: &RowPlaces, row: &mut [f32]) {
-        let values = attributes.of(w);
-        for (c, at) in self.layout.iter().zip(&places.columns) {
-            let Some(at) = *at else { continue };
-            let (from, to) = (&values[c.at..c.at + c.width], &mut row[at..at + c.width]);
-            match &c.of {
-                Of::Normals => to.copy_from_slice(&unit(from)),
-                _ => to.iter_mut().zip(from).for_each(|(to, from)| *to = c.given(*from)),
-            }
-            match &c.of {
-                Of::Colors if self.unit_colors => to.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0)),
-                Of::Further(Semantic::Tangent) if c.width == 4 => {
-                    to[..3].copy_from_slice(&unit(&from[..3]));
-                    to[3] = if from[3] < 0.0 { -1.0 } else { 1.0 };
-                }
-                _ => {}
-            }
-        }
-        if let Some(pulls) = attributes.pulls.get(w.index()) {
-            let most = 4 * self.skin_sets.len();
-            let kept = &pulls[..pulls.len().min(most)];
-            let sum: f32 = kept.iter().map(|p| p.1).sum();
-            for (i, [joints, weights]) in places.skins.iter().enumerate() {
-                for k in 0..4 {
-                    let (joint, weight) = kept.get(4 * i + k).copied().unwrap_or((0, 0.0));
-                    row[joints + k] = joint as f32;
-                    row[weights + k] = if sum > 0.0 { weight / sum } else { 0.0 };
-                }
-            }
         }
     }
 

@@ -400,8 +400,8 @@ impl<M: Metric> Engine<M> {
     /// The threshold of the next sweep from the bounds, which may be those of some vertices only.
     fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
         let quantile = match () {
-            () if self.late.is_some() => late::QUANTILE,
             () if self.record.is_some() => record::QUANTILE,
+            () if self.late.is_some() => late::QUANTILE,
             () => QUANTILE,
         };
         let mut want = histogram.known() as f64 * quantile;
@@ -698,7 +698,8 @@ impl<M: Metric> Engine<M> {
 
     /// Whether the late phase is to begin.
     fn is_late(&self, extreme: bool) -> bool {
-        extreme && self.late.is_none() && self.store.live_faces < late::BEGIN
+        let begin = if self.record.is_some() { late::begin_of_record(self.first_faces) } else { late::BEGIN };
+        extreme && self.late.is_none() && self.store.live_faces < begin
     }
 
     /// The bounds of all vertices, and of pairs.

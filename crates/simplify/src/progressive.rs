@@ -10,6 +10,7 @@ mod checkpoints;
 mod correct;
 mod extract;
 mod scene;
+mod values;
 
 use std::mem::replace;
 use std::ops::Range;

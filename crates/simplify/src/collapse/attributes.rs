@@ -166,6 +166,11 @@ impl Attributes {
     pub(crate) fn of(&self, w: WedgeId) -> &[f32] {
         bytemuck::cast_slice(self.values(w))
     }
+    /// The values of a wedge, to be written; zeros follow them.
+    pub(crate) fn values_mut(&mut self, w: WedgeId) -> &mut [f32] {
+        let at = w.index() * 4 * self.lanes;
+        bytemuck::cast_slice_mut(&mut self.rows[at..at + self.lanes])
+    }
     /// What the square of each value's error counts; beyond the width of a row they do not matter.
     pub(crate) fn weights_mut(&mut self) -> &mut [f32] {
         bytemuck::cast_slice_mut(&mut self.weights)
@@ -335,6 +340,16 @@ impl Attributes {
             self.heads[w.index()].area += s.area;
         }
         tensor
+    }
+
+    /// The sums of the wedges of these triangles afresh.
+    pub(crate) fn account_for(&mut self, triangles: &[([Vec3; 3], [WedgeId; 3])]) {
+        for w in triangles.iter().flat_map(|t| t.1) {
+            self.clear_sums(w, NO_WEDGE);
+        }
+        for (points, wedges) in triangles {
+            self.account(&Slopes::new(*points), *wedges);
+        }
     }
 
     /// Adds a triangle to the sums and the count of the wedge at the corner that `s` is seen from.

@@ -86,7 +86,9 @@ pub(crate) struct Record {
     /// Positions of the input.
     input: Positions,
     frame: Frame,
-    rows: Option<(Rows, RowPlaces)>,
+    pub(crate) rows: Option<(Rows, RowPlaces)>,
+    /// Whether anything moves vertices as a whole.
+    moves_whole: bool,
     /// Where a wedge of the input stands, if it is named without its vertex.
     home: Vec<VertexId>,
     /// Wedges of the input at other vertices than their own.
@@ -110,6 +112,7 @@ impl Record {
         home: Vec<VertexId>,
     ) -> Self {
         let (input, vertices) = (copy.positions.clone(), copy.positions.len());
+        let moves_whole = !names.keeps_wedges && rows.as_ref().is_some_and(|r| r.0.moves_any_whole());
         Self {
             names,
             copy,
@@ -117,6 +120,7 @@ impl Record {
             input,
             frame,
             rows,
+            moves_whole,
             home,
             aliases: BTreeMap::new(),
             keys: vec![f32::NEG_INFINITY; vertices],
@@ -209,7 +213,7 @@ impl Record {
         let mut key = cost.max(self.floor);
         let Some(names) = &store.names else { return };
         self.seen.clear();
-        let first = self.log.dead.len();
+        let (first, first_row) = (self.log.dead.len(), self.log.rows.len());
         let there = (self.copy.vertex_of.len(), self.copy.positions.len());
         for &f in faces {
             let face = self.names.faces[names[f] as usize];
@@ -241,6 +245,9 @@ impl Record {
                     self.note_row(attributes, now, w);
                 }
             }
+        }
+        if self.moves_whole {
+            self.hold_together(store, (faces, moved), (first_row, there.0));
         }
         for &slot in moved {
             let x = &store.v[slot.index()];
@@ -283,6 +290,38 @@ impl Record {
             }
         }
         self.end(key, spent, lost);
+    }
+
+    /// Gives the wedges of each vertex that a change moved alike values of what moves it as a whole. The rows that the change
+    /// wrote down begin with `first_row`, the wedges that it made with `there`.
+    fn hold_together<Q: Memory>(
+        &mut self,
+        store: &Store<Q>,
+        (faces, moved): (&[usize], &[VertexId]),
+        (first_row, there): (usize, usize),
+    ) {
+        let (Some((rows, places)), Some(names)) = (&self.rows, &store.names) else { return };
+        let width = self.copy.width;
+        for &slot in moved {
+            let mut wedges: Vec<WedgeId> = Vec::new();
+            for &f in faces.iter().filter(|f| store.t[**f][0] != NONE) {
+                let face = self.copy.faces[self.names.faces[names[f] as usize].index()];
+                wedges.extend((0..3).filter(|&k| store.t[f][k] == slot).map(|k| face[k]));
+            }
+            wedges.sort_unstable();
+            wedges.dedup();
+            let row = |w: &WedgeId| self.copy.rows[w.index() * width..][..width].to_vec();
+            let before: Vec<Vec<f32>> = wedges.iter().map(row).collect();
+            let mut after = before.clone();
+            rows.hold_together(places, &mut after);
+            for ((w, before), after) in wedges.into_iter().zip(before).zip(after).filter(|r| r.0.1 != r.1) {
+                if w.index() < there && !self.log.rows[first_row..].contains(&w) {
+                    self.log.rows.push(w);
+                    self.log.values.extend(before);
+                }
+                self.copy.rows[w.index() * width..][..width].copy_from_slice(&after);
+            }
+        }
     }
 
     fn note_row(&mut self, attributes: Option<&Attributes>, name: WedgeId, w: WedgeId) {

@@ -12,8 +12,9 @@ pub(super) struct Arranged {
     pub(super) order: Vec<usize>,
     /// The face of the input for each face.
     pub(super) faces: Vec<FaceId>,
-    /// The name of each vertex.
+    /// The name of each vertex, and of each wedge.
     pub(super) vertices: Vec<VertexId>,
+    pub(super) wedges: Vec<WedgeId>,
 }
 
 /// Not numbered yet.
@@ -294,7 +295,7 @@ impl<'a> Builder<'a> {
         if counts_agree && data.owners.at.is_empty() && data.vertex_of.as_ref().is_some_and(is_same) {
             data.vertex_of = None;
         }
-        Arranged { data, order, faces: self.faces, vertices: self.vertices }
+        Arranged { data, order, faces: self.faces, vertices: self.vertices, wedges: self.wedges }
     }
 }
 

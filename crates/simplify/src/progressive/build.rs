@@ -5,6 +5,7 @@ use lodsmith_core::mesh::weld;
 use lodsmith_core::{FaceId, Splits, Surface, TriMesh, VertexId, WedgeId};
 
 use super::checkpoints::{Recorded, Weights};
+use super::values::Dresser;
 use super::{PROGRESSIVE, Progressive, arrange};
 use crate::SimplifyError;
 use crate::attributes::Rows;
@@ -16,6 +17,7 @@ use crate::collapse::record::{Copy, Names, Record};
 use crate::collapse::store::{Facing, Store};
 use crate::collapse::{End, Goal};
 use crate::control::{Control, Stage, Verdict};
+use crate::fit::Originals;
 use crate::metric::{Dimension, Judged, Memory, Memoryless, Metric, Quadric};
 use crate::options::{Length, Method, Placement, SimplifyOptions, TopologyPolicy};
 use crate::prune;
@@ -158,7 +160,11 @@ fn walk<M: Metric>(
     mesh: &TriMesh,
     control: &mut dyn Control,
 ) -> Result<Built, SimplifyError> {
-    let Started { mut engine, rows, is_kept, .. } = run.start(metric, None, true, (&[], 0))?;
+    // What attributes count at levels that are fitted; on the way it is that of the end.
+    let mut goals = fitted_goals(run.input.surface.triangles().len());
+    goals.push(run.goal);
+    let Started { mut engine, rows, originals, is_kept, weights: weights_of_attributes, .. } =
+        run.start(metric, None, true, (&goals, goals.len() - 1))?;
     let record = record(run, mesh, &engine.store, engine.attributes.as_ref(), rows);
     let by_place = record.names.faces.clone();
     engine.note_start(Box::new(record));
@@ -185,9 +191,12 @@ fn walk<M: Metric>(
     };
     let area = engine.area_of_input();
     let weights = Weights { kept: metric.kept_loss() / 6.0 / area, lost: 0.25 / area };
+    let counted = goals.iter().filter_map(|g| g.faces).zip(weights_of_attributes).collect();
+    let values = originals.zip(engine.attributes.take());
     drop(engine);
     let fits = run.wants_fit(metric.decides());
-    let taken = Taken { by_place, facings, in_order, area, weights, fits, dimension: metric.dimension() };
+    let dimension = metric.dimension();
+    let taken = Taken { by_place, facings, in_order, area, weights, fits, values, counted, dimension };
     road(run, mesh, *record, taken, control)
 }
 
@@ -201,7 +210,16 @@ struct Taken {
     area: f64,
     weights: Weights,
     fits: bool,
+    /// What the fit of values needs, and what they count at so many faces.
+    values: Option<(Originals, Attributes)>,
+    counted: Vec<(usize, Vec<f32>)>,
     dimension: Dimension,
+}
+
+/// Counts of faces for which it is known what attributes count.
+fn fitted_goals(faces: usize) -> Vec<Goal> {
+    let counts = std::iter::successors(Some(faces), |n| Some(n * 7 / 10)).take_while(|n| *n > 1);
+    counts.map(|n| Goal { faces: Some(n), vertices: None }).collect()
 }
 
 /// The road of a record, with its checkpoints.
@@ -212,8 +230,9 @@ fn road(
     taken: Taken,
     control: &mut dyn Control,
 ) -> Result<Built, SimplifyError> {
-    let Taken { by_place, facings, in_order, area, weights, fits, dimension } = taken;
-    let Record { copy, log, names, .. } = record;
+    let Taken { by_place, facings, in_order, area, weights, fits, values, counted, dimension } = taken;
+    let Record { copy, log, names, rows, .. } = record;
+    let named = copy.vertex_of.len();
     let arranged = arrange::arrange(mesh, copy, &log, &by_place);
     let costs = Costs {
         of_split: arranged.order.iter().rev().map(|&change| log.steps[change].key).collect(),
@@ -224,6 +243,14 @@ fn road(
     };
 
     control.stage(Stage::Fit);
+    let mut dresser = values.zip(rows).map(|((originals, attributes), (rows, places))| {
+        let mut of_name = vec![WedgeId(u32::MAX); named];
+        for (number, name) in names.wedges.iter().enumerate().filter(|n| n.1.0 != u32::MAX) {
+            of_name[name.index()] = WedgeId::new(number);
+        }
+        let numbers = arranged.wedges.iter().map(|name| of_name[name.index()]).collect();
+        Dresser { rows, places, originals, attributes, weights: counted, numbers }
+    });
     let recorded = Recorded {
         order: &arranged.order,
         faces: &arranged.faces,
@@ -236,7 +263,7 @@ fn road(
         fits,
     };
     let mut road = Progressive::new(Splits::new(arranged.data).expect("a record names what is there"));
-    let checkpoints = recorded.checkpoints(run, &mut road, control)?;
+    let checkpoints = recorded.checkpoints(run, &mut road, dresser.as_mut(), control)?;
     let mut data = road.into_splits().into_data();
     data.checkpoints = checkpoints;
     let road = Progressive::new(Splits::new(data).expect("checkpoints of levels that are there"));

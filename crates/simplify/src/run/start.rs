@@ -23,12 +23,12 @@ const COPY_UP_TO: usize = 1_000_000;
 pub(crate) struct Started<M: Metric> {
     pub(crate) engine: Engine<M>,
     pub(crate) rows: Option<Rows>,
-    pub(super) originals: Option<fit::Originals>,
+    pub(crate) originals: Option<fit::Originals>,
     pub(super) duplicate_faces: usize,
     /// Whether the ordered input still has its points and faces.
     pub(crate) is_kept: bool,
     /// What attributes count for each goal of a chain.
-    pub(super) weights: Vec<Vec<f32>>,
+    pub(crate) weights: Vec<Vec<f32>>,
 }
 
 /// What stands at the corners of the ordered faces.

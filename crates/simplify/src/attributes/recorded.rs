@@ -1,0 +1,171 @@
+//! Rows of the mesh that is recorded: written from what the engine has, read for the fit of a level, and held together where
+//! they move a vertex.
+
+use std::collections::BTreeMap;
+
+use lodsmith_core::splits::Layout;
+use lodsmith_core::{Semantic, WedgeId};
+
+use super::{Column, Of, Rows, unit};
+use crate::collapse::attributes::Attributes;
+
+/// Changes of values by less than this share of the largest one are rounding.
+const ROUNDING: f32 = 1e-6;
+
+/// Where columns stand in rows of a mesh.
+#[derive(Clone)]
+pub(crate) struct RowPlaces {
+    /// For each column; nothing for one that is the same at all wedges, or was lent.
+    columns: Vec<Option<usize>>,
+    /// Joints and weights.
+    skins: Vec<[usize; 2]>,
+}
+
+impl Rows {
+    /// Where the columns stand in rows of a mesh, and joints and weights of each set.
+    pub(crate) fn places(&self, layout: &Layout) -> RowPlaces {
+        let uvs = 3 * usize::from(layout.has_normals);
+        let colors = uvs + 2 * usize::from(layout.has_uvs);
+        let mut at = colors + 4 * usize::from(layout.has_colors);
+        let mut further = Vec::new();
+        for (semantic, width) in &layout.further {
+            further.push((semantic, *width, at));
+            at += width;
+        }
+        let find = |s: &Semantic, n: usize| further.iter().find(|f| f.0 == s && f.1 == n).map(|f| f.2);
+        let place = |c: &Column| match &c.of {
+            Of::Normals => layout.has_normals.then_some(0),
+            Of::Uvs => Some(uvs),
+            Of::Colors => Some(colors),
+            Of::Further(semantic) => find(semantic, c.width),
+        };
+        let varying = |c: &Column| if c.constant.is_some() { None } else { place(c) };
+        let skins = self
+            .skin_sets
+            .iter()
+            .filter_map(|&set| Some([find(&Semantic::Joints(set), 4)?, find(&Semantic::Weights(set), 4)?]));
+        RowPlaces { columns: self.layout.iter().map(varying).collect(), skins: skins.collect() }
+    }
+
+    /// Writes what the engine has for a wedge into its row of a mesh; what is the same at all wedges stays.
+    pub(crate) fn write(&self, attributes: &Attributes, w: WedgeId, places: &RowPlaces, row: &mut [f32]) {
+        self.write_values(attributes.of(w), places, row);
+        if let Some(pulls) = attributes.pulls.get(w.index()) {
+            self.write_pulls(pulls, places, row);
+        }
+    }
+
+    fn write_values(&self, values: &[f32], places: &RowPlaces, row: &mut [f32]) {
+        for (c, at) in self.placed(places) {
+            let (from, to) = (&values[c.at..c.at + c.width], &mut row[at..at + c.width]);
+            match &c.of {
+                Of::Normals => to.copy_from_slice(&unit(from)),
+                _ => to.iter_mut().zip(from).for_each(|(to, from)| *to = c.given(*from)),
+            }
+            match &c.of {
+                Of::Colors if self.unit_colors => to.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0)),
+                Of::Further(Semantic::Tangent) if c.width == 4 => {
+                    to[..3].copy_from_slice(&unit(&from[..3]));
+                    to[3] = if from[3] < 0.0 { -1.0 } else { 1.0 };
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Writes as many joints, the strongest of which come first, as there is room for.
+    fn write_pulls(&self, pulls: &[(u32, f32)], places: &RowPlaces, row: &mut [f32]) {
+        let most = 4 * self.skin_sets.len();
+        let kept = &pulls[..pulls.len().min(most)];
+        let sum: f32 = kept.iter().map(|p| p.1).sum();
+        for (i, [joints, weights]) in places.skins.iter().enumerate() {
+            for k in 0..4 {
+                let (joint, weight) = kept.get(4 * i + k).copied().unwrap_or((0, 0.0));
+                row[joints + k] = joint as f32;
+                row[weights + k] = if sum > 0.0 { weight / sum } else { 0.0 };
+            }
+        }
+    }
+
+    /// The columns that stand in rows of a mesh, and where.
+    fn placed<'a>(&'a self, places: &'a RowPlaces) -> impl Iterator<Item = (&'a Column, usize)> {
+        self.layout.iter().zip(&places.columns).filter_map(|(c, at)| Some((c, (*at)?)))
+    }
+
+    /// Whether anything moves vertices as a whole.
+    pub(crate) fn moves_any_whole(&self) -> bool {
+        self.is_pulled_whole && !self.skin_sets.is_empty() || self.layout.iter().any(|c| c.moves_whole)
+    }
+
+    /// Gives all wedges of a vertex, whose rows these are, the mean of what moves it as a whole.
+    pub(crate) fn hold_together(&self, places: &RowPlaces, rows: &mut [Vec<f32>]) {
+        let is_alike = |rows: &[Vec<f32>], of: &dyn Fn(&[f32]) -> Vec<f32>| {
+            rows.windows(2).all(|r| of(&r[0]) == of(&r[1]))
+        };
+        for (c, at) in self.placed(places).filter(|c| c.0.moves_whole) {
+            let range = at..at + c.width;
+            if is_alike(rows, &|row| row[range.clone()].to_vec()) {
+                continue;
+            }
+            for i in range {
+                let sum: f64 = rows.iter().map(|row| f64::from(row[i])).sum();
+                let mean = (sum / rows.len() as f64) as f32;
+                rows.iter_mut().for_each(|row| row[i] = mean);
+            }
+        }
+        let slots = || places.skins.iter().flat_map(|s| (0..4).map(move |k| s.map(|at| at + k)));
+        if !self.is_pulled_whole || is_alike(rows, &|row| slots().flatten().map(|i| row[i]).collect()) {
+            return;
+        }
+        let mut sums: BTreeMap<u32, f32> = BTreeMap::new();
+        for row in &*rows {
+            for [joint, weight] in slots().filter(|s| row[s[1]] > 0.0) {
+                *sums.entry(row[joint] as u32).or_default() += row[weight];
+            }
+        }
+        let mut pulls: Vec<(u32, f32)> = sums.into_iter().collect();
+        pulls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        rows.iter_mut().for_each(|row| self.write_pulls(&pulls, places, row));
+    }
+
+    /// Gives a wedge of the engine what stands in a row of a mesh; joints stay.
+    pub(crate) fn read(&self, attributes: &mut Attributes, w: WedgeId, places: &RowPlaces, row: &[f32]) {
+        let values = attributes.values_mut(w);
+        for (c, at) in self.placed(places) {
+            let own = values[c.at..c.at + c.width].iter_mut();
+            own.zip(&row[at..]).for_each(|(to, from)| {
+                *to = if from.is_finite() { from / c.divisor } else { 0.0 };
+            });
+        }
+    }
+
+    /// Lets what no row of a mesh holds not count.
+    pub(crate) fn forget_lent(&self, weights: &mut [f32], places: &RowPlaces) {
+        let columns = self.layout.iter().zip(&places.columns);
+        for (c, _) in columns.filter(|c| c.0.constant.is_none() && c.1.is_none()) {
+            weights[c.at..c.at + c.width].fill(0.0);
+        }
+    }
+
+    /// What a fit makes different in a row of a mesh; nothing where that is rounding. What moves a vertex stays.
+    pub(crate) fn change(
+        &self,
+        attributes: &Attributes,
+        w: WedgeId,
+        places: &RowPlaces,
+        row: &[f32],
+    ) -> Option<Vec<f32>> {
+        let mut change = row.to_vec();
+        self.write_values(attributes.of(w), places, &mut change);
+        change.iter_mut().zip(row).for_each(|(now, before)| *now -= before);
+        for (c, at) in self.placed(places) {
+            let own = &mut change[at..at + c.width];
+            let least = ROUNDING * c.largest * c.divisor;
+            let is_rounding = own.iter().all(|x| x.abs() <= least);
+            if c.is_movement() || is_rounding || own.iter().any(|x| !x.is_finite()) {
+                own.fill(0.0);
+            }
+        }
+        change.iter().any(|x| *x != 0.0).then_some(change)
+    }
+}

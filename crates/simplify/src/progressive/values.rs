@@ -1,0 +1,68 @@
+//! The fit of values at a level: which ones the wedges ought to have, as at the end of a single run.
+
+use glam::Vec3;
+use lodsmith_core::WedgeId;
+use lodsmith_core::splits::Checkpoint;
+
+use super::Progressive;
+use crate::attributes::{RowPlaces, Rows};
+use crate::collapse::attributes::Attributes;
+use crate::fit::{Originals, Values};
+
+/// What values of levels are fitted with.
+pub(super) struct Dresser {
+    pub(super) rows: Rows,
+    pub(super) places: RowPlaces,
+    pub(super) originals: Originals,
+    /// Of the engine, whose numbers these are.
+    pub(super) attributes: Attributes,
+    /// What values count at so many faces, from many to few.
+    pub(super) weights: Vec<(usize, Vec<f32>)>,
+    /// The engine's number of each wedge of the road, where it has one.
+    pub(super) numbers: Vec<WedgeId>,
+}
+
+impl Dresser {
+    /// Takes over the values of the present level, and is ready for the samples of its fit. `faces` are those of the store,
+    /// with their places.
+    pub(super) fn begin(
+        &mut self,
+        road: &Progressive,
+        faces: impl Iterator<Item = (usize, [Vec3; 3])>,
+        away: f64,
+    ) -> Values<'_> {
+        let width = road.layout().width();
+        for (w, row) in road.values().chunks_exact(width).enumerate() {
+            let number = self.numbers[w];
+            if number.index() < self.attributes.count() {
+                self.rows.read(&mut self.attributes, number, &self.places, row);
+            }
+        }
+        let known = self.weights.iter().find(|w| w.0 <= road.face_count()).or(self.weights.last());
+        if let Some((_, weights)) = known {
+            self.attributes.weights_mut().copy_from_slice(weights);
+        }
+        self.rows.forget_lent(self.attributes.weights_mut(), &self.places);
+        let wedges = |f: usize| road.faces()[f].map(|w| self.numbers[w.index()]);
+        let faces: Vec<_> = faces.map(|(f, points)| (points, wedges(f))).collect();
+        self.attributes.account_for(&faces);
+        let wedges = faces.into_iter().map(|f| f.1).collect();
+        Values::new(&self.originals, &mut self.attributes, wedges, away)
+    }
+
+    /// Notes what the fit made different.
+    pub(super) fn note(&self, road: &Progressive, checkpoint: &mut Checkpoint) {
+        let width = road.layout().width();
+        let mut wedges: Vec<WedgeId> = road.faces().as_flattened().to_vec();
+        wedges.sort_unstable();
+        wedges.dedup();
+        for w in wedges {
+            let row = &road.values()[w.index() * width..][..width];
+            let number = self.numbers[w.index()];
+            if let Some(change) = self.rows.change(&self.attributes, number, &self.places, row) {
+                checkpoint.wedges.push(w);
+                checkpoint.changes.extend(change);
+            }
+        }
+    }
+}
