@@ -153,9 +153,9 @@ impl Warning {
     pub fn note(text: impl Into<String>) -> Self {
         Self { text: text.into(), data_lost: false }
     }
-    /// The mesh that was read lacks this, which the file has; whatever is made of the mesh lacks it too.
-    pub(crate) fn not_carried(what: &str) -> Self {
-        Self::lost(format!("{what} are not carried by this version"))
+    /// The mesh that was read of a scene lacks this; whatever is made of the mesh lacks it too.
+    pub(crate) fn not_of_a_mesh(what: &str) -> Self {
+        Self::lost(format!("{what} are not carried: only a scene that goes from glTF to glTF keeps them"))
     }
     /// Data are lost.
     pub fn lost(text: impl Into<String>) -> Self {

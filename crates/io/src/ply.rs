@@ -99,7 +99,7 @@ fn assemble(header: &Header, body: Body) -> Result<Loaded, ReadError> {
         }
     };
     if header.texture_files > 0 {
-        warnings.push(Warning::not_carried("names of texture files"));
+        warnings.push(Warning::lost("names of texture files are not carried: dropped"));
     }
     let loaded = Loaded::new(mesh, Format::Ply, contents, warnings);
     Ok(Loaded { properties: vertices.wanted, ..loaded })
@@ -235,7 +235,7 @@ mod tests {
             said,
             [
                 "properties of faces are not carried: texnumber dropped",
-                "names of texture files are not carried by this version"
+                "names of texture files are not carried: dropped"
             ]
         );
     }

@@ -58,7 +58,7 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
     let mut warnings = Vec::new();
     let mut not_carried = |is: bool, what: &str| {
         if is {
-            warnings.push(Warning::not_carried(what));
+            warnings.push(Warning::not_of_a_mesh(what));
         }
     };
     not_carried(contents.skins > 0, "skins");
