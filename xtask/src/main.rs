@@ -14,7 +14,7 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context, Result, bail, ensure};
 
 const HELP: &str = "\
-cargo xtask bench [rivals|attributes|cluster|io_speed|memory|render|progressive|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
+cargo xtask bench [rivals|attributes|cluster|cluster_lod|io_speed|memory|render|progressive|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
 cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR through the release command
 cargo xtask corpus DIR --methods [--largest FACES] [...]   every method over every model that is not larger
 cargo xtask dist [--out FOLDER] [--binary FILE]            the archive to give away, for this platform
@@ -52,6 +52,10 @@ fn main() -> ExitCode {
     }
 }
 
+/// Programs of the benchmark.
+const BENCHES: &[&str] =
+    &["rivals", "attributes", "cluster", "cluster_lod", "io_speed", "memory", "render", "progressive"];
+
 /// The folder of the workspace.
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask lies in the workspace")
@@ -78,20 +82,14 @@ fn shared_models() -> Option<PathBuf> {
 
 fn bench(args: &[String]) -> Result<()> {
     let (which, rest) = match args.split_first() {
-        Some((first, rest))
-            if ["rivals", "cluster", "io_speed", "memory", "render", "all"].contains(&first.as_str()) =>
-        {
+        Some((first, rest)) if ["all"].iter().chain(BENCHES).any(|known| known == first) => {
             (first.as_str(), rest)
         }
         _ => ("rivals", args),
     };
     let names: &[&str] = match which {
         "all" => &["rivals", "io_speed"],
-        "io_speed" => &["io_speed"],
-        "memory" => &["memory"],
-        "cluster" => &["cluster"],
-        "render" => &["render"],
-        _ => &["rivals"],
+        _ => BENCHES.iter().find(|known| **known == which).map_or(&["rivals"], std::slice::from_ref),
     };
     for &name in names {
         let mut command = cargo();

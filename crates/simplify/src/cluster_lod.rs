@@ -136,8 +136,8 @@ pub struct BuiltClusterLod {
 ///
 /// Vertices at one place are joined first, and faces with a corner that is no number or with two corners at one place are
 /// left out, as are copies of a face; the report counts them. The error of a group is the largest distance, in the units
-/// of the mesh, of its result from the original and of samples of the original from its result, or that of a group below
-/// if that is larger. It says nothing of attributes. Every cut is closed where the input is.
+/// of the mesh, of its result from the original and of samples of the original from its result, with a margin for what
+/// lies between them, or that of a group below if that is larger. It says nothing of attributes. Every cut is closed where the input is.
 ///
 /// With rayon the groups are shared out over the caller's pool; the result is the same at any number of threads.
 /// Cost: O(n log n).

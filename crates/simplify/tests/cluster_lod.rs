@@ -231,8 +231,7 @@ fn a_cut_is_no_farther_off_than_it_says() {
             let surface = lod.mesh_of(&lod.cut(error));
             let options = CompareOptions::default();
             let got = compare(&mesh.surface(), &surface.surface(), &options).unwrap().hausdorff.symmetric;
-            // What lies between the samples may be a little farther off.
-            found.check(name, got <= 1.25 * error, &format!("{got} at a cut for {error}"));
+            found.check(name, got <= error, &format!("{got} at a cut for {error}"));
         }
     }
     found.settle();

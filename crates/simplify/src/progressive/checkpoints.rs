@@ -17,7 +17,7 @@ use crate::run::Run;
 use crate::tensor::Tensor;
 
 /// Faces of a checkpoint, as a share of those of the finer one before it. (docs/decisions/0018)
-const FACTOR: f64 = 0.84;
+const FACTOR: f64 = 0.8;
 /// The same below this many faces, where a level costs little and each split counts much.
 const FINE_FACTOR: f64 = 0.95;
 const FEW: f64 = 1000.0;

@@ -1,0 +1,66 @@
+//! Cuts of cluster levels: how far they are from the mesh, beside what they say of themselves.
+//!
+//! ```text
+//! cluster_lod FILE...
+//! ```
+//! Distances are the largest ones, measured (`compare`, with a million samples), from the cut and from the mesh; in percent
+//! of the diagonal.
+#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+use lodsmith::{ClusterLodOptions, NoControl, cluster_lod};
+use lodsmith_core::TriMesh;
+use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
+
+/// Errors that are asked for, in percent of the diagonal.
+const ASKED: [f64; 7] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
+/// Samples on each side.
+const SAMPLES: usize = 1_000_000;
+
+fn main() -> Result<()> {
+    let files: Vec<String> = std::env::args().skip(1).collect();
+    ensure!(!files.is_empty(), "usage: cluster_lod FILE...");
+    for file in files {
+        let mesh = lodsmith_io::read_path(Path::new(&file), &lodsmith_io::ReadOptions::default())
+            .with_context(|| format!("reading {file}"))?
+            .mesh;
+        let name = Path::new(&file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        report(&name, &mesh)?;
+    }
+    Ok(())
+}
+
+fn report(name: &str, mesh: &TriMesh) -> Result<()> {
+    let start = Instant::now();
+    let lod = cluster_lod(mesh, &ClusterLodOptions::default(), &mut NoControl)?.lod;
+    let secs = start.elapsed().as_secs_f64();
+    println!(
+        "\n## {name}: {} faces, {} clusters, made in {secs:.2} s",
+        mesh.face_count(),
+        lod.clusters().len()
+    );
+    println!("| asked | faces | said | from the cut | from the mesh | measured/said |");
+    println!("|---|---|---|---|---|---|");
+    let reference = Prepared::new(&mesh.surface())?;
+    let diagonal = mesh.positions().view().bounds().map_or(1.0, |b| b.diagonal());
+    let mut options = CompareOptions::default();
+    options.samples = SAMPLES;
+    let mut last = 0;
+    for asked in ASKED {
+        let cut = lod.cut(asked / 100.0 * diagonal);
+        let said = 100.0 * cut.iter().map(|&id| lod.own(id).error).fold(0.0, f64::max) / diagonal;
+        let light = lod.mesh_of(&cut);
+        if light.face_count() == last || said == 0.0 {
+            continue;
+        }
+        last = light.face_count();
+        let far = compare_prepared(&reference, &Prepared::new(&light.surface())?, &options).hausdorff;
+        let [there, back] = [far.backward, far.forward].map(|d| 100.0 * d / diagonal);
+        let ratio = there.max(back) / said;
+        println!("| {asked} | {last} | {said:.4} | {there:.4} | {back:.4} | {ratio:.3} |");
+    }
+    Ok(())
+}
