@@ -267,10 +267,12 @@ impl Pictures {
         let settings = document.settings();
         let turn = settings.turn.rotation();
         let mut look = settings.look.look.clone();
-        if look.shading == Shading::Heat
-            && let Some(distances) = document.distances()
-        {
-            look.heat_range = Some(error::ends(&look, distances.largest));
+        if look.shading == Shading::Heat {
+            match document.distances() {
+                Some(distances) => look.heat_range = Some(error::ends(&look, distances.largest)),
+                // Until there is something to be coloured by.
+                None => look.shading = Shading::Smooth,
+            }
         }
         let lighting = settings.look.rig.lighting(settings.look.brightness);
         let drawing = drawing.lock().unwrap_or_else(PoisonError::into_inner);

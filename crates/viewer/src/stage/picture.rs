@@ -10,6 +10,7 @@ use eframe::egui::{
 };
 use glam::DVec3;
 use lodsmith_core::model::Pose as ModelPose;
+use lodsmith_render::Shading;
 
 use super::levels::{Chooser, Chosen, Eye, distance_of};
 use super::motion::{Motion, Name, Stand, Track};
@@ -417,11 +418,16 @@ impl StageView {
             })
             .collect();
         let lighting = settings.look.rig.lighting(settings.look.brightness);
+        let mut look = settings.look.look.clone();
+        if look.shading == Shading::Heat {
+            // Levels have no distances to be coloured by.
+            look.shading = Shading::Smooth;
+        }
         let frame = Frame {
             models: &placed,
             bounds: base.bounds(stage.places()),
             camera: self.orbit.camera(),
-            look: &settings.look.look,
+            look: &look,
             lighting: &lighting,
             background: settings.look.backdrop.background(ui.visuals().dark_mode),
             ground: true,
