@@ -301,7 +301,10 @@ impl Pictures {
         let same = other.filter(|other| other.size() == target.size() && is_same(other));
         let mut part = None;
         if same.is_none() {
-            let drawn: Drawn = gpu.draw_in_parts(target, &frame);
+            // Parts of a picture that is another one with each frame would never come to a whole.
+            let is_whole = is_coarse && (is_light || faces <= stand_in::MUCH);
+            let drawn: Drawn =
+                if is_whole { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
             if drawn.drawn {
                 self.triangles = drawn.triangles;
             }
