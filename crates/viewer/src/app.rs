@@ -511,8 +511,7 @@ impl App {
     /// What panels ask to be known.
     fn want(&mut self) {
         let is_heat = self.document.settings().look.look.shading == Shading::Heat;
-        self.document.wants_distances = is_heat || self.is_shown(Panel::Error);
-        self.document.wants_anatomy = self.is_shown(Panel::Info);
+        self.document.want(is_heat || self.is_shown(Panel::Error), self.is_shown(Panel::Info));
     }
 
     fn panels(&mut self, ui: &mut Ui) {

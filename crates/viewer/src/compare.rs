@@ -267,10 +267,12 @@ impl Pictures {
         let settings = document.settings();
         let turn = settings.turn.rotation();
         let mut look = settings.look.look.clone();
-        if look.shading == Shading::Heat
-            && let Some(distances) = document.distances()
-        {
-            look.heat_range = Some(error::ends(&look, distances.largest));
+        if look.shading == Shading::Heat {
+            match document.distances() {
+                Some(distances) => look.heat_range = Some(error::ends(&look, distances.largest)),
+                // Until there is something to be coloured by.
+                None => look.shading = Shading::Smooth,
+            }
         }
         let lighting = settings.look.rig.lighting(settings.look.brightness);
         let drawing = drawing.lock().unwrap_or_else(PoisonError::into_inner);
@@ -299,7 +301,10 @@ impl Pictures {
         let same = other.filter(|other| other.size() == target.size() && is_same(other));
         let mut part = None;
         if same.is_none() {
-            let drawn: Drawn = gpu.draw_in_parts(target, &frame);
+            // Parts of a picture that is another one with each frame would never come to a whole.
+            let is_whole = is_coarse && (is_light || faces <= stand_in::MUCH);
+            let drawn: Drawn =
+                if is_whole { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
             if drawn.drawn {
                 self.triangles = drawn.triangles;
             }

@@ -85,9 +85,9 @@ pub struct Document {
     /// Why the file is being read that is being read.
     opening: Option<Opening>,
     /// Whether distances are to be seen.
-    pub wants_distances: bool,
+    wants_distances: bool,
     /// Whether parts and borders are to be seen.
-    pub wants_anatomy: bool,
+    wants_anatomy: bool,
     /// What went wrong last, until something goes well.
     pub problem: Option<String>,
     /// A file that changed while it was open.
@@ -289,6 +289,15 @@ impl Document {
     /// What undo takes back and redo does again.
     pub fn history(&self) -> (Option<&'static str>, Option<&'static str>) {
         self.history.names()
+    }
+
+    /// What is to be seen beside the meshes: distances between the two, their parts and borders.
+    pub fn want(&mut self, distances: bool, anatomy: bool) {
+        let before = (self.wants_distances, self.wants_anatomy);
+        (self.wants_distances, self.wants_anatomy) = (distances, anatomy);
+        if before != (distances, anatomy) {
+            self.sync();
+        }
     }
 
     /// Does a command. One that needs another file is done when that has been read; if it cannot be read, all stays.

@@ -44,6 +44,22 @@ fn faces(document: &Document) -> usize {
         .map_or(document.original().unwrap().content.faces, |l| placed(&l.content.model, TriMesh::face_count))
 }
 
+/// Nothing but what the window does of itself: no command comes after what is wanted.
+#[test]
+fn what_is_wanted_late_is_measured_at_once() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    document.run(Command::Target(Target::Faces(500)));
+    assert!(document.settle(LONG) && document.distances().is_none());
+    document.want(true, true);
+    let end = std::time::Instant::now() + LONG;
+    while document.distances().is_none() || document.anatomies().iter().any(Option::is_none) {
+        assert!(std::time::Instant::now() < end, "nobody measures");
+        document.poll();
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
 #[test]
 fn a_file_with_materials_is_seen_with_them_and_a_chosen_shading_stays() {
     let folder = folder();
@@ -231,7 +247,7 @@ fn distances_and_parts_are_found_when_they_are_wanted() {
     document.run(Command::Target(Target::Faces(400)));
     assert!(document.settle(LONG));
     assert!(document.distances().is_none());
-    (document.wants_distances, document.wants_anatomy) = (true, true);
+    document.want(true, true);
     assert!(document.settle(LONG));
     let distances = document.distances().unwrap().clone();
     assert!(distances.largest > 0.0 && distances.largest < 0.2);

@@ -10,6 +10,7 @@ use eframe::egui::{
 };
 use glam::DVec3;
 use lodsmith_core::model::Pose as ModelPose;
+use lodsmith_render::Shading;
 
 use super::levels::{Chooser, Chosen, Eye, distance_of};
 use super::motion::{Motion, Name, Stand, Track};
@@ -139,6 +140,8 @@ const HURRY: f64 = 4.0;
 /// While the camera moves and a processor draws, a quarter of the pixels; with fewer triangles than this all of them.
 const COARSE: f32 = 0.5;
 const FAST_TRIANGLES: u64 = 50_000;
+/// Triangles of a frame meanwhile: a processor takes about a fifth of a second for so many.
+const HURRIED: u64 = 100_000;
 const REST: Duration = Duration::from_millis(160);
 
 impl Default for StageView {
@@ -325,7 +328,11 @@ impl StageView {
         let height_px = f64::from(rect.height() * ui.pixels_per_point());
         let eye = Eye { camera: self.orbit.camera(), aspect: self.aspect, height_px };
         let numbers: Vec<_> = shown.levels.iter().map(|l| l.level).collect();
-        let chosen = self.chooser.choose(&shown.copies, &base, &numbers, &eye, &stage.view);
+        let is_moving = self.moved.is_some_and(|at| at.elapsed() < REST);
+        let is_hurried = is_moving && gpu.as_ref().is_some_and(|gpu| gpu.is_software());
+        let budget = if is_hurried { stage.view.budget.min(HURRIED) } else { stage.view.budget };
+        let view = super::View { budget, ..stage.view };
+        let chosen = self.chooser.choose(&shown.copies, &base, &numbers, &eye, &view);
         let counts = chosen.counts(numbers.len());
         let of_level = |(level, copies): (&super::levels::Level, usize)| LevelFacts {
             faces: level.faces,
@@ -417,11 +424,16 @@ impl StageView {
             })
             .collect();
         let lighting = settings.look.rig.lighting(settings.look.brightness);
+        let mut look = settings.look.look.clone();
+        if look.shading == Shading::Heat {
+            // Levels have no distances to be coloured by.
+            look.shading = Shading::Smooth;
+        }
         let frame = Frame {
             models: &placed,
             bounds: base.bounds(stage.places()),
             camera: self.orbit.camera(),
-            look: &settings.look.look,
+            look: &look,
             lighting: &lighting,
             background: settings.look.backdrop.background(ui.visuals().dark_mode),
             ground: true,
@@ -430,7 +442,8 @@ impl StageView {
             shader: own.shader(),
         };
         let ready = begin.elapsed();
-        let drawn = gpu.draw_in_parts(target, &frame);
+        // Parts of a picture that is another one with each frame would never come to a whole.
+        let drawn = if is_coarse { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
         if let Some(id) = target.texture_id() {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             ui.painter_at(*rect).image(id, *rect, whole, Color32::WHITE);
