@@ -19,8 +19,11 @@ use crate::tensor::Tensor;
 /// Faces of a checkpoint, as a share of those of the finer one before it. (docs/decisions/0018)
 const FACTOR: f64 = 0.8;
 /// The same below this many faces, where a level costs little and each split counts much.
-const FINE_FACTOR: f64 = 0.95;
+const FINE_FACTOR: f64 = 0.9;
 const FEW: f64 = 1000.0;
+/// Splits from one checkpoint to the next, at least: each costs a file some twenty bytes, and levels of some dozen faces jump
+/// about with each split.
+const LEAST_APART: usize = 4;
 /// A level of at most so many faces is fitted twice, one after the other. (Measured: the second fit brings 1 to 3 % of the RMS,
 /// a third nothing. A road is a few percent farther away there than a run that had the level as its goal.)
 const TWICE_UP_TO: usize = 20_000;
@@ -107,7 +110,7 @@ impl Recorded<'_> {
         while level > 0 {
             wanted *= if wanted < FEW { FINE_FACTOR } else { FACTOR };
             let next = road.level_of_faces(wanted as usize);
-            if next < level {
+            if next + LEAST_APART <= level || next == 0 {
                 levels.push(next);
                 level = next;
             }
