@@ -1,5 +1,6 @@
 //! The real window on a virtual screen: opened, dragged, held, restored, exported, by a program that moves the mouse.
 
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -33,30 +34,18 @@ fn screen() -> Option<(Running, String)> {
         let _ = std::io::Write::write_all(&mut std::io::stderr(), text.as_bytes());
         return None;
     }
-    for number in 90..130 {
-        let name = format!(":{number}");
-        if Path::new(&format!("/tmp/.X{number}-lock")).exists() {
-            continue;
-        }
-        let child = Command::new("Xvfb")
-            .args([&name, "-screen", "0", "1440x900x24", "-nolisten", "tcp"])
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut running = Running(child);
-        let end = Instant::now() + Duration::from_secs(20);
-        while Instant::now() < end {
-            if Path::new(&format!("/tmp/.X11-unix/X{number}")).exists() {
-                return Some((running, name));
-            }
-            if running.0.try_wait().unwrap().is_some() {
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-    }
-    unreachable!("no virtual screen could be started")
+    // It takes a number that is free, and says which one when it is ready to be asked.
+    let child = Command::new("Xvfb")
+        .args(["-displayfd", "1", "-screen", "0", "1440x900x24", "-nolisten", "tcp"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut running = Running(child);
+    let mut number = String::new();
+    BufReader::new(running.0.stdout.take().unwrap()).read_line(&mut number).unwrap();
+    let number: u32 = number.trim().parse().expect("no virtual screen could be started");
+    Some((running, format!(":{number}")))
 }
 
 struct Hand {
