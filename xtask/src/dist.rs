@@ -1,4 +1,4 @@
-//! The archive that is given away: the command with its window, pages, completions, licences and samples.
+//! The archive that is given away: the command with its window, manual, completions, documentation, licences and a sample.
 //!
 //! Made for the platform that it runs on. The same sources and tools give the same bytes: files stand in the order of their
 //! names, and all have the time of the last commit, or that of `SOURCE_DATE_EPOCH`.
@@ -26,14 +26,18 @@ const SHELLS: [(&str, &str); 5] = [
     ("zsh", "_lodsmith"),
 ];
 
-/// Files of the repository that go along.
-const FILES: [(&str, &str); 6] = [
-    ("README.md", "README.md"),
-    ("CHANGELOG.md", "CHANGELOG.md"),
-    ("LICENSE-APACHE", "LICENSE-APACHE"),
-    ("LICENSE-MIT", "LICENSE-MIT"),
-    ("testdata/finial.ply", "samples/finial.ply"),
-    ("testdata/arm.glb", "samples/arm.glb"),
+/// Files and folders of the repository that go along, where they are: so the links between the pages hold.
+const ALONG: [&str; 10] = [
+    "README.md",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    "CITATION.cff",
+    "CONTRIBUTING.md",
+    "LICENSE-APACHE",
+    "LICENSE-MIT",
+    "docs",
+    "testdata/ORIGIN.md",
+    "testdata/finial.ply",
 ];
 
 /// The time of a file where nobody knows a better one: the first that zip can say.
@@ -115,8 +119,9 @@ fn contents(binary: &Path, program: &str, metadata: &Value) -> Result<Vec<Entry>
     let read = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
     let entry = |name: String, bytes| Entry { name, bytes, is_program: false };
     let mut entries = vec![Entry { name: program.to_owned(), bytes: read(binary)?, is_program: true }];
-    for (from, to) in FILES {
-        entries.push(entry(to.to_owned(), read(&root().join(from))?));
+    for name in along()? {
+        let bytes = read(&root().join(&name))?;
+        entries.push(entry(name, bytes));
     }
     entries.push(entry("THIRD-PARTY.txt".to_owned(), licences::text(metadata, "lodsmith-cli")?.into_bytes()));
     for (shell, name) in SHELLS {
@@ -143,6 +148,23 @@ fn contents(binary: &Path, program: &str, metadata: &Value) -> Result<Vec<Entry>
     }
     ensure!(seen.len() >= 5, "the manual names {} commands: it cannot be read", seen.len());
     Ok(entries)
+}
+
+/// Files of the repository that go along, by their names in it.
+fn along() -> Result<Vec<String>> {
+    let mut open: Vec<String> = ALONG.map(str::to_owned).into();
+    let mut files = Vec::new();
+    while let Some(name) = open.pop() {
+        let path = root().join(&name);
+        if path.is_dir() {
+            for below in std::fs::read_dir(&path).with_context(|| name.clone())? {
+                open.push(format!("{name}/{}", below?.file_name().to_string_lossy()));
+            }
+        } else {
+            files.push(name);
+        }
+    }
+    Ok(files)
 }
 
 /// The commands that a page of the manual refers to: `lodsmith\-lod(1)` on that of `lodsmith` is `lod`.
@@ -204,9 +226,36 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_along_is_there() {
-        for (from, _) in FILES {
-            assert!(root().join(from).is_file(), "{from}");
+    fn links_between_pages_that_go_along_hold() {
+        let files = along().unwrap();
+        assert!(files.iter().any(|name| name == "docs/viewer.md"), "{files:?}");
+        let pages = files.iter().filter(|name| name.ends_with(".md"));
+        let mut links = 0;
+        for page in pages {
+            let text = std::fs::read_to_string(root().join(page)).unwrap();
+            let folder = page.rfind('/').map_or("", |at| &page[..at]);
+            for part in text.split("](").skip(1) {
+                let target = part.split([')', '#', ' ']).next().unwrap();
+                if target.is_empty() || target.contains(':') {
+                    continue;
+                }
+                let mut steps: Vec<&str> = folder.split('/').filter(|s| !s.is_empty()).collect();
+                for step in target.split('/') {
+                    match step {
+                        ".." => drop(steps.pop()),
+                        "." | "" => {}
+                        name => steps.push(name),
+                    }
+                }
+                let place = steps.join("/");
+                // The sources stay at home.
+                let is_source = place.starts_with("crates/") && root().join(&place).exists();
+                let inside =
+                    files.iter().any(|name| *name == place || name.starts_with(&format!("{place}/")));
+                assert!(inside || is_source, "{page} leads to {place}");
+                links += 1;
+            }
         }
+        assert!(links > 20, "{links}");
     }
 }
