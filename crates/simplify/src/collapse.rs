@@ -43,9 +43,11 @@ mod star;
 pub(crate) mod store;
 mod stuck;
 mod wedges;
+mod wings;
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
+use wide::f32x8;
 
 use crate::control::{Control, Verdict};
 use crate::guard::Rules;
@@ -56,7 +58,7 @@ use crate::tensor::Tensor;
 use attributes::{Attributes, Member};
 use bound::Histogram;
 pub(crate) use commit::TIE;
-use commit::{Candidate, Outcome, Wing};
+use commit::{Candidate, Outcome};
 use kind::{Kind, distinct};
 use late::Late;
 use merge::Merge;
@@ -64,8 +66,9 @@ use pairs::Pairs;
 use parts::Parts;
 use record::Record;
 use seams::Looseness;
-use store::{Facing, Ring, Store};
+use store::{Facing, Ring, Spoke, Store};
 pub(crate) use wedges::Wedges;
+use wings::Wing;
 
 /// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 fewer sweeps: docs/decisions/0002.)
 const QUANTILE: f64 = 0.7;
@@ -79,8 +82,13 @@ const UNKNOWN: f32 = 0.0;
 const PATIENCE: usize = 4;
 /// No run needs nearly as many sweeps; a guard against our own mistakes.
 const MOST_SWEEPS: usize = 4000;
-/// Vertices looked at for the first threshold. (Some hundred hold a quantile within two percent.)
+/// Vertices looked at for the first threshold, at most. (Some hundred hold a quantile within two percent.)
 const FIRST_LOOK: usize = 512;
+/// Of a small mesh one in so many is enough, but never fewer than `FEWEST_LOOKS`: it is only the first of many thresholds.
+const LOOK_SHARE: usize = 24;
+const FEWEST_LOOKS: usize = 128;
+/// Vertices from which it pays to ask the memory for those ahead: fewer fit into the caches. (Measured.)
+const BRINGS_FROM: usize = 32_768;
 /// Vertices between two questions to the caller.
 const ASK_EVERY: usize = 4096;
 
@@ -161,6 +169,8 @@ pub(crate) struct Engine<M: Metric> {
     /// Sum of the costs of parts that went, in the same measure.
     lost: f64,
     wings: Vec<Wing>,
+    /// Of the removed end, those that stay.
+    spokes: Vec<Spoke>,
     around: Around,
     other_ring: Ring,
     looseness: Looseness,
@@ -205,6 +215,7 @@ impl<M: Metric> Engine<M> {
             spent: 0.0,
             lost: 0.0,
             wings: Vec::new(),
+            spokes: Vec::new(),
             around: Around::default(),
             other_ring: Ring::new(),
             looseness: Looseness::None,
@@ -373,7 +384,8 @@ impl<M: Metric> Engine<M> {
     /// The bounds of some vertices spread over the mesh, for the first threshold: the exact cost of the edge that looks
     /// cheapest, because an evaluation cannot tell flat from nearly flat. Of a small mesh, all.
     fn first_bounds(&mut self, scratch: &mut Scratch) -> Vec<f32> {
-        let step = self.store.v.len().div_ceil(FIRST_LOOK).max(1);
+        let looks = (self.store.v.len() / LOOK_SHARE).clamp(FEWEST_LOOKS, FIRST_LOOK);
+        let step = self.store.v.len().div_ceil(looks).max(1);
         let mut bounds = Vec::with_capacity(FIRST_LOOK);
         for u in (0..self.store.v.len()).step_by(step).map(|i| VertexId(i as u32)) {
             let Scratch { ru, rv, owned, members, .. } = scratch;
@@ -576,7 +588,7 @@ impl<M: Metric> Engine<M> {
     ) -> Option<End> {
         let extreme = !self.metric.decides().is_metric()
             && goal.faces.is_some_and(|n| late::is_extreme(n, self.first_faces));
-        let mut scratch = Scratch::default();
+        let (mut scratch, mut visits) = (Scratch::default(), Vec::new());
         'sweeps: for _ in 0..MOST_SWEEPS {
             // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
             if sweeps.swept && sweeps.next.is_some() {
@@ -622,30 +634,31 @@ impl<M: Metric> Engine<M> {
             }
             let goal_faces = goal.faces.unwrap_or(0);
             let goal_vertices = goal.vertices.unwrap_or(0);
-            for i in 0..self.store.v.len() {
-                if i % ASK_EVERY == 0 {
-                    match control.progress(done(self)) {
-                        Verdict::Continue => {}
-                        Verdict::Finish => return Some(End::Finish),
-                        Verdict::Cancel => return Some(End::Cancel),
-                    }
+            let count = self.store.v.len();
+            let brings = count >= BRINGS_FROM;
+            'vertices: for start in (0..count).step_by(ASK_EVERY) {
+                match control.progress(done(self)) {
+                    Verdict::Continue => {}
+                    Verdict::Finish => return Some(End::Finish),
+                    Verdict::Cancel => return Some(End::Cancel),
                 }
-                if self.store.bound[i] <= tau || probe {
-                    if self.store.live_faces <= goal_faces || self.store.live_vertices <= goal_vertices {
-                        break;
+                let bounds = &self.store.bound[start..count.min(start + ASK_EVERY)];
+                list_visits(bounds, start, tau, probe, &mut visits);
+                for (at, &u) in visits.iter().enumerate() {
+                    if brings {
+                        self.store.bring(&visits, at);
                     }
-                    if !self.store.v[i].kind.is_gone() {
-                        self.visit(
-                            VertexId(i as u32),
-                            if probe { f32::MAX } else { tau },
-                            probe,
-                            &mut scratch,
-                        );
-                        if self.store.is_full() {
-                            // The rest of the sweep follows after a compaction, with the same threshold.
-                            self.store.compact();
-                            continue 'sweeps;
-                        }
+                    if self.store.live_faces <= goal_faces || self.store.live_vertices <= goal_vertices {
+                        break 'vertices;
+                    }
+                    if self.store.v[u.index()].kind.is_gone() {
+                        continue;
+                    }
+                    self.visit(u, if probe { f32::MAX } else { tau }, probe, &mut scratch);
+                    if self.store.is_full() {
+                        // The rest of the sweep follows after a compaction, with the same threshold.
+                        self.store.compact();
+                        continue 'sweeps;
                     }
                 }
             }
@@ -767,4 +780,24 @@ struct Scratch {
     owned: Vec<VertexId>,
     found: Vec<Candidate>,
     members: Vec<Member>,
+}
+
+/// Lists the vertices from `start` on that a sweep looks at, of those whose bounds these are.
+fn list_visits(bounds: &[f32], start: usize, tau: f32, all: bool, visits: &mut Vec<VertexId>) {
+    visits.clear();
+    let id = |i: usize| VertexId((start + i) as u32);
+    if all {
+        visits.extend((0..bounds.len()).map(id));
+        return;
+    }
+    let (eights, rest) = bounds.as_chunks::<8>();
+    for (k, &eight) in eights.iter().enumerate() {
+        let mut low = f32x8::from(eight).simd_le(f32x8::splat(tau)).to_bitmask();
+        while low != 0 {
+            visits.push(id(8 * k + low.trailing_zeros() as usize));
+            low &= low - 1;
+        }
+    }
+    let first = 8 * eights.len();
+    visits.extend(rest.iter().enumerate().filter(|x| *x.1 <= tau).map(|x| id(first + x.0)));
 }

@@ -568,6 +568,11 @@ fn tether<Q: Memory>(
     drop(nearest_point);
     let mut found = vec![(f32::INFINITY, Vec3::ZERO); store.v.len()];
     for t in faces {
+        // (Few are looked at.)
+        let [a, b, c] = t.map(|w| look[w.index()]);
+        if !(a | b | c) {
+            continue;
+        }
         for w in t.iter().filter(|w| look[w.index()]) {
             let h = home[w.index()];
             if found[h.index()].0 <= limit {

@@ -10,6 +10,7 @@ pub mod control;
 mod escalate;
 mod fit;
 mod guard;
+mod lanes;
 pub mod lod;
 mod metric;
 pub mod options;

@@ -7,11 +7,16 @@ pub(crate) struct Histogram {
     known: usize,
 }
 
+/// An empty table, made where it stays.
+fn no_counts() -> Box<[u32; 4096]> {
+    vec![0; 4096].into_boxed_slice().try_into().expect("as many as asked for")
+}
+
 impl Histogram {
     /// Counts the finite bounds.
     pub(crate) fn of(bounds: &[f32]) -> Self {
         // Neighbours often fall into one bin: two tables by turns, so that one count need not wait for the last.
-        let (mut bins, mut others) = (Box::new([0u32; 4096]), Box::new([0u32; 4096]));
+        let (mut bins, mut others) = (no_counts(), no_counts());
         let bin = |x: f32| (x.to_bits() >> 19) as usize & 4095;
         let (pairs, rest) = bounds.as_chunks::<2>();
         for &[x, y] in pairs {
@@ -19,15 +24,11 @@ impl Histogram {
             others[bin(y)] += 1;
         }
         rest.iter().for_each(|&x| bins[bin(x)] += 1);
-        let mut known = 0;
         for (n, other) in bins.iter_mut().zip(others.iter()) {
             *n += other;
-            known += *n as usize;
         }
-        let infinite = &mut bins[bin(f32::INFINITY)];
-        known -= *infinite as usize;
-        *infinite = 0;
-        Self { bins, known }
+        let infinite = std::mem::take(&mut bins[bin(f32::INFINITY)]);
+        Self { bins, known: bounds.len() - infinite as usize }
     }
     /// Counts more bounds, where they are finite.
     pub(crate) fn add(&mut self, bounds: impl Iterator<Item = f32>) {

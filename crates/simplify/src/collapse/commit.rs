@@ -6,7 +6,8 @@ use lodsmith_core::VertexId;
 use super::Engine;
 use super::kind::distinct;
 use super::order::NONE;
-use super::store::{Corner, Ring, Spoke, Vertex};
+use super::store::{Ring, Vertex};
+use super::wings::{End, Verdict, Wing};
 use crate::metric::{Form, Judge, Metric};
 use crate::options::BorderPolicy;
 use crate::report::Refusal;
@@ -27,21 +28,6 @@ pub(super) const NO_AREA: f32 = 1e-11;
 pub(super) const SUSPECT_TURN: f32 = 0.5;
 /// Cosine between two faces at an edge below which they lie back to back.
 pub(super) const FOLD: f32 = -0.8;
-
-/// A triangle of the star of a collapsing edge, before and after.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Wing {
-    pub(crate) corner: Corner,
-    pub(crate) a: VertexId,
-    pub(crate) b: VertexId,
-    /// Normal before, of double length, and its length.
-    pub(crate) normal: Vec3,
-    pub(crate) length: f32,
-    /// Normal after, of double length.
-    pub(crate) after: Vec3,
-    /// It has both ends, and goes.
-    pub(crate) both: bool,
-}
 
 /// No neighbour lies farther behind a vertex than this share of its step, both along the step: then it is a tip, or on a
 /// rim, and its old place may be left bare.
@@ -120,55 +106,21 @@ impl<M: Metric> Engine<M> {
         let at = merged_position(x.p, z.p, y);
 
         // Exact cost, shape and normals. A triangle at both ends counts twice, as in the evaluation.
-        let (mut cost, mut area, mut shape, mut peak, mut turns_far) = (0f32, 0f32, 1f32, 0f32, false);
+        let mut verdict = Verdict { cost: 0.0, area: 0.0, peak: 0.0, shape: 1.0, turns_far: false };
         let mut bare = [false; 2];
         self.wings.clear();
-        for (end, (ring, from, other, step)) in [(ru, x.p, v, y), (rv, z.p, u, off)].into_iter().enumerate() {
-            let mut behind = f32::INFINITY;
-            for &Spoke { corner, a, b } in ring {
-                let both = a == other || b == other;
-                if both && other == u {
-                    continue;
-                }
-                let (pa, pb) = (self.store.p(a), self.store.p(b));
-                let e = pb - pa;
-                behind = behind.min((pa - from).dot(step));
-                let normal = e.cross(from - pa);
-                let length_sq = normal.length_squared();
-                let length = length_sq.sqrt();
-                let height = normal.dot(step) / length.max(1e-30);
-                let weight = if both { 2.0 * length } else { length };
-                cost += weight * height * height;
-                area += weight;
-                peak = peak.max(height * height);
-                let mut after = Vec3::ZERO;
-                if !both {
-                    let (s, o) = (at - pa, at - pb);
-                    after = e.cross(s);
-                    let (after_sq, dot) = (after.length_squared(), normal.dot(after));
-                    let (dot_sq, both_sq) = (dot * dot, length_sq * after_sq);
-                    if !((dot > 0.0) & (dot_sq > self.rules.max_turn * both_sq)) {
-                        // A face without area has no normal that could turn.
-                        if length_sq > NO_AREA * e.length_squared() * e.length_squared() || after_sq == 0.0 {
-                            return Outcome::Refused(Refusal::NormalFlip);
-                        }
-                    }
-                    turns_far |= dot_sq < SUSPECT_TURN * both_sq;
-                    let around = e.length_squared() + s.length_squared() + o.length_squared();
-                    let new_shape = 12.0 * after_sq / (around * around).max(1e-37);
-                    if new_shape < NO_AREA {
-                        let (s, o) = (from - pa, from - pb);
-                        let before = e.length_squared() + s.length_squared() + o.length_squared();
-                        if 12.0 * length_sq > new_shape * before * before {
-                            return Outcome::Refused(Refusal::Quality);
-                        }
-                    }
-                    shape = shape.min(new_shape);
-                }
-                self.wings.push(Wing { corner, a, b, normal, length, after, both });
+        self.spokes.clear();
+        self.spokes.extend(rv.iter().filter(|r| !r.has(u)));
+        let kept = End { from: x.p, step: y, other: Some(v) };
+        let removed = End { from: z.p, step: off, other: None };
+        for (k, (spokes, end)) in [(ru, kept), (&self.spokes, removed)].into_iter().enumerate() {
+            let (wings, turn) = (&mut self.wings, self.rules.max_turn);
+            match self.store.look_at_wings(spokes, &end, at, turn, wings, &mut verdict) {
+                Ok(behind) => bare[k] = behind > BEHIND * end.step.length_squared(),
+                Err(why) => return Outcome::Refused(why),
             }
-            bare[end] = behind > BEHIND * step.length_squared();
         }
+        let Verdict { mut cost, area, mut peak, shape, turns_far } = verdict;
         if turns_far && self.folds(x.facing.direction() + z.facing.direction()) {
             return Outcome::Refused(Refusal::NormalFlip);
         }

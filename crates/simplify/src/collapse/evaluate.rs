@@ -8,6 +8,7 @@ use super::Engine;
 use super::attributes::Member;
 use super::commit::{Candidate, TIE};
 use super::store::Ring;
+use crate::lanes::{Four, dot, gather, splat, sub};
 use crate::metric::{Form, Judge, Metric};
 use crate::options::Placement;
 
@@ -81,8 +82,7 @@ impl<M: Metric> Engine<M> {
         let s = M::tensor_of(&x.q).0.map(f32x4::splat);
         let t = z.map(|z| M::tensor_of(&z.q).0);
         let t = [0, 1, 2, 3, 4, 5].map(|k| f32x4::new([t[0][k], t[1][k], t[2][k], t[3][k]]));
-        let axis = |k: usize| f32x4::new(z.map(|z| z.p[k])) - f32x4::splat(x.p[k]);
-        let d = [axis(0), axis(1), axis(2)];
+        let d = sub(&gather(z.map(|z| z.p)), &splat(x.p));
         let mut h = times(&t, &d);
         let mut c = dot(&d, &h);
         let mut a: [f32x4; 6] = std::array::from_fn(|k| s[k] + t[k]);
@@ -104,12 +104,12 @@ impl<M: Metric> Engine<M> {
         let half = r * 0.5;
         let wish = [h[0] + d[0] * half, h[1] + d[1] * half, h[2] + d[2] * half];
         let y = times(&adjugate, &wish).map(|w| w / det);
-        let from_mid: [f32x4; 3] = std::array::from_fn(|k| y[k] - d[k] * 0.5);
+        let from_mid = sub(&y, &d.map(|k| k * 0.5));
         let solved = det.simd_gt(trace * trace * trace * MIN_DET)
             & dot(&from_mid, &from_mid).simd_lt(dot(&d, &d) * FARTHEST);
         let peak =
             f32x4::ONE + f32x4::splat(PEAK_GUESS * self.peak_weight()) / trace.fast_max(f32x4::splat(1e-37));
-        let off: [f32x4; 3] = std::array::from_fn(|k| y[k] - d[k]);
+        let off = sub(&y, &d);
         let q = c - dot(&h, &y) * 2.0 + dot(&times(&a, &y), &y);
         let q = q.simd_gt(trace * dot(&d, &d) * NOISE) & q;
         let tie = trace * (0.5 * TIE) * (dot(&y, &y) + dot(&off, &off));
@@ -215,14 +215,9 @@ pub(super) fn best_place(form: &Form, d: Vec3) -> Option<Vec3> {
     None
 }
 
-#[inline(always)]
-fn dot(a: &[f32x4; 3], b: &[f32x4; 3]) -> f32x4 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// A symmetric matrix (xx, yy, zz, xy, xz, yz) times a vector, four side by side.
 #[inline(always)]
-fn times(a: &[f32x4; 6], d: &[f32x4; 3]) -> [f32x4; 3] {
+fn times(a: &[f32x4; 6], d: &Four) -> Four {
     [
         a[0] * d[0] + a[3] * d[1] + a[4] * d[2],
         a[3] * d[0] + a[1] * d[1] + a[5] * d[2],

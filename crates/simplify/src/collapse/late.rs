@@ -9,8 +9,8 @@ use lodsmith_core::VertexId;
 use wide::f32x4;
 
 use super::Engine;
-use super::commit::Wing;
 use super::star::Star;
+use super::wings::Wing;
 use crate::metric::Metric;
 
 /// Live triangles under which the phase begins, at targets ...

@@ -6,11 +6,16 @@
 //! along a feature edge.
 
 use lodsmith_core::VertexId;
+use wide::u32x8;
 
 use super::kind::faces_at;
+use super::order::NONE;
 use super::store::{Ring, Store};
 use crate::metric::Memory;
 use crate::report::Refusal;
+
+/// Neighbours that are compared side by side; most vertices have about six.
+const LANES: usize = 8;
 
 impl<Q: Memory> Store<Q> {
     /// Asks the link condition for the edge u-v with the rings of both; says how many triangles hang on it.
@@ -26,7 +31,37 @@ impl<Q: Memory> Store<Q> {
         if !(ku.is_regular() && kv.is_regular()) {
             return self.link_condition_irregular(u, v, ru, rv);
         }
-        // Inside closed fans every neighbour comes first in just one triangle.
+        // Inside closed fans every neighbour comes first in just one triangle, and second in just one.
+        if ru.len() > LANES {
+            return self.link_condition_marked(u, v, ru, rv);
+        }
+        let mut around = [NONE.0; LANES];
+        for (slot, r) in around.iter_mut().zip(ru) {
+            *slot = r.a.0;
+        }
+        let around = u32x8::from(around);
+        let is_around = |w: VertexId| around.simd_eq(u32x8::splat(w.0)).to_bitmask() != 0;
+        let (mut common, mut one, mut other) = (0, NONE, NONE);
+        for r in rv {
+            // Without branches: which neighbours are common could not be foretold.
+            let is_common = (r.a != u) & is_around(r.a);
+            common += usize::from(is_common);
+            (one, other) = if is_common { (r.a, one) } else { (one, other) };
+        }
+        let shared = if is_around(v) { 2 } else { 0 };
+        let opposite = || rv.iter().any(|r| r.has(one) & r.has(other)) && is_opposite_to_both(u, v, ru, rv);
+        if common != shared || shared == 0 || opposite() { Err(Refusal::LinkCondition) } else { Ok(shared) }
+    }
+
+    /// The same for closed fans of any size.
+    #[inline(never)]
+    fn link_condition_marked(
+        &mut self,
+        u: VertexId,
+        v: VertexId,
+        ru: &Ring,
+        rv: &Ring,
+    ) -> Result<usize, Refusal> {
         let stamp = self.next_stamp();
         let (mut shared, mut common, mut opposite) = (0, 0, false);
         for r in ru {
@@ -34,7 +69,6 @@ impl<Q: Memory> Store<Q> {
             shared += usize::from(r.has(v));
         }
         for r in rv {
-            // Without branches: which neighbours are common could not be foretold.
             let is_common = (r.a != u) & (self.v[r.a.index()].mark == stamp);
             common += usize::from(is_common);
             opposite |= is_common & (r.b != u) & (self.v[r.b.index()].mark == stamp);

@@ -8,12 +8,13 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use super::bundle::{Bundle, Changed, Effect};
-use super::commit::{FOLD, NO_AREA, Outcome, SUSPECT_TURN, TIE, WORSE_SHAPE, Wing, merged_position};
+use super::commit::{FOLD, NO_AREA, Outcome, SUSPECT_TURN, TIE, WORSE_SHAPE, merged_position};
 use super::evaluate::best_place;
 use super::kind::{Kind, distinct, faces_at};
 use super::near::{Site, near_pairs};
 use super::order::NONE;
 use super::store::{Facing, Ring, Vertex};
+use super::wings::Wing;
 use super::{ASK_EVERY, Engine, Goal, UNKNOWN};
 use crate::control::Verdict;
 use crate::metric::{Form, Metric};

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
+use prefetch_index::prefetch_index;
 
 use super::kind::Kind;
 use super::order::NONE;
@@ -30,7 +31,7 @@ impl Corner {
 }
 
 /// A corner seen from its vertex: the other two vertices of the triangle, in order.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Spoke {
     pub(crate) corner: Corner,
     pub(crate) a: VertexId,
@@ -121,6 +122,12 @@ const COMPACT_PERCENT: usize = 60;
 const WORTH_PERCENT: usize = 25;
 /// Room for lists that outgrow theirs, a share of all corners; when it is used up the store is compacted.
 const SLACK_PERCENT: usize = 30;
+
+/// The two corners after each, by table: a branch on it could not be foretold.
+const NEXT: [usize; 4] = [1, 2, 0, 0];
+const PREV: [usize; 4] = [2, 0, 1, 0];
+/// How many visits ahead a vertex, its list, its triangles and the vertices around it are asked for. (Guessed.)
+const AHEAD: [usize; 4] = [12, 9, 6, 3];
 
 impl<Q: Memory> Store<Q> {
     /// A store whose corner lists are still to be filled.
@@ -272,29 +279,51 @@ impl<Q: Memory> Store<Q> {
         Vec3::new((a[0] + b[0] + c[0]) as f32, (a[1] + b[1] + c[1]) as f32, (a[2] + b[2] + c[2]) as f32)
     }
 
+    /// Asks the memory for what the visits after the one `at` this place will read: each step needs what the one before
+    /// brought, a few visits earlier.
+    #[inline(always)]
+    pub(crate) fn bring(&self, visits: &[VertexId], at: usize) {
+        // Of the first visits all is asked for at once.
+        let first = |ahead: usize| if at == 0 { 1 } else { ahead };
+        let visit = |k: usize| visits.get(at + k).copied();
+        for u in (first(AHEAD[0])..=AHEAD[0]).filter_map(visit) {
+            prefetch_index(&self.v, u.index());
+        }
+        for u in (first(AHEAD[1])..=AHEAD[1]).filter_map(visit) {
+            prefetch_index(&self.corners, self.v[u.index()].head as usize);
+        }
+        for u in (first(AHEAD[2])..=AHEAD[2]).filter_map(visit) {
+            for corner in self.listed(u) {
+                prefetch_index(&self.t, corner.face());
+            }
+        }
+        for u in (first(AHEAD[3])..=AHEAD[3]).filter_map(visit) {
+            for corner in self.listed(u) {
+                prefetch_index(&self.v, self.t[corner.face()][NEXT[corner.k()]].index());
+            }
+        }
+    }
+
     /// The live corners of `u`, in the order of the list; tidies the list on the way.
     #[inline(always)]
     pub(crate) fn ring(&mut self, u: VertexId, out: &mut Ring) {
-        // The two corners after each, by table: a branch on k could not be foretold.
-        const NEXT: [usize; 4] = [1, 2, 0, 0];
-        const PREV: [usize; 4] = [2, 0, 1, 0];
-        out.clear();
         let x = &mut self.v[u.index()];
         let head = x.head as usize;
         let list = &mut self.corners[head..head + x.count as usize];
-        let mut dead = 0;
-        out.extend(list.iter().map(|&corner| {
+        // (Written all, kept those that live: a branch on it could not be foretold.)
+        out.resize(list.len(), Spoke::default());
+        let mut alive = 0;
+        for &corner in list.iter() {
             let (t, k) = (&self.t[corner.face()], corner.k());
-            let gone = t[0] == NONE;
-            dead += u32::from(gone);
-            Spoke { corner, a: if gone { NONE } else { t[NEXT[k]] }, b: t[PREV[k]] }
-        }));
-        if dead > 0 {
-            out.retain(|r| r.a != NONE);
+            out[alive] = Spoke { corner, a: t[NEXT[k]], b: t[PREV[k]] };
+            alive += usize::from(t[0] != NONE);
+        }
+        if alive < list.len() {
+            out.truncate(alive);
             for (slot, r) in list.iter_mut().zip(out.iter()) {
                 *slot = r.corner;
             }
-            x.count -= dead;
+            x.count = alive as u32;
         }
     }
 
