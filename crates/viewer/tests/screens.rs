@@ -94,12 +94,7 @@ fn a_count_can_be_typed_in_every_unit() {
     let Some(mut desk) = Desk::open("sphere.ply") else { return };
     for (unit, text) in [("Faces", "1,000"), ("Vertices", "402"), ("Percent", "10"), ("Error", "0.5%")] {
         desk.click(unit);
-        let field = desk.harness.get_by_role_and_label(Role::TextInput, "Target");
-        field.click();
-        desk.harness.run_steps(2);
-        desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-        desk.harness.event(egui::Event::Text(text.to_owned()));
-        desk.harness.run_steps(2);
+        desk.write("Target", text);
         desk.press(Key::Enter);
         let stop = desk.app().document().settings().simplify.options.stop;
         let is_set = [
@@ -387,12 +382,7 @@ fn a_broken_file_is_told_and_what_is_open_stays() {
     let path = desk.path("broken.obj");
     std::fs::write(&path, "v 1 2\nf 1 2 nonsense\n").unwrap();
     desk.press_with(Modifiers::COMMAND, Key::O);
-    let field = desk.harness.get_by_role_and_label(Role::TextInput, "Path");
-    field.focus();
-    desk.harness.run_steps(2);
-    desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    desk.harness.event(egui::Event::Text(path.display().to_string()));
-    desk.harness.run_steps(2);
+    desk.write("Path", path.display());
     desk.picture("chooser");
     desk.press(Key::Enter);
     assert!(desk.app().document().problem.as_deref().is_some_and(|p| p.contains("broken.obj")));

@@ -88,6 +88,15 @@ impl Desk {
         self.harness.get_by_role_and_label(Role::Button, label).click();
         self.settle();
     }
+    /// Writes into a field, in place of what it holds; it is taken when Enter is pressed.
+    pub(super) fn write(&mut self, field: &str, text: impl ToString) {
+        let of_text = self.harness.query_by_role_and_label(Role::TextInput, field);
+        of_text.unwrap_or_else(|| self.harness.get_by_label(field)).focus();
+        self.harness.run_steps(2);
+        self.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        self.harness.event(egui::Event::Text(text.to_string()));
+        self.harness.run_steps(2);
+    }
     /// Presses the key of an action.
     pub(super) fn act(&mut self, action: Action) {
         let shortcut = action.binding().unwrap().shortcut;

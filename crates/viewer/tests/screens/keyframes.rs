@@ -195,11 +195,7 @@ fn alt_drags_a_copy_of_a_keyframe_and_a_length_can_be_typed() {
     desk.harness.run_steps(2);
     let all = moments(&desk, Mover::Camera);
     assert!(all.len() == 3 && (all[1] - 3.0).abs() < 0.03 && all[2] == 8.0, "{all:?}");
-    desk.harness.get_by_label("Length of the stage").focus();
-    desk.harness.run_steps(2);
-    desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    desk.harness.event(egui::Event::Text("25".to_owned()));
-    desk.harness.run_steps(2);
+    desk.write("Length of the stage", "25");
     desk.press(Key::Enter);
     assert_eq!(desk.app().document().timeline_secs(), 25.0);
 }
@@ -233,11 +229,7 @@ fn a_layout_has_its_keyframes() {
     run(&mut desk, StageChange::Motion(Motion::default()));
     desk.harness.state_mut().document_mut().run(Command::Stage(StageChange::Show(false)));
     desk.press_with(Modifiers::COMMAND, Key::O);
-    desk.harness.get_by_role_and_label(Role::TextInput, "Path").focus();
-    desk.harness.run_steps(2);
-    desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    desk.harness.event(egui::Event::Text(layout.display().to_string()));
-    desk.harness.run_steps(2);
+    desk.write("Path", layout.display());
     desk.press(Key::Enter);
     assert_eq!(motion(&desk), before);
 }

@@ -130,12 +130,7 @@ fn the_panel_scatters_and_moves_and_shows_the_levels() {
     let Some(mut desk) = staged(false, row(2)) else { return };
     desk.click("Scatter");
     assert_eq!(copies(&desk).len(), 100);
-    let field = desk.harness.get_by_label("Copies to scatter");
-    field.focus();
-    desk.harness.run_steps(2);
-    desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    desk.harness.event(egui::Event::Text("12".to_owned()));
-    desk.harness.run_steps(2);
+    desk.write("Copies to scatter", "12");
     desk.press(Key::Enter);
     assert_eq!(copies(&desk).len(), 100, "until it is pressed");
     desk.click("Scatter");
@@ -220,11 +215,7 @@ fn a_layout_and_a_session_come_back() {
     desk.harness.state_mut().document_mut().run(Command::Stage(StageChange::Show(false)));
     // Opened as any file is.
     desk.press_with(Modifiers::COMMAND, Key::O);
-    desk.harness.get_by_role_and_label(Role::TextInput, "Path").focus();
-    desk.harness.run_steps(2);
-    desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    desk.harness.event(egui::Event::Text(layout.display().to_string()));
-    desk.harness.run_steps(2);
+    desk.write("Path", layout.display());
     desk.press(Key::Enter);
     assert_eq!(copies(&desk), placed);
     assert!(desk.app().document().stage().is_some());

@@ -115,12 +115,7 @@ fn a_moment_is_dragged_typed_and_stepped_to_and_taken_back() {
     assert!((playback(&desk).seconds - 1.0 - 1.0 / 24.0).abs() < 0.02);
     desk.press(Key::PageUp);
     let dragged = playback(&desk).seconds;
-    let field = desk.harness.get_by_role_and_label(Role::TextInput, "Moment");
-    field.click();
-    desk.harness.run_steps(2);
-    desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    desk.harness.event(egui::Event::Text("0.25 s".to_owned()));
-    desk.harness.run_steps(2);
+    desk.write("Moment", "0.25 s");
     desk.press(Key::Enter);
     assert_eq!(playback(&desk).seconds, 0.25);
     desk.press_with(Modifiers::COMMAND, Key::Z);
