@@ -31,6 +31,7 @@ use lodsmith_core::{PositionsView, RegionId, Surface, TriMesh, VertexId};
 
 use crate::care::Held;
 use crate::collapse::Goal;
+use crate::collapse::order::NONE;
 use crate::control::{Control, Stage, Verdict};
 use crate::options::{BorderPolicy, Measure, SimplifyOptions};
 use crate::prune::Pruned;
@@ -214,7 +215,7 @@ impl<'a, P: Place> Run<'a, P> {
     }
 
     fn made_with(&self, clusters: &Clusters, locked: &Locked, by: StoppedBy) -> Result<Made, SimplifyError> {
-        let Clusters { grid, of, cells, first_locked, faces } = clusters;
+        let Clusters { grid, of, cells, first_locked, faces, .. } = clusters;
         let all = cells.len();
         let borders = match self.options.border {
             BorderPolicy::Free => 0.0,
@@ -225,6 +226,12 @@ impl<'a, P: Place> Run<'a, P> {
             || place::place(&self.model, clusters, borders),
             || faces::non_manifold_edges(faces, all),
         );
+        // A vertex of each cluster, where it matters.
+        let mut some = vec![NONE; if locked.places.is_empty() { 0 } else { all }];
+        if !some.is_empty() {
+            let used = (0..of.len()).rev().filter(|&v| self.model.is_used(v));
+            used.for_each(|v| some[of[v] as usize] = VertexId::new(v));
+        }
         let mut is_used = vec![false; all];
         faces.iter().flat_map(|f| f.corners).for_each(|c| is_used[c as usize] = true);
         let mut number = vec![0u32; all];
@@ -233,7 +240,7 @@ impl<'a, P: Place> Run<'a, P> {
         for (c, n) in number.iter_mut().enumerate().filter(|c| is_used[c.0]) {
             *n = points.len() as u32;
             points.push(match c.checked_sub(*first_locked) {
-                None => placed.points[c],
+                None => self.beside(placed.points[c], some.get(c), locked),
                 Some(place) => self.model.points[locked.places[place].index()],
             });
             is_locked.push(c >= *first_locked);
@@ -267,6 +274,16 @@ impl<'a, P: Place> Run<'a, P> {
             non_manifold_edges,
             by,
         })
+    }
+
+    /// The place of a cell's vertex; if that is a locked one, beside it, half the way to a vertex that the cell has.
+    fn beside(&self, place: P, some: Option<&VertexId>, locked: &Locked) -> P {
+        match some {
+            Some(&v) if v != NONE && locked.is_taken(place.wide()) => {
+                P::of((0.5 * (place.wide() + self.model.place(v))).to_array())
+            }
+            _ => place,
+        }
     }
 
     /// The coarsest result whose measured deviation, both ways, keeps to `limit`, and that is no coarser than goal and

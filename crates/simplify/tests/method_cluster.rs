@@ -88,6 +88,23 @@ fn a_flat_sheet_stays_flat_and_keeps_its_outline() {
 }
 
 #[test]
+fn faces_that_share_no_vertices_become_the_same() {
+    // Every vertex is open then, and edges cancel all the same.
+    let mesh = sheet(40);
+    let view = mesh.positions().view();
+    let corners =
+        mesh.surface().triangles().as_flattened().iter().map(|v| view.get(*v).map(|x| x as f32)).collect();
+    let faces = (0..mesh.face_count() as u32).map(|f| [3 * f, 3 * f + 1, 3 * f + 2].map(VertexId)).collect();
+    let apart = TriMesh::new(Positions::F32(corners), faces).unwrap();
+    let [whole, apart] = [&mesh, &apart]
+        .map(|mesh| simplify(mesh, &by_cell(Length::Units(4.0)), &mut NoControl).unwrap().mesh);
+    assert_eq!(whole.triangles(), apart.triangles());
+    for (p, q) in whole.positions().view().iter().zip(apart.positions().view().iter()) {
+        assert!((0..3).all(|k| (p[k] - q[k]).abs() < 1e-3), "{p:?} {q:?}");
+    }
+}
+
+#[test]
 fn no_vertex_is_farther_than_a_diagonal_of_a_cell() {
     for (name, mesh) in shapes::all() {
         for share in [0.02, 0.1, 0.3] {
@@ -242,11 +259,13 @@ fn a_second_stage_that_is_stuck_starts_from_the_input() {
 
 #[test]
 fn threads_do_not_change_the_result() {
-    let mesh = shapes::icosphere(6);
-    for stop in [Stop::faces(9000), Stop::ratio(0.01)] {
+    let (closed, open) = (shapes::icosphere(6), sheet(200));
+    for (mesh, stop) in
+        [(&closed, Stop::faces(9000)), (&closed, Stop::ratio(0.01)), (&open, Stop::faces(9000))]
+    {
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| simplify(&mesh, &options(stop), &mut NoControl).unwrap())
+            pool.install(|| simplify(mesh, &options(stop), &mut NoControl).unwrap())
         };
         let one = with(1);
         for threads in [2, 3, 7] {

@@ -1,14 +1,17 @@
 //! Cells, and which of them each vertex lies in.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use glam::{DVec3, Mat4, Vec4};
 
-use glam::DVec3;
-
-use super::model::{Model, Place};
+use super::model::{Framed, LANES, MARKERS, Model, Place};
 use super::pieces;
 
 /// Cells along the longest edge of the box, at most: 21 bits of each coordinate make a key.
 pub(super) const FINEST: f64 = 2_000_000.0;
+/// What single precision rounds a place by, in longest edges of the box, at most. (Three roundings by 2^-26 and 2^-25.)
+const ROUNDED: f64 = 1.0 / (1u64 << 23) as f64;
+/// What is added to a float of moderate size loses its fraction, and its low bits are a number.
+const WHOLE: f32 = (3u32 << 22) as f32;
+const LOW: u32 = (1 << 22) - 1;
 
 /// Cubes side by side, centred on the box.
 #[derive(Clone, Copy, Debug)]
@@ -17,48 +20,112 @@ pub(super) struct Grid {
     middle: DVec3,
     half: DVec3,
     pub(super) cell: f64,
-    pub(super) inverse: f64,
+    /// Cells along the longest edge of the box.
+    scale: f32,
     /// Cells along each axis.
     count: [u32; 3],
-    /// The last place along each axis that is not beyond the grid.
-    last: DVec3,
+    /// How far a place in cells may be off.
+    pub(super) rounding: f32,
 }
 
-/// A double from here on has no room for fractions: its low bits are a number.
-const WHOLE: f64 = (1u64 << 52) as f64;
+/// The whole number nearest to half below: the cell of a place. What lies between two belongs to either.
+#[inline(always)]
+fn whole(place: f32) -> u32 {
+    (place - 0.5 + WHOLE).to_bits() & LOW
+}
+
+/// Vertices in eights, the last of them filled up.
+#[inline(always)]
+fn eights(frame: &[Framed]) -> impl Iterator<Item = [Framed; LANES]> {
+    let (whole, rest) = frame.as_chunks::<LANES>();
+    let last = (!rest.is_empty()).then(|| {
+        let mut last = [[0.0; 4]; LANES];
+        last[..rest.len()].copy_from_slice(rest);
+        last
+    });
+    whole.iter().copied().chain(last)
+}
 
 impl Grid {
     /// With so many cells along the longest edge of the box. The last ones stand out, as far on either side.
     pub(super) fn new<P: Place>(model: &Model<'_, P>, resolution: f64) -> Self {
+        let scale = resolution as f32;
+        let resolution = f64::from(scale);
         let extent = model.extent();
         let longest = extent.max_element();
-        let cell = longest / resolution;
-        let inverse = resolution / longest;
-        let count = (extent * inverse).as_uvec3() + 1;
-        let last = count.as_dvec3() - 0.5;
+        let rounding = ROUNDED * resolution;
+        // Room for what is rounded, so that no place lies outside.
+        let count = (extent / longest * resolution + 2.0 * rounding).as_uvec3() + 1;
         let half = 0.5 * count.as_dvec3();
-        Self { middle: model.middle(), half, cell, inverse, count: count.to_array(), last }
+        let cell = longest / resolution;
+        Self { middle: model.middle(), half, cell, scale, count: count.to_array(), rounding: rounding as f32 }
     }
-    /// A position in cells from the origin.
+    /// Places in cells from the origin: what a vertex of the frame is multiplied by, and what is added then.
     #[inline(always)]
-    pub(super) fn place(&self, p: DVec3) -> DVec3 {
-        (p - self.middle) * self.inverse + self.half
+    pub(super) fn places(&self) -> (Vec4, Vec4) {
+        (Vec4::splat(self.scale), self.half.as_vec3().extend(0.0))
     }
-    /// The cell of a position; of what lies outside, the nearest one. What lies between two belongs to either.
+    /// The same for some vertices, by axis.
     #[inline(always)]
-    pub(super) fn cell_at(&self, p: DVec3) -> [u32; 3] {
-        let p = self.place(p);
-        // Written out so that it is a pair of instructions where a cast is a branch.
-        let whole = |x: f64, last: f64| {
-            let x = if x > 0.5 { x } else { 0.5 };
-            let x = if x < last { x } else { last };
-            ((x - 0.5) + WHOLE).to_bits() as u32
+    fn places_of(&self, frame: &[Framed; LANES]) -> [[f32; LANES]; 3] {
+        let half = self.half.as_vec3();
+        let turned = |k: usize| {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|i| Vec4::from(frame[k + i]));
+            Mat4::from_cols(a, b, c, d).transpose()
         };
-        [whole(p.x, self.last.x), whole(p.y, self.last.y), whole(p.z, self.last.z)]
+        let (low, high) = (turned(0), turned(4));
+        let place = |low: Vec4, high: Vec4, half: f32| -> [f32; LANES] {
+            bytemuck::cast([low * self.scale + half, high * self.scale + half])
+        };
+        [
+            place(low.x_axis, high.x_axis, half.x),
+            place(low.y_axis, high.y_axis, half.y),
+            place(low.z_axis, high.z_axis, half.z),
+        ]
+    }
+    /// The cells of some vertices; of those without a face, any.
+    #[inline(always)]
+    fn cells_at(&self, frame: &[Framed; LANES]) -> [[u32; LANES]; 3] {
+        let places = self.places_of(frame);
+        let last = self.count.map(|n| n as f32 - 0.5);
+        // Written out so that it is a pair of instructions, and what is no number has a cell too.
+        let inside = |x: f32, last: f32| {
+            let x = if x > 0.5 { x } else { 0.5 };
+            if x < last { x } else { last }
+        };
+        [0, 1, 2].map(|k| places[k].map(|x| whole(inside(x, last[k]))))
+    }
+    /// The cell of a vertex that has a face.
+    pub(super) fn cell_of<P: Place>(&self, model: &Model<'_, P>, v: usize) -> [u32; 3] {
+        self.cells_at(&[model.frame[v]; LANES]).map(|axis| axis[0])
+    }
+    /// The cell of a place, as whole numbers.
+    #[inline(always)]
+    pub(super) fn cell_in(place: Vec4) -> Vec4 {
+        let whole = Vec4::splat(WHOLE);
+        (place - 0.5 + whole) - whole
+    }
+    /// Where in its cell a place is.
+    #[inline(always)]
+    pub(super) fn inside(place: Vec4) -> Vec4 {
+        place - Self::cell_in(place)
     }
     /// The position of a place in cells.
     pub(super) fn user(&self, p: DVec3) -> [f64; 3] {
         ((p - self.half) * self.cell + self.middle).to_array()
+    }
+    /// Numbers that tell the cells of near vertices apart.
+    pub(super) fn keys<P: Place>(&self, model: &Model<'_, P>, keys: &mut [u32]) {
+        pieces::fill(keys, |start, piece| {
+            for (keys, frame) in piece.chunks_mut(LANES).zip(eights(&model.frame[start..])) {
+                let [x, y, z] = self.places_of(&frame).map(|axis| axis.map(whole));
+                let mut all = [0; LANES];
+                for k in 0..LANES {
+                    all[k] = x[k].wrapping_add(y[k] << 11).wrapping_add(z[k] << 22);
+                }
+                keys.copy_from_slice(&all[..keys.len()]);
+            }
+        });
     }
     /// Blocks of 4³ cells along each axis.
     fn blocks(&self) -> [usize; 3] {
@@ -78,47 +145,61 @@ impl Grid {
     /// A bit for each cell, a word for each block.
     fn cells_by_bits<P: Place>(&self, model: &Model<'_, P>, words: usize) -> (Vec<u32>, Vec<[u32; 3]>) {
         let [wide, high, _] = self.blocks().map(|n| n as u32);
-        let bits: Vec<AtomicU64> = (0..words).map(|_| AtomicU64::new(0)).collect();
         let mut of = vec![0u32; model.points.len()];
-        pieces::fill(&mut of, |start, piece| {
-            for (slot, p) in piece.iter_mut().zip(&model.points[start..]) {
-                let c = self.cell_at(p.wide());
-                let word = ((c[2] >> 2) * high + (c[1] >> 2)) * wide + (c[0] >> 2);
-                let bit = (c[2] & 3) << 4 | (c[1] & 3) << 2 | c[0] & 3;
-                *slot = word << 6 | bit;
-                let (word, bit) = (&bits[word as usize], 1u64 << bit);
-                // Most are set already, and a look is cheaper.
-                if word.load(Ordering::Relaxed) & bit == 0 {
-                    word.fetch_or(bit, Ordering::Relaxed);
+        let share = of.len().div_ceil(pieces::threads(of.len()).min(MARKERS)).next_multiple_of(LANES);
+        let mut marked = pieces::shared(&mut of, share, |k, piece| {
+            let mut bits = vec![0u64; words];
+            for (slots, frame) in piece.chunks_mut(LANES).zip(eights(&model.frame[k * share..])) {
+                let [x, y, z] = self.cells_at(&frame);
+                let mut codes = [0; LANES];
+                for k in 0..LANES {
+                    let word = ((z[k] >> 2) * high + (y[k] >> 2)) * wide + (x[k] >> 2);
+                    codes[k] = word << 6 | (z[k] & 3) << 4 | (y[k] & 3) << 2 | x[k] & 3;
+                }
+                for (slot, code) in slots.iter_mut().zip(codes) {
+                    *slot = code;
+                    bits[(code >> 6) as usize] |= 1 << (code & 63);
                 }
             }
+            bits
         });
-        let mut cells = Vec::new();
-        let mut block = [0, 0, 0];
-        let ranked: Vec<(u64, u32)> = bits
-            .into_iter()
-            .map(|word| {
-                let word = word.into_inner();
-                let before = cells.len() as u32;
-                let mut left = word;
-                while left != 0 {
-                    let bit = left.trailing_zeros();
-                    left &= left - 1;
-                    cells.push([block[0] + (bit & 3), block[1] + (bit >> 2 & 3), block[2] + (bit >> 4)]);
-                }
-                block[0] += 4;
-                if block[0] == 4 * wide {
-                    block = [0, block[1] + 4, block[2]];
-                }
-                if block[1] == 4 * high {
-                    block = [0, 0, block[2] + 4];
-                }
-                (word, before)
+        let mut bits = marked.swap_remove(0);
+        for more in marked {
+            bits.iter_mut().zip(more).for_each(|(word, more)| *word |= more);
+        }
+        let counts = pieces::map(words, |range| bits[range].iter().map(|w| w.count_ones()).sum::<u32>());
+        let starts: Vec<u32> = counts
+            .iter()
+            .scan(0, |sum, count| {
+                *sum += count;
+                Some(*sum - count)
             })
             .collect();
+        let parts = pieces::map(words, |range| {
+            let mut before = starts[range.start / pieces::PIECE];
+            let mut ranked = Vec::with_capacity(range.len());
+            let mut cells: Vec<[u32; 3]> = Vec::new();
+            for (i, &word) in range.clone().zip(&bits[range]) {
+                ranked.push((word, before));
+                before += word.count_ones();
+                if word != 0 {
+                    let block = i as u32;
+                    let [x, y, z] = [block % wide, block / wide % high, block / wide / high].map(|n| 4 * n);
+                    let mut left = word;
+                    while left != 0 {
+                        let bit = left.trailing_zeros();
+                        left &= left - 1;
+                        cells.push([x + (bit & 3), y + (bit >> 2 & 3), z + (bit >> 4)]);
+                    }
+                }
+            }
+            (ranked, cells)
+        });
+        let (ranked, cells): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+        let (ranked, cells) = (ranked.concat(), cells.concat());
         pieces::fill(&mut of, |_, piece| {
             for slot in piece {
-                let (word, before) = ranked[(*slot >> 6) as usize];
+                let (word, before): (u64, u32) = ranked[(*slot >> 6) as usize];
                 let below = (1u64 << (*slot & 63)) - 1;
                 *slot = before + (word & below).count_ones();
             }
@@ -130,9 +211,13 @@ impl Grid {
     fn cells_by_keys<P: Place>(&self, model: &Model<'_, P>) -> (Vec<u32>, Vec<[u32; 3]>) {
         let mut keys = vec![(0u64, 0u32); model.points.len()];
         pieces::fill(&mut keys, |start, piece| {
-            for (i, slot) in piece.iter_mut().enumerate() {
-                let c = self.cell_at(model.points[start + i].wide()).map(u64::from);
-                *slot = (c[2] << 42 | c[1] << 21 | c[0], (start + i) as u32);
+            let frame = eights(&model.frame[start..]);
+            for (j, (slots, frame)) in piece.chunks_mut(LANES).zip(frame).enumerate() {
+                let cells = self.cells_at(&frame);
+                for (k, slot) in slots.iter_mut().enumerate() {
+                    let [x, y, z] = cells.map(|axis| u64::from(axis[k]));
+                    *slot = (z << 42 | y << 21 | x, (start + j * LANES + k) as u32);
+                }
             }
         });
         pieces::sort(&mut keys);

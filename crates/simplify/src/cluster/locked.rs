@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use glam::DVec3;
 use lodsmith_core::VertexId;
 
 use super::model::{Model, Place};
@@ -15,14 +16,20 @@ pub(super) struct Locked {
     standing: Vec<(u32, u32)>,
     /// Faces all of whose vertices stand at such places.
     pub(super) faces: usize,
+    /// The number of each place.
+    number: HashMap<[u64; 3], u32>,
+}
+
+/// What tells places apart. (Minus zero is zero.)
+fn key(p: DVec3) -> [u64; 3] {
+    p.to_array().map(|x| (x + 0.0).to_bits())
 }
 
 impl Locked {
     pub(super) fn new<P: Place>(model: &Model<'_, P>, locked: impl Fn(usize) -> bool) -> Self {
         let mut places = Vec::new();
         let mut number: HashMap<[u64; 3], u32> = HashMap::new();
-        // Minus zero is zero.
-        let key = |v: usize| model.points[v].wide().to_array().map(|x| (x + 0.0).to_bits());
+        let key = |v: usize| key(model.points[v].wide());
         let used = || (0..model.points.len()).filter(|&v| model.is_used(v));
         for v in used().filter(|&v| locked(v)) {
             number.entry(key(v)).or_insert_with(|| {
@@ -35,7 +42,12 @@ impl Locked {
         let mut is_locked = vec![false; model.points.len()];
         standing.iter().for_each(|x| is_locked[x.0 as usize] = true);
         let faces = model.faces.iter().filter(|t| t.iter().all(|v| is_locked[v.index()])).count();
-        Self { places, standing, faces }
+        Self { places, standing, faces, number }
+    }
+
+    /// Whether a locked vertex stands there.
+    pub(super) fn is_taken(&self, place: DVec3) -> bool {
+        !self.number.is_empty() && self.number.contains_key(&key(place))
     }
 
     /// Gives those that stand at locked places clusters from `first` on.

@@ -6,7 +6,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 /// Elements in a piece: long enough to be worth handing out.
-const PIECE: usize = 1 << 14;
+pub(super) const PIECE: usize = 1 << 12;
 
 /// Calls `work` for each piece of `0..count`; results in the order of the pieces.
 pub(super) fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
@@ -18,13 +18,17 @@ pub(super) fn fill<T: Send>(items: &mut [T], work: impl Fn(usize, &mut [T]) + Sy
     shared(items, PIECE, |k, piece| work(k * PIECE, piece));
 }
 
-/// Calls `work` for each run of `len` items, with the number of the run.
-pub(super) fn shared<T: Send>(items: &mut [T], len: usize, work: impl Fn(usize, &mut [T]) + Sync) {
+/// Calls `work` for each run of `len` items, with the number of the run; results in their order.
+pub(super) fn shared<T: Send, R: Send>(
+    items: &mut [T],
+    len: usize,
+    work: impl Fn(usize, &mut [T]) -> R + Sync,
+) -> Vec<R> {
     #[cfg(feature = "rayon")]
     if items.len() > len {
-        return items.par_chunks_mut(len).enumerate().for_each(|(k, share)| work(k, share));
+        return items.par_chunks_mut(len).enumerate().map(|(k, share)| work(k, share)).collect();
     }
-    items.chunks_mut(len).enumerate().for_each(|(k, share)| work(k, share));
+    items.chunks_mut(len).enumerate().map(|(k, share)| work(k, share)).collect()
 }
 
 /// Calls `work` with each number below `count`; results in their order.
@@ -37,23 +41,14 @@ pub(crate) fn each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> V
     (0..count).map(work).collect()
 }
 
-/// Into how many parts work on so many elements is shared out that no fixed pieces can be made of; no result depends on it.
-pub(super) fn shares(count: usize) -> usize {
+/// How many threads share work on so many elements; no result depends on it.
+pub(super) fn threads(count: usize) -> usize {
     #[cfg(feature = "rayon")]
     if count > PIECE {
-        return match rayon::current_num_threads() {
-            1 => 1,
-            threads => 8 * threads,
-        };
+        return rayon::current_num_threads();
     }
     let _ = count;
     1
-}
-
-/// Runs of 2^shift numbers below `count`, about `shares` of them: the shift, and how many there are.
-pub(super) fn split(count: usize, shares: usize) -> (u32, usize) {
-    let shift = count.div_ceil(shares).max(1).next_power_of_two().trailing_zeros();
-    (shift, count.div_ceil(1 << shift).max(1))
 }
 
 /// Sorts by whatever tells all items apart.

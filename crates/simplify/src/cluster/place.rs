@@ -1,43 +1,40 @@
 //! Where the vertex of a cell goes: the least squared distance to the planes of its faces, and to its borders.
 
-use glam::{DMat3, DVec3, UVec3, Vec3A, Vec3Swizzles, Vec4};
+use glam::{BVec4A, Mat4, UVec3, Vec3, Vec3A, Vec4, Vec4Swizzles};
 
+use lodsmith_core::VertexId;
+use wide::f32x4;
+
+use super::grid::Grid;
 use super::model::{Model, Place};
 use super::pieces;
 use super::search::Clusters;
 
-/// A vertex: its place in its cell, in edges of the cell, and the bits of the cell's number. One load of four.
-#[derive(Clone, Copy, Default)]
-struct Corner(Vec4);
-
-impl Corner {
-    fn new(place: DVec3, cluster: u32) -> Self {
-        Self(place.as_vec3().extend(f32::from_bits(cluster)))
-    }
-    #[inline(always)]
-    fn cluster(self) -> u32 {
-        self.0.w.to_bits()
-    }
-    /// With nothing in the fourth lane: small whole numbers are floats that processors are slow with.
-    #[inline(always)]
-    fn place(self) -> Vec3A {
-        Vec3A::from_vec4(self.0.with_w(0.0))
-    }
+/// The bits of four numbers that a mask lets through: one instruction, where a choice between lanes is three.
+#[inline(always)]
+fn masked(four: Vec4, mask: [u32; 4]) -> Vec4 {
+    let (four, mask): (f32x4, f32x4) = (bytemuck::cast(four), bytemuck::cast(mask));
+    bytemuck::cast(four & mask)
 }
 
-/// Sums over the faces with a corner in a cell, in edges of the cell and from its least corner; four numbers side by side,
-/// for the processor's sake. [Lindstrom 2000]
+/// Sums over the faces with a corner in a cell, in edges of the cell and from its least corner: a line of a cache, four
+/// numbers side by side. [Lindstrom 2000]
 #[derive(Clone, Copy, Default)]
+#[repr(align(64))]
 struct Sum {
     /// Squared distance to the planes, times doubled areas: x'Ax - 2b'x + c. Of A xx, yy, zz; and those areas.
     squares: Vec4,
     /// Of A xz, xy, yz; and c.
     products: Vec4,
-    b: Vec3A,
+    b: Vec4,
     /// Corners in the cell, times doubled areas.
-    corners: Vec3A,
-    /// Directions and moments of the edges round the faces. Where two faces share an edge they cancel, so what is left
-    /// belongs to open borders. [Lindstrom-Silva 2001]
+    corners: Vec4,
+}
+
+/// Directions and moments of the edges round the faces. Where two faces share an edge they cancel, so what is left belongs
+/// to open borders, and only open vertices have any. [Lindstrom-Silva 2001]
+#[derive(Clone, Copy, Default)]
+struct Rim {
     direction: Vec3A,
     moment: Vec3A,
 }
@@ -48,7 +45,13 @@ const AHEAD: usize = 32;
 const BORDER: f64 = 3.0;
 /// Directions in which the planes say less than this share of their sum are left at the mean. ([Lindstrom 2000] cuts
 /// singular values off at this share; a gradual end is as good, as measured, and needs no eigenvectors.)
-const LEAST: f64 = 1e-3;
+const LEAST: f32 = 1e-3;
+/// Doubled areas below this say nothing: their products would leave the range of single precision.
+const NOTHING: f32 = 1e-30;
+/// Vertices stay so far inside their cells, in edges of it: two on one corner would be at one place.
+const APART: f32 = 1e-3;
+/// Cells whose costs are summed one after the other.
+const BLOCK: usize = 64;
 
 /// Positions of the cells' vertices in user units, and the squared distance to the planes in the mean.
 pub(super) struct Placed<P> {
@@ -56,115 +59,182 @@ pub(super) struct Placed<P> {
     pub(super) mean_square: f64,
 }
 
-/// Places a vertex in each cluster; `borders` is what they count, times what they count by default. None leaves its cell. Cost: O(V + F).
+/// Places a vertex in each cluster; `borders` is what they count, times what they count by default. None leaves its cell.
+/// Cost: O(V + F).
 pub(super) fn place<P: Place>(model: &Model<'_, P>, clusters: &Clusters, borders: f64) -> Placed<P> {
-    let Clusters { grid, of, cells, .. } = clusters;
-    let cell = |k: u32| UVec3::from(cells[k as usize]).as_dvec3();
-    let mut corners = vec![Corner::default(); of.len()];
-    pieces::fill(&mut corners, |start, piece| {
-        for ((corner, p), &cluster) in piece.iter_mut().zip(&model.points[start..]).zip(&of[start..]) {
-            *corner = Corner::new(grid.place(p.wide()) - cell(cluster), cluster);
+    let parts = match model.has_open && borders > 0.0 {
+        true => parts::<P, true>(model, clusters, borders),
+        false => parts::<P, false>(model, clusters, borders),
+    };
+    let (mut points, mut cost, mut weight) = (Vec::with_capacity(clusters.cells.len()), 0.0, 0.0);
+    for part in parts {
+        points.extend(part.points);
+        for (c, w) in part.costs {
+            (cost, weight) = (cost + c, weight + w);
         }
-    });
-    let sums = sums(model, &corners, of, cells);
-    drop(corners);
-    let placed = pieces::map(sums.len(), |range| {
-        let (mut points, mut cost, mut weight) = (Vec::with_capacity(range.len()), 0.0, 0.0);
-        for k in range {
-            let (x, c) = sums[k].solve(borders);
-            (cost, weight) = (cost + c, weight + f64::from(sums[k].squares.w));
-            points.push(P::of(grid.user(cell(k as u32) + x)));
-        }
-        (points, cost, weight)
-    });
-    let (mut points, mut cost, mut weight) = (Vec::with_capacity(sums.len()), 0.0, 0.0);
-    for (part, c, w) in placed {
-        points.extend(part);
-        (cost, weight) = (cost + c, weight + w);
     }
-    let mean_square = if weight > 0.0 { cost / weight * grid.cell * grid.cell } else { 0.0 };
+    let mean_square = if weight > 0.0 { cost / weight * clusters.grid.cell.powi(2) } else { 0.0 };
     Placed { points, mean_square }
 }
 
-fn sums<P: Place>(model: &Model<'_, P>, corners: &[Corner], of: &[u32], cells: &[[u32; 3]]) -> Vec<Sum> {
-    let mut sums = vec![Sum::default(); cells.len()];
-    let shares = pieces::shares(model.faces.len());
-    if shares == 1 {
-        let mut ready = [[Corner::default(); 3]; AHEAD];
-        for batch in model.faces.chunks(AHEAD) {
-            for (ready, t) in ready.iter_mut().zip(batch) {
-                *ready = t.map(|v| corners[v.index()]);
+/// Some clusters in a row.
+struct Part<P> {
+    points: Vec<P>,
+    /// Cost and weight of each block.
+    costs: Vec<(f64, f64)>,
+}
+
+/// Each part has the faces with a corner in its cells, in their order, so every sum has one order of its own.
+fn parts<P: Place, const RIMS: bool>(
+    model: &Model<'_, P>,
+    clusters: &Clusters,
+    borders: f64,
+) -> Vec<Part<P>> {
+    let Clusters { grid, cells, shares, .. } = clusters;
+    pieces::each(shares.count, |k| {
+        let range = shares.range(k, cells.len());
+        let first = range.start as u32;
+        let mut sums = vec![Sum::default(); range.len().next_multiple_of(4)];
+        let mut rims = vec![Rim::default(); if RIMS { sums.len() } else { 0 }];
+        let mut batch = Batch::default();
+        let mut add_batch = |batch: &mut Batch, count: usize| {
+            batch.fetch(model, clusters);
+            for (i, t) in batch.faces[..count].iter().enumerate() {
+                add(&mut sums, first, &batch.clusters[i], &batch.places[i], &batch.planes(i));
+                if RIMS {
+                    let is_open = t.map(|v| model.is_open(v.index()));
+                    if is_open.contains(&true) {
+                        add_rims(&mut rims, first, (&batch.clusters[i], is_open), &batch.places[i]);
+                    }
+                }
             }
-            ready[..batch.len()].iter().for_each(|t| add(&mut sums, 0, cells, t));
+        };
+        let mut count = 0;
+        shares.runs(k, model.faces.len(), |run| {
+            let mut left = &model.faces[run];
+            while !left.is_empty() {
+                let (some, rest) = left.split_at(left.len().min(AHEAD - count));
+                batch.faces[count..count + some.len()].copy_from_slice(some);
+                (count, left) = (count + some.len(), rest);
+                if count == AHEAD {
+                    add_batch(&mut batch, count);
+                    count = 0;
+                }
+            }
+        });
+        add_batch(&mut batch, count);
+        let mut part = Part { points: Vec::with_capacity(range.len()), costs: Vec::new() };
+        for (block, cells) in cells[range].chunks(BLOCK).enumerate() {
+            let (mut cost, mut weight) = (0.0, 0.0);
+            for (four, cells) in cells.chunks(4).enumerate() {
+                let i = block * BLOCK + 4 * four;
+                let sums: &[Sum; 4] = sums[i..i + 4].try_into().expect("padded to fours");
+                let border = if RIMS { Forms::of(&rims[i..i + 4], borders) } else { Forms::default() };
+                let (places, costs) = solve(sums, &border, grid.rounding);
+                for (j, cell) in cells.iter().enumerate() {
+                    let at = UVec3::from(*cell).as_dvec3() + places[j].as_dvec3();
+                    part.points.push(P::of(grid.user(at)));
+                    (cost, weight) = (cost + f64::from(costs[j]), weight + f64::from(sums[j].squares.w));
+                }
+            }
+            part.costs.push((cost, weight));
         }
-        return sums;
+        part
+    })
+}
+
+/// Some faces, worked on a step at a time: what one waits for, be it memory or a root, is then under way for many.
+struct Batch {
+    faces: [[VertexId; 3]; AHEAD],
+    /// Of the corners, the clusters and the places in cells from the origin.
+    clusters: [[u32; 3]; AHEAD],
+    places: [[Vec4; 3]; AHEAD],
+    normals: [Vec4; AHEAD],
+    /// Doubled areas, and what makes normals unit normals.
+    doubled: [f32; AHEAD],
+    inverse: [f32; AHEAD],
+}
+
+impl Default for Batch {
+    fn default() -> Self {
+        Self {
+            faces: [[VertexId(0); 3]; AHEAD],
+            clusters: [[0; 3]; AHEAD],
+            places: [[Vec4::ZERO; 3]; AHEAD],
+            normals: [Vec4::ZERO; AHEAD],
+            doubled: [0.0; AHEAD],
+            inverse: [0.0; AHEAD],
+        }
     }
-    // Each share has the faces with a corner in its cells, in their order, so every sum has one order of its own.
-    let (shift, shares) = pieces::split(cells.len(), shares);
-    let lists: Vec<Vec<Vec<u32>>> = pieces::map(model.faces.len(), |range| {
-        let mut lists = vec![Vec::new(); shares];
-        for f in range {
-            let [a, b, c] = model.faces[f].map(|v| of[v.index()] as usize >> shift);
-            lists[a].push(f as u32);
-            if b != a {
-                lists[b].push(f as u32);
-            }
-            if c != a && c != b {
-                lists[c].push(f as u32);
-            }
+}
+
+impl Batch {
+    #[inline(always)]
+    fn fetch<P: Place>(&mut self, model: &Model<'_, P>, clusters: &Clusters) {
+        for (i, t) in self.faces.iter().enumerate() {
+            self.clusters[i] = t.map(|v| clusters.of[v.index()]);
+            self.places[i] = t.map(|v| model.frame[v.index()].into());
         }
-        lists
-    });
-    pieces::shared(&mut sums, 1 << shift, |k, own| {
-        let mut ready = [[Corner::default(); 3]; AHEAD];
-        for batch in lists.iter().flat_map(|list| list[k].chunks(AHEAD)) {
-            for (ready, &f) in ready.iter_mut().zip(batch) {
-                *ready = model.faces[f as usize].map(|v| corners[v.index()]);
-            }
-            ready[..batch.len()].iter().for_each(|t| add(own, (k << shift) as u32, cells, t));
+        let (scale, half) = clusters.grid.places();
+        for i in 0..AHEAD {
+            let [a, b, c] = self.places[i].map(|p| p * scale + half);
+            self.places[i] = [a, b, c];
+            let (u, v) = (b - a, c - a);
+            let normal = (u * v.yzxw() - u.yzxw() * v).yzxw();
+            self.normals[i] = normal;
+            self.doubled[i] = normal.length_squared();
         }
-    });
-    sums
+        for (doubled, inverse) in self.doubled.iter_mut().zip(&mut self.inverse) {
+            *doubled = doubled.sqrt();
+            *inverse = 1.0 / if *doubled > f32::MIN_POSITIVE { *doubled } else { f32::MIN_POSITIVE };
+        }
+    }
+    #[inline(always)]
+    fn planes(&self, i: usize) -> Planes {
+        let (normal, doubled) = (self.normals[i], Vec4::splat(self.doubled[i]));
+        let unit = normal * self.inverse[i];
+        let last = masked(doubled, [0, 0, 0, u32::MAX]);
+        Planes {
+            squares: normal * unit + last,
+            // zx, xy, yz.
+            products: normal * unit.zxyw() + last,
+            normal,
+            unit,
+            doubled,
+        }
+    }
 }
 
 /// Adds a face to those of its cells that `sums` holds, from cell `first` on.
 #[inline(always)]
-fn add(sums: &mut [Sum], first: u32, cells: &[[u32; 3]], &[a, b, c]: &[Corner; 3]) {
-    let slot = |x: Corner| x.cluster().wrapping_sub(first) as usize;
-    let is_inside = a.cluster() == b.cluster() && b.cluster() == c.cluster();
-    let at = a.place();
-    let (mut u, mut v) = (b.place() - at, c.place() - at);
-    if !is_inside {
-        let [a, b, c] = [a, b, c].map(|x| UVec3::from(cells[x.cluster() as usize]).as_ivec3());
-        (u, v) = (u + (b - a).as_vec3a(), v + (c - a).as_vec3a());
-    }
-    let normal = u.cross(v);
-    let doubled = normal.length();
-    let unit = normal * (1.0 / doubled.max(f32::MIN_POSITIVE));
-    let planes = Planes {
-        squares: (normal * unit).extend(doubled),
-        // zx, xy, yz.
-        products: normal * unit.zxy(),
-        normal,
-        unit,
-    };
-    if is_inside {
-        if let Some(sum) = sums.get_mut(slot(a)) {
-            sum.add(&planes, 3.0, at);
-            sum.corners += (3.0 * at + u + v) * doubled;
-            sum.moment += 2.0 * normal;
+fn add(sums: &mut [Sum], first: u32, clusters: &[u32; 3], &[a, b, c]: &[Vec4; 3], planes: &Planes) {
+    let slot = |k: usize| clusters[k].wrapping_sub(first) as usize;
+    if clusters[0] == clusters[1] && clusters[1] == clusters[2] {
+        if let Some(sum) = sums.get_mut(slot(0)) {
+            let at = Grid::inside(a);
+            sum.add(planes, 3.0, at, 3.0 * at + ((b - a) + (c - a)));
         }
         return;
     }
     // Corner by corner, whether two share a cell or not: which it is, no processor could guess.
-    for (x, next, after) in [(a, u, v), (b, v - u, -u), (c, -v, u - v)] {
-        if let Some(sum) = sums.get_mut(slot(x)) {
-            let at = x.place();
-            sum.add(&planes, 1.0, at);
-            sum.corners += at * doubled;
-            // The two edges that end here: out to the next corner, and in from the one after.
-            sum.direction += next - after;
-            sum.moment += normal - (at + next).cross(at + after);
+    for (k, place) in [a, b, c].into_iter().enumerate() {
+        if let Some(sum) = sums.get_mut(slot(k)) {
+            let at = Grid::inside(place);
+            sum.add(planes, 1.0, at, at);
+        }
+    }
+}
+
+/// Adds the edges of a face to the rims of its cells: at each open corner the two that end there, out to the next corner and
+/// in from the one after.
+fn add_rims(rims: &mut [Rim], first: u32, (clusters, is_open): (&[u32; 3], [bool; 3]), places: &[Vec4; 3]) {
+    let [a, b, c] = places.map(Vec3A::from_vec4);
+    let edges = [(b - a, c - a), (c - b, a - b), (a - c, b - c)];
+    for (k, (next, after)) in edges.into_iter().enumerate().filter(|x| is_open[x.0]) {
+        if let Some(rim) = rims.get_mut(clusters[k].wrapping_sub(first) as usize) {
+            let at = Vec3A::from_vec4(Grid::inside(places[k]));
+            rim.direction += next - after;
+            rim.moment += at.cross(next - after);
         }
     }
 }
@@ -172,45 +242,112 @@ fn add(sums: &mut [Sum], first: u32, cells: &[[u32; 3]], &[a, b, c]: &[Corner; 3
 /// What a face adds to the sums of its cells, but for where it lies in them.
 struct Planes {
     squares: Vec4,
-    products: Vec3A,
-    normal: Vec3A,
-    unit: Vec3A,
+    products: Vec4,
+    normal: Vec4,
+    unit: Vec4,
+    doubled: Vec4,
 }
 
 impl Sum {
     /// Adds a plane through a place, for so many corners. (No lane is written alone: a load of four after that would wait.)
     #[inline(always)]
-    fn add(&mut self, planes: &Planes, corners: f32, at: Vec3A) {
-        let distance = planes.unit.dot(at);
+    fn add(&mut self, planes: &Planes, corners: f32, at: Vec4, all: Vec4) {
+        let corners = Vec4::splat(corners);
+        let distance = planes.unit.dot_into_vec(at);
         self.squares += planes.squares * corners;
-        self.products += planes.products.extend(planes.squares.w * distance * distance) * corners;
+        let times =
+            Vec4::select(BVec4A::new(true, true, true, false), corners, corners * distance * distance);
+        self.products += planes.products * times;
         self.b += planes.normal * (distance * corners);
+        self.corners += all * planes.doubled;
     }
-    /// The place in the cell, and what it costs.
-    fn solve(&self, borders: f64) -> (DVec3, f64) {
-        let [xx, yy, zz, weight] = self.squares.as_dvec4().to_array();
-        if weight <= 0.0 {
-            return (DVec3::splat(0.5), 0.0);
+}
+
+/// Forms of four cells: of x'Ax - 2b'x + c, each with a lane for each cell.
+#[derive(Default)]
+struct Forms {
+    xx: Vec4,
+    yy: Vec4,
+    zz: Vec4,
+    xz: Vec4,
+    xy: Vec4,
+    yz: Vec4,
+    b: [Vec4; 3],
+}
+
+impl Forms {
+    /// What borders want.
+    fn of(rims: &[Rim], borders: f64) -> Self {
+        let mut forms = Self::default();
+        for (k, rim) in rims.iter().enumerate() {
+            let length = rim.direction.length();
+            if length > NOTHING {
+                let share = (BORDER * borders) as f32 / length;
+                let d = Vec3::from(rim.direction);
+                let square = length * length;
+                let rest = d.cross(rim.moment.into()) * share;
+                forms.xx[k] = (square - d.x * d.x) * share;
+                forms.yy[k] = (square - d.y * d.y) * share;
+                forms.zz[k] = (square - d.z * d.z) * share;
+                forms.xz[k] = -d.x * d.z * share;
+                forms.xy[k] = -d.x * d.y * share;
+                forms.yz[k] = -d.y * d.z * share;
+                (0..3).for_each(|axis| forms.b[axis][k] = rest[axis]);
+            }
         }
-        let [xz, xy, yz, c] = self.products.as_dvec4().to_array();
-        let planes = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
-        let three = |v: Vec3A| v.as_dvec3();
-        let (b, direction, moment) = (three(self.b), three(self.direction), three(self.moment));
-        let mean = (three(self.corners) / weight).clamp(DVec3::ZERO, DVec3::ONE);
-        let length = direction.length();
-        let (mut a, mut rest) = (planes, b);
-        if length > 0.0 {
-            let share = BORDER * borders / length;
-            let outer =
-                DMat3::from_cols(direction * direction.x, direction * direction.y, direction * direction.z);
-            a += (DMat3::from_diagonal(DVec3::splat(length * length)) - outer) * share;
-            rest += direction.cross(moment) * share;
-        }
-        let trace = a.x_axis.x + a.y_axis.y + a.z_axis.z;
-        let damped = a + DMat3::from_diagonal(DVec3::splat(LEAST * trace));
-        let step = damped.inverse() * (rest - a * mean);
-        let x = if step.is_finite() { mean + step } else { mean }.clamp(DVec3::ZERO, DVec3::ONE);
-        let cost = x.dot(planes * x) - 2.0 * b.dot(x) + c;
-        (x, cost.max(0.0))
+        forms
     }
+}
+
+/// Rows of four cells, as a lane for each cell.
+#[inline(always)]
+fn lanes(sums: &[Sum; 4], row: impl Fn(&Sum) -> Vec4) -> [Vec4; 4] {
+    let [a, b, c, d] = [0, 1, 2, 3].map(|k| row(&sums[k]));
+    let turned = Mat4::from_cols(a, b, c, d).transpose();
+    [turned.x_axis, turned.y_axis, turned.z_axis, turned.w_axis]
+}
+
+/// The places in four cells, and what each costs.
+fn solve(sums: &[Sum; 4], border: &Forms, rounding: f32) -> ([Vec3; 4], [f32; 4]) {
+    let [xx, yy, zz, weight] = lanes(sums, |s| s.squares);
+    let [xz, xy, yz, c] = lanes(sums, |s| s.products);
+    let b = lanes(sums, |s| s.b);
+    let corners = lanes(sums, |s| s.corners);
+    let says = weight.cmpgt(Vec4::splat(NOTHING));
+    let one = Vec4::ONE;
+    let each = one / Vec4::select(says, weight, one);
+    let mean = [0, 1, 2].map(|k| (corners[k] * each).clamp(Vec4::ZERO, one));
+    let times = |[xx, yy, zz, xz, xy, yz]: [Vec4; 6], [x, y, z]: [Vec4; 3]| {
+        [xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z]
+    };
+    let all =
+        [xx + border.xx, yy + border.yy, zz + border.zz, xz + border.xz, xy + border.xy, yz + border.yz];
+    let at_mean = times(all, mean);
+    let r = [0, 1, 2].map(|k| b[k] + border.b[k] - at_mean[k]);
+    // As a product of triangles: the damping keeps what it divides by away from zero.
+    let [xx_, yy_, zz_, xz_, xy_, yz_] = all;
+    let damping = (xx_ + yy_ + zz_) * LEAST;
+    let first = one / (xx_ + damping);
+    let (l, m) = (xy_ * first, xz_ * first);
+    let second = one / (yy_ + damping - l * xy_);
+    let below = yz_ - m * xy_;
+    let n = below * second;
+    let third = one / (zz_ + damping - m * xz_ - n * below);
+    let (y1, y2) = (r[1] - l * r[0], r[2] - m * r[0] - n * (r[1] - l * r[0]));
+    let z = y2 * third;
+    let y = y1 * second - n * z;
+    let x = r[0] * first - l * y - m * z;
+    let low = Vec4::splat(rounding.clamp(APART, 0.5));
+    let step = [x, y, z];
+    let places = [0, 1, 2].map(|k| {
+        // A step that is no number is none.
+        let step = Vec4::select(step[k].abs().cmplt(Vec4::splat(4.0)), step[k], Vec4::ZERO);
+        Vec4::select(says, mean[k] + step, Vec4::splat(0.5)).clamp(low, one - low)
+    });
+    let [ax, ay, az] = times([xx, yy, zz, xz, xy, yz], places);
+    let [x, y, z] = places;
+    let cost = x * (ax - 2.0 * b[0]) + y * (ay - 2.0 * b[1]) + z * (az - 2.0 * b[2]) + c;
+    let cost = Vec4::select(says, cost.max(Vec4::ZERO), Vec4::ZERO).to_array();
+    let [x, y, z] = places.map(|p| p.to_array());
+    ([0, 1, 2, 3].map(|k| Vec3::new(x[k], y[k], z[k])), cost)
 }
