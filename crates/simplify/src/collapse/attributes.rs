@@ -90,7 +90,7 @@ fn of_group(members: &[Member], group: usize) -> impl Iterator<Item = &Member> {
 
 /// A triangle as seen from one of its corners: doubled area, and the gradients of the barycentric coordinates of the two
 /// others.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Slopes {
     pub(super) area: f32,
     pub(super) a: Vec3,
@@ -475,9 +475,12 @@ impl Attributes {
             true => self.alone[w.index()],
             false => self.spread(w),
         };
-        let mut sum = known(first);
-        let others = self.chain(self.heads[first.index()].next).take(MOST_ALONE - 1);
-        others.for_each(|w| sum.add(&known(w)));
+        let (mut sum, mut next) = (known(first), self.heads[first.index()].next);
+        for _ in 1..MOST_ALONE {
+            let Some(head) = self.heads.get(next.index()) else { break };
+            sum.add(&known(next));
+            next = head.next;
+        }
         sum
     }
 

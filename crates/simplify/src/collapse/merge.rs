@@ -20,6 +20,8 @@ pub(super) struct Merge {
     best: Vec<f32x4>,
     own: Vec<f32x4>,
     heads: Vec<Head>,
+    /// Of the wings as they are, where the cost of the merger was asked for.
+    slopes: Vec<Slopes>,
 }
 
 impl<M: Metric> Engine<M> {
@@ -240,6 +242,7 @@ impl<M: Metric> Engine<M> {
     /// Finds which wedges of `u` and `v` become one, and their best values at `u` + `y`.
     pub(super) fn prepare_merge(&mut self, u: VertexId, v: VertexId, y: Vec3, ru: &[Spoke]) {
         let mut merge = std::mem::take(&mut self.merge);
+        merge.slopes.clear();
         if let Some(attributes) = &self.attributes {
             self.gather(attributes, u, v, ru, true, &mut merge.members);
             let (members, lanes) = (&merge.members, attributes.lanes());
@@ -261,23 +264,26 @@ impl<M: Metric> Engine<M> {
 
     /// What the attributes lose by the merger that was prepared, from the triangles of the wings, `at_u` of which are the
     /// kept end's: squares of small numbers, not small differences of squares.
-    pub(super) fn attribute_cost(&self, u: VertexId, v: VertexId, y: Vec3, at_u: usize) -> f32 {
+    pub(super) fn attribute_cost(&mut self, u: VertexId, v: VertexId, y: Vec3, at_u: usize) -> f32 {
         let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) else { return 0.0 };
         if !attributes.counts() {
             return 0.0;
         }
+        let mut slopes = std::mem::take(&mut self.merge.slopes);
         let (x, z, lanes) = (self.store.p(u), self.store.p(v), attributes.lanes());
         let mut cost = 0f32;
         for (i, wing) in self.wings.iter().enumerate() {
             let (from, step) = if i < at_u { (x, y) } else { (z, y - (z - x)) };
             let corners = from_corner(wedges[wing.corner.face()], wing.corner.k());
-            let Some(group) = group_of(&self.merge.members, corners[0], i >= at_u) else { continue };
             let (a, b) = (self.store.p(wing.a), self.store.p(wing.b));
             let s = Slopes::with_normal([from, a, b], wing.normal, wing.length);
+            slopes.push(s);
+            let Some(group) = group_of(&self.merge.members, corners[0], i >= at_u) else { continue };
             let error = attributes.error(&s, corners, step, &self.merge.best[group * lanes..][..lanes]);
             // A triangle at both ends counts twice, as in the evaluation.
             cost += if wing.both { 2.0 * error } else { error };
         }
+        self.merge.slopes = slopes;
         cost
     }
 
@@ -338,7 +344,7 @@ impl<M: Metric> Engine<M> {
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
             return tensor;
         };
-        let Merge { members, best, own, heads } = &mut self.merge;
+        let Merge { members, best, own, heads, slopes } = &mut self.merge;
         let lanes = attributes.lanes();
         let (x, z) = (self.store.v[u.index()].p, self.store.v[v.index()].p);
         own.clear();
@@ -359,7 +365,10 @@ impl<M: Metric> Engine<M> {
             let [o, a, b] = from_corner(wedges[face], k);
             let Some(group) = group_of(members, o, i >= ru.len()) else { continue };
             let (pa, pb) = (self.store.v[wing.a.index()].p, self.store.v[wing.b.index()].p);
-            let old = Slopes::with_normal([from, pa, pb], wing.normal, wing.length);
+            let old = match slopes.get(i) {
+                Some(known) => *known,
+                None => Slopes::with_normal([from, pa, pb], wing.normal, wing.length),
+            };
             let new =
                 (!wing.both).then(|| Slopes::with_normal([at, pa, pb], wing.after, wing.after.length()));
             let values = &best[group * lanes..][..lanes];
