@@ -244,7 +244,7 @@ impl<M: Metric> Engine<M> {
             let kind = self.with_seams(kind, u, &ring, &mut edges).locked(is_locked);
             self.store.v[u.index()].kind = kind;
             if kind.is_seam() {
-                self.mark_hard_seams(&edges);
+                self.mark_hard_seams(u, &edges);
             }
         }
         if duplicates.is_empty() {

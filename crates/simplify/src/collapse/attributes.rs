@@ -377,9 +377,9 @@ impl Attributes {
     }
 
     /// Squared errors, weighted, times twice the area, of a triangle whose values at `step` from its first corner are to
-    /// be `best`.
+    /// be `best`, in four shares.
     #[inline(always)]
-    pub(super) fn error(&self, s: &Slopes, corners: [WedgeId; 3], step: Vec3, best: &[f32x4]) -> f32 {
+    pub(super) fn error(&self, s: &Slopes, corners: [WedgeId; 3], step: Vec3, best: &[f32x4]) -> f32x4 {
         let (la, lb) = (s.a.dot(step), s.b.dot(step));
         let [o, a, b] = corners.map(|w| self.values(w));
         let mut sum = f32x4::ZERO;
@@ -387,12 +387,12 @@ impl Attributes {
             let error = (o[i] - best[i]) + (a[i] - o[i]) * la + (b[i] - o[i]) * lb;
             sum += error * error * weight;
         }
-        s.area * sum.reduce_add()
+        sum * s.area
     }
 
     /// Takes what a triangle says of its first corner, `old` there, away from the sums of the two others, and says it to
     /// them anew where the corner has moved (`new` slopes and values) instead of gone. What it adds to the merged wedge's
-    /// own sums goes to `own`.
+    /// own sums goes to `own`, and to the tensor of its vertex to `added`. Says what changes in the tensors of the others.
     #[inline(always)]
     pub(super) fn replace(
         &mut self,
@@ -400,29 +400,36 @@ impl Attributes {
         new: Option<(&Slopes, &[f32x4])>,
         [a, b]: [WedgeId; 2],
         own: &mut [f32x4],
-    ) -> [Tensor; 2] {
+        added: &mut [f32x4; 6],
+    ) -> Tensor {
         let n = self.lanes;
         let [at_o, at_a, at_b] = [old.1, a, b].map(|w| w.index() * 4 * n);
-        let (mut old_sums, mut new_sums) = ([f32x4::ZERO; 3], [f32x4::ZERO; 3]);
+        let per_area = |s: &Slopes| 1.0 / s.area.max(1e-30);
+        let (per_old, per_new) = (per_area(old.0), new.map_or(0.0, |x| per_area(x.0)));
+        let mut sums = [f32x4::ZERO; 6];
         for i in 0..n {
             let weight = self.weights[i];
             let [o, a, b] = [at_o, at_a, at_b].map(|at| self.rows[at + i]);
             let mut gain = [f32x4::ZERO; 3];
             if let Some((s, values)) = new {
-                let (a, b) = (a - values[i], b - values[i]);
-                add_products(&mut new_sums, a, b, weight);
-                let (a, b) = (a * s.area, b * s.area);
+                let (a, b) = ((a - values[i]) * s.area, (b - values[i]) * s.area);
                 gain = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
+                let square = outer(&gain, weight * per_new);
+                for k in 0..6 {
+                    sums[k] += square[k];
+                    added[k] += square[k];
+                }
                 for (k, gain) in gain.into_iter().enumerate() {
                     own[k * n + i] += gain;
                 }
             }
             let s = old.0;
-            let (a, b) = (a - o, b - o);
-            add_products(&mut old_sums, a, b, weight);
-            let (a, b) = (a * s.area, b * s.area);
+            let (a, b) = ((a - o) * s.area, (b - o) * s.area);
+            let loss = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
+            let square = outer(&loss, weight * per_old);
+            (0..6).for_each(|k| sums[k] -= square[k]);
             for (k, gain) in gain.into_iter().enumerate() {
-                let change = gain - (a * s.a[k] + b * s.b[k]);
+                let change = gain - loss[k];
                 self.rows[at_a + (k + 1) * n + i] += change;
                 self.rows[at_b + (k + 1) * n + i] += change;
             }
@@ -433,12 +440,7 @@ impl Attributes {
             (head.area, head.known) = (head.area + area, false);
             head.faces -= u32::from(new.is_none());
         }
-        let tensor = |s: &Slopes, sums: [f32x4; 3]| {
-            let [aa, ab, bb] = sums.map(f32x4::reduce_add);
-            s.tensor(aa, ab, bb)
-        };
-        let added = new.map_or(Tensor::default(), |x| tensor(x.0, new_sums));
-        [tensor(old.0, old_sums), added]
+        Tensor(sums.map(f32x4::reduce_add))
     }
 
     /// Gives a wedge new values and sums.
@@ -696,12 +698,11 @@ fn add_square(
     *c += gap * gap * weight;
 }
 
+/// weight · p pᵀ.
 #[inline(always)]
-fn add_products(sums: &mut [f32x4; 3], a: f32x4, b: f32x4, weight: f32x4) {
-    let (wa, wb) = (a * weight, b * weight);
-    sums[0] += wa * a;
-    sums[1] += wa * b;
-    sums[2] += wb * b;
+fn outer(p: &[f32x4; 3], weight: f32x4) -> [f32x4; 6] {
+    let [x, y, z] = p.map(|p| p * weight);
+    [x * p[0], y * p[1], z * p[2], x * p[1], x * p[2], y * p[2]]
 }
 
 #[inline(always)]

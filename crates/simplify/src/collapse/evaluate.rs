@@ -79,13 +79,12 @@ impl<M: Metric> Engine<M> {
         let x = &self.store.v[u.index()];
         let lane = |i: usize| &self.store.v[ends[i.min(ends.len() - 1)].index()];
         let z = [lane(0), lane(1), lane(2), lane(3)];
-        let lone = self.are_lone(u, ends);
-        let tensor = |w: VertexId| match lone {
-            true => M::tensor_of(&self.store.v[w.index()].q).0,
-            false => self.tensor_alone(w).0,
-        };
-        let s = tensor(u).map(f32x4::splat);
-        let t = [0, 1, 2, 3].map(|i: usize| tensor(ends[i.min(ends.len() - 1)]));
+        let (mut s, mut t) = (M::tensor_of(&x.q).0, z.map(|z| M::tensor_of(&z.q).0));
+        if !self.are_lone(u, ends) {
+            s = self.tensor_alone(u).0;
+            t = [0, 1, 2, 3].map(|i: usize| self.tensor_alone(ends[i.min(ends.len() - 1)]).0);
+        }
+        let s = s.map(f32x4::splat);
         let t = [0, 1, 2, 3, 4, 5].map(|k| f32x4::new([t[0][k], t[1][k], t[2][k], t[3][k]]));
         let axis = |k: usize| f32x4::new(z.map(|z| z.p[k])) - f32x4::splat(x.p[k]);
         let d = [axis(0), axis(1), axis(2)];

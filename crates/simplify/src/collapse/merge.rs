@@ -87,7 +87,7 @@ impl<M: Metric> Engine<M> {
     /// Makes known what the wedges of a vertex, and of some of its neighbours, say by themselves, where that is asked for.
     #[inline(always)]
     pub(super) fn know_wedges(&mut self, u: VertexId, others: &[VertexId]) {
-        if self.are_lone(u, others) {
+        if self.weighed().is_none() || self.are_lone(u, others) {
             return;
         }
         if let Some(attributes) = &mut self.attributes {
@@ -271,7 +271,7 @@ impl<M: Metric> Engine<M> {
         }
         let mut slopes = std::mem::take(&mut self.merge.slopes);
         let (x, z, lanes) = (self.store.p(u), self.store.p(v), attributes.lanes());
-        let mut cost = 0f32;
+        let mut cost = f32x4::ZERO;
         for (i, wing) in self.wings.iter().enumerate() {
             let (from, step) = if i < at_u { (x, y) } else { (z, y - (z - x)) };
             let corners = from_corner(wedges[wing.corner.face()], wing.corner.k());
@@ -281,10 +281,10 @@ impl<M: Metric> Engine<M> {
             let Some(group) = group_of(&self.merge.members, corners[0], i >= at_u) else { continue };
             let error = attributes.error(&s, corners, step, &self.merge.best[group * lanes..][..lanes]);
             // A triangle at both ends counts twice, as in the evaluation.
-            cost += if wing.both { 2.0 * error } else { error };
+            cost += if wing.both { error + error } else { error };
         }
         self.merge.slopes = slopes;
-        cost
+        cost.reduce_add()
     }
 
     /// Lets the corners of `v` have the wedges of `u` where those are the same in all, before the two become one.
@@ -339,11 +339,11 @@ impl<M: Metric> Engine<M> {
     /// Merges the wedges as prepared, before the triangles change; the merged vertex goes to the kept end + `y`, the
     /// place `at`. Says what the new triangles add to its tensor.
     pub(super) fn merge_wedges(&mut self, u: VertexId, v: VertexId, y: Vec3, at: Vec3, ru: &Ring) -> Tensor {
-        let mut tensor = Tensor::default();
         let is_locked = self.is_either_locked(u, v);
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
-            return tensor;
+            return Tensor::default();
         };
+        let mut added = [f32x4::ZERO; 6];
         let Merge { members, best, own, heads, slopes } = &mut self.merge;
         let lanes = attributes.lanes();
         let (x, z) = (self.store.v[u.index()].p, self.store.v[v.index()].p);
@@ -374,13 +374,10 @@ impl<M: Metric> Engine<M> {
             let values = &best[group * lanes..][..lanes];
             let sums = &mut own[group * 3 * lanes..][..3 * lanes];
             let new = new.as_ref().map(|s| (s, values));
-            let [gone, come] = attributes.replace((&old, o), new, [a, b], sums);
-            let mut change = come;
-            change.sub(&gone);
+            let change = attributes.replace((&old, o), new, [a, b], sums, &mut added);
             for w in [wing.a, wing.b] {
                 M::tensor(&mut self.store.v[w.index()].q).add(&change);
             }
-            tensor.add(&come);
             match new {
                 Some((s, _)) => {
                     heads[group].area += s.area;
@@ -407,7 +404,7 @@ impl<M: Metric> Engine<M> {
             first = m.wedge;
         }
         self.store.first_wedge[u.index()] = first;
-        tensor
+        Tensor(added.map(f32x4::reduce_add))
     }
 }
 

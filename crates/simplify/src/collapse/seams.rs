@@ -180,17 +180,21 @@ impl<M: Metric> Engine<M> {
     /// Marks the wedges of hard seams round a vertex: where texture coordinates jump farther than the faces on both sides
     /// reach, what lies beyond is another piece of the texture. A smaller jump is one between faces with the same
     /// piece each, as in palettes.
-    pub(super) fn mark_hard_seams(&mut self, edges: &[Edge]) {
+    pub(super) fn mark_hard_seams(&mut self, u: VertexId, edges: &[Edge]) {
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
         if attributes.textures.is_empty() {
             return;
         }
-        for edge in edges {
+        // An edge of two faces looks the same from both ends.
+        for edge in edges.iter().filter(|e| e.faces != 2 || e.to > u) {
             let (s, Some(t)) = (edge.side, edge.other) else { continue };
             let reach = [s, t].map(|s| attributes.reach(wedges[s.face])).into_iter().fold(0f32, f32::max);
             if attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there)) > reach {
                 for s in [s, t] {
                     attributes.heads[s.here.index()].hard[usize::from(s.ends)] = true;
+                    if edge.faces == 2 {
+                        attributes.heads[s.there.index()].hard[usize::from(!s.ends)] = true;
+                    }
                 }
             }
         }
