@@ -81,7 +81,7 @@ const PATIENCE: usize = 4;
 const MOST_SWEEPS: usize = 4000;
 /// Vertices looked at for the first threshold. (Some hundred hold a quantile within two percent.)
 const FIRST_LOOK: usize = 512;
-/// The same where attributes count, and a look takes longer. (A sixteenth of the sweeps' time less; errors do not change.)
+/// The same where attributes count, and a look takes longer. (A twentieth of the time of a run less; RMS within a percent.)
 const FIRST_LOOK_AT_WEDGES: usize = 128;
 /// Vertices between two questions to the caller.
 const ASK_EVERY: usize = 4096;
