@@ -65,7 +65,7 @@ use merge::Merge;
 use pairs::Pairs;
 use parts::Parts;
 use record::Record;
-use seams::Looseness;
+use seams::{Edge, Looseness};
 use store::{Facing, Ring, Spoke, Store};
 pub(crate) use wedges::Wedges;
 use wings::Wing;
@@ -84,6 +84,8 @@ const PATIENCE: usize = 4;
 const MOST_SWEEPS: usize = 4000;
 /// Vertices looked at for the first threshold, at most. (Some hundred hold a quantile within two percent.)
 const FIRST_LOOK: usize = 512;
+/// The same where attributes count, and a look takes longer. (A twentieth of the time of a run less; RMS within a percent.)
+const FIRST_LOOK_AT_WEDGES: usize = 128;
 /// Of a small mesh one in so many is enough, but never fewer than `FEWEST_LOOKS`: it is only the first of many thresholds.
 const LOOK_SHARE: usize = 24;
 const FEWEST_LOOKS: usize = 128;
@@ -177,6 +179,8 @@ pub(crate) struct Engine<M: Metric> {
     merge: Merge,
     /// Ends of lines around the edge that goes: whether at the kept end, and the line's weight.
     rim: Vec<(VertexId, bool, f32)>,
+    /// Edges of the star that is looked at.
+    edges: Vec<Edge>,
 }
 
 impl<M: Metric> Engine<M> {
@@ -221,6 +225,7 @@ impl<M: Metric> Engine<M> {
             looseness: Looseness::None,
             merge: Merge::default(),
             rim: Vec::new(),
+            edges: Vec::new(),
         };
         // Before the corner lists, so that both need not have room at once.
         engine.weigh();
@@ -238,7 +243,7 @@ impl<M: Metric> Engine<M> {
     /// Kinds of all vertices; drops faces that stand twice.
     fn classify(&mut self) -> usize {
         self.chain_wedges();
-        let (mut ring, mut duplicates) = (Vec::new(), Vec::new());
+        let (mut ring, mut edges, mut duplicates) = (Vec::new(), Vec::new(), Vec::new());
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             self.store.ring(u, &mut ring);
             let kind = Kind::of(&ring, self.rules.border);
@@ -247,10 +252,10 @@ impl<M: Metric> Engine<M> {
                 duplicates.extend((0..ring.len()).filter(|&i| twice(i)).map(|i| ring[i].corner.face()));
             }
             let is_locked = self.store.v[u.index()].kind.is_locked();
-            let kind = self.with_seams(kind, u, &ring).locked(is_locked);
+            let kind = self.with_seams(kind, u, &ring, &mut edges).locked(is_locked);
             self.store.v[u.index()].kind = kind;
             if kind.is_seam() {
-                self.mark_hard_seams(&ring);
+                self.mark_hard_seams(u, &edges);
             }
         }
         if duplicates.is_empty() {
@@ -308,38 +313,40 @@ impl<M: Metric> Engine<M> {
         if !self.has_lines() {
             return;
         }
-        let mut ring = Vec::new();
+        let (mut ring, mut edges) = (Vec::new(), Vec::new());
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             if self.store.v[u.index()].kind.has_lines() {
                 self.store.ring(u, &mut ring);
-                self.add_lines(u, &ring);
+                self.add_lines(u, &ring, &mut edges);
             }
         }
     }
 
-    fn add_lines(&mut self, u: VertexId, ring: &Ring) {
+    fn add_lines(&mut self, u: VertexId, ring: &Ring, edges: &mut Vec<Edge>) {
         let mut sum = *M::tensor_of(&self.store.v[u.index()].q);
-        self.add_lines_to(&mut sum, u, ring);
+        self.add_lines_to(&mut sum, u, ring, edges);
         *M::tensor(&mut self.store.v[u.index()].q) = sum;
     }
 
     /// Adds the lines of a star to a tensor.
-    fn add_lines_to(&self, sum: &mut Tensor, u: VertexId, ring: &Ring) {
+    fn add_lines_to(&self, sum: &mut Tensor, u: VertexId, ring: &Ring, edges: &mut Vec<Edge>) {
         let seams = self.store.v[u.index()].kind.is_seam();
-        for w in distinct(ring) {
-            let weight = self.line_weight(ring, w, seams);
+        self.store.edges(ring, edges);
+        for edge in edges {
+            let weight = self.weight_of(edge, seams);
             if weight > 0.0 {
-                sum.add(&self.metric.line(self.store.p(w) - self.store.p(u), weight, self.mean_face));
+                sum.add(&self.metric.line(self.store.p(edge.to) - self.store.p(u), weight, self.mean_face));
             }
         }
     }
 
     /// A kind with what the wedges and regions of the star add to it.
-    fn with_seams(&self, kind: Kind, u: VertexId, ring: &Ring) -> Kind {
+    fn with_seams(&self, kind: Kind, u: VertexId, ring: &Ring, edges: &mut Vec<Edge>) -> Kind {
         if self.attributes.is_none() && self.store.regions.is_none() || self.is_far_from_seams(ring, u) {
             return kind;
         }
-        kind.on_seam(distinct(ring).any(|w| self.store.is_seam_edge(ring, w)))
+        self.store.edges(ring, edges);
+        kind.on_seam(edges.iter().any(Edge::is_seam))
     }
 
     /// The kind of a vertex afresh from its star.
@@ -349,6 +356,7 @@ impl<M: Metric> Engine<M> {
             Kind::of(ring, self.rules.border).moved(old.is_moved()).locked(old.is_locked()),
             u,
             ring,
+            &mut Vec::new(),
         )
     }
 
@@ -369,8 +377,13 @@ impl<M: Metric> Engine<M> {
         M::tensor(&mut q).add(&self.attribute_tensor(u, ring));
         self.store.v[u.index()].q = q;
         if self.has_lines() {
-            self.add_lines(u, ring);
+            self.add_lines(u, ring, &mut Vec::new());
         }
+    }
+
+    /// Whether any attribute counts in the cost.
+    fn counts_attributes(&self) -> bool {
+        self.attributes.as_ref().is_some_and(Attributes::counts)
     }
 
     fn refused(&self) -> u64 {
@@ -384,9 +397,10 @@ impl<M: Metric> Engine<M> {
     /// The bounds of some vertices spread over the mesh, for the first threshold: the exact cost of the edge that looks
     /// cheapest, because an evaluation cannot tell flat from nearly flat. Of a small mesh, all.
     fn first_bounds(&mut self, scratch: &mut Scratch) -> Vec<f32> {
-        let looks = (self.store.v.len() / LOOK_SHARE).clamp(FEWEST_LOOKS, FIRST_LOOK);
+        let most = if self.counts_attributes() { FIRST_LOOK_AT_WEDGES } else { FIRST_LOOK };
+        let looks = (self.store.v.len() / LOOK_SHARE).clamp(FEWEST_LOOKS, most);
         let step = self.store.v.len().div_ceil(looks).max(1);
-        let mut bounds = Vec::with_capacity(FIRST_LOOK);
+        let mut bounds = Vec::with_capacity(looks);
         for u in (0..self.store.v.len()).step_by(step).map(|i| VertexId(i as u32)) {
             let Scratch { ru, rv, owned, members, .. } = scratch;
             self.store.ring(u, ru);
@@ -413,7 +427,7 @@ impl<M: Metric> Engine<M> {
     fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
         let quantile = match () {
             () if self.record.is_some() => record::QUANTILE,
-            () if self.late.is_some() => late::QUANTILE,
+            () if self.late.is_some() && !self.counts_attributes() => late::QUANTILE,
             () => QUANTILE,
         };
         let mut want = histogram.known() as f64 * quantile;
@@ -711,7 +725,10 @@ impl<M: Metric> Engine<M> {
 
     /// Whether the late phase is to begin.
     fn is_late(&self, extreme: bool) -> bool {
-        let begin = if self.record.is_some() { late::begin_of_record(self.first_faces) } else { late::BEGIN };
+        let begin = match self.record {
+            Some(_) => late::begin_of_record(self.first_faces),
+            None => late::begin(self.first_faces, self.counts_attributes()),
+        };
         extreme && self.late.is_none() && self.store.live_faces < begin
     }
 

@@ -488,12 +488,16 @@ impl Run<'_, '_> {
     ) -> Result<Outcome, SimplifyError> {
         // Where the topology may change, parts and necks go in their turn from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;
-        let mut first =
-            self.single_pass(metric, &goal, step, Leave { parts: is_free, cuts: is_free }, control)?;
-        let is_short =
-            first.parts_removed > 0 || first.end == End::Stuck && step.is_none() && !goal.is_none();
         let may_change = self.options.topology == TopologyPolicy::Relaxed;
-        if !is_short || !may_change || first.end == End::Finish {
+        let leave = Leave { parts: is_free, cuts: is_free };
+        let (trunk, end) = self.swept(metric, &goal, step, leave, control)?;
+        // Where parts had to go, the second pass is the better one.
+        let mut first = match trunk.engine.parts_removed > 0 && may_change && end != End::Finish {
+            true => None,
+            false => Some(self.ended(trunk, end, &goal, step, leave, control)?),
+        };
+        let is_short = |o: &Outcome| o.end == End::Stuck && step.is_none() && !goal.is_none() && may_change;
+        if let Some(first) = first.take_if(|o| !is_short(o)) {
             return Ok(first);
         }
         // Parts and handles stand in the way: let them go in their turn.
@@ -502,13 +506,12 @@ impl Run<'_, '_> {
         if second.touches && second.end != End::Finish {
             second = self.single_pass(metric, &goal, step, Leave { parts: true, cuts: false }, control)?;
         }
-        let faces = [&first, &second].map(|o| o.mesh.face_count());
-        let is_better = second.end != End::Stuck || faces[1] < faces[0] || first.parts_removed > 0;
-        if is_better {
-            return Ok(second);
+        let is_worse =
+            |first: &Outcome| second.end == End::Stuck && second.mesh.face_count() >= first.mesh.face_count();
+        match first.filter(is_worse) {
+            Some(first) => Ok(Outcome { proposals: second.proposals, ..first }),
+            None => Ok(second),
         }
-        first.proposals = second.proposals;
-        Ok(first)
     }
 
     fn single_pass<M: Metric>(
@@ -519,8 +522,34 @@ impl Run<'_, '_> {
         leave: Leave,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
+        let (trunk, end) = self.swept(metric, goal, step, leave, control)?;
+        self.ended(trunk, end, goal, step, leave, control)
+    }
+
+    /// The engine after its sweeps.
+    fn swept<M: Metric>(
+        &mut self,
+        metric: M,
+        goal: &Goal,
+        step: Option<f64>,
+        leave: Leave,
+        control: &mut dyn Control,
+    ) -> Result<(Trunk<M>, End), SimplifyError> {
         let mut trunk = self.begin(metric, step, leave, (&[], 0), control)?;
         let end = self.sweep(&mut trunk, goal, control)?;
+        Ok((trunk, end))
+    }
+
+    /// What it made.
+    fn ended<M: Metric>(
+        &mut self,
+        trunk: Trunk<M>,
+        end: End,
+        goal: &Goal,
+        step: Option<f64>,
+        leave: Leave,
+        control: &mut dyn Control,
+    ) -> Result<Outcome, SimplifyError> {
         // Where parts may go, a first pass is not the last one; a search for an error has its own end.
         let is_last = leave.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
         let proposes = end == End::Stuck && is_last && step.is_none();

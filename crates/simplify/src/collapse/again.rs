@@ -40,6 +40,9 @@ impl<M: Metric> Engine<M> {
         let own = attributes.weights_mut();
         let is_other = *own != *weights;
         own.copy_from_slice(weights);
+        if is_other {
+            attributes.forget();
+        }
         if is_other && self.metric.is_memoryless() {
             self.weigh_again();
         }

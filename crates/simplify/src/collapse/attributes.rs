@@ -18,6 +18,8 @@ use crate::tensor::Tensor;
 pub(super) const NO_WEDGE: WedgeId = WedgeId(u32::MAX);
 /// Doubled area under which a triangle's gradients are not believed, a share of its longest edge squared.
 const FLAT: f32 = 1e-3;
+/// Wedges of a vertex that an evaluation looks at, so that a vertex of very many charts cannot stall a run.
+const MOST_ALONE: usize = 24;
 /// Joints kept at a wedge while the mesh is worked on. (More than any format has.)
 const MOST_PULLS: usize = 16;
 
@@ -35,6 +37,8 @@ pub(crate) struct Attributes {
     /// Joints that pull a wedge, with their weights; empty where there is no skin.
     pub(crate) pulls: Vec<Pulls>,
     pub(super) heads: Vec<Head>,
+    /// What the best value of each wedge takes off the tensor of its vertex, where it is known.
+    alone: Vec<Tensor>,
     /// Which wedges the last ones were copied from.
     copied: Vec<WedgeId>,
     /// For each wedge its values, then what they gain along x, y and z, as doubled area times gradient, summed over the
@@ -56,11 +60,13 @@ pub(super) struct Head {
     pub(super) next: WedgeId,
     /// Whether hard seams bound its faces: where they begin, as seen from its vertex, and where they end.
     pub(super) hard: [bool; 2],
+    /// Whether what is known of it by itself still holds.
+    pub(super) known: bool,
 }
 
 impl Default for Head {
     fn default() -> Self {
-        Self { area: 0.0, faces: 0, next: NO_WEDGE, hard: [false; 2] }
+        Self { area: 0.0, faces: 0, next: NO_WEDGE, hard: [false; 2], known: false }
     }
 }
 
@@ -84,7 +90,7 @@ fn of_group(members: &[Member], group: usize) -> impl Iterator<Item = &Member> {
 
 /// A triangle as seen from one of its corners: doubled area, and the gradients of the barycentric coordinates of the two
 /// others.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Slopes {
     pub(super) area: f32,
     pub(super) a: Vec3,
@@ -150,6 +156,7 @@ impl Attributes {
             textures,
             pulls,
             heads,
+            alone: vec![Tensor::default(); count],
             copied: Vec::new(),
             rows,
         }
@@ -252,6 +259,7 @@ impl Attributes {
             self.pulls.push(self.pulls[w.index()].clone());
         }
         self.heads.push(Head { hard: self.heads[w.index()].hard, ..Head::default() });
+        self.alone.push(Tensor::default());
         self.copied.push(original);
         copy
     }
@@ -337,7 +345,8 @@ impl Attributes {
             }
         }
         for w in wedges {
-            self.heads[w.index()].area += s.area;
+            let head = &mut self.heads[w.index()];
+            (head.area, head.known) = (head.area + s.area, false);
         }
         tensor
     }
@@ -364,13 +373,13 @@ impl Attributes {
             }
         }
         let head = &mut self.heads[wedges[0].index()];
-        (head.area, head.faces) = (head.area + s.area, head.faces + 1);
+        (head.area, head.faces, head.known) = (head.area + s.area, head.faces + 1, false);
     }
 
     /// Squared errors, weighted, times twice the area, of a triangle whose values at `step` from its first corner are to
-    /// be `best`.
+    /// be `best`, in four shares.
     #[inline(always)]
-    pub(super) fn error(&self, s: &Slopes, corners: [WedgeId; 3], step: Vec3, best: &[f32x4]) -> f32 {
+    pub(super) fn error(&self, s: &Slopes, corners: [WedgeId; 3], step: Vec3, best: &[f32x4]) -> f32x4 {
         let (la, lb) = (s.a.dot(step), s.b.dot(step));
         let [o, a, b] = corners.map(|w| self.values(w));
         let mut sum = f32x4::ZERO;
@@ -378,12 +387,12 @@ impl Attributes {
             let error = (o[i] - best[i]) + (a[i] - o[i]) * la + (b[i] - o[i]) * lb;
             sum += error * error * weight;
         }
-        s.area * sum.reduce_add()
+        sum * s.area
     }
 
     /// Takes what a triangle says of its first corner, `old` there, away from the sums of the two others, and says it to
     /// them anew where the corner has moved (`new` slopes and values) instead of gone. What it adds to the merged wedge's
-    /// own sums goes to `own`.
+    /// own sums goes to `own`, and to the tensor of its vertex to `added`. Says what changes in the tensors of the others.
     #[inline(always)]
     pub(super) fn replace(
         &mut self,
@@ -391,29 +400,36 @@ impl Attributes {
         new: Option<(&Slopes, &[f32x4])>,
         [a, b]: [WedgeId; 2],
         own: &mut [f32x4],
-    ) -> [Tensor; 2] {
+        added: &mut [f32x4; 6],
+    ) -> Tensor {
         let n = self.lanes;
         let [at_o, at_a, at_b] = [old.1, a, b].map(|w| w.index() * 4 * n);
-        let (mut old_sums, mut new_sums) = ([f32x4::ZERO; 3], [f32x4::ZERO; 3]);
+        let per_area = |s: &Slopes| 1.0 / s.area.max(1e-30);
+        let (per_old, per_new) = (per_area(old.0), new.map_or(0.0, |x| per_area(x.0)));
+        let mut sums = [f32x4::ZERO; 6];
         for i in 0..n {
             let weight = self.weights[i];
             let [o, a, b] = [at_o, at_a, at_b].map(|at| self.rows[at + i]);
             let mut gain = [f32x4::ZERO; 3];
             if let Some((s, values)) = new {
-                let (a, b) = (a - values[i], b - values[i]);
-                add_products(&mut new_sums, a, b, weight);
-                let (a, b) = (a * s.area, b * s.area);
+                let (a, b) = ((a - values[i]) * s.area, (b - values[i]) * s.area);
                 gain = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
+                let square = outer(&gain, weight * per_new);
+                for k in 0..6 {
+                    sums[k] += square[k];
+                    added[k] += square[k];
+                }
                 for (k, gain) in gain.into_iter().enumerate() {
                     own[k * n + i] += gain;
                 }
             }
             let s = old.0;
-            let (a, b) = (a - o, b - o);
-            add_products(&mut old_sums, a, b, weight);
-            let (a, b) = (a * s.area, b * s.area);
+            let (a, b) = ((a - o) * s.area, (b - o) * s.area);
+            let loss = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
+            let square = outer(&loss, weight * per_old);
+            (0..6).for_each(|k| sums[k] -= square[k]);
             for (k, gain) in gain.into_iter().enumerate() {
-                let change = gain - (a * s.a[k] + b * s.b[k]);
+                let change = gain - loss[k];
                 self.rows[at_a + (k + 1) * n + i] += change;
                 self.rows[at_b + (k + 1) * n + i] += change;
             }
@@ -421,15 +437,10 @@ impl Attributes {
         let area = new.map_or(0.0, |x| x.0.area) - old.0.area;
         for w in [a, b] {
             let head = &mut self.heads[w.index()];
-            head.area += area;
+            (head.area, head.known) = (head.area + area, false);
             head.faces -= u32::from(new.is_none());
         }
-        let tensor = |s: &Slopes, sums: [f32x4; 3]| {
-            let [aa, ab, bb] = sums.map(f32x4::reduce_add);
-            s.tensor(aa, ab, bb)
-        };
-        let added = new.map_or(Tensor::default(), |x| tensor(x.0, new_sums));
-        [tensor(old.0, old_sums), added]
+        Tensor(sums.map(f32x4::reduce_add))
     }
 
     /// Gives a wedge new values and sums.
@@ -441,13 +452,59 @@ impl Attributes {
         self.heads[w.index()] = head;
     }
 
-    /// Adds to the form of an edge what its wedges say; `d` leads from the kept to the removed end.
+    /// Renews what is known of wedges by themselves, from one on along its chain.
+    #[inline(always)]
+    pub(super) fn know(&mut self, mut w: WedgeId) {
+        for _ in 0..MOST_ALONE {
+            let Some(&Head { known, next, .. }) = self.heads.get(w.index()) else { return };
+            if !known {
+                self.alone[w.index()] = self.spread(w);
+                self.heads[w.index()].known = true;
+            }
+            w = next;
+        }
+    }
+
+    /// Forgets what is known of wedges by themselves: they count differently now.
+    pub(super) fn forget(&mut self) {
+        self.heads.iter_mut().for_each(|h| h.known = false);
+    }
+
+    /// What the best values of the wedges of a vertex, each by itself, take off its tensor.
+    #[inline(always)]
+    pub(super) fn saved(&self, first: WedgeId) -> Tensor {
+        let known = |w: WedgeId| match self.heads[w.index()].known {
+            true => self.alone[w.index()],
+            false => self.spread(w),
+        };
+        let (mut sum, mut next) = (known(first), self.heads[first.index()].next);
+        for _ in 1..MOST_ALONE {
+            let Some(head) = self.heads.get(next.index()) else { break };
+            sum.add(&known(next));
+            next = head.next;
+        }
+        sum
+    }
+
+    /// The weighted squares of the mean gradients of a wedge, times its area: what its best value at another place takes off.
+    fn spread(&self, w: WedgeId) -> Tensor {
+        let per_area = 1.0 / self.heads[w.index()].area.max(1e-30);
+        let [_, x, y, z] = self.parts(w);
+        let mut sum = [f32x4::ZERO; 6];
+        for (i, &weight) in self.weights.iter().enumerate() {
+            let slope = [x[i], y[i], z[i]];
+            add_outer(&mut sum, &slope.map(|s| s * (weight * per_area)), &slope);
+        }
+        Tensor(sum.map(f32x4::reduce_add))
+    }
+
+    /// Adds to the form of an edge what it costs to make one of each group; `d` leads from the kept to the removed end.
     pub(super) fn add_to(&self, members: &[Member], d: Vec3, form: &mut Form) {
         let mut sum = Sum::default();
         for (group, first) in firsts(members) {
             let mut others = members.iter().enumerate().filter(|(i, m)| m.group == group && *i != group);
             match (others.next(), others.next()) {
-                (None, _) => self.add_single_to(first, d, &mut sum),
+                (None, _) => {}
                 (Some((_, other)), None) if !first.at_v && other.at_v => {
                     self.add_pair_to(first.wedge, other.wedge, d, &mut sum);
                 }
@@ -457,79 +514,56 @@ impl Attributes {
         sum.add_to(form);
     }
 
-    /// A wedge that is left to itself: its values may change, but not what their gradients say along the step.
-    #[inline(always)]
-    fn add_single_to(&self, m: &Member, d: Vec3, sum: &mut Sum) {
-        let per_area = 1.0 / self.heads[m.wedge.index()].area.max(1e-30);
-        let d = if m.at_v { d } else { Vec3::ZERO };
-        let [_, x, y, z] = self.parts(m.wedge);
-        for (i, &weight) in self.weights.iter().enumerate() {
-            let slope = [x[i], y[i], z[i]];
-            let along = dot(&slope, d);
-            let scaled = slope.map(|s| s * (weight * per_area));
-            sum.sub_outer(&scaled, &slope);
-            for (h, scaled) in sum.h.iter_mut().zip(scaled) {
-                *h -= scaled * along;
-            }
-            sum.c -= along * along * (weight * per_area);
-        }
+    /// The same for two wedges, or two pairs of them.
+    pub(super) fn add_pairs_to(&self, pairs: &[[WedgeId; 2]], d: Vec3, form: &mut Form) {
+        let mut sum = Sum::default();
+        pairs.iter().for_each(|&[u, v]| self.add_pair_to(u, v, d, &mut sum));
+        sum.add_to(form);
     }
 
-    /// Several wedges of either end that become one.
+    /// Several wedges of either end that become one: the spread of their best values round the mean of these.
     fn add_group_to(&self, members: &[Member], group: usize, d: Vec3, sum: &mut Sum) {
         let base = self.values(members[group].wedge);
-        let area: f32 = of_group(members, group).map(|m| self.heads[m.wedge.index()].area).sum();
-        let per_area = 1.0 / area.max(1e-30);
+        let area = |m: &Member| self.heads[m.wedge.index()].area.max(1e-30);
+        let all: f32 = of_group(members, group).map(area).sum();
         for (i, &weight) in self.weights.iter().enumerate() {
-            let (mut b, mut l) = ([f32x4::ZERO; 3], [f32x4::ZERO; 3]);
-            let (mut c0, mut c) = (f32x4::ZERO, f32x4::ZERO);
+            // The best value of one: what it is at the kept end, and its slope.
+            let line = |m: &Member| {
+                let ([values, x, y, z], per_area) = (self.parts(m.wedge), 1.0 / area(m));
+                let slope = [x[i], y[i], z[i]].map(|s| s * per_area);
+                let back = if m.at_v { dot(&slope, d) } else { f32x4::ZERO };
+                (values[i] - base[i] - back, slope)
+            };
+            let (mut value, mut slope) = (f32x4::ZERO, [f32x4::ZERO; 3]);
             for m in of_group(members, group) {
-                let ([values, x, y, z], area) = (self.parts(m.wedge), self.heads[m.wedge.index()].area);
-                let (slope, off) = ([x[i], y[i], z[i]], values[i] - base[i]);
-                for k in 0..3 {
-                    b[k] += slope[k];
-                    l[k] += slope[k] * off;
-                }
-                c += off * off * area;
-                c0 += off * area;
-                if m.at_v {
-                    let along = dot(&slope, d);
-                    c -= off * along * 2.0;
-                    c0 -= along;
-                }
+                let (share, (own, slopes)) = (area(m) / all, line(m));
+                value += own * share;
+                (0..3).for_each(|k| slope[k] += slopes[k] * share);
             }
-            let scaled = b.map(|b| b * (weight * per_area));
-            sum.sub_outer(&scaled, &b);
-            for k in 0..3 {
-                sum.h[k] += scaled[k] * c0 - l[k] * weight;
+            for m in of_group(members, group) {
+                let (own, slopes) = line(m);
+                let off = [0, 1, 2].map(|k| slope[k] - slopes[k]);
+                sum.add_square(&off, own - value, weight * area(m));
             }
-            sum.c += (c - c0 * c0 * per_area) * weight;
         }
     }
 
     /// The same for one wedge at each end, as on all edges that touch no seam.
     #[inline(always)]
     fn add_pair_to(&self, u: WedgeId, v: WedgeId, d: Vec3, sum: &mut Sum) {
-        let (area_u, area_v) = (self.heads[u.index()].area, self.heads[v.index()].area);
-        let per_area = 1.0 / (area_u + area_v).max(1e-30);
+        let [area_u, area_v] = [u, v].map(|w| self.heads[w.index()].area.max(1e-30));
+        let (per_u, per_v) = (1.0 / area_u, 1.0 / area_v);
+        let both = area_u * (area_v / (area_u + area_v));
         let ([s, ux, uy, uz], [t, vx, vy, vz]) = (self.parts(u), self.parts(v));
         for (i, &weight) in self.weights.iter().enumerate() {
-            let off = t[i] - s[i];
-            let slope = [vx[i], vy[i], vz[i]];
-            let along = dot(&slope, d);
-            let b = [slope[0] + ux[i], slope[1] + uy[i], slope[2] + uz[i]];
-            let c0 = off * area_v - along;
-            let scaled = b.map(|b| b * (weight * per_area));
-            sum.sub_outer(&scaled, &b);
-            let off_weight = off * weight;
-            for k in 0..3 {
-                sum.h[k] += scaled[k] * c0 - slope[k] * off_weight;
-            }
-            sum.c += off_weight * (off * area_v - along * 2.0) - c0 * c0 * (weight * per_area);
+            let slope = [vx[i], vy[i], vz[i]].map(|s| s * per_v);
+            let off = [ux[i] * per_u - slope[0], uy[i] * per_u - slope[1], uz[i] * per_u - slope[2]];
+            sum.add_square(&off, t[i] - s[i] - dot(&slope, d), weight * both);
         }
     }
 
-    /// The same for up to four edges from one vertex side by side; `others` are the wedges at their far ends.
+    /// Adds to the forms of up to four edges side by side what the wedges at their ends say, where there is one at each:
+    /// `own` at the common end, `others` at the far ones.
     #[inline(always)]
     pub(super) fn add_four_to(
         &self,
@@ -555,7 +589,7 @@ impl Attributes {
             let c0 = area * off - along;
             let scale = per_area * weight;
             let scaled = b.map(|b| b * scale);
-            sub_outer(a, &scaled, &b);
+            add_outer(a, &scaled.map(|x| -x), &b);
             for k in 0..3 {
                 h[k] += scaled[k] * c0 - slope[k] * off * weight;
             }
@@ -630,8 +664,8 @@ struct Sum {
 
 impl Sum {
     #[inline(always)]
-    fn sub_outer(&mut self, p: &[f32x4; 3], q: &[f32x4; 3]) {
-        sub_outer(&mut self.a, p, q);
+    fn add_square(&mut self, off: &[f32x4; 3], gap: f32x4, weight: f32x4) {
+        add_square((&mut self.a, &mut self.h, &mut self.c), off, gap, weight);
     }
     fn add_to(self, form: &mut Form) {
         form.a.add(&Tensor(self.a.map(f32x4::reduce_add)));
@@ -640,20 +674,35 @@ impl Sum {
     }
 }
 
-/// Takes p qᵀ off a symmetric matrix (xx, yy, zz, xy, xz, yz).
+/// Adds p qᵀ to a symmetric matrix (xx, yy, zz, xy, xz, yz).
 #[inline(always)]
-fn sub_outer(a: &mut [f32x4; 6], p: &[f32x4; 3], q: &[f32x4; 3]) {
+fn add_outer(a: &mut [f32x4; 6], p: &[f32x4; 3], q: &[f32x4; 3]) {
     for (sum, (j, k)) in a.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
-        *sum -= p[j] * q[k];
+        *sum += p[j] * q[k];
     }
 }
 
+/// Adds weight · (off · y − gap)² to a form in y.
 #[inline(always)]
-fn add_products(sums: &mut [f32x4; 3], a: f32x4, b: f32x4, weight: f32x4) {
-    let (wa, wb) = (a * weight, b * weight);
-    sums[0] += wa * a;
-    sums[1] += wa * b;
-    sums[2] += wb * b;
+fn add_square(
+    (a, h, c): (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
+    off: &[f32x4; 3],
+    gap: f32x4,
+    weight: f32x4,
+) {
+    let scaled = off.map(|x| x * weight);
+    add_outer(a, &scaled, off);
+    for (h, scaled) in h.iter_mut().zip(scaled) {
+        *h += scaled * gap;
+    }
+    *c += gap * gap * weight;
+}
+
+/// weight · p pᵀ.
+#[inline(always)]
+fn outer(p: &[f32x4; 3], weight: f32x4) -> [f32x4; 6] {
+    let [x, y, z] = p.map(|p| p * weight);
+    [x * p[0], y * p[1], z * p[2], x * p[1], x * p[2], y * p[2]]
 }
 
 #[inline(always)]

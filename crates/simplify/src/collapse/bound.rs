@@ -1,10 +1,25 @@
 //! The threshold of the next sweep: a quantile of the bounds, by a histogram.
 
+/// Bounds that are counted one by one: a table of them all takes longer to make and to walk. (Measured.)
+const FEW: usize = 2048;
+const INFINITE: u16 = bin(f32::INFINITY);
+
 /// A histogram of non-negative floats by exponent and four bits of mantissa.
 #[derive(Clone)]
 pub(crate) struct Histogram {
-    bins: Box<[u32; 4096]>,
+    bins: Bins,
     known: usize,
+}
+
+#[derive(Clone)]
+enum Bins {
+    Table(Box<[u32; 4096]>),
+    /// The bin of each float.
+    List(Vec<u16>),
+}
+
+const fn bin(x: f32) -> u16 {
+    (x.to_bits() >> 19) as u16 & 4095
 }
 
 /// An empty table, made where it stays.
@@ -15,25 +30,31 @@ fn no_counts() -> Box<[u32; 4096]> {
 impl Histogram {
     /// Counts the finite bounds.
     pub(crate) fn of(bounds: &[f32]) -> Self {
+        if bounds.len() <= FEW {
+            let list: Vec<u16> = bounds.iter().map(|&x| bin(x)).filter(|&k| k != INFINITE).collect();
+            return Self { known: list.len(), bins: Bins::List(list) };
+        }
         // Neighbours often fall into one bin: two tables by turns, so that one count need not wait for the last.
         let (mut bins, mut others) = (no_counts(), no_counts());
-        let bin = |x: f32| (x.to_bits() >> 19) as usize & 4095;
         let (pairs, rest) = bounds.as_chunks::<2>();
         for &[x, y] in pairs {
-            bins[bin(x)] += 1;
-            others[bin(y)] += 1;
+            bins[usize::from(bin(x))] += 1;
+            others[usize::from(bin(y))] += 1;
         }
-        rest.iter().for_each(|&x| bins[bin(x)] += 1);
+        rest.iter().for_each(|&x| bins[usize::from(bin(x))] += 1);
         for (n, other) in bins.iter_mut().zip(others.iter()) {
             *n += other;
         }
-        let infinite = std::mem::take(&mut bins[bin(f32::INFINITY)]);
-        Self { bins, known: bounds.len() - infinite as usize }
+        let infinite = std::mem::take(&mut bins[usize::from(INFINITE)]);
+        Self { known: bounds.len() - infinite as usize, bins: Bins::Table(bins) }
     }
     /// Counts more bounds, where they are finite.
     pub(crate) fn add(&mut self, bounds: impl Iterator<Item = f32>) {
         for bound in bounds.filter(|x| x.is_finite()) {
-            self.bins[(bound.to_bits() >> 19) as usize & 4095] += 1;
+            match &mut self.bins {
+                Bins::Table(bins) => bins[usize::from(bin(bound))] += 1,
+                Bins::List(list) => list.push(bin(bound)),
+            }
             self.known += 1;
         }
     }
@@ -43,12 +64,23 @@ impl Histogram {
     }
     /// A threshold that at least `want` of the bounds stay below.
     pub(crate) fn threshold(&self, want: usize) -> f32 {
-        let (mut sum, mut k) = (0, 0);
-        while sum < want && k < self.bins.len() {
-            sum += self.bins[k] as usize;
-            k += 1;
-        }
-        f32::from_bits((k as u32) << 19).min(f32::MAX)
+        let above = match &self.bins {
+            Bins::Table(bins) => {
+                let (mut sum, mut k) = (0, 0);
+                while sum < want && k < bins.len() {
+                    sum += bins[k] as usize;
+                    k += 1;
+                }
+                k as u32
+            }
+            Bins::List(_) if want == 0 => 0,
+            Bins::List(list) if want > list.len() => 4096,
+            Bins::List(list) => {
+                let mut list = list.clone();
+                u32::from(*list.select_nth_unstable(want - 1).1) + 1
+            }
+        };
+        f32::from_bits(above << 19).min(f32::MAX)
     }
 }
 
@@ -64,5 +96,20 @@ mod tests {
         let tau = histogram.threshold(700);
         let below = bounds.iter().filter(|&&x| x <= tau).count();
         assert!((700..760).contains(&below), "{below}");
+    }
+
+    #[test]
+    fn few_and_many_bounds_have_one_threshold() {
+        let few: Vec<f32> =
+            (0..FEW).map(|i| if i % 7 == 0 { f32::INFINITY } else { (i * i) as f32 }).collect();
+        let list = Histogram::of(&few);
+        // The same bounds, and infinite ones that do not count.
+        let many: Vec<f32> = few.iter().copied().chain([f32::INFINITY; 2]).collect();
+        let table = Histogram::of(&many);
+        assert!(matches!((&list.bins, &table.bins), (Bins::List(_), Bins::Table(_))));
+        assert_eq!(list.known(), table.known());
+        for want in [0, 1, 2, 500, list.known() - 1, list.known(), list.known() + 1] {
+            assert_eq!(list.threshold(want).to_bits(), table.threshold(want).to_bits(), "{want}");
+        }
     }
 }

@@ -131,8 +131,13 @@ impl<M: Metric> Engine<M> {
         self.rim.clear();
         if (x.kind.has_lines() || z.kind.has_lines()) && self.has_lines() {
             for (ring, other, at_u, end, step) in [(ru, v, true, &x, y), (rv, u, false, &z, off)] {
-                for w in distinct(ring) {
-                    let line = self.line_weight(ring, w, end.kind.is_seam());
+                if !end.kind.has_lines() {
+                    continue;
+                }
+                let mut edges = std::mem::take(&mut self.edges);
+                self.store.edges(ring, &mut edges);
+                for e in &edges {
+                    let (w, line) = (e.to, self.weight_of(e, end.kind.is_seam()));
                     if line == 0.0 || (w == other && !at_u) {
                         continue;
                     }
@@ -143,6 +148,7 @@ impl<M: Metric> Engine<M> {
                     peak = peak.max(c.length_squared() / edge.length_squared().max(1e-37));
                     self.rim.push((w, at_u, line));
                 }
+                self.edges = edges;
             }
         }
         // What is too dear already need not be known to the last digit.

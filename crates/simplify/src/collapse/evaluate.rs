@@ -41,11 +41,12 @@ impl<M: Metric> Engine<M> {
         if matches!(self.metric.decides(), Judge::Stars | Judge::Ends) {
             return self.judge_owned(u, owned, ru, take);
         }
+        self.know_wedges(u, owned);
         let mut stuck = 0;
         let is_plain = |w: VertexId| self.store.v[w.index()].kind.is_free();
         let plain = self.metric.is_memoryless() && self.rules.placement == Placement::Optimal && is_plain(u);
         for four in owned.chunks(4) {
-            if plain && four.len() > 1 && four.iter().all(|&w| is_plain(w)) {
+            if plain && (four.len() > 1 || self.attributes.is_some()) && four.iter().all(|&w| is_plain(w)) {
                 let (cost, step, solved) = self.evaluate_four(u, four, ru, members);
                 for (i, &w) in four.iter().enumerate() {
                     if solved & (1 << i) != 0 {
@@ -79,8 +80,12 @@ impl<M: Metric> Engine<M> {
         let x = &self.store.v[u.index()];
         let lane = |i: usize| &self.store.v[ends[i.min(ends.len() - 1)].index()];
         let z = [lane(0), lane(1), lane(2), lane(3)];
-        let s = M::tensor_of(&x.q).0.map(f32x4::splat);
-        let t = z.map(|z| M::tensor_of(&z.q).0);
+        let (mut s, mut t) = (M::tensor_of(&x.q).0, z.map(|z| M::tensor_of(&z.q).0));
+        if !self.are_lone(u, ends) {
+            s = self.tensor_alone(u).0;
+            t = [0, 1, 2, 3].map(|i: usize| self.tensor_alone(ends[i.min(ends.len() - 1)]).0);
+        }
+        let s = s.map(f32x4::splat);
         let t = [0, 1, 2, 3, 4, 5].map(|k| f32x4::new([t[0][k], t[1][k], t[2][k], t[3][k]]));
         let d = sub(&gather(z.map(|z| z.p)), &splat(x.p));
         let mut h = times(&t, &d);
@@ -153,10 +158,14 @@ impl<M: Metric> Engine<M> {
     fn form(&self, u: VertexId, v: VertexId, ru: &Ring, members: &mut Vec<Member>) -> (Form, Vec3) {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let d = z.p - x.p;
-        let mut form = self.metric.form(&x.q, &z.q, d);
-        if self.attributes.is_some() {
-            self.add_attributes(u, v, d, ru, members, &mut form);
+        if self.attributes.is_none() {
+            return (self.metric.form(&x.q, &z.q, d), d);
         }
+        let (mut own, mut other) = (x.q, z.q);
+        *M::tensor(&mut own) = self.tensor_alone(u);
+        *M::tensor(&mut other) = self.tensor_alone(v);
+        let mut form = self.metric.form(&own, &other, d);
+        self.add_attributes(u, v, d, ru, members, &mut form);
         (form, d)
     }
 

@@ -13,9 +13,6 @@ use super::store::{Ring, Spoke};
 use crate::metric::{Form, Judge, Metric};
 use crate::tensor::Tensor;
 
-/// Wedges at the ends of one edge that an evaluation looks at, so that a vertex of very many charts cannot stall a run.
-const MOST_MEMBERS: usize = 24;
-
 /// The wedges of the edge that is looked at, their best values, and the sums that the merged ones will have.
 #[derive(Clone, Default)]
 pub(super) struct Merge {
@@ -23,6 +20,8 @@ pub(super) struct Merge {
     best: Vec<f32x4>,
     own: Vec<f32x4>,
     heads: Vec<Head>,
+    /// Of the wings as they are, where the cost of the merger was asked for.
+    slopes: Vec<Slopes>,
 }
 
 impl<M: Metric> Engine<M> {
@@ -71,7 +70,43 @@ impl<M: Metric> Engine<M> {
         tensor
     }
 
-    /// Adds the attributes' part to the form of an edge, of whose kept end the ring is given.
+    /// Attributes that have a say in the forms of edges.
+    #[inline(always)]
+    fn weighed(&self) -> Option<&Attributes> {
+        self.attributes.as_ref().filter(|a| a.lanes() > 0 && matches!(self.metric.decides(), Judge::Engine))
+    }
+
+    /// Whether each of these has one wedge only.
+    #[inline(always)]
+    pub(super) fn are_lone(&self, u: VertexId, others: &[VertexId]) -> bool {
+        let Some(attributes) = &self.attributes else { return true };
+        let is_alone = |w: VertexId| attributes.is_alone(self.store.first_wedge[w.index()]);
+        is_alone(u) && others.iter().all(|&w| is_alone(w))
+    }
+
+    /// Makes known what the wedges of a vertex, and of some of its neighbours, say by themselves, where that is asked for.
+    #[inline(always)]
+    pub(super) fn know_wedges(&mut self, u: VertexId, others: &[VertexId]) {
+        if self.weighed().is_none() || self.are_lone(u, others) {
+            return;
+        }
+        if let Some(attributes) = &mut self.attributes {
+            attributes.know(self.store.first_wedge[u.index()]);
+            others.iter().for_each(|w| attributes.know(self.store.first_wedge[w.index()]));
+        }
+    }
+
+    /// The tensor of a vertex without what the best values of its wedges, each by itself, take off.
+    #[inline(always)]
+    pub(super) fn tensor_alone(&self, u: VertexId) -> Tensor {
+        let tensor = *M::tensor_of(&self.store.v[u.index()].q);
+        match (self.weighed(), self.store.first_wedge.get(u.index())) {
+            (Some(attributes), Some(&first)) if first != NO_WEDGE => tensor.less(&attributes.saved(first)),
+            _ => tensor,
+        }
+    }
+
+    /// Adds to the form of an edge, of whose kept end the ring is given, what it costs that wedges become one.
     pub(super) fn add_attributes(
         &self,
         u: VertexId,
@@ -81,15 +116,37 @@ impl<M: Metric> Engine<M> {
         members: &mut Vec<Member>,
         form: &mut Form,
     ) {
-        let Some(attributes) =
-            self.attributes.as_ref().filter(|_| matches!(self.metric.decides(), Judge::Engine))
-        else {
-            return;
-        };
-        if attributes.lanes() > 0 {
-            self.gather(attributes, u, v, ru, MOST_MEMBERS, members);
-            attributes.add_to(members, d, form);
+        if let Some(attributes) = self.weighed() {
+            self.add_wedges(attributes, [u, v], d, ru, members, form);
         }
+    }
+
+    #[inline(always)]
+    fn add_wedges(
+        &self,
+        attributes: &Attributes,
+        [u, v]: [VertexId; 2],
+        d: Vec3,
+        ru: &[Spoke],
+        members: &mut Vec<Member>,
+        form: &mut Form,
+    ) {
+        let Some(wedges) = &self.store.wedges else { return };
+        let (mut pairs, mut count) = ([[NO_WEDGE; 2]; 2], 0);
+        for r in ru.iter().filter(|r| r.has(v)) {
+            let pair = ends_of(wedges[r.corner.face()], r.corner.k(), r.a == v);
+            if count > 0 && pairs[0] == pair {
+                continue;
+            }
+            if count > 0 && (count > 1 || pairs[0][0] == pair[0] || pairs[0][1] == pair[1]) {
+                self.gather(attributes, u, v, ru, false, members);
+                attributes.add_to(members, d, form);
+                return;
+            }
+            pairs[count] = pair;
+            count += 1;
+        }
+        attributes.add_pairs_to(&pairs[..count], d, form);
     }
 
     /// Adds the attributes' part to the forms of up to four edges from one vertex, side by side.
@@ -103,24 +160,18 @@ impl<M: Metric> Engine<M> {
         ru: &[Spoke],
         members: &mut Vec<Member>,
     ) {
-        let Some(attributes) = self
-            .attributes
-            .as_ref()
-            .filter(|a| a.lanes() > 0 && matches!(self.metric.decides(), Judge::Engine))
-        else {
-            return;
-        };
-        let lane = |i: usize| self.store.first_wedge[ends[i.min(ends.len() - 1)].index()];
-        let (own, others) = (self.store.first_wedge[u.index()], [lane(0), lane(1), lane(2), lane(3)]);
-        if attributes.is_alone(own) && others.iter().all(|&w| attributes.is_alone(w)) {
-            attributes.add_four_to(own, others, d, (a, h, c));
+        let Some(attributes) = self.weighed() else { return };
+        if self.are_lone(u, ends) {
+            let lane = |i: usize| self.store.first_wedge[ends[i.min(ends.len() - 1)].index()];
+            let others = [lane(0), lane(1), lane(2), lane(3)];
+            attributes.add_four_to(self.store.first_wedge[u.index()], others, d, (a, h, c));
             return;
         }
         let (mut lanes, d) = ([[0f32; 4]; 10], d.map(|d| d.to_array()));
         for (i, &w) in ends.iter().enumerate() {
             let mut form = Form { a: Tensor::default(), h: Vec3::ZERO, c: 0.0 };
-            self.gather(attributes, u, w, ru, MOST_MEMBERS, members);
-            attributes.add_to(members, Vec3::new(d[0][i], d[1][i], d[2][i]), &mut form);
+            let d = Vec3::new(d[0][i], d[1][i], d[2][i]);
+            self.add_wedges(attributes, [u, w], d, ru, members, &mut form);
             for (lane, x) in
                 lanes.iter_mut().zip(form.a.0.into_iter().chain(form.h.to_array()).chain([form.c]))
             {
@@ -132,14 +183,15 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// The wedges at both ends of an edge, in groups that become one; those on the edge come first.
+    /// The wedges at both ends of an edge, in groups that become one; those on the edge come first, the others if
+    /// wanted.
     fn gather(
         &self,
         attributes: &Attributes,
         u: VertexId,
         v: VertexId,
         ru: &[Spoke],
-        most: usize,
+        others: bool,
         members: &mut Vec<Member>,
     ) {
         members.clear();
@@ -152,24 +204,18 @@ impl<M: Metric> Engine<M> {
             return;
         }
         for r in ru {
-            let (w, k) = (wedges[r.corner.face()], r.corner.k());
-            let far = if r.a == v {
-                (k + 1) % 3
-            } else if r.b == v {
-                (k + 2) % 3
-            } else {
+            if !r.has(v) {
                 continue;
-            };
-            let [i, j] = [(w[k], false), (w[far], true)].map(|(wedge, at_v)| add(members, wedge, at_v));
+            }
+            let [own, far] = ends_of(wedges[r.corner.face()], r.corner.k(), r.a == v);
+            let [i, j] = [(own, false), (far, true)].map(|(wedge, at_v)| add(members, wedge, at_v));
             let (low, high) =
                 (members[i].group.min(members[j].group), members[i].group.max(members[j].group));
             members.iter_mut().filter(|m| m.group == high).for_each(|m| m.group = low);
         }
-        for (first, at_v) in [(first_u, false), (first_v, true)] {
-            for wedge in attributes.chain(first).take(most) {
-                if members.len() < most {
-                    add(members, wedge, at_v);
-                }
+        for (first, at_v) in [(first_u, false), (first_v, true)].into_iter().filter(|_| others) {
+            for wedge in attributes.chain(first) {
+                add(members, wedge, at_v);
             }
         }
         if self.store.v[v.index()].kind.is_locked() {
@@ -187,7 +233,7 @@ impl<M: Metric> Engine<M> {
     pub(super) fn keeps_wedges(&self, u: VertexId, v: VertexId, ru: &[Spoke]) -> bool {
         let Some(attributes) = &self.attributes else { return true };
         let mut members = Vec::new();
-        self.gather(attributes, u, v, ru, usize::MAX, &mut members);
+        self.gather(attributes, u, v, ru, true, &mut members);
         let locked_v = self.store.v[v.index()].kind.is_locked();
         let of_locked = |g: usize| members.iter().filter(|m| m.group == g && m.at_v == locked_v).count();
         members.iter().all(|m| of_locked(m.group) == 1)
@@ -196,8 +242,9 @@ impl<M: Metric> Engine<M> {
     /// Finds which wedges of `u` and `v` become one, and their best values at `u` + `y`.
     pub(super) fn prepare_merge(&mut self, u: VertexId, v: VertexId, y: Vec3, ru: &[Spoke]) {
         let mut merge = std::mem::take(&mut self.merge);
+        merge.slopes.clear();
         if let Some(attributes) = &self.attributes {
-            self.gather(attributes, u, v, ru, usize::MAX, &mut merge.members);
+            self.gather(attributes, u, v, ru, true, &mut merge.members);
             let (members, lanes) = (&merge.members, attributes.lanes());
             let d = self.store.p(v) - self.store.p(u);
             merge.best.clear();
@@ -217,24 +264,27 @@ impl<M: Metric> Engine<M> {
 
     /// What the attributes lose by the merger that was prepared, from the triangles of the wings, `at_u` of which are the
     /// kept end's: squares of small numbers, not small differences of squares.
-    pub(super) fn attribute_cost(&self, u: VertexId, v: VertexId, y: Vec3, at_u: usize) -> f32 {
+    pub(super) fn attribute_cost(&mut self, u: VertexId, v: VertexId, y: Vec3, at_u: usize) -> f32 {
         let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) else { return 0.0 };
         if !attributes.counts() {
             return 0.0;
         }
+        let mut slopes = std::mem::take(&mut self.merge.slopes);
         let (x, z, lanes) = (self.store.p(u), self.store.p(v), attributes.lanes());
-        let mut cost = 0f32;
+        let mut cost = f32x4::ZERO;
         for (i, wing) in self.wings.iter().enumerate() {
             let (from, step) = if i < at_u { (x, y) } else { (z, y - (z - x)) };
             let corners = from_corner(wedges[wing.corner.face()], wing.corner.k());
-            let Some(group) = group_of(&self.merge.members, corners[0], i >= at_u) else { continue };
             let (a, b) = (self.store.p(wing.a), self.store.p(wing.b));
             let s = Slopes::with_normal([from, a, b], wing.normal, wing.length);
+            slopes.push(s);
+            let Some(group) = group_of(&self.merge.members, corners[0], i >= at_u) else { continue };
             let error = attributes.error(&s, corners, step, &self.merge.best[group * lanes..][..lanes]);
             // A triangle at both ends counts twice, as in the evaluation.
-            cost += if wing.both { 2.0 * error } else { error };
+            cost += if wing.both { error + error } else { error };
         }
-        cost
+        self.merge.slopes = slopes;
+        cost.reduce_add()
     }
 
     /// Lets the corners of `v` have the wedges of `u` where those are the same in all, before the two become one.
@@ -289,12 +339,12 @@ impl<M: Metric> Engine<M> {
     /// Merges the wedges as prepared, before the triangles change; the merged vertex goes to the kept end + `y`, the
     /// place `at`. Says what the new triangles add to its tensor.
     pub(super) fn merge_wedges(&mut self, u: VertexId, v: VertexId, y: Vec3, at: Vec3, ru: &Ring) -> Tensor {
-        let mut tensor = Tensor::default();
         let is_locked = self.is_either_locked(u, v);
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
-            return tensor;
+            return Tensor::default();
         };
-        let Merge { members, best, own, heads } = &mut self.merge;
+        let mut added = [f32x4::ZERO; 6];
+        let Merge { members, best, own, heads, slopes } = &mut self.merge;
         let lanes = attributes.lanes();
         let (x, z) = (self.store.v[u.index()].p, self.store.v[v.index()].p);
         own.clear();
@@ -315,19 +365,19 @@ impl<M: Metric> Engine<M> {
             let [o, a, b] = from_corner(wedges[face], k);
             let Some(group) = group_of(members, o, i >= ru.len()) else { continue };
             let (pa, pb) = (self.store.v[wing.a.index()].p, self.store.v[wing.b.index()].p);
-            let old = Slopes::with_normal([from, pa, pb], wing.normal, wing.length);
+            let old = match slopes.get(i) {
+                Some(known) => *known,
+                None => Slopes::with_normal([from, pa, pb], wing.normal, wing.length),
+            };
             let new =
                 (!wing.both).then(|| Slopes::with_normal([at, pa, pb], wing.after, wing.after.length()));
             let values = &best[group * lanes..][..lanes];
             let sums = &mut own[group * 3 * lanes..][..3 * lanes];
             let new = new.as_ref().map(|s| (s, values));
-            let [gone, come] = attributes.replace((&old, o), new, [a, b], sums);
-            let mut change = come;
-            change.sub(&gone);
+            let change = attributes.replace((&old, o), new, [a, b], sums, &mut added);
             for w in [wing.a, wing.b] {
                 M::tensor(&mut self.store.v[w.index()].q).add(&change);
             }
-            tensor.add(&come);
             match new {
                 Some((s, _)) => {
                     heads[group].area += s.area;
@@ -354,7 +404,7 @@ impl<M: Metric> Engine<M> {
             first = m.wedge;
         }
         self.store.first_wedge[u.index()] = first;
-        tensor
+        Tensor(added.map(f32x4::reduce_add))
     }
 }
 
@@ -363,6 +413,13 @@ impl<M: Metric> Engine<M> {
 fn from_corner(wedges: [WedgeId; 3], k: usize) -> [WedgeId; 3] {
     const ORDER: [[usize; 3]; 4] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 1, 2]];
     ORDER[k & 3].map(|i| wedges[i])
+}
+
+/// The wedges that a triangle has at its corner `k` and at the one after it, or else the one before.
+#[inline(always)]
+fn ends_of(wedges: [WedgeId; 3], k: usize, next: bool) -> [WedgeId; 2] {
+    let [own, after, before] = from_corner(wedges, k);
+    [own, if next { after } else { before }]
 }
 
 #[inline(always)]

@@ -131,13 +131,13 @@ impl<M: Metric> Engine<M> {
             return;
         }
         self.lines = vec![M::Memory::default(); self.store.merged_into.len()];
-        let mut ring = Ring::new();
+        let (mut ring, mut edges) = (Ring::new(), Vec::new());
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             let x = self.store.v[u.index()];
             if x.kind.has_lines() {
                 self.store.ring(u, &mut ring);
                 let mut sum = Tensor::default();
-                self.add_lines_to(&mut sum, u, &ring);
+                self.add_lines_to(&mut sum, u, &ring, &mut edges);
                 *M::tensor(&mut self.lines[x.origin.index()]) = sum;
             }
         }

@@ -3,7 +3,8 @@
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::Engine;
-use super::kind::{distinct, faces_at};
+use super::attributes::NO_WEDGE;
+use super::kind::faces_at;
 use super::store::{Ring, Spoke, Store};
 use crate::metric::{Memory, Metric};
 use crate::report::Refusal;
@@ -43,10 +44,18 @@ struct Side {
     here: WedgeId,
     there: WedgeId,
     region: Option<RegionId>,
-    /// Its class.
-    class: Option<RegionId>,
     /// Whether the face ends at the edge, as seen from here.
     ends: bool,
+}
+
+/// An edge of a star.
+#[derive(Clone, Copy)]
+pub(super) struct Edge {
+    pub(super) to: VertexId,
+    faces: usize,
+    side: Side,
+    /// The first one that differs from it in wedges or regions.
+    other: Option<Side>,
 }
 
 impl Side {
@@ -85,49 +94,81 @@ impl<Q: Memory> Store<Q> {
         ring.iter().any(|r| of(r) != of(&ring[0]))
     }
 
-    /// The first two sides of the edge from the centre of a star to `w` that differ in wedges or regions.
-    fn sides(&self, ring: &[Spoke], w: VertexId) -> Option<[Side; 2]> {
-        let wedges = self.wedges.as_ref()?;
-        let mut first: Option<Side> = None;
-        for r in ring.iter().filter(|r| r.has(w)) {
-            let (face, k) = (r.corner.face(), r.corner.k());
-            let other = if r.a == w { (k + 1) % 3 } else { (k + 2) % 3 };
-            let region = self.regions.as_ref().map(|x| x[face]);
-            let (here, there) = (wedges[face][k], wedges[face][other]);
-            let side =
-                Side { face, here, there, region, class: region.map(|r| self.class(r)), ends: r.a != w };
-            match first {
-                None => first = Some(side),
-                Some(s) if s.differs(&side) => return Some([s, side]),
-                Some(_) => {}
-            }
-        }
-        None
+    /// One side of the edge to the second or (`ends`) third corner of a face in a star.
+    #[inline(always)]
+    fn side(&self, r: &Spoke, ends: bool) -> Side {
+        const NEXT: [[usize; 3]; 2] = [[1, 2, 0], [2, 0, 1]];
+        let (face, k) = (r.corner.face(), r.corner.k());
+        let region = self.regions.as_ref().map(|x| x[face]);
+        let (here, there) = match &self.wedges {
+            Some(wedges) => (wedges[face][k], wedges[face][NEXT[usize::from(ends)][k]]),
+            None => (NO_WEDGE, NO_WEDGE),
+        };
+        Side { face, here, there, region, ends }
     }
 
-    /// Whether wedges or regions differ on the two sides of the edge from the centre of a star to `w`.
-    pub(crate) fn is_seam_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
-        self.sides(ring, w).is_some()
+    /// The edges of a star, in the order in which its faces have them.
+    pub(super) fn edges(&self, ring: &[Spoke], out: &mut Vec<Edge>) {
+        out.clear();
+        for r in ring {
+            for (to, ends) in [(r.a, false), (r.b, true)] {
+                let side = self.side(r, ends);
+                match out.iter_mut().find(|e| e.to == to) {
+                    None => out.push(Edge { to, faces: 1, side, other: None }),
+                    Some(e) => {
+                        e.faces += 1;
+                        if e.other.is_none() && e.side.differs(&side) {
+                            e.other = Some(side);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// The edge from the centre of a star to `w`.
+    fn edge(&self, ring: &[Spoke], w: VertexId) -> Option<Edge> {
+        let mut sides = ring.iter().filter(|r| r.has(w)).map(|r| self.side(r, r.a != w));
+        let side = sides.next()?;
+        let mut edge = Edge { to: w, faces: 1, side, other: None };
+        for other in sides {
+            edge.faces += 1;
+            edge.other = edge.other.or(Some(other).filter(|o| side.differs(o)));
+        }
+        Some(edge)
+    }
+}
+
+impl Edge {
+    /// Whether wedges or regions differ on its sides.
+    pub(super) fn is_seam(&self) -> bool {
+        self.other.is_some()
     }
 }
 
 impl<M: Metric> Engine<M> {
     /// Weight of the line along the edge from the centre of a star to `w`; 0 for an edge inside.
-    #[inline]
     pub(crate) fn line_weight(&self, ring: &[Spoke], w: VertexId, seams: bool) -> f32 {
-        if faces_at(ring, w) != 2 {
+        self.store.edge(ring, w).map_or(0.0, |edge| self.weight_of(&edge, seams))
+    }
+
+    /// The same of an edge of a star.
+    #[inline]
+    pub(super) fn weight_of(&self, edge: &Edge, seams: bool) -> f32 {
+        if edge.faces != 2 {
             return self.rules.border_weight;
         }
-        match self.store.sides(ring, w).filter(|_| seams) {
-            Some(sides) if self.is_hard(&sides) => SEAM,
+        match edge.other.filter(|_| seams) {
+            Some(other) if self.is_hard(&edge.side, &other) => SEAM,
             Some(_) => SOFT,
             None => 0.0,
         }
     }
 
     /// Whether a seam parts regions, or has been hard from the start.
-    fn is_hard(&self, [s, t]: &[Side; 2]) -> bool {
-        if s.class != t.class {
+    fn is_hard(&self, s: &Side, t: &Side) -> bool {
+        let class = |s: &Side| s.region.map(|r| self.store.class(r));
+        if class(s) != class(t) {
             return true;
         }
         let Some(attributes) = &self.attributes else { return s.region == t.region };
@@ -139,15 +180,21 @@ impl<M: Metric> Engine<M> {
     /// Marks the wedges of hard seams round a vertex: where texture coordinates jump farther than the faces on both sides
     /// reach, what lies beyond is another piece of the texture. A smaller jump is one between faces with the same
     /// piece each, as in palettes.
-    pub(crate) fn mark_hard_seams(&mut self, ring: &[Spoke]) {
+    pub(super) fn mark_hard_seams(&mut self, u: VertexId, edges: &[Edge]) {
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
-        for w in distinct(ring) {
-            let Some(sides) = self.store.sides(ring, w) else { continue };
-            let reach = sides.iter().map(|s| attributes.reach(wedges[s.face])).fold(0f32, f32::max);
-            let [s, t] = sides;
+        if attributes.textures.is_empty() {
+            return;
+        }
+        // An edge of two faces looks the same from both ends.
+        for edge in edges.iter().filter(|e| e.faces != 2 || e.to > u) {
+            let (s, Some(t)) = (edge.side, edge.other) else { continue };
+            let reach = [s, t].map(|s| attributes.reach(wedges[s.face])).into_iter().fold(0f32, f32::max);
             if attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there)) > reach {
                 for s in [s, t] {
                     attributes.heads[s.here.index()].hard[usize::from(s.ends)] = true;
+                    if edge.faces == 2 {
+                        attributes.heads[s.there.index()].hard[usize::from(!s.ends)] = true;
+                    }
                 }
             }
         }

@@ -122,6 +122,8 @@ const COMPACT_PERCENT: usize = 60;
 const WORTH_PERCENT: usize = 25;
 /// Room for lists that outgrow theirs, a share of all corners; when it is used up the store is compacted.
 const SLACK_PERCENT: usize = 30;
+/// Vertices whose memory is not worth the time that giving it back takes.
+const WORTH_SHRINKING: usize = 1 << 16;
 
 /// The two corners after each, by table: a branch on it could not be foretold.
 const NEXT: [usize; 4] = [1, 2, 0, 0];
@@ -245,6 +247,9 @@ impl<Q: Memory> Store<Q> {
     /// come last, because they are copied for it.
     pub(crate) fn finish(&mut self) {
         self.compact();
+        if self.v.capacity() < WORTH_SHRINKING {
+            return;
+        }
         self.bound = Vec::new();
         self.corners.shrink_to_fit();
         self.t.shrink_to_fit();
