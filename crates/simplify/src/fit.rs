@@ -179,7 +179,8 @@ impl<Q: Memory> Sampler<'_, Q> {
     /// Which slot holds the star of `u`, made if need be.
     #[inline(always)]
     fn star(&mut self, u: VertexId) -> usize {
-        let slot = u.index() % self.ready.len();
+        // (A power of two of them: no division.)
+        let slot = u.index() & (self.ready.len() - 1);
         if self.ready[slot].0 != u {
             self.make_star(u, slot);
         }
@@ -343,7 +344,7 @@ pub(crate) fn fit<Q: Memory>(
     let mut sampler = Sampler {
         store,
         faces: &final_faces,
-        ready: vec![(NONE, Vec::new()); READY.min(store.v.len()).max(1)],
+        ready: vec![(NONE, Vec::new()); READY.min(store.v.len().next_power_of_two())],
         loads: final_faces.iter().map(Load::of).collect(),
         usual: (ROBUST * (per_face * away).powi(2)).clamp(1e-30, 1e30) as f32,
         rr: 0.0,

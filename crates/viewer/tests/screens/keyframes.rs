@@ -1,6 +1,6 @@
 //! Keyframes of the stage: their panel, their keys, and what is seen of them.
 
-use eframe::egui::{self, Key, Modifiers, Pos2, Rect, Role};
+use eframe::egui::{self, Key, Modifiers, Pos2, Rect};
 use egui_kittest::kittest::Queryable;
 use lodsmith_viewer::command::Command;
 use lodsmith_viewer::keys::{Action, CopiesAction};

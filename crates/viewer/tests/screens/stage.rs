@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use eframe::egui::{self, Key, Modifiers, Pos2, Role};
+use eframe::egui::{self, Key, Modifiers, Pos2};
 use egui_kittest::kittest::Queryable;
 use lodsmith_viewer::command::Command;
 use lodsmith_viewer::keys::{Action, CopiesAction};
