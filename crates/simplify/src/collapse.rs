@@ -86,7 +86,7 @@ const MOST_SWEEPS: usize = 4000;
 const FIRST_LOOK: usize = 512;
 /// The same where attributes count, and a look takes longer. (A twentieth of the time of a run less; RMS within a percent.)
 const FIRST_LOOK_AT_WEDGES: usize = 128;
-/// Of a small mesh one in so many is enough, but never fewer than `FEWEST_LOOKS`: it is only the first of many thresholds.
+/// Of a mesh of more, one in so many is enough, but no fewer than `FEWEST_LOOKS`: it is only the first of many thresholds.
 const LOOK_SHARE: usize = 24;
 const FEWEST_LOOKS: usize = 128;
 /// Vertices from which it pays to ask the memory for those ahead: fewer fit into the caches. (Measured.)
@@ -398,10 +398,11 @@ impl<M: Metric> Engine<M> {
     /// cheapest, because an evaluation cannot tell flat from nearly flat. Of a small mesh, all.
     fn first_bounds(&mut self, scratch: &mut Scratch) -> Vec<f32> {
         let most = if self.counts_attributes() { FIRST_LOOK_AT_WEDGES } else { FIRST_LOOK };
-        let looks = (self.store.v.len() / LOOK_SHARE).clamp(FEWEST_LOOKS, most);
-        let step = self.store.v.len().div_ceil(looks).max(1);
+        let count = self.store.v.len();
+        let looks = if count <= most { most } else { (count / LOOK_SHARE).clamp(FEWEST_LOOKS, most) };
+        let step = count.div_ceil(looks).max(1);
         let mut bounds = Vec::with_capacity(looks);
-        for u in (0..self.store.v.len()).step_by(step).map(|i| VertexId(i as u32)) {
+        for u in (0..count).step_by(step).map(|i| VertexId(i as u32)) {
             let Scratch { ru, rv, owned, members, .. } = scratch;
             self.store.ring(u, ru);
             owned.clear();
