@@ -493,7 +493,11 @@ impl Run<'_, '_> {
         let (trunk, end) = self.swept(metric, &goal, step, leave, control)?;
         // Where parts had to go, the second pass is the better one.
         let mut first = match trunk.engine.parts_removed > 0 && may_change && end != End::Finish {
-            true => None,
+            true => {
+                // The second pass needs the room.
+                drop(trunk);
+                None
+            }
             false => Some(self.ended(trunk, end, &goal, step, leave, control)?),
         };
         let is_short = |o: &Outcome| o.end == End::Stuck && step.is_none() && !goal.is_none() && may_change;

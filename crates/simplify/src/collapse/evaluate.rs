@@ -41,7 +41,9 @@ impl<M: Metric> Engine<M> {
         if matches!(self.metric.decides(), Judge::Stars | Judge::Ends) {
             return self.judge_owned(u, owned, ru, take);
         }
-        self.know_wedges(u, owned);
+        if self.attributes.is_some() {
+            self.know_wedges(u, owned);
+        }
         let mut stuck = 0;
         let is_plain = |w: VertexId| self.store.v[w.index()].kind.is_free();
         let plain = self.metric.is_memoryless() && self.rules.placement == Placement::Optimal && is_plain(u);
@@ -81,7 +83,7 @@ impl<M: Metric> Engine<M> {
         let lane = |i: usize| &self.store.v[ends[i.min(ends.len() - 1)].index()];
         let z = [lane(0), lane(1), lane(2), lane(3)];
         let (mut s, mut t) = (M::tensor_of(&x.q).0, z.map(|z| M::tensor_of(&z.q).0));
-        if !self.are_lone(u, ends) {
+        if self.attributes.is_some() && !self.are_lone(u, ends) {
             s = self.tensor_alone(u).0;
             t = [0, 1, 2, 3].map(|i: usize| self.tensor_alone(ends[i.min(ends.len() - 1)]).0);
         }
