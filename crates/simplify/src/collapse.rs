@@ -59,6 +59,7 @@ use attributes::{Attributes, Member};
 use bound::Histogram;
 pub(crate) use commit::TIE;
 use commit::{Candidate, Outcome};
+use evaluate::Found;
 use kind::{Kind, distinct};
 use late::Late;
 use merge::Merge;
@@ -66,9 +67,9 @@ use pairs::Pairs;
 use parts::Parts;
 use record::Record;
 use seams::{Edge, Looseness};
-use store::{Facing, Ring, Spoke, Store};
+use store::{Facing, Ring, Store};
 pub(crate) use wedges::Wedges;
-use wings::Wing;
+use wings::Wings;
 
 /// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 fewer sweeps: docs/decisions/0002.)
 const QUANTILE: f64 = 0.7;
@@ -170,9 +171,9 @@ pub(crate) struct Engine<M: Metric> {
     spent: f64,
     /// Sum of the costs of parts that went, in the same measure.
     lost: f64,
-    wings: Vec<Wing>,
+    wings: Wings,
     /// Of the removed end, those that stay.
-    spokes: Vec<Spoke>,
+    spokes: Ring,
     around: Around,
     other_ring: Ring,
     looseness: Looseness,
@@ -218,10 +219,10 @@ impl<M: Metric> Engine<M> {
             lines: Vec::new(),
             spent: 0.0,
             lost: 0.0,
-            wings: Vec::new(),
-            spokes: Vec::new(),
+            wings: Wings::default(),
+            spokes: Ring::default(),
             around: Around::default(),
-            other_ring: Ring::new(),
+            other_ring: Ring::default(),
             looseness: Looseness::None,
             merge: Merge::default(),
             rim: Vec::new(),
@@ -243,7 +244,7 @@ impl<M: Metric> Engine<M> {
     /// Kinds of all vertices; drops faces that stand twice.
     fn classify(&mut self) -> usize {
         self.chain_wedges();
-        let (mut ring, mut edges, mut duplicates) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut ring, mut edges, mut duplicates) = (Ring::default(), Vec::new(), Vec::new());
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             self.store.ring(u, &mut ring);
             let kind = Kind::of(&ring, self.rules.border);
@@ -313,7 +314,7 @@ impl<M: Metric> Engine<M> {
         if !self.has_lines() {
             return;
         }
-        let (mut ring, mut edges) = (Vec::new(), Vec::new());
+        let (mut ring, mut edges) = (Ring::default(), Vec::new());
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             if self.store.v[u.index()].kind.has_lines() {
                 self.store.ring(u, &mut ring);
@@ -403,16 +404,13 @@ impl<M: Metric> Engine<M> {
         let step = count.div_ceil(looks).max(1);
         let mut bounds = Vec::with_capacity(looks);
         for u in (0..count).step_by(step).map(|i| VertexId(i as u32)) {
-            let Scratch { ru, rv, owned, members, .. } = scratch;
+            let Scratch { ru, rv, owned, found, members } = scratch;
             self.store.ring(u, ru);
             owned.clear();
             owned.extend(distinct(ru).filter(|&w| w > u));
-            let mut best: Option<Candidate> = None;
-            self.evaluate_owned(u, owned, ru, members, |c| {
-                if best.is_none_or(|b| c.cost < b.cost) {
-                    best = Some(c);
-                }
-            });
+            found.clear();
+            self.evaluate_owned(u, owned, ru, members, f32::INFINITY, found);
+            let best = found.take_cheapest();
             bounds.push(best.map_or(f32::INFINITY, |best| {
                 self.store.ring(best.removed, rv);
                 match self.collapse(u, &best, f32::MAX, true, ru, rv) {
@@ -445,7 +443,6 @@ impl<M: Metric> Engine<M> {
         let Scratch { ru, rv, owned, found, members } = scratch;
         self.store.ring(u, ru);
         found.clear();
-        let mut least = f32::INFINITY;
         owned.clear();
         if self.store.v[u.index()].kind.is_regular() {
             // Inside closed fans every neighbour comes first in one of the triangles: no need to look at the second.
@@ -467,13 +464,8 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        let stuck = self.evaluate_owned(u, owned, ru, members, |c| {
-            if c.cost <= tau {
-                found.push(c);
-            } else {
-                least = least.min(c.cost);
-            }
-        });
+        let stuck = self.evaluate_owned(u, owned, ru, members, tau, found);
+        let mut least = found.beyond();
         let kind = self.store.v[u.index()].kind;
         let why = match () {
             () if kind.is_locked() => Refusal::Locked,
@@ -481,8 +473,7 @@ impl<M: Metric> Engine<M> {
             () => Refusal::NonManifold,
         };
         self.refusals[why as usize] += stuck;
-        while let Some(i) = (0..found.len()).min_by(|&i, &j| found[i].cost.total_cmp(&found[j].cost)) {
-            let candidate = found.swap_remove(i);
+        while let Some(candidate) = found.take_cheapest() {
             // A vertex that was not looked at yet owns edges of unknown cost; they are looked at in the next sweep.
             let inherited = match self.store.bound[candidate.removed.index()] {
                 UNKNOWN => tau,
@@ -491,17 +482,15 @@ impl<M: Metric> Engine<M> {
             self.store.ring(candidate.removed, rv);
             match self.collapse(u, &candidate, tau, probe, ru, rv) {
                 Outcome::Done => {
-                    least = found.iter().fold(least.min(inherited), |l, f| l.min(f.cost));
+                    least = found.within.iter().fold(least.min(inherited), |l, f| l.min(f.cost));
                     break;
                 }
                 Outcome::Later(cost) => least = least.min(cost),
                 Outcome::Refused(why) => {
                     self.refuse(why);
                     if let Some(other) = self.at_an_end(u, &candidate, why, tau, ru, members) {
-                        found.push(other);
-                        continue;
-                    }
-                    if !probe {
+                        found.within.push(other);
+                    } else if !probe {
                         // Asked again when the sweeps have come this far; things change around here.
                         least = least.min(4.0 * tau + 1e-20);
                     }
@@ -796,7 +785,7 @@ struct Scratch {
     ru: Ring,
     rv: Ring,
     owned: Vec<VertexId>,
-    found: Vec<Candidate>,
+    found: Found,
     members: Vec<Member>,
 }
 

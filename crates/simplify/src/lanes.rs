@@ -3,14 +3,10 @@
 use glam::Vec3;
 use wide::f32x4;
 
+use crate::tensor::Tensor;
+
 /// Four vectors.
 pub(crate) type Four = [f32x4; 3];
-
-/// Four vectors, side by side.
-#[inline(always)]
-pub(crate) fn gather(v: [Vec3; 4]) -> Four {
-    [0, 1, 2].map(|k| f32x4::new(v.map(|v| v[k])))
-}
 
 /// The same vector four times.
 #[inline(always)]
@@ -31,4 +27,30 @@ pub(crate) fn dot(a: &Four, b: &Four) -> f32x4 {
 #[inline(always)]
 pub(crate) fn cross(a: &Four, b: &Four) -> Four {
     [a[1] * b[2] - b[1] * a[2], a[2] * b[0] - b[2] * a[0], a[0] * b[1] - b[0] * a[1]]
+}
+
+/// `weight` · n nᵀ, component by component: [`Tensor::outer`] four side by side.
+#[inline(always)]
+pub(crate) fn outer(n: &Four, weight: f32x4) -> [f32x4; 6] {
+    let w = n.map(|x| x * weight);
+    [w[0] * n[0], w[1] * n[1], w[2] * n[2], w[0] * n[1], w[0] * n[2], w[1] * n[2]]
+}
+
+/// The components of four tensors, side by side.
+#[inline(always)]
+pub(crate) fn side_by_side(t: [&Tensor; 4]) -> [f32x4; 6] {
+    let [a, b, c, d] = f32x4::transpose(t.map(|t| f32x4::new([t.0[0], t.0[1], t.0[2], t.0[3]])));
+    let [e, f, ..] = f32x4::transpose(t.map(|t| f32x4::new([t.0[4], t.0[5], 0.0, 0.0])));
+    [a, b, c, d, e, f]
+}
+
+/// Four tensors from their components side by side: [`side_by_side`] undone.
+#[inline(always)]
+pub(crate) fn tensors(t: [f32x4; 6]) -> [Tensor; 4] {
+    let first = f32x4::transpose([t[0], t[1], t[2], t[3]]).map(f32x4::to_array);
+    let last = f32x4::transpose([t[4], t[5], f32x4::ZERO, f32x4::ZERO]).map(f32x4::to_array);
+    std::array::from_fn(|i| {
+        let ([a, b, c, d], [e, f, ..]) = (first[i], last[i]);
+        Tensor([a, b, c, d, e, f])
+    })
 }

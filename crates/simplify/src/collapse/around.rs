@@ -4,6 +4,7 @@ use lodsmith_core::VertexId;
 
 use super::Engine;
 use super::commit::Candidate;
+use super::evaluate::Found;
 use super::kind::distinct;
 use super::store::{Ring, Spoke};
 use crate::guard::BORDER;
@@ -30,14 +31,15 @@ impl<M: Metric> Engine<M> {
         })
     }
 
-    /// Hands over what the metric says of the edges from `u` to `owned`, each by itself. Says how many may not go.
+    /// Adds what the metric says of the edges from `u` to `owned`, each by itself. Says how many may not go.
     #[inline(never)]
     pub(super) fn judge_owned(
         &mut self,
         u: VertexId,
         owned: &[VertexId],
         ru: &Ring,
-        mut take: impl FnMut(Candidate),
+        most: f32,
+        found: &mut Found,
     ) -> u64 {
         let mut rv = std::mem::take(&mut self.other_ring);
         let mut stuck = 0;
@@ -47,7 +49,7 @@ impl<M: Metric> Engine<M> {
                 _ => self.store.ring(v, &mut rv),
             }
             match self.judged(u, v, ru, &rv) {
-                Some(c) if c.cost <= self.rules.max_cost => take(c),
+                Some(c) if c.cost <= self.rules.max_cost => found.add(c, most),
                 Some(_) => {}
                 // What is beyond the limit anyway is not refused.
                 None => stuck += u64::from(self.is_within_limit(u, v)),

@@ -11,7 +11,6 @@ use super::wings::{End, Verdict, Wing};
 use crate::metric::{Form, Judge, Metric};
 use crate::options::BorderPolicy;
 use crate::report::Refusal;
-use crate::tensor::Tensor;
 use crate::triangle;
 
 /// Weight of the largest squared distance, times the mean area of a triangle: protects small features. (Measured on 12 cases:
@@ -72,15 +71,21 @@ impl<M: Metric> Engine<M> {
         rv: &Ring,
     ) -> Outcome {
         let (v, mut y) = (candidate.removed, candidate.step);
-        let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
+        // (Not as a pair: that would be copied twice.)
+        let x = self.store.v[u.index()];
+        let z = self.store.v[v.index()];
         let price = self.price(x.origin, z.origin);
         let tau = tau / price;
-        let (shared, neck) = match self.store.link_condition(u, v, ru, rv) {
-            Ok(shared) => (shared, None),
-            Err(why) => match self.neck(u, v, ru, rv) {
-                Some(neck) => (2, Some(neck)),
-                None => return Outcome::Refused(why),
-            },
+        let mut neck = None;
+        let shared = match self.store.link_condition(u, v, ru, rv) {
+            Ok(shared) => shared,
+            Err(why) => {
+                neck = self.neck(u, v, ru, rv);
+                if neck.is_none() {
+                    return Outcome::Refused(why);
+                }
+                2
+            }
         };
         if ru.len() + rv.len() == 2 * shared {
             return Outcome::Refused(Refusal::Component);
@@ -109,8 +114,7 @@ impl<M: Metric> Engine<M> {
         let mut verdict = Verdict { cost: 0.0, area: 0.0, peak: 0.0, shape: 1.0, turns_far: false };
         let mut bare = [false; 2];
         self.wings.clear();
-        self.spokes.clear();
-        self.spokes.extend(rv.iter().filter(|r| !r.has(u)));
+        self.spokes.take_without(u, rv);
         let kept = End { from: x.p, step: y, other: Some(v) };
         let removed = End { from: z.p, step: off, other: None };
         for (k, (spokes, end)) in [(ru, kept), (&self.spokes, removed)].into_iter().enumerate() {
@@ -124,7 +128,9 @@ impl<M: Metric> Engine<M> {
         if turns_far && self.folds(x.facing.direction() + z.facing.direction()) {
             return Outcome::Refused(Refusal::NormalFlip);
         }
-        if let Err(why) = self.ask_guards(at, x.p, z.p, shared, ru, rv) {
+        if self.rules.has_extra_guards()
+            && let Err(why) = self.ask_guards(at, x.p, z.p, shared, ru, rv)
+        {
             return Outcome::Refused(why);
         }
         // Feature edges of the star, by the end that stays; the edge u-v, if it is one, is listed with v.
@@ -161,8 +167,8 @@ impl<M: Metric> Engine<M> {
         if is_exact {
             let peak_weight = self.peak_weight();
             // A tip that draws back along its own planes leaves none of them, but its place.
-            for (from, step) in [(x.p, y), (z.p, off)].into_iter().zip(bare).filter(|b| b.1).map(|b| b.0) {
-                if peak_weight * step.length_squared() > 0.5 * cost {
+            for (from, step, bare) in [(x.p, y, bare[0]), (z.p, off, bare[1])] {
+                if bare && peak_weight * step.length_squared() > 0.5 * cost {
                     peak = peak.max(BARE * self.distance_to_star(from, at));
                 }
             }
@@ -207,25 +213,14 @@ impl<M: Metric> Engine<M> {
     /// Does the collapse that was checked; wings and rim are at hand.
     #[inline(always)]
     fn change(&mut self, u: VertexId, v: VertexId, y: Vec3, shared: usize, ru: &Ring, rv: &Ring) {
-        let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
+        let x = self.store.v[u.index()];
+        let z = self.store.v[v.index()];
         let at = merged_position(x.p, z.p, y);
         let kind = x.kind.union(z.kind);
         let own = self.merge_wedges(u, v, y, at, ru);
         let q = if self.metric.is_memoryless() {
             // The vertices around swap old planes for new ones; u starts afresh.
-            let mut q = M::Memory::default();
-            for w in &self.wings {
-                let mut change = Tensor::outer(w.normal, -self.metric.plane_weight(w.length, self.mean_face));
-                if !w.both {
-                    let new =
-                        Tensor::outer(w.after, self.metric.plane_weight(w.after.length(), self.mean_face));
-                    M::tensor(&mut q).add(&new);
-                    change.add(&new);
-                }
-                // (One of them may be v, which goes.)
-                M::tensor(&mut self.store.v[w.a.index()].q).add(&change);
-                M::tensor(&mut self.store.v[w.b.index()].q).add(&change);
-            }
+            let mut q = self.swap_planes();
             M::tensor(&mut q).add(&own);
             for &(w, at_u, line) in self.rim.iter().filter(|r| r.0 != v) {
                 let o = &mut self.store.v[w.index()];
@@ -252,8 +247,18 @@ impl<M: Metric> Engine<M> {
             self.store.live_faces -= usize::from(goes);
         }
         let count = ru.len() + rv.len() - 2 * shared;
-        let list = self.wings.iter().filter(|w| !w.both).map(|w| w.corner);
-        self.store.relist(u, v, count, list);
+        let slots = self.store.relist(u, v, count);
+        let mut n = 0;
+        for r in ru {
+            // (Written all, kept those that stay: which they are could not be foretold.)
+            if let Some(slot) = slots.get_mut(n) {
+                *slot = r.corner;
+            }
+            n += usize::from(!r.has(v));
+        }
+        for (slot, r) in slots[n.min(count)..].iter_mut().zip(&self.spokes) {
+            *slot = r.corner;
+        }
         // Whose place was kept gives its number: the result then has that vertex of the input.
         let is_place_of = |end: &Vertex<M::Memory>| end.p == at && !end.kind.is_moved();
         let kept_v = is_place_of(&z) && !is_place_of(&x);
@@ -279,6 +284,24 @@ impl<M: Metric> Engine<M> {
         }
     }
 
+    /// Lets the vertices around the collapse swap old planes for new ones; returns the new ones of the merged vertex.
+    #[inline(always)]
+    pub(super) fn swap_planes(&mut self) -> M::Memory {
+        let (metric, mean, mut q) = (self.metric, self.mean_face, M::Memory::default());
+        let vertices = &mut self.store.v;
+        self.wings.swaps(
+            |lengths| metric.plane_weights(lengths, mean),
+            |rim, change, new| {
+                M::tensor(&mut q).add(new);
+                for w in rim {
+                    // (One of them may be the removed vertex.)
+                    M::tensor(&mut vertices[w.index()].q).add(change);
+                }
+            },
+        );
+        q
+    }
+
     /// Weight of a largest squared distance. In the late phase true distances are charged instead.
     #[inline(always)]
     pub(crate) fn peak_weight(&self) -> f32 {
@@ -288,7 +311,7 @@ impl<M: Metric> Engine<M> {
     /// Squared distance from `q` to the star that the wings become.
     #[inline(never)]
     fn distance_to_star(&self, q: Vec3, at: Vec3) -> f32 {
-        let to = |w: &Wing| triangle::closest(q, at, self.store.p(w.a), self.store.p(w.b)).0;
+        let to = |w: Wing| triangle::closest(q, at, self.store.p(w.a), self.store.p(w.b)).0;
         self.wings.iter().filter(|w| !w.both).map(to).fold(f32::INFINITY, f32::min)
     }
 
@@ -301,7 +324,7 @@ impl<M: Metric> Engine<M> {
     /// counts of faces at edges add up.
     #[inline(never)]
     fn refresh_around(&mut self, u: VertexId) {
-        let mut ring = Vec::new();
+        let mut ring = Ring::default();
         self.store.ring(u, &mut ring);
         let around: Vec<VertexId> = distinct(&ring).chain([u]).collect();
         for w in around {
@@ -314,7 +337,7 @@ impl<M: Metric> Engine<M> {
     #[inline(never)]
     fn folds(&self, facing: Vec3) -> bool {
         let unit = |n: Vec3| n / n.length().max(1e-30);
-        let kept = || self.wings.iter().filter(|w| !w.both);
+        let kept = || self.wings.iter().filter(|w: &Wing| !w.both);
         for (i, w) in kept().enumerate() {
             let n = unit(w.after);
             let around = [w.a, w.b].map(|o| self.store.v[o.index()].facing.direction());
@@ -354,9 +377,6 @@ impl<M: Metric> Engine<M> {
         rv: &Ring,
     ) -> Result<(), Refusal> {
         let rules = &self.rules;
-        if !rules.has_extra_guards() {
-            return Ok(());
-        }
         let shape = |a: Vec3, b: Vec3, c: Vec3| {
             let around = (b - a).length_squared() + (c - b).length_squared() + (a - c).length_squared();
             12.0 * (b - a).cross(c - a).length_squared() / (around * around).max(1e-37)

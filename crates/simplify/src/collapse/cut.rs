@@ -20,7 +20,6 @@ use super::star::Star;
 use super::store::{Corner, Ring};
 use crate::metric::{Form, Metric};
 use crate::options::{Placement, SimplifyOptions, TopologyPolicy};
-use crate::tensor::Tensor;
 
 /// Whether a run with these options may cut, at the latest when nothing else is left. (Vertices that cannot move leave the
 /// sides of a cut in touch, which only free topology allows.)
@@ -107,7 +106,7 @@ impl<M: Metric> Engine<M> {
         let is_apex = |w: VertexId| ru.iter().any(|r| r.has(v) && r.has(w));
         let common: Vec<VertexId> =
             distinct(ru).filter(|&w| w != v && !is_apex(w) && rv.iter().any(|r| r.has(w))).collect();
-        let mut rw = Ring::new();
+        let mut rw = Ring::default();
         for &w in &common {
             if !is_plain(self, w) {
                 continue;
@@ -129,16 +128,7 @@ impl<M: Metric> Engine<M> {
         let at = merged_position(x.p, z.p, y);
         self.merge_wedges(u, v, y, at, ru);
         if self.metric.is_memoryless() {
-            for wing in &self.wings {
-                let mut change =
-                    Tensor::outer(wing.normal, -self.metric.plane_weight(wing.length, self.mean_face));
-                if !wing.both {
-                    let weight = self.metric.plane_weight(wing.after.length(), self.mean_face);
-                    change.add(&Tensor::outer(wing.after, weight));
-                }
-                M::tensor(&mut self.store.v[wing.a.index()].q).add(&change);
-                M::tensor(&mut self.store.v[wing.b.index()].q).add(&change);
-            }
+            self.swap_planes();
         } else {
             let form: Form = self.metric.form(&x.q, &z.q, z.p - x.p);
             let q = self.metric.merged(&form, y);
@@ -173,7 +163,7 @@ impl<M: Metric> Engine<M> {
         }
         self.share_samples([u, v]);
         self.share_samples([w, other_w]);
-        let mut ring = Ring::new();
+        let mut ring = Ring::default();
         for end in [u, v, w, other_w] {
             self.split_wedge(end, &mut ring);
         }
@@ -197,7 +187,7 @@ impl<M: Metric> Engine<M> {
     /// Deals the samples of the first of two vertices at one place to both.
     fn share_samples(&mut self, ends: [VertexId; 2]) {
         let Some(mut late) = self.late.take() else { return };
-        let mut ring = Ring::new();
+        let mut ring = Ring::default();
         let stars = ends.map(|end| {
             self.store.ring(end, &mut ring);
             let mut star = Star::default();

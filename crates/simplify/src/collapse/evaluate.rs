@@ -8,7 +8,7 @@ use super::Engine;
 use super::attributes::Member;
 use super::commit::{Candidate, TIE};
 use super::store::Ring;
-use crate::lanes::{Four, dot, gather, splat, sub};
+use crate::lanes::{self, Four, dot, splat, sub};
 use crate::metric::{Form, Judge, Metric};
 use crate::options::Placement;
 
@@ -26,9 +26,53 @@ const FARTHEST: f32 = 1.0;
 /// nothing, so that the exact one is asked for at the commit: it alone tells flat from nearly flat.
 const NOISE: f32 = 1e-8;
 
+/// What was found of the edges of a vertex.
+#[derive(Debug, Default)]
+pub(crate) struct Found {
+    /// Those that cost no more than was asked for, in the order of the ring.
+    pub(crate) within: Vec<Candidate>,
+    /// The least costs beyond.
+    beyond: f32x4,
+}
+
+impl Found {
+    pub(crate) fn clear(&mut self) {
+        self.within.clear();
+        self.beyond = f32x4::splat(f32::INFINITY);
+    }
+
+    pub(super) fn add(&mut self, candidate: Candidate, most: f32) {
+        if candidate.cost <= most {
+            self.within.push(candidate);
+        } else {
+            self.beyond = f32x4::splat(candidate.cost).fast_min(self.beyond);
+        }
+    }
+
+    /// The least cost of the others.
+    pub(crate) fn beyond(&self) -> f32 {
+        self.beyond.to_array().into_iter().fold(f32::INFINITY, f32::min)
+    }
+
+    /// Takes the cheapest, the first of equals.
+    pub(crate) fn take_cheapest(&mut self) -> Option<Candidate> {
+        let cost = |i: usize| self.within[i].cost;
+        let cheapest = (0..self.within.len()).min_by(|&i, &j| cost(i).total_cmp(&cost(j)))?;
+        Some(self.within.swap_remove(cheapest))
+    }
+}
+
+/// Up to four edges side by side.
+struct Evaluated {
+    cost: f32x4,
+    step: Four,
+    /// All bits of a lane, where the system could be solved.
+    solved: f32x4,
+}
+
 impl<M: Metric> Engine<M> {
-    /// Evaluates the edges from `u` to `owned` and hands each candidate over. Says how many have two ends that may not
-    /// move.
+    /// Evaluates the edges from `u` to `owned` and adds them to what is found, those that cost up to `most` one by one. Says
+    /// how many have two ends that may not move.
     #[inline(always)]
     pub(crate) fn evaluate_owned(
         &mut self,
@@ -36,10 +80,11 @@ impl<M: Metric> Engine<M> {
         owned: &[VertexId],
         ru: &Ring,
         members: &mut Vec<Member>,
-        mut take: impl FnMut(Candidate),
+        most: f32,
+        found: &mut Found,
     ) -> u64 {
         if matches!(self.metric.decides(), Judge::Stars | Judge::Ends) {
-            return self.judge_owned(u, owned, ru, take);
+            return self.judge_owned(u, owned, ru, most, found);
         }
         if self.attributes.is_some() {
             self.know_wedges(u, owned);
@@ -49,19 +94,27 @@ impl<M: Metric> Engine<M> {
         let plain = self.metric.is_memoryless() && self.rules.placement == Placement::Optimal && is_plain(u);
         for four in owned.chunks(4) {
             if plain && (four.len() > 1 || self.attributes.is_some()) && four.iter().all(|&w| is_plain(w)) {
-                let (cost, step, solved) = self.evaluate_four(u, four, ru, members);
-                for (i, &w) in four.iter().enumerate() {
+                let Evaluated { cost, step, solved } = self.evaluate_four(u, four, ru, members);
+                let within = solved & cost.simd_le(f32x4::splat(most));
+                let dear = (solved ^ within).bitselect(cost, f32x4::splat(f32::INFINITY));
+                found.beyond = dear.fast_min(found.beyond);
+                let (solved, all) = (solved.to_bitmask(), (1 << four.len()) - 1);
+                let mut left = (within.to_bitmask() | !solved) & all;
+                while left != 0 {
+                    let i = left.trailing_zeros() as usize & 3;
+                    left &= left - 1;
                     if solved & (1 << i) != 0 {
-                        take(Candidate { cost: cost[i], removed: w, step: step[i] });
-                    } else if let Some(candidate) = self.evaluate_edge(u, w, ru, members) {
-                        take(candidate);
+                        let step = Vec3::from(step.map(|x| x.to_array()[i]));
+                        found.within.push(Candidate { cost: cost.to_array()[i], removed: four[i], step });
+                    } else if let Some(candidate) = self.evaluate_edge(u, four[i], ru, members) {
+                        found.add(candidate, most);
                     }
                 }
                 continue;
             }
             for &w in four {
                 match self.evaluate_edge(u, w, ru, members) {
-                    Some(candidate) => take(candidate),
+                    Some(candidate) => found.add(candidate, most),
                     None => stuck += 1,
                 }
             }
@@ -69,8 +122,8 @@ impl<M: Metric> Engine<M> {
         stuck
     }
 
-    /// Up to four edges of free ends side by side, for vector instructions: costs, steps, and a bit for each edge whose
-    /// system could be solved. The same as [`Self::evaluate_edge`] does one by one.
+    /// Up to four edges of free ends side by side, for vector instructions. The same as [`Self::evaluate_edge`] does one
+    /// by one.
     #[inline(never)]
     fn evaluate_four(
         &self,
@@ -78,18 +131,19 @@ impl<M: Metric> Engine<M> {
         ends: &[VertexId],
         ru: &Ring,
         members: &mut Vec<Member>,
-    ) -> ([f32; 4], [Vec3; 4], u32) {
+    ) -> Evaluated {
         let x = &self.store.v[u.index()];
-        let lane = |i: usize| &self.store.v[ends[i.min(ends.len() - 1)].index()];
-        let z = [lane(0), lane(1), lane(2), lane(3)];
-        let (mut s, mut t) = (M::tensor_of(&x.q).0, z.map(|z| M::tensor_of(&z.q).0));
+        let four = [0, 1, 2, 3].map(|i: usize| ends[i.min(ends.len() - 1)]);
+        let (mut s, mut t) = (
+            *M::tensor_of(&x.q),
+            lanes::side_by_side(four.map(|w| M::tensor_of(&self.store.v[w.index()].q))),
+        );
         if self.attributes.is_some() && !self.are_lone(u, ends) {
-            s = self.tensor_alone(u).0;
-            t = [0, 1, 2, 3].map(|i: usize| self.tensor_alone(ends[i.min(ends.len() - 1)]).0);
+            s = self.tensor_alone(u);
+            t = lanes::side_by_side(four.map(|w| self.tensor_alone(w)).each_ref());
         }
-        let s = s.map(f32x4::splat);
-        let t = [0, 1, 2, 3, 4, 5].map(|k| f32x4::new([t[0][k], t[1][k], t[2][k], t[3][k]]));
-        let d = sub(&gather(z.map(|z| z.p)), &splat(x.p));
+        let s = s.0.map(f32x4::splat);
+        let d = sub(&self.store.four(four), &splat(x.p));
         let mut h = times(&t, &d);
         let mut c = dot(&d, &h);
         let mut a: [f32x4; 6] = std::array::from_fn(|k| s[k] + t[k]);
@@ -121,9 +175,7 @@ impl<M: Metric> Engine<M> {
         let q = q.simd_gt(trace * dot(&d, &d) * NOISE) & q;
         let tie = trace * (0.5 * TIE) * (dot(&y, &y) + dot(&off, &off));
         let cost = q * peak + tie;
-        let y = y.map(|k| k.to_array());
-        let step = std::array::from_fn(|i| Vec3::new(y[0][i], y[1][i], y[2][i]));
-        (cost.to_array(), step, solved.to_bitmask())
+        Evaluated { cost, step: y, solved }
     }
 
     /// The cost of a form at `y`, in edge `d`.

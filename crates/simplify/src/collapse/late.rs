@@ -142,7 +142,7 @@ impl<M: Metric> Engine<M> {
                 bag.samples.push(Sample { p: points[i], weight });
             }
         }
-        let mut ring = Vec::new();
+        let mut ring = super::Ring::default();
         let mut star = Star::default();
         for (u, bag) in bags.iter_mut().enumerate() {
             let u = VertexId(u as u32);
@@ -170,7 +170,7 @@ impl<M: Metric> Engine<M> {
     ) -> f32 {
         let Some(late) = &mut self.late else { return cost };
         let [u, v] = [kept, removed].map(|x| late.bag_of[x.index()] as usize);
-        let rim = |w: &Wing| [w.a, w.b].map(|o| (o, self.store.v[o.index()].p));
+        let rim = |w: Wing| [w.a, w.b].map(|o| (o, self.store.v[o.index()].p));
         late.star.set(at, self.wings.iter().filter(|w| !w.both).map(rim));
         late.merged.clear();
         late.merged.extend_from_slice(&late.bags[u].samples);

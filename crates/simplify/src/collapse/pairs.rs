@@ -14,7 +14,6 @@ use super::kind::{Kind, distinct, faces_at};
 use super::near::{Site, near_pairs};
 use super::order::NONE;
 use super::store::{Facing, Ring, Vertex};
-use super::wings::Wing;
 use super::{ASK_EVERY, Engine, Goal, UNKNOWN};
 use crate::control::Verdict;
 use crate::metric::{Form, Metric};
@@ -131,7 +130,7 @@ impl<M: Metric> Engine<M> {
             return;
         }
         self.lines = vec![M::Memory::default(); self.store.merged_into.len()];
-        let (mut ring, mut edges) = (Ring::new(), Vec::new());
+        let (mut ring, mut edges) = (Ring::default(), Vec::new());
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             let x = self.store.v[u.index()];
             if x.kind.has_lines() {
@@ -198,7 +197,7 @@ impl<M: Metric> Engine<M> {
         all.extend(
             found.unwrap_or_default().iter().map(|n| (n.distance_sq, n.ends.map(|i| alive[i as usize]))),
         );
-        let mut ring = Ring::new();
+        let mut ring = Ring::default();
         all.retain(|&(_, [u, v])| !self.store.is_edge(u, v, &mut ring));
         self.find_slits(&alive, pairs.reach, &mut all);
         all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -261,7 +260,7 @@ impl<M: Metric> Engine<M> {
     /// Adds border edges shorter than `reach` that another way along borders leads round in two: closing a slit, they
     /// come together with a third, which no collapse of an edge may do.
     fn find_slits(&mut self, alive: &[VertexId], reach: f32, all: &mut Vec<(f32, [VertexId; 2])>) {
-        let (mut ru, mut rv) = (Ring::new(), Ring::new());
+        let (mut ru, mut rv) = (Ring::default(), Ring::default());
         for &u in alive {
             if !self.store.v[u.index()].kind.is_feature() {
                 continue;
@@ -653,15 +652,7 @@ impl<M: Metric> Engine<M> {
         self.wings.clear();
         for end in [u, v] {
             self.store.ring(end, ring);
-            self.wings.extend(ring.iter().map(|r| Wing {
-                corner: r.corner,
-                a: r.a,
-                b: r.b,
-                normal: Vec3::ZERO,
-                length: 0.0,
-                after: Vec3::ZERO,
-                both: r.has(u) || r.has(v),
-            }));
+            self.wings.add_rim(ring, |r| r.has(u) || r.has(v));
         }
         let [x, z] = [u, v].map(|w| self.store.v[w.index()].origin);
         self.charge(x, z, at, cost, tau, probe)

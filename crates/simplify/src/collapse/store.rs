@@ -5,9 +5,11 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 use prefetch_index::prefetch_index;
+use wide::f32x4;
 
 use super::kind::Kind;
 use super::order::NONE;
+use crate::lanes::Four;
 use crate::metric::Memory;
 
 /// A corner of a triangle: four times its index, and 0, 1 or 2.
@@ -45,8 +47,63 @@ impl Spoke {
     }
 }
 
-/// The live corners of a vertex.
-pub(crate) type Ring = Vec<Spoke>;
+/// The live corners of a vertex, in room that only grows: it is filled for one vertex after the other.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Ring {
+    room: Vec<Spoke>,
+    count: usize,
+}
+
+impl Ring {
+    pub(crate) fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Room for so many.
+    #[inline(always)]
+    fn room(&mut self, count: usize) -> &mut [Spoke] {
+        if self.room.len() < count {
+            self.grow(count);
+        }
+        &mut self.room[..count]
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn grow(&mut self, count: usize) {
+        self.room.resize(2 * count, Spoke::default());
+    }
+
+    /// Takes the spokes of a ring that do not lead to `u`.
+    #[inline(always)]
+    pub(crate) fn take_without(&mut self, u: VertexId, ring: &Self) {
+        let slots = self.room(ring.count);
+        let mut n = 0;
+        for &spoke in ring {
+            // (Written all, kept some: which of them lead to u could not be foretold.)
+            slots[n] = spoke;
+            n += usize::from(!spoke.has(u));
+        }
+        self.count = n;
+    }
+}
+
+impl std::ops::Deref for Ring {
+    type Target = [Spoke];
+    #[inline(always)]
+    fn deref(&self) -> &[Spoke] {
+        &self.room[..self.count]
+    }
+}
+
+impl<'a> IntoIterator for &'a Ring {
+    type Item = &'a Spoke;
+    type IntoIter = std::slice::Iter<'a, Spoke>;
+    #[inline(always)]
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter()
+    }
+}
 
 /// One cache line, where the memory is a tensor.
 #[derive(Clone, Copy, Debug)]
@@ -54,6 +111,8 @@ pub(crate) type Ring = Vec<Spoke>;
 pub(crate) struct Vertex<Q> {
     /// Position in the unit frame.
     pub(crate) p: Vec3,
+    /// Scratch of whoever walks: compared with [`Store::stamp`].
+    pub(crate) mark: u32,
     /// What the metric keeps.
     pub(crate) q: Q,
     /// Its number in the ordered input.
@@ -63,8 +122,6 @@ pub(crate) struct Vertex<Q> {
     count: u32,
     room: u32,
     pub(crate) kind: Kind,
-    /// Scratch of whoever walks: compared with [`Store::stamp`].
-    pub(crate) mark: u32,
     /// The normal of the input's surface at the vertex that gave the number.
     pub(crate) facing: Facing,
 }
@@ -277,6 +334,18 @@ impl<Q: Memory> Store<Q> {
         self.v[u.index()].p
     }
 
+    /// The positions of four vertices side by side.
+    #[inline(always)]
+    pub(crate) fn four(&self, vertices: [VertexId; 4]) -> Four {
+        // (With what stands behind a position, it is one load.)
+        let row = |w: VertexId| {
+            let Vertex { p, mark, .. } = &self.v[w.index()];
+            f32x4::new([p.x, p.y, p.z, f32::from_bits(*mark)])
+        };
+        let [x, y, z, _] = f32x4::transpose(vertices.map(row));
+        [x, y, z]
+    }
+
     /// Where the input faced at the corners of a face, summed.
     #[inline(always)]
     pub(crate) fn facing(&self, t: &[VertexId; 3]) -> Vec3 {
@@ -315,21 +384,22 @@ impl<Q: Memory> Store<Q> {
         let x = &mut self.v[u.index()];
         let head = x.head as usize;
         let list = &mut self.corners[head..head + x.count as usize];
+        let slots = out.room(list.len());
+        let t = &self.t[..];
         // (Written all, kept those that live: a branch on it could not be foretold.)
-        out.resize(list.len(), Spoke::default());
         let mut alive = 0;
         for &corner in list.iter() {
-            let (t, k) = (&self.t[corner.face()], corner.k());
-            out[alive] = Spoke { corner, a: t[NEXT[k]], b: t[PREV[k]] };
+            let (t, k) = (&t[corner.face()], corner.k());
+            slots[alive] = Spoke { corner, a: t[NEXT[k]], b: t[PREV[k]] };
             alive += usize::from(t[0] != NONE);
         }
         if alive < list.len() {
-            out.truncate(alive);
-            for (slot, r) in list.iter_mut().zip(out.iter()) {
+            for (slot, r) in list.iter_mut().zip(&slots[..alive]) {
                 *slot = r.corner;
             }
             x.count = alive as u32;
         }
+        out.count = alive;
     }
 
     /// The corners of `u` as listed; all alive right after a compaction.
@@ -339,15 +409,9 @@ impl<Q: Memory> Store<Q> {
         &self.corners[x.head as usize..(x.head + x.count) as usize]
     }
 
-    /// Gives `u` a list of `count` corners, in the room of `u` or `v` if it suffices.
+    /// Gives `u` a list of `count` corners, in the room of `u` or `v` if it suffices; it is still to be filled.
     #[inline(always)]
-    pub(crate) fn relist(
-        &mut self,
-        u: VertexId,
-        v: VertexId,
-        count: usize,
-        list: impl Iterator<Item = Corner>,
-    ) {
+    pub(crate) fn relist(&mut self, u: VertexId, v: VertexId, count: usize) -> &mut [Corner] {
         let (x, z) = (&self.v[u.index()], &self.v[v.index()]);
         let n = count as u32;
         let (head, room) = if n <= x.room {
@@ -359,11 +423,9 @@ impl<Q: Memory> Store<Q> {
             self.corners.resize(head + count, Corner::default());
             (head as u32, n)
         };
-        for (slot, corner) in self.corners[head as usize..head as usize + count].iter_mut().zip(list) {
-            *slot = corner;
-        }
         let x = &mut self.v[u.index()];
         (x.head, x.room, x.count) = (head, room, n);
+        &mut self.corners[head as usize..head as usize + count]
     }
 
     /// Lets `u` have these corners and no others.
@@ -371,7 +433,7 @@ impl<Q: Memory> Store<Q> {
         for corner in corners {
             self.t[corner.face()][corner.k()] = u;
         }
-        self.relist(u, u, corners.len(), corners.iter().copied());
+        self.relist(u, u, corners.len()).copy_from_slice(corners);
     }
 
     /// A vertex at the place of another, without triangles so far.

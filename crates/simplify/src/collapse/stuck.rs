@@ -72,8 +72,8 @@ impl<M: Metric> Engine<M> {
             owned.clear();
             owned.extend(distinct(&ru).filter(|&w| w > u));
             found.clear();
-            self.evaluate_owned(u, &owned, &ru, &mut members, |c| found.push(c));
-            for candidate in &found {
+            self.evaluate_owned(u, &owned, &ru, &mut members, f32::INFINITY, &mut found);
+            for candidate in &found.within {
                 count += usize::from(self.is_possible(u, candidate, &ru, &mut rv, &mut members));
             }
         }
@@ -101,7 +101,7 @@ impl<M: Metric> Engine<M> {
 
     /// Kinds of all vertices under other rules.
     fn classify_again(&mut self) {
-        let mut ring = Vec::new();
+        let mut ring = super::Ring::default();
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             self.store.ring(u, &mut ring);
             self.store.v[u.index()].kind = self.kind_now(u, &ring);

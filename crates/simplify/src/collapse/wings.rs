@@ -6,10 +6,11 @@ use lodsmith_core::VertexId;
 use wide::{f32x4, u32x4};
 
 use super::commit::{NO_AREA, SUSPECT_TURN};
-use super::store::{Corner, Spoke, Store};
-use crate::lanes::{self, cross, dot, sub};
+use super::store::{Corner, Ring, Spoke, Store};
+use crate::lanes::{self, Four, cross, dot, sub};
 use crate::metric::Memory;
 use crate::report::Refusal;
+use crate::tensor::Tensor;
 
 /// A triangle of the star of a collapsing edge, before and after.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +25,99 @@ pub(crate) struct Wing {
     pub(crate) after: Vec3,
     /// It has both ends, and goes.
     pub(crate) both: bool,
+}
+
+/// The triangles of the star of a collapsing edge, in the order of the rings of its ends.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Wings {
+    /// The first `used` of them; written where they stay.
+    fours: Vec<FourWings>,
+    used: usize,
+}
+
+/// Up to four of them side by side. Lanes that are not used repeat the last one.
+#[derive(Clone, Copy, Debug, Default)]
+struct FourWings {
+    spokes: [Spoke; 4],
+    count: usize,
+    normal: Four,
+    length: f32x4,
+    after: Four,
+    /// A bit for each that does not go.
+    stays: u32,
+}
+
+impl Wings {
+    pub(crate) fn clear(&mut self) {
+        self.used = 0;
+    }
+
+    /// The next one, to be written.
+    #[inline(always)]
+    fn slot(&mut self) -> &mut FourWings {
+        if self.used == self.fours.len() {
+            self.grow();
+        }
+        self.used += 1;
+        &mut self.fours[self.used - 1]
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn grow(&mut self) {
+        self.fours.resize(2 * self.used + 8, FourWings::default());
+    }
+
+    /// Adds triangles that share no more than their rim with what they become.
+    pub(crate) fn add_rim(&mut self, ring: &Ring, goes: impl Fn(&Spoke) -> bool) {
+        for few in ring.chunks(4) {
+            let spokes = [0, 1, 2, 3].map(|i: usize| few[i.min(few.len() - 1)]);
+            let (count, none) = (few.len(), [f32x4::ZERO; 3]);
+            let stays = (0..4).filter(|&i| !goes(&spokes[i])).fold(0, |bits, i| bits | 1 << i);
+            *self.slot() = FourWings { spokes, count, normal: none, length: f32x4::ZERO, after: none, stays };
+        }
+    }
+
+    /// One after the other.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = Wing> + '_ {
+        self.fours[..self.used].iter().flat_map(|four| (0..four.count).map(|i| four.wing(i)))
+    }
+
+    /// Of each, what the tensors around it lose and gain when the collapse is done, and what the merged vertex gains.
+    /// `weigh` says what n nᵀ counts, by the lengths of normals.
+    #[inline(always)]
+    pub(super) fn swaps(
+        &self,
+        weigh: impl Fn(f32x4) -> f32x4,
+        mut swap: impl FnMut([VertexId; 2], &Tensor, &Tensor),
+    ) {
+        for four in &self.fours[..self.used] {
+            let old = lanes::outer(&four.normal, -weigh(four.length));
+            // (Of those that go, nothing.)
+            let new = lanes::outer(&four.after, weigh(dot(&four.after, &four.after).sqrt()));
+            let change = lanes::tensors(std::array::from_fn(|k| old[k] + new[k]));
+            let new = lanes::tensors(new);
+            for i in 0..four.count.min(4) {
+                swap([four.spokes[i].a, four.spokes[i].b], &change[i], &new[i]);
+            }
+        }
+    }
+}
+
+impl FourWings {
+    fn wing(&self, i: usize) -> Wing {
+        let of = |four: &Four| Vec3::from(four.map(|x| x.to_array()[i]));
+        let Spoke { corner, a, b } = self.spokes[i];
+        Wing {
+            corner,
+            a,
+            b,
+            normal: of(&self.normal),
+            length: self.length.to_array()[i],
+            after: of(&self.after),
+            both: self.stays & (1 << i) == 0,
+        }
+    }
 }
 
 /// An end of a collapsing edge.
@@ -61,7 +155,7 @@ impl<Q: Memory> Store<Q> {
         end: &End,
         at: Vec3,
         max_turn: f32,
-        wings: &mut Vec<Wing>,
+        wings: &mut Wings,
         verdict: &mut Verdict,
     ) -> Result<f32, Refusal> {
         let (from, step, at) = (lanes::splat(end.from), lanes::splat(end.step), lanes::splat(at));
@@ -72,7 +166,7 @@ impl<Q: Memory> Store<Q> {
             let last = few.len() - 1;
             let four = [few[0], few[1.min(last)], few[2.min(last)], few[3.min(last)]];
             let (a, b) = (four.map(|s| s.a), four.map(|s| s.b));
-            let (pa, pb) = (lanes::gather(a.map(|w| self.p(w))), lanes::gather(b.map(|w| self.p(w))));
+            let (pa, pb) = (self.four(a), self.four(b));
             let both = match end.other {
                 Some(other) => {
                     let is_other =
@@ -108,26 +202,14 @@ impl<Q: Memory> Store<Q> {
                 let turned = !keeps_side.to_bitmask();
                 self.ask_wrong(&four, wrong, turned, end.from, [length_sq, after_sq, new_shape])?;
             }
-            let (loss, weight) = (loss.to_array(), weight.to_array());
-            let normals = f32x4::transpose([normal[0], normal[1], normal[2], length]).map(f32x4::to_array);
+            // In the order of the ring, so that it does not matter how many lie side by side; what repeats adds nothing.
+            let counts: f32x4 = cast(u32x4::new([0, 1, 2, 3]).simd_lt(u32x4::splat(few.len() as u32)));
+            let add = |sum: f32, x: f32x4| (x & counts).to_array().into_iter().fold(sum, |sum, x| sum + x);
+            (verdict.cost, verdict.area) = (add(verdict.cost, loss), add(verdict.area, weight));
             let after = after.map(|x| both.bitselect(f32x4::ZERO, x));
-            let afters = f32x4::transpose([after[0], after[1], after[2], f32x4::ZERO]).map(f32x4::to_array);
-            // (In the order of the ring, so that it does not matter how many lie side by side.)
-            for (loss, weight) in loss.iter().zip(&weight).take(few.len()) {
-                verdict.cost += loss;
-                verdict.area += weight;
-            }
-            wings.extend(few.iter().zip(normals.iter().zip(&afters)).enumerate().map(
-                |(i, (s, (n, after)))| Wing {
-                    corner: s.corner,
-                    a: s.a,
-                    b: s.b,
-                    normal: Vec3::new(n[0], n[1], n[2]),
-                    length: n[3],
-                    after: Vec3::new(after[0], after[1], after[2]),
-                    both: stays & (1 << i) == 0,
-                },
-            ));
+            let slot = wings.slot();
+            (slot.spokes, slot.count, slot.stays) = (four, few.len(), stays);
+            (slot.normal, slot.length, slot.after) = (normal, length, after);
         }
         verdict.peak = peak.to_array().into_iter().fold(0.0, f32::max);
         verdict.shape = shape.to_array().into_iter().fold(1.0, f32::min);

@@ -1,6 +1,7 @@
 //! The metrics that judge an edge by what hangs on it. One type, so that the engine is built once for them all.
 
 use glam::Vec3;
+use wide::f32x4;
 
 use super::{
     Around, Dimension, Form, Judge, Memoryless, Metric, PartSize, edge_length, lindstrom_turk, melax,
@@ -54,6 +55,10 @@ impl Metric for Judged {
     #[inline(always)]
     fn plane_weight(&self, _: f32, mean: f32) -> f32 {
         1.0 / mean
+    }
+    #[inline(always)]
+    fn plane_weights(&self, _: f32x4, mean: f32) -> f32x4 {
+        f32x4::splat(1.0 / mean)
     }
     #[inline(always)]
     fn line(&self, edge: Vec3, weight: f32, mean: f32) -> Tensor {

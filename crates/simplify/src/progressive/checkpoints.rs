@@ -159,7 +159,7 @@ impl Recorded<'_> {
         let mut store = Store::<Tensor>::new(points, faces, None, None);
         store.merged_into = into.to_vec();
         store.link();
-        let mut ring = Ring::new();
+        let mut ring = Ring::default();
         for (i, &origin) in origins.iter().enumerate() {
             store.ring(VertexId::new(i), &mut ring);
             let given = run.ordered.points.get(origin.index());
