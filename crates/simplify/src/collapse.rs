@@ -28,6 +28,7 @@ mod bundle;
 mod commit;
 pub(crate) mod cut;
 mod evaluate;
+pub(crate) mod fork;
 pub(crate) mod kind;
 mod late;
 mod link_condition;
@@ -551,7 +552,7 @@ impl<M: Metric> Engine<M> {
     /// May be called again with a lower goal, after [`Engine::reopen`].
     pub(crate) fn sweep(&mut self, goal: &Goal, original: &dyn Original, control: &mut dyn Control) -> End {
         let mut sweeps = self.begin_sweeps(goal);
-        let end = self.go_on(&mut sweeps, goal, false, original, control).unwrap_or(End::Stuck);
+        let end = self.go_on(&mut sweeps, goal, Pause::Never, original, control).unwrap_or(End::Stuck);
         if end != End::Cancel {
             self.store.finish();
         }
@@ -576,22 +577,23 @@ impl<M: Metric> Engine<M> {
             probed: false,
             lift: 1.0,
             at_probe: u64::MAX,
+            at_threshold: 0,
+            is_at_ease: true,
+            is_last_stretch: false,
         }
     }
 
-    /// Sweeps on towards a goal, and says why it ended. If it `forks`, it ends before the goal has a say in how much a sweep
-    /// takes, and says nothing: up to there all runs of the same input are the same, and can be gone on with to this goal
-    /// and to others.
+    /// Sweeps on towards a goal, and says why it ended. Where it pauses, it says nothing: it can be gone on with as if it had
+    /// not, and a copy of it to other goals or by other rules.
     pub(crate) fn go_on(
         &mut self,
         sweeps: &mut Sweeps,
         goal: &Goal,
-        forks: bool,
+        pause: Pause,
         original: &dyn Original,
         control: &mut dyn Control,
     ) -> Option<End> {
-        let extreme = !self.metric.decides().is_metric()
-            && goal.faces.is_some_and(|n| late::is_extreme(n, self.first_faces));
+        let extreme = self.is_extreme(goal);
         let (mut scratch, mut visits) = (Scratch::default(), Vec::new());
         'sweeps: for _ in 0..MOST_SWEEPS {
             // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
@@ -606,7 +608,13 @@ impl<M: Metric> Engine<M> {
                 }
             }
             if let Some((histogram, looked_at)) = sweeps.next.take() {
-                if forks && self.is_last_stretch(&histogram, looked_at, goal) {
+                let is_last_stretch = || self.is_last_stretch(&histogram, looked_at, goal);
+                let pauses = match pause {
+                    Pause::Never => false,
+                    Pause::BeforeGoal => is_last_stretch(),
+                    Pause::BeforeNeed => self.is_time_to_fork(sweeps, goal, is_last_stretch()),
+                };
+                if pauses {
                     sweeps.next = Some((histogram, looked_at));
                     return None;
                 }
@@ -622,6 +630,7 @@ impl<M: Metric> Engine<M> {
                 sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
                 sweeps.highest = sweeps.highest.max(sweeps.tau);
                 (sweeps.probe, sweeps.probed) = (false, sweeps.probe);
+                sweeps.at_threshold = self.collapses;
             }
             let (tau, probe) = (sweeps.tau, sweeps.probe);
             self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
@@ -681,6 +690,14 @@ impl<M: Metric> Engine<M> {
                 self.store.compact();
             }
             if self.is_late(extreme) {
+                if sweeps.idle < PATIENCE && matches!(pause, Pause::BeforeNeed) && self.may_fork_late() {
+                    let next = self.bounds();
+                    if next.0.known() > 0 {
+                        // It begins when they go on.
+                        sweeps.next = Some(next);
+                        return None;
+                    }
+                }
                 original.with(&mut |points, faces| self.begin_late(points, faces));
             }
             let (histogram, looked_at) = self.bounds();
@@ -711,6 +728,12 @@ impl<M: Metric> Engine<M> {
             sweeps.next = Some((histogram, looked_at));
         }
         Some(End::Stuck)
+    }
+
+    /// Whether a goal has a late phase.
+    fn is_extreme(&self, goal: &Goal) -> bool {
+        !self.metric.decides().is_metric()
+            && goal.faces.is_some_and(|n| late::is_extreme(n, self.first_faces))
     }
 
     /// Whether the late phase is to begin.
@@ -777,6 +800,22 @@ pub(crate) struct Sweeps {
     lift: f32,
     /// Collapses at the last probe.
     at_probe: u64,
+    /// Collapses when the threshold was found.
+    at_threshold: u64,
+    /// Whether each sweep so far did as much as where nothing stands in the way.
+    is_at_ease: bool,
+    /// Whether the goal had a say in the threshold.
+    is_last_stretch: bool,
+}
+
+/// Where sweeps pause.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Pause {
+    Never,
+    /// Before the goal has a say in how much a sweep takes: up to there all runs of the same input are the same.
+    BeforeGoal,
+    /// Where a copy is to be made, from which parts and necks may go if they have to.
+    BeforeNeed,
 }
 
 /// What a visit works with; made once.

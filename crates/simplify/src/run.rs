@@ -1,6 +1,7 @@
 //! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
 
 mod chain;
+mod relaxed;
 mod start;
 mod trunk;
 
@@ -12,7 +13,6 @@ use lodsmith_core::{Attribute, Positions, PositionsView, Surface, TriMesh, Verte
 use crate::attributes::{Rows, with_wedges};
 use crate::care::{self, Care, Held, Known};
 use crate::collapse::attributes::Attributes;
-use crate::collapse::cut::may_cut;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
 use crate::collapse::{End, Goal, Look, Original};
@@ -25,7 +25,7 @@ use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
 use crate::{Simplified, SimplifyError, cluster, escalate, prune, rebuild, shading};
 pub(crate) use chain::{is_chained, run_chain};
 pub(crate) use start::Started;
-use trunk::{Trace, Trunk};
+use trunk::Trace;
 
 /// Runs of the engine in search of an error, at most.
 const ERROR_RUNS: usize = 12;
@@ -486,79 +486,16 @@ impl Run<'_, '_> {
         step: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
-        // Where the topology may change, parts and necks go in their turn from the start.
+        if self.options.topology == TopologyPolicy::Relaxed && !goal.is_none() {
+            return self.relaxed(metric, goal, step, control);
+        }
+        // Where the topology is free, parts and necks go in their turn from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;
-        let may_change = self.options.topology == TopologyPolicy::Relaxed;
         let leave = Leave { parts: is_free, cuts: is_free };
-        let (trunk, end) = self.swept(metric, &goal, step, leave, control)?;
-        // Where parts had to go, the second pass is the better one.
-        let mut first = match trunk.engine.parts_removed > 0 && may_change && end != End::Finish {
-            true => {
-                // The second pass needs the room.
-                drop(trunk);
-                None
-            }
-            false => Some(self.ended(trunk, end, &goal, step, leave, control)?),
-        };
-        let is_short = |o: &Outcome| o.end == End::Stuck && step.is_none() && !goal.is_none() && may_change;
-        if let Some(first) = first.take_if(|o| !is_short(o)) {
-            return Ok(first);
-        }
-        // Parts and handles stand in the way: let them go in their turn.
-        let cuts = may_cut(self.options);
-        let mut second = self.single_pass(metric, &goal, step, Leave { parts: true, cuts }, control)?;
-        if second.touches && second.end != End::Finish {
-            second = self.single_pass(metric, &goal, step, Leave { parts: true, cuts: false }, control)?;
-        }
-        let is_worse =
-            |first: &Outcome| second.end == End::Stuck && second.mesh.face_count() >= first.mesh.face_count();
-        match first.filter(is_worse) {
-            Some(first) => Ok(Outcome { proposals: second.proposals, ..first }),
-            None => Ok(second),
-        }
-    }
-
-    fn single_pass<M: Metric>(
-        &mut self,
-        metric: M,
-        goal: &Goal,
-        step: Option<f64>,
-        leave: Leave,
-        control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
-        let (trunk, end) = self.swept(metric, goal, step, leave, control)?;
-        self.ended(trunk, end, goal, step, leave, control)
-    }
-
-    /// The engine after its sweeps.
-    fn swept<M: Metric>(
-        &mut self,
-        metric: M,
-        goal: &Goal,
-        step: Option<f64>,
-        leave: Leave,
-        control: &mut dyn Control,
-    ) -> Result<(Trunk<M>, End), SimplifyError> {
         let mut trunk = self.begin(metric, step, leave, (&[], 0), control)?;
-        let end = self.sweep(&mut trunk, goal, control)?;
-        Ok((trunk, end))
-    }
-
-    /// What it made.
-    fn ended<M: Metric>(
-        &mut self,
-        trunk: Trunk<M>,
-        end: End,
-        goal: &Goal,
-        step: Option<f64>,
-        leave: Leave,
-        control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
-        // Where parts may go, a first pass is not the last one; a search for an error has its own end.
-        let is_last = leave.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
-        let proposes = end == End::Stuck && is_last && step.is_none();
-        let Trunk { engine, root, .. } = trunk;
-        self.finish(engine, &root, end, proposes, control)
+        let end = self.sweep(&mut trunk, &goal, control)?;
+        let proposes = end == End::Stuck && step.is_none();
+        self.finish(&mut trunk.engine, &trunk.root, end, proposes, control)
     }
 
     /// Number of a wedge's vertex in the ordered input.

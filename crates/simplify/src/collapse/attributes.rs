@@ -46,6 +46,18 @@ pub(crate) struct Attributes {
     rows: Vec<f32x4>,
 }
 
+/// What some wedges were, to be put back.
+#[derive(Clone, Debug)]
+pub(super) struct Kept {
+    wedges: Vec<WedgeId>,
+    heads: Vec<Head>,
+    alone: Vec<Tensor>,
+    rows: Vec<f32x4>,
+    pulls: Vec<Pulls>,
+    /// Wedges of all kinds, and those of them that were copied from others.
+    count: [usize; 2],
+}
+
 /// Joints and weights, the strongest first.
 pub(crate) type Pulls = Vec<(u32, f32)>;
 
@@ -262,6 +274,38 @@ impl Attributes {
         self.alone.push(Tensor::default());
         self.copied.push(original);
         copy
+    }
+    /// What these wedges are; each may be named several times.
+    pub(super) fn kept(&self, wedges: impl Iterator<Item = WedgeId>) -> Kept {
+        let mut is_new = vec![true; self.count()];
+        let wedges: Vec<WedgeId> =
+            wedges.filter(|w| std::mem::replace(&mut is_new[w.index()], false)).collect();
+        let of = || wedges.iter().map(|w| w.index());
+        Kept {
+            heads: of().map(|w| self.heads[w]).collect(),
+            alone: of().map(|w| self.alone[w]).collect(),
+            rows: wedges.iter().flat_map(|&w| self.row(w)).copied().collect(),
+            pulls: of().filter_map(|w| self.pulls.get(w)).cloned().collect(),
+            count: [self.count(), self.copied.len()],
+            wedges,
+        }
+    }
+    /// Makes wedges again what they were; those that were copied since are gone.
+    pub(super) fn put_back(&mut self, kept: &Kept) {
+        let (n, [count, copied]) = (4 * self.lanes, kept.count);
+        self.heads.truncate(count);
+        self.alone.truncate(count);
+        self.rows.truncate(count * n);
+        self.pulls.truncate(count);
+        self.copied.truncate(copied);
+        for (i, w) in kept.wedges.iter().map(|w| w.index()).enumerate() {
+            self.heads[w] = kept.heads[i];
+            self.alone[w] = kept.alone[i];
+            self.rows[w * n..][..n].copy_from_slice(&kept.rows[i * n..][..n]);
+            if let Some(pulls) = kept.pulls.get(i) {
+                self.pulls[w].clone_from(pulls);
+            }
+        }
     }
     /// Whether two wedges carry the same, to the bit.
     pub(super) fn is_same(&self, a: WedgeId, b: WedgeId) -> bool {

@@ -21,6 +21,10 @@ use super::store::{Corner, Ring};
 use crate::metric::{Form, Metric};
 use crate::options::{Placement, SimplifyOptions, TopologyPolicy};
 
+/// How far vertices that touch are moved aside, of the way to the middle of their star: enough for single precision to tell
+/// them apart, and nothing to see. (Guessed.)
+const ASIDE: f32 = 1.0 / 512.0;
+
 /// Whether a run with these options may cut, at the latest when nothing else is left. (Vertices that cannot move leave the
 /// sides of a cut in touch, which only free topology allows.)
 pub(crate) fn may_cut(options: &SimplifyOptions) -> bool {
@@ -173,6 +177,29 @@ impl<M: Metric> Engine<M> {
         }
         self.collapses += 1;
         self.necks_cut += 1;
+    }
+
+    /// Moves vertices that stand at one place apart, each a little into its own star. The store is compact.
+    pub(crate) fn part_touching(&mut self) {
+        let place = |x: VertexId| self.store.p(x).to_array().map(|x| (x + 0.0).to_bits());
+        let mut order: Vec<VertexId> = (0..self.store.v.len() as u32).map(VertexId).collect();
+        order.sort_unstable_by_key(|&x| (place(x), x));
+        let touching: Vec<VertexId> = order
+            .chunk_by(|&a, &b| place(a) == place(b))
+            .filter(|group| group.len() > 1)
+            .flatten()
+            .copied()
+            .filter(|x| self.store.v[x.index()].kind.is_free())
+            .collect();
+        let mut ring = Ring::new();
+        for x in touching {
+            self.store.ring(x, &mut ring);
+            let p = self.store.p(x);
+            let around: Vec3 = ring.iter().map(|r| self.store.p(r.a) + self.store.p(r.b) - 2.0 * p).sum();
+            let own = &mut self.store.v[x.index()];
+            own.p += around * (ASIDE / (2 * ring.len()).max(1) as f32);
+            own.kind = own.kind.moved(true);
+        }
     }
 
     /// Notes a cut that was just made.

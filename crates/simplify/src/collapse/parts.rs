@@ -1,12 +1,14 @@
 //! Whole parts: what goes when the target cannot be met otherwise.
 //!
-//! A run that ends stuck above its target, with more than one part left, is done again with the parts in the order of
-//! costs: a speck then goes when it is cheaper than the collapses of the moment, instead of after all the dear ones.
+//! A run that ends stuck above its target, with more than one part left, goes back to where it was still at ease
+//! ([`super::fork`]), and on with the parts in the order of costs: a speck then goes when it is cheaper than the collapses
+//! of the moment, instead of after all the dear ones.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use super::order::NONE;
+use super::store::Vertex;
 use super::{Engine, Goal};
 use crate::metric::{Metric, PartSize};
 use crate::options::TopologyPolicy;
@@ -97,12 +99,31 @@ impl<M: Metric> Engine<M> {
     /// Lets parts go in the order of costs from here on. The store is compact.
     pub(crate) fn watch_parts(&mut self) {
         let (label, parts) = self.find_parts();
-        let weight = if self.cuts_necks { IN_TURN } else { 1.0 };
-        let cost = parts.iter().map(|p| p.cost() * weight).collect();
         let mut part_of = vec![0; self.store.merged_into.len()];
         for (x, &l) in self.store.v.iter().zip(&label) {
             part_of[x.origin.index()] = l;
         }
+        self.watch(part_of, parts);
+    }
+
+    /// The same for an engine under way, whose parts count as much as in the input: these positions and faces. Unless they
+    /// were cut or grew together since.
+    pub(super) fn watch_parts_of(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
+        if self.changes_of_parts() != [0, 0] {
+            return self.watch_parts();
+        }
+        let part_of = labels(points.len(), faces);
+        let mut parts = measured(&part_of, |w| points[w.index()], faces);
+        for x in &self.store.v {
+            let part = &mut parts[part_of[x.origin.index()] as usize];
+            part.price = part.price.max(self.absence_price(x));
+        }
+        self.watch(part_of, parts);
+    }
+
+    fn watch(&mut self, part_of: Vec<u32>, parts: Vec<Part>) {
+        let weight = if self.cuts_necks { IN_TURN } else { 1.0 };
+        let cost = parts.iter().map(|p| p.cost() * weight).collect();
         let worth = parts.iter().map(|p| p.worth() * weight).collect();
         self.parts = Some(Parts { part_of, of_input: parts, cost, worth, changes: self.changes_of_parts() });
     }
@@ -185,51 +206,70 @@ impl<M: Metric> Engine<M> {
     /// The part of each vertex of a compact store, and the parts in the order of their first vertex.
     fn find_parts(&self) -> (Vec<u32>, Vec<Part>) {
         let label = self.label_parts();
-        let mut parts = vec![Part::EMPTY; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
+        let mut parts = measured(&label, |w| self.store.p(w), &self.store.t);
         for (x, &l) in self.store.v.iter().zip(&label) {
             let part = &mut parts[l as usize];
-            (part.min, part.max) = (part.min.min(x.p), part.max.max(x.p));
-            let price = if x.kind.is_locked() { f32::INFINITY } else { self.price(x.origin, x.origin) };
-            part.price = part.price.max(price);
-        }
-        for t in &self.store.t {
-            let [a, b, c] = t.map(|w| self.store.p(w));
-            let part = &mut parts[label[t[0].index()] as usize];
-            part.faces += 1;
-            part.area += (b - a).cross(c - a).length();
+            part.price = part.price.max(self.absence_price(x));
         }
         (label, parts)
     }
 
+    /// What the absence of a vertex counts times.
+    fn absence_price(&self, x: &Vertex<M::Memory>) -> f32 {
+        if x.kind.is_locked() { f32::INFINITY } else { self.price(x.origin, x.origin) }
+    }
+
     /// The number of the part of each vertex, parts counted in the order of their first vertex.
     pub(super) fn label_parts(&self) -> Vec<u32> {
-        let mut root: Vec<VertexId> = (0..self.store.v.len() as u32).map(VertexId).collect();
-        fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
-            while root[i.index()] != i {
-                root[i.index()] = root[root[i.index()].index()];
-                i = root[i.index()];
-            }
-            i
-        }
-        for t in self.store.t.iter().filter(|t| t[0] != NONE) {
-            let a = find(&mut root, t[0]);
-            for &w in &t[1..] {
-                let b = find(&mut root, w);
-                let a = find(&mut root, a);
-                let (low, high) = (a.min(b), a.max(b));
-                root[high.index()] = low;
-            }
-        }
-        let mut label = vec![u32::MAX; root.len()];
-        let mut count = 0;
-        for i in 0..root.len() {
-            let r = find(&mut root, VertexId(i as u32)).index();
-            if label[r] == u32::MAX {
-                label[r] = count;
-                count += 1;
-            }
-            label[i] = label[r];
-        }
-        label
+        labels(self.store.v.len(), &self.store.t)
     }
+}
+
+/// Parts, but for their prices; `label` says which one each of the points is of.
+fn measured(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]]) -> Vec<Part> {
+    let mut parts = vec![Part::EMPTY; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
+    for (i, &l) in label.iter().enumerate() {
+        let (p, part) = (at(VertexId(i as u32)), &mut parts[l as usize]);
+        (part.min, part.max) = (part.min.min(p), part.max.max(p));
+    }
+    for t in faces {
+        let [a, b, c] = t.map(&at);
+        let part = &mut parts[label[t[0].index()] as usize];
+        part.faces += 1;
+        part.area += (b - a).cross(c - a).length();
+    }
+    parts
+}
+
+/// The number of the part of each of so many vertices, parts counted in the order of their first vertex. Dead faces do not
+/// count.
+fn labels(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
+    let mut root: Vec<VertexId> = (0..count as u32).map(VertexId).collect();
+    fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
+        while root[i.index()] != i {
+            root[i.index()] = root[root[i.index()].index()];
+            i = root[i.index()];
+        }
+        i
+    }
+    for t in faces.iter().filter(|t| t[0] != NONE) {
+        let a = find(&mut root, t[0]);
+        for &w in &t[1..] {
+            let b = find(&mut root, w);
+            let a = find(&mut root, a);
+            let (low, high) = (a.min(b), a.max(b));
+            root[high.index()] = low;
+        }
+    }
+    let mut label = vec![u32::MAX; root.len()];
+    let mut parts = 0;
+    for i in 0..root.len() {
+        let r = find(&mut root, VertexId(i as u32)).index();
+        if label[r] == u32::MAX {
+            label[r] = parts;
+            parts += 1;
+        }
+        label[i] = label[r];
+    }
+    label
 }

@@ -21,7 +21,7 @@ use crate::SimplifyError;
 use crate::care::{self, Care};
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::NONE;
-use crate::collapse::{End, Goal};
+use crate::collapse::{End, Goal, Pause};
 use crate::control::{Control, Share, Stage};
 use crate::metric::{Judged, Memoryless, Metric, Quadric};
 use crate::options::{Measure, Method, SimplifyOptions, Stop, TopologyPolicy};
@@ -178,20 +178,20 @@ impl Run<'_, '_> {
                 trunk
             }
         };
-        let (engine, end) = match &mut grown.sweeps {
+        let (mut engine, end) = match &mut grown.sweeps {
             None => {
                 let end = self.sweep(&mut grown, goal, control)?;
                 (grown.engine.clone(), end)
             }
             Some(sweeps) => {
                 let source = self.source(&grown.root);
-                let ended = grown.engine.go_on(sweeps, goal, true, &source, control);
+                let ended = grown.engine.go_on(sweeps, goal, Pause::BeforeGoal, &source, control);
                 let mut branch = grown.engine.branch();
                 let end = match ended {
                     Some(end) => end,
                     None => {
                         let own = &mut sweeps.clone();
-                        branch.go_on(own, goal, false, &source, control).unwrap_or(End::Stuck)
+                        branch.go_on(own, goal, Pause::Never, &source, control).unwrap_or(End::Stuck)
                     }
                 };
                 if end == End::Cancel {
@@ -202,7 +202,7 @@ impl Run<'_, '_> {
             }
         };
         let is_last = leave.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
-        let outcome = self.finish(engine, &grown.root, end, end == End::Stuck && is_last, control)?;
+        let outcome = self.finish(&mut engine, &grown.root, end, end == End::Stuck && is_last, control)?;
         *trunk = Some(grown);
         Ok(outcome)
     }

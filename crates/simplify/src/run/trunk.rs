@@ -15,6 +15,7 @@ use crate::control::{Control, Stage, Verdict};
 use crate::fit;
 use crate::guard::Rules;
 use crate::metric::{Memory, Metric};
+use crate::options::TopologyPolicy;
 use crate::rebuild;
 
 /// An engine, and what every result of it needs.
@@ -84,10 +85,10 @@ impl Run<'_, '_> {
         Source { surface: &self.input.surface, ordered: self.ordered, is_kept: root.is_kept }
     }
 
-    /// Makes the result of a finished engine: asks for proposals if wanted, and fits.
+    /// Makes the result of a finished engine, which is of no use for more sweeps afterwards: asks for proposals if wanted, and fits.
     pub(super) fn finish<M: Metric>(
         &self,
-        mut engine: Engine<M>,
+        engine: &mut Engine<M>,
         root: &Root,
         end: End,
         proposes: bool,
@@ -111,6 +112,9 @@ impl Run<'_, '_> {
             }
             let away = engine.estimate(None);
             fitted = self.fit(&mut engine.store, &mut engine.attributes, root, away);
+        }
+        if engine.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
+            engine.part_touching();
         }
         let rows = root.rows.as_ref();
         let mut mesh = self.result(&engine.store, engine.attributes.as_ref(), rows)?;

@@ -1,0 +1,100 @@
+//! A state to go back to, for a run whose target may be out of reach with all parts and handles in place.
+//!
+//! ```text
+//! o------------+- - - - - - x         all in place: the target is not met
+//!               \
+//!                o------------o       from the copy on, parts go and necks are cut in the order of costs
+//! ```
+//!
+//! As long as a run is at ease each sweep collapses about a quarter of what lives. Parts and handles that stand in the way
+//! are seen early: the sweeps get less done, at higher and higher thresholds. The copy is made when the first of them does.
+
+use super::attributes::Kept;
+use super::{Engine, Goal, Original, Sweeps, UNKNOWN, late};
+use crate::metric::Metric;
+
+/// Collapses of a sweep that the goal has no say in, a share of the living vertices, under which a run is not at ease.
+/// (Measured: .24 to .33 on surfaces without seams as long as nothing stands in the way, .21 to .25 with many seams.)
+const AT_EASE: f64 = 0.2;
+/// A copy is made then of this share of the input at most, ...
+const SHARE: usize = 3;
+/// ... or of this one in a run at ease, of which it is to take less than a percent of the time, ...
+const CHEAP_SHARE: usize = 8;
+/// ... or of this one where a late phase comes, in which a run takes its time.
+const SHARE_IF_LATE: usize = 2;
+
+/// A copy of an engine under way. What is large and changes little is lent from the engine that it was copied from.
+pub(crate) struct Fork<M: Metric> {
+    engine: Engine<M>,
+    sweeps: Sweeps,
+    kept: Option<Kept>,
+}
+
+impl<M: Metric> Fork<M> {
+    /// The engine as it was, and where its sweeps stood. Attributes are taken out of `spent`: the engine that was copied, or
+    /// one that this gave before.
+    pub(crate) fn again(&self, spent: &mut Engine<M>) -> (Engine<M>, Sweeps) {
+        let mut engine = self.engine.clone();
+        engine.wedge_data = spent.wedge_data.take();
+        engine.attributes = spent.attributes.take();
+        if let Some((attributes, kept)) = engine.attributes.as_mut().zip(self.kept.as_ref()) {
+            attributes.put_back(kept);
+        }
+        (engine, self.sweeps.clone())
+    }
+}
+
+impl<M: Metric> Engine<M> {
+    /// A copy to go back to.
+    pub(crate) fn fork(&mut self, sweeps: &Sweeps) -> Fork<M> {
+        // What was given back makes room for the copy. (Room for lists of corners is needed, and full lists compact.)
+        self.store.v.shrink_to_fit();
+        self.store.bound.shrink_to_fit();
+        self.store.t.shrink_to_fit();
+        let (attributes, wedge_data) = (self.attributes.take(), self.wedge_data.take());
+        let engine = self.clone();
+        (self.attributes, self.wedge_data) = (attributes, wedge_data);
+        let kept = self.attributes.as_ref().map(|attributes| {
+            let (faces, wedges) = (self.store.t.iter(), self.store.wedges.iter().flatten());
+            let living = faces.zip(wedges).filter(|(t, _)| t[0] != super::order::NONE);
+            attributes.kept(living.flat_map(|(_, w)| *w))
+        });
+        Fork { engine, sweeps: sweeps.clone(), kept }
+    }
+
+    /// From here on parts go in the order of costs, and necks are cut in it if `cuts`. What was refused is looked at again.
+    pub(crate) fn let_go(&mut self, sweeps: &mut Sweeps, cuts: bool, original: &dyn Original) {
+        self.store.compact();
+        self.cuts_necks = cuts;
+        original.with(&mut |points, faces| self.watch_parts_of(points, faces));
+        sweeps.next = Some(self.bounds());
+        if cuts {
+            self.store.bound.fill(UNKNOWN);
+        }
+    }
+
+    /// Whether parts or handles begin to stand in the way, or a copy costs next to nothing and this is the last moment for
+    /// one: before the goal has a say in the sweeps, or the late phase begins. `is_last_stretch` is whether the goal has.
+    pub(super) fn is_time_to_fork(&self, sweeps: &mut Sweeps, goal: &Goal, is_last_stretch: bool) -> bool {
+        if sweeps.swept && !sweeps.is_last_stretch {
+            let done = (self.collapses - sweeps.at_threshold) as f64;
+            sweeps.is_at_ease &= done >= AT_EASE * self.store.live_vertices as f64;
+        }
+        sweeps.is_last_stretch = is_last_stretch;
+        if !sweeps.is_at_ease && self.is_within(SHARE) || is_last_stretch && self.is_within(CHEAP_SHARE) {
+            return true;
+        }
+        let begin = late::begin(self.first_faces, self.counts_attributes());
+        self.is_extreme(goal) && self.store.live_faces <= 2 * begin && self.may_fork_late()
+    }
+
+    /// Whether a copy may be made before the late phase begins.
+    pub(super) fn may_fork_late(&self) -> bool {
+        self.is_within(SHARE_IF_LATE)
+    }
+
+    /// Whether no more than a share of the input lives.
+    fn is_within(&self, share: usize) -> bool {
+        self.store.live_faces * share <= self.first_faces
+    }
+}
