@@ -578,8 +578,8 @@ impl<M: Metric> Engine<M> {
             lift: 1.0,
             at_probe: u64::MAX,
             at_threshold: 0,
+            wanted: 0.0,
             is_at_ease: true,
-            is_last_stretch: false,
         }
     }
 
@@ -630,7 +630,7 @@ impl<M: Metric> Engine<M> {
                 sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
                 sweeps.highest = sweeps.highest.max(sweeps.tau);
                 (sweeps.probe, sweeps.probed) = (false, sweeps.probe);
-                sweeps.at_threshold = self.collapses;
+                (sweeps.at_threshold, sweeps.wanted) = (self.collapses, self.wanted(goal));
             }
             let (tau, probe) = (sweeps.tau, sweeps.probe);
             self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
@@ -802,10 +802,10 @@ pub(crate) struct Sweeps {
     at_probe: u64,
     /// Collapses when the threshold was found.
     at_threshold: u64,
+    /// Of how many vertices the sweeps with it were to look at the edges.
+    wanted: f64,
     /// Whether each sweep so far did as much as where nothing stands in the way.
     is_at_ease: bool,
-    /// Whether the goal had a say in the threshold.
-    is_last_stretch: bool,
 }
 
 /// Where sweeps pause.

@@ -10,12 +10,14 @@
 //! are seen early: the sweeps get less done, at higher and higher thresholds. The copy is made when the first of them does.
 
 use super::attributes::Kept;
-use super::{Engine, Goal, Original, Sweeps, UNKNOWN, late};
+use super::{Engine, Goal, LAST_SHARE, Original, QUANTILE, Sweeps, UNKNOWN, late};
 use crate::metric::Metric;
 
-/// Collapses of a sweep that the goal has no say in, a share of the living vertices, under which a run is not at ease.
-/// (Measured: .24 to .33 on surfaces without seams as long as nothing stands in the way, .21 to .25 with many seams.)
-const AT_EASE: f64 = 0.2;
+/// Collapses of a sweep, a share of those that it was to bring nearer, under which a run is not at ease. (Measured: .27 to .34
+/// on surfaces without seams as long as nothing stands in the way, .26 with many seams.)
+const AT_EASE: f64 = 0.24;
+/// Sweeps that were to bring fewer nearer than one in so many living vertices say nothing of it.
+const FEW: f64 = 4.0;
 /// A copy is made then of this share of the input at most, ...
 const SHARE: usize = 3;
 /// ... or of this one in a run at ease, of which it is to take less than a percent of the time, ...
@@ -76,16 +78,20 @@ impl<M: Metric> Engine<M> {
     /// Whether parts or handles begin to stand in the way, or a copy costs next to nothing and this is the last moment for
     /// one: before the goal has a say in the sweeps, or the late phase begins. `is_last_stretch` is whether the goal has.
     pub(super) fn is_time_to_fork(&self, sweeps: &mut Sweeps, goal: &Goal, is_last_stretch: bool) -> bool {
-        if sweeps.swept && !sweeps.is_last_stretch {
-            let done = (self.collapses - sweeps.at_threshold) as f64;
-            sweeps.is_at_ease &= done >= AT_EASE * self.store.live_vertices as f64;
+        if sweeps.swept && sweeps.wanted * FEW >= self.store.live_vertices as f64 {
+            sweeps.is_at_ease &= (self.collapses - sweeps.at_threshold) as f64 >= AT_EASE * sweeps.wanted;
         }
-        sweeps.is_last_stretch = is_last_stretch;
         if !sweeps.is_at_ease && self.is_within(SHARE) || is_last_stretch && self.is_within(CHEAP_SHARE) {
             return true;
         }
         let begin = late::begin(self.first_faces, self.counts_attributes());
         self.is_extreme(goal) && self.store.live_faces <= 2 * begin && self.may_fork_late()
+    }
+
+    /// Of how many vertices a sweep is to look at the edges, if nothing stands in the way.
+    pub(super) fn wanted(&self, goal: &Goal) -> f64 {
+        let most = QUANTILE * self.store.live_vertices as f64;
+        self.needed(goal).map_or(most, |n| most.min(LAST_SHARE * n as f64))
     }
 
     /// Whether a copy may be made before the late phase begins.

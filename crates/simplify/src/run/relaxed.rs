@@ -99,3 +99,129 @@ impl Run<'_, '_> {
         if end == Some(End::Cancel) { Err(SimplifyError::Cancelled) } else { Ok(end) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::{Positions, TriMesh, VertexId, shapes};
+
+    use super::*;
+    use crate::care::Care;
+    use crate::control::NoControl;
+    use crate::metric::Memoryless;
+    use crate::options::{SimplifyOptions, Stop};
+    use crate::run::{Input, goal, ordered, pass_of};
+
+    /// Calls back with a run on a mesh to so many faces.
+    fn with_run(mesh: &TriMesh, faces: usize, act: &mut dyn FnMut(&mut Run<'_, '_>)) {
+        let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
+        let options = SimplifyOptions::new(Stop::faces(faces));
+        let mut in_order = ordered(&input, &mut NoControl).unwrap();
+        let care = Care::new(&options, &in_order, |v| v);
+        let goal = goal(&options, mesh.face_count());
+        let (input, options, pass) = (&input, &options, pass_of(options.method));
+        act(&mut Run { input, options, ordered: &mut in_order, goal, care: &care, pass, is_traced: false });
+    }
+
+    /// Four tori side by side, with colours.
+    fn tori() -> TriMesh {
+        let torus = shapes::torus(40, 16);
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for i in 0..4u32 {
+            let (x, first) = (f64::from(i) * 4.0, positions.len() as u32);
+            positions.extend(torus.positions().view().iter().map(|p| [p[0] + x, p[1], p[2] * (1.0 + x)]));
+            triangles.extend(torus.surface().triangles().iter().map(|t| t.map(|v| VertexId(v.0 + first))));
+        }
+        let colors = positions.iter().map(|p| [0.5, 0.5 + 0.01 * p[0] as f32, 0.5, 1.0]).collect();
+        let mut mesh = TriMesh::new(Positions::F64(positions), triangles).unwrap();
+        mesh.set_colors(Some(colors)).unwrap();
+        mesh
+    }
+
+    /// A trunk where it pauses before parts and handles are needed, if it does.
+    fn paused(run: &mut Run<'_, '_>, goal: &Goal) -> (Trunk<Memoryless>, Sweeps, Option<End>) {
+        let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
+        let mut sweeps = trunk.engine.begin_sweeps(goal);
+        let end = run.go_on(&mut trunk, &mut sweeps, goal, Pause::BeforeNeed, &mut NoControl).unwrap();
+        (trunk, sweeps, end)
+    }
+
+    #[test]
+    fn a_copy_goes_on_in_the_same_way_whatever_was_done_since() {
+        let mesh = tori();
+        with_run(&mesh, 60, &mut |run| {
+            let goal = run.goal;
+            let (mut trunk, mut sweeps, end) = paused(run, &goal);
+            assert_eq!(end, None);
+            let fork = trunk.engine.fork(&sweeps);
+            let mut results = Vec::new();
+            for others in 0..3 {
+                for _ in 0..others {
+                    // One that copies wedges in between.
+                    let (mut other, mut its) = fork.again(&mut trunk.engine);
+                    other.let_go(&mut its, true, &run.source(&trunk.root));
+                    trunk.engine = other;
+                    run.go_on(&mut trunk, &mut its, &goal, Pause::Never, &mut NoControl).unwrap();
+                    assert!(trunk.engine.necks_cut > 0);
+                }
+                (trunk.engine, sweeps) = fork.again(&mut trunk.engine);
+                let end = run.go_on(&mut trunk, &mut sweeps, &goal, Pause::Never, &mut NoControl).unwrap();
+                trunk.engine.store.finish();
+                let done =
+                    run.finish(&mut trunk.engine, &trunk.root, end.unwrap(), false, &mut NoControl).unwrap();
+                results.push((done.end, done.collapses, done.mesh));
+            }
+            let first = &results[0];
+            assert!(results.iter().all(|r| (r.0, r.1) == (first.0, first.1)));
+            assert!(results.iter().all(|r| r.2 == first.2));
+        });
+    }
+
+    #[test]
+    fn a_pause_changes_nothing_where_all_can_stay() {
+        for (mesh, faces) in [(shapes::blob(4, 1), 500), (shapes::blob(5, 2), 100), (tori(), 400)] {
+            with_run(&mesh, faces, &mut |run| {
+                let goal = run.goal;
+                let done = run.relaxed(Memoryless, goal, None, &mut NoControl).unwrap();
+                let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
+                let end = run.sweep(&mut trunk, &goal, &mut NoControl).unwrap();
+                let plain = run.finish(&mut trunk.engine, &trunk.root, end, false, &mut NoControl).unwrap();
+                assert_eq!((end, plain.parts_removed), (End::Goal, 0));
+                assert!(done.mesh == plain.mesh);
+            });
+        }
+    }
+
+    #[test]
+    fn a_copy_is_made_before_sweeps_get_stuck_and_of_a_small_share() {
+        // A copy of nearly half would take more than a percent of the time.
+        for (faces, share) in [(60, Some(2)), (2500, None)] {
+            with_run(&tori(), faces, &mut |run| {
+                let goal = run.goal;
+                let (trunk, _, end) = paused(run, &goal);
+                let live = trunk.engine.store.live_faces;
+                match share {
+                    Some(share) => {
+                        assert!(end.is_none() && live * share <= 5120 && live > 3 * faces, "{live}")
+                    }
+                    None => assert_eq!(end, Some(End::Goal)),
+                }
+            });
+        }
+    }
+
+    #[test]
+    fn vertices_that_touch_are_moved_apart_and_others_are_not() {
+        with_run(&shapes::torus(12, 8), 4, &mut |run| {
+            let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
+            let store = &mut trunk.engine.store;
+            let last = store.v.len() - 1;
+            store.v[0].p = store.v[last].p;
+            let before: Vec<_> = store.v.iter().map(|x| x.p).collect();
+            trunk.engine.part_touching();
+            let after: Vec<_> = trunk.engine.store.v.iter().map(|x| x.p).collect();
+            assert!(after[0].distance(after[last]) > 1e-5, "{} {}", after[0], after[last]);
+            assert!(after[0].distance(before[0]) < 0.01 && after[last].distance(before[last]) < 0.01);
+            assert_eq!(after[1..last], before[1..last]);
+        });
+    }
+}
