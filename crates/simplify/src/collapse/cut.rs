@@ -191,7 +191,7 @@ impl<M: Metric> Engine<M> {
             .copied()
             .filter(|x| self.store.v[x.index()].kind.is_free())
             .collect();
-        let mut ring = Ring::new();
+        let mut ring = Ring::default();
         for x in touching {
             self.store.ring(x, &mut ring);
             let p = self.store.p(x);
