@@ -61,7 +61,7 @@ use bound::Histogram;
 pub(crate) use commit::TIE;
 use commit::{Candidate, Outcome};
 use evaluate::Found;
-use kind::{Kind, distinct};
+use kind::{Kind, distinct, is_closed_fan};
 use late::Late;
 use merge::Merge;
 use pairs::Pairs;
@@ -246,7 +246,14 @@ impl<M: Metric> Engine<M> {
     fn classify(&mut self) -> usize {
         self.chain_wedges();
         let (mut ring, mut edges, mut duplicates) = (Ring::default(), Vec::new(), Vec::new());
+        let has_seams = self.attributes.is_some() || self.store.regions.is_some();
         for u in (0..self.store.v.len() as u32).map(VertexId) {
+            // (Most of the vertices of most meshes, at a third of the time. All that is listed lives still.)
+            if !has_seams && is_closed_fan(self.store.others(u)) {
+                let x = &mut self.store.v[u.index()];
+                x.kind = Kind::default().locked(x.kind.is_locked());
+                continue;
+            }
             self.store.ring(u, &mut ring);
             let kind = Kind::of(&ring, self.rules.border);
             if !kind.is_regular() {

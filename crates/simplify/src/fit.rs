@@ -9,7 +9,7 @@ mod values;
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
-use wide::f32x8;
+use wide::{f32x4, f32x8};
 
 use crate::collapse::kind::Kind;
 use crate::collapse::order::NONE;
@@ -46,16 +46,17 @@ const BORDER: f32 = 1.0;
 /// Least determinant that is divided by: that of faces with edges of a millionth of the box, which single precision
 /// hardly tells from points.
 const MIN_DET: f32 = 1e-36;
-/// Stars kept ready. Samples come in Morton order, so a home is almost always among the last few hundred.
-const READY: usize = 512;
+/// Stars kept ready. Samples come in Morton order, so a home is almost always among the last hundred. (64 to 1024 are
+/// equal.)
+const READY: usize = 128;
 
-/// Up to eight triangles of a vertex' star side by side, for vector instructions: unit normal, gradients of the
-/// barycentric coordinates of the second and third corner (the vertex is the first), heights over the three edges.
-#[derive(Clone, Copy, Default)]
+/// Up to eight triangles of a vertex' star side by side, for vector instructions: unit normal, barycentric coordinates of
+/// the second and third corner (gradients, and what they are at the vertex), heights over the three edges.
+#[derive(Clone, Copy)]
 struct Fan {
     normal: [f32x8; 3],
-    second: [f32x8; 3],
-    third: [f32x8; 3],
+    second: [f32x8; 4],
+    third: [f32x8; 4],
     high: [f32x8; 3],
     corner: [Corner; 8],
 }
@@ -78,18 +79,17 @@ struct Load {
 impl Load {
     fn of(face: &Face) -> Self {
         let (bb, none) = (Tensor::default(), [0.0; 3]);
-        Self { bb, rb: none, normal: face.normal, lift: none, worst: 0.0 }
+        Self { bb, rb: none, normal: face.normal(), lift: none, worst: 0.0 }
     }
 
-    /// How far corner `k` ought to go along the normal, weighted, where the others have gone already. (By tables: a
-    /// branch on k could not be foretold.)
+    /// How far corner `k` ought to go along the normal, weighted, where the others have gone already. (By sums: a branch
+    /// on k could not be foretold, and a table needs its bounds checked.)
     #[inline(always)]
     fn wanted(&self, k: usize) -> f32 {
-        const OTHERS: [[usize; 2]; 4] = [[1, 2], [0, 2], [0, 1], [0, 0]];
-        // xy, xz, yz of the tensor stand at 3, 4, 5.
-        const PAIRS: [[usize; 2]; 4] = [[3, 4], [3, 5], [4, 5], [0, 0]];
-        let ([i, j], [ki, kj]) = (OTHERS[k & 3], PAIRS[k & 3]);
-        self.rb[k] - self.bb.0[ki] * self.lift[i] - self.bb.0[kj] * self.lift[j]
+        let (is_first, is_last) = (usize::from(k == 0), usize::from(k == 2));
+        // The other two corners; xy, xz, yz of the tensor stand at 3, 4, 5.
+        let (i, j) = (is_first, 2 - is_last);
+        self.rb[k] - self.bb.0[3 + is_last] * self.lift[i] - self.bb.0[5 - is_first] * self.lift[j]
     }
 }
 
@@ -106,53 +106,62 @@ struct Nearest {
     distance_sq: f32,
     beside: f32,
     height: f32,
+    /// Barycentric coordinates of the second and third corner.
     second: f32,
     third: f32,
     corner: Corner,
 }
 
-/// What the stars of a final triangle's corners have in common.
+/// What the stars of a final triangle's corners have in common: one cache line. The fourth numbers are 0.
 #[derive(Clone, Copy)]
+#[repr(C, align(64))]
 struct Face {
-    normal: Vec3,
+    normal: f32x4,
     /// Gradients of the barycentric coordinates of the second and third corner.
-    gradients: [Vec3; 2],
-    /// Squared heights over the edges opposite to the corners.
-    high_sq: [f32; 3],
+    second: f32x4,
+    third: f32x4,
+    /// Heights over the edges opposite to the corners.
+    high: f32x4,
 }
 
 impl Face {
+    /// The face, and its squared heights.
     #[inline(always)]
-    fn new([a, b, c]: [Vec3; 3]) -> Self {
+    fn new([a, b, c]: [Vec3; 3]) -> (Self, [f32; 3]) {
+        let row = |v: Vec3| f32x4::new([v.x, v.y, v.z, 0.0]);
         let normal = (b - a).cross(c - a);
         let area_sq = normal.length_squared().max(1e-36);
         let per_area = 1.0 / area_sq.sqrt();
         let normal = normal * per_area;
         let slope = normal * per_area;
-        let high_sq = [c - b, a - c, b - a].map(|e| area_sq / e.length_squared().max(1e-36));
-        Self { normal, gradients: [slope.cross(a - c), slope.cross(b - a)], high_sq }
+        let [x, y, z] = [c - b, a - c, b - a].map(|e| e.length_squared());
+        let high_sq = f32x4::new([area_sq, area_sq, area_sq, 0.0])
+            / f32x4::new([x, y, z, 1.0]).fast_max(f32x4::splat(1e-36));
+        let (second, third) = (row(slope.cross(a - c)), row(slope.cross(b - a)));
+        let [x, y, z, _] = high_sq.to_array();
+        (Self { normal: row(normal), second, third, high: high_sq.sqrt() }, [x, y, z])
     }
 
-    /// Whether it is no sliver and faces as the input did there (`facing`), within 30 degrees: no turn that is allowed
-    /// turns its back.
     #[inline(always)]
-    fn is_sound(&self, facing: Vec3) -> bool {
-        let d = self.normal.dot(facing);
-        let [x, y, z] = self.high_sq;
-        // The least height stands on the longest edge: height² = area · height / edge.
-        let (least, most) = (x.min(y).min(z), x.max(y).max(z));
-        d > 0.0 && d * d > 0.75 * facing.length_squared() && least > 1e-4 * most
+    fn normal(&self) -> Vec3 {
+        three(self.normal)
     }
+}
 
-    /// Gradients of the barycentric coordinates of the second and third corner as counted from corner `k`.
-    #[inline(always)]
-    fn gradients_from(&self, k: usize) -> [Vec3; 2] {
-        // The three sum to zero. (By a table: a branch on k could not be foretold.)
-        const SHARES: [[f32; 4]; 4] =
-            [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, -1.0, -1.0], [-1.0, -1.0, 1.0, 0.0], [0.0; 4]];
-        let ([g, h], s) = (self.gradients, SHARES[k & 3]);
-        [g * s[0] + h * s[1], g * s[2] + h * s[3]]
-    }
+#[inline(always)]
+fn three(v: f32x4) -> Vec3 {
+    let [x, y, z, _] = v.to_array();
+    Vec3::new(x, y, z)
+}
+
+/// Whether a face with this normal and these squared heights is no sliver and faces as the input did there (`facing`),
+/// within 30 degrees: no turn that is allowed turns its back.
+#[inline(always)]
+fn is_sound(normal: Vec3, [x, y, z]: [f32; 3], facing: Vec3) -> bool {
+    let d = normal.dot(facing);
+    // The least height stands on the longest edge: height² = area · height / edge.
+    let (least, most) = (min(min(x, y), z), max(max(x, y), z));
+    (d > 0.0) & (d * d > 0.75 * facing.length_squared()) & (least > 1e-4 * most)
 }
 
 /// Where a sample came to count.
@@ -193,58 +202,49 @@ impl<Q: Memory> Sampler<'_, Q> {
         let (name, fans) = &mut self.ready[slot];
         *name = u;
         fans.clear();
-        for corners in store.listed(u).chunks(8) {
-            // An unused lane has no normal and takes no sample.
-            let mut lanes = [[0f32; 8]; 12];
-            let mut names = [Corner::default(); 8];
-            for (i, &corner) in corners.iter().enumerate() {
-                let (k, f) = (corner.k(), &self.faces[corner.face()]);
-                let (next, prev) = ([1, 2, 0][k], [2, 0, 1][k]);
-                let [second, third] = f.gradients_from(k).map(|g| g.to_array());
-                let normal = f.normal.to_array();
-                for j in 0..3 {
-                    lanes[j][i] = normal[j];
-                    lanes[3 + j][i] = second[j];
-                    lanes[6 + j][i] = third[j];
-                }
-                (lanes[9][i], lanes[10][i], lanes[11][i]) = (f.high_sq[k], f.high_sq[next], f.high_sq[prev]);
-                names[i] = corner;
+        let list = store.listed(u);
+        fans.reserve_exact(list.len().div_ceil(8));
+        for corners in list.chunks(8) {
+            // A lane that is not used is far from everything.
+            let far = f32x4::new([0.0, 0.0, 0.0, FAR]);
+            let (mut normal, mut second) = ([f32x4::ZERO; 8], [far; 8]);
+            let (mut third, mut high) = ([f32x4::ZERO; 8], [f32x4::splat(1.0); 8]);
+            let mut corner = [Corner::default(); 8];
+            for (i, &c) in corners.iter().enumerate() {
+                let (f, [at_second, at_third]) = (&self.faces[c.face()], &AT_CORNER[c.k()]);
+                (normal[i], high[i]) = (f.normal, f.high);
+                (second[i], third[i]) = (f.second + f32x4::new(*at_second), f.third + f32x4::new(*at_third));
+                corner[i] = c;
             }
-            let three = |from: usize| [0, 1, 2].map(|j| f32x8::from(lanes[from + j]));
-            fans.push(Fan {
-                normal: three(0),
-                second: three(3),
-                third: three(6),
-                high: three(9).map(f32x8::sqrt),
-                corner: names,
-            });
+            let ([x, y, z, _], [a, b, c, _]) = (columns(&normal), columns(&high));
+            let (second, third) = (columns(&second), columns(&third));
+            fans.push(Fan { normal: [x, y, z], second, third, high: [a, b, c], corner });
         }
     }
 
+    /// Finds the nearest triangle of a star that faces a sample's way, if one is nearer than what was found.
     #[inline(always)]
     fn nearest(&self, slot: usize, q: Vec3, normal: Vec3, best: &mut Nearest) {
-        let along = |g: &[f32x8; 3], q: Vec3| g[0] * q.x + g[1] * q.y + g[2] * q.z;
-        let zero = f32x8::ZERO;
-        for f in &self.ready[slot].1 {
-            let (h, v, w) = (along(&f.normal, q), along(&f.second, q), along(&f.third, q));
-            let beside = ((v + w - f32x8::ONE) * f.high[0]).fast_max((zero - v) * f.high[1]);
-            let beside = beside.fast_max((zero - w) * f.high[2]).fast_max(zero);
-            let faces = along(&f.normal, normal).simd_gt(f32x8::splat(FACING));
-            let d2 = faces.bitselect(h * h + beside * beside, f32x8::splat(f32::INFINITY));
-            let d = d2.to_array();
-            let half = |k: usize| min(d[k], d[k + 4]);
-            let least = min(min(half(0), half(1)), min(half(2), half(3)));
-            if least < best.distance_sq {
-                let i = d2.simd_eq(f32x8::splat(least)).to_bitmask().trailing_zeros() as usize & 7;
-                *best = Nearest {
-                    distance_sq: least,
-                    beside: beside.to_array()[i],
-                    height: h.to_array()[i],
-                    second: v.to_array()[i],
-                    third: w.to_array()[i],
-                    corner: f.corner[i],
-                };
+        let mut found = *best;
+        for fan in &self.ready[slot].1 {
+            fan.nearest(q, |d2| d2, &mut found);
+        }
+        // That it does not face the sample's way is rare, and looked at afterwards.
+        if found.distance_sq < best.distance_sq {
+            if self.faces[found.corner.face()].normal().dot(normal) > FACING {
+                *best = found;
+            } else {
+                self.nearest_facing(slot, q, normal, best);
             }
+        }
+    }
+
+    #[inline(never)]
+    fn nearest_facing(&self, slot: usize, q: Vec3, normal: Vec3, best: &mut Nearest) {
+        for fan in &self.ready[slot].1 {
+            let [x, y, z] = fan.normal;
+            let faces = (x * normal.x + y * normal.y + z * normal.z).simd_gt(f32x8::splat(FACING));
+            fan.nearest(q, |d2| faces.bitselect(d2, f32x8::splat(f32::INFINITY)), best);
         }
     }
 
@@ -257,17 +257,17 @@ impl<Q: Memory> Sampler<'_, Q> {
         }
     }
 
-    /// Gives a sample to a face if it lies above or below it.
+    /// Gives a sample to a face, whose first vertex is `first`, if it lies above or below it.
     #[inline(always)]
-    fn place_on(&mut self, face: usize, p: Vec3, weight: f32) -> Option<Placed> {
+    fn place_on(&mut self, face: usize, first: VertexId, p: Vec3, weight: f32) -> Option<Placed> {
         let f = &self.faces[face];
-        let q = p - self.store.p(self.store.t[face][0]);
-        let (v, w) = (f.gradients[0].dot(q), f.gradients[1].dot(q));
+        let q = p - self.store.p(first);
+        let (v, w) = (three(f.second).dot(q), three(f.third).dot(q));
         let u = 1.0 - v - w;
         if u < 0.0 || v < 0.0 || w < 0.0 {
             return None;
         }
-        let height = f.normal.dot(q);
+        let height = f.normal().dot(q);
         Some(self.add(face, Vec3::new(u, v, w), height, height * height, weight))
     }
 
@@ -280,7 +280,7 @@ impl<Q: Memory> Sampler<'_, Q> {
         let weight = weight * (self.usual / (self.usual + height_sq)).sqrt();
         load.bb.add(&Tensor::outer(b, weight));
         load.rb = (Vec3::from(load.rb) + b * (weight * height)).to_array();
-        load.worst = load.worst.max(distance_sq);
+        load.worst = max(load.worst, distance_sq);
         Placed { face, b, weight }
     }
 
@@ -302,21 +302,70 @@ impl<Q: Memory> Sampler<'_, Q> {
             return None;
         }
         if best.beside != 0.0 {
-            let (t, k) = (self.store.t[best.corner.face()], best.corner.k());
-            let next = t[(k + if best.second > best.third { 1 } else { 2 }) % 3];
+            let (t, k) = (&self.store.t[best.corner.face()], best.corner.k());
+            let b = [1.0 - best.second - best.third, best.second, best.third, 0.0];
+            let (i, j) = (NEXT[k], PREV[k]);
+            let next = t[if b[i] > b[j] { i } else { j }];
             let slot = self.star(next);
             self.nearest(slot, p - self.store.p(next), normal, &mut best);
         }
         if best.beside * best.beside > BESIDE * best.height * best.height {
             return None;
         }
-        let (v, w) = (best.second.max(0.0), best.third.max(0.0));
-        let scale = 1.0 / (v + w).max(1.0);
+        let (v, w) = (max(best.second, 0.0), max(best.third, 0.0));
+        let scale = 1.0 / max(v + w, 1.0);
         let (v, w) = (v * scale, w * scale);
-        let u = 1.0 - v - w;
-        let (k, mut b) = (best.corner.k(), [u; 3]);
-        (b[(k + 1) % 3], b[(k + 2) % 3]) = (v, w);
-        Some(self.add(best.corner.face(), b.into(), best.height, best.distance_sq, weight))
+        let b = Vec3::new(1.0 - v - w, v, w);
+        Some(self.add(best.corner.face(), b, best.height, best.distance_sq, weight))
+    }
+}
+
+/// What the barycentric coordinates of the second and third corner are at each corner, as fourth numbers.
+const AT_CORNER: [[[f32; 4]; 2]; 4] =
+    [[[0.0; 4]; 2], [[0.0, 0.0, 0.0, 1.0], [0.0; 4]], [[0.0; 4], [0.0, 0.0, 0.0, 1.0]], [[0.0; 4]; 2]];
+/// The two corners after each.
+const NEXT: [usize; 4] = [1, 2, 0, 0];
+const PREV: [usize; 4] = [2, 0, 1, 0];
+/// A distance beyond all others, whose square is still a number.
+const FAR: f32 = 1e18;
+
+/// Four numbers of eight, side by side.
+#[inline(always)]
+fn columns(rows: &[f32x4; 8]) -> [f32x8; 4] {
+    let [a, b, c, d, e, f, g, h] = *rows;
+    let (low, high) = (f32x4::transpose([a, b, c, d]), f32x4::transpose([e, f, g, h]));
+    [0, 1, 2, 3].map(|k| {
+        let ([a, b, c, d], [e, f, g, h]) = (low[k].to_array(), high[k].to_array());
+        f32x8::new([a, b, c, d, e, f, g, h])
+    })
+}
+
+impl Fan {
+    /// Its triangle that is the nearest to a place `q` (from the vertex) by squared distances as `judged`, if it is nearer
+    /// than what was found.
+    #[inline(always)]
+    fn nearest(&self, q: Vec3, judged: impl Fn(f32x8) -> f32x8, best: &mut Nearest) {
+        let (n, s, t, zero) = (&self.normal, &self.second, &self.third, f32x8::ZERO);
+        let h = n[0] * q.x + n[1] * q.y + n[2] * q.z;
+        let v = s[0] * q.x + s[1] * q.y + s[2] * q.z + s[3];
+        let w = t[0] * q.x + t[1] * q.y + t[2] * q.z + t[3];
+        let beside = ((v + w - f32x8::ONE) * self.high[0]).fast_max((zero - v) * self.high[1]);
+        let beside = beside.fast_max((zero - w) * self.high[2]).fast_max(zero);
+        let d2 = judged(h * h + beside * beside);
+        let d = d2.to_array();
+        let half = |k: usize| min(d[k], d[k + 4]);
+        let least = min(min(half(0), half(1)), min(half(2), half(3)));
+        if least < best.distance_sq {
+            let i = d2.simd_eq(f32x8::splat(least)).to_bitmask().trailing_zeros() as usize & 7;
+            *best = Nearest {
+                distance_sq: least,
+                beside: beside.to_array()[i],
+                height: h.to_array()[i],
+                second: v.to_array()[i],
+                third: w.to_array()[i],
+                corner: self.corner[i],
+            };
+        }
     }
 }
 
@@ -324,6 +373,12 @@ impl<Q: Memory> Sampler<'_, Q> {
 #[inline(always)]
 fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
+}
+
+/// The larger of two, likewise.
+#[inline(always)]
+fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 /// Moves the vertices of a compact store towards the original, given as the ordered input, from which it is about `away`
@@ -339,13 +394,13 @@ pub(crate) fn fit<Q: Memory>(
         return Fitted::default();
     }
     let home = store.homes();
-    let final_faces: Vec<Face> = store.t.iter().map(|t| Face::new(t.map(|w| store.p(w)))).collect();
+    let Begun { faces: final_faces, loads, mut around } = begin(store);
     let per_face = (points.len() + faces.len()) as f64 / store.t.len() as f64;
     let mut sampler = Sampler {
         store,
         faces: &final_faces,
         ready: vec![(NONE, Vec::new()); READY.min(store.v.len().next_power_of_two())],
-        loads: final_faces.iter().map(Load::of).collect(),
+        loads,
         usual: (ROBUST * (per_face * away).powi(2)).clamp(1e-30, 1e30) as f32,
         rr: 0.0,
         weight: 0.0,
@@ -355,29 +410,32 @@ pub(crate) fn fit<Q: Memory>(
     // A face that lives on has its place among the final ones: both are in the same order, and no dead face has three
     // homes.
     let mut survivors = 0;
+    let (mut faces_to_skip, mut takes_corner) = (0, false);
     for (i, t) in faces.iter().enumerate() {
         let homes = t.map(|w| home[w.index()]);
         let survivor = (store.t.get(survivors) == Some(&homes)).then_some(survivors);
         survivors += usize::from(survivor.is_some());
-        if i % stride != 0 {
+        if faces_to_skip > 0 {
+            faces_to_skip -= 1;
             continue;
         }
+        (faces_to_skip, takes_corner) = (stride - 1, !takes_corner);
         // Where two corners went to one place, the face is rather there.
         let u = if homes[1] == homes[2] { homes[1] } else { homes[0] };
         if u == NONE {
             continue;
         }
         let [a, b, c] = t.map(|w| points[w.index()]);
-        let n = (b - a).cross(c - a);
-        let area = n.length();
-        let n = n / area.max(1e-30);
+        let normal = (b - a).cross(c - a);
+        let area = normal.length();
+        let n = normal / max(area, 1e-30);
         let centre = (a + (b + c)) * (1.0 / 3.0);
-        let placed = survivor.and_then(|face| sampler.place_on(face, centre, 9.0 * area));
+        let placed = survivor.and_then(|face| sampler.place_on(face, homes[0], centre, 9.0 * area));
         let placed = placed.or_else(|| sampler.place(centre, n, 9.0 * area, u));
         if let (Some(values), Some(placed)) = (&mut values, placed) {
             values.add_centre(i, placed.face, placed.b, placed.weight);
         }
-        if i % (2 * stride) == 0 && homes[0] != NONE {
+        if takes_corner && homes[0] != NONE {
             if sampler.store.p(homes[0]) == a {
                 sampler.place_at_home(6.0 * area, homes[0]);
                 if let Some(values) = &mut values {
@@ -392,9 +450,8 @@ pub(crate) fn fit<Q: Memory>(
         }
     }
     let Sampler { mut loads, rr, weight, .. } = sampler;
-    let around = look_around(store, &final_faces, &loads);
     drop(final_faces);
-    let delta = solve(store, &mut loads);
+    let delta = solve(store, &mut loads, &mut around);
     let gain = |l: &Load| {
         let lift = Vec3::from(l.lift);
         lift.dot(2.0 * Vec3::from(l.rb) - l.bb.times(lift))
@@ -407,22 +464,24 @@ pub(crate) fn fit<Q: Memory>(
 }
 
 /// Gauss-Seidel on the displacements, two sweeps. (Measured: a third brings nothing.) A triangle only sees the heights
-/// n·delta of its three vertices, its lift.
-fn solve<Q: Memory>(store: &Store<Q>, loads: &mut [Load]) -> Vec<Vec3> {
+/// n·delta of its three vertices, its lift. Notes the worst of the samples around those that may move.
+fn solve<Q: Memory>(store: &Store<Q>, loads: &mut [Load], around: &mut [Around]) -> Vec<Vec3> {
     let mut delta = vec![Vec3::ZERO; store.v.len()];
     let mut inverse = vec![Tensor::default(); store.v.len()];
     for u in 0..store.v.len() {
         if !may_move(store.v[u].kind) {
             continue;
         }
-        let (mut a, mut g) = (Tensor::default(), Vec3::ZERO);
+        let (mut a, mut g, mut worst) = (Tensor::default(), Vec3::ZERO, 0f32);
         let id = VertexId(u as u32);
         for &corner in store.listed(id) {
             let load = &loads[corner.face()];
             let n = load.normal;
             a.add(&Tensor::outer(n, load.bb.0[corner.k()]));
             g += n * load.wanted(corner.k());
+            worst = max(worst, load.worst);
         }
+        around[u].worst = worst;
         if store.v[u].kind.is_border() {
             for w in border_neighbours(store, id) {
                 a.add(&Tensor::line(store.p(w) - store.v[u].p, BORDER));
@@ -499,17 +558,27 @@ struct Around {
     leeway: f32,
 }
 
-fn look_around<Q: Memory>(store: &Store<Q>, finals: &[Face], loads: &[Load]) -> Vec<Around> {
+/// What is known of the final triangles before the samples.
+struct Begun {
+    faces: Vec<Face>,
+    loads: Vec<Load>,
+    around: Vec<Around>,
+}
+
+fn begin<Q: Memory>(store: &Store<Q>) -> Begun {
     let mut around = vec![Around { worst: 0.0, leeway: f32::INFINITY }; store.v.len()];
-    for ((t, face), load) in store.t.iter().zip(finals).zip(loads) {
-        let leeway = if face.is_sound(store.facing(t)) { LEEWAY } else { 0.0 };
-        for (w, high_sq) in t.iter().zip(face.high_sq) {
-            let of = &mut around[w.index()];
-            of.worst = of.worst.max(load.worst);
-            of.leeway = of.leeway.min(leeway * high_sq);
+    let (mut faces, mut loads) = (Vec::with_capacity(store.t.len()), Vec::with_capacity(store.t.len()));
+    for t in &store.t {
+        let (face, high_sq) = Face::new(t.map(|w| store.p(w)));
+        let leeway = if is_sound(face.normal(), high_sq, store.facing(t)) { LEEWAY } else { 0.0 };
+        for (w, high_sq) in t.iter().zip(high_sq) {
+            let of = &mut around[w.index()].leeway;
+            *of = min(*of, leeway * high_sq);
         }
+        loads.push(Load::of(&face));
+        faces.push(face);
     }
-    around
+    Begun { faces, loads, around }
 }
 
 /// Moves, by no more than the largest distance seen, and only where no triangle turns far.
@@ -594,5 +663,32 @@ fn tether<Q: Memory>(
                 store.v[u].p = p;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_takes_the_side_that_it_faces() {
+        // A sheet folded along 0-1: both sides run to the right, one looks up and one down.
+        //     0 ---- 2  (above 3)
+        //      \    /
+        //        1
+        let points = [[0.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.1], [1.0, 1.0, -0.1]].map(Vec3::from);
+        let faces = [[0, 1, 2], [0, 3, 1]].map(|t| t.map(VertexId));
+        let mut store = Store::<Tensor>::new(points.to_vec(), faces.to_vec(), None, None);
+        store.link();
+        let Begun { faces, loads, .. } = begin(&store);
+        let (ready, normals) = (vec![(NONE, Vec::new()); 4], [Vec3::Z, -Vec3::Z, Vec3::Y]);
+        let mut sampler =
+            Sampler { store: &store, faces: &faces, ready, loads, usual: 1.0, rr: 0.0, weight: 0.0 };
+        // Nearer to the lower side.
+        let sample = Vec3::new(0.6, 0.1, -0.03);
+        let mut side = |normal| sampler.place(sample, normal, 1.0, VertexId(0)).map(|placed| placed.face);
+        assert_eq!(normals.map(&mut side), [Some(0), Some(1), None]);
+        let taken = |l: &Load| Vec3::from(l.rb).element_sum();
+        assert!(sampler.loads.iter().all(|l| taken(l) != 0.0), "both sides have their sample");
     }
 }

@@ -32,7 +32,7 @@ impl Kind {
 
     /// The kind of a vertex with this star.
     pub(crate) fn of(ring: &[Spoke], border: BorderPolicy) -> Self {
-        if is_closed_fan(ring) {
+        if is_closed_fan(ring.iter().map(|r| (r.a, r.b))) {
             return Self::default();
         }
         let around = |w: VertexId| {
@@ -135,26 +135,32 @@ impl Kind {
     }
 }
 
-/// Whether every neighbour comes first in just one triangle and second in just one.
+/// Whether every neighbour comes first in just one triangle and second in just one, of these first and second ones.
 #[inline(always)]
-fn is_closed_fan(ring: &[Spoke]) -> bool {
+pub(crate) fn is_closed_fan(ring: impl ExactSizeIterator<Item = (VertexId, VertexId)> + Clone) -> bool {
     // Side by side for vector instructions; most vertices have about six neighbours. Lane i that is not used holds a
     // number that no vertex has, as first and as second.
     const LANES: usize = 8;
     let n = ring.len();
     if n > LANES {
         let once = |w: VertexId| {
-            ring.iter().filter(|r| r.a == w).count() == 1 && ring.iter().filter(|r| r.b == w).count() == 1
+            ring.clone().filter(|r| r.0 == w).count() == 1 && ring.clone().filter(|r| r.1 == w).count() == 1
         };
-        return ring.iter().all(|r| once(r.a));
+        return ring.clone().all(|r| once(r.0));
     }
     let (mut a, mut b) = ([u32::MAX; LANES], [u32::MAX; LANES]);
-    for (i, r) in ring.iter().enumerate() {
-        (a[i], b[i]) = (r.a.0, r.b.0);
+    for ((r, a), b) in ring.zip(&mut a).zip(&mut b) {
+        (*a, *b) = (r.0.0, r.1.0);
     }
+    // How often each first one is second, and each second one first: where both are once, the firsts differ, too. (Without
+    // a branch for each: masks are minus one where they match.)
     let (first, second) = (u32x8::from(a), u32x8::from(b));
-    let once = |w: u32x8, lanes: u32x8| lanes.simd_eq(w).to_bitmask().count_ones() == 1;
-    n > 0 && a[..n].iter().all(|&w| once(u32x8::splat(w), first) && once(u32x8::splat(w), second))
+    let times = |of: u32x8, among: [u32; LANES]| {
+        among.into_iter().fold(u32x8::ZERO, |sum, w| sum - of.simd_eq(u32x8::splat(w)))
+    };
+    let once = times(first, b).simd_eq(u32x8::ONE) & times(second, a).simd_eq(u32x8::ONE);
+    let used = (1u32 << n) - 1;
+    n > 0 && once.to_bitmask() & used == used
 }
 
 /// The neighbours in a ring, each once.
@@ -187,6 +193,28 @@ mod tests {
     fn a_closed_fan_is_regular() {
         let kind = Kind::of(&ring(&[[1, 2], [2, 3], [3, 1]]), BorderPolicy::Lock);
         assert_eq!(kind, Kind::default());
+    }
+
+    #[test]
+    fn neighbours_that_come_twice_are_not_regular() {
+        // Two sheets on one another, and fans in which only the firsts or only the seconds are different.
+        for twice in
+            [&[[1, 2], [2, 1], [1, 2], [2, 1]][..], &[[1, 3], [2, 3], [3, 3]], &[[3, 1], [3, 2], [3, 3]]]
+        {
+            assert!(!Kind::of(&ring(twice), BorderPolicy::Lock).is_regular(), "{twice:?}");
+        }
+    }
+
+    #[test]
+    fn a_fan_of_many_is_closed_all_the_same() {
+        let wheel = |n: u32| (0..n).map(|i| [i, (i + 1) % n]).collect::<Vec<_>>();
+        for n in [3, 8, 9, 40] {
+            assert!(Kind::of(&ring(&wheel(n)), BorderPolicy::Lock).is_regular(), "{n} triangles");
+            assert!(
+                !Kind::of(&ring(&wheel(n)[1..]), BorderPolicy::Lock).is_regular(),
+                "{n} triangles less one"
+            );
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 use glam::Vec3;
 use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, WedgeId};
+use wide::{f32x4, u32x4};
 
 use crate::report::Cleanup;
 
@@ -93,8 +94,10 @@ pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
     let diagonal = size * extent.iter().map(|x| (x / size) * (x / size)).sum::<f64>().sqrt();
 
     // Codes: ten bits a coordinate along a Morton curve.
-    let mut keys: Vec<(u32, u32)> =
-        (0..count).filter(used).map(|i| (morton(frame.unit(positions.get(VertexId(i)))), i)).collect();
+    let mut keys: Vec<(u32, u32)> = Vec::with_capacity(positions.len() - cleanup.unused_vertices);
+    for i in (0..count).filter(used) {
+        keys.push((morton(frame.unit(positions.get(VertexId(i)))), i));
+    }
     drop(needed);
     let mut spare = keys.clone();
     for shift in [0, 10, 20] {
@@ -139,14 +142,11 @@ pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
     }
     drop(keys);
 
-    for t in triangles {
-        match ranked(&rank, t) {
-            Ok(_) => {}
-            Err(Unfit::NonFinite) => cleanup.non_finite_faces += 1,
-            Err(Unfit::Degenerate) => cleanup.degenerate_faces += 1,
-        }
-    }
-    let faces = by_least(triangles, &rank, points.len(), |_, r| r, [NONE; 3]);
+    let left_out = |why| match why {
+        Unfit::NonFinite => cleanup.non_finite_faces += 1,
+        Unfit::Degenerate => cleanup.degenerate_faces += 1,
+    };
+    let faces = by_least(triangles, &rank, points.len(), |_, r| r, [NONE; 3], left_out);
     Ordered { frame, rank, point_count: points.len(), points, faces, cleanup, diagonal }
 }
 
@@ -167,7 +167,7 @@ impl Ordered {
     }
     /// The faces again from the surface that was ordered.
     pub(crate) fn faces_again(&self, surface: &Surface<'_>) -> Vec<[VertexId; 3]> {
-        by_least(surface.triangles(), &self.rank, self.point_count, |_, r| r, [NONE; 3])
+        by_least(surface.triangles(), &self.rank, self.point_count, |_, r| r, [NONE; 3], |_| {})
     }
     /// Something of each face, by its index in the surface that was ordered, in the order of the faces.
     pub(crate) fn of_faces<T: Copy>(
@@ -176,12 +176,12 @@ impl Ordered {
         item: impl Fn(usize) -> T,
         blank: T,
     ) -> Vec<T> {
-        by_least(surface.triangles(), &self.rank, self.point_count, |i, _| item(i), blank)
+        by_least(surface.triangles(), &self.rank, self.point_count, |i, _| item(i), blank, |_| {})
     }
     /// The wedges of the faces, in the order of the faces, from the mesh that was ordered.
     pub(crate) fn wedges(&self, surface: &Surface<'_>, mesh: &TriMesh) -> Vec<[WedgeId; 3]> {
         let wedges = mesh.triangles();
-        by_least(surface.triangles(), &self.rank, self.point_count, |i, _| wedges[i], [WedgeId(0); 3])
+        by_least(surface.triangles(), &self.rank, self.point_count, |i, _| wedges[i], [WedgeId(0); 3], |_| {})
     }
 }
 
@@ -203,18 +203,23 @@ fn ranked(rank: &[VertexId], t: &[VertexId; 3]) -> Result<[VertexId; 3], Unfit> 
     }
 }
 
-/// Something of each sound face (from its index and its ranked vertices), in the order of the faces' least vertices.
+/// Something of each sound face (from its index and its ranked vertices), in the order of the faces' least vertices. Says
+/// why each of the others is left out.
 fn by_least<T: Copy>(
     triangles: &[[VertexId; 3]],
     rank: &[VertexId],
     points: usize,
     item: impl Fn(usize, [VertexId; 3]) -> T,
     blank: T,
+    mut left_out: impl FnMut(Unfit),
 ) -> Vec<T> {
     let least = |r: &[VertexId; 3]| r[0].min(r[1]).min(r[2]).index();
     let mut at = vec![0u32; points + 1];
-    for r in triangles.iter().filter_map(|t| ranked(rank, t).ok()) {
-        at[least(&r) + 1] += 1;
+    for t in triangles {
+        match ranked(rank, t) {
+            Ok(r) => at[least(&r) + 1] += 1,
+            Err(why) => left_out(why),
+        }
     }
     for i in 0..points {
         at[i + 1] += at[i];
@@ -246,18 +251,18 @@ fn counting_sort<T: Copy>(items: &[T], out: &mut [T], keys: usize, key: impl Fn(
     }
 }
 
-/// Place on a Morton curve of 1024³ cells of a point in the unit frame.
+/// Place on a Morton curve of 1024³ cells of a point in the unit frame: ten bits of each coordinate, at every third place.
+/// (The coordinates side by side.)
+#[inline(always)]
 fn morton(p: Vec3) -> u32 {
-    spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2
-}
-
-/// Ten bits of a coordinate, at every third place.
-fn spread(x: f32) -> u32 {
-    let x = (((x + 0.5) * 1023.0) as u32).min(1023);
-    let x = (x | x << 16) & 0x0300_00ff;
-    let x = (x | x << 8) & 0x0300_f00f;
-    let x = (x | x << 4) & 0x030c_30c3;
-    (x | x << 2) & 0x0924_9249
+    let cell = (f32x4::new([p.x, p.y, p.z, 0.0]) + 0.5) * 1023.0;
+    let cell = cell.fast_max(f32x4::ZERO).fast_min(f32x4::splat(1023.0)).fast_trunc_int();
+    let x: u32x4 = bytemuck::cast(cell);
+    let x = (x | x << 16u32) & u32x4::splat(0x0300_00ff);
+    let x = (x | x << 8u32) & u32x4::splat(0x0300_f00f);
+    let x = (x | x << 4u32) & u32x4::splat(0x030c_30c3);
+    let [x, y, z, _] = ((x | x << 2u32) & u32x4::splat(0x0924_9249)).to_array();
+    x | y << 1 | z << 2
 }
 
 #[cfg(test)]
@@ -267,6 +272,19 @@ mod tests {
     fn surface(points: &[[f32; 3]], faces: &[[u32; 3]]) -> Ordered {
         let s = Surface::new(PositionsView::F32(points), bytemuck::cast_slice(faces)).unwrap();
         order(&s)
+    }
+
+    #[test]
+    fn a_cell_has_its_place_on_the_curve() {
+        let at = |x: f32, y: f32, z: f32| morton(Vec3::new(x, y, z));
+        assert_eq!([at(-0.5, -0.5, -0.5), at(0.5, 0.5, 0.5)], [0, (1 << 30) - 1], "the corners of the box");
+        let step = |k: f32| k / 1023.0 - 0.4995;
+        assert_eq!(
+            [at(step(1.0), -0.5, -0.5), at(-0.5, step(2.0), -0.5)],
+            [0b1, 0b10_000],
+            "x first, then y"
+        );
+        assert_eq!([at(-9.0, -0.5, step(1.0)), at(9.0, -0.5, -0.5)], [0b100, 0x0924_9249], "what is outside");
     }
 
     #[test]

@@ -235,7 +235,7 @@ impl<Q: Memory> Store<Q> {
     pub(crate) fn link(&mut self) {
         // Counted aside: a table of numbers is an eighth of the vertices.
         let mut at = vec![0u32; self.v.len() + 1];
-        for w in self.t.iter().flatten() {
+        for w in self.t.as_flattened() {
             at[w.index() + 1] += 1;
         }
         for i in 0..self.v.len() {
@@ -273,7 +273,7 @@ impl<Q: Memory> Store<Q> {
         retain_living(&mut self.names, &self.t);
         self.t.retain(|t| t[0] != NONE);
         let mut map = vec![NONE; self.v.len()];
-        for w in self.t.iter().flatten() {
+        for w in self.t.as_flattened() {
             map[w.index()] = VertexId(0);
         }
         let mut n = 0;
@@ -290,8 +290,8 @@ impl<Q: Memory> Store<Q> {
         self.v.truncate(n);
         self.bound.truncate(n);
         self.first_wedge.truncate(n);
-        for t in &mut self.t {
-            *t = t.map(|w| map[w.index()]);
+        for w in self.t.as_flattened_mut() {
+            *w = map[w.index()];
         }
         drop(map);
         (self.live_faces, self.live_vertices) = (self.t.len(), n);
@@ -407,6 +407,18 @@ impl<Q: Memory> Store<Q> {
     pub(crate) fn listed(&self, u: VertexId) -> &[Corner] {
         let x = &self.v[u.index()];
         &self.corners[x.head as usize..(x.head + x.count) as usize]
+    }
+
+    /// The other two vertices of each listed triangle of `u`, in order.
+    #[inline(always)]
+    pub(crate) fn others(
+        &self,
+        u: VertexId,
+    ) -> impl ExactSizeIterator<Item = (VertexId, VertexId)> + Clone + '_ {
+        self.listed(u).iter().map(|corner| {
+            let (t, k) = (&self.t[corner.face()], corner.k());
+            (t[NEXT[k]], t[PREV[k]])
+        })
     }
 
     /// Gives `u` a list of `count` corners, in the room of `u` or `v` if it suffices; it is still to be filled.
