@@ -248,7 +248,7 @@ impl<M: Metric> Engine<M> {
         let (mut ring, mut edges, mut duplicates) = (Ring::default(), Vec::new(), Vec::new());
         let has_seams = self.attributes.is_some() || self.store.regions.is_some();
         for u in (0..self.store.v.len() as u32).map(VertexId) {
-            // (Most of the vertices of most meshes, at a third of the time. All that is listed lives still.)
+            // (Most of the vertices of most meshes, without a ring. All that is listed lives still.)
             if !has_seams && is_closed_fan(self.store.others(u)) {
                 let x = &mut self.store.v[u.index()];
                 x.kind = Kind::default().locked(x.kind.is_locked());

@@ -149,8 +149,8 @@ pub(crate) fn is_closed_fan(ring: impl ExactSizeIterator<Item = (VertexId, Verte
         return ring.clone().all(|r| once(r.0));
     }
     let (mut a, mut b) = ([u32::MAX; LANES], [u32::MAX; LANES]);
-    for ((r, a), b) in ring.zip(&mut a).zip(&mut b) {
-        (*a, *b) = (r.0.0, r.1.0);
+    for (i, r) in ring.enumerate() {
+        (a[i % LANES], b[i % LANES]) = (r.0.0, r.1.0);
     }
     // How often each first one is second, and each second one first: where both are once, the firsts differ, too. (Without
     // a branch for each: masks are minus one where they match.)

@@ -415,8 +415,9 @@ impl<Q: Memory> Store<Q> {
         &self,
         u: VertexId,
     ) -> impl ExactSizeIterator<Item = (VertexId, VertexId)> + Clone + '_ {
+        let triangles = self.t.as_slice();
         self.listed(u).iter().map(|corner| {
-            let (t, k) = (&self.t[corner.face()], corner.k());
+            let (t, k) = (&triangles[corner.face()], corner.k());
             (t[NEXT[k]], t[PREV[k]])
         })
     }
