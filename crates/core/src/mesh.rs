@@ -455,7 +455,12 @@ fn check_size(what: &'static str, count: usize) -> Result<(), MeshError> {
 
 fn check_triangles(triangles: &[[u32; 3]], count: usize) -> Result<(), MeshError> {
     let bad = |t: &[u32; 3]| t.iter().any(|&i| i as usize >= count);
-    match triangles.iter().position(bad) {
+    // Some at a time and to the end: a loop without an early way out works on several side by side.
+    let limit = u32::try_from(count).unwrap_or(u32::MAX);
+    let is_bad = |some: &[[u32; 3]]| some.as_flattened().iter().fold(false, |any, i| any | (*i >= limit));
+    const SOME: usize = 1 << 10;
+    let from = triangles.chunks(SOME).position(is_bad).map_or(triangles.len(), |k| k * SOME);
+    match triangles[from..].iter().position(bad).map(|f| from + f) {
         None => Ok(()),
         Some(face) => {
             let index = triangles[face].into_iter().max().unwrap_or(0);
