@@ -179,7 +179,7 @@ impl<'a, P: Place> Run<'a, P> {
             })?
         };
         let Found { clusters, is_within } = found;
-        if clusters.faces.is_empty() {
+        if clusters.face_count() == 0 {
             let wanted = "so small that a face is left";
             let got = clusters.grid.cell;
             return Err(SimplifyError::BadOption { option: "cell", wanted, got });
@@ -215,7 +215,7 @@ impl<'a, P: Place> Run<'a, P> {
     }
 
     fn made_with(&self, clusters: &Clusters, locked: &Locked, by: StoppedBy) -> Result<Made, SimplifyError> {
-        let Clusters { grid, of, cells, first_locked, faces, .. } = clusters;
+        let Clusters { grid, of, cells, first_locked, faces, shares } = clusters;
         let all = cells.len();
         let borders = match self.options.border {
             BorderPolicy::Free => 0.0,
@@ -226,35 +226,44 @@ impl<'a, P: Place> Run<'a, P> {
             || place::place(&self.model, clusters, borders),
             || faces::non_manifold_edges(faces, all),
         );
-        // A vertex of each cluster, where it matters.
-        let mut some = vec![NONE; if locked.places.is_empty() { 0 } else { all }];
-        if !some.is_empty() {
+        let number = |c: u32| placed.number(shares, c);
+        let mut points = vec![P::of([0.0; 3]); placed.points.iter().map(Vec::len).sum()];
+        let mut triangles = vec![[VertexId(0); 3]; clusters.face_count()];
+        let points_of = pieces::cut(&mut points, placed.points.iter().map(Vec::len));
+        let triangles_of = pieces::cut(&mut triangles, faces.iter().map(Vec::len));
+        pieces::over(points_of.into_iter().zip(triangles_of).collect(), |k, (points, triangles)| {
+            points.copy_from_slice(&placed.points[k]);
+            for (t, f) in triangles.iter_mut().zip(&faces[k]) {
+                *t = f.corners.map(|c| VertexId(number(c).expect("it has this face")));
+            }
+        });
+        let mut is_locked = Vec::new();
+        if !locked.places.is_empty() {
+            // A vertex of each cluster.
+            let mut some = vec![NONE; all];
             let used = (0..of.len()).rev().filter(|&v| self.model.is_used(v));
             used.for_each(|v| some[of[v] as usize] = VertexId::new(v));
+            for (c, &some) in some.iter().enumerate() {
+                let Some(n) = number(c as u32) else { continue };
+                let point = &mut points[n as usize];
+                *point = match c.checked_sub(*first_locked) {
+                    None => self.beside(*point, some, locked),
+                    Some(place) => self.model.points[locked.places[place].index()],
+                };
+                is_locked.push(c >= *first_locked);
+            }
         }
-        let mut is_used = vec![false; all];
-        faces.iter().flat_map(|f| f.corners).for_each(|c| is_used[c as usize] = true);
-        let mut number = vec![0u32; all];
-        let mut points = Vec::new();
-        let mut is_locked = Vec::new();
-        for (c, n) in number.iter_mut().enumerate().filter(|c| is_used[c.0]) {
-            *n = points.len() as u32;
-            points.push(match c.checked_sub(*first_locked) {
-                None => self.beside(placed.points[c], some.get(c), locked),
-                Some(place) => self.model.points[locked.places[place].index()],
-            });
-            is_locked.push(c >= *first_locked);
-        }
-        let triangles = faces.iter().map(|f| f.corners.map(|c| VertexId(number[c as usize]))).collect();
         let mut mesh = TriMesh::new(P::positions(points), triangles)?;
         let mut held = Held::default();
         if let Some(input) = self.input.mesh {
             let origin = |f: &faces::Face| self.model.origin(f.from);
             if let Some(regions) = input.regions() {
-                mesh.set_regions(Some(faces.iter().map(|f| regions[origin(f)]).collect::<Vec<RegionId>>()))?;
+                mesh.set_regions(Some(
+                    faces.iter().flatten().map(|f| regions[origin(f)]).collect::<Vec<RegionId>>(),
+                ))?;
             }
             if !self.locked.places.is_empty() {
-                held = Held::new(faces.iter().map(|f| {
+                held = Held::new(faces.iter().flatten().map(|f| {
                     let of_face = self.model.faces[f.from as usize].map(|v| of[v.index()]);
                     f.corners.map(|c| {
                         let k = of_face.iter().position(|x| *x == c && c as usize >= *first_locked)?;
@@ -277,12 +286,10 @@ impl<'a, P: Place> Run<'a, P> {
     }
 
     /// The place of a cell's vertex; if that is a locked one, beside it, half the way to a vertex that the cell has.
-    fn beside(&self, place: P, some: Option<&VertexId>, locked: &Locked) -> P {
-        match some {
-            Some(&v) if v != NONE && locked.is_taken(place.wide()) => {
-                P::of((0.5 * (place.wide() + self.model.place(v))).to_array())
-            }
-            _ => place,
+    fn beside(&self, place: P, some: VertexId, locked: &Locked) -> P {
+        match some != NONE && locked.is_taken(place.wide()) {
+            true => P::of((0.5 * (place.wide() + self.model.place(some))).to_array()),
+            false => place,
         }
     }
 

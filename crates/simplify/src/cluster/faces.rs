@@ -16,136 +16,191 @@ pub(super) struct Face {
 /// More faces than these that share their least cluster are sorted instead of compared in pairs.
 const MANY: usize = 24;
 
-/// Clusters in a row, shared out; no result depends on how. Each share knows which faces have a corner in it.
+/// Clusters in a row, shared out; no result depends on how. It is known which faces have a corner in each share.
 pub(super) struct Shares {
     pub(super) count: usize,
-    shift: u32,
-    /// For each piece of the faces and each share, runs of faces: where there is more than one share.
-    runs: Vec<Vec<Vec<Range<u32>>>>,
+    /// Shares in a block of clusters, times 2^32.
+    each: u64,
+    /// Bits for a face, one for each share, as a power of two.
+    bits: u32,
+    /// Of each face, the shares that it has a corner in; nothing where there is one share alone.
+    touched: Vec<u64>,
 }
 
-/// Shares for each thread, and how long one is at least: it is a multiple of that.
-const SHARES: usize = 8;
-const LEAST_SHARE: usize = 1 << 8;
+/// Shares for each thread, so that one who comes late finds work left, and how many there are at most. (Guessed: to find a
+/// share's faces, all marks are looked through once more.)
+const SHARES: usize = 2;
+const MOST_SHARES: usize = 32;
+/// Shares begin at multiples of so many clusters.
+pub(super) const BLOCK: usize = 1 << 6;
 
 impl Shares {
     fn new(clusters: usize, faces: usize) -> Self {
-        let shares = match pieces::threads(faces) {
+        let blocks = clusters.div_ceil(BLOCK).max(1);
+        let count = match pieces::threads(faces) {
             1 => 1,
-            threads => SHARES * threads,
+            threads => (SHARES * threads).min(MOST_SHARES).min(blocks),
         };
-        let len = clusters.div_ceil(shares).max(LEAST_SHARE).next_power_of_two();
-        Self { count: clusters.div_ceil(len).max(1), shift: len.trailing_zeros(), runs: Vec::new() }
+        let bits = count.next_power_of_two().trailing_zeros();
+        let words = if count > 1 { faces.div_ceil(64 >> bits) } else { 0 };
+        Self { count, each: ((count as u64) << 32) / blocks as u64, bits, touched: vec![0; words] }
     }
-    /// The clusters of a share.
+    /// The share of a cluster.
+    #[inline(always)]
+    pub(super) fn of(&self, cluster: u32) -> usize {
+        ((u64::from(cluster) / BLOCK as u64 * self.each) >> 32) as usize
+    }
+    /// The clusters of a share, of so many.
     pub(super) fn range(&self, share: usize, clusters: usize) -> Range<usize> {
-        (share << self.shift).min(clusters)..((share + 1) << self.shift).min(clusters)
+        let start = |k: usize| match k < self.count {
+            true => ((k as u64) << 32).div_ceil(self.each) as usize * BLOCK,
+            false => clusters,
+        };
+        start(share)..start(share + 1)
     }
-    /// Calls `look` with the faces that have a corner in a share, in their order.
-    pub(super) fn runs(&self, share: usize, faces: usize, mut look: impl FnMut(Range<usize>)) {
-        if self.count == 1 {
-            return look(0..faces);
+    /// Calls `look` with the faces that have a corner in a share, where there are several: in their order, as many at a time
+    /// as the list holds, and fewer at the end.
+    pub(super) fn touching<const N: usize>(&self, share: usize, mut look: impl FnMut(&[u32])) {
+        let each = 64u32 >> self.bits;
+        // The bit of the first share, for all faces of a word.
+        let ones = u64::MAX / (u64::MAX >> (64 - (1u32 << self.bits)));
+        // Room for those of one more word. Which of them are in the share no processor could guess.
+        let mut found = [[0u32; N]; 2];
+        let mut count = 0;
+        for (first, word) in (0..).step_by(each as usize).zip(&self.touched) {
+            let mut word = word >> share & ones;
+            if word == 0 {
+                continue;
+            }
+            let list = found.as_flattened_mut();
+            if word == ones {
+                list[count..count + each as usize]
+                    .iter_mut()
+                    .zip(first..)
+                    .for_each(|(slot, face)| *slot = face);
+                count += each as usize;
+            } else {
+                for face in first..first + each {
+                    list[count] = face;
+                    count += (word & 1) as usize;
+                    word >>= 1u32 << self.bits;
+                }
+            }
+            if count >= N {
+                look(&found[0]);
+                found[0] = found[1];
+                count -= N;
+            }
         }
-        for run in self.runs.iter().flat_map(|of| &of[share]) {
-            look(run.start as usize..run.end as usize);
-        }
+        look(&found[0][..count]);
     }
 }
 
-/// The faces between different clusters, by their least one and then by their order in the model. Of several between the
-/// same three the first stays, unless it goes the other way round. Cost: O(F).
-pub(super) fn between(faces: &[[VertexId; 3]], cluster_of: &[u32], clusters: usize) -> (Vec<Face>, Shares) {
+/// The faces between different clusters, by their least one and then by their order in the model: for each share of the
+/// least ones. Of several between the same three the first stays, unless it goes the other way round. Cost: O(F).
+pub(super) fn between(
+    faces: &[[VertexId; 3]],
+    cluster_of: &[u32],
+    clusters: usize,
+) -> (Vec<Vec<Face>>, Shares) {
     let mut shares = Shares::new(clusters, faces.len());
-    let (count, shift) = (shares.count, shares.shift);
-    let (lists, runs): (Vec<_>, Vec<_>) = pieces::map(faces.len(), |range| {
-        let mut runs: Vec<Vec<Range<u32>>> = vec![Vec::new(); if count > 1 { count } else { 0 }];
-        // The share that faces have been in, and since which.
-        let (mut here, mut since, end) = (0, range.start as u32, range.end as u32);
-        // Which of them are left no processor could guess.
-        let mut left = [0u32; pieces::PIECE];
+    let len = pieces::len(faces.len());
+    let lists = match shares.count {
+        1 => pieces::map(faces.len(), |range| left(faces, range, cluster_of, &shares, &mut [])),
+        _ => {
+            let mut touched = std::mem::take(&mut shares.touched);
+            let lists = pieces::shared(&mut touched, len / (64 >> shares.bits), |k, touched| {
+                let range = k * len..((k + 1) * len).min(faces.len());
+                left(faces, range, cluster_of, &shares, touched)
+            });
+            shares.touched = touched;
+            lists
+        }
+    };
+    let kept = pieces::each(shares.count, |k| {
+        let of_share = || lists.iter().flat_map(|list| &list.faces[list.at[k]..list.at[k + 1]]);
+        let range = shares.range(k, clusters);
+        distinct(of_share, range.start, range.len())
+    });
+    (kept, shares)
+}
+
+/// Faces by the share of their least cluster, otherwise in their order; where each share begins, and the last ends.
+struct Left {
+    faces: Vec<Face>,
+    at: Vec<usize>,
+}
+
+/// Faces looked at before those that are left are made.
+const SOME: usize = 1 << 11;
+
+/// Those of some faces that are left, and which shares each of all touches.
+fn left(
+    faces: &[[VertexId; 3]],
+    range: Range<usize>,
+    cluster_of: &[u32],
+    shares: &Shares,
+    touched: &mut [u64],
+) -> Left {
+    let clusters = |t: &[VertexId; 3]| t.map(|v| cluster_of[v.index()]);
+    let is_left = |[a, b, c]: [u32; 3]| usize::from((a != b) & (b != c) & (c != a));
+    // Which are left no processor could guess.
+    let mut left = [0u32; SOME];
+    let mut kept = Vec::new();
+    let (each, width) = (64 >> shares.bits, 1u32 << shares.bits);
+    let mut words = touched.chunks_mut(SOME / each);
+    for first in range.clone().step_by(SOME) {
+        let some = first..(first + SOME).min(range.end);
         let mut found = 0;
-        for (i, t) in (range.start as u32..).zip(&faces[range]) {
-            let [a, b, c] = t.map(|v| cluster_of[v.index()]);
-            left[found] = i;
-            found += usize::from((a != b) & (b != c) & (c != a));
-            if count > 1 {
-                let [a, b, c] = [a, b, c].map(|x| (x >> shift) as usize);
-                match a == b && b == c {
-                    true if a == here => {}
-                    true => {
-                        lengthen(&mut runs[here], since..i);
-                        (here, since) = (a, i);
-                    }
-                    false => {
-                        lengthen(&mut runs[here], since..i);
-                        lengthen(&mut runs[a], i..i + 1);
-                        if b != a {
-                            lengthen(&mut runs[b], i..i + 1);
-                        }
-                        if c != a && c != b {
-                            lengthen(&mut runs[c], i..i + 1);
-                        }
-                        since = i + 1;
-                    }
+        if let Some(words) = words.next() {
+            for ((word, some), first) in
+                words.iter_mut().zip(faces[some].chunks(each)).zip((first as u32..).step_by(each))
+            {
+                let mut all = 0;
+                for (from, t) in (first..).zip(some) {
+                    let [a, b, c] = clusters(t);
+                    left[found % SOME] = from;
+                    found += is_left([a, b, c]);
+                    let touches = 1u64 << shares.of(a) | 1 << shares.of(b) | 1 << shares.of(c);
+                    all = all >> width | touches << (64 - width);
                 }
+                *word = all >> ((each - some.len()) << shares.bits);
+            }
+        } else {
+            for (from, t) in (first as u32..).zip(&faces[some]) {
+                left[found % SOME] = from;
+                found += is_left(clusters(t));
             }
         }
-        if count > 1 {
-            lengthen(&mut runs[here], since..end);
-        }
-        let left = left[..found].iter().map(|&from| {
-            let [a, b, c] = faces[from as usize].map(|v| cluster_of[v.index()]);
+        kept.extend(left[..found].iter().map(|&from| {
+            let [a, b, c] = clusters(&faces[from as usize]);
             let corners = match a.min(b).min(c) {
                 least if least == a => [a, b, c],
                 least if least == b => [b, c, a],
                 _ => [c, a, b],
             };
             Face { corners, from }
-        });
-        (by_share(left.collect(), &shares), runs)
-    })
-    .into_iter()
-    .unzip();
-    shares.runs = runs;
-    let parts = pieces::each(count, |k| {
-        let of_share = || lists.iter().flat_map(|(list, ends)| &list[ends[k]..ends[k + 1]]);
-        let range = shares.range(k, clusters);
-        distinct(of_share, range.start, range.len())
-    });
-    let kept = match <[Vec<Face>; 1]>::try_from(parts) {
-        Ok([only]) => only,
-        Err(parts) => parts.concat(),
-    };
-    (kept, shares)
+        }));
+    }
+    by_share(kept, shares)
 }
 
-/// Faces by the share of their least cluster, otherwise in their order; and where each share begins and the last ends.
-fn by_share(faces: Vec<Face>, shares: &Shares) -> (Vec<Face>, Vec<usize>) {
-    let of = |f: &Face| if shares.count > 1 { f.corners[0] as usize >> shares.shift } else { 0 };
-    let mut at = vec![0; shares.count + 1];
-    faces.iter().for_each(|f| at[of(f) + 1] += 1);
-    (1..at.len()).for_each(|k| at[k] += at[k - 1]);
-    if at.contains(&faces.len()) && at.iter().all(|n| *n == 0 || *n == faces.len()) {
-        return (faces, at);
+/// Brings faces into the order of their shares.
+fn by_share(faces: Vec<Face>, shares: &Shares) -> Left {
+    if shares.count == 1 {
+        return Left { at: vec![0, faces.len()], faces };
     }
+    let mut at = vec![0; shares.count + 1];
+    faces.iter().for_each(|f| at[shares.of(f.corners[0]) + 1] += 1);
+    (1..at.len()).for_each(|k| at[k] += at[k - 1]);
     let mut sorted = faces.clone();
     let mut next = at.clone();
-    for f in faces {
-        let slot = &mut next[of(&f)];
-        sorted[*slot] = f;
+    for face in faces {
+        let slot = &mut next[shares.of(face.corners[0])];
+        sorted[*slot] = face;
         *slot += 1;
     }
-    (sorted, at)
-}
-
-/// Adds faces to runs of such.
-#[inline(always)]
-fn lengthen(runs: &mut Vec<Range<u32>>, faces: Range<u32>) {
-    match runs.last_mut() {
-        Some(last) if last.end == faces.start => last.end = faces.end,
-        _ if faces.is_empty() => {}
-        _ => runs.push(faces),
-    }
+    Left { faces: sorted, at }
 }
 
 /// The distinct ones among faces whose least clusters are `first` and the `count` - 1 after it.
@@ -190,37 +245,37 @@ fn distinct<'a, I: Iterator<Item = &'a Face>>(
 }
 
 /// How many edges have more than two of these faces, which stand in the order of their least clusters. Cost: O(F).
-pub(super) fn non_manifold_edges(faces: &[Face], clusters: usize) -> usize {
+pub(super) fn non_manifold_edges(parts: &[Vec<Face>], clusters: usize) -> usize {
     // Of the three edges of a face two are at its least cluster, and at hand there; the third waits at the lesser of its
-    // ends, which comes later: the last one there, and for each the one before it.
+    // ends, which comes later: the last one there, and for each the greater end and the one before it.
     const NONE: u32 = u32::MAX;
     let mut waiting = vec![NONE; clusters];
-    let mut before = vec![NONE; faces.len()];
-    let (mut found, mut start) = (0, 0);
-    let mut own: Vec<u32> = Vec::new();
-    for least in 0..clusters {
-        let here = faces[start..].iter().take_while(|f| f.corners[0] as usize == least).count();
-        own.clear();
-        for (i, f) in faces.iter().enumerate().skip(start).take(here) {
+    let mut before: Vec<[u32; 2]> = Vec::with_capacity(parts.iter().map(Vec::len).sum());
+    // The last cluster that each has had an edge with, and how many: four of them are as good as three.
+    let mut counts = vec![0u64; clusters];
+    let mut found = 0;
+    let mut bump = |least: u64, other: u32| {
+        let count = &mut counts[other as usize];
+        let now = if *count >> 2 == least { *count + u64::from(*count & 3 < 3) } else { least << 2 | 1 };
+        found += usize::from(now & 3 == 3 && now != *count);
+        *count = now;
+    };
+    let mut faces = parts.iter().flatten().peekable();
+    for least in 0..clusters as u32 {
+        // No mark is of cluster 0 before it was there.
+        let key = u64::from(least) + 1;
+        while let Some(f) = faces.next_if(|f| f.corners[0] == least) {
             let [_, b, c] = f.corners;
-            own.extend([b, c]);
-            before[i] = std::mem::replace(&mut waiting[b.min(c) as usize], i as u32);
+            bump(key, b);
+            bump(key, c);
+            let last = std::mem::replace(&mut waiting[b.min(c) as usize], before.len() as u32);
+            before.push([b.max(c), last]);
         }
-        start += here;
-        let mut next = waiting[least];
+        let mut next = waiting[least as usize];
         while next != NONE {
-            let [_, b, c] = faces[next as usize].corners;
-            own.push(b.max(c));
-            next = before[next as usize];
-        }
-        if own.len() > MANY {
-            own.sort_unstable();
-            found += own.chunk_by(|a, b| a == b).filter(|same| same.len() > 2).count();
-        } else {
-            // Each is counted where it stands for the third time.
-            found += (2..own.len())
-                .filter(|&i| own[..i].iter().filter(|&&other| other == own[i]).count() == 2)
-                .count();
+            let [other, then] = before[next as usize];
+            bump(key, other);
+            next = then;
         }
     }
     found

@@ -164,10 +164,14 @@ impl Grid {
             bits
         });
         let mut bits = marked.swap_remove(0);
-        for more in marked {
-            bits.iter_mut().zip(more).for_each(|(word, more)| *word |= more);
-        }
-        let counts = pieces::map(words, |range| bits[range].iter().map(|w| w.count_ones()).sum::<u32>());
+        let len = pieces::len(words);
+        let counts = pieces::shared(&mut bits, len, |k, bits| {
+            for more in &marked {
+                bits.iter_mut().zip(&more[k * len..]).for_each(|(word, more)| *word |= more);
+            }
+            bits.iter().map(|w| w.count_ones()).sum::<u32>()
+        });
+        let all = counts.iter().sum::<u32>() as usize;
         let starts: Vec<u32> = counts
             .iter()
             .scan(0, |sum, count| {
@@ -175,28 +179,28 @@ impl Grid {
                 Some(*sum - count)
             })
             .collect();
-        let parts = pieces::map(words, |range| {
-            let mut before = starts[range.start / pieces::PIECE];
-            let mut ranked = Vec::with_capacity(range.len());
-            let mut cells: Vec<[u32; 3]> = Vec::new();
-            for (i, &word) in range.clone().zip(&bits[range]) {
-                ranked.push((word, before));
+        let mut ranked = vec![(0u64, 0u32); words];
+        let mut cells = vec![[0u32; 3]; all];
+        let parts = pieces::cut(&mut cells, counts.iter().map(|n| *n as usize));
+        let parts = parts.into_iter().zip(ranked.chunks_mut(len)).zip(starts).collect();
+        pieces::over(parts, |k, ((cells, ranked), start): ((&mut [[u32; 3]], &mut [_]), u32)| {
+            let mut before = start;
+            let mut cells = cells.iter_mut();
+            for (i, (ranked, &word)) in (k * len..).zip(ranked.iter_mut().zip(&bits[k * len..])) {
+                *ranked = (word, before);
                 before += word.count_ones();
                 if word != 0 {
                     let block = i as u32;
                     let [x, y, z] = [block % wide, block / wide % high, block / wide / high].map(|n| 4 * n);
                     let mut left = word;
-                    while left != 0 {
+                    for cell in cells.by_ref().take(word.count_ones() as usize) {
                         let bit = left.trailing_zeros();
                         left &= left - 1;
-                        cells.push([x + (bit & 3), y + (bit >> 2 & 3), z + (bit >> 4)]);
+                        *cell = [x + (bit & 3), y + (bit >> 2 & 3), z + (bit >> 4)];
                     }
                 }
             }
-            (ranked, cells)
         });
-        let (ranked, cells): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-        let (ranked, cells) = (ranked.concat(), cells.concat());
         pieces::fill(&mut of, |_, piece| {
             for slot in piece {
                 let (word, before): (u64, u32) = ranked[(*slot >> 6) as usize];

@@ -49,8 +49,10 @@ impl Place for [f64; 3] {
 /// Vertices worked on side by side.
 pub(super) const LANES: usize = 8;
 
-/// Coordinates of a vertex, from the middle of the box and in its longest edge, and nothing: four make one load. (Single
-/// precision: what it rounds is a small share of the smallest cell, and [`Grid`](super::grid::Grid) knows it.)
+/// Coordinates of a vertex, from the middle of the box and in its longest edge, and 0: four make one load. (Single
+/// precision: what it rounds is a small share of the smallest cell, and [`Grid`](super::grid::Grid) knows it.) The zero is
+/// negative where the faces of the vertex leave a gap: no sum or product feels that. (A vertex is taken for closed where the
+/// numbers of those around it happen to cancel out; those of one fan cannot.)
 pub(super) type Framed = [f32; 4];
 
 /// The input of the method.
@@ -81,33 +83,45 @@ fn mark(mark: &mut u32, next: VertexId, before: VertexId) {
 /// What is marked anywhere is marked side by side in so many shares at most, each with marks of its own.
 pub(super) const MARKERS: usize = 4;
 
-/// Marks of all vertices, and how many faces do not name three.
-fn marks(faces: &[[VertexId; 3]], vertices: usize) -> (Vec<u32>, usize) {
-    let shares = pieces::threads(faces.len()).min(MARKERS);
-    let len = faces.len().div_ceil(shares).max(1);
-    let mut parts = pieces::each(shares, |k| {
-        let mut marks = vec![0; vertices];
+/// The box round places, and the sum of their products with 0: that is 0 where all are finite.
+type Looked = (DVec3, DVec3, DVec3);
+const NOTHING: Looked = (DVec3::INFINITY, DVec3::NEG_INFINITY, DVec3::ZERO);
+
+fn look((min, max, sum): Looked, p: DVec3) -> Looked {
+    (min.min(p), max.max(p), sum + p * 0.0)
+}
+
+fn together(a: Looked, b: Looked) -> Looked {
+    (a.0.min(b.0), a.1.max(b.1), a.2 + b.2)
+}
+
+/// A share of the marks of all vertices.
+struct Share {
+    marks: Vec<u32>,
+    /// Faces that do not name three vertices.
+    degenerate: usize,
+    looked: Looked,
+}
+
+/// Marks of all vertices, a share of the faces in each, and a look at a share of the places.
+fn shares<P: Place>(faces: &[[VertexId; 3]], points: &[P]) -> Vec<Share> {
+    let count = pieces::threads(faces.len()).min(MARKERS);
+    pieces::each(count, |k| {
+        let part = |n: usize| {
+            let len = n.div_ceil(count);
+            (k * len).min(n)..((k + 1) * len).min(n)
+        };
+        let looked = points[part(points.len())].iter().fold(NOTHING, |all, p| look(all, p.wide()));
+        let mut marks = vec![0; points.len()];
         let mut degenerate = 0;
-        for &[a, b, c] in &faces[(k * len).min(faces.len())..((k + 1) * len).min(faces.len())] {
+        for &[a, b, c] in &faces[part(faces.len())] {
             mark(&mut marks[a.index()], b, c);
             mark(&mut marks[b.index()], c, a);
             mark(&mut marks[c.index()], a, b);
             degenerate += usize::from(a == b || b == c || c == a);
         }
-        (marks, degenerate)
-    });
-    let (mut marks, first) = parts.swap_remove(0);
-    let degenerate = first + parts.iter().map(|p| p.1).sum::<usize>();
-    if !parts.is_empty() {
-        pieces::fill(&mut marks, |start, piece| {
-            for (more, _) in &parts {
-                for (a, b) in piece.iter_mut().zip(&more[start..]) {
-                    *a = (*a & !1).wrapping_add(b & !1) | (*a | b) & 1;
-                }
-            }
-        });
-    }
-    (marks, degenerate)
+        Share { marks, degenerate, looked }
+    })
 }
 
 impl<'a, P: Place> Model<'a, P> {
@@ -119,45 +133,45 @@ impl<'a, P: Place> Model<'a, P> {
         let all = surface.triangles();
         let mut cleanup = Cleanup::default();
         let is_finite = |v: VertexId| points[v.index()].wide().is_finite();
-        // The product with 0 of what is finite is 0.
-        let looked = pieces::map(points.len(), |range| {
-            let none = (DVec3::INFINITY, DVec3::NEG_INFINITY, DVec3::ZERO);
-            points[range].iter().fold(none, |(min, max, sum), p| {
-                let p = p.wide();
-                (min.min(p), max.max(p), sum + p * 0.0)
-            })
-        });
+        let mut marked = shares(all, points);
+        let looked = marked.iter().fold(NOTHING, |all, s| together(all, s.looked));
         let mut faces = Cow::Borrowed(all);
         let mut origin = None;
-        if looked.iter().any(|x| x.2 != DVec3::ZERO) {
+        if looked.2 != DVec3::ZERO {
             let kept: Vec<u32> =
                 (0..all.len() as u32).filter(|&f| all[f as usize].iter().all(|&v| is_finite(v))).collect();
             cleanup.non_finite_faces = all.len() - kept.len();
             faces = Cow::Owned(kept.iter().map(|&f| all[f as usize]).collect());
             origin = Some(kept);
+            marked = shares(&faces, points);
         }
-        let (marks, degenerate) = marks(&faces, points.len());
-        cleanup.degenerate_faces = degenerate;
-        let counts = pieces::map(points.len(), |range| {
-            marks[range]
-                .iter()
-                .fold((0, 0), |(used, open), m| (used + usize::from(*m > 0), open + usize::from(*m > 1)))
-        });
-        let used: usize = counts.iter().map(|c| c.0).sum();
-        cleanup.unused_vertices = points.len() - used;
-        let boxes = match used == points.len() {
-            true => looked.iter().map(|x| (x.0, x.1)).collect(),
-            false => pieces::map(points.len(), |range| {
-                let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-                let used = points[range.clone()].iter().zip(&marks[range]).filter(|x| *x.1 > 0);
-                used.fold(none, |(min, max), (p, _)| (min.min(p.wide()), max.max(p.wide())))
-            }),
-        };
-        let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (min, max) = boxes.into_iter().fold(none, |a, b| (a.0.min(b.0), a.1.max(b.1)));
+        cleanup.degenerate_faces = marked.iter().map(|s| s.degenerate).sum();
         if !faces.iter().any(|t| !is_zero_area(t.map(|v| points[v.index()].wide().to_array()))) {
             return Err(SimplifyError::NoFaces { faces: all.len() });
         }
+        let mut marks = marked.swap_remove(0).marks;
+        let len = pieces::len(marks.len());
+        let counts = pieces::shared(&mut marks, len, |k, marks| {
+            for share in &marked {
+                for (a, b) in marks.iter_mut().zip(&share.marks[k * len..]) {
+                    *a = (*a & !1).wrapping_add(b & !1) | (*a | b) & 1;
+                }
+            }
+            let counted = |(used, open), m: &u32| (used + usize::from(*m > 0), open + usize::from(*m > 1));
+            marks.iter().fold((0, 0), counted)
+        });
+        let used: usize = counts.iter().map(|c| c.0).sum();
+        cleanup.unused_vertices = points.len() - used;
+        let (min, max, _) = match used == points.len() {
+            true => looked,
+            // The box is that of the faces.
+            false => pieces::map(points.len(), |range| {
+                let used = points[range.clone()].iter().zip(&marks[range]).filter(|x| *x.1 > 0);
+                used.fold(NOTHING, |all, (p, _)| look(all, p.wide()))
+            })
+            .into_iter()
+            .fold(NOTHING, together),
+        };
         let has_open = counts.iter().any(|c| c.1 > 0);
         let mut model = Self { points, faces, origin, frame: Vec::new(), marks, has_open, min, max, cleanup };
         model.frame = model.framed();
@@ -168,14 +182,11 @@ impl<'a, P: Place> Model<'a, P> {
         let (middle, longest) = (self.middle(), self.extent().max_element());
         // (A length below the least normal number has no inverse.)
         let scale = longest.max(f64::MIN_POSITIVE).recip();
-        let mut frame = vec![[0.0; 4]; self.points.len()];
-        pieces::fill(&mut frame, |start, piece| {
-            for (framed, p) in piece.iter_mut().zip(&self.points[start..]) {
-                let p = ((p.wide() - middle) * scale).as_vec3();
-                *framed = [p.x, p.y, p.z, 0.0];
-            }
-        });
-        frame
+        let (points, marks) = (self.points, &self.marks[..self.points.len()]);
+        pieces::list(points.len(), |v| {
+            let p = ((points[v].wide() - middle) * scale).as_vec3();
+            [p.x, p.y, p.z, f32::from_bits(u32::from(marks[v] > 1) << 31)]
+        })
     }
 
     #[inline(always)]
@@ -184,12 +195,6 @@ impl<'a, P: Place> Model<'a, P> {
     }
     pub(super) fn is_used(&self, v: usize) -> bool {
         self.marks[v] > 0
-    }
-    /// Whether the faces of a vertex leave a gap. (It is taken for closed where the numbers of the vertices around happen to
-    /// cancel out; those of one fan cannot.)
-    #[inline(always)]
-    pub(super) fn is_open(&self, v: usize) -> bool {
-        self.marks[v] > 1
     }
     /// The face of the input that a face is.
     pub(super) fn origin(&self, face: u32) -> usize {

@@ -1,21 +1,58 @@
-//! Work in pieces of fixed size, joined in their order: the same bytes on any number of threads.
+//! Work in pieces, joined in their order: the same bytes on any number of threads.
 
 use std::ops::Range;
 
 #[cfg(feature = "rayon")]
 use rayon::prelude::*;
 
-/// Elements in a piece: long enough to be worth handing out.
-pub(super) const PIECE: usize = 1 << 12;
+/// Elements in a piece at least: handing one out takes as long as some thousand elements. Multiples of it, so that a piece
+/// begins at a full word of bits.
+const LEAST: usize = 1 << 11;
+/// Elements in a piece at most: what is made of one is still in the cache when it is read again.
+const MOST: usize = 1 << 14;
+/// Pieces for each thread, so that one who comes late finds work left.
+const EACH: usize = 4;
+/// With fewer elements than these one thread is as fast. (Guessed, between `cow` with 5,804 faces, which two threads made
+/// slower, and `bunny` with 69,451, which they do not: a step of a small mesh takes less than it takes to wake a thread.)
+const ALONE: usize = 1 << 13;
+
+/// How many threads share work on so many elements; no result depends on it.
+pub(super) fn threads(count: usize) -> usize {
+    #[cfg(feature = "rayon")]
+    if count > ALONE {
+        return rayon::current_num_threads();
+    }
+    let _ = count;
+    1
+}
+
+/// How long pieces of so many elements are; no result depends on it.
+pub(super) fn len(count: usize) -> usize {
+    match threads(count) {
+        1 => MOST,
+        threads => count.div_ceil(EACH * threads).next_multiple_of(LEAST).min(MOST),
+    }
+}
 
 /// Calls `work` for each piece of `0..count`; results in the order of the pieces.
 pub(super) fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
-    each(count.div_ceil(PIECE), |k| work(k * PIECE..((k + 1) * PIECE).min(count)))
+    let len = len(count);
+    each(count.div_ceil(len), |k| work(k * len..((k + 1) * len).min(count)))
+}
+
+/// What `make` makes of each number below `count`: written where it stays, for memory that is cleared first is written twice.
+pub(super) fn list<T: Send>(count: usize, make: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    #[cfg(feature = "rayon")]
+    if threads(count) > 1 {
+        return (0..count).into_par_iter().with_min_len(LEAST).map(&make).collect();
+    }
+    (0..count).map(make).collect()
 }
 
 /// Calls `work` for each piece of a slice, with the index where it begins.
 pub(super) fn fill<T: Send>(items: &mut [T], work: impl Fn(usize, &mut [T]) + Sync) {
-    shared(items, PIECE, |k, piece| work(k * PIECE, piece));
+    let len = len(items.len());
+    shared(items, len, |k, piece| work(k * len, piece));
 }
 
 /// Calls `work` for each run of `len` items, with the number of the run; results in their order.
@@ -24,50 +61,50 @@ pub(super) fn shared<T: Send, R: Send>(
     len: usize,
     work: impl Fn(usize, &mut [T]) -> R + Sync,
 ) -> Vec<R> {
+    over(items.chunks_mut(len).collect(), work)
+}
+
+/// Calls `work` with each item and its number; results in their order.
+pub(super) fn over<T: Send, R: Send>(items: Vec<T>, work: impl Fn(usize, T) -> R + Sync) -> Vec<R> {
+    // One alone is not worth the way to another thread: tens of microseconds, where a small mesh takes hundreds.
     #[cfg(feature = "rayon")]
-    if items.len() > len {
-        return items.par_chunks_mut(len).enumerate().map(|(k, share)| work(k, share)).collect();
+    if items.len() > 1 && rayon::current_num_threads() > 1 {
+        return items.into_par_iter().enumerate().map(|(k, item)| work(k, item)).collect();
     }
-    items.chunks_mut(len).enumerate().map(|(k, share)| work(k, share)).collect()
+    items.into_iter().enumerate().map(|(k, item)| work(k, item)).collect()
 }
 
 /// Calls `work` with each number below `count`; results in their order.
 pub(crate) fn each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    // One alone is not worth the way to another thread: tens of microseconds, where a small mesh takes hundreds.
     #[cfg(feature = "rayon")]
-    if count > 1 {
+    if count > 1 && rayon::current_num_threads() > 1 {
         return (0..count).into_par_iter().map(&work).collect();
     }
     (0..count).map(work).collect()
 }
 
-/// How many threads share work on so many elements; no result depends on it.
-pub(super) fn threads(count: usize) -> usize {
-    #[cfg(feature = "rayon")]
-    if count > PIECE {
-        return rayon::current_num_threads();
-    }
-    let _ = count;
-    1
+/// Parts of a slice, each so long.
+pub(super) fn cut<T>(mut items: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
+    lengths.map(|n| items.split_off_mut(..n).expect("as long as its parts")).collect()
 }
 
 /// Sorts by whatever tells all items apart.
 pub(super) fn sort<T: Ord + Send>(items: &mut [T]) {
     #[cfg(feature = "rayon")]
-    if items.len() > PIECE {
+    if threads(items.len()) > 1 {
         return items.par_sort_unstable();
     }
     items.sort_unstable();
 }
 
-/// Both results, made side by side where there are threads and the work is on more than a piece.
+/// Both results, made side by side where there are threads and the work is on so many elements.
 pub(super) fn both<A: Send, B: Send>(
     count: usize,
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce() -> B + Send,
 ) -> (A, B) {
     #[cfg(feature = "rayon")]
-    if count > PIECE {
+    if threads(count) > 1 {
         return rayon::join(a, b);
     }
     let _ = count;

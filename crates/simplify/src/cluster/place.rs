@@ -5,6 +5,7 @@ use glam::{BVec4A, Mat4, UVec3, Vec3, Vec3A, Vec4, Vec4Swizzles};
 use lodsmith_core::VertexId;
 use wide::f32x4;
 
+use super::faces::{BLOCK, Shares};
 use super::grid::Grid;
 use super::model::{Model, Place};
 use super::pieces;
@@ -50,97 +51,121 @@ const LEAST: f32 = 1e-3;
 const NOTHING: f32 = 1e-30;
 /// Vertices stay so far inside their cells, in edges of it: two on one corner would be at one place.
 const APART: f32 = 1e-3;
-/// Cells whose costs are summed one after the other.
-const BLOCK: usize = 64;
 
-/// Positions of the cells' vertices in user units, and the squared distance to the planes in the mean.
+/// What a cluster is numbered that no face has.
+pub(super) const UNUSED: u32 = u32::MAX;
+
+/// Positions of the vertices of clusters with a face, in user units, and the squared distance to the planes in the mean.
 pub(super) struct Placed<P> {
-    pub(super) points: Vec<P>,
+    /// For each share.
+    pub(super) points: Vec<Vec<P>>,
+    /// The number of each cluster among those of its share that have a face, or [`UNUSED`].
+    number: Vec<u32>,
+    /// How many points are in the shares before.
+    starts: Vec<u32>,
     pub(super) mean_square: f64,
+}
+
+impl<P> Placed<P> {
+    /// The number of a cluster among all that have a face, if it has one.
+    #[inline(always)]
+    pub(super) fn number(&self, shares: &Shares, cluster: u32) -> Option<u32> {
+        let number = self.number[cluster as usize];
+        (number != UNUSED).then(|| self.starts[shares.of(cluster)] + number)
+    }
 }
 
 /// Places a vertex in each cluster; `borders` is what they count, times what they count by default. None leaves its cell.
 /// Cost: O(V + F).
 pub(super) fn place<P: Place>(model: &Model<'_, P>, clusters: &Clusters, borders: f64) -> Placed<P> {
-    let parts = match model.has_open && borders > 0.0 {
-        true => parts::<P, true>(model, clusters, borders),
-        false => parts::<P, false>(model, clusters, borders),
-    };
-    let (mut points, mut cost, mut weight) = (Vec::with_capacity(clusters.cells.len()), 0.0, 0.0);
+    let all = clusters.cells.len();
+    let mut number = vec![UNUSED; all];
+    let ranges = (0..clusters.shares.count).map(|k| clusters.shares.range(k, all).len());
+    let parts =
+        pieces::over(pieces::cut(&mut number, ranges), |k, number| match model.has_open && borders > 0.0 {
+            true => part::<P, true>(model, clusters, borders, k, number),
+            false => part::<P, false>(model, clusters, borders, k, number),
+        });
+    let (mut points, mut starts, mut sum) = (Vec::new(), Vec::new(), 0);
+    let (mut cost, mut weight) = (0.0, 0.0);
     for part in parts {
-        points.extend(part.points);
+        starts.push(sum);
+        sum += part.points.len() as u32;
+        points.push(part.points);
         for (c, w) in part.costs {
             (cost, weight) = (cost + c, weight + w);
         }
     }
     let mean_square = if weight > 0.0 { cost / weight * clusters.grid.cell.powi(2) } else { 0.0 };
-    Placed { points, mean_square }
+    Placed { points, number, starts, mean_square }
 }
 
 /// Some clusters in a row.
 struct Part<P> {
     points: Vec<P>,
-    /// Cost and weight of each block.
+    /// Cost and weight of each block, summed cell by cell.
     costs: Vec<(f64, f64)>,
 }
 
-/// Each part has the faces with a corner in its cells, in their order, so every sum has one order of its own.
-fn parts<P: Place, const RIMS: bool>(
+/// Places the vertices of a share of the clusters, and numbers those that have a face. The share has the faces with a corner
+/// in its cells, in their order, so every sum has one order of its own.
+fn part<P: Place, const RIMS: bool>(
     model: &Model<'_, P>,
     clusters: &Clusters,
     borders: f64,
-) -> Vec<Part<P>> {
+    share: usize,
+    number: &mut [u32],
+) -> Part<P> {
     let Clusters { grid, cells, shares, .. } = clusters;
-    pieces::each(shares.count, |k| {
-        let range = shares.range(k, cells.len());
-        let first = range.start as u32;
-        let mut sums = vec![Sum::default(); range.len().next_multiple_of(4)];
-        let mut rims = vec![Rim::default(); if RIMS { sums.len() } else { 0 }];
-        let mut batch = Batch::default();
-        let mut add_batch = |batch: &mut Batch, count: usize| {
-            batch.fetch(model, clusters);
-            for (i, t) in batch.faces[..count].iter().enumerate() {
-                add(&mut sums, first, &batch.clusters[i], &batch.places[i], &batch.planes(i));
-                if RIMS {
-                    let is_open = t.map(|v| model.is_open(v.index()));
-                    if is_open.contains(&true) {
-                        add_rims(&mut rims, first, (&batch.clusters[i], is_open), &batch.places[i]);
-                    }
-                }
+    let range = shares.range(share, cells.len());
+    let first = range.start as u32;
+    let cells = &cells[range];
+    let mut sums = vec![Sum::default(); cells.len().next_multiple_of(4)];
+    let mut rims = vec![Rim::default(); if RIMS { sums.len() } else { 0 }];
+    let mut is_used = vec![false; sums.len()];
+    let mut batch = Batch::default();
+    let mut add_batch = |batch: &mut Batch, count: usize| {
+        batch.fetch(model, clusters);
+        for i in 0..count {
+            let (of, places) = (&batch.clusters[i], &batch.places[i]);
+            add((&mut sums, &mut is_used), first, of, places, &batch.planes(i));
+            if RIMS && batch.open[i] != 0 {
+                add_rims(&mut rims, first, (of, batch.open[i]), places);
             }
-        };
-        let mut count = 0;
-        shares.runs(k, model.faces.len(), |run| {
-            let mut left = &model.faces[run];
-            while !left.is_empty() {
-                let (some, rest) = left.split_at(left.len().min(AHEAD - count));
-                batch.faces[count..count + some.len()].copy_from_slice(some);
-                (count, left) = (count + some.len(), rest);
-                if count == AHEAD {
-                    add_batch(&mut batch, count);
-                    count = 0;
-                }
-            }
-        });
-        add_batch(&mut batch, count);
-        let mut part = Part { points: Vec::with_capacity(range.len()), costs: Vec::new() };
-        for (block, cells) in cells[range].chunks(BLOCK).enumerate() {
-            let (mut cost, mut weight) = (0.0, 0.0);
-            for (four, cells) in cells.chunks(4).enumerate() {
-                let i = block * BLOCK + 4 * four;
-                let sums: &[Sum; 4] = sums[i..i + 4].try_into().expect("padded to fours");
-                let border = if RIMS { Forms::of(&rims[i..i + 4], borders) } else { Forms::default() };
-                let (places, costs) = solve(sums, &border, grid.rounding);
-                for (j, cell) in cells.iter().enumerate() {
-                    let at = UVec3::from(*cell).as_dvec3() + places[j].as_dvec3();
-                    part.points.push(P::of(grid.user(at)));
-                    (cost, weight) = (cost + f64::from(costs[j]), weight + f64::from(sums[j].squares.w));
-                }
-            }
-            part.costs.push((cost, weight));
         }
-        part
-    })
+    };
+    if shares.count == 1 {
+        for some in model.faces.chunks(AHEAD) {
+            batch.faces[..some.len()].copy_from_slice(some);
+            add_batch(&mut batch, some.len());
+        }
+    } else {
+        shares.touching::<AHEAD>(share, |some| {
+            batch.faces.iter_mut().zip(some).for_each(|(slot, f)| *slot = model.faces[*f as usize]);
+            add_batch(&mut batch, some.len());
+        });
+    }
+    let used = is_used.iter().filter(|used| **used).count();
+    let mut part = Part { points: Vec::with_capacity(used), costs: Vec::new() };
+    for (block, cells) in cells.chunks(BLOCK).enumerate() {
+        let (mut cost, mut weight) = (0.0, 0.0);
+        for (four, cells) in cells.chunks(4).enumerate() {
+            let i = block * BLOCK + 4 * four;
+            let sums: &[Sum; 4] = sums[i..i + 4].try_into().expect("padded to fours");
+            let border = if RIMS { Forms::of(&rims[i..i + 4], borders) } else { Forms::default() };
+            let (places, costs) = solve(sums, &border, grid.rounding);
+            for (j, cell) in cells.iter().enumerate() {
+                if is_used[i + j] {
+                    let at = UVec3::from(*cell).as_dvec3() + places[j].as_dvec3();
+                    number[i + j] = part.points.len() as u32;
+                    part.points.push(P::of(grid.user(at)));
+                }
+                (cost, weight) = (cost + f64::from(costs[j]), weight + f64::from(sums[j].squares.w));
+            }
+        }
+        part.costs.push((cost, weight));
+    }
+    part
 }
 
 /// Some faces, worked on a step at a time: what one waits for, be it memory or a root, is then under way for many.
@@ -149,6 +174,8 @@ struct Batch {
     /// Of the corners, the clusters and the places in cells from the origin.
     clusters: [[u32; 3]; AHEAD],
     places: [[Vec4; 3]; AHEAD],
+    /// A bit for each corner that is open.
+    open: [u32; AHEAD],
     normals: [Vec4; AHEAD],
     /// Doubled areas, and what makes normals unit normals.
     doubled: [f32; AHEAD],
@@ -161,6 +188,7 @@ impl Default for Batch {
             faces: [[VertexId(0); 3]; AHEAD],
             clusters: [[0; 3]; AHEAD],
             places: [[Vec4::ZERO; 3]; AHEAD],
+            open: [0; AHEAD],
             normals: [Vec4::ZERO; AHEAD],
             doubled: [0.0; AHEAD],
             inverse: [0.0; AHEAD],
@@ -177,6 +205,8 @@ impl Batch {
         }
         let (scale, half) = clusters.grid.places();
         for i in 0..AHEAD {
+            let [a, b, c] = self.places[i].map(|p| p.is_negative_bitmask() >> 3);
+            self.open[i] = a | b << 1 | c << 2;
             let [a, b, c] = self.places[i].map(|p| p * scale + half);
             self.places[i] = [a, b, c];
             let (u, v) = (b - a, c - a);
@@ -205,9 +235,15 @@ impl Batch {
     }
 }
 
-/// Adds a face to those of its cells that `sums` holds, from cell `first` on.
+/// Adds a face to those of its cells that `sums` holds, from cell `first` on; if it is left, they are used.
 #[inline(always)]
-fn add(sums: &mut [Sum], first: u32, clusters: &[u32; 3], &[a, b, c]: &[Vec4; 3], planes: &Planes) {
+fn add(
+    (sums, is_used): (&mut [Sum], &mut [bool]),
+    first: u32,
+    clusters: &[u32; 3],
+    &[a, b, c]: &[Vec4; 3],
+    planes: &Planes,
+) {
     let slot = |k: usize| clusters[k].wrapping_sub(first) as usize;
     if clusters[0] == clusters[1] && clusters[1] == clusters[2] {
         if let Some(sum) = sums.get_mut(slot(0)) {
@@ -216,21 +252,23 @@ fn add(sums: &mut [Sum], first: u32, clusters: &[u32; 3], &[a, b, c]: &[Vec4; 3]
         }
         return;
     }
+    let is_left = clusters[0] != clusters[1] && clusters[1] != clusters[2] && clusters[2] != clusters[0];
     // Corner by corner, whether two share a cell or not: which it is, no processor could guess.
     for (k, place) in [a, b, c].into_iter().enumerate() {
-        if let Some(sum) = sums.get_mut(slot(k)) {
+        if let (Some(sum), Some(is_used)) = (sums.get_mut(slot(k)), is_used.get_mut(slot(k))) {
             let at = Grid::inside(place);
             sum.add(planes, 1.0, at, at);
+            *is_used |= is_left;
         }
     }
 }
 
 /// Adds the edges of a face to the rims of its cells: at each open corner the two that end there, out to the next corner and
 /// in from the one after.
-fn add_rims(rims: &mut [Rim], first: u32, (clusters, is_open): (&[u32; 3], [bool; 3]), places: &[Vec4; 3]) {
+fn add_rims(rims: &mut [Rim], first: u32, (clusters, open): (&[u32; 3], u32), places: &[Vec4; 3]) {
     let [a, b, c] = places.map(Vec3A::from_vec4);
     let edges = [(b - a, c - a), (c - b, a - b), (a - c, b - c)];
-    for (k, (next, after)) in edges.into_iter().enumerate().filter(|x| is_open[x.0]) {
+    for (k, (next, after)) in edges.into_iter().enumerate().filter(|x| open >> x.0 & 1 != 0) {
         if let Some(rim) = rims.get_mut(clusters[k].wrapping_sub(first) as usize) {
             let at = Vec3A::from_vec4(Grid::inside(places[k]));
             rim.direction += next - after;

@@ -16,7 +16,8 @@ pub(super) struct Clusters {
     pub(super) cells: Vec<[u32; 3]>,
     /// The first cluster that is a locked place and not a cell.
     pub(super) first_locked: usize,
-    pub(super) faces: Vec<Face>,
+    /// By the shares of their least clusters.
+    pub(super) faces: Vec<Vec<Face>>,
     pub(super) shares: Shares,
 }
 
@@ -31,10 +32,15 @@ impl Clusters {
         Self { grid, of, cells, first_locked, faces, shares }
     }
 
+    /// How many faces there are.
+    pub(super) fn face_count(&self) -> usize {
+        self.faces.iter().map(Vec::len).sum()
+    }
+
     /// Clusters with a face.
     pub(super) fn vertices(&self) -> usize {
         let mut is_used = vec![false; self.cells.len()];
-        self.faces.iter().flat_map(|f| f.corners).for_each(|c| is_used[c as usize] = true);
+        self.faces.iter().flatten().flat_map(|f| f.corners).for_each(|c| is_used[c as usize] = true);
         is_used.iter().filter(|u| **u).count()
     }
 }
@@ -73,7 +79,7 @@ pub(super) fn search<P: Place, E>(
 ) -> Result<Found, E> {
     let excess = |clusters: &Clusters| {
         let of = |count: usize, goal: usize| count as f64 / goal.max(1) as f64;
-        let by_faces = goal.faces.map(|n| of(clusters.faces.len(), n));
+        let by_faces = goal.faces.map(|n| of(clusters.face_count(), n));
         let by_vertices = goal.vertices.map(|n| of(clusters.vertices(), n));
         // The first one met is enough.
         by_faces.into_iter().chain(by_vertices).fold(f64::INFINITY, f64::min)
@@ -97,9 +103,9 @@ pub(super) fn search<P: Place, E>(
             break;
         }
         let clusters = Clusters::new(model, locked, resolution);
-        let is_empty = clusters.faces.is_empty();
+        let is_empty = clusters.face_count() == 0;
         let now = if wanted.is_some() { excess(&clusters) } else { 1.0 };
-        let is_better = best.as_ref().is_none_or(|(old, before)| match (old.faces.is_empty(), is_empty) {
+        let is_better = best.as_ref().is_none_or(|(old, before)| match (old.face_count() == 0, is_empty) {
             (false, false) if now <= 1.0 => *before > 1.0 || now > *before,
             (false, false) => *before > 1.0 && now < *before,
             (old_is_empty, _) => old_is_empty,
@@ -108,7 +114,7 @@ pub(super) fn search<P: Place, E>(
             best = Some((clusters, now));
         }
         let is_near = |(best, share): &(Clusters, f64)| {
-            *share <= 1.0 && !best.faces.is_empty() && *share >= 1.0 - near(count, pass)
+            *share <= 1.0 && best.face_count() > 0 && *share >= 1.0 - near(count, pass)
         };
         if wanted.is_none() || now > 1.0 && resolution <= coarsest || best.as_ref().is_some_and(is_near) {
             break;
@@ -123,7 +129,7 @@ pub(super) fn search<P: Place, E>(
         }
         let wish = resolution * (aim / now.max(0.01)).powf(1.0 / slope);
         resolution = if wish > low && wish < high { wish } else { (low * high).sqrt() };
-        if pass + 2 == PASSES && best.as_ref().is_some_and(|b| b.0.faces.is_empty()) {
+        if pass + 2 == PASSES && best.as_ref().is_some_and(|b| b.0.face_count() == 0) {
             resolution = high;
         }
     }
