@@ -19,11 +19,10 @@ const ALONE: usize = 1 << 13;
 /// How many threads share work on so many elements; no result depends on it.
 pub(super) fn threads(count: usize) -> usize {
     #[cfg(feature = "rayon")]
-    if count > ALONE {
-        return rayon::current_num_threads();
-    }
-    let _ = count;
-    1
+    let all = rayon::current_num_threads();
+    #[cfg(not(feature = "rayon"))]
+    let all = 1;
+    if count > ALONE { all } else { 1 }
 }
 
 /// How long pieces of so many elements are; no result depends on it.
