@@ -52,6 +52,7 @@ use wide::f32x8;
 
 use crate::control::{Control, Verdict};
 use crate::guard::Rules;
+use crate::lanes::{self, cross, dot, sub};
 use crate::metric::{Around, Judge, Metric};
 use crate::options::Placement;
 use crate::report::Refusal;
@@ -290,16 +291,21 @@ impl<M: Metric> Engine<M> {
             self.mean_face = self.mean_face();
         }
         let mut normals = vec![Vec3::ZERO; self.store.v.len()];
-        for i in 0..self.store.t.len() {
-            let t = self.store.t[i];
-            let [a, b, c] = t.map(|w| self.store.p(w));
-            let normal = (b - a).cross(c - a);
-            let length = normal.length();
-            self.total_area += f64::from(length);
-            let plane = Tensor::outer(normal, self.metric.plane_weight(length, self.mean_face));
-            for w in t {
-                M::tensor(&mut self.store.v[w.index()].q).add(&plane);
-                normals[w.index()] += normal;
+        for at in (0..self.store.t.len()).step_by(4) {
+            let count = (self.store.t.len() - at).min(4);
+            let t = [0, 1, 2, 3].map(|i: usize| self.store.t[at + i.min(count - 1)]);
+            let [a, b, c] = [0, 1, 2].map(|k| self.store.four(t.map(|t| t[k])));
+            let normal = cross(&sub(&b, &a), &sub(&c, &a));
+            let length = dot(&normal, &normal).sqrt();
+            let weights = self.metric.plane_weights(length, self.mean_face);
+            let planes = lanes::tensors(lanes::outer(&normal, weights));
+            let (normal, length) = (lanes::each(&normal), length.to_array());
+            for i in 0..count {
+                self.total_area += f64::from(length[i]);
+                for w in t[i] {
+                    M::tensor(&mut self.store.v[w.index()].q).add(&planes[i]);
+                    normals[w.index()] += normal[i];
+                }
             }
         }
         for (x, &normal) in self.store.v.iter_mut().zip(&normals) {

@@ -14,6 +14,7 @@ use wide::{f32x4, f32x8};
 use crate::collapse::kind::Kind;
 use crate::collapse::order::NONE;
 use crate::collapse::store::{Corner, Store};
+use crate::lanes::{self, Four, cross, dot, splat, sub};
 use crate::metric::Memory;
 use crate::tensor::Tensor;
 use crate::triangle;
@@ -50,13 +51,13 @@ const MIN_DET: f32 = 1e-36;
 /// equal.)
 const READY: usize = 128;
 
-/// Up to eight triangles of a vertex' star side by side, for vector instructions: unit normal, barycentric coordinates of
-/// the second and third corner (gradients, and what they are at the vertex), heights over the three edges.
+/// Up to eight triangles of a vertex' star side by side, for vector instructions, each from that vertex on: unit normal,
+/// gradients of the barycentric coordinates of the two corners after it, heights over the three edges.
 #[derive(Clone, Copy)]
 struct Fan {
     normal: [f32x8; 3],
-    second: [f32x8; 4],
-    third: [f32x8; 4],
+    second: [f32x8; 3],
+    third: [f32x8; 3],
     high: [f32x8; 3],
     corner: [Corner; 8],
 }
@@ -77,9 +78,9 @@ struct Load {
 }
 
 impl Load {
-    fn of(face: &Face) -> Self {
+    fn of(normal: Vec3) -> Self {
         let (bb, none) = (Tensor::default(), [0.0; 3]);
-        Self { bb, rb: none, normal: face.normal(), lift: none, worst: 0.0 }
+        Self { bb, rb: none, normal, lift: none, worst: 0.0 }
     }
 
     /// How far corner `k` ought to go along the normal, weighted, where the others have gone already. (By sums: a branch
@@ -106,62 +107,47 @@ struct Nearest {
     distance_sq: f32,
     beside: f32,
     height: f32,
-    /// Barycentric coordinates of the second and third corner.
+    /// Barycentric coordinates of the two corners after `corner`.
     second: f32,
     third: f32,
     corner: Corner,
 }
 
-/// What the stars of a final triangle's corners have in common: one cache line. The fourth numbers are 0.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-struct Face {
-    normal: f32x4,
+/// Four final triangles side by side, from one of their corners on.
+struct FourFaces {
+    /// Unit normals.
+    normal: Four,
     /// Gradients of the barycentric coordinates of the second and third corner.
-    second: f32x4,
-    third: f32x4,
-    /// Heights over the edges opposite to the corners.
-    high: f32x4,
+    second: Four,
+    third: Four,
+    /// Squared heights over the edges opposite to the corners.
+    high_sq: [f32x4; 3],
 }
 
-impl Face {
-    /// The face, and its squared heights.
+impl FourFaces {
     #[inline(always)]
-    fn new([a, b, c]: [Vec3; 3]) -> (Self, [f32; 3]) {
-        let row = |v: Vec3| f32x4::new([v.x, v.y, v.z, 0.0]);
-        let normal = (b - a).cross(c - a);
-        let area_sq = normal.length_squared().max(1e-36);
-        let per_area = 1.0 / area_sq.sqrt();
-        let normal = normal * per_area;
-        let slope = normal * per_area;
-        let [x, y, z] = [c - b, a - c, b - a].map(|e| e.length_squared());
-        let high_sq = f32x4::new([area_sq, area_sq, area_sq, 0.0])
-            / f32x4::new([x, y, z, 1.0]).fast_max(f32x4::splat(1e-36));
-        let (second, third) = (row(slope.cross(a - c)), row(slope.cross(b - a)));
-        let [x, y, z, _] = high_sq.to_array();
-        (Self { normal: row(normal), second, third, high: high_sq.sqrt() }, [x, y, z])
+    fn new([a, b, c]: [Four; 3]) -> Self {
+        let edges = [sub(&c, &b), sub(&a, &c), sub(&b, &a)];
+        let least = f32x4::splat(1e-36);
+        let normal = cross(&edges[2], &sub(&c, &a));
+        let area_sq = dot(&normal, &normal).fast_max(least);
+        let per_area = f32x4::ONE / area_sq.sqrt();
+        let normal = normal.map(|x| x * per_area);
+        let slope = normal.map(|x| x * per_area);
+        let high_sq = [0, 1, 2].map(|k| area_sq / dot(&edges[k], &edges[k]).fast_max(least));
+        Self { normal, second: cross(&slope, &edges[1]), third: cross(&slope, &edges[2]), high_sq }
     }
 
+    /// Which of them are no slivers and face as the input did there (`facing`), within 30 degrees: no turn that is allowed
+    /// turns their back.
     #[inline(always)]
-    fn normal(&self) -> Vec3 {
-        three(self.normal)
+    fn are_sound(&self, facing: &Four) -> f32x4 {
+        let [x, y, z] = self.high_sq;
+        let d = dot(&self.normal, facing);
+        // The least height stands on the longest edge: height² = area · height / edge.
+        let (least, most) = (x.fast_min(y).fast_min(z), x.fast_max(y).fast_max(z));
+        d.simd_gt(f32x4::ZERO) & (d * d).simd_gt(dot(facing, facing) * 0.75) & least.simd_gt(most * 1e-4)
     }
-}
-
-#[inline(always)]
-fn three(v: f32x4) -> Vec3 {
-    let [x, y, z, _] = v.to_array();
-    Vec3::new(x, y, z)
-}
-
-/// Whether a face with this normal and these squared heights is no sliver and faces as the input did there (`facing`),
-/// within 30 degrees: no turn that is allowed turns its back.
-#[inline(always)]
-fn is_sound(normal: Vec3, [x, y, z]: [f32; 3], facing: Vec3) -> bool {
-    let d = normal.dot(facing);
-    // The least height stands on the longest edge: height² = area · height / edge.
-    let (least, most) = (min(min(x, y), z), max(max(x, y), z));
-    (d > 0.0) & (d * d > 0.75 * facing.length_squared()) & (least > 1e-4 * most)
 }
 
 /// Where a sample came to count.
@@ -175,7 +161,6 @@ struct Placed {
 
 struct Sampler<'a, Q: Memory> {
     store: &'a Store<Q>,
-    faces: &'a [Face],
     ready: Vec<(VertexId, Vec<Fan>)>,
     loads: Vec<Load>,
     /// Squared height above which samples count less.
@@ -204,21 +189,24 @@ impl<Q: Memory> Sampler<'_, Q> {
         fans.clear();
         let list = store.listed(u);
         fans.reserve_exact(list.len().div_ceil(8));
+        let at = splat(store.p(u));
         for corners in list.chunks(8) {
-            // A lane that is not used is far from everything.
-            let far = f32x4::new([0.0, 0.0, 0.0, FAR]);
-            let (mut normal, mut second) = ([f32x4::ZERO; 8], [far; 8]);
-            let (mut third, mut high) = ([f32x4::ZERO; 8], [f32x4::splat(1.0); 8]);
-            let mut corner = [Corner::default(); 8];
-            for (i, &c) in corners.iter().enumerate() {
-                let (f, [at_second, at_third]) = (&self.faces[c.face()], &AT_CORNER[c.k()]);
-                (normal[i], high[i]) = (f.normal, f.high);
-                (second[i], third[i]) = (f.second + f32x4::new(*at_second), f.third + f32x4::new(*at_third));
-                corner[i] = c;
-            }
-            let ([x, y, z, _], [a, b, c, _]) = (columns(&normal), columns(&high));
-            let (second, third) = (columns(&second), columns(&third));
-            fans.push(Fan { normal: [x, y, z], second, third, high: [a, b, c], corner });
+            // Lanes that are not used repeat the last triangle: the first of equals is taken.
+            let corner: [Corner; 8] = std::array::from_fn(|i| corners[i.min(corners.len() - 1)]);
+            let others = corner.map(|c| store.others_at(c));
+            let four = |few: [(VertexId, VertexId); 4]| {
+                FourFaces::new([at, store.four(few.map(|o| o.0)), store.four(few.map(|o| o.1))])
+            };
+            let [a, b, c, d, e, f, g, h] = others;
+            let (low, high) = (four([a, b, c, d]), four([e, f, g, h]));
+            let join = |low: Four, high: Four| [0, 1, 2].map(|i| bytemuck::cast([low[i], high[i]]));
+            fans.push(Fan {
+                normal: join(low.normal, high.normal),
+                second: join(low.second, high.second),
+                third: join(low.third, high.third),
+                high: join(low.high_sq, high.high_sq).map(f32x8::sqrt),
+                corner,
+            });
         }
     }
 
@@ -231,7 +219,7 @@ impl<Q: Memory> Sampler<'_, Q> {
         }
         // That it does not face the sample's way is rare, and looked at afterwards.
         if found.distance_sq < best.distance_sq {
-            if self.faces[found.corner.face()].normal().dot(normal) > FACING {
+            if self.loads[found.corner.face()].normal.dot(normal) > FACING {
                 *best = found;
             } else {
                 self.nearest_facing(slot, q, normal, best);
@@ -257,17 +245,18 @@ impl<Q: Memory> Sampler<'_, Q> {
         }
     }
 
-    /// Gives a sample to a face, whose first vertex is `first`, if it lies above or below it.
+    /// Gives a sample to a face if it lies above or below it.
     #[inline(always)]
-    fn place_on(&mut self, face: usize, first: VertexId, p: Vec3, weight: f32) -> Option<Placed> {
-        let f = &self.faces[face];
-        let q = p - self.store.p(first);
-        let (v, w) = (three(f.second).dot(q), three(f.third).dot(q));
+    fn place_on(&mut self, face: usize, p: Vec3, weight: f32) -> Option<Placed> {
+        let [a, b, c] = self.store.t[face].map(|w| self.store.p(w));
+        let (q, first, second, normal) = (p - a, b - a, c - a, self.loads[face].normal);
+        let per_area = 1.0 / max(first.cross(second).dot(normal), 1e-18);
+        let (v, w) = (normal.dot(q.cross(second)) * per_area, normal.dot(first.cross(q)) * per_area);
         let u = 1.0 - v - w;
         if u < 0.0 || v < 0.0 || w < 0.0 {
             return None;
         }
-        let height = f.normal().dot(q);
+        let height = normal.dot(q);
         Some(self.add(face, Vec3::new(u, v, w), height, height * height, weight))
     }
 
@@ -284,8 +273,9 @@ impl<Q: Memory> Sampler<'_, Q> {
         Placed { face, b, weight }
     }
 
-    /// Gives a sample to the nearest triangle that faces its way: in the star of its home, then, if it lies beside that
-    /// star, in the star of the nearer corner of the triangle found.
+    /// Gives a sample to the nearest triangle that faces its way: in the star of its home, then, if it lies beyond the rim
+    /// of that star, in the star of the nearer corner of the triangle found. (Beside an edge within the star the other
+    /// triangle there was looked at too.)
     #[inline(always)]
     fn place(&mut self, p: Vec3, normal: Vec3, weight: f32, home: VertexId) -> Option<Placed> {
         let mut best = Nearest {
@@ -301,11 +291,9 @@ impl<Q: Memory> Sampler<'_, Q> {
         if best.distance_sq == f32::INFINITY {
             return None;
         }
-        if best.beside != 0.0 {
-            let (t, k) = (&self.store.t[best.corner.face()], best.corner.k());
-            let b = [1.0 - best.second - best.third, best.second, best.third, 0.0];
-            let (i, j) = (NEXT[k], PREV[k]);
-            let next = t[if b[i] > b[j] { i } else { j }];
+        if best.second + best.third > 1.0 {
+            let (second, third) = self.store.others_at(best.corner);
+            let next = if best.second > best.third { second } else { third };
             let slot = self.star(next);
             self.nearest(slot, p - self.store.p(next), normal, &mut best);
         }
@@ -315,30 +303,15 @@ impl<Q: Memory> Sampler<'_, Q> {
         let (v, w) = (max(best.second, 0.0), max(best.third, 0.0));
         let scale = 1.0 / max(v + w, 1.0);
         let (v, w) = (v * scale, w * scale);
-        let b = Vec3::new(1.0 - v - w, v, w);
-        Some(self.add(best.corner.face(), b, best.height, best.distance_sq, weight))
+        let (k, mut b) = (best.corner.k(), [0.0; 4]);
+        (b[k], b[NEXT[k]], b[PREV[k]]) = (1.0 - v - w, v, w);
+        Some(self.add(best.corner.face(), Vec3::new(b[0], b[1], b[2]), best.height, best.distance_sq, weight))
     }
 }
 
-/// What the barycentric coordinates of the second and third corner are at each corner, as fourth numbers.
-const AT_CORNER: [[[f32; 4]; 2]; 4] =
-    [[[0.0; 4]; 2], [[0.0, 0.0, 0.0, 1.0], [0.0; 4]], [[0.0; 4], [0.0, 0.0, 0.0, 1.0]], [[0.0; 4]; 2]];
 /// The two corners after each.
 const NEXT: [usize; 4] = [1, 2, 0, 0];
 const PREV: [usize; 4] = [2, 0, 1, 0];
-/// A distance beyond all others, whose square is still a number.
-const FAR: f32 = 1e18;
-
-/// Four numbers of eight, side by side.
-#[inline(always)]
-fn columns(rows: &[f32x4; 8]) -> [f32x8; 4] {
-    let [a, b, c, d, e, f, g, h] = *rows;
-    let (low, high) = (f32x4::transpose([a, b, c, d]), f32x4::transpose([e, f, g, h]));
-    [0, 1, 2, 3].map(|k| {
-        let ([a, b, c, d], [e, f, g, h]) = (low[k].to_array(), high[k].to_array());
-        f32x8::new([a, b, c, d, e, f, g, h])
-    })
-}
 
 impl Fan {
     /// Its triangle that is the nearest to a place `q` (from the vertex) by squared distances as `judged`, if it is nearer
@@ -347,8 +320,8 @@ impl Fan {
     fn nearest(&self, q: Vec3, judged: impl Fn(f32x8) -> f32x8, best: &mut Nearest) {
         let (n, s, t, zero) = (&self.normal, &self.second, &self.third, f32x8::ZERO);
         let h = n[0] * q.x + n[1] * q.y + n[2] * q.z;
-        let v = s[0] * q.x + s[1] * q.y + s[2] * q.z + s[3];
-        let w = t[0] * q.x + t[1] * q.y + t[2] * q.z + t[3];
+        let v = s[0] * q.x + s[1] * q.y + s[2] * q.z;
+        let w = t[0] * q.x + t[1] * q.y + t[2] * q.z;
         let beside = ((v + w - f32x8::ONE) * self.high[0]).fast_max((zero - v) * self.high[1]);
         let beside = beside.fast_max((zero - w) * self.high[2]).fast_max(zero);
         let d2 = judged(h * h + beside * beside);
@@ -394,11 +367,10 @@ pub(crate) fn fit<Q: Memory>(
         return Fitted::default();
     }
     let home = store.homes();
-    let Begun { faces: final_faces, loads, mut around } = begin(store);
+    let Begun { loads, mut around } = begin(store);
     let per_face = (points.len() + faces.len()) as f64 / store.t.len() as f64;
     let mut sampler = Sampler {
         store,
-        faces: &final_faces,
         ready: vec![(NONE, Vec::new()); READY.min(store.v.len().next_power_of_two())],
         loads,
         usual: (ROBUST * (per_face * away).powi(2)).clamp(1e-30, 1e30) as f32,
@@ -428,9 +400,9 @@ pub(crate) fn fit<Q: Memory>(
         let [a, b, c] = t.map(|w| points[w.index()]);
         let normal = (b - a).cross(c - a);
         let area = normal.length();
-        let n = normal / max(area, 1e-30);
+        let n = normal * (1.0 / max(area, 1e-30));
         let centre = (a + (b + c)) * (1.0 / 3.0);
-        let placed = survivor.and_then(|face| sampler.place_on(face, homes[0], centre, 9.0 * area));
+        let placed = survivor.and_then(|face| sampler.place_on(face, centre, 9.0 * area));
         let placed = placed.or_else(|| sampler.place(centre, n, 9.0 * area, u));
         if let (Some(values), Some(placed)) = (&mut values, placed) {
             values.add_centre(i, placed.face, placed.b, placed.weight);
@@ -450,7 +422,6 @@ pub(crate) fn fit<Q: Memory>(
         }
     }
     let Sampler { mut loads, rr, weight, .. } = sampler;
-    drop(final_faces);
     let delta = solve(store, &mut loads, &mut around);
     let gain = |l: &Load| {
         let lift = Vec3::from(l.lift);
@@ -530,23 +501,44 @@ fn border_neighbours<Q: Memory>(store: &Store<Q>, u: VertexId) -> impl Iterator<
         .filter(move |&w| around.iter().filter(|c| others(c).contains(&w)).count() == 1)
 }
 
-/// Whether every face of `u` keeps its side with `u` at `p`.
-fn is_fine<Q: Memory>(store: &Store<Q>, loads: &[Load], u: VertexId, p: Vec3) -> bool {
-    store.listed(u).iter().all(|&corner| {
-        let (t, k, n) = (&store.t[corner.face()], corner.k(), loads[corner.face()].normal);
-        let (a, b) = (store.p(t[[1, 2, 0][k]]), store.p(t[[2, 0, 1][k]]));
-        let (e, s) = (b - a, p - a);
-        let after = e.cross(s);
-        let facing = store.facing(t);
-        let (d, after_sq) = (n.dot(after), after.length_squared());
+/// Whether every face of `u` keeps its side with `u` at `p`: of the face as it is, and, with `asks_facing`, of the input.
+fn is_fine<Q: Memory>(store: &Store<Q>, loads: &[Load], u: VertexId, p: Vec3, asks_facing: bool) -> bool {
+    let (from, at) = (splat(store.p(u)), splat(p));
+    store.listed(u).chunks(4).all(|few| {
+        let last = few.len() - 1;
+        let corners = [few[0], few[1.min(last)], few[2.min(last)], few[3.min(last)]];
+        let others = corners.map(|c| store.others_at(c));
+        let (a, b) = (store.four(others.map(|o| o.0)), store.four(others.map(|o| o.1)));
+        let n = normals(loads, corners);
+        let (e, s, o) = (sub(&b, &a), sub(&at, &a), sub(&at, &b));
+        let after = cross(&e, &s);
+        let (d, after_sq) = (dot(&n, &after), dot(&after, &after));
         // Written so that no number (an overflow) counts as turned.
-        let keeps_side = d > 0.0 && d * d > MAX_TURN * n.length_squared() * after_sq;
-        let around = e.length_squared() + s.length_squared() + (p - b).length_squared();
-        let is_thin = 12.0 * after_sq < 1e-6 * around * around;
-        keeps_side
-            && !(is_thin && after_sq < e.cross(store.p(u) - a).length_squared())
-            && (after.dot(facing) >= 0.0 || n.dot(facing) < 0.0)
+        let keeps_side = d.simd_gt(f32x4::ZERO) & (d * d).simd_gt(dot(&n, &n) * MAX_TURN * after_sq);
+        let around = dot(&e, &e) + dot(&s, &s) + dot(&o, &o);
+        let before = cross(&e, &sub(&from, &a));
+        let thins =
+            (after_sq * 12.0).simd_lt(around * around * 1e-6) & after_sq.simd_lt(dot(&before, &before));
+        let is_sided = || {
+            corners.iter().enumerate().all(|(i, c)| {
+                let facing = store.facing(&store.t[c.face()]);
+                let after = Vec3::from(after.map(|x| x.to_array()[i]));
+                after.dot(facing) >= 0.0 || loads[c.face()].normal.dot(facing) < 0.0
+            })
+        };
+        keeps_side.to_bitmask() & !thins.to_bitmask() & 0xf == 0xf && (!asks_facing || is_sided())
     })
+}
+
+/// The normals of the faces at four corners.
+#[inline(always)]
+fn normals(loads: &[Load], corners: [Corner; 4]) -> Four {
+    let row = |c: Corner| {
+        let Load { normal, lift, .. } = &loads[c.face()];
+        f32x4::new([normal.x, normal.y, normal.z, lift[0]])
+    };
+    let [x, y, z, _] = f32x4::transpose(corners.map(row));
+    [x, y, z]
 }
 
 /// What the faces around a vertex say of it.
@@ -554,31 +546,34 @@ fn is_fine<Q: Memory>(store: &Store<Q>, loads: &[Load], u: VertexId, p: Vec3) ->
 struct Around {
     /// The largest squared distance of a sample.
     worst: f32,
-    /// The square of a move that no face minds, even if all its corners go as far.
+    /// The square of a move that no face minds, even if all its corners go as far; 0 unless all face as the input did.
     leeway: f32,
 }
 
 /// What is known of the final triangles before the samples.
 struct Begun {
-    faces: Vec<Face>,
     loads: Vec<Load>,
     around: Vec<Around>,
 }
 
 fn begin<Q: Memory>(store: &Store<Q>) -> Begun {
     let mut around = vec![Around { worst: 0.0, leeway: f32::INFINITY }; store.v.len()];
-    let (mut faces, mut loads) = (Vec::with_capacity(store.t.len()), Vec::with_capacity(store.t.len()));
-    for t in &store.t {
-        let (face, high_sq) = Face::new(t.map(|w| store.p(w)));
-        let leeway = if is_sound(face.normal(), high_sq, store.facing(t)) { LEEWAY } else { 0.0 };
-        for (w, high_sq) in t.iter().zip(high_sq) {
-            let of = &mut around[w.index()].leeway;
-            *of = min(*of, leeway * high_sq);
+    let mut loads = Vec::with_capacity(store.t.len());
+    for few in store.t.chunks(4) {
+        let t = [0, 1, 2, 3].map(|i: usize| few[i.min(few.len() - 1)]);
+        let four = FourFaces::new([0, 1, 2].map(|k| store.four(t.map(|t| t[k]))));
+        let is_sound = four.are_sound(&lanes::four(t.map(|t| store.facing(&t))));
+        let leeway = four.high_sq.map(|high_sq| (is_sound & (high_sq * LEEWAY)).to_array());
+        let normals = lanes::each(&four.normal);
+        for (i, t) in few.iter().enumerate() {
+            for (w, leeway) in t.iter().zip(leeway) {
+                let of = &mut around[w.index()].leeway;
+                *of = min(*of, leeway[i % 4]);
+            }
+            loads.push(Load::of(normals[i % 4]));
         }
-        loads.push(Load::of(&face));
-        faces.push(face);
     }
-    Begun { faces, loads, around }
+    Begun { loads, around }
 }
 
 /// Moves, by no more than the largest distance seen, and only where no triangle turns far.
@@ -590,11 +585,21 @@ fn shift<Q: Memory>(store: &mut Store<Q>, loads: &[Load], around: &[Around], del
         }
         let id = VertexId(u as u32);
         let p = store.v[u].p + delta * if step > worst { (worst / step).sqrt() } else { 1.0 };
-        if step.min(worst) <= leeway || is_fine(store, loads, id, p) {
+        if min(step, worst) <= leeway || is_fine(store, loads, id, p, leeway == 0.0) {
             let x = &mut store.v[u];
             (x.p, x.kind) = (p, x.kind.moved(true));
         }
     }
+}
+
+/// Whether a place lies above or below a face, no farther than the root of `limit`.
+#[inline(always)]
+fn is_above(p: Vec3, [a, b, c]: [Vec3; 3], limit: f32) -> bool {
+    let (q, first, second) = (p - a, b - a, c - a);
+    let normal = first.cross(second);
+    let (area_sq, height) = (normal.length_squared(), normal.dot(q));
+    let (v, w) = (normal.dot(q.cross(second)), normal.dot(first.cross(q)));
+    (height * height <= limit * area_sq) & (v >= 0.0) & (w >= 0.0) & (v + w <= area_sq)
 }
 
 /// Pulls in vertices that stick out farther than the root of `limit`. It is enough to look round the nearest of the
@@ -613,7 +618,7 @@ fn tether<Q: Memory>(
         .v
         .iter()
         .zip(around)
-        .map(|(x, of)| may_move(x.kind) && x.kind.is_moved() && of.worst > SUSPECT * limit)
+        .map(|(x, of)| of.worst > SUSPECT * limit && may_move(x.kind) && x.kind.is_moved())
         .collect();
     let mut nearest_point = vec![(f32::INFINITY, NONE); store.v.len()];
     for (i, (&q, &h)) in points.iter().zip(home).enumerate() {
@@ -636,7 +641,10 @@ fn tether<Q: Memory>(
         return;
     }
     drop(nearest_point);
-    let mut found = vec![(f32::INFINITY, Vec3::ZERO); store.v.len()];
+    // Nearly all lie above one of the faces there: what is farther is asked for afterwards, of those that do not.
+    let corners = |t: &[VertexId; 3]| t.map(|w| points[w.index()]);
+    let mut is_near = vec![false; store.v.len()];
+    let mut others: Vec<(VertexId, &[VertexId; 3])> = Vec::new();
     for t in faces {
         // (Few are looked at.)
         let [a, b, c] = t.map(|w| look[w.index()]);
@@ -645,13 +653,20 @@ fn tether<Q: Memory>(
         }
         for w in t.iter().filter(|w| look[w.index()]) {
             let h = home[w.index()];
-            if found[h.index()].0 <= limit {
-                continue;
+            if !is_near[h.index()] {
+                is_near[h.index()] = is_above(store.p(h), corners(t), limit);
+                others.push((h, t));
             }
-            let [a, b, c] = t.map(|w| points[w.index()]);
+        }
+    }
+    let mut found = vec![(f32::INFINITY, Vec3::ZERO); store.v.len()];
+    for (h, t) in others {
+        let found = &mut found[h.index()];
+        if !is_near[h.index()] && found.0 > limit {
+            let [a, b, c] = corners(t);
             let near = triangle::closest(store.p(h), a, b, c);
-            if near.0 < found[h.index()].0 {
-                found[h.index()] = near;
+            if near.0 < found.0 {
+                *found = near;
             }
         }
     }
@@ -659,7 +674,7 @@ fn tether<Q: Memory>(
         if d > limit && d.is_finite() {
             let id = VertexId(u as u32);
             let p = q + (store.p(id) - q) * (limit / d).sqrt();
-            if is_fine(store, loads, id, p) {
+            if is_fine(store, loads, id, p, true) {
                 store.v[u].p = p;
             }
         }
@@ -680,10 +695,9 @@ mod tests {
         let faces = [[0, 1, 2], [0, 3, 1]].map(|t| t.map(VertexId));
         let mut store = Store::<Tensor>::new(points.to_vec(), faces.to_vec(), None, None);
         store.link();
-        let Begun { faces, loads, .. } = begin(&store);
+        let Begun { loads, .. } = begin(&store);
         let (ready, normals) = (vec![(NONE, Vec::new()); 4], [Vec3::Z, -Vec3::Z, Vec3::Y]);
-        let mut sampler =
-            Sampler { store: &store, faces: &faces, ready, loads, usual: 1.0, rr: 0.0, weight: 0.0 };
+        let mut sampler = Sampler { store: &store, ready, loads, usual: 1.0, rr: 0.0, weight: 0.0 };
         // Nearer to the lower side.
         let sample = Vec3::new(0.6, 0.1, -0.03);
         let mut side = |normal| sampler.place(sample, normal, 1.0, VertexId(0)).map(|placed| placed.face);

@@ -61,30 +61,20 @@ pub(crate) struct Ordered {
 pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
     let (positions, triangles) = (surface.positions(), surface.triangles());
     let mut cleanup = Cleanup::default();
-    let finite = |v: VertexId| match positions {
-        PositionsView::F32(p) => p[v.index()].iter().all(|x| x.is_finite()),
-        PositionsView::F64(p) => p[v.index()].iter().all(|x| x.is_finite()),
-    };
     let mut needed = vec![false; positions.len()];
     for &v in triangles.iter().flatten() {
         needed[v.index()] = true;
     }
-    for (i, n) in needed.iter_mut().enumerate() {
-        if *n && !finite(VertexId(i as u32)) {
-            *n = false;
+    let (min, max) = match positions {
+        PositionsView::F32(p) => {
+            let [min, max] = single_box(p, &mut needed);
+            (min.map(f64::from), max.map(f64::from))
         }
-    }
+        PositionsView::F64(p) => double_box(p, &mut needed),
+    };
     let used = |i: &u32| needed[*i as usize];
     cleanup.unused_vertices = needed.iter().filter(|n| !**n).count();
-
     let count = positions.len() as u32;
-    let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for i in (0..count).filter(used) {
-        let p = positions.get(VertexId(i));
-        for k in 0..3 {
-            (min[k], max[k]) = (min[k].min(p[k]), max[k].max(p[k]));
-        }
-    }
     let extent = [0, 1, 2].map(|k| (max[k] - min[k]).max(0.0));
     let size = extent.into_iter().fold(0f64, f64::max);
     // A box without extent (one point, or nothing) keeps the scale of the user.
@@ -183,6 +173,37 @@ impl Ordered {
         let wedges = mesh.triangles();
         by_least(surface.triangles(), &self.rank, self.point_count, |i, _| wedges[i], [WedgeId(0); 3], |_| {})
     }
+}
+
+/// The box around the points that are needed; those that are no numbers are not.
+fn single_box(points: &[[f32; 3]], needed: &mut [bool]) -> [[f32; 3]; 2] {
+    let (mut min, mut max) = (f32x4::splat(f32::INFINITY), f32x4::splat(f32::NEG_INFINITY));
+    for (&[x, y, z], needed) in points.iter().zip(needed).filter(|x| *x.1) {
+        let p = f32x4::new([x, y, z, 0.0]);
+        if p.abs().simd_le(f32x4::splat(f32::MAX)).all() {
+            (min, max) = (min.fast_min(p), max.fast_max(p));
+        } else {
+            *needed = false;
+        }
+    }
+    [min, max].map(|corner| {
+        let [x, y, z, _] = corner.to_array();
+        [x, y, z]
+    })
+}
+
+/// The same in double precision.
+fn double_box(points: &[[f64; 3]], needed: &mut [bool]) -> ([f64; 3], [f64; 3]) {
+    let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for (p, needed) in points.iter().zip(needed).filter(|x| *x.1) {
+        *needed = p.iter().all(|x| x.is_finite());
+        if *needed {
+            for k in 0..3 {
+                (min[k], max[k]) = (min[k].min(p[k]), max[k].max(p[k]));
+            }
+        }
+    }
+    (min, max)
 }
 
 /// Why a face is left out.

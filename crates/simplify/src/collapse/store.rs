@@ -415,11 +415,14 @@ impl<Q: Memory> Store<Q> {
         &self,
         u: VertexId,
     ) -> impl ExactSizeIterator<Item = (VertexId, VertexId)> + Clone + '_ {
-        let triangles = self.t.as_slice();
-        self.listed(u).iter().map(|corner| {
-            let (t, k) = (&triangles[corner.face()], corner.k());
-            (t[NEXT[k]], t[PREV[k]])
-        })
+        self.listed(u).iter().map(|&corner| self.others_at(corner))
+    }
+
+    /// The two vertices after the one at a corner, in order.
+    #[inline(always)]
+    pub(crate) fn others_at(&self, corner: Corner) -> (VertexId, VertexId) {
+        let (t, k) = (&self.t[corner.face()], corner.k());
+        (t[NEXT[k]], t[PREV[k]])
     }
 
     /// Gives `u` a list of `count` corners, in the room of `u` or `v` if it suffices; it is still to be filled.
@@ -515,17 +518,18 @@ fn retain_living<T>(of_faces: &mut Option<Vec<T>>, t: &[[VertexId; 3]]) {
 /// The root of each element, where `into[i]` is the element that i was merged into (a root: itself).
 fn roots(into: &[VertexId]) -> Vec<VertexId> {
     let mut into = into.to_vec();
-    for i in 0..into.len() as u32 {
-        let mut root = VertexId(i);
-        while into[root.index()] != root {
-            root = into[root.index()];
+    // Each time round all ways are half as long, at most. (How long each is could not be foretold.)
+    loop {
+        let mut changed = 0;
+        for i in 0..into.len() {
+            let next = into[into[i].index()];
+            changed |= next.0 ^ into[i].0;
+            into[i] = next;
         }
-        let mut k = VertexId(i);
-        while k != root {
-            k = std::mem::replace(&mut into[k.index()], root);
+        if changed == 0 {
+            return into;
         }
     }
-    into
 }
 
 #[cfg(test)]
