@@ -215,18 +215,20 @@ impl<'b> Accessor<'b> {
     /// What the accessor lacks of `N` components is zero; what it has more is left out.
     pub(super) fn floats<const N: usize>(&self, normalized: bool) -> Result<Vec<[f32; N]>, ReadError> {
         let unit = normalized || self.normalized;
-        match (self.kind, unit) {
-            (Component::F32, _) => self.decode(f32::from_le_bytes),
-            (Component::I8, true) => self.decode(|b| (f32::from(i8::from_le_bytes(b)) / 127.0).max(-1.0)),
-            (Component::U8, true) => self.decode(|b| f32::from(u8::from_le_bytes(b)) / 255.0),
-            (Component::I16, true) => self.decode(|b| (f32::from(i16::from_le_bytes(b)) / 32767.0).max(-1.0)),
-            (Component::U16, true) => self.decode(|b| f32::from(u16::from_le_bytes(b)) / 65535.0),
-            (Component::I8, false) => self.decode(|b| f32::from(i8::from_le_bytes(b))),
-            (Component::U8, false) => self.decode(|b| f32::from(u8::from_le_bytes(b))),
-            (Component::I16, false) => self.decode(|b| f32::from(i16::from_le_bytes(b))),
-            (Component::U16, false) => self.decode(|b| f32::from(u16::from_le_bytes(b))),
-            (Component::U32, _) => self.decode(|b| u32::from_le_bytes(b) as f32),
-        }
+        // (One loop for all that is rare, told apart by a pointer: docs/decisions/0019.)
+        let rare: fn(&[u8]) -> f32 = match (self.kind, unit) {
+            (Component::F32, _) => return self.decode_packed(f32::from_le_bytes),
+            (Component::I8, true) => |b| (f32::from(i8::from_le_bytes(first(b))) / 127.0).max(-1.0),
+            (Component::U8, true) => |b| f32::from(b[0]) / 255.0,
+            (Component::I16, true) => |b| (f32::from(i16::from_le_bytes(first(b))) / 32767.0).max(-1.0),
+            (Component::U16, true) => |b| f32::from(u16::from_le_bytes(first(b))) / 65535.0,
+            (Component::I8, false) => |b| f32::from(i8::from_le_bytes(first(b))),
+            (Component::U8, false) => |b| f32::from(b[0]),
+            (Component::I16, false) => |b| f32::from(i16::from_le_bytes(first(b))),
+            (Component::U16, false) => |b| f32::from(u16::from_le_bytes(first(b))),
+            (Component::U32, _) => |b| u32::from_le_bytes(first(b)) as f32,
+        };
+        self.decode(rare)
     }
 
     /// Some of its elements as floats, each with `width` numbers of `out`; numbers that it does not have stay as they
@@ -313,9 +315,9 @@ impl<'b> Accessor<'b> {
         }
         let flat = |v: Vec<[u32; 1]>| v.into_flattened();
         match self.kind {
-            Component::U8 => self.decode(|b| u8::from_le_bytes(b).into()).map(flat),
-            Component::U16 => self.decode(|b| u16::from_le_bytes(b).into()).map(flat),
-            Component::U32 => self.decode(u32::from_le_bytes).map(flat),
+            Component::U8 => self.decode(|b| b[0].into()).map(flat),
+            Component::U16 => self.decode_packed(|b| u16::from_le_bytes(b).into()).map(flat),
+            Component::U32 => self.decode_packed(u32::from_le_bytes).map(flat),
             other => Err(ReadError::element(
                 self.name.as_str(),
                 format!("indices must be integers without sign, not {}", other.name()),
@@ -323,29 +325,35 @@ impl<'b> Accessor<'b> {
         }
     }
 
-    fn decode<T: Copy + Default, const N: usize, const S: usize>(
+    /// What most accessors are made of: components that follow each other without a gap, in a loop without decisions.
+    fn decode_packed<T: Copy + Default, const N: usize, const S: usize>(
         &self,
         read: impl Fn([u8; S]) -> T,
     ) -> Result<Vec<[T; N]>, ReadError> {
-        let used = self.width.min(N);
+        match &self.elements {
+            Some(e) if e.stride == S * N && self.width == N && self.sparse.is_none() => {
+                let element = |b: &[[u8; S]]| std::array::from_fn(|k| read(b[k]));
+                Ok(e.bytes.as_chunks().0.chunks_exact(N).map(element).collect())
+            }
+            _ => self.decode(|b| read(first(b))),
+        }
+    }
+
+    fn decode<T: Copy + Default, const N: usize>(
+        &self,
+        read: impl Fn(&[u8]) -> T,
+    ) -> Result<Vec<[T; N]>, ReadError> {
+        let (used, each) = (self.width.min(N), self.kind.size());
         let element = |bytes: &[u8]| {
             let mut out = [T::default(); N];
-            for (x, b) in out[..used].iter_mut().zip(bytes.as_chunks::<S>().0) {
-                *x = read(*b);
+            for (x, b) in out[..used].iter_mut().zip(bytes.chunks_exact(each)) {
+                *x = read(b);
             }
             out
         };
-        let size = S * self.width;
+        let size = each * self.width;
         let mut out: Vec<[T; N]> = match &self.elements {
             None => vec![[T::default(); N]; self.count],
-            // The common case in a loop that has no decisions.
-            Some(e) if e.stride == size && self.width == N => {
-                let element = |b: &[u8]| {
-                    let b = b.as_chunks::<S>().0;
-                    std::array::from_fn(|k| read(b[k]))
-                };
-                e.bytes.chunks_exact(size).map(element).collect()
-            }
             Some(e) => e.bytes.chunks(e.stride).take(self.count).map(|b| element(&b[..size])).collect(),
         };
         if let Some(sparse) = &self.sparse {
@@ -394,6 +402,12 @@ impl<'b> Sparse<'b> {
             _ => u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize,
         }
     }
+}
+
+/// The first bytes of a component, as many as its kind has.
+#[inline(always)]
+fn first<const S: usize>(bytes: &[u8]) -> [u8; S] {
+    *bytes.first_chunk().expect("as many bytes as its kind has")
 }
 
 fn component(object: &Value, at: &str) -> Result<Component, ReadError> {

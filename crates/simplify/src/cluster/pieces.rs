@@ -1,6 +1,7 @@
 //! Work in pieces, joined in their order: the same bytes on any number of threads.
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 #[cfg(feature = "rayon")]
 use rayon::prelude::*;
@@ -65,21 +66,33 @@ pub(super) fn shared<T: Send, R: Send>(
 
 /// Calls `work` with each item and its number; results in their order.
 pub(super) fn over<T: Send, R: Send>(items: Vec<T>, work: impl Fn(usize, T) -> R + Sync) -> Vec<R> {
-    // One alone is not worth the way to another thread: tens of microseconds, where a small mesh takes hundreds.
-    #[cfg(feature = "rayon")]
-    if items.len() > 1 && rayon::current_num_threads() > 1 {
-        return items.into_par_iter().enumerate().map(|(k, item)| work(k, item)).collect();
-    }
-    items.into_iter().enumerate().map(|(k, item)| work(k, item)).collect()
+    let items: Vec<Mutex<Option<T>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
+    each(items.len(), |k| work(k, take(&items[k])))
 }
 
 /// Calls `work` with each number below `count`; results in their order.
 pub(crate) fn each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let done: Vec<Mutex<Option<T>>> = (0..count).map(|_| Mutex::new(None)).collect();
+    hand_out(count, &|k| {
+        let result = work(k);
+        *done[k].lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+    });
+    done.iter().map(take).collect()
+}
+
+/// Each is put in once and taken once, by one thread each.
+fn take<T>(of: &Mutex<Option<T>>) -> T {
+    of.lock().unwrap_or_else(PoisonError::into_inner).take().expect("put in, and not taken yet")
+}
+
+/// Calls `work` with each number below `count`, on all threads. (Not built for each kind of work: docs/decisions/0019.)
+fn hand_out(count: usize, work: &(dyn Fn(usize) + Sync)) {
+    // One alone is not worth the way to another thread: tens of microseconds, where a small mesh takes hundreds.
     #[cfg(feature = "rayon")]
     if count > 1 && rayon::current_num_threads() > 1 {
-        return (0..count).into_par_iter().map(&work).collect();
+        return (0..count).into_par_iter().for_each(work);
     }
-    (0..count).map(work).collect()
+    (0..count).for_each(work);
 }
 
 /// Parts of a slice, each so long.
