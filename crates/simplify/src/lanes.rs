@@ -44,6 +44,13 @@ pub(crate) fn side_by_side(t: [&Tensor; 4]) -> [f32x4; 6] {
     [a, b, c, d, e, f]
 }
 
+/// Of each of four the sum of its numbers: [`f32x4::reduce_add`] four times, to the bit.
+#[inline(always)]
+pub(crate) fn sums(of: [f32x4; 4]) -> f32x4 {
+    let [a, b, c, d] = f32x4::transpose(of);
+    a + b + c + d
+}
+
 /// Four tensors from their components side by side: [`side_by_side`] undone.
 #[inline(always)]
 pub(crate) fn tensors(t: [f32x4; 6]) -> [Tensor; 4] {

@@ -11,6 +11,7 @@ use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
 
+use crate::lanes::{self, Four, cross, sub};
 use crate::metric::Form;
 use crate::tensor::Tensor;
 
@@ -140,6 +141,36 @@ impl Slopes {
             p.y * a.z + q.y * b.z,
         ];
         Tensor(sum.map(|x| x * self.area))
+    }
+}
+
+/// Slopes of four triangles side by side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FourSlopes {
+    pub(super) area: f32x4,
+    pub(super) a: Four,
+    pub(super) b: Four,
+}
+
+impl FourSlopes {
+    /// As seen from `o`, with the normals of double length, and their lengths: [`Slopes::with_normal`] four side by side.
+    #[inline(always)]
+    pub(super) fn new([o, a, b]: [&Four; 3], normal: &Four, area: f32x4) -> Self {
+        let (to_a, to_b, edge) = (sub(a, o), sub(b, o), sub(b, a));
+        let square = |v: &Four| lanes::dot(v, v);
+        let longest = square(&to_a).fast_max(square(&to_b)).fast_max(square(&edge));
+        let tiny = f32x4::splat(1e-30);
+        let divisor = area.fast_max(longest * FLAT) * area.fast_max(tiny);
+        let scale = f32x4::ONE / divisor.fast_max(tiny);
+        let n = normal.map(|x| x * scale);
+        Self { area, a: cross(&to_b, &n), b: cross(&n, &to_a) }
+    }
+
+    /// One of them.
+    #[inline(always)]
+    pub(super) fn one(&self, i: usize) -> Slopes {
+        let of = |four: &Four| Vec3::from(four.map(|x| x.to_array()[i]));
+        Slopes { area: self.area.to_array()[i], a: of(&self.a), b: of(&self.b) }
     }
 }
 
@@ -352,10 +383,12 @@ impl Attributes {
         for (t, w) in faces.iter().zip(wedges).step_by((faces.len() / ENOUGH).max(1)) {
             let s = Slopes::new(t.map(|v| points[v.index()]));
             area += f64::from(s.area);
-            let [o, a, b] = w.map(|w| self.of(w));
-            for (i, sum) in sums.iter_mut().enumerate() {
-                let gradient = s.a * (a[i] - o[i]) + s.b * (b[i] - o[i]);
-                *sum += f64::from(s.area * gradient.length_squared());
+            let [o, a, b] = w.map(|w| self.values(w));
+            for (i, sums) in sums.chunks_exact_mut(4).enumerate() {
+                let (a, b) = (a[i] - o[i], b[i] - o[i]);
+                let gradient = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
+                let square = lanes::dot(&gradient, &gradient) * s.area;
+                sums.iter_mut().zip(square.to_array()).for_each(|(sum, x)| *sum += f64::from(x));
             }
         }
         sums.iter().map(|x| x / area.max(f64::MIN_POSITIVE)).collect()
@@ -420,62 +453,69 @@ impl Attributes {
         (head.area, head.faces, head.known) = (head.area + s.area, head.faces + 1, false);
     }
 
-    /// Squared errors, weighted, times twice the area, of a triangle whose values at `step` from its first corner are to
-    /// be `best`, in four shares.
+    /// Squared errors, weighted, of a triangle whose values are to be `best` where its others two corners' barycentric
+    /// coordinates are `at`, in four shares. Of so many `lanes`, for loops that are unrolled.
     #[inline(always)]
-    pub(super) fn error(&self, s: &Slopes, corners: [WedgeId; 3], step: Vec3, best: &[f32x4]) -> f32x4 {
-        let (la, lb) = (s.a.dot(step), s.b.dot(step));
-        let [o, a, b] = corners.map(|w| self.values(w));
+    pub(super) fn error(
+        &self,
+        lanes: usize,
+        corners: [WedgeId; 3],
+        [la, lb]: [f32; 2],
+        best: &[f32x4],
+    ) -> f32x4 {
+        let [o, a, b] = corners.map(|w| &self.rows[w.index() * 4 * lanes..][..lanes]);
+        let (weights, best) = (&self.weights[..lanes], &best[..lanes]);
         let mut sum = f32x4::ZERO;
-        for (i, &weight) in self.weights.iter().enumerate() {
+        for i in 0..lanes {
             let error = (o[i] - best[i]) + (a[i] - o[i]) * la + (b[i] - o[i]) * lb;
-            sum += error * error * weight;
+            sum += error * error * weights[i];
         }
-        sum * s.area
+        sum
     }
 
     /// Takes what a triangle says of its first corner, `old` there, away from the sums of the two others, and says it to
     /// them anew where the corner has moved (`new` slopes and values) instead of gone. What it adds to the merged wedge's
-    /// own sums goes to `own`, and to the tensor of its vertex to `added`. Says what changes in the tensors of the others.
+    /// own sums goes to `own`, and to the tensor of its vertex to `added`. Says what changes in the tensors of the others,
+    /// in four shares. Of so many `lanes`, for loops that are unrolled.
     #[inline(always)]
     pub(super) fn replace(
         &mut self,
-        old: (&Slopes, WedgeId),
-        new: Option<(&Slopes, &[f32x4])>,
+        lanes: usize,
+        old: (Slopes, WedgeId),
+        new: Option<(Slopes, &[f32x4])>,
         [a, b]: [WedgeId; 2],
         own: &mut [f32x4],
         added: &mut [f32x4; 6],
-    ) -> Tensor {
-        let n = self.lanes;
-        let [at_o, at_a, at_b] = [old.1, a, b].map(|w| w.index() * 4 * n);
+    ) -> [f32x4; 6] {
+        let [at_o, at_a, at_b] = [old.1, a, b].map(|w| w.index() * 4 * lanes);
         let per_area = |s: &Slopes| 1.0 / s.area.max(1e-30);
-        let (per_old, per_new) = (per_area(old.0), new.map_or(0.0, |x| per_area(x.0)));
+        let per_old = per_area(&old.0);
+        let own = &mut own[..3 * lanes];
         let mut sums = [f32x4::ZERO; 6];
-        for i in 0..n {
+        for i in 0..lanes {
             let weight = self.weights[i];
-            let [o, a, b] = [at_o, at_a, at_b].map(|at| self.rows[at + i]);
+            let [o, a, b] = [at_o, at_a, at_b].map(|at| self.rows[at..][..lanes][i]);
             let mut gain = [f32x4::ZERO; 3];
-            if let Some((s, values)) = new {
+            if let Some((s, values)) = &new {
                 let (a, b) = ((a - values[i]) * s.area, (b - values[i]) * s.area);
                 gain = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
-                let square = outer(&gain, weight * per_new);
+                let square = outer(&gain, weight * per_area(s));
                 for k in 0..6 {
                     sums[k] += square[k];
                     added[k] += square[k];
                 }
                 for (k, gain) in gain.into_iter().enumerate() {
-                    own[k * n + i] += gain;
+                    own[k * lanes + i] += gain;
                 }
             }
-            let s = old.0;
+            let s = &old.0;
             let (a, b) = ((a - o) * s.area, (b - o) * s.area);
             let loss = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
             let square = outer(&loss, weight * per_old);
             (0..6).for_each(|k| sums[k] -= square[k]);
-            for (k, gain) in gain.into_iter().enumerate() {
-                let change = gain - loss[k];
-                self.rows[at_a + (k + 1) * n + i] += change;
-                self.rows[at_b + (k + 1) * n + i] += change;
+            for at in [at_a, at_b] {
+                let row = &mut self.rows[at..][..4 * lanes];
+                (0..3).for_each(|k| row[(k + 1) * lanes + i] += gain[k] - loss[k]);
             }
         }
         let area = new.map_or(0.0, |x| x.0.area) - old.0.area;
@@ -484,7 +524,7 @@ impl Attributes {
             (head.area, head.known) = (head.area + area, false);
             head.faces -= u32::from(new.is_none());
         }
-        Tensor(sums.map(f32x4::reduce_add))
+        sums
     }
 
     /// Gives a wedge new values and sums.
@@ -542,27 +582,18 @@ impl Attributes {
         Tensor(sum.map(f32x4::reduce_add))
     }
 
-    /// Adds to the form of an edge what it costs to make one of each group; `d` leads from the kept to the removed end.
-    pub(super) fn add_to(&self, members: &[Member], d: Vec3, form: &mut Form) {
-        let mut sum = Sum::default();
+    /// Adds what it costs to make one of each group; `d` leads from the kept to the removed end.
+    pub(super) fn add_to(&self, members: &[Member], d: Vec3, sum: &mut Sum) {
         for (group, first) in firsts(members) {
             let mut others = members.iter().enumerate().filter(|(i, m)| m.group == group && *i != group);
             match (others.next(), others.next()) {
                 (None, _) => {}
                 (Some((_, other)), None) if !first.at_v && other.at_v => {
-                    self.add_pair_to(first.wedge, other.wedge, d, &mut sum);
+                    self.add_pair_to(self.lanes, [first.wedge, other.wedge], d, sum);
                 }
-                _ => self.add_group_to(members, group, d, &mut sum),
+                _ => self.add_group_to(members, group, d, sum),
             }
         }
-        sum.add_to(form);
-    }
-
-    /// The same for two wedges, or two pairs of them.
-    pub(super) fn add_pairs_to(&self, pairs: &[[WedgeId; 2]], d: Vec3, form: &mut Form) {
-        let mut sum = Sum::default();
-        pairs.iter().for_each(|&[u, v]| self.add_pair_to(u, v, d, &mut sum));
-        sum.add_to(form);
     }
 
     /// Several wedges of either end that become one: the spread of their best values round the mean of these.
@@ -592,25 +623,28 @@ impl Attributes {
         }
     }
 
-    /// The same for one wedge at each end, as on all edges that touch no seam.
+    /// The same for one wedge at each end, as on all edges that touch no seam. Of so many `lanes`, for loops that are
+    /// unrolled.
     #[inline(always)]
-    fn add_pair_to(&self, u: WedgeId, v: WedgeId, d: Vec3, sum: &mut Sum) {
+    pub(super) fn add_pair_to(&self, lanes: usize, [u, v]: [WedgeId; 2], d: Vec3, sum: &mut Sum) {
         let [area_u, area_v] = [u, v].map(|w| self.heads[w.index()].area.max(1e-30));
         let (per_u, per_v) = (1.0 / area_u, 1.0 / area_v);
         let both = area_u * (area_v / (area_u + area_v));
-        let ([s, ux, uy, uz], [t, vx, vy, vz]) = (self.parts(u), self.parts(v));
-        for (i, &weight) in self.weights.iter().enumerate() {
-            let slope = [vx[i], vy[i], vz[i]].map(|s| s * per_v);
-            let off = [ux[i] * per_u - slope[0], uy[i] * per_u - slope[1], uz[i] * per_u - slope[2]];
-            sum.add_square(&off, t[i] - s[i] - dot(&slope, d), weight * both);
+        let [own, other] = [u, v].map(|w| &self.rows[w.index() * 4 * lanes..][..4 * lanes]);
+        for i in 0..lanes {
+            let part = |row: &[f32x4], k: usize| row[k * lanes + i];
+            let slope = [1, 2, 3].map(|k| part(other, k) * per_v);
+            let off = [0, 1, 2].map(|k| part(own, k + 1) * per_u - slope[k]);
+            sum.add_square(&off, other[i] - own[i] - dot(&slope, d), self.weights[i] * both);
         }
     }
 
     /// Adds to the forms of up to four edges side by side what the wedges at their ends say, where there is one at each:
-    /// `own` at the common end, `others` at the far ones.
+    /// `own` at the common end, `others` at the far ones. Of so many `lanes`, for loops that are unrolled.
     #[inline(always)]
     pub(super) fn add_four_to(
         &self,
+        lanes: usize,
         own: WedgeId,
         others: [WedgeId; 4],
         d: &[f32x4; 3],
@@ -618,43 +652,54 @@ impl Attributes {
     ) {
         let area = f32x4::new(others.map(|w| self.heads[w.index()].area));
         let per_area = f32x4::ONE / (area + self.heads[own.index()].area).fast_max(f32x4::splat(1e-30));
-        let flat = |w: WedgeId| -> [&[f32]; 4] { self.parts(w).map(bytemuck::cast_slice) };
-        let ([s, ux, uy, uz], theirs) = (flat(own), others.map(flat));
-        let weights: &[f32] = bytemuck::cast_slice(&self.weights);
-        for (i, &weight) in weights.iter().enumerate() {
-            if weight == 0.0 {
-                continue;
+        let row = |w: WedgeId| &self.rows[w.index() * 4 * lanes..][..4 * lanes];
+        let (own, theirs) = (row(own), others.map(row));
+        for lane in 0..lanes {
+            let part = |k: usize| f32x4::transpose(theirs.map(|row| row[k * lanes + lane]));
+            let (values, x, y, z) = (part(0), part(1), part(2), part(3));
+            let [s, ux, uy, uz] = [0, 1, 2, 3].map(|k| own[k * lanes + lane].to_array());
+            for (i, weight) in self.weights[lane].to_array().into_iter().enumerate() {
+                if weight == 0.0 {
+                    continue;
+                }
+                let off = values[i] - f32x4::splat(s[i]);
+                let slope = [x[i], y[i], z[i]];
+                let along = slope[0] * d[0] + slope[1] * d[1] + slope[2] * d[2];
+                let b = [slope[0] + ux[i], slope[1] + uy[i], slope[2] + uz[i]];
+                let c0 = area * off - along;
+                let scale = per_area * weight;
+                let scaled = b.map(|b| b * scale);
+                add_outer(a, &scaled.map(|x| -x), &b);
+                for k in 0..3 {
+                    h[k] += scaled[k] * c0 - slope[k] * off * weight;
+                }
+                *c += off * (area * off - along * 2.0) * weight - c0 * c0 * scale;
             }
-            let four = |part: usize| f32x4::new(theirs.map(|t| t[part][i]));
-            let off = four(0) - f32x4::splat(s[i]);
-            let slope = [four(1), four(2), four(3)];
-            let along = slope[0] * d[0] + slope[1] * d[1] + slope[2] * d[2];
-            let b = [slope[0] + ux[i], slope[1] + uy[i], slope[2] + uz[i]];
-            let c0 = area * off - along;
-            let scale = per_area * weight;
-            let scaled = b.map(|b| b * scale);
-            add_outer(a, &scaled.map(|x| -x), &b);
-            for k in 0..3 {
-                h[k] += scaled[k] * c0 - slope[k] * off * weight;
-            }
-            *c += off * (area * off - along * 2.0) * weight - c0 * c0 * scale;
         }
     }
 
-    /// The best values of a group whose vertex goes to the kept end + `y`.
-    pub(super) fn best(&self, members: &[Member], group: usize, d: Vec3, y: Vec3, out: &mut [f32x4]) {
-        let area: f32 = of_group(members, group).map(|m| self.heads[m.wedge.index()].area).sum();
-        let base = self.values(members[group].wedge);
-        let per_area = if area > 1e-30 { 1.0 / area } else { 0.0 };
-        for (i, best) in out.iter_mut().enumerate() {
-            // From the first wedge's values, so that what is constant stays so.
-            let mut sum = f32x4::ZERO;
+    /// The best values of each group, where its first member stands, if the vertex goes to the kept end + `y`. Of so many
+    /// `lanes`, for loops that are unrolled.
+    #[inline(always)]
+    pub(super) fn best(&self, lanes: usize, members: &[Member], d: Vec3, y: Vec3, out: &mut [f32x4]) {
+        for (group, first) in firsts(members) {
+            let out = &mut out[group * lanes..][..lanes];
+            out.fill(f32x4::ZERO);
+            let base = &self.rows[first.wedge.index() * 4 * lanes..][..lanes];
+            let mut area = 0.0;
             for m in of_group(members, group) {
-                let ([values, x, y_gain, z], at) = (self.parts(m.wedge), if m.at_v { y - d } else { y });
-                sum += (values[i] - base[i]) * self.heads[m.wedge.index()].area;
-                sum += dot(&[x[i], y_gain[i], z[i]], at);
+                let own = self.heads[m.wedge.index()].area;
+                let at = if m.at_v { y - d } else { y };
+                let row = &self.rows[m.wedge.index() * 4 * lanes..][..4 * lanes];
+                area += own;
+                for (i, sum) in out.iter_mut().enumerate() {
+                    // From the first wedge's values, so that what is constant stays so.
+                    *sum += (row[i] - base[i]) * own;
+                    *sum += dot(&[row[lanes + i], row[2 * lanes + i], row[3 * lanes + i]], at);
+                }
             }
-            *best = base[i] + sum * per_area;
+            let per_area = if area > 1e-30 { 1.0 / area } else { 0.0 };
+            out.iter_mut().zip(base).for_each(|(best, base)| *best = *base + *best * per_area);
         }
     }
 
@@ -699,8 +744,8 @@ fn normalize(directions: &[usize], values: &mut [f32x4]) {
 }
 
 /// A form in four shares, one for each lane.
-#[derive(Default)]
-struct Sum {
+#[derive(Clone, Copy, Default)]
+pub(super) struct Sum {
     a: [f32x4; 6],
     h: [f32x4; 3],
     c: f32x4,
@@ -711,10 +756,21 @@ impl Sum {
     fn add_square(&mut self, off: &[f32x4; 3], gap: f32x4, weight: f32x4) {
         add_square((&mut self.a, &mut self.h, &mut self.c), off, gap, weight);
     }
-    fn add_to(self, form: &mut Form) {
+    pub(super) fn add_to(&self, form: &mut Form) {
         form.a.add(&Tensor(self.a.map(f32x4::reduce_add)));
         form.h += Vec3::from(self.h.map(f32x4::reduce_add));
         form.c += self.c.reduce_add();
+    }
+    /// Adds four to four forms side by side.
+    #[inline(always)]
+    pub(super) fn add_four_to(four: &[Self; 4], (a, h, c): (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4)) {
+        for (k, a) in a.iter_mut().enumerate() {
+            *a += lanes::sums(four.each_ref().map(|sum| sum.a[k]));
+        }
+        for (k, h) in h.iter_mut().enumerate() {
+            *h += lanes::sums(four.each_ref().map(|sum| sum.h[k]));
+        }
+        *c += lanes::sums(four.each_ref().map(|sum| sum.c));
     }
 }
 

@@ -8,8 +8,10 @@ use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
 
 use super::Engine;
-use super::attributes::{Attributes, Head, Member, NO_WEDGE, Slopes, firsts};
-use super::store::{Ring, Spoke};
+use super::attributes::{Attributes, FourSlopes, Head, Member, NO_WEDGE, Slopes, Sum, firsts};
+use super::store::{self, Ring, Spoke, Store};
+use super::wings::Wings;
+use crate::lanes::{self, dot, splat};
 use crate::metric::{Form, Judge, Metric};
 use crate::tensor::Tensor;
 
@@ -21,7 +23,24 @@ pub(super) struct Merge {
     own: Vec<f32x4>,
     heads: Vec<Head>,
     /// Of the wings as they are, where the cost of the merger was asked for.
-    slopes: Vec<Slopes>,
+    slopes: Vec<FourSlopes>,
+}
+
+/// Calls a method of so many lanes, by a number that is known to the compiler where there are few.
+macro_rules! of_lanes {
+    ($lanes:expr, |$n:ident| $call:expr) => {
+        match $lanes {
+            1 => {
+                let $n = 1;
+                $call
+            }
+            2 => {
+                let $n = 2;
+                $call
+            }
+            $n => $call,
+        }
+    };
 }
 
 impl<M: Metric> Engine<M> {
@@ -117,21 +136,23 @@ impl<M: Metric> Engine<M> {
         form: &mut Form,
     ) {
         if let Some(attributes) = self.weighed() {
-            self.add_wedges(attributes, [u, v], d, ru, members, form);
+            let lanes = attributes.lanes();
+            of_lanes!(lanes, |n| self.sum_of_wedges(n, attributes, [u, v], d, ru, members)).add_to(form);
         }
     }
 
     #[inline(always)]
-    fn add_wedges(
+    fn sum_of_wedges(
         &self,
+        lanes: usize,
         attributes: &Attributes,
         [u, v]: [VertexId; 2],
         d: Vec3,
         ru: &[Spoke],
         members: &mut Vec<Member>,
-        form: &mut Form,
-    ) {
-        let Some(wedges) = &self.store.wedges else { return };
+    ) -> Sum {
+        let mut sum = Sum::default();
+        let Some(wedges) = &self.store.wedges else { return sum };
         let (mut pairs, mut count) = ([[NO_WEDGE; 2]; 2], 0);
         for r in ru.iter().filter(|r| r.has(v)) {
             let pair = ends_of(wedges[r.corner.face()], r.corner.k(), r.a == v);
@@ -140,47 +161,60 @@ impl<M: Metric> Engine<M> {
             }
             if count > 0 && (count > 1 || pairs[0][0] == pair[0] || pairs[0][1] == pair[1]) {
                 self.gather(attributes, u, v, ru, false, members);
-                attributes.add_to(members, d, form);
-                return;
+                attributes.add_to(members, d, &mut sum);
+                return sum;
             }
             pairs[count] = pair;
             count += 1;
         }
-        attributes.add_pairs_to(&pairs[..count], d, form);
+        for pair in &pairs[..count] {
+            attributes.add_pair_to(lanes, *pair, d, &mut sum);
+        }
+        sum
     }
 
     /// Adds the attributes' part to the forms of up to four edges from one vertex, side by side.
-    #[inline(never)]
+    #[inline(always)]
     pub(super) fn add_attributes_to_four(
         &self,
         u: VertexId,
         ends: &[VertexId],
         d: &[f32x4; 3],
-        (a, h, c): (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
+        form: (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
         ru: &[Spoke],
         members: &mut Vec<Member>,
     ) {
-        let Some(attributes) = self.weighed() else { return };
+        if let Some(attributes) = self.weighed() {
+            let lanes = attributes.lanes();
+            of_lanes!(lanes, |n| self.add_to_four(n, attributes, u, ends, d, form, ru, members));
+        }
+    }
+
+    #[allow(clippy::too_many_arguments, reason = "called in one place")]
+    #[inline(always)]
+    fn add_to_four(
+        &self,
+        lanes: usize,
+        attributes: &Attributes,
+        u: VertexId,
+        ends: &[VertexId],
+        d: &[f32x4; 3],
+        form: (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
+        ru: &[Spoke],
+        members: &mut Vec<Member>,
+    ) {
         if self.are_lone(u, ends) {
             let lane = |i: usize| self.store.first_wedge[ends[i.min(ends.len() - 1)].index()];
             let others = [lane(0), lane(1), lane(2), lane(3)];
-            attributes.add_four_to(self.store.first_wedge[u.index()], others, d, (a, h, c));
+            attributes.add_four_to(lanes, self.store.first_wedge[u.index()], others, d, form);
             return;
         }
-        let (mut lanes, d) = ([[0f32; 4]; 10], d.map(|d| d.to_array()));
-        for (i, &w) in ends.iter().enumerate() {
-            let mut form = Form { a: Tensor::default(), h: Vec3::ZERO, c: 0.0 };
+        let (mut sums, d) = ([Sum::default(); 4], d.map(|d| d.to_array()));
+        for (i, (sum, &w)) in sums.iter_mut().zip(ends).enumerate() {
             let d = Vec3::new(d[0][i], d[1][i], d[2][i]);
-            self.add_wedges(attributes, [u, w], d, ru, members, &mut form);
-            for (lane, x) in
-                lanes.iter_mut().zip(form.a.0.into_iter().chain(form.h.to_array()).chain([form.c]))
-            {
-                lane[i] = x;
-            }
+            *sum = self.sum_of_wedges(lanes, attributes, [u, w], d, ru, members);
         }
-        for (sum, lane) in a.iter_mut().chain(h.iter_mut()).chain([c]).zip(lanes) {
-            *sum += f32x4::new(lane);
-        }
+        Sum::add_four_to(&sums, form);
     }
 
     /// The wedges at both ends of an edge, in groups that become one; those on the edge come first, the others if
@@ -247,16 +281,16 @@ impl<M: Metric> Engine<M> {
             self.gather(attributes, u, v, ru, true, &mut merge.members);
             let (members, lanes) = (&merge.members, attributes.lanes());
             let d = self.store.p(v) - self.store.p(u);
-            merge.best.clear();
-            merge.best.resize(members.len() * lanes, f32x4::ZERO);
-            let is_locked = self.is_either_locked(u, v);
-            for (group, first) in firsts(members) {
-                let best = &mut merge.best[group * lanes..][..lanes];
-                if is_locked {
-                    best.copy_from_slice(attributes.values(first.wedge));
-                } else {
-                    attributes.best(members, group, d, y, best);
+            let room = members.len() * lanes;
+            if merge.best.len() < room {
+                merge.best.resize(room, f32x4::ZERO);
+            }
+            if self.is_either_locked(u, v) {
+                for (group, first) in firsts(members) {
+                    merge.best[group * lanes..][..lanes].copy_from_slice(attributes.values(first.wedge));
                 }
+            } else {
+                of_lanes!(lanes, |n| attributes.best(n, members, d, y, &mut merge.best));
             }
         }
         self.merge = merge;
@@ -269,21 +303,49 @@ impl<M: Metric> Engine<M> {
         if !attributes.counts() {
             return 0.0;
         }
-        let mut slopes = std::mem::take(&mut self.merge.slopes);
-        let (x, z, lanes) = (self.store.p(u), self.store.p(v), attributes.lanes());
+        let lanes = attributes.lanes();
+        of_lanes!(lanes, |n| Self::cost_of_wings(
+            n,
+            (attributes, &self.store, wedges),
+            &self.wings,
+            [self.store.p(u), self.store.p(v)],
+            y,
+            at_u,
+            &mut self.merge
+        ))
+    }
+
+    #[inline(always)]
+    fn cost_of_wings(
+        lanes: usize,
+        (attributes, store, wedges): (&Attributes, &Store<M::Memory>, &[[WedgeId; 3]]),
+        wings: &Wings,
+        [x, z]: [Vec3; 2],
+        y: Vec3,
+        at_u: usize,
+        merge: &mut Merge,
+    ) -> f32 {
+        let Merge { members, best, slopes, .. } = merge;
+        let only = only_group(members);
+        let (from, step) = ([splat(x), splat(z)], [splat(y), splat(y - (z - x))]);
         let mut cost = f32x4::ZERO;
-        for (i, wing) in self.wings.iter().enumerate() {
-            let (from, step) = if i < at_u { (x, y) } else { (z, y - (z - x)) };
-            let corners = from_corner(wedges[wing.corner.face()], wing.corner.k());
-            let (a, b) = (self.store.p(wing.a), self.store.p(wing.b));
-            let s = Slopes::with_normal([from, a, b], wing.normal, wing.length);
+        for (k, four) in wings.fours().iter().enumerate() {
+            let end = usize::from(4 * k >= at_u);
+            let (a, b) = (four.spokes.map(|s| s.a), four.spokes.map(|s| s.b));
+            let s = FourSlopes::new([&from[end], &store.four(a), &store.four(b)], &four.normal, four.length);
             slopes.push(s);
-            let Some(group) = group_of(&self.merge.members, corners[0], i >= at_u) else { continue };
-            let error = attributes.error(&s, corners, step, &self.merge.best[group * lanes..][..lanes]);
-            // A triangle at both ends counts twice, as in the evaluation.
-            cost += if wing.both { error + error } else { error };
+            let at = [dot(&s.a, &step[end]).to_array(), dot(&s.b, &step[end]).to_array()];
+            let area = s.area.to_array();
+            for i in 0..four.count.min(4) {
+                let corner = four.spokes[i].corner;
+                let corners = from_corner(wedges[corner.face()], corner.k());
+                let Some(group) = only.or_else(|| group_of(members, corners[0], end == 1)) else { continue };
+                let error =
+                    attributes.error(lanes, corners, at.map(|at| at[i]), &best[group * lanes..]) * area[i];
+                // A triangle at both ends counts twice, as in the evaluation.
+                cost += if four.stays & (1 << i) == 0 { error + error } else { error };
+            }
         }
-        self.merge.slopes = slopes;
         cost.reduce_add()
     }
 
@@ -339,16 +401,31 @@ impl<M: Metric> Engine<M> {
     /// Merges the wedges as prepared, before the triangles change; the merged vertex goes to the kept end + `y`, the
     /// place `at`. Says what the new triangles add to its tensor.
     pub(super) fn merge_wedges(&mut self, u: VertexId, v: VertexId, y: Vec3, at: Vec3, ru: &Ring) -> Tensor {
+        let lanes = self.attributes.as_ref().map_or(0, Attributes::lanes);
+        of_lanes!(lanes, |n| self.merge_wedges_of(n, [u, v], y, at, ru.len()))
+    }
+
+    #[inline(always)]
+    fn merge_wedges_of(
+        &mut self,
+        lanes: usize,
+        [u, v]: [VertexId; 2],
+        y: Vec3,
+        at: Vec3,
+        at_u: usize,
+    ) -> Tensor {
         let is_locked = self.is_either_locked(u, v);
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
             return Tensor::default();
         };
         let mut added = [f32x4::ZERO; 6];
         let Merge { members, best, own, heads, slopes } = &mut self.merge;
-        let lanes = attributes.lanes();
+        let only = only_group(members);
         let (x, z) = (self.store.v[u.index()].p, self.store.v[v.index()].p);
-        own.clear();
-        own.resize(members.len() * 3 * lanes, f32x4::ZERO);
+        let room = members.len() * 3 * lanes;
+        if own.len() < room {
+            own.resize(room, f32x4::ZERO);
+        }
         heads.clear();
         heads.resize(members.len(), Head::default());
         for m in members.iter() {
@@ -356,39 +433,53 @@ impl<M: Metric> Engine<M> {
                 *hard |= own;
             }
         }
-        for (group, _) in firsts(members).filter(|_| !is_locked) {
-            attributes.normalize(&mut best[group * lanes..][..lanes]);
-        }
-        for (i, wing) in self.wings.iter().enumerate() {
-            let from = if i < ru.len() { x } else { z };
-            let (face, k) = (wing.corner.face(), wing.corner.k());
-            let [o, a, b] = from_corner(wedges[face], k);
-            let Some(group) = group_of(members, o, i >= ru.len()) else { continue };
-            let (pa, pb) = (self.store.v[wing.a.index()].p, self.store.v[wing.b.index()].p);
-            let old = match slopes.get(i) {
-                Some(known) => *known,
-                None => Slopes::with_normal([from, pa, pb], wing.normal, wing.length),
-            };
-            let new =
-                (!wing.both).then(|| Slopes::with_normal([at, pa, pb], wing.after, wing.after.length()));
-            let values = &best[group * lanes..][..lanes];
-            let sums = &mut own[group * 3 * lanes..][..3 * lanes];
-            let new = new.as_ref().map(|s| (s, values));
-            let change = attributes.replace((&old, o), new, [a, b], sums, &mut added);
-            for w in [wing.a, wing.b] {
-                M::tensor(&mut self.store.v[w.index()].q).add(&change);
+        for (group, _) in firsts(members) {
+            own[group * 3 * lanes..][..3 * lanes].fill(f32x4::ZERO);
+            if !is_locked {
+                attributes.normalize(&mut best[group * lanes..][..lanes]);
             }
-            match new {
-                Some((s, _)) => {
-                    heads[group].area += s.area;
-                    heads[group].faces += 1;
-                    wedges[face][k] = members[group].wedge;
-                }
-                None => {
-                    let (apex, wedge) = if wing.a == v { (wing.b, b) } else { (wing.a, a) };
-                    if attributes.heads[wedge.index()].faces == 0 {
-                        attributes.unlink(&mut self.store.first_wedge[apex.index()], wedge);
+        }
+        let (from, to) = ([splat(x), splat(z)], splat(at));
+        for (k, four) in self.wings.fours().iter().enumerate() {
+            let end = usize::from(4 * k >= at_u);
+            let (a, b) = (four.spokes.map(|s| s.a), four.spokes.map(|s| s.b));
+            let (pa, pb) = (store::four(&self.store.v, a), store::four(&self.store.v, b));
+            let old = match slopes.get(k) {
+                Some(known) => *known,
+                None => FourSlopes::new([&from[end], &pa, &pb], &four.normal, four.length),
+            };
+            let length = dot(&four.after, &four.after).sqrt();
+            let new = FourSlopes::new([&to, &pa, &pb], &four.after, length);
+            let mut changes = [[f32x4::ZERO; 4]; 6];
+            for i in 0..four.count.min(4) {
+                let Spoke { corner, a: to_a, b: to_b } = four.spokes[i];
+                let (face, k) = (corner.face(), corner.k());
+                let [o, a, b] = from_corner(wedges[face], k);
+                let Some(group) = only.or_else(|| group_of(members, o, end == 1)) else { continue };
+                let stays = four.stays & (1 << i) != 0;
+                let values = &best[group * lanes..][..lanes];
+                let new = stays.then(|| (new.one(i), values));
+                let sums = &mut own[group * 3 * lanes..][..3 * lanes];
+                let change = attributes.replace(lanes, (old.one(i), o), new, [a, b], sums, &mut added);
+                (0..6).for_each(|k| changes[k][i] = change[k]);
+                match new {
+                    Some((s, _)) => {
+                        heads[group].area += s.area;
+                        heads[group].faces += 1;
+                        wedges[face][k] = members[group].wedge;
                     }
+                    None => {
+                        let (apex, wedge) = if to_a == v { (to_b, b) } else { (to_a, a) };
+                        if attributes.heads[wedge.index()].faces == 0 {
+                            attributes.unlink(&mut self.store.first_wedge[apex.index()], wedge);
+                        }
+                    }
+                }
+            }
+            let changes = lanes::tensors(changes.map(lanes::sums));
+            for i in 0..four.count.min(4) {
+                for w in [four.spokes[i].a, four.spokes[i].b] {
+                    M::tensor(&mut self.store.v[w.index()].q).add(&changes[i]);
                 }
             }
         }
@@ -405,6 +496,15 @@ impl<M: Metric> Engine<M> {
         }
         self.store.first_wedge[u.index()] = first;
         Tensor(added.map(f32x4::reduce_add))
+    }
+}
+
+/// The group of all members, where each end has one wedge.
+#[inline(always)]
+fn only_group(members: &[Member]) -> Option<usize> {
+    match members {
+        [a, b] if a.group == b.group => Some(a.group),
+        _ => None,
     }
 }
 
