@@ -166,11 +166,39 @@ impl FourSlopes {
         Self { area, a: cross(&to_b, &n), b: cross(&n, &to_a) }
     }
 
-    /// One of them.
+    /// One after the other.
     #[inline(always)]
-    pub(super) fn one(&self, i: usize) -> Slopes {
-        let of = |four: &Four| Vec3::from(four.map(|x| x.to_array()[i]));
-        Slopes { area: self.area.to_array()[i], a: of(&self.a), b: of(&self.b) }
+    pub(super) fn rows(&self) -> [SlopesRow; 4] {
+        let per_area = f32x4::ONE / self.area.fast_max(f32x4::splat(1e-30));
+        let [ax, ay, az] = self.a;
+        let [bx, by, bz] = self.b;
+        let a = f32x4::transpose([ax, ay, az, self.area]);
+        let b = f32x4::transpose([bx, by, bz, per_area]);
+        [0, 1, 2, 3].map(|i| SlopesRow { a: a[i], b: b[i] })
+    }
+}
+
+/// [`Slopes`] in two rows: behind a the area stands, behind b one over it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SlopesRow {
+    a: f32x4,
+    b: f32x4,
+}
+
+impl SlopesRow {
+    #[inline(always)]
+    pub(super) fn area(&self) -> f32 {
+        self.a.to_array()[3]
+    }
+    #[inline(always)]
+    fn per_area(&self) -> f32 {
+        self.b.to_array()[3]
+    }
+    /// What a value gains along x, y and z, times the area, that differs by so much times the area at the two corners.
+    #[inline(always)]
+    fn gain(&self, a: f32x4, b: f32x4) -> [f32x4; 3] {
+        let (own, other) = (self.a.to_array(), self.b.to_array());
+        [0, 1, 2].map(|k| a * own[k] + b * other[k])
     }
 }
 
@@ -230,6 +258,11 @@ impl Attributes {
     pub(crate) fn lanes(&self) -> usize {
         self.lanes
     }
+    /// The same where that is known to be `N`, or any number if that is 0: for loops that are unrolled.
+    #[inline(always)]
+    pub(super) fn lanes_of<const N: usize>(&self) -> usize {
+        if N == 0 { self.lanes } else { N }
+    }
     /// What the squares of the errors of four values count.
     #[inline(always)]
     pub(crate) fn weight(&self, lane: usize) -> f32x4 {
@@ -255,12 +288,21 @@ impl Attributes {
     }
     #[inline(always)]
     fn row(&self, w: WedgeId) -> &[f32x4] {
-        let n = 4 * self.lanes;
-        &self.rows[w.index() * n..][..n]
+        self.row_of(self.lanes, w)
+    }
+    /// The same where the lanes are known.
+    #[inline(always)]
+    fn row_of(&self, lanes: usize, w: WedgeId) -> &[f32x4] {
+        &self.rows[w.index() * 4 * lanes..][..4 * lanes]
     }
     #[inline(always)]
     pub(crate) fn values(&self, w: WedgeId) -> &[f32x4] {
-        &self.rows[w.index() * 4 * self.lanes..][..self.lanes]
+        self.values_of(self.lanes, w)
+    }
+    /// The same where the lanes are known.
+    #[inline(always)]
+    pub(crate) fn values_of(&self, lanes: usize, w: WedgeId) -> &[f32x4] {
+        &self.rows[w.index() * 4 * lanes..][..lanes]
     }
     /// The row of a wedge: values, and what they gain along x, y and z.
     #[inline(always)]
@@ -396,9 +438,10 @@ impl Attributes {
 
     /// What the values of three corners add to the tensors of these corners; the first is the one that `s` is seen from.
     #[inline(always)]
-    pub(super) fn tensor(&self, s: &Slopes, [o, a, b]: [&[f32x4]; 3]) -> Tensor {
+    pub(super) fn tensor(&self, lanes: usize, s: &Slopes, [o, a, b]: [&[f32x4]; 3]) -> Tensor {
         let (mut aa, mut ab, mut bb) = (f32x4::ZERO, f32x4::ZERO, f32x4::ZERO);
-        for (i, &weight) in self.weights.iter().enumerate() {
+        for i in 0..lanes {
+            let weight = self.weights[i];
             let (a, b) = (a[i] - o[i], b[i] - o[i]);
             let (wa, wb) = (a * weight, b * weight);
             (aa, ab, bb) = (aa + wa * a, ab + wa * b, bb + wb * b);
@@ -408,16 +451,25 @@ impl Attributes {
 
     /// Adds a triangle to the sums of its three wedges, whose faces are counted already. Says what it adds to the tensors of its vertices.
     pub(super) fn account(&mut self, s: &Slopes, wedges: [WedgeId; 3]) -> Tensor {
-        let tensor = self.tensor(s, wedges.map(|w| self.values(w)));
-        let n = self.lanes;
-        let at = wedges.map(|w| w.index() * 4 * n);
+        match self.lanes {
+            1 => self.account_of::<1>(s, wedges),
+            2 => self.account_of::<2>(s, wedges),
+            _ => self.account_of::<0>(s, wedges),
+        }
+    }
+
+    #[inline(always)]
+    fn account_of<const N: usize>(&mut self, s: &Slopes, wedges: [WedgeId; 3]) -> Tensor {
+        let n = self.lanes_of::<N>();
+        let [o, a, b] = wedges;
+        let tensor = self.tensor(n, s, [self.row_of(n, o), self.row_of(n, a), self.row_of(n, b)]);
         for i in 0..n {
-            let [o, a, b] = at.map(|at| self.rows[at + i]);
+            let (o, a, b) = (self.row_of(n, o)[i], self.row_of(n, a)[i], self.row_of(n, b)[i]);
             let (a, b) = ((a - o) * s.area, (b - o) * s.area);
-            let gain = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
-            for at in at {
-                for (k, gain) in gain.into_iter().enumerate() {
-                    self.rows[at + (k + 1) * n + i] += gain;
+            for w in wedges {
+                let row = &mut self.rows[w.index() * 4 * n..][..4 * n];
+                for k in 0..3 {
+                    row[(k + 1) * n + i] += a * s.a[k] + b * s.b[k];
                 }
             }
         }
@@ -463,7 +515,8 @@ impl Attributes {
         [la, lb]: [f32; 2],
         best: &[f32x4],
     ) -> f32x4 {
-        let [o, a, b] = corners.map(|w| &self.rows[w.index() * 4 * lanes..][..lanes]);
+        let [o, a, b] = corners;
+        let (o, a, b) = (self.row_of(lanes, o), self.row_of(lanes, a), self.row_of(lanes, b));
         let (weights, best) = (&self.weights[..lanes], &best[..lanes]);
         let mut sum = f32x4::ZERO;
         for i in 0..lanes {
@@ -481,25 +534,22 @@ impl Attributes {
     pub(super) fn replace(
         &mut self,
         lanes: usize,
-        old: (Slopes, WedgeId),
-        new: Option<(Slopes, &[f32x4])>,
+        (old, o): (&SlopesRow, WedgeId),
+        new: Option<(&SlopesRow, &[f32x4])>,
         [a, b]: [WedgeId; 2],
         own: &mut [f32x4],
         added: &mut [f32x4; 6],
     ) -> [f32x4; 6] {
-        let [at_o, at_a, at_b] = [old.1, a, b].map(|w| w.index() * 4 * lanes);
-        let per_area = |s: &Slopes| 1.0 / s.area.max(1e-30);
-        let per_old = per_area(&old.0);
+        let (at_a, at_b) = (a.index() * 4 * lanes, b.index() * 4 * lanes);
         let own = &mut own[..3 * lanes];
         let mut sums = [f32x4::ZERO; 6];
         for i in 0..lanes {
             let weight = self.weights[i];
-            let [o, a, b] = [at_o, at_a, at_b].map(|at| self.rows[at..][..lanes][i]);
+            let (o, a, b) = (self.row_of(lanes, o)[i], self.row_of(lanes, a)[i], self.row_of(lanes, b)[i]);
             let mut gain = [f32x4::ZERO; 3];
-            if let Some((s, values)) = &new {
-                let (a, b) = ((a - values[i]) * s.area, (b - values[i]) * s.area);
-                gain = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
-                let square = outer(&gain, weight * per_area(s));
+            if let Some((s, values)) = new {
+                gain = s.gain((a - values[i]) * s.area(), (b - values[i]) * s.area());
+                let square = outer(&gain, weight * s.per_area());
                 for k in 0..6 {
                     sums[k] += square[k];
                     added[k] += square[k];
@@ -508,17 +558,19 @@ impl Attributes {
                     own[k * lanes + i] += gain;
                 }
             }
-            let s = &old.0;
-            let (a, b) = ((a - o) * s.area, (b - o) * s.area);
-            let loss = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
-            let square = outer(&loss, weight * per_old);
-            (0..6).for_each(|k| sums[k] -= square[k]);
+            let loss = old.gain((a - o) * old.area(), (b - o) * old.area());
+            let square = outer(&loss, weight * old.per_area());
+            for k in 0..6 {
+                sums[k] -= square[k];
+            }
             for at in [at_a, at_b] {
                 let row = &mut self.rows[at..][..4 * lanes];
-                (0..3).for_each(|k| row[(k + 1) * lanes + i] += gain[k] - loss[k]);
+                for k in 0..3 {
+                    row[(k + 1) * lanes + i] += gain[k] - loss[k];
+                }
             }
         }
-        let area = new.map_or(0.0, |x| x.0.area) - old.0.area;
+        let area = new.map_or(0.0, |x| x.0.area()) - old.area();
         for w in [a, b] {
             let head = &mut self.heads[w.index()];
             (head.area, head.known) = (head.area + area, false);
@@ -630,11 +682,11 @@ impl Attributes {
         let [area_u, area_v] = [u, v].map(|w| self.heads[w.index()].area.max(1e-30));
         let (per_u, per_v) = (1.0 / area_u, 1.0 / area_v);
         let both = area_u * (area_v / (area_u + area_v));
-        let [own, other] = [u, v].map(|w| &self.rows[w.index() * 4 * lanes..][..4 * lanes]);
+        let (own, other) = (self.row_of(lanes, u), self.row_of(lanes, v));
         for i in 0..lanes {
-            let part = |row: &[f32x4], k: usize| row[k * lanes + i];
-            let slope = [1, 2, 3].map(|k| part(other, k) * per_v);
-            let off = [0, 1, 2].map(|k| part(own, k + 1) * per_u - slope[k]);
+            let (j, k, l) = (lanes + i, 2 * lanes + i, 3 * lanes + i);
+            let slope = [other[j] * per_v, other[k] * per_v, other[l] * per_v];
+            let off = [own[j] * per_u - slope[0], own[k] * per_u - slope[1], own[l] * per_u - slope[2]];
             sum.add_square(&off, other[i] - own[i] - dot(&slope, d), self.weights[i] * both);
         }
     }
@@ -652,12 +704,18 @@ impl Attributes {
     ) {
         let area = f32x4::new(others.map(|w| self.heads[w.index()].area));
         let per_area = f32x4::ONE / (area + self.heads[own.index()].area).fast_max(f32x4::splat(1e-30));
-        let row = |w: WedgeId| &self.rows[w.index() * 4 * lanes..][..4 * lanes];
-        let (own, theirs) = (row(own), others.map(row));
+        let [p, q, r, s] = others;
+        let (p, q) = (self.row_of(lanes, p), self.row_of(lanes, q));
+        let (r, s) = (self.row_of(lanes, r), self.row_of(lanes, s));
+        let own = self.row_of(lanes, own);
         for lane in 0..lanes {
-            let part = |k: usize| f32x4::transpose(theirs.map(|row| row[k * lanes + lane]));
-            let (values, x, y, z) = (part(0), part(1), part(2), part(3));
-            let [s, ux, uy, uz] = [0, 1, 2, 3].map(|k| own[k * lanes + lane].to_array());
+            let (i, j, k, l) = (lane, lanes + lane, 2 * lanes + lane, 3 * lanes + lane);
+            let values = f32x4::transpose([p[i], q[i], r[i], s[i]]);
+            let x = f32x4::transpose([p[j], q[j], r[j], s[j]]);
+            let y = f32x4::transpose([p[k], q[k], r[k], s[k]]);
+            let z = f32x4::transpose([p[l], q[l], r[l], s[l]]);
+            let (s, ux, uy, uz) =
+                (own[i].to_array(), own[j].to_array(), own[k].to_array(), own[l].to_array());
             for (i, weight) in self.weights[lane].to_array().into_iter().enumerate() {
                 if weight == 0.0 {
                     continue;
@@ -678,19 +736,19 @@ impl Attributes {
         }
     }
 
-    /// The best values of each group, where its first member stands, if the vertex goes to the kept end + `y`. Of so many
-    /// `lanes`, for loops that are unrolled.
+    /// The best values of each group, where its first member stands, if the vertex goes to the kept end + `y`.
     #[inline(always)]
-    pub(super) fn best(&self, lanes: usize, members: &[Member], d: Vec3, y: Vec3, out: &mut [f32x4]) {
+    pub(super) fn best<const N: usize>(&self, members: &[Member], d: Vec3, y: Vec3, out: &mut [f32x4]) {
+        let lanes = self.lanes_of::<N>();
         for (group, first) in firsts(members) {
             let out = &mut out[group * lanes..][..lanes];
             out.fill(f32x4::ZERO);
-            let base = &self.rows[first.wedge.index() * 4 * lanes..][..lanes];
+            let base = self.row_of(lanes, first.wedge);
             let mut area = 0.0;
             for m in of_group(members, group) {
                 let own = self.heads[m.wedge.index()].area;
                 let at = if m.at_v { y - d } else { y };
-                let row = &self.rows[m.wedge.index() * 4 * lanes..][..4 * lanes];
+                let row = self.row_of(lanes, m.wedge);
                 area += own;
                 for (i, sum) in out.iter_mut().enumerate() {
                     // From the first wedge's values, so that what is constant stays so.

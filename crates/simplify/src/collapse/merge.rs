@@ -26,19 +26,22 @@ pub(super) struct Merge {
     slopes: Vec<FourSlopes>,
 }
 
-/// Calls a method of so many lanes, by a number that is known to the compiler where there are few.
+/// Calls a function of so many lanes, which the compiler knows where there are one or two; 0 is any number.
 macro_rules! of_lanes {
-    ($lanes:expr, |$n:ident| $call:expr) => {
+    ($lanes:expr, $n:ident => $call:expr) => {
         match $lanes {
             1 => {
-                let $n = 1;
+                const $n: usize = 1;
                 $call
             }
             2 => {
-                let $n = 2;
+                const $n: usize = 2;
                 $call
             }
-            $n => $call,
+            _ => {
+                const $n: usize = 0;
+                $call
+            }
         }
     };
 }
@@ -84,7 +87,7 @@ impl<M: Metric> Engine<M> {
         for r in ring {
             let s = Slopes::new([self.store.p(u), self.store.p(r.a), self.store.p(r.b)]);
             let corners = from_corner(wedges[r.corner.face()], r.corner.k());
-            tensor.add(&attributes.tensor(&s, corners.map(|w| attributes.values(w))));
+            tensor.add(&attributes.tensor(attributes.lanes(), &s, corners.map(|w| attributes.values(w))));
         }
         tensor
     }
@@ -137,14 +140,13 @@ impl<M: Metric> Engine<M> {
     ) {
         if let Some(attributes) = self.weighed() {
             let lanes = attributes.lanes();
-            of_lanes!(lanes, |n| self.sum_of_wedges(n, attributes, [u, v], d, ru, members)).add_to(form);
+            of_lanes!(lanes, N => self.sum_of_wedges::<N>(attributes, [u, v], d, ru, members)).add_to(form);
         }
     }
 
     #[inline(always)]
-    fn sum_of_wedges(
+    fn sum_of_wedges<const N: usize>(
         &self,
-        lanes: usize,
         attributes: &Attributes,
         [u, v]: [VertexId; 2],
         d: Vec3,
@@ -153,6 +155,7 @@ impl<M: Metric> Engine<M> {
     ) -> Sum {
         let mut sum = Sum::default();
         let Some(wedges) = &self.store.wedges else { return sum };
+        let lanes = attributes.lanes_of::<N>();
         let (mut pairs, mut count) = ([[NO_WEDGE; 2]; 2], 0);
         for r in ru.iter().filter(|r| r.has(v)) {
             let pair = ends_of(wedges[r.corner.face()], r.corner.k(), r.a == v);
@@ -186,15 +189,14 @@ impl<M: Metric> Engine<M> {
     ) {
         if let Some(attributes) = self.weighed() {
             let lanes = attributes.lanes();
-            of_lanes!(lanes, |n| self.add_to_four(n, attributes, u, ends, d, form, ru, members));
+            of_lanes!(lanes, N => self.add_to_four::<N>(attributes, u, ends, d, form, ru, members));
         }
     }
 
     #[allow(clippy::too_many_arguments, reason = "called in one place")]
     #[inline(always)]
-    fn add_to_four(
+    fn add_to_four<const N: usize>(
         &self,
-        lanes: usize,
         attributes: &Attributes,
         u: VertexId,
         ends: &[VertexId],
@@ -203,6 +205,7 @@ impl<M: Metric> Engine<M> {
         ru: &[Spoke],
         members: &mut Vec<Member>,
     ) {
+        let lanes = attributes.lanes_of::<N>();
         if self.are_lone(u, ends) {
             let lane = |i: usize| self.store.first_wedge[ends[i.min(ends.len() - 1)].index()];
             let others = [lane(0), lane(1), lane(2), lane(3)];
@@ -212,7 +215,7 @@ impl<M: Metric> Engine<M> {
         let (mut sums, d) = ([Sum::default(); 4], d.map(|d| d.to_array()));
         for (i, (sum, &w)) in sums.iter_mut().zip(ends).enumerate() {
             let d = Vec3::new(d[0][i], d[1][i], d[2][i]);
-            *sum = self.sum_of_wedges(lanes, attributes, [u, w], d, ru, members);
+            *sum = self.sum_of_wedges::<N>(attributes, [u, w], d, ru, members);
         }
         Sum::add_four_to(&sums, form);
     }
@@ -290,7 +293,7 @@ impl<M: Metric> Engine<M> {
                     merge.best[group * lanes..][..lanes].copy_from_slice(attributes.values(first.wedge));
                 }
             } else {
-                of_lanes!(lanes, |n| attributes.best(n, members, d, y, &mut merge.best));
+                of_lanes!(lanes, N => attributes.best::<N>(members, d, y, &mut merge.best));
             }
         }
         self.merge = merge;
@@ -304,8 +307,7 @@ impl<M: Metric> Engine<M> {
             return 0.0;
         }
         let lanes = attributes.lanes();
-        of_lanes!(lanes, |n| Self::cost_of_wings(
-            n,
+        of_lanes!(lanes, N => Self::cost_of_wings::<N>(
             (attributes, &self.store, wedges),
             &self.wings,
             [self.store.p(u), self.store.p(v)],
@@ -316,8 +318,7 @@ impl<M: Metric> Engine<M> {
     }
 
     #[inline(always)]
-    fn cost_of_wings(
-        lanes: usize,
+    fn cost_of_wings<const N: usize>(
         (attributes, store, wedges): (&Attributes, &Store<M::Memory>, &[[WedgeId; 3]]),
         wings: &Wings,
         [x, z]: [Vec3; 2],
@@ -326,6 +327,7 @@ impl<M: Metric> Engine<M> {
         merge: &mut Merge,
     ) -> f32 {
         let Merge { members, best, slopes, .. } = merge;
+        let lanes = attributes.lanes_of::<N>();
         let only = only_group(members);
         let (from, step) = ([splat(x), splat(z)], [splat(y), splat(y - (z - x))]);
         let mut cost = f32x4::ZERO;
@@ -402,13 +404,12 @@ impl<M: Metric> Engine<M> {
     /// place `at`. Says what the new triangles add to its tensor.
     pub(super) fn merge_wedges(&mut self, u: VertexId, v: VertexId, y: Vec3, at: Vec3, ru: &Ring) -> Tensor {
         let lanes = self.attributes.as_ref().map_or(0, Attributes::lanes);
-        of_lanes!(lanes, |n| self.merge_wedges_of(n, [u, v], y, at, ru.len()))
+        of_lanes!(lanes, N => self.merge_wedges_of::<N>([u, v], y, at, ru.len()))
     }
 
     #[inline(always)]
-    fn merge_wedges_of(
+    fn merge_wedges_of<const N: usize>(
         &mut self,
-        lanes: usize,
         [u, v]: [VertexId; 2],
         y: Vec3,
         at: Vec3,
@@ -418,6 +419,7 @@ impl<M: Metric> Engine<M> {
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
             return Tensor::default();
         };
+        let lanes = attributes.lanes_of::<N>();
         let mut added = [f32x4::ZERO; 6];
         let Merge { members, best, own, heads, slopes } = &mut self.merge;
         let only = only_group(members);
@@ -450,6 +452,7 @@ impl<M: Metric> Engine<M> {
             };
             let length = dot(&four.after, &four.after).sqrt();
             let new = FourSlopes::new([&to, &pa, &pb], &four.after, length);
+            let (old, new) = (old.rows(), new.rows());
             let mut changes = [[f32x4::ZERO; 4]; 6];
             for i in 0..four.count.min(4) {
                 let Spoke { corner, a: to_a, b: to_b } = four.spokes[i];
@@ -458,13 +461,15 @@ impl<M: Metric> Engine<M> {
                 let Some(group) = only.or_else(|| group_of(members, o, end == 1)) else { continue };
                 let stays = four.stays & (1 << i) != 0;
                 let values = &best[group * lanes..][..lanes];
-                let new = stays.then(|| (new.one(i), values));
+                let new = stays.then(|| (&new[i], values));
                 let sums = &mut own[group * 3 * lanes..][..3 * lanes];
-                let change = attributes.replace(lanes, (old.one(i), o), new, [a, b], sums, &mut added);
-                (0..6).for_each(|k| changes[k][i] = change[k]);
+                let change = attributes.replace(lanes, (&old[i], o), new, [a, b], sums, &mut added);
+                for k in 0..6 {
+                    changes[k][i] = change[k];
+                }
                 match new {
                     Some((s, _)) => {
-                        heads[group].area += s.area;
+                        heads[group].area += s.area();
                         heads[group].faces += 1;
                         wedges[face][k] = members[group].wedge;
                     }
