@@ -172,9 +172,10 @@ impl FourSlopes {
         let per_area = f32x4::ONE / self.area.fast_max(f32x4::splat(1e-30));
         let [ax, ay, az] = self.a;
         let [bx, by, bz] = self.b;
-        let a = f32x4::transpose([ax, ay, az, self.area]);
-        let b = f32x4::transpose([bx, by, bz, per_area]);
-        [0, 1, 2, 3].map(|i| SlopesRow { a: a[i], b: b[i] })
+        let [p, q, r, s] = f32x4::transpose([ax, ay, az, self.area]);
+        let [t, u, v, w] = f32x4::transpose([bx, by, bz, per_area]);
+        let row = |a, b| SlopesRow { a, b };
+        [row(p, t), row(q, u), row(r, v), row(s, w)]
     }
 }
 
@@ -197,8 +198,8 @@ impl SlopesRow {
     /// What a value gains along x, y and z, times the area, that differs by so much times the area at the two corners.
     #[inline(always)]
     fn gain(&self, a: f32x4, b: f32x4) -> [f32x4; 3] {
-        let (own, other) = (self.a.to_array(), self.b.to_array());
-        [0, 1, 2].map(|k| a * own[k] + b * other[k])
+        let ([ax, ay, az, _], [bx, by, bz, _]) = (self.a.to_array(), self.b.to_array());
+        [a * ax + b * bx, a * ay + b * by, a * az + b * bz]
     }
 }
 

@@ -63,9 +63,19 @@ impl<M: Metric> Engine<M> {
 
     /// Whether no edge of a star can be a seam, as most stars show at a glance.
     pub(super) fn is_far_from_seams(&self, ring: &[Spoke], u: VertexId) -> bool {
+        self.is_among_lone(u, ring.iter().map(|r| (r.a, r.b))) && !self.store.meets_regions(ring)
+    }
+
+    /// Whether a vertex and its neighbours, in pairs, have one wedge each.
+    #[inline(always)]
+    pub(super) fn is_among_lone(
+        &self,
+        u: VertexId,
+        mut around: impl Iterator<Item = (VertexId, VertexId)>,
+    ) -> bool {
         let Some(attributes) = &self.attributes else { return false };
         let is_alone = |w: VertexId| attributes.is_alone(self.store.first_wedge[w.index()]);
-        is_alone(u) && ring.iter().all(|r| is_alone(r.a) && is_alone(r.b)) && !self.store.meets_regions(ring)
+        is_alone(u) && around.all(|(a, b)| is_alone(a) && is_alone(b))
     }
 
     /// Sums of all wedges, and what attributes add to the tensors.
@@ -140,22 +150,23 @@ impl<M: Metric> Engine<M> {
     ) {
         if let Some(attributes) = self.weighed() {
             let lanes = attributes.lanes();
-            of_lanes!(lanes, N => self.sum_of_wedges::<N>(attributes, [u, v], d, ru, members)).add_to(form);
+            let mut sum = Sum::default();
+            of_lanes!(lanes, N => self.add_wedges::<N>(attributes, [u, v], d, ru, members, &mut sum));
+            sum.add_to(form);
         }
     }
 
     #[inline(always)]
-    fn sum_of_wedges<const N: usize>(
+    fn add_wedges<const N: usize>(
         &self,
         attributes: &Attributes,
         [u, v]: [VertexId; 2],
         d: Vec3,
         ru: &[Spoke],
         members: &mut Vec<Member>,
-    ) -> Sum {
-        let mut sum = Sum::default();
-        let Some(wedges) = &self.store.wedges else { return sum };
-        let lanes = attributes.lanes_of::<N>();
+        sum: &mut Sum,
+    ) {
+        let Some(wedges) = &self.store.wedges else { return };
         let (mut pairs, mut count) = ([[NO_WEDGE; 2]; 2], 0);
         for r in ru.iter().filter(|r| r.has(v)) {
             let pair = ends_of(wedges[r.corner.face()], r.corner.k(), r.a == v);
@@ -164,16 +175,15 @@ impl<M: Metric> Engine<M> {
             }
             if count > 0 && (count > 1 || pairs[0][0] == pair[0] || pairs[0][1] == pair[1]) {
                 self.gather(attributes, u, v, ru, false, members);
-                attributes.add_to(members, d, &mut sum);
-                return sum;
+                attributes.add_to(members, d, sum);
+                return;
             }
             pairs[count] = pair;
             count += 1;
         }
         for pair in &pairs[..count] {
-            attributes.add_pair_to(lanes, *pair, d, &mut sum);
+            attributes.add_pair_to(attributes.lanes_of::<N>(), *pair, d, sum);
         }
-        sum
     }
 
     /// Adds the attributes' part to the forms of up to four edges from one vertex, side by side.
@@ -215,7 +225,7 @@ impl<M: Metric> Engine<M> {
         let (mut sums, d) = ([Sum::default(); 4], d.map(|d| d.to_array()));
         for (i, (sum, &w)) in sums.iter_mut().zip(ends).enumerate() {
             let d = Vec3::new(d[0][i], d[1][i], d[2][i]);
-            *sum = self.sum_of_wedges::<N>(attributes, [u, w], d, ru, members);
+            self.add_wedges::<N>(attributes, [u, w], d, ru, members, sum);
         }
         Sum::add_four_to(&sums, form);
     }
@@ -481,7 +491,15 @@ impl<M: Metric> Engine<M> {
                     }
                 }
             }
-            let changes = lanes::tensors(changes.map(lanes::sums));
+            let [a, b, c, d, e, f] = changes;
+            let changes = lanes::tensors([
+                lanes::sums(a),
+                lanes::sums(b),
+                lanes::sums(c),
+                lanes::sums(d),
+                lanes::sums(e),
+                lanes::sums(f),
+            ]);
             for i in 0..four.count.min(4) {
                 for w in [four.spokes[i].a, four.spokes[i].b] {
                     M::tensor(&mut self.store.v[w.index()].q).add(&changes[i]);
