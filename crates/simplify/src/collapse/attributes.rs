@@ -166,6 +166,21 @@ impl FourSlopes {
         Self { area, a: cross(&to_b, &n), b: cross(&n, &to_a) }
     }
 
+    /// As seen from the first corners.
+    #[inline(always)]
+    pub(super) fn of([o, a, b]: [&Four; 3]) -> Self {
+        let normal = cross(&sub(a, o), &sub(b, o));
+        Self::new([o, a, b], &normal, lanes::dot(&normal, &normal).sqrt())
+    }
+
+    /// One of them.
+    #[inline(always)]
+    pub(super) fn one(&self, i: usize) -> Slopes {
+        let of = |x: &f32x4| x.to_array()[i & 3];
+        let vector = |v: &Four| Vec3::new(of(&v[0]), of(&v[1]), of(&v[2]));
+        Slopes { area: of(&self.area), a: vector(&self.a), b: vector(&self.b) }
+    }
+
     /// One after the other.
     #[inline(always)]
     pub(super) fn rows(&self) -> [SlopesRow; 4] {
@@ -423,15 +438,29 @@ impl Attributes {
         const ENOUGH: usize = 8192;
         let mut sums = vec![0f64; 4 * self.lanes];
         let mut area = 0f64;
-        for (t, w) in faces.iter().zip(wedges).step_by((faces.len() / ENOUGH).max(1)) {
-            let s = Slopes::new(t.map(|v| points[v.index()]));
-            area += f64::from(s.area);
-            let [o, a, b] = w.map(|w| self.values(w));
-            for (i, sums) in sums.chunks_exact_mut(4).enumerate() {
-                let (a, b) = (a[i] - o[i], b[i] - o[i]);
-                let gradient = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
-                let square = lanes::dot(&gradient, &gradient) * s.area;
-                sums.iter_mut().zip(square.to_array()).for_each(|(sum, x)| *sum += f64::from(x));
+        let step = (faces.len() / ENOUGH).max(1);
+        let looks: Vec<usize> = (0..faces.len()).step_by(step).collect();
+        for few in looks.chunks(4) {
+            let corner = |k: usize| {
+                let of =
+                    |i: usize| points[faces[few[i.min(few.len() - 1)]][k].index()].extend(0.0).to_array();
+                let [x, y, z, _] = f32x4::transpose([of(0), of(1), of(2), of(3)].map(f32x4::new));
+                [x, y, z]
+            };
+            let slopes = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
+            for (i, &face) in few.iter().enumerate() {
+                let s = slopes.one(i);
+                area += f64::from(s.area);
+                let [o, a, b] = wedges[face];
+                let (o, a, b) = (self.values(o), self.values(a), self.values(b));
+                for (i, sums) in sums.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+                    let (a, b) = (a[i] - o[i], b[i] - o[i]);
+                    let gradient = [a * s.a.x + b * s.b.x, a * s.a.y + b * s.b.y, a * s.a.z + b * s.b.z];
+                    let square = (lanes::dot(&gradient, &gradient) * s.area).to_array();
+                    for k in 0..4 {
+                        sums[k] += f64::from(square[k]);
+                    }
+                }
             }
         }
         sums.iter().map(|x| x / area.max(f64::MIN_POSITIVE)).collect()

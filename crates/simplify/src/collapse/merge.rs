@@ -63,29 +63,37 @@ impl<M: Metric> Engine<M> {
 
     /// Whether no edge of a star can be a seam, as most stars show at a glance.
     pub(super) fn is_far_from_seams(&self, ring: &[Spoke], u: VertexId) -> bool {
-        self.is_among_lone(u, ring.iter().map(|r| (r.a, r.b))) && !self.store.meets_regions(ring)
+        self.is_among_lone(u, ring.iter().flat_map(|r| [r.a, r.b])) && !self.store.meets_regions(ring)
     }
 
-    /// Whether a vertex and its neighbours, in pairs, have one wedge each.
+    /// The same where there are no regions at all.
     #[inline(always)]
-    pub(super) fn is_among_lone(
-        &self,
-        u: VertexId,
-        mut around: impl Iterator<Item = (VertexId, VertexId)>,
-    ) -> bool {
+    pub(super) fn is_inside_one_chart(&self, u: VertexId, around: impl Iterator<Item = VertexId>) -> bool {
+        self.store.regions.is_none() && self.is_among_lone(u, around)
+    }
+
+    /// Whether a vertex and its neighbours have one wedge each.
+    #[inline(always)]
+    fn is_among_lone(&self, u: VertexId, mut around: impl Iterator<Item = VertexId>) -> bool {
         let Some(attributes) = &self.attributes else { return false };
         let is_alone = |w: VertexId| attributes.is_alone(self.store.first_wedge[w.index()]);
-        is_alone(u) && around.all(|(a, b)| is_alone(a) && is_alone(b))
+        is_alone(u) && around.all(is_alone)
     }
 
     /// Sums of all wedges, and what attributes add to the tensors.
     pub(super) fn weigh_attributes(&mut self) {
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
-        for (t, w) in self.store.t.iter().zip(wedges) {
-            let s = Slopes::new(t.map(|v| self.store.v[v.index()].p));
-            let sum = attributes.account(&s, *w);
-            for v in t {
-                M::tensor(&mut self.store.v[v.index()].q).add(&sum);
+        for (t, w) in self.store.t.chunks(4).zip(wedges.chunks(4)) {
+            let corner = |k: usize| {
+                let of = |i: usize| t[i.min(t.len() - 1)][k];
+                store::four(&self.store.v, [of(0), of(1), of(2), of(3)])
+            };
+            let slopes = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
+            for (i, (t, w)) in t.iter().zip(w).enumerate() {
+                let sum = attributes.account(&slopes.one(i), *w);
+                for v in t {
+                    M::tensor(&mut self.store.v[v.index()].q).add(&sum);
+                }
             }
         }
     }
