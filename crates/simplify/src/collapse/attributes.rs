@@ -417,16 +417,6 @@ impl Attributes {
         w.index().checked_sub(given).map_or(w, |i| self.copied[i])
     }
 
-    /// Takes a wedge out of the chain that begins with `first`.
-    pub(super) fn unlink(&mut self, first: &mut WedgeId, wedge: WedgeId) {
-        let next = self.heads[wedge.index()].next;
-        let before = self.chain(*first).find(|w| self.heads[w.index()].next == wedge);
-        match before {
-            Some(before) => self.heads[before.index()].next = next,
-            None => *first = next,
-        }
-    }
-
     /// Mean square over the surface of the gradient of each value. Of many triangles every so manieth is looked at.
     pub(crate) fn mean_square_gradients(
         &self,
@@ -556,57 +546,10 @@ impl Attributes {
         sum
     }
 
-    /// Takes what a triangle says of its first corner, `old` there, away from the sums of the two others, and says it to
-    /// them anew where the corner has moved (`new` slopes and values) instead of gone. What it adds to the merged wedge's
-    /// own sums goes to `own`, and to the tensor of its vertex to `added`. Says what changes in the tensors of the others,
-    /// in four shares. Of so many `lanes`, for loops that are unrolled.
+    /// What a merger changes, apart: in slices, which stay in registers.
     #[inline(always)]
-    pub(super) fn replace(
-        &mut self,
-        lanes: usize,
-        (old, o): (&SlopesRow, WedgeId),
-        new: Option<(&SlopesRow, &[f32x4])>,
-        [a, b]: [WedgeId; 2],
-        own: &mut [f32x4],
-        added: &mut [f32x4; 6],
-    ) -> [f32x4; 6] {
-        let (at_a, at_b) = (a.index() * 4 * lanes, b.index() * 4 * lanes);
-        let own = &mut own[..3 * lanes];
-        let mut sums = [f32x4::ZERO; 6];
-        for i in 0..lanes {
-            let weight = self.weights[i];
-            let (o, a, b) = (self.row_of(lanes, o)[i], self.row_of(lanes, a)[i], self.row_of(lanes, b)[i]);
-            let mut gain = [f32x4::ZERO; 3];
-            if let Some((s, values)) = new {
-                gain = s.gain((a - values[i]) * s.area(), (b - values[i]) * s.area());
-                let square = outer(&gain, weight * s.per_area());
-                for k in 0..6 {
-                    sums[k] += square[k];
-                    added[k] += square[k];
-                }
-                for (k, gain) in gain.into_iter().enumerate() {
-                    own[k * lanes + i] += gain;
-                }
-            }
-            let loss = old.gain((a - o) * old.area(), (b - o) * old.area());
-            let square = outer(&loss, weight * old.per_area());
-            for k in 0..6 {
-                sums[k] -= square[k];
-            }
-            for at in [at_a, at_b] {
-                let row = &mut self.rows[at..][..4 * lanes];
-                for k in 0..3 {
-                    row[(k + 1) * lanes + i] += gain[k] - loss[k];
-                }
-            }
-        }
-        let area = new.map_or(0.0, |x| x.0.area()) - old.area();
-        for w in [a, b] {
-            let head = &mut self.heads[w.index()];
-            (head.area, head.known) = (head.area + area, false);
-            head.faces -= u32::from(new.is_none());
-        }
-        sums
+    pub(super) fn tables(&mut self) -> Tables<'_> {
+        Tables { weights: &self.weights, heads: &mut self.heads, rows: &mut self.rows }
     }
 
     /// Gives a wedge new values and sums.
@@ -817,6 +760,86 @@ impl Attributes {
         sum.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         sum.truncate(MOST_PULLS);
         sum
+    }
+}
+
+/// What is known of all wedges, to be changed.
+pub(super) struct Tables<'a> {
+    weights: &'a [f32x4],
+    pub(super) heads: &'a mut [Head],
+    rows: &'a mut [f32x4],
+}
+
+impl Tables<'_> {
+    /// Takes a wedge out of the chain that begins with `first`.
+    pub(super) fn unlink(&mut self, first: &mut WedgeId, wedge: WedgeId) {
+        let next = self.heads[wedge.index()].next;
+        if *first == wedge {
+            *first = next;
+            return;
+        }
+        let mut before = *first;
+        while let Some(head) = self.heads.get_mut(before.index()) {
+            if head.next == wedge {
+                head.next = next;
+                return;
+            }
+            before = head.next;
+        }
+    }
+
+    /// Takes what a triangle says of its first corner, `old` there, away from the sums of the two others, and says it to
+    /// them anew where the corner has moved (`new` slopes and values) instead of gone. What it adds to the merged wedge's
+    /// own sums goes to `own`, and to the tensor of its vertex to `added`. Says what changes in the tensors of the others,
+    /// in four shares. Of so many `lanes`, for loops that are unrolled.
+    #[inline(always)]
+    pub(super) fn replace(
+        &mut self,
+        lanes: usize,
+        (old, o): (&SlopesRow, WedgeId),
+        new: Option<(&SlopesRow, &[f32x4])>,
+        [a, b]: [WedgeId; 2],
+        own: &mut [f32x4],
+        added: &mut [f32x4; 6],
+    ) -> [f32x4; 6] {
+        let (at_a, at_b) = (a.index() * 4 * lanes, b.index() * 4 * lanes);
+        let own = &mut own[..3 * lanes];
+        let mut sums = [f32x4::ZERO; 6];
+        for i in 0..lanes {
+            let weight = self.weights[i];
+            let o = self.rows[o.index() * 4 * lanes + i];
+            let (a, b) = (self.rows[at_a + i], self.rows[at_b + i]);
+            let mut gain = [f32x4::ZERO; 3];
+            if let Some((s, values)) = new {
+                gain = s.gain((a - values[i]) * s.area(), (b - values[i]) * s.area());
+                let square = outer(&gain, weight * s.per_area());
+                for k in 0..6 {
+                    sums[k] += square[k];
+                    added[k] += square[k];
+                }
+                for k in 0..3 {
+                    own[k * lanes + i] += gain[k];
+                }
+            }
+            let loss = old.gain((a - o) * old.area(), (b - o) * old.area());
+            let square = outer(&loss, weight * old.per_area());
+            for k in 0..6 {
+                sums[k] -= square[k];
+            }
+            for at in [at_a, at_b] {
+                let row = &mut self.rows[at..][..4 * lanes];
+                for k in 0..3 {
+                    row[(k + 1) * lanes + i] += gain[k] - loss[k];
+                }
+            }
+        }
+        let area = new.map_or(0.0, |x| x.0.area()) - old.area();
+        for w in [a, b] {
+            let head = &mut self.heads[w.index()];
+            (head.area, head.known) = (head.area + area, false);
+            head.faces -= u32::from(new.is_none());
+        }
+        sums
     }
 }
 

@@ -125,15 +125,18 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Makes known what the wedges of a vertex, and of some of its neighbours, say by themselves, where that is asked for.
+    /// Says whether each of them has one wedge only.
     #[inline(always)]
-    pub(super) fn know_wedges(&mut self, u: VertexId, others: &[VertexId]) {
-        if self.weighed().is_none() || self.are_lone(u, others) {
-            return;
+    pub(super) fn know_wedges(&mut self, u: VertexId, others: &[VertexId]) -> bool {
+        let are_lone = self.are_lone(u, others);
+        if self.weighed().is_none() || are_lone {
+            return are_lone;
         }
         if let Some(attributes) = &mut self.attributes {
             attributes.know(self.store.first_wedge[u.index()]);
             others.iter().for_each(|w| attributes.know(self.store.first_wedge[w.index()]));
         }
+        false
     }
 
     /// The tensor of a vertex without what the best values of its wedges, each by itself, take off.
@@ -198,8 +201,7 @@ impl<M: Metric> Engine<M> {
     #[inline(always)]
     pub(super) fn add_attributes_to_four(
         &self,
-        u: VertexId,
-        ends: &[VertexId],
+        edges: (VertexId, &[VertexId], bool),
         d: &[f32x4; 3],
         form: (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
         ru: &[Spoke],
@@ -207,24 +209,22 @@ impl<M: Metric> Engine<M> {
     ) {
         if let Some(attributes) = self.weighed() {
             let lanes = attributes.lanes();
-            of_lanes!(lanes, N => self.add_to_four::<N>(attributes, u, ends, d, form, ru, members));
+            of_lanes!(lanes, N => self.add_to_four::<N>(attributes, edges, d, form, ru, members));
         }
     }
 
-    #[allow(clippy::too_many_arguments, reason = "called in one place")]
     #[inline(always)]
     fn add_to_four<const N: usize>(
         &self,
         attributes: &Attributes,
-        u: VertexId,
-        ends: &[VertexId],
+        (u, ends, are_lone): (VertexId, &[VertexId], bool),
         d: &[f32x4; 3],
         form: (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
         ru: &[Spoke],
         members: &mut Vec<Member>,
     ) {
         let lanes = attributes.lanes_of::<N>();
-        if self.are_lone(u, ends) {
+        if are_lone {
             let lane = |i: usize| self.store.first_wedge[ends[i.min(ends.len() - 1)].index()];
             let others = [lane(0), lane(1), lane(2), lane(3)];
             attributes.add_four_to(lanes, self.store.first_wedge[u.index()], others, d, form);
@@ -460,10 +460,13 @@ impl<M: Metric> Engine<M> {
             }
         }
         let (from, to) = ([splat(x), splat(z)], splat(at));
+        let mut tables = attributes.tables();
+        let (wedges, vertices) = (&mut wedges[..], &mut self.store.v[..]);
+        let (own, best, heads) = (&mut own[..], &best[..], &mut heads[..]);
         for (k, four) in self.wings.fours().iter().enumerate() {
             let end = usize::from(4 * k >= at_u);
             let (a, b) = (four.spokes.map(|s| s.a), four.spokes.map(|s| s.b));
-            let (pa, pb) = (store::four(&self.store.v, a), store::four(&self.store.v, b));
+            let (pa, pb) = (store::four(vertices, a), store::four(vertices, b));
             let old = match slopes.get(k) {
                 Some(known) => *known,
                 None => FourSlopes::new([&from[end], &pa, &pb], &four.normal, four.length),
@@ -481,7 +484,7 @@ impl<M: Metric> Engine<M> {
                 let values = &best[group * lanes..][..lanes];
                 let new = stays.then(|| (&new[i], values));
                 let sums = &mut own[group * 3 * lanes..][..3 * lanes];
-                let change = attributes.replace(lanes, (&old[i], o), new, [a, b], sums, &mut added);
+                let change = tables.replace(lanes, (&old[i], o), new, [a, b], sums, &mut added);
                 for k in 0..6 {
                     changes[k][i] = change[k];
                 }
@@ -493,8 +496,8 @@ impl<M: Metric> Engine<M> {
                     }
                     None => {
                         let (apex, wedge) = if to_a == v { (to_b, b) } else { (to_a, a) };
-                        if attributes.heads[wedge.index()].faces == 0 {
-                            attributes.unlink(&mut self.store.first_wedge[apex.index()], wedge);
+                        if tables.heads[wedge.index()].faces == 0 {
+                            tables.unlink(&mut self.store.first_wedge[apex.index()], wedge);
                         }
                     }
                 }
@@ -510,7 +513,7 @@ impl<M: Metric> Engine<M> {
             ]);
             for i in 0..four.count.min(4) {
                 for w in [four.spokes[i].a, four.spokes[i].b] {
-                    M::tensor(&mut self.store.v[w.index()].q).add(&changes[i]);
+                    M::tensor(&mut vertices[w.index()].q).add(&changes[i]);
                 }
             }
         }
