@@ -345,7 +345,7 @@ pub(crate) fn with_wedges(
             pairs.push((v, w));
         }
     }
-    pairs.sort_unstable();
+    let mut pairs = in_order(&pairs, positions.len());
     pairs.dedup();
     let mut at = vec![0; count];
     for (i, p) in pairs.iter().enumerate() {
@@ -365,6 +365,33 @@ pub(crate) fn with_wedges(
         TriMesh::with_wedges(positions, pairs.iter().map(|p| p.0).collect(), triangles)?
     };
     Ok((mesh, pairs))
+}
+
+/// Pairs of one of so many vertices and a wedge, in order: counted by vertex, because a vertex has few wedges.
+fn in_order(pairs: &[(VertexId, WedgeId)], vertices: usize) -> Vec<(VertexId, WedgeId)> {
+    let mut at = vec![0u32; vertices + 1];
+    for (v, _) in pairs {
+        at[v.index() + 1] += 1;
+    }
+    for i in 0..vertices {
+        at[i + 1] += at[i];
+    }
+    let mut sorted = vec![(NONE, WedgeId(0)); pairs.len()];
+    for &pair in pairs {
+        let at = &mut at[pair.0.index()];
+        sorted[*at as usize] = pair;
+        *at += 1;
+    }
+    // (Now each entry says where its vertex ends.)
+    let mut begin = 0;
+    for &end in &at[..vertices] {
+        let own = &mut sorted[begin as usize..end as usize];
+        if own.len() > 1 {
+            own.sort_unstable();
+        }
+        begin = end;
+    }
+    sorted
 }
 
 /// The wedges below `count` in the order of their vertices, each with its vertex; those without one are left out.

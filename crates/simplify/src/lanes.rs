@@ -61,3 +61,17 @@ pub(crate) fn tensors(t: [f32x4; 6]) -> [Tensor; 4] {
         Tensor([a, b, c, d, e, f])
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_are_those_of_each() {
+        // (Numbers whose sum hangs on the order.)
+        let rows =
+            [[1e8, 1.0, -1e8, 1.0], [0.1, 0.2, 0.3, 0.4], [3.0, -1e-7, 2.0, 1e-7], [1e-3, 1e3, 1e-3, 1e3]];
+        let rows = rows.map(f32x4::new);
+        assert_eq!(sums(rows).to_array(), rows.map(f32x4::reduce_add));
+    }
+}

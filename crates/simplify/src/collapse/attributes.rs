@@ -855,7 +855,6 @@ fn normalize(directions: &[usize], values: &mut [f32x4]) {
 }
 
 /// A form in four shares, one for each lane.
-#[derive(Clone, Copy, Default)]
 pub(super) struct Sum {
     a: [f32x4; 6],
     h: [f32x4; 3],
@@ -863,6 +862,8 @@ pub(super) struct Sum {
 }
 
 impl Sum {
+    pub(super) const ZERO: Self = Self { a: [f32x4::ZERO; 6], h: [f32x4::ZERO; 3], c: f32x4::ZERO };
+
     #[inline(always)]
     fn add_square(&mut self, off: &[f32x4; 3], gap: f32x4, weight: f32x4) {
         add_square((&mut self.a, &mut self.h, &mut self.c), off, gap, weight);
@@ -924,6 +925,28 @@ fn dot(v: &[f32x4; 3], d: Vec3) -> f32x4 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn four_triangles_have_the_slopes_of_each() {
+        // One of a usual size, a sliver, one without an area, and a large one.
+        let triangles = [
+            [[0.1, 0.2, 0.3], [0.4, 0.1, 0.2], [0.3, 0.5, 0.7]],
+            [[0.0, 0.0, 0.0], [1.0, 1e-4, 0.0], [2.0, 1e-7, 1e-7]],
+            [[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.7, 0.1, 0.2]],
+            [[-1.0, 3.0, 2.0], [5.0, -4.0, 1.0], [2.0, 2.0, -6.0]],
+        ]
+        .map(|t| t.map(Vec3::from));
+        let corner = |k: usize| [0, 1, 2].map(|axis| f32x4::new(triangles.map(|t| t[k][axis])));
+        let four = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
+        for (i, (triangle, row)) in triangles.into_iter().zip(four.rows()).enumerate() {
+            let (own, other) = (Slopes::new(triangle), four.one(i));
+            let bits =
+                |s: &Slopes| [s.a.to_array(), s.b.to_array(), [s.area; 3]].map(|v| v.map(f32::to_bits));
+            assert_eq!(bits(&own), bits(&other), "{i}");
+            assert_eq!(row.a.to_array(), own.a.extend(own.area).to_array());
+            assert_eq!(row.b.to_array(), own.b.extend(1.0 / own.area.max(1e-30)).to_array());
+        }
+    }
 
     #[test]
     fn copies_of_copies_name_the_wedge_of_the_input() {

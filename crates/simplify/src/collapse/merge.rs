@@ -161,7 +161,7 @@ impl<M: Metric> Engine<M> {
     ) {
         if let Some(attributes) = self.weighed() {
             let lanes = attributes.lanes();
-            let mut sum = Sum::default();
+            let mut sum = Sum::ZERO;
             of_lanes!(lanes, N => self.add_wedges::<N>(attributes, [u, v], d, ru, members, &mut sum));
             sum.add_to(form);
         }
@@ -230,9 +230,11 @@ impl<M: Metric> Engine<M> {
             attributes.add_four_to(lanes, self.store.first_wedge[u.index()], others, d, form);
             return;
         }
-        let (mut sums, d) = ([Sum::default(); 4], d.map(|d| d.to_array()));
+        let mut sums = [Sum::ZERO, Sum::ZERO, Sum::ZERO, Sum::ZERO];
+        let [x, y, z] = *d;
+        let (x, y, z) = (x.to_array(), y.to_array(), z.to_array());
         for (i, (sum, &w)) in sums.iter_mut().zip(ends).enumerate() {
-            let d = Vec3::new(d[0][i], d[1][i], d[2][i]);
+            let d = Vec3::new(x[i], y[i], z[i]);
             self.add_wedges::<N>(attributes, [u, w], d, ru, members, sum);
         }
         Sum::add_four_to(&sums, form);

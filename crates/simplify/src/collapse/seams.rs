@@ -156,7 +156,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// The same of an edge of a star.
-    #[inline]
+    #[inline(always)]
     pub(super) fn weight_of(&self, edge: &Edge, seams: bool) -> f32 {
         if edge.faces != 2 {
             return self.rules.border_weight;
