@@ -513,9 +513,9 @@ impl<M: Metric> Engine<M> {
                 lanes::sums(e),
                 lanes::sums(f),
             ]);
-            for i in 0..four.count.min(4) {
-                for w in [four.spokes[i].a, four.spokes[i].b] {
-                    M::tensor(&mut vertices[w.index()].q).add(&changes[i]);
+            for (spoke, change) in four.spokes.iter().zip(&changes).take(four.count) {
+                for w in [spoke.a, spoke.b] {
+                    M::tensor(&mut vertices[w.index()].q).add(change);
                 }
             }
         }

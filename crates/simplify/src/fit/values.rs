@@ -185,7 +185,7 @@ impl<'a> Values<'a> {
         );
         let off = &mut self.off[..lanes];
         let mut far = f32x4::ZERO;
-        for i in 0..lanes {
+        for (i, off) in off.iter_mut().enumerate() {
             let mut sum = f32x4::ZERO;
             for row in rows {
                 sum += self.originals.of(row, lanes)[i];
@@ -197,7 +197,7 @@ impl<'a> Values<'a> {
             own += (value - finals.1[i]) * corners[1];
             own += (value - finals.2[i]) * corners[2];
             far += own * own * self.attributes.weight(i);
-            off[i] = own;
+            *off = own;
         }
         // Far off is what came to a face that is near in space only.
         let trust = self.usual / (self.usual + far.reduce_add());
@@ -206,10 +206,10 @@ impl<'a> Values<'a> {
         self.bb[face].add(&Tensor::outer(b, weight));
         let worst = &mut self.worst[face * lanes..][..lanes];
         let wanted = &mut self.wanted[face * 3 * lanes..][..3 * lanes];
-        for i in 0..lanes {
-            worst[i] = worst[i].fast_max(off[i].abs() * trust);
-            for k in 0..3 {
-                wanted[k * lanes + i] += off[i] * (corners[k] * weight);
+        for (i, off) in off.iter().enumerate() {
+            worst[i] = worst[i].fast_max(off.abs() * trust);
+            for (k, b) in corners.into_iter().enumerate() {
+                wanted[k * lanes + i] += *off * (b * weight);
             }
         }
     }
