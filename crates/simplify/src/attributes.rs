@@ -126,16 +126,19 @@ impl Rows {
         let mut wedge_rows = vec![WedgeId(0); mesh.wedge_count()];
         let (mut count, mut first) = (0usize, 0usize);
         let mut row = vec![0f32; width];
+        let varying: Vec<(&Column, &[f32])> =
+            layout.iter().filter(|c| c.constant.is_none()).map(|c| (c, c.all(mesh))).collect();
         for (i, &(vertex, w)) in order.iter().enumerate() {
             if i == 0 || order[i - 1].0 != vertex {
                 first = count;
             }
-            for c in layout.iter().filter(|c| c.constant.is_none()) {
-                c.read(mesh, w, &mut row[c.at..c.at + c.width]);
+            for (c, all) in &varying {
+                c.read(all, w, &mut row[c.at..c.at + c.width]);
             }
             let own_pulls = pulls_of(w);
             let same = |&r: &usize| {
-                values[r * width..][..width].iter().zip(&row).all(|(a, b)| a.to_bits() == b.to_bits())
+                let known = &values[r * width..][..width];
+                known.iter().zip(&row).all(|(a, b)| a.to_bits() == b.to_bits())
                     && (skin_sets.is_empty() || all_pulls[r] == own_pulls)
             };
             // A vertex of a great many wedges is looked through in part only.
@@ -342,7 +345,7 @@ pub(crate) fn with_wedges(
             pairs.push((v, w));
         }
     }
-    pairs.sort_unstable();
+    let mut pairs = in_order(&pairs, positions.len());
     pairs.dedup();
     let mut at = vec![0; count];
     for (i, p) in pairs.iter().enumerate() {
@@ -362,6 +365,33 @@ pub(crate) fn with_wedges(
         TriMesh::with_wedges(positions, pairs.iter().map(|p| p.0).collect(), triangles)?
     };
     Ok((mesh, pairs))
+}
+
+/// Pairs of one of so many vertices and a wedge, in order: counted by vertex, because a vertex has few wedges.
+fn in_order(pairs: &[(VertexId, WedgeId)], vertices: usize) -> Vec<(VertexId, WedgeId)> {
+    let mut at = vec![0u32; vertices + 1];
+    for (v, _) in pairs {
+        at[v.index() + 1] += 1;
+    }
+    for i in 0..vertices {
+        at[i + 1] += at[i];
+    }
+    let mut sorted = vec![(NONE, WedgeId(0)); pairs.len()];
+    for &pair in pairs {
+        let at = &mut at[pair.0.index()];
+        sorted[*at as usize] = pair;
+        *at += 1;
+    }
+    // (Now each entry says where its vertex ends.)
+    let mut begin = 0;
+    for &end in &at[..vertices] {
+        let own = &mut sorted[begin as usize..end as usize];
+        if own.len() > 1 {
+            own.sort_unstable();
+        }
+        begin = end;
+    }
+    sorted
 }
 
 /// The wedges below `count` in the order of their vertices, each with its vertex; those without one are left out.
@@ -387,12 +417,25 @@ impl Column {
     /// The values that all wedges have.
     fn constant_of(&self, mesh: &TriMesh) -> Option<Vec<f32>> {
         let (mut first, mut other) = (vec![0.0; self.width], vec![0.0; self.width]);
-        self.read(mesh, WedgeId(0), &mut first);
+        let all = self.all(mesh);
+        self.read(all, WedgeId(0), &mut first);
         let same = (1..mesh.wedge_count() as u32).all(|w| {
-            self.read(mesh, WedgeId(w), &mut other);
+            self.read(all, WedgeId(w), &mut other);
             first == other
         });
         (mesh.wedge_count() > 0 && same).then_some(first)
+    }
+    /// The values of a mesh, those of one wedge after those of the other; nothing where it has none.
+    fn all<'a>(&self, mesh: &'a TriMesh) -> &'a [f32] {
+        match &self.of {
+            Of::Normals => mesh.normals().map_or(&[], <[_]>::as_flattened),
+            Of::Uvs => mesh.uvs().map_or(&[], <[_]>::as_flattened),
+            Of::Colors => mesh.colors().map_or(&[], <[_]>::as_flattened),
+            Of::Further(semantic) => {
+                let own = mesh.further_attributes().iter().find(|a| self.is_of(a, semantic));
+                own.map_or(&[], |a| &a.values)
+            }
+        }
     }
     fn is_of(&self, a: &Attribute, semantic: &Semantic) -> bool {
         a.semantic == *semantic && a.width == self.width
@@ -412,20 +455,12 @@ impl Column {
         self.is_direction()
             || matches!(&self.of, Of::Further(Semantic::Morph { of, .. }) if morphed.contains(of))
     }
-    fn read(&self, mesh: &TriMesh, w: WedgeId, out: &mut [f32]) {
-        let i = w.index();
-        match &self.of {
-            Of::Normals => out.copy_from_slice(&mesh.normals().map_or([0.0; 3], |n| n[i])),
-            Of::Uvs => out.copy_from_slice(&mesh.uvs().map_or([0.0; 2], |t| t[i])),
-            Of::Colors => out.copy_from_slice(&mesh.colors().map_or([0.0; 4], |c| c[i])),
-            Of::Further(semantic) => {
-                if let Some(a) = mesh.further_attributes().iter().find(|a| self.is_of(a, semantic)) {
-                    out.copy_from_slice(a.of(w));
-                }
-            }
+    /// Reads the values of a wedge among [all](Self::all).
+    fn read(&self, all: &[f32], w: WedgeId, out: &mut [f32]) {
+        if let Some(own) = all.get(w.index() * self.width..(w.index() + 1) * self.width) {
+            // What is no number cannot be blended.
+            out.iter_mut().zip(own).for_each(|(to, x)| *to = if x.is_finite() { *x } else { 0.0 });
         }
-        // What is no number cannot be blended.
-        out.iter_mut().filter(|x| !x.is_finite()).for_each(|x| *x = 0.0);
         if self.is_direction() {
             let n = DVec3::from_slice(&[0, 1, 2].map(|k| f64::from(out[k])));
             if n.max_element().max(-n.min_element()) > f64::from(LARGEST) {
@@ -441,11 +476,8 @@ impl Column {
             self.largest = 1.0;
             return;
         }
-        let mut row = vec![0.0; self.width];
-        for w in (0..mesh.wedge_count() as u32).map(WedgeId) {
-            self.read(mesh, w, &mut row);
-            self.largest = row.iter().fold(self.largest, |largest, x| largest.max(x.abs()));
-        }
+        let finite = self.all(mesh).iter().map(|x| if x.is_finite() { x.abs() } else { 0.0 });
+        self.largest = finite.fold(0.0, f32::max);
         while self.largest > LARGEST {
             (self.largest, self.divisor) = (self.largest / 2.0, self.divisor * 2.0);
         }

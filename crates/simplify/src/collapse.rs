@@ -250,7 +250,12 @@ impl<M: Metric> Engine<M> {
         let has_seams = self.attributes.is_some() || self.store.regions.is_some();
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             // (Most of the vertices of most meshes, without a ring. All that is listed lives still.)
-            if !has_seams && is_closed_fan(self.store.others(u)) {
+            let is_inside = {
+                let others = self.store.others(u);
+                is_closed_fan(others.clone())
+                    && (!has_seams || self.is_inside_one_chart(u, others.map(|o| o.0)))
+            };
+            if is_inside {
                 let x = &mut self.store.v[u.index()];
                 x.kind = Kind::default().locked(x.kind.is_locked());
                 continue;

@@ -60,6 +60,13 @@ pub(crate) fn side_by_side(t: [&Tensor; 4]) -> [f32x4; 6] {
     [a, b, c, d, e, f]
 }
 
+/// Of each of four the sum of its numbers: [`f32x4::reduce_add`] four times, to the bit.
+#[inline(always)]
+pub(crate) fn sums(of: [f32x4; 4]) -> f32x4 {
+    let [a, b, c, d] = f32x4::transpose(of);
+    a + b + c + d
+}
+
 /// Four tensors from their components side by side: [`side_by_side`] undone.
 #[inline(always)]
 pub(crate) fn tensors(t: [f32x4; 6]) -> [Tensor; 4] {
@@ -69,4 +76,18 @@ pub(crate) fn tensors(t: [f32x4; 6]) -> [Tensor; 4] {
         let ([a, b, c, d], [e, f, ..]) = (first[i], last[i]);
         Tensor([a, b, c, d, e, f])
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_are_those_of_each() {
+        // (Numbers whose sum hangs on the order.)
+        let rows =
+            [[1e8, 1.0, -1e8, 1.0], [0.1, 0.2, 0.3, 0.4], [3.0, -1e-7, 2.0, 1e-7], [1e-3, 1e3, 1e-3, 1e3]];
+        let rows = rows.map(f32x4::new);
+        assert_eq!(sums(rows).to_array(), rows.map(f32x4::reduce_add));
+    }
 }

@@ -61,7 +61,7 @@ impl<M: Metric> Engine<M> {
         if let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) {
             for (t, w) in self.store.t.iter().zip(wedges) {
                 let s = Slopes::new(t.map(|v| self.store.v[v.index()].p));
-                let sum = attributes.tensor(&s, w.map(|w| attributes.values(w)));
+                let sum = attributes.tensor(attributes.lanes(), &s, w.map(|w| attributes.values(w)));
                 for v in t {
                     M::tensor(&mut self.store.v[v.index()].q).add(&sum);
                 }

@@ -11,6 +11,7 @@ use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
 
+use crate::lanes::{self, Four, cross, sub};
 use crate::metric::Form;
 use crate::tensor::Tensor;
 
@@ -143,6 +144,80 @@ impl Slopes {
     }
 }
 
+/// Slopes of four triangles side by side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FourSlopes {
+    pub(super) area: f32x4,
+    pub(super) a: Four,
+    pub(super) b: Four,
+}
+
+impl FourSlopes {
+    /// As seen from `o`, with the normals of double length, and their lengths: [`Slopes::with_normal`] four side by side.
+    #[inline(always)]
+    pub(super) fn new([o, a, b]: [&Four; 3], normal: &Four, area: f32x4) -> Self {
+        let (to_a, to_b, edge) = (sub(a, o), sub(b, o), sub(b, a));
+        let square = |v: &Four| lanes::dot(v, v);
+        let longest = square(&to_a).fast_max(square(&to_b)).fast_max(square(&edge));
+        let tiny = f32x4::splat(1e-30);
+        let divisor = area.fast_max(longest * FLAT) * area.fast_max(tiny);
+        let scale = f32x4::ONE / divisor.fast_max(tiny);
+        let n = normal.map(|x| x * scale);
+        Self { area, a: cross(&to_b, &n), b: cross(&n, &to_a) }
+    }
+
+    /// As seen from the first corners.
+    #[inline(always)]
+    pub(super) fn of([o, a, b]: [&Four; 3]) -> Self {
+        let normal = cross(&sub(a, o), &sub(b, o));
+        Self::new([o, a, b], &normal, lanes::dot(&normal, &normal).sqrt())
+    }
+
+    /// One of them.
+    #[inline(always)]
+    pub(super) fn one(&self, i: usize) -> Slopes {
+        let of = |x: &f32x4| x.to_array()[i & 3];
+        let vector = |v: &Four| Vec3::new(of(&v[0]), of(&v[1]), of(&v[2]));
+        Slopes { area: of(&self.area), a: vector(&self.a), b: vector(&self.b) }
+    }
+
+    /// One after the other.
+    #[inline(always)]
+    pub(super) fn rows(&self) -> [SlopesRow; 4] {
+        let per_area = f32x4::ONE / self.area.fast_max(f32x4::splat(1e-30));
+        let [ax, ay, az] = self.a;
+        let [bx, by, bz] = self.b;
+        let [p, q, r, s] = f32x4::transpose([ax, ay, az, self.area]);
+        let [t, u, v, w] = f32x4::transpose([bx, by, bz, per_area]);
+        let row = |a, b| SlopesRow { a, b };
+        [row(p, t), row(q, u), row(r, v), row(s, w)]
+    }
+}
+
+/// [`Slopes`] in two rows: behind a the area stands, behind b one over it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SlopesRow {
+    a: f32x4,
+    b: f32x4,
+}
+
+impl SlopesRow {
+    #[inline(always)]
+    pub(super) fn area(&self) -> f32 {
+        self.a.to_array()[3]
+    }
+    #[inline(always)]
+    fn per_area(&self) -> f32 {
+        self.b.to_array()[3]
+    }
+    /// What a value gains along x, y and z, times the area, that differs by so much times the area at the two corners.
+    #[inline(always)]
+    fn gain(&self, a: f32x4, b: f32x4) -> [f32x4; 3] {
+        let ([ax, ay, az, _], [bx, by, bz, _]) = (self.a.to_array(), self.b.to_array());
+        [a * ax + b * bx, a * ay + b * by, a * az + b * bz]
+    }
+}
+
 impl Attributes {
     /// Attributes of as many wedges as `values` holds rows of `width` values, none of which counts in the cost yet.
     pub(crate) fn new(
@@ -199,6 +274,11 @@ impl Attributes {
     pub(crate) fn lanes(&self) -> usize {
         self.lanes
     }
+    /// The same where that is known to be `N`, or any number if that is 0: for loops that are unrolled.
+    #[inline(always)]
+    pub(super) fn lanes_of<const N: usize>(&self) -> usize {
+        if N == 0 { self.lanes } else { N }
+    }
     /// What the squares of the errors of four values count.
     #[inline(always)]
     pub(crate) fn weight(&self, lane: usize) -> f32x4 {
@@ -224,12 +304,21 @@ impl Attributes {
     }
     #[inline(always)]
     fn row(&self, w: WedgeId) -> &[f32x4] {
-        let n = 4 * self.lanes;
-        &self.rows[w.index() * n..][..n]
+        self.row_of(self.lanes, w)
+    }
+    /// The same where the lanes are known.
+    #[inline(always)]
+    fn row_of(&self, lanes: usize, w: WedgeId) -> &[f32x4] {
+        &self.rows[w.index() * 4 * lanes..][..4 * lanes]
     }
     #[inline(always)]
     pub(crate) fn values(&self, w: WedgeId) -> &[f32x4] {
-        &self.rows[w.index() * 4 * self.lanes..][..self.lanes]
+        self.values_of(self.lanes, w)
+    }
+    /// The same where the lanes are known.
+    #[inline(always)]
+    pub(crate) fn values_of(&self, lanes: usize, w: WedgeId) -> &[f32x4] {
+        &self.rows[w.index() * 4 * lanes..][..lanes]
     }
     /// The row of a wedge: values, and what they gain along x, y and z.
     #[inline(always)]
@@ -328,16 +417,6 @@ impl Attributes {
         w.index().checked_sub(given).map_or(w, |i| self.copied[i])
     }
 
-    /// Takes a wedge out of the chain that begins with `first`.
-    pub(super) fn unlink(&mut self, first: &mut WedgeId, wedge: WedgeId) {
-        let next = self.heads[wedge.index()].next;
-        let before = self.chain(*first).find(|w| self.heads[w.index()].next == wedge);
-        match before {
-            Some(before) => self.heads[before.index()].next = next,
-            None => *first = next,
-        }
-    }
-
     /// Mean square over the surface of the gradient of each value. Of many triangles every so manieth is looked at.
     pub(crate) fn mean_square_gradients(
         &self,
@@ -349,13 +428,29 @@ impl Attributes {
         const ENOUGH: usize = 8192;
         let mut sums = vec![0f64; 4 * self.lanes];
         let mut area = 0f64;
-        for (t, w) in faces.iter().zip(wedges).step_by((faces.len() / ENOUGH).max(1)) {
-            let s = Slopes::new(t.map(|v| points[v.index()]));
-            area += f64::from(s.area);
-            let [o, a, b] = w.map(|w| self.of(w));
-            for (i, sum) in sums.iter_mut().enumerate() {
-                let gradient = s.a * (a[i] - o[i]) + s.b * (b[i] - o[i]);
-                *sum += f64::from(s.area * gradient.length_squared());
+        let step = (faces.len() / ENOUGH).max(1);
+        let looks: Vec<usize> = (0..faces.len()).step_by(step).collect();
+        for few in looks.chunks(4) {
+            let corner = |k: usize| {
+                let of =
+                    |i: usize| points[faces[few[i.min(few.len() - 1)]][k].index()].extend(0.0).to_array();
+                let [x, y, z, _] = f32x4::transpose([of(0), of(1), of(2), of(3)].map(f32x4::new));
+                [x, y, z]
+            };
+            let slopes = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
+            for (i, &face) in few.iter().enumerate() {
+                let s = slopes.one(i);
+                area += f64::from(s.area);
+                let [o, a, b] = wedges[face];
+                let (o, a, b) = (self.values(o), self.values(a), self.values(b));
+                for (i, sums) in sums.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+                    let (a, b) = (a[i] - o[i], b[i] - o[i]);
+                    let gradient = [a * s.a.x + b * s.b.x, a * s.a.y + b * s.b.y, a * s.a.z + b * s.b.z];
+                    let square = (lanes::dot(&gradient, &gradient) * s.area).to_array();
+                    for k in 0..4 {
+                        sums[k] += f64::from(square[k]);
+                    }
+                }
             }
         }
         sums.iter().map(|x| x / area.max(f64::MIN_POSITIVE)).collect()
@@ -363,9 +458,10 @@ impl Attributes {
 
     /// What the values of three corners add to the tensors of these corners; the first is the one that `s` is seen from.
     #[inline(always)]
-    pub(super) fn tensor(&self, s: &Slopes, [o, a, b]: [&[f32x4]; 3]) -> Tensor {
+    pub(super) fn tensor(&self, lanes: usize, s: &Slopes, [o, a, b]: [&[f32x4]; 3]) -> Tensor {
         let (mut aa, mut ab, mut bb) = (f32x4::ZERO, f32x4::ZERO, f32x4::ZERO);
-        for (i, &weight) in self.weights.iter().enumerate() {
+        for i in 0..lanes {
+            let weight = self.weights[i];
             let (a, b) = (a[i] - o[i], b[i] - o[i]);
             let (wa, wb) = (a * weight, b * weight);
             (aa, ab, bb) = (aa + wa * a, ab + wa * b, bb + wb * b);
@@ -375,16 +471,25 @@ impl Attributes {
 
     /// Adds a triangle to the sums of its three wedges, whose faces are counted already. Says what it adds to the tensors of its vertices.
     pub(super) fn account(&mut self, s: &Slopes, wedges: [WedgeId; 3]) -> Tensor {
-        let tensor = self.tensor(s, wedges.map(|w| self.values(w)));
-        let n = self.lanes;
-        let at = wedges.map(|w| w.index() * 4 * n);
+        match self.lanes {
+            1 => self.account_of::<1>(s, wedges),
+            2 => self.account_of::<2>(s, wedges),
+            _ => self.account_of::<0>(s, wedges),
+        }
+    }
+
+    #[inline(always)]
+    fn account_of<const N: usize>(&mut self, s: &Slopes, wedges: [WedgeId; 3]) -> Tensor {
+        let n = self.lanes_of::<N>();
+        let [o, a, b] = wedges;
+        let tensor = self.tensor(n, s, [self.row_of(n, o), self.row_of(n, a), self.row_of(n, b)]);
         for i in 0..n {
-            let [o, a, b] = at.map(|at| self.rows[at + i]);
+            let (o, a, b) = (self.row_of(n, o)[i], self.row_of(n, a)[i], self.row_of(n, b)[i]);
             let (a, b) = ((a - o) * s.area, (b - o) * s.area);
-            let gain = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
-            for at in at {
-                for (k, gain) in gain.into_iter().enumerate() {
-                    self.rows[at + (k + 1) * n + i] += gain;
+            for w in wedges {
+                let row = &mut self.rows[w.index() * 4 * n..][..4 * n];
+                for k in 0..3 {
+                    row[(k + 1) * n + i] += a * s.a[k] + b * s.b[k];
                 }
             }
         }
@@ -420,71 +525,31 @@ impl Attributes {
         (head.area, head.faces, head.known) = (head.area + s.area, head.faces + 1, false);
     }
 
-    /// Squared errors, weighted, times twice the area, of a triangle whose values at `step` from its first corner are to
-    /// be `best`, in four shares.
+    /// Squared errors, weighted, of a triangle whose values are to be `best` where its others two corners' barycentric
+    /// coordinates are `at`, in four shares. Of so many `lanes`, for loops that are unrolled.
     #[inline(always)]
-    pub(super) fn error(&self, s: &Slopes, corners: [WedgeId; 3], step: Vec3, best: &[f32x4]) -> f32x4 {
-        let (la, lb) = (s.a.dot(step), s.b.dot(step));
-        let [o, a, b] = corners.map(|w| self.values(w));
+    pub(super) fn error(
+        &self,
+        lanes: usize,
+        corners: [WedgeId; 3],
+        [la, lb]: [f32; 2],
+        best: &[f32x4],
+    ) -> f32x4 {
+        let [o, a, b] = corners;
+        let (o, a, b) = (self.row_of(lanes, o), self.row_of(lanes, a), self.row_of(lanes, b));
+        let (weights, best) = (&self.weights[..lanes], &best[..lanes]);
         let mut sum = f32x4::ZERO;
-        for (i, &weight) in self.weights.iter().enumerate() {
+        for i in 0..lanes {
             let error = (o[i] - best[i]) + (a[i] - o[i]) * la + (b[i] - o[i]) * lb;
-            sum += error * error * weight;
+            sum += error * error * weights[i];
         }
-        sum * s.area
+        sum
     }
 
-    /// Takes what a triangle says of its first corner, `old` there, away from the sums of the two others, and says it to
-    /// them anew where the corner has moved (`new` slopes and values) instead of gone. What it adds to the merged wedge's
-    /// own sums goes to `own`, and to the tensor of its vertex to `added`. Says what changes in the tensors of the others.
+    /// What a merger changes, apart: in slices, which stay in registers.
     #[inline(always)]
-    pub(super) fn replace(
-        &mut self,
-        old: (&Slopes, WedgeId),
-        new: Option<(&Slopes, &[f32x4])>,
-        [a, b]: [WedgeId; 2],
-        own: &mut [f32x4],
-        added: &mut [f32x4; 6],
-    ) -> Tensor {
-        let n = self.lanes;
-        let [at_o, at_a, at_b] = [old.1, a, b].map(|w| w.index() * 4 * n);
-        let per_area = |s: &Slopes| 1.0 / s.area.max(1e-30);
-        let (per_old, per_new) = (per_area(old.0), new.map_or(0.0, |x| per_area(x.0)));
-        let mut sums = [f32x4::ZERO; 6];
-        for i in 0..n {
-            let weight = self.weights[i];
-            let [o, a, b] = [at_o, at_a, at_b].map(|at| self.rows[at + i]);
-            let mut gain = [f32x4::ZERO; 3];
-            if let Some((s, values)) = new {
-                let (a, b) = ((a - values[i]) * s.area, (b - values[i]) * s.area);
-                gain = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
-                let square = outer(&gain, weight * per_new);
-                for k in 0..6 {
-                    sums[k] += square[k];
-                    added[k] += square[k];
-                }
-                for (k, gain) in gain.into_iter().enumerate() {
-                    own[k * n + i] += gain;
-                }
-            }
-            let s = old.0;
-            let (a, b) = ((a - o) * s.area, (b - o) * s.area);
-            let loss = [0, 1, 2].map(|k| a * s.a[k] + b * s.b[k]);
-            let square = outer(&loss, weight * per_old);
-            (0..6).for_each(|k| sums[k] -= square[k]);
-            for (k, gain) in gain.into_iter().enumerate() {
-                let change = gain - loss[k];
-                self.rows[at_a + (k + 1) * n + i] += change;
-                self.rows[at_b + (k + 1) * n + i] += change;
-            }
-        }
-        let area = new.map_or(0.0, |x| x.0.area) - old.0.area;
-        for w in [a, b] {
-            let head = &mut self.heads[w.index()];
-            (head.area, head.known) = (head.area + area, false);
-            head.faces -= u32::from(new.is_none());
-        }
-        Tensor(sums.map(f32x4::reduce_add))
+    pub(super) fn tables(&mut self) -> Tables<'_> {
+        Tables { weights: &self.weights, heads: &mut self.heads, rows: &mut self.rows }
     }
 
     /// Gives a wedge new values and sums.
@@ -542,27 +607,18 @@ impl Attributes {
         Tensor(sum.map(f32x4::reduce_add))
     }
 
-    /// Adds to the form of an edge what it costs to make one of each group; `d` leads from the kept to the removed end.
-    pub(super) fn add_to(&self, members: &[Member], d: Vec3, form: &mut Form) {
-        let mut sum = Sum::default();
+    /// Adds what it costs to make one of each group; `d` leads from the kept to the removed end.
+    pub(super) fn add_to(&self, members: &[Member], d: Vec3, sum: &mut Sum) {
         for (group, first) in firsts(members) {
             let mut others = members.iter().enumerate().filter(|(i, m)| m.group == group && *i != group);
             match (others.next(), others.next()) {
                 (None, _) => {}
                 (Some((_, other)), None) if !first.at_v && other.at_v => {
-                    self.add_pair_to(first.wedge, other.wedge, d, &mut sum);
+                    self.add_pair_to(self.lanes, [first.wedge, other.wedge], d, sum);
                 }
-                _ => self.add_group_to(members, group, d, &mut sum),
+                _ => self.add_group_to(members, group, d, sum),
             }
         }
-        sum.add_to(form);
-    }
-
-    /// The same for two wedges, or two pairs of them.
-    pub(super) fn add_pairs_to(&self, pairs: &[[WedgeId; 2]], d: Vec3, form: &mut Form) {
-        let mut sum = Sum::default();
-        pairs.iter().for_each(|&[u, v]| self.add_pair_to(u, v, d, &mut sum));
-        sum.add_to(form);
     }
 
     /// Several wedges of either end that become one: the spread of their best values round the mean of these.
@@ -592,25 +648,28 @@ impl Attributes {
         }
     }
 
-    /// The same for one wedge at each end, as on all edges that touch no seam.
+    /// The same for one wedge at each end, as on all edges that touch no seam. Of so many `lanes`, for loops that are
+    /// unrolled.
     #[inline(always)]
-    fn add_pair_to(&self, u: WedgeId, v: WedgeId, d: Vec3, sum: &mut Sum) {
+    pub(super) fn add_pair_to(&self, lanes: usize, [u, v]: [WedgeId; 2], d: Vec3, sum: &mut Sum) {
         let [area_u, area_v] = [u, v].map(|w| self.heads[w.index()].area.max(1e-30));
         let (per_u, per_v) = (1.0 / area_u, 1.0 / area_v);
         let both = area_u * (area_v / (area_u + area_v));
-        let ([s, ux, uy, uz], [t, vx, vy, vz]) = (self.parts(u), self.parts(v));
-        for (i, &weight) in self.weights.iter().enumerate() {
-            let slope = [vx[i], vy[i], vz[i]].map(|s| s * per_v);
-            let off = [ux[i] * per_u - slope[0], uy[i] * per_u - slope[1], uz[i] * per_u - slope[2]];
-            sum.add_square(&off, t[i] - s[i] - dot(&slope, d), weight * both);
+        let (own, other) = (self.row_of(lanes, u), self.row_of(lanes, v));
+        for i in 0..lanes {
+            let (j, k, l) = (lanes + i, 2 * lanes + i, 3 * lanes + i);
+            let slope = [other[j] * per_v, other[k] * per_v, other[l] * per_v];
+            let off = [own[j] * per_u - slope[0], own[k] * per_u - slope[1], own[l] * per_u - slope[2]];
+            sum.add_square(&off, other[i] - own[i] - dot(&slope, d), self.weights[i] * both);
         }
     }
 
     /// Adds to the forms of up to four edges side by side what the wedges at their ends say, where there is one at each:
-    /// `own` at the common end, `others` at the far ones.
+    /// `own` at the common end, `others` at the far ones. Of so many `lanes`, for loops that are unrolled.
     #[inline(always)]
     pub(super) fn add_four_to(
         &self,
+        lanes: usize,
         own: WedgeId,
         others: [WedgeId; 4],
         d: &[f32x4; 3],
@@ -618,43 +677,60 @@ impl Attributes {
     ) {
         let area = f32x4::new(others.map(|w| self.heads[w.index()].area));
         let per_area = f32x4::ONE / (area + self.heads[own.index()].area).fast_max(f32x4::splat(1e-30));
-        let flat = |w: WedgeId| -> [&[f32]; 4] { self.parts(w).map(bytemuck::cast_slice) };
-        let ([s, ux, uy, uz], theirs) = (flat(own), others.map(flat));
-        let weights: &[f32] = bytemuck::cast_slice(&self.weights);
-        for (i, &weight) in weights.iter().enumerate() {
-            if weight == 0.0 {
-                continue;
+        let [p, q, r, s] = others;
+        let (p, q) = (self.row_of(lanes, p), self.row_of(lanes, q));
+        let (r, s) = (self.row_of(lanes, r), self.row_of(lanes, s));
+        let own = self.row_of(lanes, own);
+        for lane in 0..lanes {
+            let (i, j, k, l) = (lane, lanes + lane, 2 * lanes + lane, 3 * lanes + lane);
+            let values = f32x4::transpose([p[i], q[i], r[i], s[i]]);
+            let x = f32x4::transpose([p[j], q[j], r[j], s[j]]);
+            let y = f32x4::transpose([p[k], q[k], r[k], s[k]]);
+            let z = f32x4::transpose([p[l], q[l], r[l], s[l]]);
+            let (s, ux, uy, uz) =
+                (own[i].to_array(), own[j].to_array(), own[k].to_array(), own[l].to_array());
+            for (i, weight) in self.weights[lane].to_array().into_iter().enumerate() {
+                if weight == 0.0 {
+                    continue;
+                }
+                let off = values[i] - f32x4::splat(s[i]);
+                let slope = [x[i], y[i], z[i]];
+                let along = slope[0] * d[0] + slope[1] * d[1] + slope[2] * d[2];
+                let b = [slope[0] + ux[i], slope[1] + uy[i], slope[2] + uz[i]];
+                let c0 = area * off - along;
+                let scale = per_area * weight;
+                let scaled = b.map(|b| b * scale);
+                add_outer(a, &scaled.map(|x| -x), &b);
+                for k in 0..3 {
+                    h[k] += scaled[k] * c0 - slope[k] * off * weight;
+                }
+                *c += off * (area * off - along * 2.0) * weight - c0 * c0 * scale;
             }
-            let four = |part: usize| f32x4::new(theirs.map(|t| t[part][i]));
-            let off = four(0) - f32x4::splat(s[i]);
-            let slope = [four(1), four(2), four(3)];
-            let along = slope[0] * d[0] + slope[1] * d[1] + slope[2] * d[2];
-            let b = [slope[0] + ux[i], slope[1] + uy[i], slope[2] + uz[i]];
-            let c0 = area * off - along;
-            let scale = per_area * weight;
-            let scaled = b.map(|b| b * scale);
-            add_outer(a, &scaled.map(|x| -x), &b);
-            for k in 0..3 {
-                h[k] += scaled[k] * c0 - slope[k] * off * weight;
-            }
-            *c += off * (area * off - along * 2.0) * weight - c0 * c0 * scale;
         }
     }
 
-    /// The best values of a group whose vertex goes to the kept end + `y`.
-    pub(super) fn best(&self, members: &[Member], group: usize, d: Vec3, y: Vec3, out: &mut [f32x4]) {
-        let area: f32 = of_group(members, group).map(|m| self.heads[m.wedge.index()].area).sum();
-        let base = self.values(members[group].wedge);
-        let per_area = if area > 1e-30 { 1.0 / area } else { 0.0 };
-        for (i, best) in out.iter_mut().enumerate() {
-            // From the first wedge's values, so that what is constant stays so.
-            let mut sum = f32x4::ZERO;
+    /// The best values of each group, where its first member stands, if the vertex goes to the kept end + `y`.
+    #[inline(always)]
+    pub(super) fn best<const N: usize>(&self, members: &[Member], d: Vec3, y: Vec3, out: &mut [f32x4]) {
+        let lanes = self.lanes_of::<N>();
+        for (group, first) in firsts(members) {
+            let out = &mut out[group * lanes..][..lanes];
+            out.fill(f32x4::ZERO);
+            let base = self.row_of(lanes, first.wedge);
+            let mut area = 0.0;
             for m in of_group(members, group) {
-                let ([values, x, y_gain, z], at) = (self.parts(m.wedge), if m.at_v { y - d } else { y });
-                sum += (values[i] - base[i]) * self.heads[m.wedge.index()].area;
-                sum += dot(&[x[i], y_gain[i], z[i]], at);
+                let own = self.heads[m.wedge.index()].area;
+                let at = if m.at_v { y - d } else { y };
+                let row = self.row_of(lanes, m.wedge);
+                area += own;
+                for (i, sum) in out.iter_mut().enumerate() {
+                    // From the first wedge's values, so that what is constant stays so.
+                    *sum += (row[i] - base[i]) * own;
+                    *sum += dot(&[row[lanes + i], row[2 * lanes + i], row[3 * lanes + i]], at);
+                }
             }
-            *best = base[i] + sum * per_area;
+            let per_area = if area > 1e-30 { 1.0 / area } else { 0.0 };
+            out.iter_mut().zip(base).for_each(|(best, base)| *best = *base + *best * per_area);
         }
     }
 
@@ -687,6 +763,86 @@ impl Attributes {
     }
 }
 
+/// What is known of all wedges, to be changed.
+pub(super) struct Tables<'a> {
+    weights: &'a [f32x4],
+    pub(super) heads: &'a mut [Head],
+    rows: &'a mut [f32x4],
+}
+
+impl Tables<'_> {
+    /// Takes a wedge out of the chain that begins with `first`.
+    pub(super) fn unlink(&mut self, first: &mut WedgeId, wedge: WedgeId) {
+        let next = self.heads[wedge.index()].next;
+        if *first == wedge {
+            *first = next;
+            return;
+        }
+        let mut before = *first;
+        while let Some(head) = self.heads.get_mut(before.index()) {
+            if head.next == wedge {
+                head.next = next;
+                return;
+            }
+            before = head.next;
+        }
+    }
+
+    /// Takes what a triangle says of its first corner, `old` there, away from the sums of the two others, and says it to
+    /// them anew where the corner has moved (`new` slopes and values) instead of gone. What it adds to the merged wedge's
+    /// own sums goes to `own`, and to the tensor of its vertex to `added`. Says what changes in the tensors of the others,
+    /// in four shares. Of so many `lanes`, for loops that are unrolled.
+    #[inline(always)]
+    pub(super) fn replace(
+        &mut self,
+        lanes: usize,
+        (old, o): (&SlopesRow, WedgeId),
+        new: Option<(&SlopesRow, &[f32x4])>,
+        [a, b]: [WedgeId; 2],
+        own: &mut [f32x4],
+        added: &mut [f32x4; 6],
+    ) -> [f32x4; 6] {
+        let (at_a, at_b) = (a.index() * 4 * lanes, b.index() * 4 * lanes);
+        let own = &mut own[..3 * lanes];
+        let mut sums = [f32x4::ZERO; 6];
+        for i in 0..lanes {
+            let weight = self.weights[i];
+            let o = self.rows[o.index() * 4 * lanes + i];
+            let (a, b) = (self.rows[at_a + i], self.rows[at_b + i]);
+            let mut gain = [f32x4::ZERO; 3];
+            if let Some((s, values)) = new {
+                gain = s.gain((a - values[i]) * s.area(), (b - values[i]) * s.area());
+                let square = outer(&gain, weight * s.per_area());
+                for k in 0..6 {
+                    sums[k] += square[k];
+                    added[k] += square[k];
+                }
+                for k in 0..3 {
+                    own[k * lanes + i] += gain[k];
+                }
+            }
+            let loss = old.gain((a - o) * old.area(), (b - o) * old.area());
+            let square = outer(&loss, weight * old.per_area());
+            for k in 0..6 {
+                sums[k] -= square[k];
+            }
+            for at in [at_a, at_b] {
+                let row = &mut self.rows[at..][..4 * lanes];
+                for k in 0..3 {
+                    row[(k + 1) * lanes + i] += gain[k] - loss[k];
+                }
+            }
+        }
+        let area = new.map_or(0.0, |x| x.0.area()) - old.area();
+        for w in [a, b] {
+            let head = &mut self.heads[w.index()];
+            (head.area, head.known) = (head.area + area, false);
+            head.faces -= u32::from(new.is_none());
+        }
+        sums
+    }
+}
+
 fn normalize(directions: &[usize], values: &mut [f32x4]) {
     let values: &mut [f32] = bytemuck::cast_slice_mut(values);
     for &at in directions {
@@ -699,22 +855,34 @@ fn normalize(directions: &[usize], values: &mut [f32x4]) {
 }
 
 /// A form in four shares, one for each lane.
-#[derive(Default)]
-struct Sum {
+pub(super) struct Sum {
     a: [f32x4; 6],
     h: [f32x4; 3],
     c: f32x4,
 }
 
 impl Sum {
+    pub(super) const ZERO: Self = Self { a: [f32x4::ZERO; 6], h: [f32x4::ZERO; 3], c: f32x4::ZERO };
+
     #[inline(always)]
     fn add_square(&mut self, off: &[f32x4; 3], gap: f32x4, weight: f32x4) {
         add_square((&mut self.a, &mut self.h, &mut self.c), off, gap, weight);
     }
-    fn add_to(self, form: &mut Form) {
+    pub(super) fn add_to(&self, form: &mut Form) {
         form.a.add(&Tensor(self.a.map(f32x4::reduce_add)));
         form.h += Vec3::from(self.h.map(f32x4::reduce_add));
         form.c += self.c.reduce_add();
+    }
+    /// Adds four to four forms side by side.
+    #[inline(always)]
+    pub(super) fn add_four_to(four: &[Self; 4], (a, h, c): (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4)) {
+        for (k, a) in a.iter_mut().enumerate() {
+            *a += lanes::sums(four.each_ref().map(|sum| sum.a[k]));
+        }
+        for (k, h) in h.iter_mut().enumerate() {
+            *h += lanes::sums(four.each_ref().map(|sum| sum.h[k]));
+        }
+        *c += lanes::sums(four.each_ref().map(|sum| sum.c));
     }
 }
 
@@ -757,6 +925,28 @@ fn dot(v: &[f32x4; 3], d: Vec3) -> f32x4 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn four_triangles_have_the_slopes_of_each() {
+        // One of a usual size, a sliver, one without an area, and a large one.
+        let triangles = [
+            [[0.1, 0.2, 0.3], [0.4, 0.1, 0.2], [0.3, 0.5, 0.7]],
+            [[0.0, 0.0, 0.0], [1.0, 1e-4, 0.0], [2.0, 1e-7, 1e-7]],
+            [[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.7, 0.1, 0.2]],
+            [[-1.0, 3.0, 2.0], [5.0, -4.0, 1.0], [2.0, 2.0, -6.0]],
+        ]
+        .map(|t| t.map(Vec3::from));
+        let corner = |k: usize| [0, 1, 2].map(|axis| f32x4::new(triangles.map(|t| t[k][axis])));
+        let four = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
+        for (i, (triangle, row)) in triangles.into_iter().zip(four.rows()).enumerate() {
+            let (own, other) = (Slopes::new(triangle), four.one(i));
+            let bits =
+                |s: &Slopes| [s.a.to_array(), s.b.to_array(), [s.area; 3]].map(|v| v.map(f32::to_bits));
+            assert_eq!(bits(&own), bits(&other), "{i}");
+            assert_eq!(row.a.to_array(), own.a.extend(own.area).to_array());
+            assert_eq!(row.b.to_array(), own.b.extend(1.0 / own.area.max(1e-30)).to_array());
+        }
+    }
 
     #[test]
     fn copies_of_copies_name_the_wedge_of_the_input() {

@@ -86,15 +86,15 @@ impl<M: Metric> Engine<M> {
         if matches!(self.metric.decides(), Judge::Stars | Judge::Ends) {
             return self.judge_owned(u, owned, ru, most, found);
         }
-        if self.attributes.is_some() {
-            self.know_wedges(u, owned);
-        }
+        // (Where all are, there is no need to look at each four.)
+        let are_lone = self.attributes.is_none() || self.know_wedges(u, owned);
         let mut stuck = 0;
         let is_plain = |w: VertexId| self.store.v[w.index()].kind.is_free();
         let plain = self.metric.is_memoryless() && self.rules.placement == Placement::Optimal && is_plain(u);
         for four in owned.chunks(4) {
             if plain && (four.len() > 1 || self.attributes.is_some()) && four.iter().all(|&w| is_plain(w)) {
-                let Evaluated { cost, step, solved } = self.evaluate_four(u, four, ru, members);
+                let Evaluated { cost, step, solved } =
+                    self.evaluate_four(u, four, are_lone || self.are_lone(u, four), ru, members);
                 let within = solved & cost.simd_le(f32x4::splat(most));
                 let dear = (solved ^ within).bitselect(cost, f32x4::splat(f32::INFINITY));
                 found.beyond = dear.fast_min(found.beyond);
@@ -129,6 +129,7 @@ impl<M: Metric> Engine<M> {
         &self,
         u: VertexId,
         ends: &[VertexId],
+        are_lone: bool,
         ru: &Ring,
         members: &mut Vec<Member>,
     ) -> Evaluated {
@@ -138,7 +139,7 @@ impl<M: Metric> Engine<M> {
             *M::tensor_of(&x.q),
             lanes::side_by_side(four.map(|w| M::tensor_of(&self.store.v[w.index()].q))),
         );
-        if self.attributes.is_some() && !self.are_lone(u, ends) {
+        if !are_lone {
             s = self.tensor_alone(u);
             t = lanes::side_by_side(four.map(|w| self.tensor_alone(w)).each_ref());
         }
@@ -148,7 +149,7 @@ impl<M: Metric> Engine<M> {
         let mut c = dot(&d, &h);
         let mut a: [f32x4; 6] = std::array::from_fn(|k| s[k] + t[k]);
         if self.attributes.is_some() {
-            self.add_attributes_to_four(u, ends, &d, (&mut a, &mut h, &mut c), ru, members);
+            self.add_attributes_to_four((u, ends, are_lone), &d, (&mut a, &mut h, &mut c), ru, members);
         }
         let trace = a[0] + a[1] + a[2];
         let r = trace * CENTRE;

@@ -8,8 +8,10 @@ use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
 
 use super::Engine;
-use super::attributes::{Attributes, Head, Member, NO_WEDGE, Slopes, firsts};
-use super::store::{Ring, Spoke};
+use super::attributes::{Attributes, FourSlopes, Head, Member, NO_WEDGE, Slopes, Sum, firsts};
+use super::store::{self, Ring, Spoke, Store};
+use super::wings::Wings;
+use crate::lanes::{self, dot, splat};
 use crate::metric::{Form, Judge, Metric};
 use crate::tensor::Tensor;
 
@@ -21,7 +23,27 @@ pub(super) struct Merge {
     own: Vec<f32x4>,
     heads: Vec<Head>,
     /// Of the wings as they are, where the cost of the merger was asked for.
-    slopes: Vec<Slopes>,
+    slopes: Vec<FourSlopes>,
+}
+
+/// Calls a function of so many lanes, which the compiler knows where there are one or two; 0 is any number.
+macro_rules! of_lanes {
+    ($lanes:expr, $n:ident => $call:expr) => {
+        match $lanes {
+            1 => {
+                const $n: usize = 1;
+                $call
+            }
+            2 => {
+                const $n: usize = 2;
+                $call
+            }
+            _ => {
+                const $n: usize = 0;
+                $call
+            }
+        }
+    };
 }
 
 impl<M: Metric> Engine<M> {
@@ -41,19 +63,37 @@ impl<M: Metric> Engine<M> {
 
     /// Whether no edge of a star can be a seam, as most stars show at a glance.
     pub(super) fn is_far_from_seams(&self, ring: &[Spoke], u: VertexId) -> bool {
+        self.is_among_lone(u, ring.iter().flat_map(|r| [r.a, r.b])) && !self.store.meets_regions(ring)
+    }
+
+    /// The same where there are no regions at all.
+    #[inline(always)]
+    pub(super) fn is_inside_one_chart(&self, u: VertexId, around: impl Iterator<Item = VertexId>) -> bool {
+        self.store.regions.is_none() && self.is_among_lone(u, around)
+    }
+
+    /// Whether a vertex and its neighbours have one wedge each.
+    #[inline(always)]
+    fn is_among_lone(&self, u: VertexId, mut around: impl Iterator<Item = VertexId>) -> bool {
         let Some(attributes) = &self.attributes else { return false };
         let is_alone = |w: VertexId| attributes.is_alone(self.store.first_wedge[w.index()]);
-        is_alone(u) && ring.iter().all(|r| is_alone(r.a) && is_alone(r.b)) && !self.store.meets_regions(ring)
+        is_alone(u) && around.all(is_alone)
     }
 
     /// Sums of all wedges, and what attributes add to the tensors.
     pub(super) fn weigh_attributes(&mut self) {
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
-        for (t, w) in self.store.t.iter().zip(wedges) {
-            let s = Slopes::new(t.map(|v| self.store.v[v.index()].p));
-            let sum = attributes.account(&s, *w);
-            for v in t {
-                M::tensor(&mut self.store.v[v.index()].q).add(&sum);
+        for (t, w) in self.store.t.chunks(4).zip(wedges.chunks(4)) {
+            let corner = |k: usize| {
+                let of = |i: usize| t[i.min(t.len() - 1)][k];
+                store::four(&self.store.v, [of(0), of(1), of(2), of(3)])
+            };
+            let slopes = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
+            for (i, (t, w)) in t.iter().zip(w).enumerate() {
+                let sum = attributes.account(&slopes.one(i), *w);
+                for v in t {
+                    M::tensor(&mut self.store.v[v.index()].q).add(&sum);
+                }
             }
         }
     }
@@ -65,7 +105,7 @@ impl<M: Metric> Engine<M> {
         for r in ring {
             let s = Slopes::new([self.store.p(u), self.store.p(r.a), self.store.p(r.b)]);
             let corners = from_corner(wedges[r.corner.face()], r.corner.k());
-            tensor.add(&attributes.tensor(&s, corners.map(|w| attributes.values(w))));
+            tensor.add(&attributes.tensor(attributes.lanes(), &s, corners.map(|w| attributes.values(w))));
         }
         tensor
     }
@@ -85,15 +125,18 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Makes known what the wedges of a vertex, and of some of its neighbours, say by themselves, where that is asked for.
+    /// Says whether each of them has one wedge only.
     #[inline(always)]
-    pub(super) fn know_wedges(&mut self, u: VertexId, others: &[VertexId]) {
-        if self.weighed().is_none() || self.are_lone(u, others) {
-            return;
+    pub(super) fn know_wedges(&mut self, u: VertexId, others: &[VertexId]) -> bool {
+        let are_lone = self.are_lone(u, others);
+        if self.weighed().is_none() || are_lone {
+            return are_lone;
         }
         if let Some(attributes) = &mut self.attributes {
             attributes.know(self.store.first_wedge[u.index()]);
             others.iter().for_each(|w| attributes.know(self.store.first_wedge[w.index()]));
         }
+        false
     }
 
     /// The tensor of a vertex without what the best values of its wedges, each by itself, take off.
@@ -117,19 +160,22 @@ impl<M: Metric> Engine<M> {
         form: &mut Form,
     ) {
         if let Some(attributes) = self.weighed() {
-            self.add_wedges(attributes, [u, v], d, ru, members, form);
+            let lanes = attributes.lanes();
+            let mut sum = Sum::ZERO;
+            of_lanes!(lanes, N => self.add_wedges::<N>(attributes, [u, v], d, ru, members, &mut sum));
+            sum.add_to(form);
         }
     }
 
     #[inline(always)]
-    fn add_wedges(
+    fn add_wedges<const N: usize>(
         &self,
         attributes: &Attributes,
         [u, v]: [VertexId; 2],
         d: Vec3,
         ru: &[Spoke],
         members: &mut Vec<Member>,
-        form: &mut Form,
+        sum: &mut Sum,
     ) {
         let Some(wedges) = &self.store.wedges else { return };
         let (mut pairs, mut count) = ([[NO_WEDGE; 2]; 2], 0);
@@ -140,47 +186,58 @@ impl<M: Metric> Engine<M> {
             }
             if count > 0 && (count > 1 || pairs[0][0] == pair[0] || pairs[0][1] == pair[1]) {
                 self.gather(attributes, u, v, ru, false, members);
-                attributes.add_to(members, d, form);
+                attributes.add_to(members, d, sum);
                 return;
             }
             pairs[count] = pair;
             count += 1;
         }
-        attributes.add_pairs_to(&pairs[..count], d, form);
+        for pair in &pairs[..count] {
+            attributes.add_pair_to(attributes.lanes_of::<N>(), *pair, d, sum);
+        }
     }
 
     /// Adds the attributes' part to the forms of up to four edges from one vertex, side by side.
-    #[inline(never)]
+    #[inline(always)]
     pub(super) fn add_attributes_to_four(
         &self,
-        u: VertexId,
-        ends: &[VertexId],
+        edges: (VertexId, &[VertexId], bool),
         d: &[f32x4; 3],
-        (a, h, c): (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
+        form: (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
         ru: &[Spoke],
         members: &mut Vec<Member>,
     ) {
-        let Some(attributes) = self.weighed() else { return };
-        if self.are_lone(u, ends) {
+        if let Some(attributes) = self.weighed() {
+            let lanes = attributes.lanes();
+            of_lanes!(lanes, N => self.add_to_four::<N>(attributes, edges, d, form, ru, members));
+        }
+    }
+
+    #[inline(always)]
+    fn add_to_four<const N: usize>(
+        &self,
+        attributes: &Attributes,
+        (u, ends, are_lone): (VertexId, &[VertexId], bool),
+        d: &[f32x4; 3],
+        form: (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
+        ru: &[Spoke],
+        members: &mut Vec<Member>,
+    ) {
+        let lanes = attributes.lanes_of::<N>();
+        if are_lone {
             let lane = |i: usize| self.store.first_wedge[ends[i.min(ends.len() - 1)].index()];
             let others = [lane(0), lane(1), lane(2), lane(3)];
-            attributes.add_four_to(self.store.first_wedge[u.index()], others, d, (a, h, c));
+            attributes.add_four_to(lanes, self.store.first_wedge[u.index()], others, d, form);
             return;
         }
-        let (mut lanes, d) = ([[0f32; 4]; 10], d.map(|d| d.to_array()));
-        for (i, &w) in ends.iter().enumerate() {
-            let mut form = Form { a: Tensor::default(), h: Vec3::ZERO, c: 0.0 };
-            let d = Vec3::new(d[0][i], d[1][i], d[2][i]);
-            self.add_wedges(attributes, [u, w], d, ru, members, &mut form);
-            for (lane, x) in
-                lanes.iter_mut().zip(form.a.0.into_iter().chain(form.h.to_array()).chain([form.c]))
-            {
-                lane[i] = x;
-            }
+        let mut sums = [Sum::ZERO, Sum::ZERO, Sum::ZERO, Sum::ZERO];
+        let [x, y, z] = *d;
+        let (x, y, z) = (x.to_array(), y.to_array(), z.to_array());
+        for (i, (sum, &w)) in sums.iter_mut().zip(ends).enumerate() {
+            let d = Vec3::new(x[i], y[i], z[i]);
+            self.add_wedges::<N>(attributes, [u, w], d, ru, members, sum);
         }
-        for (sum, lane) in a.iter_mut().chain(h.iter_mut()).chain([c]).zip(lanes) {
-            *sum += f32x4::new(lane);
-        }
+        Sum::add_four_to(&sums, form);
     }
 
     /// The wedges at both ends of an edge, in groups that become one; those on the edge come first, the others if
@@ -247,16 +304,16 @@ impl<M: Metric> Engine<M> {
             self.gather(attributes, u, v, ru, true, &mut merge.members);
             let (members, lanes) = (&merge.members, attributes.lanes());
             let d = self.store.p(v) - self.store.p(u);
-            merge.best.clear();
-            merge.best.resize(members.len() * lanes, f32x4::ZERO);
-            let is_locked = self.is_either_locked(u, v);
-            for (group, first) in firsts(members) {
-                let best = &mut merge.best[group * lanes..][..lanes];
-                if is_locked {
-                    best.copy_from_slice(attributes.values(first.wedge));
-                } else {
-                    attributes.best(members, group, d, y, best);
+            let room = members.len() * lanes;
+            if merge.best.len() < room {
+                merge.best.resize(room, f32x4::ZERO);
+            }
+            if self.is_either_locked(u, v) {
+                for (group, first) in firsts(members) {
+                    merge.best[group * lanes..][..lanes].copy_from_slice(attributes.values(first.wedge));
                 }
+            } else {
+                of_lanes!(lanes, N => attributes.best::<N>(members, d, y, &mut merge.best));
             }
         }
         self.merge = merge;
@@ -269,21 +326,48 @@ impl<M: Metric> Engine<M> {
         if !attributes.counts() {
             return 0.0;
         }
-        let mut slopes = std::mem::take(&mut self.merge.slopes);
-        let (x, z, lanes) = (self.store.p(u), self.store.p(v), attributes.lanes());
+        let lanes = attributes.lanes();
+        of_lanes!(lanes, N => Self::cost_of_wings::<N>(
+            (attributes, &self.store, wedges),
+            &self.wings,
+            [self.store.p(u), self.store.p(v)],
+            y,
+            at_u,
+            &mut self.merge
+        ))
+    }
+
+    #[inline(always)]
+    fn cost_of_wings<const N: usize>(
+        (attributes, store, wedges): (&Attributes, &Store<M::Memory>, &[[WedgeId; 3]]),
+        wings: &Wings,
+        [x, z]: [Vec3; 2],
+        y: Vec3,
+        at_u: usize,
+        merge: &mut Merge,
+    ) -> f32 {
+        let Merge { members, best, slopes, .. } = merge;
+        let lanes = attributes.lanes_of::<N>();
+        let only = only_group(members);
+        let (from, step) = ([splat(x), splat(z)], [splat(y), splat(y - (z - x))]);
         let mut cost = f32x4::ZERO;
-        for (i, wing) in self.wings.iter().enumerate() {
-            let (from, step) = if i < at_u { (x, y) } else { (z, y - (z - x)) };
-            let corners = from_corner(wedges[wing.corner.face()], wing.corner.k());
-            let (a, b) = (self.store.p(wing.a), self.store.p(wing.b));
-            let s = Slopes::with_normal([from, a, b], wing.normal, wing.length);
+        for (k, four) in wings.fours().iter().enumerate() {
+            let end = usize::from(4 * k >= at_u);
+            let (a, b) = (four.spokes.map(|s| s.a), four.spokes.map(|s| s.b));
+            let s = FourSlopes::new([&from[end], &store.four(a), &store.four(b)], &four.normal, four.length);
             slopes.push(s);
-            let Some(group) = group_of(&self.merge.members, corners[0], i >= at_u) else { continue };
-            let error = attributes.error(&s, corners, step, &self.merge.best[group * lanes..][..lanes]);
-            // A triangle at both ends counts twice, as in the evaluation.
-            cost += if wing.both { error + error } else { error };
+            let at = [dot(&s.a, &step[end]).to_array(), dot(&s.b, &step[end]).to_array()];
+            let area = s.area.to_array();
+            for i in 0..four.count.min(4) {
+                let corner = four.spokes[i].corner;
+                let corners = from_corner(wedges[corner.face()], corner.k());
+                let Some(group) = only.or_else(|| group_of(members, corners[0], end == 1)) else { continue };
+                let error =
+                    attributes.error(lanes, corners, at.map(|at| at[i]), &best[group * lanes..]) * area[i];
+                // A triangle at both ends counts twice, as in the evaluation.
+                cost += if four.stays & (1 << i) == 0 { error + error } else { error };
+            }
         }
-        self.merge.slopes = slopes;
         cost.reduce_add()
     }
 
@@ -339,16 +423,31 @@ impl<M: Metric> Engine<M> {
     /// Merges the wedges as prepared, before the triangles change; the merged vertex goes to the kept end + `y`, the
     /// place `at`. Says what the new triangles add to its tensor.
     pub(super) fn merge_wedges(&mut self, u: VertexId, v: VertexId, y: Vec3, at: Vec3, ru: &Ring) -> Tensor {
+        let lanes = self.attributes.as_ref().map_or(0, Attributes::lanes);
+        of_lanes!(lanes, N => self.merge_wedges_of::<N>([u, v], y, at, ru.len()))
+    }
+
+    #[inline(always)]
+    fn merge_wedges_of<const N: usize>(
+        &mut self,
+        [u, v]: [VertexId; 2],
+        y: Vec3,
+        at: Vec3,
+        at_u: usize,
+    ) -> Tensor {
         let is_locked = self.is_either_locked(u, v);
         let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
             return Tensor::default();
         };
+        let lanes = attributes.lanes_of::<N>();
         let mut added = [f32x4::ZERO; 6];
         let Merge { members, best, own, heads, slopes } = &mut self.merge;
-        let lanes = attributes.lanes();
+        let only = only_group(members);
         let (x, z) = (self.store.v[u.index()].p, self.store.v[v.index()].p);
-        own.clear();
-        own.resize(members.len() * 3 * lanes, f32x4::ZERO);
+        let room = members.len() * 3 * lanes;
+        if own.len() < room {
+            own.resize(room, f32x4::ZERO);
+        }
         heads.clear();
         heads.resize(members.len(), Head::default());
         for m in members.iter() {
@@ -356,39 +455,67 @@ impl<M: Metric> Engine<M> {
                 *hard |= own;
             }
         }
-        for (group, _) in firsts(members).filter(|_| !is_locked) {
-            attributes.normalize(&mut best[group * lanes..][..lanes]);
-        }
-        for (i, wing) in self.wings.iter().enumerate() {
-            let from = if i < ru.len() { x } else { z };
-            let (face, k) = (wing.corner.face(), wing.corner.k());
-            let [o, a, b] = from_corner(wedges[face], k);
-            let Some(group) = group_of(members, o, i >= ru.len()) else { continue };
-            let (pa, pb) = (self.store.v[wing.a.index()].p, self.store.v[wing.b.index()].p);
-            let old = match slopes.get(i) {
-                Some(known) => *known,
-                None => Slopes::with_normal([from, pa, pb], wing.normal, wing.length),
-            };
-            let new =
-                (!wing.both).then(|| Slopes::with_normal([at, pa, pb], wing.after, wing.after.length()));
-            let values = &best[group * lanes..][..lanes];
-            let sums = &mut own[group * 3 * lanes..][..3 * lanes];
-            let new = new.as_ref().map(|s| (s, values));
-            let change = attributes.replace((&old, o), new, [a, b], sums, &mut added);
-            for w in [wing.a, wing.b] {
-                M::tensor(&mut self.store.v[w.index()].q).add(&change);
+        for (group, _) in firsts(members) {
+            own[group * 3 * lanes..][..3 * lanes].fill(f32x4::ZERO);
+            if !is_locked {
+                attributes.normalize(&mut best[group * lanes..][..lanes]);
             }
-            match new {
-                Some((s, _)) => {
-                    heads[group].area += s.area;
-                    heads[group].faces += 1;
-                    wedges[face][k] = members[group].wedge;
+        }
+        let (from, to) = ([splat(x), splat(z)], splat(at));
+        let mut tables = attributes.tables();
+        let (wedges, vertices) = (&mut wedges[..], &mut self.store.v[..]);
+        let (own, best, heads) = (&mut own[..], &best[..], &mut heads[..]);
+        for (k, four) in self.wings.fours().iter().enumerate() {
+            let end = usize::from(4 * k >= at_u);
+            let (a, b) = (four.spokes.map(|s| s.a), four.spokes.map(|s| s.b));
+            let (pa, pb) = (store::four(vertices, a), store::four(vertices, b));
+            let old = match slopes.get(k) {
+                Some(known) => *known,
+                None => FourSlopes::new([&from[end], &pa, &pb], &four.normal, four.length),
+            };
+            let length = dot(&four.after, &four.after).sqrt();
+            let new = FourSlopes::new([&to, &pa, &pb], &four.after, length);
+            let (old, new) = (old.rows(), new.rows());
+            let mut changes = [[f32x4::ZERO; 4]; 6];
+            for i in 0..four.count.min(4) {
+                let Spoke { corner, a: to_a, b: to_b } = four.spokes[i];
+                let (face, k) = (corner.face(), corner.k());
+                let [o, a, b] = from_corner(wedges[face], k);
+                let Some(group) = only.or_else(|| group_of(members, o, end == 1)) else { continue };
+                let stays = four.stays & (1 << i) != 0;
+                let values = &best[group * lanes..][..lanes];
+                let new = stays.then(|| (&new[i], values));
+                let sums = &mut own[group * 3 * lanes..][..3 * lanes];
+                let change = tables.replace(lanes, (&old[i], o), new, [a, b], sums, &mut added);
+                for k in 0..6 {
+                    changes[k][i] = change[k];
                 }
-                None => {
-                    let (apex, wedge) = if wing.a == v { (wing.b, b) } else { (wing.a, a) };
-                    if attributes.heads[wedge.index()].faces == 0 {
-                        attributes.unlink(&mut self.store.first_wedge[apex.index()], wedge);
+                match new {
+                    Some((s, _)) => {
+                        heads[group].area += s.area();
+                        heads[group].faces += 1;
+                        wedges[face][k] = members[group].wedge;
                     }
+                    None => {
+                        let (apex, wedge) = if to_a == v { (to_b, b) } else { (to_a, a) };
+                        if tables.heads[wedge.index()].faces == 0 {
+                            tables.unlink(&mut self.store.first_wedge[apex.index()], wedge);
+                        }
+                    }
+                }
+            }
+            let [a, b, c, d, e, f] = changes;
+            let changes = lanes::tensors([
+                lanes::sums(a),
+                lanes::sums(b),
+                lanes::sums(c),
+                lanes::sums(d),
+                lanes::sums(e),
+                lanes::sums(f),
+            ]);
+            for (spoke, change) in four.spokes.iter().zip(&changes).take(four.count) {
+                for w in [spoke.a, spoke.b] {
+                    M::tensor(&mut vertices[w.index()].q).add(change);
                 }
             }
         }
@@ -405,6 +532,15 @@ impl<M: Metric> Engine<M> {
         }
         self.store.first_wedge[u.index()] = first;
         Tensor(added.map(f32x4::reduce_add))
+    }
+}
+
+/// The group of all members, where each end has one wedge.
+#[inline(always)]
+fn only_group(members: &[Member]) -> Option<usize> {
+    match members {
+        [a, b] if a.group == b.group => Some(a.group),
+        _ => None,
     }
 }
 

@@ -40,19 +40,22 @@ impl Looseness {
 /// One side of an edge: its face, and the wedges that it has at the ends.
 #[derive(Clone, Copy)]
 struct Side {
-    face: usize,
+    face: u32,
     here: WedgeId,
     there: WedgeId,
-    region: Option<RegionId>,
+    /// [`NO_REGION`] where there are none.
+    region: RegionId,
     /// Whether the face ends at the edge, as seen from here.
     ends: bool,
 }
+
+const NO_REGION: RegionId = RegionId(u32::MAX);
 
 /// An edge of a star.
 #[derive(Clone, Copy)]
 pub(super) struct Edge {
     pub(super) to: VertexId,
-    faces: usize,
+    faces: u32,
     side: Side,
     /// The first one that differs from it in wedges or regions.
     other: Option<Side>,
@@ -99,12 +102,12 @@ impl<Q: Memory> Store<Q> {
     fn side(&self, r: &Spoke, ends: bool) -> Side {
         const NEXT: [[usize; 3]; 2] = [[1, 2, 0], [2, 0, 1]];
         let (face, k) = (r.corner.face(), r.corner.k());
-        let region = self.regions.as_ref().map(|x| x[face]);
+        let region = self.regions.as_ref().map_or(NO_REGION, |x| x[face]);
         let (here, there) = match &self.wedges {
             Some(wedges) => (wedges[face][k], wedges[face][NEXT[usize::from(ends)][k]]),
             None => (NO_WEDGE, NO_WEDGE),
         };
-        Side { face, here, there, region, ends }
+        Side { face: face as u32, here, there, region, ends }
     }
 
     /// The edges of a star, in the order in which its faces have them.
@@ -153,7 +156,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// The same of an edge of a star.
-    #[inline]
+    #[inline(always)]
     pub(super) fn weight_of(&self, edge: &Edge, seams: bool) -> f32 {
         if edge.faces != 2 {
             return self.rules.border_weight;
@@ -167,8 +170,7 @@ impl<M: Metric> Engine<M> {
 
     /// Whether a seam parts regions, or has been hard from the start.
     fn is_hard(&self, s: &Side, t: &Side) -> bool {
-        let class = |s: &Side| s.region.map(|r| self.store.class(r));
-        if class(s) != class(t) {
+        if s.region != t.region && self.store.class(s.region) != self.store.class(t.region) {
             return true;
         }
         let Some(attributes) = &self.attributes else { return s.region == t.region };
@@ -188,7 +190,8 @@ impl<M: Metric> Engine<M> {
         // An edge of two faces looks the same from both ends.
         for edge in edges.iter().filter(|e| e.faces != 2 || e.to > u) {
             let (s, Some(t)) = (edge.side, edge.other) else { continue };
-            let reach = [s, t].map(|s| attributes.reach(wedges[s.face])).into_iter().fold(0f32, f32::max);
+            let reach =
+                [s, t].map(|s| attributes.reach(wedges[s.face as usize])).into_iter().fold(0f32, f32::max);
             if attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there)) > reach {
                 for s in [s, t] {
                     attributes.heads[s.here.index()].hard[usize::from(s.ends)] = true;

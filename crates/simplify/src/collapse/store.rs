@@ -337,13 +337,7 @@ impl<Q: Memory> Store<Q> {
     /// The positions of four vertices side by side.
     #[inline(always)]
     pub(crate) fn four(&self, vertices: [VertexId; 4]) -> Four {
-        // (With what stands behind a position, it is one load.)
-        let row = |w: VertexId| {
-            let Vertex { p, mark, .. } = &self.v[w.index()];
-            f32x4::new([p.x, p.y, p.z, f32::from_bits(*mark)])
-        };
-        let [x, y, z, _] = f32x4::transpose(vertices.map(row));
-        [x, y, z]
+        four(&self.v, vertices)
     }
 
     /// Where the input faced at the corners of a face, summed.
@@ -502,6 +496,18 @@ impl<Q: Memory> Store<Q> {
         }
         home
     }
+}
+
+/// The positions of four vertices side by side.
+#[inline(always)]
+pub(crate) fn four<Q>(all: &[Vertex<Q>], vertices: [VertexId; 4]) -> Four {
+    // (With what stands behind a position, it is one load.)
+    let row = |w: VertexId| {
+        let Vertex { p, mark, .. } = &all[w.index()];
+        f32x4::new([p.x, p.y, p.z, f32::from_bits(*mark)])
+    };
+    let [x, y, z, _] = f32x4::transpose(vertices.map(row));
+    [x, y, z]
 }
 
 /// Drops what belongs to dead triangles.

@@ -18,9 +18,6 @@ pub(crate) struct Wing {
     pub(crate) corner: Corner,
     pub(crate) a: VertexId,
     pub(crate) b: VertexId,
-    /// Normal before, of double length, and its length.
-    pub(crate) normal: Vec3,
-    pub(crate) length: f32,
     /// Normal after, of double length; zero if it goes.
     pub(crate) after: Vec3,
     /// It has both ends, and goes.
@@ -35,16 +32,16 @@ pub(crate) struct Wings {
     used: usize,
 }
 
-/// Up to four of them side by side. Lanes that are not used repeat the last one.
+/// Up to four of them side by side, at one end. Lanes that are not used repeat the last one.
 #[derive(Clone, Copy, Debug, Default)]
-struct FourWings {
-    spokes: [Spoke; 4],
-    count: usize,
-    normal: Four,
-    length: f32x4,
-    after: Four,
+pub(super) struct FourWings {
+    pub(super) spokes: [Spoke; 4],
+    pub(super) count: usize,
+    pub(super) normal: Four,
+    pub(super) length: f32x4,
+    pub(super) after: Four,
     /// A bit for each that does not go.
-    stays: u32,
+    pub(super) stays: u32,
 }
 
 impl Wings {
@@ -83,6 +80,12 @@ impl Wings {
         self.fours[..self.used].iter().flat_map(|four| (0..four.count).map(|i| four.wing(i)))
     }
 
+    /// Four by four; those of the kept end first.
+    #[inline(always)]
+    pub(super) fn fours(&self) -> &[FourWings] {
+        &self.fours[..self.used]
+    }
+
     /// Of each, what the tensors around it lose and gain when the collapse is done, and what the merged vertex gains.
     /// `weigh` says what n nᵀ counts, by the lengths of normals.
     #[inline(always)]
@@ -108,15 +111,7 @@ impl FourWings {
     fn wing(&self, i: usize) -> Wing {
         let of = |four: &Four| Vec3::from(four.map(|x| x.to_array()[i]));
         let Spoke { corner, a, b } = self.spokes[i];
-        Wing {
-            corner,
-            a,
-            b,
-            normal: of(&self.normal),
-            length: self.length.to_array()[i],
-            after: of(&self.after),
-            both: self.stays & (1 << i) == 0,
-        }
+        Wing { corner, a, b, after: of(&self.after), both: self.stays & (1 << i) == 0 }
     }
 }
 

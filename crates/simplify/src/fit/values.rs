@@ -47,6 +47,11 @@ impl Originals {
         Self { wedges: wedges.to_vec(), values, charts }
     }
 
+    fn chart(&self, row: WedgeId) -> WedgeId {
+        self.charts[row.index()]
+    }
+
+    #[inline(always)]
     fn of(&self, w: WedgeId, lanes: usize) -> &[f32x4] {
         &self.values[w.index() * lanes..][..lanes]
     }
@@ -61,32 +66,38 @@ fn root(charts: &mut [WedgeId], mut w: WedgeId) -> WedgeId {
     w
 }
 
-/// The corners of triangles in the order of their wedges, each with its wedge; a corner is four times the triangle, and
-/// 0, 1 or 2.
-fn by_wedge(wedges: &[[WedgeId; 3]], count: usize) -> Vec<(WedgeId, u32)> {
-    let mut at = vec![0u32; count + 1];
+/// The corners of triangles in the order of their wedges; a corner is four times the triangle, and 0, 1 or 2. Says where those
+/// of each wedge begin.
+fn by_wedge(wedges: &[[WedgeId; 3]], count: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut at = vec![0u32; count + 2];
     for w in wedges.as_flattened() {
-        at[w.index() + 1] += 1;
+        at[w.index() + 2] += 1;
     }
-    for i in 0..count {
-        at[i + 1] += at[i];
+    for i in 2..count + 2 {
+        at[i] += at[i - 1];
     }
-    let mut corners = vec![(WedgeId(0), 0); 3 * wedges.len()];
+    let mut corners = vec![0; 3 * wedges.len()];
     for (f, t) in wedges.iter().enumerate() {
         for (k, &w) in t.iter().enumerate() {
-            corners[at[w.index()] as usize] = (w, (4 * f + k) as u32);
-            at[w.index()] += 1;
+            let at = &mut at[w.index() + 1];
+            corners[*at as usize] = (4 * f + k) as u32;
+            *at += 1;
         }
     }
-    corners
+    (corners, at)
 }
+
+/// For each corner of a triangle the two others, and where a tensor of barycentric coordinates has the product of both:
+/// xy, xz, yz stand at 3, 4, 5.
+const OTHERS: [[(usize, usize); 2]; 4] = [[(1, 3), (2, 4)], [(0, 3), (2, 5)], [(0, 4), (1, 5)], [(0, 0); 2]];
 
 /// What the samples say of the values, for each final triangle.
 pub(crate) struct Values<'a> {
     originals: &'a Originals,
     attributes: &'a mut Attributes,
-    /// Wedges of the final triangles.
+    /// Wedges of the final triangles, and their charts.
     wedges: Vec<[WedgeId; 3]>,
+    charts: Vec<WedgeId>,
     lanes: usize,
     /// Sums of weight · b bᵀ.
     bb: Vec<Tensor>,
@@ -117,26 +128,25 @@ impl<'a> Values<'a> {
         let off = vec![f32x4::ZERO; lanes];
         let held = vec![Vec3::ZERO; wedges.len()];
         let worst = vec![f32x4::ZERO; lanes * wedges.len()];
-        Self { originals, attributes, wedges, lanes, bb, held, wanted, worst, off, usual }
+        let chart = |t: &[WedgeId; 3]| originals.charts[attributes.original(t[0]).index()];
+        let charts = wedges.iter().map(chart).collect();
+        Self { originals, attributes, wedges, charts, lanes, bb, held, wanted, worst, off, usual }
     }
 
     /// Adds the centre of a face of the ordered input.
     pub(super) fn add_centre(&mut self, of: usize, face: usize, b: Vec3, weight: f32) {
-        let rows = self.originals.wedges[of];
-        self.add(rows, 1.0 / 3.0, face, b, weight);
+        self.add(self.originals.wedges[of], 1.0 / 3.0, face, b, weight);
     }
 
     /// Adds the first corner of a face of the ordered input.
     pub(super) fn add_corner(&mut self, of: usize, face: usize, b: Vec3, weight: f32) {
-        let row = self.originals.wedges[of][0];
-        self.add([row], 1.0, face, b, weight);
+        self.add([self.originals.wedges[of][0]], 1.0, face, b, weight);
     }
 
     /// Adds the first corner of a face of the ordered input where a final vertex, with these corners, has its very place.
     pub(super) fn add_at_home(&mut self, of: usize, around: &[Corner], weight: f32) {
-        let chart = |w: WedgeId| self.originals.charts[self.attributes.original(w).index()];
-        let own = chart(self.originals.wedges[of][0]);
-        if let Some(corner) = around.iter().find(|c| chart(self.wedges[c.face()][0]) == own) {
+        let own = self.originals.chart(self.originals.wedges[of][0]);
+        if let Some(corner) = around.iter().find(|c| self.charts[c.face()] == own) {
             let mut b = [0.0; 3];
             b[corner.k()] = 1.0;
             self.add_corner(of, corner.face(), b.into(), weight);
@@ -144,35 +154,62 @@ impl<'a> Values<'a> {
     }
 
     #[inline(always)]
-    fn add<const N: usize>(&mut self, rows: [WedgeId; N], share: f32, face: usize, b: Vec3, weight: f32) {
-        let finals = self.wedges[face];
-        let chart = |w: WedgeId| self.originals.charts[self.attributes.original(w).index()];
-        if chart(rows[0]) != chart(finals[0]) {
+    fn add<const R: usize>(&mut self, rows: [WedgeId; R], share: f32, face: usize, b: Vec3, weight: f32) {
+        if self.originals.chart(rows[0]) != self.charts[face] {
             return;
         }
+        // (Loops over one or two vectors are unrolled.)
+        match self.lanes {
+            1 => self.add_lanes::<R, 1>(rows, share, face, b, weight),
+            2 => self.add_lanes::<R, 2>(rows, share, face, b, weight),
+            _ => self.add_lanes::<R, 0>(rows, share, face, b, weight),
+        }
+    }
+
+    #[inline(always)]
+    fn add_lanes<const R: usize, const N: usize>(
+        &mut self,
+        rows: [WedgeId; R],
+        share: f32,
+        face: usize,
+        b: Vec3,
+        weight: f32,
+    ) {
+        let lanes = if N == 0 { self.lanes } else { N };
         let corners = b.to_array();
-        let (of_rows, of_finals) =
-            (rows.map(|w| self.originals.of(w, self.lanes)), finals.map(|w| self.attributes.values(w)));
+        let [o, a, c] = self.wedges[face];
+        let finals = (
+            self.attributes.values_of(lanes, o),
+            self.attributes.values_of(lanes, a),
+            self.attributes.values_of(lanes, c),
+        );
+        let off = &mut self.off[..lanes];
         let mut far = f32x4::ZERO;
-        for (i, off) in self.off.iter_mut().enumerate() {
-            let sum = of_rows.iter().fold(f32x4::ZERO, |sum, row| sum + row[i]);
+        for (i, off) in off.iter_mut().enumerate() {
+            let mut sum = f32x4::ZERO;
+            for row in rows {
+                sum += self.originals.of(row, lanes)[i];
+            }
             let value = sum * share;
             // So that nothing is wanted where all are the same.
-            *off = (0..3).fold(f32x4::ZERO, |off, k| off + (value - of_finals[k][i]) * corners[k]);
-            far += *off * *off * self.attributes.weight(i);
+            let mut own = f32x4::ZERO;
+            own += (value - finals.0[i]) * corners[0];
+            own += (value - finals.1[i]) * corners[1];
+            own += (value - finals.2[i]) * corners[2];
+            far += own * own * self.attributes.weight(i);
+            *off = own;
         }
         // Far off is what came to a face that is near in space only.
         let trust = self.usual / (self.usual + far.reduce_add());
         self.held[face] += b.max(Vec3::ZERO) * (weight * DAMPING);
         let weight = weight * trust * trust;
         self.bb[face].add(&Tensor::outer(b, weight));
-        for (worst, off) in self.worst[face * self.lanes..].iter_mut().zip(&self.off) {
-            *worst = worst.fast_max(off.abs() * trust);
-        }
-        let wanted = &mut self.wanted[face * 3 * self.lanes..][..3 * self.lanes];
-        for (k, b) in corners.into_iter().enumerate() {
-            for (wanted, off) in wanted[k * self.lanes..].iter_mut().zip(&self.off) {
-                *wanted += *off * (b * weight);
+        let worst = &mut self.worst[face * lanes..][..lanes];
+        let wanted = &mut self.wanted[face * 3 * lanes..][..3 * lanes];
+        for (i, off) in off.iter().enumerate() {
+            worst[i] = worst[i].fast_max(off.abs() * trust);
+            for (k, b) in corners.into_iter().enumerate() {
+                wanted[k * lanes + i] += *off * (b * weight);
             }
         }
     }
@@ -180,45 +217,68 @@ impl<'a> Values<'a> {
     /// Moves the values of all wedges to what the samples say. The samples spoke of the places before the fit; from there
     /// the corners of a triangle went `moved`; those without a move are locked.
     pub(crate) fn solve(self, moved: impl Fn(usize, usize) -> Option<Vec3>) {
-        let lanes = self.lanes;
-        let corners = by_wedge(&self.wedges, self.attributes.count());
-        let mut shifts = vec![f32x4::ZERO; self.attributes.count() * lanes];
-        let (mut sum, mut most) = (vec![f32x4::ZERO; lanes], vec![f32x4::ZERO; lanes]);
-        for _ in 0..SWEEPS {
-            for of_wedge in corners.chunk_by(|a, b| a.0 == b.0) {
-                let (mut own, mut held) = (0f32, 0f32);
-                sum.fill(f32x4::ZERO);
-                most.fill(f32x4::ZERO);
-                for &(_, corner) in of_wedge {
-                    let (f, k) = (corner as usize >> 2, corner as usize & 3);
-                    let bb = &self.bb[f].0;
-                    own += bb[k];
-                    held += self.held[f][k];
-                    // xy, xz, yz of the tensor stand at 3, 4, 5.
-                    let others = [[(1, 3), (2, 4)], [(0, 3), (2, 5)], [(0, 4), (1, 5)]][k];
-                    let wanted = &self.wanted[(3 * f + k) * lanes..][..lanes];
-                    for (i, sum) in sum.iter_mut().enumerate() {
-                        *sum += wanted[i];
-                        most[i] = most[i].fast_max(self.worst[f * lanes + i]);
-                        for (j, at) in others {
-                            *sum -= shifts[self.wedges[f][j].index() * lanes + i] * bb[at];
-                        }
+        match self.lanes {
+            1 => self.solve_lanes::<1>(moved),
+            2 => self.solve_lanes::<2>(moved),
+            _ => self.solve_lanes::<0>(moved),
+        }
+    }
+
+    #[inline(always)]
+    fn solve_lanes<const N: usize>(self, moved: impl Fn(usize, usize) -> Option<Vec3>) {
+        let lanes = if N == 0 { self.lanes } else { N };
+        let count = self.attributes.count();
+        let (corners, at) = by_wedge(&self.wedges, count);
+        let of_wedge = |w: usize| &corners[at[w] as usize..at[w + 1] as usize];
+        let mut shifts = vec![f32x4::ZERO; count * lanes];
+        // What does not change from sweep to sweep.
+        let mut scales = vec![0f32; count];
+        let mut most = vec![f32x4::ZERO; count * lanes];
+        let mut sums = vec![f32x4::ZERO; lanes];
+        let sums = &mut sums[..lanes];
+        for sweep in 0..SWEEPS {
+            for (w, scale) in scales.iter_mut().enumerate() {
+                let corners = of_wedge(w);
+                let most = &mut most[w * lanes..][..lanes];
+                if sweep == 0 && !corners.is_empty() {
+                    let (mut own, mut held) = (0f32, 0f32);
+                    for &corner in corners {
+                        let (f, k) = (corner as usize >> 2, corner as usize & 3);
+                        own += self.bb[f].0[k];
+                        held += self.held[f][k];
+                        let worst = &self.worst[f * lanes..][..lanes];
+                        most.iter_mut().zip(worst).for_each(|(most, worst)| *most = most.fast_max(*worst));
+                    }
+                    let corner = corners[0] as usize;
+                    if own > 0.0 && moved(corner >> 2, corner & 3).is_some() {
+                        *scale = 1.0 / (own + held).max(1e-30);
                     }
                 }
-                let corner = of_wedge[0].1 as usize;
-                if own > 0.0 && moved(corner >> 2, corner & 3).is_some() {
-                    let scale = 1.0 / (own + held).max(1e-30);
-                    let at = of_wedge[0].0.index() * lanes;
-                    for (i, (sum, most)) in sum.iter().zip(&most).enumerate() {
-                        shifts[at + i] = (*sum * scale).fast_max(-*most).fast_min(*most);
+                if *scale == 0.0 {
+                    continue;
+                }
+                sums.fill(f32x4::ZERO);
+                for &corner in corners {
+                    let (f, k) = (corner as usize >> 2, corner as usize & 3);
+                    let wanted = &self.wanted[(3 * f + k) * lanes..][..lanes];
+                    sums.iter_mut().zip(wanted).for_each(|(sum, wanted)| *sum += *wanted);
+                    for (j, at) in OTHERS[k] {
+                        let (other, share) = (self.wedges[f][j].index() * lanes, self.bb[f].0[at]);
+                        let shift = &shifts[other..][..lanes];
+                        sums.iter_mut().zip(shift).for_each(|(sum, shift)| *sum -= *shift * share);
                     }
+                }
+                let shift = &mut shifts[w * lanes..][..lanes];
+                for i in 0..lanes {
+                    shift[i] = (sums[i] * *scale).fast_max(-most[i]).fast_min(most[i]);
                 }
             }
         }
-        for of_wedge in corners.chunk_by(|a, b| a.0 == b.0) {
-            let (w, corner) = of_wedge[0];
+        for w in 0..count {
+            let Some(&corner) = of_wedge(w).first() else { continue };
             if let Some(moved) = moved(corner as usize >> 2, corner as usize & 3) {
-                self.attributes.shift(w, &shifts[w.index() * lanes..][..lanes], moved);
+                let shift = &shifts[w * lanes..][..lanes];
+                self.attributes.shift(WedgeId(w as u32), shift, moved);
             }
         }
     }
