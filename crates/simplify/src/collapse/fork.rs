@@ -49,10 +49,11 @@ impl<M: Metric> Fork<M> {
 impl<M: Metric> Engine<M> {
     /// A copy to go back to.
     pub(crate) fn fork(&mut self, sweeps: &Sweeps) -> Fork<M> {
-        // What was given back makes room for the copy. (Room for lists of corners is needed, and full lists compact.)
-        self.store.v.shrink_to_fit();
+        // What was given back makes room for the copy. (Room for lists of corners is needed, and full lists compact.) The
+        // vertices come last, because they are copied for it.
         self.store.bound.shrink_to_fit();
         self.store.t.shrink_to_fit();
+        self.store.v.shrink_to_fit();
         let (attributes, wedge_data) = (self.attributes.take(), self.wedge_data.take());
         let engine = self.clone();
         (self.attributes, self.wedge_data) = (attributes, wedge_data);
