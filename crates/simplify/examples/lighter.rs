@@ -1,0 +1,39 @@
+//! A tenth of the faces, how far the result lies from the input, and what was in the way.
+#![allow(clippy::print_stdout, reason = "an example shows what it does")]
+
+use lodsmith::core::shapes;
+use lodsmith::{Control, Measure, SimplifyError, SimplifyOptions, Stage, Stop, Verdict, simplify};
+
+/// Whoever calls holds the clock, shows the progress and may end the run.
+struct Stages;
+
+impl Control for Stages {
+    fn stage(&mut self, stage: Stage) {
+        println!("{} ...", stage.name());
+    }
+    fn progress(&mut self, _done: f64) -> Verdict {
+        Verdict::Continue
+    }
+}
+
+fn main() -> Result<(), SimplifyError> {
+    let mesh = shapes::blob(5, 1);
+    let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+    options.measure = Measure::Always;
+    let done = simplify(&mesh, &options, &mut Stages)?;
+
+    let report = &done.report;
+    println!("{} -> {} faces, stopped by {}", report.input_faces, report.faces, report.stopped_by.name());
+    if let Some(measured) = &report.error.measured {
+        let percent = |x: f64| x / report.error.diagonal * 100.0;
+        println!(
+            "rms {:.3} %, largest {:.3} % of the diagonal, both ways",
+            percent(measured.rms.symmetric),
+            percent(measured.hausdorff.symmetric)
+        );
+    }
+    for (why, count) in &report.refusals {
+        println!("{count} collapses refused: {}", why.name());
+    }
+    Ok(())
+}
