@@ -251,7 +251,7 @@ impl<Q: Memory> Sampler<'_, Q> {
         let [a, b, c] = self.store.t[face].map(|w| self.store.p(w));
         let (q, first, second, normal) = (p - a, b - a, c - a, self.loads[face].normal);
         let per_area = 1.0 / max(first.cross(second).dot(normal), 1e-18);
-        let (v, w) = (normal.dot(q.cross(second)) * per_area, normal.dot(first.cross(q)) * per_area);
+        let [v, w] = shares(q, first, second, normal).map(|x| x * per_area);
         let u = 1.0 - v - w;
         if u < 0.0 || v < 0.0 || w < 0.0 {
             return None;
@@ -592,13 +592,20 @@ fn shift<Q: Memory>(store: &mut Store<Q>, loads: &[Load], around: &[Around], del
     }
 }
 
+/// Areas of the two triangles that a place `q` makes with the sides `first` and `second`, along `normal`, times its length:
+/// over that of the face, the barycentric coordinates of the second and third corner. All from the first corner.
+#[inline(always)]
+fn shares(q: Vec3, first: Vec3, second: Vec3, normal: Vec3) -> [f32; 2] {
+    [normal.dot(q.cross(second)), normal.dot(first.cross(q))]
+}
+
 /// Whether a place lies above or below a face, no farther than the root of `limit`.
 #[inline(always)]
 fn is_above(p: Vec3, [a, b, c]: [Vec3; 3], limit: f32) -> bool {
     let (q, first, second) = (p - a, b - a, c - a);
     let normal = first.cross(second);
     let (area_sq, height) = (normal.length_squared(), normal.dot(q));
-    let (v, w) = (normal.dot(q.cross(second)), normal.dot(first.cross(q)));
+    let [v, w] = shares(q, first, second, normal);
     (height * height <= limit * area_sq) & (v >= 0.0) & (w >= 0.0) & (v + w <= area_sq)
 }
 

@@ -7,18 +7,21 @@
 //!
 //! Values lie four side by side, for vector instructions.
 
+mod slopes;
+mod sum;
+
 use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
 
-use crate::lanes::{self, Four, cross, sub};
-use crate::metric::Form;
+use crate::lanes;
 use crate::tensor::Tensor;
+pub(super) use slopes::{FourSlopes, Slopes, SlopesRow};
+pub(super) use sum::Sum;
+use sum::add_outer;
 
 /// No wedge.
 pub(super) const NO_WEDGE: WedgeId = WedgeId(u32::MAX);
-/// Doubled area under which a triangle's gradients are not believed, a share of its longest edge squared.
-const FLAT: f32 = 1e-3;
 /// Wedges of a vertex that an evaluation looks at, so that a vertex of very many charts cannot stall a run.
 const MOST_ALONE: usize = 24;
 /// Joints kept at a wedge while the mesh is worked on. (More than any format has.)
@@ -99,123 +102,6 @@ pub(super) fn firsts(members: &[Member]) -> impl Iterator<Item = (usize, &Member
 
 fn of_group(members: &[Member], group: usize) -> impl Iterator<Item = &Member> {
     members.iter().filter(move |m| m.group == group)
-}
-
-/// A triangle as seen from one of its corners: doubled area, and the gradients of the barycentric coordinates of the two
-/// others.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Slopes {
-    pub(super) area: f32,
-    pub(super) a: Vec3,
-    pub(super) b: Vec3,
-}
-
-impl Slopes {
-    #[inline(always)]
-    pub(super) fn new([o, a, b]: [Vec3; 3]) -> Self {
-        let normal = (a - o).cross(b - o);
-        Self::with_normal([o, a, b], normal, normal.length())
-    }
-
-    /// The same where the normal of double length, and its length, are at hand.
-    #[inline(always)]
-    pub(super) fn with_normal([o, a, b]: [Vec3; 3], normal: Vec3, area: f32) -> Self {
-        let (to_a, to_b) = (a - o, b - o);
-        let longest = to_a.length_squared().max(to_b.length_squared()).max((b - a).length_squared());
-        let n = normal * (1.0 / (area.max(FLAT * longest) * area.max(1e-30)).max(1e-30));
-        Self { area, a: to_b.cross(n), b: n.cross(to_a) }
-    }
-
-    /// What the squared gradients of values add to a tensor, from the weighted sums of the squares and products of their
-    /// differences towards the two corners.
-    #[inline(always)]
-    fn tensor(&self, aa: f32, ab: f32, bb: f32) -> Tensor {
-        let (p, q) = (self.a * aa + self.b * ab, self.a * ab + self.b * bb);
-        let (a, b) = (self.a, self.b);
-        let sum = [
-            p.x * a.x + q.x * b.x,
-            p.y * a.y + q.y * b.y,
-            p.z * a.z + q.z * b.z,
-            p.x * a.y + q.x * b.y,
-            p.x * a.z + q.x * b.z,
-            p.y * a.z + q.y * b.z,
-        ];
-        Tensor(sum.map(|x| x * self.area))
-    }
-}
-
-/// Slopes of four triangles side by side.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct FourSlopes {
-    pub(super) area: f32x4,
-    pub(super) a: Four,
-    pub(super) b: Four,
-}
-
-impl FourSlopes {
-    /// As seen from `o`, with the normals of double length, and their lengths: [`Slopes::with_normal`] four side by side.
-    #[inline(always)]
-    pub(super) fn new([o, a, b]: [&Four; 3], normal: &Four, area: f32x4) -> Self {
-        let (to_a, to_b, edge) = (sub(a, o), sub(b, o), sub(b, a));
-        let square = |v: &Four| lanes::dot(v, v);
-        let longest = square(&to_a).fast_max(square(&to_b)).fast_max(square(&edge));
-        let tiny = f32x4::splat(1e-30);
-        let divisor = area.fast_max(longest * FLAT) * area.fast_max(tiny);
-        let scale = f32x4::ONE / divisor.fast_max(tiny);
-        let n = normal.map(|x| x * scale);
-        Self { area, a: cross(&to_b, &n), b: cross(&n, &to_a) }
-    }
-
-    /// As seen from the first corners.
-    #[inline(always)]
-    pub(super) fn of([o, a, b]: [&Four; 3]) -> Self {
-        let normal = cross(&sub(a, o), &sub(b, o));
-        Self::new([o, a, b], &normal, lanes::dot(&normal, &normal).sqrt())
-    }
-
-    /// One of them.
-    #[inline(always)]
-    pub(super) fn one(&self, i: usize) -> Slopes {
-        let of = |x: &f32x4| x.to_array()[i & 3];
-        let vector = |v: &Four| Vec3::new(of(&v[0]), of(&v[1]), of(&v[2]));
-        Slopes { area: of(&self.area), a: vector(&self.a), b: vector(&self.b) }
-    }
-
-    /// One after the other.
-    #[inline(always)]
-    pub(super) fn rows(&self) -> [SlopesRow; 4] {
-        let per_area = f32x4::ONE / self.area.fast_max(f32x4::splat(1e-30));
-        let [ax, ay, az] = self.a;
-        let [bx, by, bz] = self.b;
-        let [p, q, r, s] = f32x4::transpose([ax, ay, az, self.area]);
-        let [t, u, v, w] = f32x4::transpose([bx, by, bz, per_area]);
-        let row = |a, b| SlopesRow { a, b };
-        [row(p, t), row(q, u), row(r, v), row(s, w)]
-    }
-}
-
-/// [`Slopes`] in two rows: behind a the area stands, behind b one over it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct SlopesRow {
-    a: f32x4,
-    b: f32x4,
-}
-
-impl SlopesRow {
-    #[inline(always)]
-    pub(super) fn area(&self) -> f32 {
-        self.a.to_array()[3]
-    }
-    #[inline(always)]
-    fn per_area(&self) -> f32 {
-        self.b.to_array()[3]
-    }
-    /// What a value gains along x, y and z, times the area, that differs by so much times the area at the two corners.
-    #[inline(always)]
-    fn gain(&self, a: f32x4, b: f32x4) -> [f32x4; 3] {
-        let ([ax, ay, az, _], [bx, by, bz, _]) = (self.a.to_array(), self.b.to_array());
-        [a * ax + b * bx, a * ay + b * by, a * az + b * bz]
-    }
 }
 
 impl Attributes {
@@ -812,7 +698,7 @@ impl Tables<'_> {
             let mut gain = [f32x4::ZERO; 3];
             if let Some((s, values)) = new {
                 gain = s.gain((a - values[i]) * s.area(), (b - values[i]) * s.area());
-                let square = outer(&gain, weight * s.per_area());
+                let square = lanes::outer(&gain, weight * s.per_area());
                 for k in 0..6 {
                     sums[k] += square[k];
                     added[k] += square[k];
@@ -822,7 +708,7 @@ impl Tables<'_> {
                 }
             }
             let loss = old.gain((a - o) * old.area(), (b - o) * old.area());
-            let square = outer(&loss, weight * old.per_area());
+            let square = lanes::outer(&loss, weight * old.per_area());
             for k in 0..6 {
                 sums[k] -= square[k];
             }
@@ -854,69 +740,6 @@ fn normalize(directions: &[usize], values: &mut [f32x4]) {
     }
 }
 
-/// A form in four shares, one for each lane.
-pub(super) struct Sum {
-    a: [f32x4; 6],
-    h: [f32x4; 3],
-    c: f32x4,
-}
-
-impl Sum {
-    pub(super) const ZERO: Self = Self { a: [f32x4::ZERO; 6], h: [f32x4::ZERO; 3], c: f32x4::ZERO };
-
-    #[inline(always)]
-    fn add_square(&mut self, off: &[f32x4; 3], gap: f32x4, weight: f32x4) {
-        add_square((&mut self.a, &mut self.h, &mut self.c), off, gap, weight);
-    }
-    pub(super) fn add_to(&self, form: &mut Form) {
-        form.a.add(&Tensor(self.a.map(f32x4::reduce_add)));
-        form.h += Vec3::from(self.h.map(f32x4::reduce_add));
-        form.c += self.c.reduce_add();
-    }
-    /// Adds four to four forms side by side.
-    #[inline(always)]
-    pub(super) fn add_four_to(four: &[Self; 4], (a, h, c): (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4)) {
-        for (k, a) in a.iter_mut().enumerate() {
-            *a += lanes::sums(four.each_ref().map(|sum| sum.a[k]));
-        }
-        for (k, h) in h.iter_mut().enumerate() {
-            *h += lanes::sums(four.each_ref().map(|sum| sum.h[k]));
-        }
-        *c += lanes::sums(four.each_ref().map(|sum| sum.c));
-    }
-}
-
-/// Adds p qᵀ to a symmetric matrix (xx, yy, zz, xy, xz, yz).
-#[inline(always)]
-fn add_outer(a: &mut [f32x4; 6], p: &[f32x4; 3], q: &[f32x4; 3]) {
-    for (sum, (j, k)) in a.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
-        *sum += p[j] * q[k];
-    }
-}
-
-/// Adds weight · (off · y − gap)² to a form in y.
-#[inline(always)]
-fn add_square(
-    (a, h, c): (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
-    off: &[f32x4; 3],
-    gap: f32x4,
-    weight: f32x4,
-) {
-    let scaled = off.map(|x| x * weight);
-    add_outer(a, &scaled, off);
-    for (h, scaled) in h.iter_mut().zip(scaled) {
-        *h += scaled * gap;
-    }
-    *c += gap * gap * weight;
-}
-
-/// weight · p pᵀ.
-#[inline(always)]
-fn outer(p: &[f32x4; 3], weight: f32x4) -> [f32x4; 6] {
-    let [x, y, z] = p.map(|p| p * weight);
-    [x * p[0], y * p[1], z * p[2], x * p[1], x * p[2], y * p[2]]
-}
-
 #[inline(always)]
 fn dot(v: &[f32x4; 3], d: Vec3) -> f32x4 {
     v[0] * d.x + v[1] * d.y + v[2] * d.z
@@ -925,28 +748,6 @@ fn dot(v: &[f32x4; 3], d: Vec3) -> f32x4 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn four_triangles_have_the_slopes_of_each() {
-        // One of a usual size, a sliver, one without an area, and a large one.
-        let triangles = [
-            [[0.1, 0.2, 0.3], [0.4, 0.1, 0.2], [0.3, 0.5, 0.7]],
-            [[0.0, 0.0, 0.0], [1.0, 1e-4, 0.0], [2.0, 1e-7, 1e-7]],
-            [[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.7, 0.1, 0.2]],
-            [[-1.0, 3.0, 2.0], [5.0, -4.0, 1.0], [2.0, 2.0, -6.0]],
-        ]
-        .map(|t| t.map(Vec3::from));
-        let corner = |k: usize| [0, 1, 2].map(|axis| f32x4::new(triangles.map(|t| t[k][axis])));
-        let four = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
-        for (i, (triangle, row)) in triangles.into_iter().zip(four.rows()).enumerate() {
-            let (own, other) = (Slopes::new(triangle), four.one(i));
-            let bits =
-                |s: &Slopes| [s.a.to_array(), s.b.to_array(), [s.area; 3]].map(|v| v.map(f32::to_bits));
-            assert_eq!(bits(&own), bits(&other), "{i}");
-            assert_eq!(row.a.to_array(), own.a.extend(own.area).to_array());
-            assert_eq!(row.b.to_array(), own.b.extend(1.0 / own.area.max(1e-30)).to_array());
-        }
-    }
 
     #[test]
     fn copies_of_copies_name_the_wedge_of_the_input() {
