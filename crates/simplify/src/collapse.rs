@@ -423,12 +423,8 @@ impl<M: Metric> Engine<M> {
         let step = count.div_ceil(looks).max(1);
         let mut bounds = Vec::with_capacity(looks);
         for u in (0..count).step_by(step).map(|i| VertexId(i as u32)) {
-            let Scratch { ru, rv, owned, found, members } = scratch;
-            self.store.ring(u, ru);
-            owned.clear();
-            owned.extend(distinct(ru).filter(|&w| w > u));
-            found.clear();
-            self.evaluate_owned(u, owned, ru, members, f32::INFINITY, found);
+            self.evaluate_at_any_cost(u, scratch);
+            let Scratch { ru, rv, found, .. } = &mut *scratch;
             let best = found.take_cheapest();
             bounds.push(best.map_or(f32::INFINITY, |best| {
                 self.store.ring(best.removed, rv);
@@ -439,6 +435,17 @@ impl<M: Metric> Engine<M> {
             }));
         }
         bounds
+    }
+
+    /// Evaluates all edges that `u` owns; leaves its ring.
+    #[inline(never)]
+    fn evaluate_at_any_cost(&mut self, u: VertexId, scratch: &mut Scratch) {
+        let Scratch { ru, owned, found, members, .. } = scratch;
+        self.store.ring(u, ru);
+        owned.clear();
+        owned.extend(distinct(ru).filter(|&w| w > u));
+        found.clear();
+        self.evaluate_owned(u, owned, ru, members, f32::INFINITY, found);
     }
 
     /// The threshold of the next sweep from the bounds, which may be those of some vertices only.
@@ -462,18 +469,20 @@ impl<M: Metric> Engine<M> {
         let Scratch { ru, rv, owned, found, members } = scratch;
         self.store.ring(u, ru);
         found.clear();
-        owned.clear();
-        if self.store.v[u.index()].kind.is_regular() {
+        let owned = if self.store.v[u.index()].kind.is_regular() {
             // Inside closed fans every neighbour comes first in one of the triangles: no need to look at the second.
             // (Written all, kept some: a branch on the order could not be foretold.)
-            owned.resize(ru.len(), u);
-            let mut n = 0;
+            if owned.len() < ru.len() {
+                owned.resize(ru.len(), u);
+            }
+            let (slots, mut n) = (&mut owned[..ru.len()], 0);
             for r in ru.iter() {
-                owned[n] = r.a;
+                slots[n] = r.a;
                 n += usize::from(r.a > u);
             }
-            owned.truncate(n);
+            &owned[..n]
         } else {
+            owned.clear();
             let stamp = self.store.next_stamp();
             for w in ru.iter().flat_map(|r| [r.a, r.b]).filter(|&w| w > u) {
                 let mark = &mut self.store.v[w.index()].mark;
@@ -482,7 +491,8 @@ impl<M: Metric> Engine<M> {
                     owned.push(w);
                 }
             }
-        }
+            &owned[..]
+        };
         let stuck = self.evaluate_owned(u, owned, ru, members, tau, found);
         let mut least = found.beyond();
         let kind = self.store.v[u.index()].kind;

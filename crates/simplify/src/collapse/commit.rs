@@ -111,7 +111,7 @@ impl<M: Metric> Engine<M> {
         let at = merged_position(x.p, z.p, y);
 
         // Exact cost, shape and normals. A triangle at both ends counts twice, as in the evaluation.
-        let mut verdict = Verdict { cost: 0.0, area: 0.0, peak: 0.0, shape: 1.0, turns_far: false };
+        let mut verdict = Verdict::default();
         let mut bare = [false; 2];
         self.wings.clear();
         self.spokes.take_without(u, rv);
@@ -124,8 +124,8 @@ impl<M: Metric> Engine<M> {
                 Err(why) => return Outcome::Refused(why),
             }
         }
-        let Verdict { mut cost, area, mut peak, shape, turns_far } = verdict;
-        if turns_far && self.folds(x.facing.direction() + z.facing.direction()) {
+        let (mut cost, area, mut peak, shape) = verdict.sum();
+        if verdict.turns_far && self.folds(x.facing.direction() + z.facing.direction()) {
             return Outcome::Refused(Refusal::NormalFlip);
         }
         if self.rules.has_extra_guards()

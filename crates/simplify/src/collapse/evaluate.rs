@@ -124,7 +124,7 @@ impl<M: Metric> Engine<M> {
 
     /// Up to four edges of free ends side by side, for vector instructions. The same as [`Self::evaluate_edge`] does one
     /// by one.
-    #[inline(never)]
+    #[inline(always)]
     fn evaluate_four(
         &self,
         u: VertexId,
@@ -167,14 +167,15 @@ impl<M: Metric> Engine<M> {
         let wish = [h[0] + d[0] * half, h[1] + d[1] * half, h[2] + d[2] * half];
         let y = times(&adjugate, &wish).map(|w| w / det);
         let from_mid = sub(&y, &d.map(|k| k * 0.5));
-        let solved = det.simd_gt(trace * trace * trace * MIN_DET)
-            & dot(&from_mid, &from_mid).simd_lt(dot(&d, &d) * FARTHEST);
+        let (from_mid_sq, d_sq) = (dot(&from_mid, &from_mid), dot(&d, &d));
+        let solved = det.simd_gt(trace * trace * trace * MIN_DET) & from_mid_sq.simd_lt(d_sq * FARTHEST);
         let peak =
             f32x4::ONE + f32x4::splat(PEAK_GUESS * self.peak_weight()) / trace.fast_max(f32x4::splat(1e-37));
-        let off = sub(&y, &d);
         let q = c - dot(&h, &y) * 2.0 + dot(&times(&a, &y), &y);
-        let q = q.simd_gt(trace * dot(&d, &d) * NOISE) & q;
-        let tie = trace * (0.5 * TIE) * (dot(&y, &y) + dot(&off, &off));
+        let q = q.simd_gt(trace * d_sq * NOISE) & q;
+        // |y|² + |y - d|², by the middle.
+        let spread = from_mid_sq + from_mid_sq + d_sq * 0.5;
+        let tie = trace * (0.5 * TIE) * spread;
         let cost = q * peak + tie;
         Evaluated { cost, step: y, solved }
     }

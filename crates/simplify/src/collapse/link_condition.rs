@@ -6,16 +6,12 @@
 //! along a feature edge.
 
 use lodsmith_core::VertexId;
-use wide::u32x8;
+use wide::u32x4;
 
 use super::kind::faces_at;
-use super::order::NONE;
 use super::store::{Ring, Store};
 use crate::metric::Memory;
 use crate::report::Refusal;
-
-/// Neighbours that are compared side by side; most vertices have about six.
-const LANES: usize = 8;
 
 impl<Q: Memory> Store<Q> {
     /// Asks the link condition for the edge u-v with the rings of both; says how many triangles hang on it.
@@ -32,25 +28,32 @@ impl<Q: Memory> Store<Q> {
             return self.link_condition_irregular(u, v, ru, rv);
         }
         // Inside closed fans every neighbour comes first in just one triangle, and second in just one.
-        if ru.len() > LANES {
+        let (1..=2, [first, rest @ ..]) = (ru.fours().len(), rv.fours()) else {
             return self.link_condition_marked(u, v, ru, rv);
+        };
+        let second = match rest {
+            [] => first,
+            [second] => second,
+            _ => return self.link_condition_marked(u, v, ru, rv),
+        };
+        let around_v: [u32x4; 2] = [first, second].map(|four| u32x4::new(four.each_ref().map(|r| r.a.0)));
+        let (mut common, mut is_joined) = ([u32x4::ZERO; 2], false);
+        for r in ru {
+            let w = u32x4::splat(r.a.0);
+            common = [common[0] | around_v[0].simd_eq(w), common[1] | around_v[1].simd_eq(w)];
+            is_joined |= r.a == v;
         }
-        let mut around = [NONE.0; LANES];
-        for (slot, r) in around.iter_mut().zip(ru) {
-            *slot = r.a.0;
+        // A bit for each of the neighbours of v that is one of u as well.
+        let common = (common[0].to_bitmask() | common[1].to_bitmask() << 4) & ((1 << rv.len()) - 1);
+        let other = common & common.wrapping_sub(1);
+        if !is_joined || other == 0 || other & (other - 1) != 0 {
+            return Err(Refusal::LinkCondition);
         }
-        let around = u32x8::from(around);
-        let is_around = |w: VertexId| around.simd_eq(u32x8::splat(w.0)).to_bitmask() != 0;
-        let (mut common, mut one, mut other) = (0, NONE, NONE);
-        for r in rv {
-            // Without branches: which neighbours are common could not be foretold.
-            let is_common = (r.a != u) & is_around(r.a);
-            common += usize::from(is_common);
-            (one, other) = if is_common { (r.a, one) } else { (one, other) };
+        let [one, other] = [common, other].map(|bits| &rv[bits.trailing_zeros() as usize]);
+        if (one.b == other.a || other.b == one.a) && is_opposite_to_both(u, v, ru, rv) {
+            return Err(Refusal::LinkCondition);
         }
-        let shared = if is_around(v) { 2 } else { 0 };
-        let opposite = || rv.iter().any(|r| r.has(one) & r.has(other)) && is_opposite_to_both(u, v, ru, rv);
-        if common != shared || shared == 0 || opposite() { Err(Refusal::LinkCondition) } else { Ok(shared) }
+        Ok(2)
     }
 
     /// The same for closed fans of any size.

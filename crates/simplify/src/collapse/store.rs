@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 use prefetch_index::prefetch_index;
@@ -47,7 +48,8 @@ impl Spoke {
     }
 }
 
-/// The live corners of a vertex, in room that only grows: it is filled for one vertex after the other.
+/// The live corners of a vertex, in room that only grows: it is filled for one vertex after the other. Behind the last one
+/// it stands again until there are four times as many.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ring {
     room: Vec<Spoke>,
@@ -59,13 +61,31 @@ impl Ring {
         self.count = 0;
     }
 
-    /// Room for so many.
+    /// Room for so many, and three.
     #[inline(always)]
     fn room(&mut self, count: usize) -> &mut [Spoke] {
-        if self.room.len() < count {
-            self.grow(count);
+        if self.room.len() < count + 3 {
+            self.grow(count + 3);
         }
-        &mut self.room[..count]
+        &mut self.room[..count + 3]
+    }
+
+    /// Ends after so many, of which the last one is repeated.
+    #[inline(always)]
+    fn end(&mut self, count: usize) {
+        self.count = count;
+        if let Some(last) = count.checked_sub(1)
+            && let Some([last, rest @ ..]) = self.room.get_mut(last..count + 3)
+        {
+            rest.fill(*last);
+        }
+    }
+
+    /// Four by four; what is beyond the last one repeats it.
+    #[inline(always)]
+    pub(super) fn fours(&self) -> &[[Spoke; 4]] {
+        let (fours, _) = self.room.as_chunks();
+        &fours[..self.count.div_ceil(4)]
     }
 
     #[cold]
@@ -84,7 +104,7 @@ impl Ring {
             slots[n] = spoke;
             n += usize::from(!spoke.has(u));
         }
-        self.count = n;
+        self.end(n);
     }
 }
 
@@ -109,10 +129,7 @@ impl<'a> IntoIterator for &'a Ring {
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Vertex<Q> {
-    /// Position in the unit frame.
-    pub(crate) p: Vec3,
-    /// Scratch of whoever walks: compared with [`Store::stamp`].
-    pub(crate) mark: u32,
+    place: Place,
     /// What the metric keeps.
     pub(crate) q: Q,
     /// Its number in the ordered input.
@@ -124,6 +141,31 @@ pub(crate) struct Vertex<Q> {
     pub(crate) kind: Kind,
     /// The normal of the input's surface at the vertex that gave the number.
     pub(crate) facing: Facing,
+}
+
+/// Where a vertex stands, and what stands there beside it: read together by one instruction.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C, align(16))]
+pub(crate) struct Place {
+    /// Position in the unit frame.
+    pub(crate) p: Vec3,
+    /// Scratch of whoever walks: compared with [`Store::stamp`].
+    pub(crate) mark: u32,
+}
+
+impl<Q> std::ops::Deref for Vertex<Q> {
+    type Target = Place;
+    #[inline(always)]
+    fn deref(&self) -> &Place {
+        &self.place
+    }
+}
+
+impl<Q> std::ops::DerefMut for Vertex<Q> {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut Place {
+        &mut self.place
+    }
 }
 
 /// A direction in four bytes: three signed bytes are enough to tell front from back.
@@ -199,14 +241,13 @@ impl<Q: Memory> Store<Q> {
         let mut v = Vec::with_capacity(points.len());
         for (i, &p) in points.iter().enumerate() {
             v.push(Vertex {
-                p,
+                place: Place { p, mark: 0 },
                 q: Q::default(),
                 origin: VertexId(i as u32),
                 head: 0,
                 count: 0,
                 room: 0,
                 kind: Kind::default(),
-                mark: 0,
                 facing: Facing::default(),
             });
         }
@@ -378,7 +419,7 @@ impl<Q: Memory> Store<Q> {
         let x = &mut self.v[u.index()];
         let head = x.head as usize;
         let list = &mut self.corners[head..head + x.count as usize];
-        let slots = out.room(list.len());
+        let slots = &mut out.room(list.len())[..list.len()];
         let t = &self.t[..];
         // (Written all, kept those that live: a branch on it could not be foretold.)
         let mut alive = 0;
@@ -393,7 +434,7 @@ impl<Q: Memory> Store<Q> {
             }
             x.count = alive as u32;
         }
-        out.count = alive;
+        out.end(alive);
     }
 
     /// The corners of `u` as listed; all alive right after a compaction.
@@ -501,11 +542,7 @@ impl<Q: Memory> Store<Q> {
 /// The positions of four vertices side by side.
 #[inline(always)]
 pub(crate) fn four<Q>(all: &[Vertex<Q>], vertices: [VertexId; 4]) -> Four {
-    // (With what stands behind a position, it is one load.)
-    let row = |w: VertexId| {
-        let Vertex { p, mark, .. } = &all[w.index()];
-        f32x4::new([p.x, p.y, p.z, f32::from_bits(*mark)])
-    };
+    let row = |w: VertexId| *bytemuck::cast_ref::<Place, f32x4>(&all[w.index()].place);
     let [x, y, z, _] = f32x4::transpose(vertices.map(row));
     [x, y, z]
 }

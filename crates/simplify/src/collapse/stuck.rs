@@ -4,7 +4,7 @@ use lodsmith_core::VertexId;
 
 use super::attributes::Member;
 use super::cut::may_cut;
-use super::kind::{Kind, distinct};
+use super::kind::Kind;
 use super::{Candidate, Engine, Outcome, Scratch};
 use crate::guard::Rules;
 use crate::metric::Metric;
@@ -65,16 +65,12 @@ impl<M: Metric> Engine<M> {
 
     /// Edges that could be collapsed at some cost.
     fn possible(&mut self) -> usize {
-        let Scratch { mut ru, mut rv, mut owned, mut found, mut members } = Scratch::default();
-        let mut count = 0;
+        let (mut scratch, mut count) = (Scratch::default(), 0);
         for u in (0..self.store.v.len() as u32).map(VertexId) {
-            self.store.ring(u, &mut ru);
-            owned.clear();
-            owned.extend(distinct(&ru).filter(|&w| w > u));
-            found.clear();
-            self.evaluate_owned(u, &owned, &ru, &mut members, f32::INFINITY, &mut found);
+            self.evaluate_at_any_cost(u, &mut scratch);
+            let Scratch { ru, rv, found, members, .. } = &mut scratch;
             for candidate in &found.within {
-                count += usize::from(self.is_possible(u, candidate, &ru, &mut rv, &mut members));
+                count += usize::from(self.is_possible(u, candidate, ru, rv, members));
             }
         }
         count

@@ -3,7 +3,7 @@
 use bytemuck::cast;
 use glam::Vec3;
 use lodsmith_core::VertexId;
-use wide::{f32x4, u32x4};
+use wide::{f32x4, i32x4, u32x4};
 
 use super::commit::{NO_AREA, SUSPECT_TURN};
 use super::store::{Corner, Ring, Spoke, Store};
@@ -125,19 +125,36 @@ pub(super) struct End {
     pub(super) other: Option<VertexId>,
 }
 
-/// What the triangles say of a collapse.
+/// What the triangles say of a collapse, each lane of its own.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Verdict {
     /// Twice the areas times the squared heights over the old planes, summed.
-    pub(super) cost: f32,
+    cost: f32x4,
     /// Twice the areas, summed.
-    pub(super) area: f32,
+    area: f32x4,
     /// The largest squared height.
-    pub(super) peak: f32,
+    peak: f32x4,
     /// The worst squared shape of a new triangle.
-    pub(super) shape: f32,
+    shape: f32x4,
     /// Whether a triangle turns so far that folds must be looked for.
     pub(super) turns_far: bool,
+}
+
+impl Default for Verdict {
+    fn default() -> Self {
+        let zero = f32x4::ZERO;
+        Self { cost: zero, area: zero, peak: zero, shape: f32x4::ONE, turns_far: false }
+    }
+}
+
+impl Verdict {
+    /// Cost, area, largest squared height and worst squared shape of all.
+    #[inline(always)]
+    pub(super) fn sum(&self) -> (f32, f32, f32, f32) {
+        let peak = self.peak.to_array().into_iter().fold(0.0, f32::max);
+        let shape = self.shape.to_array().into_iter().fold(1.0, f32::min);
+        (self.cost.reduce_add(), self.area.reduce_add(), peak, shape)
+    }
 }
 
 impl<Q: Memory> Store<Q> {
@@ -146,7 +163,7 @@ impl<Q: Memory> Store<Q> {
     #[inline(always)]
     pub(super) fn look_at_wings(
         &self,
-        spokes: &[Spoke],
+        spokes: &Ring,
         end: &End,
         at: Vec3,
         max_turn: f32,
@@ -154,12 +171,9 @@ impl<Q: Memory> Store<Q> {
         verdict: &mut Verdict,
     ) -> Result<f32, Refusal> {
         let (from, step, at) = (lanes::splat(end.from), lanes::splat(end.step), lanes::splat(at));
-        let mut peak = f32x4::splat(verdict.peak);
-        let mut shape = f32x4::splat(verdict.shape);
         let mut behind = f32x4::splat(f32::INFINITY);
-        for few in spokes.chunks(4) {
-            let last = few.len() - 1;
-            let four = [few[0], few[1.min(last)], few[2.min(last)], few[3.min(last)]];
+        for (i, four) in spokes.fours().iter().enumerate() {
+            let left = spokes.len() - 4 * i;
             let (a, b) = (four.map(|s| s.a), four.map(|s| s.b));
             let (pa, pb) = (self.four(a), self.four(b));
             let both = match end.other {
@@ -178,7 +192,7 @@ impl<Q: Memory> Store<Q> {
             let height = dot(&normal, &step) / length.fast_max(f32x4::splat(1e-30));
             let weight = both.bitselect(length + length, length);
             let loss = weight * height * height;
-            peak = peak.fast_max(height * height);
+            verdict.peak = verdict.peak.fast_max(height * height);
 
             let (s, o) = (sub(&at, &pa), sub(&at, &pb));
             let after = cross(&e, &s);
@@ -187,7 +201,7 @@ impl<Q: Memory> Store<Q> {
             let keeps_side = along.simd_gt(f32x4::ZERO) & along_sq.simd_gt(both_sq * max_turn);
             let around = dot(&e, &e) + dot(&s, &s) + dot(&o, &o);
             let new_shape = after_sq * 12.0 / (around * around).fast_max(f32x4::splat(1e-37));
-            shape = both.bitselect(shape, shape.fast_min(new_shape));
+            verdict.shape = both.bitselect(verdict.shape, verdict.shape.fast_min(new_shape));
             let far = along_sq.simd_lt(both_sq * SUSPECT_TURN);
             let is_thin = new_shape.simd_lt(f32x4::splat(NO_AREA));
             let stays = !both.to_bitmask();
@@ -195,19 +209,17 @@ impl<Q: Memory> Store<Q> {
             let wrong = (!keeps_side.to_bitmask() | is_thin.to_bitmask()) & stays & 0xf;
             if wrong != 0 {
                 let turned = !keeps_side.to_bitmask();
-                self.ask_wrong(&four, wrong, turned, end.from, [length_sq, after_sq, new_shape])?;
+                self.ask_wrong(four, wrong, turned, end.from, [length_sq, after_sq, new_shape])?;
             }
-            // In the order of the ring, so that it does not matter how many lie side by side; what repeats adds nothing.
-            let counts: f32x4 = cast(u32x4::new([0, 1, 2, 3]).simd_lt(u32x4::splat(few.len() as u32)));
-            let add = |sum: f32, x: f32x4| (x & counts).to_array().into_iter().fold(sum, |sum, x| sum + x);
-            (verdict.cost, verdict.area) = (add(verdict.cost, loss), add(verdict.area, weight));
+            // What repeats adds nothing.
+            let counts: f32x4 = cast(i32x4::new([0, 1, 2, 3]).simd_lt(i32x4::splat(left as i32)));
+            verdict.cost += loss & counts;
+            verdict.area += weight & counts;
             let after = after.map(|x| both.bitselect(f32x4::ZERO, x));
             let slot = wings.slot();
-            (slot.spokes, slot.count, slot.stays) = (four, few.len(), stays);
+            (slot.spokes, slot.count, slot.stays) = (*four, left.min(4), stays);
             (slot.normal, slot.length, slot.after) = (normal, length, after);
         }
-        verdict.peak = peak.to_array().into_iter().fold(0.0, f32::max);
-        verdict.shape = shape.to_array().into_iter().fold(1.0, f32::min);
         Ok(behind.to_array().into_iter().fold(f32::INFINITY, f32::min))
     }
 
