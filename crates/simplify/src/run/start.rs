@@ -143,7 +143,7 @@ impl Run<'_, '_> {
         regions
             .iter()
             .any(|r| *r != regions[0])
-            .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i], RegionId(0)))
+            .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i]))
     }
 
     /// Whether there is a fit at the end.
