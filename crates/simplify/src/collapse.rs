@@ -48,7 +48,8 @@ mod wings;
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
-use wide::f32x8;
+use prefetch_index::prefetch_index;
+use wide::{f32x4, f32x8};
 
 use crate::control::{Control, Verdict};
 use crate::guard::Rules;
@@ -62,14 +63,14 @@ use bound::Histogram;
 pub(crate) use commit::TIE;
 use commit::{Candidate, Outcome};
 use evaluate::Found;
-use kind::{Kind, distinct, is_closed_fan};
+use kind::Kind;
 use late::Late;
 use merge::Merge;
 use pairs::Pairs;
 use parts::Parts;
 use record::Record;
 use seams::{Edge, Looseness};
-use store::{Facing, Ring, Store};
+use store::{Ends, Normals, Ring, Store, Vertex};
 pub(crate) use wedges::Wedges;
 use wings::Wings;
 
@@ -94,6 +95,8 @@ const LOOK_SHARE: usize = 24;
 const FEWEST_LOOKS: usize = 128;
 /// Vertices from which it pays to ask the memory for those ahead: fewer fit into the caches. (Measured.)
 const BRINGS_FROM: usize = 32_768;
+/// How many times four faces ahead their vertices are asked for, where all are walked. (Guessed.)
+const FOURS_AHEAD: usize = 4;
 /// Vertices between two questions to the caller.
 const ASK_EVERY: usize = 4096;
 
@@ -230,36 +233,39 @@ impl<M: Metric> Engine<M> {
             rim: Vec::new(),
             edges: Vec::new(),
         };
-        // Before the corner lists, so that both need not have room at once.
-        engine.weigh();
-        engine.store.link();
-        let duplicates = engine.classify();
+        let ends = engine.weigh();
+        let (mut special, duplicates) = engine.classify(ends);
         if duplicates > 0 {
-            engine.weigh();
+            engine.store.compact();
+            engine.store.unweigh();
+            for x in &mut engine.store.v {
+                x.kind = Kind::default().locked(x.kind.is_locked());
+            }
+            let ends = engine.weigh();
+            (special, _) = engine.classify(ends);
         }
         engine.weigh_attributes();
-        engine.weigh_lines();
+        engine.weigh_lines(special);
         engine.first_faces = engine.store.live_faces;
         (engine, duplicates)
     }
 
-    /// Kinds of all vertices; drops faces that stand twice.
-    fn classify(&mut self) -> usize {
+    /// Kinds of all vertices, where none but locks is known, right after the corner lists were filled up to these ends;
+    /// drops faces that stand twice. Says which vertices may be more than one inside a closed fan, and how many faces are
+    /// gone.
+    fn classify(&mut self, ends: Ends) -> (Vec<VertexId>, usize) {
         self.chain_wedges();
         let (mut ring, mut edges, mut duplicates) = (Ring::default(), Vec::new(), Vec::new());
+        let mut special = Vec::new();
         let has_seams = self.attributes.is_some() || self.store.regions.is_some();
-        for u in (0..self.store.v.len() as u32).map(VertexId) {
+        for (is_closed, u) in self.store.closed_fans(ends).into_iter().zip((0..).map(VertexId)) {
             // (Most of the vertices of most meshes, without a ring. All that is listed lives still.)
-            let is_inside = {
-                let others = self.store.others(u);
-                is_closed_fan(others.clone())
-                    && (!has_seams || self.is_inside_one_chart(u, others.map(|o| o.0)))
-            };
-            if is_inside {
-                let x = &mut self.store.v[u.index()];
-                x.kind = Kind::default().locked(x.kind.is_locked());
+            if is_closed
+                && (!has_seams || self.is_inside_one_chart(u, self.store.others(u).map(|others| others.0)))
+            {
                 continue;
             }
+            special.push(u);
             self.store.ring(u, &mut ring);
             let kind = Kind::of(&ring, self.rules.border);
             if !kind.is_regular() {
@@ -273,49 +279,36 @@ impl<M: Metric> Engine<M> {
                 self.mark_hard_seams(u, &edges);
             }
         }
-        if duplicates.is_empty() {
-            return 0;
-        }
         duplicates.sort_unstable();
         duplicates.dedup();
         for &face in &duplicates {
             self.store.t[face][0] = order::NONE;
         }
-        self.store.compact();
-        self.classify();
-        duplicates.len()
+        (special, duplicates.len())
     }
 
-    /// Facings of all vertices, and tensors of the planes around them.
-    fn weigh(&mut self) {
-        self.total_area = 0.0;
-        for x in &mut self.store.v {
-            x.q = M::Memory::default();
-        }
+    /// Facings of all vertices, tensors of the planes around them, and their corner lists, where none of them was weighed
+    /// yet. Says where the lists end.
+    fn weigh(&mut self) -> Ends {
         if matches!(self.metric.decides(), Judge::FormThenStars) {
             self.mean_face = self.mean_face();
         }
-        let mut normals = vec![Vec3::ZERO; self.store.v.len()];
-        for at in (0..self.store.t.len()).step_by(4) {
-            let count = (self.store.t.len() - at).min(4);
-            let t = [0, 1, 2, 3].map(|i: usize| self.store.t[at + i.min(count - 1)]);
-            let [a, b, c] = [0, 1, 2].map(|k| self.store.four(t.map(|t| t[k])));
-            let normal = cross(&sub(&b, &a), &sub(&c, &a));
-            let length = dot(&normal, &normal).sqrt();
-            let weights = self.metric.plane_weights(length, self.mean_face);
-            let planes = lanes::tensors(lanes::outer(&normal, weights));
-            let (normal, length) = (lanes::each(&normal), length.to_array());
-            for i in 0..count {
-                self.total_area += f64::from(length[i]);
-                for w in t[i] {
-                    M::tensor(&mut self.store.v[w.index()].q).add(&planes[i]);
-                    normals[w.index()] += normal[i];
-                }
+        let mut normals = Normals::zero(self.store.v.len());
+        let Store { v, t, .. } = &mut self.store;
+        let (v, sums) = (&mut v[..], normals.of_each());
+        let mut total_area = 0.0;
+        let brings = v.len() >= BRINGS_FROM;
+        let (fours, rest) = t.as_chunks::<4>();
+        let last = rest.last().map(|last| ([0, 1, 2, 3].map(|i| *rest.get(i).unwrap_or(last)), rest.len()));
+        for (i, (faces, count)) in fours.iter().map(|four| (*four, 4)).chain(last).enumerate() {
+            if let (true, Some(ahead)) = (brings, fours.get(i + FOURS_AHEAD)) {
+                ahead.as_flattened().iter().for_each(|w| prefetch_index(&*v, w.index()));
             }
+            let lengths = weigh_faces(&self.metric, self.mean_face, (faces, count), v, sums);
+            lengths[..count].iter().for_each(|&length| total_area += f64::from(length));
         }
-        for (x, &normal) in self.store.v.iter_mut().zip(&normals) {
-            x.facing = Facing::of(normal);
-        }
+        self.total_area = total_area;
+        self.store.link_counted(normals)
     }
 
     /// Twice the area of a face, on average; above 0.
@@ -328,13 +321,13 @@ impl<M: Metric> Engine<M> {
         (sum / self.store.t.len().max(1) as f64).max(1e-30) as f32
     }
 
-    /// Lines of all feature edges.
-    fn weigh_lines(&mut self) {
+    /// Lines of all feature edges, whose ends are among these.
+    fn weigh_lines(&mut self, among: impl IntoIterator<Item = VertexId>) {
         if !self.has_lines() {
             return;
         }
         let (mut ring, mut edges) = (Ring::default(), Vec::new());
-        for u in (0..self.store.v.len() as u32).map(VertexId) {
+        for u in among {
             if self.store.v[u.index()].kind.has_lines() {
                 self.store.ring(u, &mut ring);
                 self.add_lines(u, &ring, &mut edges);
@@ -442,8 +435,7 @@ impl<M: Metric> Engine<M> {
     fn evaluate_at_any_cost(&mut self, u: VertexId, scratch: &mut Scratch) {
         let Scratch { ru, owned, found, members, .. } = scratch;
         self.store.ring(u, ru);
-        owned.clear();
-        owned.extend(distinct(ru).filter(|&w| w > u));
+        self.store.list_owned(u, ru, owned);
         found.clear();
         self.evaluate_owned(u, owned, ru, members, f32::INFINITY, found);
     }
@@ -482,15 +474,7 @@ impl<M: Metric> Engine<M> {
             }
             &owned[..n]
         } else {
-            owned.clear();
-            let stamp = self.store.next_stamp();
-            for w in ru.iter().flat_map(|r| [r.a, r.b]).filter(|&w| w > u) {
-                let mark = &mut self.store.v[w.index()].mark;
-                if *mark != stamp {
-                    *mark = stamp;
-                    owned.push(w);
-                }
-            }
+            self.store.list_owned(u, ru, owned);
             &owned[..]
         };
         let stuck = self.evaluate_owned(u, owned, ru, members, tau, found);
@@ -808,6 +792,37 @@ impl<M: Metric> Engine<M> {
         // Not all of a part is as far from the rest as it is large: a quarter, in squares. (Guessed.)
         (kept + 0.25 * self.lost / area).sqrt()
     }
+}
+
+/// Adds the planes of the first `count` of four faces to the tensors and the normals of their corners, and counts these.
+/// Returns twice the areas.
+#[inline(always)]
+fn weigh_faces<M: Metric>(
+    metric: &M,
+    mean_face: f32,
+    (faces, count): ([[VertexId; 3]; 4], usize),
+    v: &mut [Vertex<M::Memory>],
+    normals: &mut [f32x4],
+) -> [f32; 4] {
+    let normals = &mut normals[..v.len()];
+    let [a, b, c] = [0, 1, 2].map(|k| store::four(v, faces.map(|t| t[k])));
+    let normal = cross(&sub(&b, &a), &sub(&c, &a));
+    let lengths = dot(&normal, &normal).sqrt();
+    let weights = metric.plane_weights(lengths, mean_face);
+    let planes = lanes::tensors(lanes::outer(&normal, weights));
+    let rows = lanes::rows(&normal);
+    for i in 0..4 {
+        if i == count {
+            break;
+        }
+        for w in faces[i] {
+            let x = &mut v[w.index()];
+            M::tensor(&mut x.q).add(&planes[i]);
+            x.count_corner();
+            normals[w.index()] += rows[i];
+        }
+    }
+    lengths.to_array()
 }
 
 /// Where a run of sweeps stands.

@@ -700,7 +700,7 @@ mod tests {
         //        1
         let points = [[0.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.1], [1.0, 1.0, -0.1]].map(Vec3::from);
         let faces = [[0, 1, 2], [0, 3, 1]].map(|t| t.map(VertexId));
-        let mut store = Store::<Tensor>::new(points.to_vec(), faces.to_vec(), None, None);
+        let mut store = Store::<Tensor>::new(&points, faces.to_vec(), None, None);
         store.link();
         let Begun { loads, .. } = begin(&store);
         let (ready, normals) = (vec![(NONE, Vec::new()); 4], [Vec3::Z, -Vec3::Z, Vec3::Y]);

@@ -153,9 +153,9 @@ fn ground_of(input: &Input<'_>, ordered: &Ordered) -> Ground {
         true => ordered.faces_again(surface),
         false => ordered.faces.clone(),
     };
-    let mut origin = ordered.of_faces(surface, FaceId::new, FaceId(0));
+    let mut origin = ordered.of_faces(surface, FaceId::new);
     let regions = input.mesh.and_then(TriMesh::regions).filter(|r| r.iter().any(|x| *x != r[0]));
-    let mut regions = regions.map(|r| ordered.of_faces(surface, |i| r[i], RegionId(0)));
+    let mut regions = regions.map(|r| ordered.of_faces(surface, |i| r[i]));
     let keep = distinct::first_of_each(&faces);
     let duplicate_faces = keep.iter().filter(|k| !**k).count();
     if duplicate_faces > 0 {

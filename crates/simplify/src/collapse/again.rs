@@ -1,5 +1,7 @@
 //! Going on from where sweeps ended or forked, to a lower goal.
 
+use lodsmith_core::VertexId;
+
 use super::attributes::Slopes;
 use super::{Engine, Goal, Sweeps};
 use crate::metric::Metric;
@@ -53,6 +55,7 @@ impl<M: Metric> Engine<M> {
     fn weigh_again(&mut self) {
         let facings: Vec<_> = self.store.v.iter().map(|x| x.facing).collect();
         let of_input = (self.total_area, self.mean_face);
+        self.store.unweigh();
         self.weigh();
         (self.total_area, self.mean_face) = of_input;
         for (x, facing) in self.store.v.iter_mut().zip(facings) {
@@ -67,6 +70,6 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        self.weigh_lines();
+        self.weigh_lines((0..self.store.v.len()).map(VertexId::new));
     }
 }

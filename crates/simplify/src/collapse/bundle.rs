@@ -256,7 +256,7 @@ mod tests {
 
     fn effect(points: usize, faces: &[[u32; 3]], pairs: &[[u32; 2]]) -> (Effect, usize) {
         let faces = faces.iter().map(|t| t.map(VertexId)).collect();
-        let mut store = Store::<Tensor>::new(vec![Vec3::ZERO; points], faces, None, None);
+        let mut store = Store::<Tensor>::new(&vec![Vec3::ZERO; points], faces, None, None);
         store.link();
         let pairs: Vec<_> = pairs.iter().map(|p| p.map(VertexId)).collect();
         let mut bundle = Bundle::default();

@@ -2,15 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use bytemuck::allocation::zeroed_vec;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 use prefetch_index::prefetch_index;
-use wide::f32x4;
+use wide::{f32x4, u32x4};
 
 use super::kind::Kind;
 use super::order::NONE;
-use crate::lanes::Four;
+use crate::lanes::{Four, dot};
 use crate::metric::Memory;
 
 /// A corner of a triangle: four times its index, and 0, 1 or 2.
@@ -168,6 +169,21 @@ impl<Q> std::ops::DerefMut for Vertex<Q> {
     }
 }
 
+impl<Q> Vertex<Q> {
+    /// Notes another corner, of a list that is still to be made.
+    #[inline(always)]
+    pub(super) fn count_corner(&mut self) {
+        self.count += 1;
+    }
+
+    /// Where its list begins, and how long it is. Returns that.
+    #[inline(always)]
+    fn list(&mut self, head: u32, count: u32) -> u32 {
+        (self.head, self.count, self.room) = (head, count, count);
+        count
+    }
+}
+
 /// A direction in four bytes: three signed bytes are enough to tell front from back.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Facing([i8; 4]);
@@ -179,9 +195,44 @@ impl Facing {
         let n = n * (127.0 / n.length().max(1e-30));
         Self([n.x as i8, n.y as i8, n.z as i8, 0])
     }
+    /// The same of four, one after the other.
+    #[inline(always)]
+    fn of_four(normals: &[f32x4; 4]) -> [Self; 4] {
+        let [x, y, z, _] = f32x4::transpose(*normals);
+        let per_length =
+            f32x4::splat(127.0) / dot(&[x, y, z], &[x, y, z]).sqrt().fast_max(f32x4::splat(1e-30));
+        let bytes = [x, y, z].map(|x| {
+            let x = x * per_length;
+            // What is no number is nothing; what is too large stays where it may.
+            let x = (x & x.simd_eq(x)).fast_max(f32x4::splat(-128.0)).fast_min(f32x4::splat(127.0));
+            bytemuck::cast::<_, u32x4>(x.fast_trunc_int()) & u32x4::splat(255)
+        });
+        let all = bytes[0] | bytes[1] << 8u32 | bytes[2] << 16u32;
+        all.to_array().map(|n| Self(n.to_le_bytes().map(u8::cast_signed)))
+    }
     #[inline(always)]
     pub(crate) fn direction(self) -> Vec3 {
         Vec3::new(f32::from(self.0[0]), f32::from(self.0[1]), f32::from(self.0[2]))
+    }
+}
+
+/// Where corner lists end that stand one after the other.
+pub(super) struct Ends(Vec<u32>);
+
+/// Sums of normals, by vertex.
+pub(super) struct Normals(Vec<f32x4>);
+
+impl Normals {
+    /// Zero for so many vertices.
+    pub(super) fn zero(count: usize) -> Self {
+        Self(zeroed_vec(count.next_multiple_of(4)))
+    }
+    /// To be added to.
+    pub(super) fn of_each(&mut self) -> &mut [f32x4] {
+        &mut self.0
+    }
+    fn fours(&self) -> &[[f32x4; 4]] {
+        self.0.as_chunks().0
     }
 }
 
@@ -233,25 +284,22 @@ const AHEAD: [usize; 4] = [12, 9, 6, 3];
 impl<Q: Memory> Store<Q> {
     /// A store whose corner lists are still to be filled.
     pub(crate) fn new(
-        points: Vec<Vec3>,
+        points: &[Vec3],
         faces: Vec<[VertexId; 3]>,
         wedges: Option<Vec<[WedgeId; 3]>>,
         regions: Option<Vec<RegionId>>,
     ) -> Self {
-        let mut v = Vec::with_capacity(points.len());
-        for (i, &p) in points.iter().enumerate() {
-            v.push(Vertex {
-                place: Place { p, mark: 0 },
-                q: Q::default(),
-                origin: VertexId(i as u32),
-                head: 0,
-                count: 0,
-                room: 0,
-                kind: Kind::default(),
-                facing: Facing::default(),
-            });
-        }
-        drop(points);
+        let vertex = |(i, &p): (usize, &Vec3)| Vertex {
+            place: Place { p, mark: 0 },
+            q: Q::default(),
+            origin: VertexId(i as u32),
+            head: 0,
+            count: 0,
+            room: 0,
+            kind: Kind::default(),
+            facing: Facing::default(),
+        };
+        let v: Vec<_> = points.iter().enumerate().map(vertex).collect();
         Self {
             bound: vec![super::UNKNOWN; v.len()],
             live_faces: faces.len(),
@@ -275,29 +323,81 @@ impl<Q: Memory> Store<Q> {
     /// Fills the corner lists afresh.
     pub(crate) fn link(&mut self) {
         // Counted aside: a table of numbers is an eighth of the vertices.
-        let mut at = vec![0u32; self.v.len() + 1];
+        let mut at = vec![0u32; self.v.len()];
         for w in self.t.as_flattened() {
-            at[w.index() + 1] += 1;
+            at[w.index()] += 1;
         }
-        for i in 0..self.v.len() {
-            (self.v[i].room, self.v[i].count) = (at[i + 1], at[i + 1]);
-            at[i + 1] += at[i];
-            self.v[i].head = at[i];
+        let mut head = 0;
+        for (x, at) in self.v.iter_mut().zip(&mut at) {
+            head += x.list(head, std::mem::replace(at, head));
         }
-        let count = 3 * self.t.len();
-        let want = count + count * SLACK_PERCENT / 100 + 64;
-        self.corners.clear();
-        if self.corners.capacity() < want {
-            self.corners = Vec::new();
-            self.corners.reserve_exact(want);
+        self.fill(at);
+    }
+
+    /// The same where the corners of each vertex are counted already; lets the vertices face along their normals. (At
+    /// once: each walk through the vertices of a large mesh takes its time.)
+    pub(super) fn link_counted(&mut self, normals: Normals) -> Ends {
+        let mut at = Vec::with_capacity(self.v.len());
+        let mut head = 0;
+        for (few, normals) in self.v.chunks_mut(4).zip(normals.fours()) {
+            for (x, facing) in few.iter_mut().zip(Facing::of_four(normals)) {
+                x.facing = facing;
+                at.push(head);
+                head += x.list(head, x.count);
+            }
         }
-        self.corners.resize(count, Corner::default());
+        // Before the lists, so that both need not have room at once.
+        drop(normals);
+        self.fill(at)
+    }
+
+    /// Fills corner lists that begin at these places. Says where they end.
+    fn fill(&mut self, mut at: Vec<u32>) -> Ends {
+        let corners = room_for(&mut self.corners, 3 * self.t.len());
         for (i, t) in self.t.iter().enumerate() {
-            for (k, w) in t.iter().enumerate() {
-                let slot = &mut at[w.index()];
-                self.corners[*slot as usize] = Corner::new(i, k);
+            for k in 0..3 {
+                let slot = &mut at[t[k].index()];
+                corners[*slot as usize] = Corner::new(i, k);
                 *slot += 1;
             }
+        }
+        Ends(at)
+    }
+
+    /// Which vertices are inside of closed fans ([`is_closed_fan`](super::kind::is_closed_fan)), right after the lists were
+    /// filled, up to these ends.
+    pub(super) fn closed_fans(&self, ends: Ends) -> Vec<bool> {
+        // For each vertex the last one that it came first around, and was not second yet; by numbers from 1 on.
+        let mut first_of = vec![0u32; self.v.len()];
+        let mut seconds = Vec::new();
+        let (corners, t) = (&self.corners[..], &self.t[..]);
+        let (mut head, mut mark) = (0, 0);
+        let is_closed = |end: u32| {
+            let list = &corners[head..end as usize];
+            (head, mark) = (end as usize, mark + 1);
+            if seconds.len() < list.len() {
+                seconds.resize(2 * list.len(), VertexId(0));
+            }
+            let seconds = &mut seconds[..list.len()];
+            for i in 0..list.len() {
+                let (t, k) = (&t[list[i].face()], list[i].k());
+                first_of[t[NEXT[k]].index()] = mark;
+                seconds[i] = t[PREV[k]];
+            }
+            // As many seconds as firsts, each among the firsts and taken once: then these differ, too.
+            let mut unlike = u32::from(list.is_empty());
+            for second in &*seconds {
+                unlike |= std::mem::take(&mut first_of[second.index()]) ^ mark;
+            }
+            unlike == 0
+        };
+        ends.0.into_iter().map(is_closed).collect()
+    }
+
+    /// Forgets what vertices weigh and how many corners they have.
+    pub(super) fn unweigh(&mut self) {
+        for x in &mut self.v {
+            (x.q, x.count) = (Q::default(), 0);
         }
     }
 
@@ -312,16 +412,24 @@ impl<Q: Memory> Store<Q> {
         retain_living(&mut self.wedges, &self.t);
         retain_living(&mut self.regions, &self.t);
         retain_living(&mut self.names, &self.t);
-        self.t.retain(|t| t[0] != NONE);
-        let mut map = vec![NONE; self.v.len()];
-        for w in self.t.as_flattened() {
-            map[w.index()] = VertexId(0);
-        }
-        let mut n = 0;
-        for (i, new) in map.iter_mut().enumerate() {
-            if *new != NONE {
-                *new = VertexId(n as u32);
+        // Of each vertex how many corners it has; then where its list goes on, and its number from now on.
+        let mut lists = vec![[0u32; 2]; self.v.len()];
+        self.t.retain(|t| {
+            let lives = t[0] != NONE;
+            if lives {
+                for w in t {
+                    lists[w.index()][0] += 1;
+                }
+            }
+            lives
+        });
+        let (mut n, mut head) = (0, 0);
+        for (i, list) in lists.iter_mut().enumerate() {
+            let count = list[0];
+            if count > 0 {
+                *list = [head, n as u32];
                 (self.v[n], self.bound[n]) = (self.v[i], self.bound[i]);
+                head += self.v[n].list(head, count);
                 if let Some(&first) = self.first_wedge.get(i) {
                     self.first_wedge[n] = first;
                 }
@@ -331,14 +439,18 @@ impl<Q: Memory> Store<Q> {
         self.v.truncate(n);
         self.bound.truncate(n);
         self.first_wedge.truncate(n);
-        for w in self.t.as_flattened_mut() {
-            *w = map[w.index()];
+        let corners = room_for(&mut self.corners, 3 * self.t.len());
+        for (i, t) in self.t.iter_mut().enumerate() {
+            for k in 0..3 {
+                let [slot, name] = &mut lists[t[k].index()];
+                corners[*slot as usize] = Corner::new(i, k);
+                *slot += 1;
+                t[k] = VertexId(*name);
+            }
         }
-        drop(map);
         (self.live_faces, self.live_vertices) = (self.t.len(), n);
         self.faces_at_compaction = self.live_faces;
         self.generation += 1;
-        self.link();
     }
 
     /// Compacts for the last time and gives memory back: what comes after (the fit) needs room of its own. The vertices
@@ -517,6 +629,17 @@ impl<Q: Memory> Store<Q> {
         self.live_faces -= 1;
     }
 
+    /// Lists the neighbours of `u` that come after it, each once.
+    pub(super) fn list_owned(&mut self, u: VertexId, ring: &Ring, owned: &mut Vec<VertexId>) {
+        let stamp = self.next_stamp();
+        owned.clear();
+        for w in ring.iter().flat_map(|r| [r.a, r.b]).filter(|&w| w > u) {
+            if std::mem::replace(&mut self.v[w.index()].mark, stamp) != stamp {
+                owned.push(w);
+            }
+        }
+    }
+
     /// A fresh stamp; the one after it is free as well.
     #[inline(always)]
     pub(crate) fn next_stamp(&mut self) -> u32 {
@@ -545,6 +668,18 @@ pub(crate) fn four<Q>(all: &[Vertex<Q>], vertices: [VertexId; 4]) -> Four {
     let row = |w: VertexId| *bytemuck::cast_ref::<Place, f32x4>(&all[w.index()].place);
     let [x, y, z, _] = f32x4::transpose(vertices.map(row));
     [x, y, z]
+}
+
+/// Room for so many corners, to be filled, and for lists that will outgrow theirs.
+fn room_for(corners: &mut Vec<Corner>, count: usize) -> &mut [Corner] {
+    let want = count + count * SLACK_PERCENT / 100 + 64;
+    if corners.capacity() < want {
+        // (The old room goes first, so that both need not be at once.)
+        *corners = Vec::new();
+        corners.reserve_exact(want);
+    }
+    corners.resize(count, Corner::default());
+    corners
 }
 
 /// Drops what belongs to dead triangles.
@@ -578,11 +713,50 @@ fn roots(into: &[VertexId]) -> Vec<VertexId> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::collapse::kind::is_closed_fan;
     use crate::tensor::Tensor;
 
     #[test]
     fn a_vertex_is_one_cache_line() {
         assert_eq!(size_of::<Vertex<Tensor>>(), 64);
+    }
+
+    #[test]
+    fn four_facings_are_those_of_each() {
+        let far = f32::MAX;
+        let normals = [
+            [[1.0, -2.0, 3.0], [0.0, 0.0, 0.0], [-1e-3, 1e-3, 0.0], [0.0, 0.0, -1.0]],
+            // Lengths that are no numbers, or zero where the coordinates are not.
+            [[1e-23, -1e-23, 0.0], [far, far, -far], [f32::NAN, 1.0, -1.0], [f32::INFINITY, 0.0, 0.0]],
+        ];
+        for four in normals {
+            let rows = four.map(|[x, y, z]| f32x4::new([x, y, z, 9.0]));
+            assert_eq!(Facing::of_four(&rows).map(|f| f.0), four.map(|n| Facing::of(Vec3::from(n)).0));
+        }
+    }
+
+    #[test]
+    fn closed_fans_are_found() {
+        // A tetrahedron, another that is open below (1, 2 and 3), one with a face wound the wrong way round, a wheel of
+        // twenty spokes, two tetrahedra that meet in one vertex, and a vertex without a face.
+        let tetrahedron = |[a, b, c, d]: [u32; 4]| vec![[a, b, c], [a, c, d], [a, d, b], [d, c, b]];
+        let mut faces = tetrahedron([0, 1, 2, 3]);
+        faces.extend(&tetrahedron([4, 5, 6, 7])[..3]);
+        faces.extend(tetrahedron([8, 9, 10, 11]));
+        faces[10].swap(0, 1);
+        faces.extend((0..20).map(|i| [12, 13 + i, 13 + (i + 1) % 20]));
+        faces.extend([tetrahedron([33, 34, 35, 36]), tetrahedron([33, 37, 38, 39])].concat());
+        let faces = faces.into_iter().map(|t| t.map(VertexId)).collect();
+        let mut store = Store::<Tensor>::new(&[Vec3::ZERO; 41], faces, None, None);
+        for w in store.t.concat() {
+            store.v[w.index()].count_corner();
+        }
+        let ends = store.link_counted(Normals::zero(41));
+        let is_closed = store.closed_fans(ends);
+        for u in (0..41).map(VertexId) {
+            assert_eq!(is_closed[u.index()], is_closed_fan(store.others(u)), "{u}");
+        }
+        assert_eq!(is_closed.iter().filter(|x| **x).count(), 4 + 1 + 1 + 1 + 6 + 1);
     }
 
     #[test]

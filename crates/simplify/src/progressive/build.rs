@@ -306,7 +306,7 @@ fn names<Q: Memory>(
     for (i, r) in ordered.rank.iter().enumerate().rev().filter(|r| *r.1 != NONE) {
         vertices[r.index()] = VertexId::new(i);
     }
-    let faces = ordered.of_faces(&run.input.surface, FaceId::new, FaceId(0));
+    let faces = ordered.of_faces(&run.input.surface, FaceId::new);
     let has_wedges = store.wedges.is_some();
     let keeps_wedges = has_wedges && run.options.placement == Placement::Endpoint;
     let (mut wedges, mut home) = (Vec::new(), Vec::new());

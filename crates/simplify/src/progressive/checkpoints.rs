@@ -155,8 +155,8 @@ impl Recorded<'_> {
         let mut order: Vec<usize> = (0..road.face_count()).collect();
         order.sort_unstable_by_key(|&f| place_of_face[self.faces[f].index()]);
         let faces = order.iter().map(|&f| road.faces[f].map(|w| number[vertex(w).index()])).collect();
-        let points = live.iter().map(|&v| frame.unit(road.positions().get(v))).collect();
-        let mut store = Store::<Tensor>::new(points, faces, None, None);
+        let points: Vec<Vec3> = live.iter().map(|&v| frame.unit(road.positions().get(v))).collect();
+        let mut store = Store::<Tensor>::new(&points, faces, None, None);
         store.merged_into = into.to_vec();
         store.link();
         let mut ring = Ring::default();

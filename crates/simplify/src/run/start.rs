@@ -1,5 +1,7 @@
 //! What a run of the engine begins with.
 
+use std::borrow::Cow;
+
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 
@@ -96,9 +98,9 @@ impl Run<'_, '_> {
         let again = step.is_some() || !goals.is_empty() || recorded;
         let is_kept = self.ordered.faces.len() <= COPY_UP_TO || again;
         let (points, faces) = if is_kept {
-            (self.ordered.points.clone(), self.ordered.faces.clone())
+            (Cow::Borrowed(&self.ordered.points[..]), self.ordered.faces.clone())
         } else {
-            (std::mem::take(&mut self.ordered.points), std::mem::take(&mut self.ordered.faces))
+            (Cow::Owned(std::mem::take(&mut self.ordered.points)), std::mem::take(&mut self.ordered.faces))
         };
         let regions = self.regions();
         let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
@@ -124,7 +126,8 @@ impl Run<'_, '_> {
             }
             _ => None,
         };
-        let mut store = Store::new(points, faces, wedges, regions);
+        let mut store = Store::new(&points, faces, wedges, regions);
+        drop(points);
         if recorded {
             store.names = Some((0..store.t.len() as u32).collect());
         }
@@ -143,7 +146,7 @@ impl Run<'_, '_> {
         regions
             .iter()
             .any(|r| *r != regions[0])
-            .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i], RegionId(0)))
+            .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i]))
     }
 
     /// Whether there is a fit at the end.
