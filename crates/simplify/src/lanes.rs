@@ -14,14 +14,7 @@ pub(crate) fn splat(v: Vec3) -> Four {
     v.to_array().map(f32x4::splat)
 }
 
-/// Four vectors side by side.
-#[inline(always)]
-pub(crate) fn four(v: [Vec3; 4]) -> Four {
-    let [x, y, z, _] = f32x4::transpose(v.map(|v| f32x4::new([v.x, v.y, v.z, 0.0])));
-    [x, y, z]
-}
-
-/// One by one: [`four`] undone.
+/// One by one.
 #[inline(always)]
 pub(crate) fn each(v: &Four) -> [Vec3; 4] {
     f32x4::transpose([v[0], v[1], v[2], f32x4::ZERO]).map(|v| {

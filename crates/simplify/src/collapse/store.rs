@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 use prefetch_index::prefetch_index;
-use wide::f32x4;
+use wide::{f32x4, i32x4};
 
 use super::kind::Kind;
 use super::order::NONE;
@@ -19,7 +19,7 @@ pub(crate) struct Corner(u32);
 
 impl Corner {
     #[inline(always)]
-    pub(crate) fn new(face: usize, k: usize) -> Self {
+    pub(crate) const fn new(face: usize, k: usize) -> Self {
         Self((face * 4 + k) as u32)
     }
     #[inline(always)]
@@ -136,6 +136,10 @@ impl Facing {
     pub(crate) fn of(n: Vec3) -> Self {
         let n = n * (127.0 / n.length().max(1e-30));
         Self([n.x as i8, n.y as i8, n.z as i8, 0])
+    }
+    #[inline(always)]
+    fn bytes(self) -> [u8; 4] {
+        self.0.map(|x| x as u8)
     }
     #[inline(always)]
     pub(crate) fn direction(self) -> Vec3 {
@@ -340,11 +344,17 @@ impl<Q: Memory> Store<Q> {
         four(&self.v, vertices)
     }
 
-    /// Where the input faced at the corners of a face, summed.
+    /// Where the input faced at the corners of four faces, summed for each, side by side.
     #[inline(always)]
-    pub(crate) fn facing(&self, t: &[VertexId; 3]) -> Vec3 {
-        let [a, b, c] = t.map(|w| self.v[w.index()].facing.0.map(i32::from));
-        Vec3::new((a[0] + b[0] + c[0]) as f32, (a[1] + b[1] + c[1]) as f32, (a[2] + b[2] + c[2]) as f32)
+    pub(crate) fn four_facings(&self, t: [[VertexId; 3]; 4]) -> Four {
+        let corner =
+            |k: usize| i32x4::new(t.map(|t| i32::from_le_bytes(self.v[t[k].index()].facing.bytes())));
+        let corners = [corner(0), corner(1), corner(2)];
+        // (A byte of each, with its sign.)
+        [24, 16, 8].map(|up: u32| {
+            let [a, b, c] = corners.map(|x| (x << up) >> 24u32);
+            f32x4::from_i32x4(a + b + c)
+        })
     }
 
     /// Asks the memory for what the visits after the one `at` this place will read: each step needs what the one before
