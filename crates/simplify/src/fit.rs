@@ -51,6 +51,9 @@ const MIN_DET: f32 = 1e-36;
 /// equal.)
 const READY: usize = 128;
 
+/// How many samples ahead places are asked for. (Guessed.)
+const AHEAD: usize = 8;
+
 /// Up to eight triangles of a vertex' star side by side, for vector instructions, each from that vertex on: unit normal,
 /// gradients of the barycentric coordinates of the two corners after it, heights over the three edges.
 #[derive(Clone, Copy)]
@@ -140,6 +143,58 @@ impl Load {
         self.0[2] += b * (weight * height);
         let worst = &mut self.numbers_mut()[15];
         *worst = max(*worst, distance_sq);
+    }
+}
+
+/// The ordered input, to be sampled.
+pub(crate) trait Given {
+    fn point_count(&self) -> usize;
+    fn face_count(&self) -> usize;
+    /// The vertices of a face. (They are asked for one after the other.)
+    fn face(&mut self, face: usize) -> [VertexId; 3];
+    /// Their places, in the unit frame.
+    fn places(&mut self, face: usize, t: [VertexId; 3]) -> [Vec3; 3];
+    /// Asks the memory for the places of a face that comes soon.
+    fn bring(&self, face: usize);
+    /// From here on no face is asked for by its number, but single places and all faces, in any order.
+    fn turn(&mut self);
+    fn place(&self, v: VertexId) -> Vec3;
+    fn each_face(&self, look: impl FnMut([VertexId; 3]));
+}
+
+/// The ordered input as it was kept.
+pub(crate) struct Kept<'a> {
+    pub(crate) points: &'a [Vec3],
+    pub(crate) faces: &'a [[VertexId; 3]],
+}
+
+impl Given for Kept<'_> {
+    fn point_count(&self) -> usize {
+        self.points.len()
+    }
+    #[inline(always)]
+    fn face_count(&self) -> usize {
+        self.faces.len()
+    }
+    #[inline(always)]
+    fn face(&mut self, face: usize) -> [VertexId; 3] {
+        self.faces[face]
+    }
+    #[inline(always)]
+    fn places(&mut self, _: usize, t: [VertexId; 3]) -> [Vec3; 3] {
+        t.map(|w| self.points[w.index()])
+    }
+    #[inline(always)]
+    fn bring(&self, _: usize) {}
+    #[inline(always)]
+    fn turn(&mut self) {}
+    #[inline(always)]
+    fn place(&self, v: VertexId) -> Vec3 {
+        self.points[v.index()]
+    }
+    #[inline(always)]
+    fn each_face(&self, look: impl FnMut([VertexId; 3])) {
+        self.faces.iter().copied().for_each(look);
     }
 }
 
@@ -432,21 +487,22 @@ fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Moves the vertices of a compact store towards the original, given as the ordered input, from which it is about `away`
-/// (RMS) far. The samples are shown to `values`, if there are any.
+/// Moves the vertices of a compact store towards the original, from which it is about `away` (RMS) far. Each vertex of the
+/// original has its `home`, or [`NONE`]. The samples are shown to `values`, if there are any. What the vertices remember is
+/// lost: `tensor` says where in it the solve finds room.
 pub(crate) fn fit<Q: Memory>(
     store: &mut Store<Q>,
-    points: &[Vec3],
-    faces: &[[VertexId; 3]],
+    given: &mut impl Given,
+    home: &[VertexId],
     away: f64,
     mut values: Option<&mut Values<'_>>,
+    tensor: impl Fn(&mut Q) -> &mut Tensor,
 ) -> Fitted {
     if store.t.is_empty() {
         return Fitted::default();
     }
-    let home = store.homes();
-    let Begun { loads, mut around } = begin(store);
-    let per_face = (points.len() + faces.len()) as f64 / store.t.len() as f64;
+    let Begun { loads, leeway } = begin(store);
+    let per_face = (given.point_count() + given.face_count()) as f64 / store.t.len() as f64;
     let (vertices, final_faces) = (&store.v[..], &store.t[..]);
     let mut sampler = Sampler {
         store,
@@ -463,7 +519,8 @@ pub(crate) fn fit<Q: Memory>(
     // homes.
     let mut survivors = 0;
     let (mut faces_to_skip, mut takes_corner) = (0, false);
-    for (i, t) in faces.iter().enumerate() {
+    for i in 0..given.face_count() {
+        let t = given.face(i);
         let homes = t.map(|w| home[w.index()]);
         let face = survivors;
         let survives = final_faces.get(face).is_some_and(|t| is_same(t, &homes));
@@ -478,7 +535,8 @@ pub(crate) fn fit<Q: Memory>(
         if u == NONE {
             continue;
         }
-        let [a, b, c] = t.map(|w| in_register(points[w.index()]));
+        given.bring(i + AHEAD * stride);
+        let [a, b, c] = given.places(i, t).map(in_register);
         let normal = (b - a).cross(c - a);
         let area = normal.length();
         let centre = (a + (b + c)) * (1.0 / 3.0);
@@ -502,20 +560,28 @@ pub(crate) fn fit<Q: Memory>(
         }
     }
     let Sampler { mut loads, rr, weight, .. } = sampler;
-    solve(store, &mut loads, &mut around);
-    let after = rr - loads.iter().map(|l| f64::from(l.gain())).sum::<f64>();
     let limit = TETHER * TETHER * (rr / weight.max(1e-30)) as f32;
-    tether(store, &loads, &around, points, faces, &home, limit);
+    let suspects = solve(store, &mut loads, leeway, SUSPECT * limit, tensor);
+    let after = rr - loads.iter().map(|l| f64::from(l.gain())).sum::<f64>();
+    tether(store, &loads, suspects, given, home, limit);
+    // A number among the suspects is no stamp.
+    store.v.iter_mut().for_each(|x| x.mark = 0);
     Fitted { rms: (after.max(0.0) / weight.max(1e-30)).sqrt() }
 }
 
 /// Gauss-Seidel on the displacements, two sweeps. (Measured: a third brings nothing.) A triangle only sees the heights
-/// n·delta of its three vertices, its lift. Notes the worst of the samples around those that may move. In the second
-/// sweep they move, by no more than that, and only where no triangle turns far.
+/// n·delta of its three vertices, its lift. In the second sweep they move, by no more than the largest distance seen, and
+/// only where no triangle turns far. Says which of those that are not where they began have a sample farther away than the
+/// root of `far`.
 #[inline(never)]
-fn solve<Q: Memory>(store: &mut Store<Q>, loads: &mut [Load], around: &mut [Around]) {
-    let mut inverse = vec![Tensor::default(); store.v.len()];
-    for (u, (inverse, of)) in inverse.iter_mut().zip(&mut *around).enumerate() {
+fn solve<Q: Memory>(
+    store: &mut Store<Q>,
+    loads: &mut [Load],
+    leeway: Vec<f32>,
+    far: f32,
+    tensor: impl Fn(&mut Q) -> &mut Tensor,
+) -> Vec<VertexId> {
+    for u in 0..store.v.len() {
         let kind = store.v[u].kind;
         if !may_move(kind) {
             continue;
@@ -523,18 +589,15 @@ fn solve<Q: Memory>(store: &mut Store<Q>, loads: &mut [Load], around: &mut [Arou
         let id = VertexId(u as u32);
         let corners = store.listed(id);
         let (mut squares, mut products, mut g) = (f32x4::ZERO, f32x4::ZERO, f32x4::ZERO);
-        let mut worst = 0f32;
         for corner in corners {
             let (load, k) = (&loads[corner.face()], corner.k());
             let n = load.row_of_normal();
-            worst = max(worst, load.worst());
             let weighted = n * load.weight(k);
             let ([x, y, _, _], [_, v, w, _]) = (weighted.to_array(), n.to_array());
             squares += weighted * n;
             products += f32x4::new([x, x, y, 0.0]) * f32x4::new([v, w, w, 0.0]);
             g += n * load.wanted(k);
         }
-        of.worst = worst;
         let ([xx, yy, zz, _], [xy, xz, yz, _]) = (squares.to_array(), products.to_array());
         let mut a = Tensor([xx, yy, zz, xy, xz, yz]);
         if kind.is_border() {
@@ -544,29 +607,42 @@ fn solve<Q: Memory>(store: &mut Store<Q>, loads: &mut [Load], around: &mut [Arou
         }
         let trace = a.trace();
         let (c, det) = a.damped(DAMPING * trace).adjugate();
+        let mut inverse = Tensor::default();
         if det > (1e-9 * trace * trace * trace).max(MIN_DET) {
-            *inverse = Tensor(c.0.map(|x| x * (1.0 / det)));
+            inverse = Tensor(c.0.map(|x| x * (1.0 / det)));
             lift(corners, loads, inverse.times(first_three(g)));
         }
+        *tensor(&mut store.v[u].q) = inverse;
     }
-    for (u, (inverse, of)) in inverse.iter().zip(around).enumerate().filter(|x| x.1.0.0[0] != 0.0) {
+    let mut suspects = Vec::new();
+    for (u, leeway) in leeway.into_iter().enumerate() {
+        if !may_move(store.v[u].kind) {
+            continue;
+        }
+        let inverse = *tensor(&mut store.v[u].q);
         let id = VertexId(u as u32);
         let corners = store.listed(id);
-        let mut g = f32x4::ZERO;
+        let (mut g, mut worst) = (f32x4::ZERO, 0f32);
         for corner in corners {
             let load = &loads[corner.face()];
             g += load.row_of_normal() * load.wanted(corner.k());
+            worst = max(worst, load.worst());
         }
-        let delta = inverse.times(first_three(g));
-        lift(corners, loads, delta);
-        let step = delta.length_squared();
-        let p = store.v[u].p + delta * if step > of.worst { (of.worst / step).sqrt() } else { 1.0 };
-        if step > 0.0 && (min(step, of.worst) <= of.leeway || is_fine(store, loads, id, p, of.leeway == 0.0))
-        {
-            let x = &mut store.v[u];
-            (x.p, x.kind) = (p, x.kind.moved(true));
+        if inverse.0[0] != 0.0 {
+            let delta = inverse.times(first_three(g));
+            lift(corners, loads, delta);
+            let step = delta.length_squared();
+            let p = store.v[u].p + delta * if step > worst { (worst / step).sqrt() } else { 1.0 };
+            if step > 0.0 && (min(step, worst) <= leeway || is_fine(store, loads, id, p, leeway == 0.0)) {
+                let x = &mut store.v[u];
+                (x.p, x.kind) = (p, x.kind.moved(true));
+            }
+        }
+        if worst > far && store.v[u].kind.is_moved() {
+            suspects.push(id);
         }
     }
+    suspects
 }
 
 #[inline(always)]
@@ -635,24 +711,17 @@ fn normals(loads: &[Load], corners: [Corner; 4]) -> Four {
     [x, y, z]
 }
 
-/// What the faces around a vertex say of it.
-#[derive(Clone, Copy)]
-struct Around {
-    /// The largest squared distance of a sample.
-    worst: f32,
-    /// The square of a move that no face minds, even if all its corners go as far; 0 unless all face as the input did.
-    leeway: f32,
-}
-
 /// What is known of the final triangles before the samples.
 struct Begun {
     loads: Vec<Load>,
-    around: Vec<Around>,
+    /// For each vertex the square of a move that no face minds, even if all its corners go as far; 0 unless all face as the
+    /// input did.
+    leeway: Vec<f32>,
 }
 
 #[inline(never)]
 fn begin<Q: Memory>(store: &Store<Q>) -> Begun {
-    let mut around = vec![Around { worst: 0.0, leeway: f32::INFINITY }; store.v.len()];
+    let mut leeways = vec![f32::INFINITY; store.v.len()];
     let mut loads = bytemuck::zeroed_vec::<Load>(store.t.len());
     for (few, loads) in store.t.chunks(4).zip(loads.chunks_mut(4)) {
         let t = [0, 1, 2, 3].map(|i: usize| few[i.min(few.len() - 1)]);
@@ -663,13 +732,13 @@ fn begin<Q: Memory>(store: &Store<Q>) -> Begun {
         let normals = f32x4::transpose([x, y, z, f32x4::ZERO]);
         for (i, (t, load)) in few.iter().zip(loads).enumerate() {
             for k in 0..3 {
-                let of = &mut around[t[k].index()].leeway;
+                let of = &mut leeways[t[k].index()];
                 *of = min(*of, leeway[k][i % 4]);
             }
             load.0[3] = normals[i % 4];
         }
     }
-    Begun { loads, around }
+    Begun { loads, leeway: leeways }
 }
 
 /// A vector in one register.
@@ -695,81 +764,104 @@ fn is_above(p: Vec3A, [a, b, c]: [Vec3A; 3], limit: f32) -> bool {
     (height * height <= limit * area_sq) & (v >= 0.0) & (w >= 0.0) & (v + w <= area_sq)
 }
 
-/// Pulls in vertices that stick out farther than the root of `limit`. It is enough to look round the nearest of the
-/// points merged into a vertex: an exact pass over all faces doubles the time of the fit.
+/// A vertex that may stick out.
+struct Suspect {
+    vertex: VertexId,
+    /// The nearest of the points merged into it, and its squared distance.
+    point: VertexId,
+    distance_sq: f32,
+    /// Whether it lies above a face there, and not far.
+    is_near: bool,
+    /// The nearest place of the faces there, and its squared distance, where that is asked.
+    found: (f32, Vec3),
+}
+
+/// Pulls in vertices that stick out farther than the root of `limit`. A vertex that does leaves the surface below it far
+/// from its faces: only the `suspects` are looked at. It is enough to look round the nearest of the points merged into a
+/// vertex: an exact pass over all faces doubles the time of the fit.
 #[inline(never)]
 fn tether<Q: Memory>(
     store: &mut Store<Q>,
     loads: &[Load],
-    around: &[Around],
-    points: &[Vec3],
-    faces: &[[VertexId; 3]],
+    suspects: Vec<VertexId>,
+    given: &mut impl Given,
     home: &[VertexId],
     limit: f32,
 ) {
-    // A vertex that sticks out leaves the surface below it far from its faces.
-    let suspect: Vec<bool> = store
-        .v
-        .iter()
-        .zip(around)
-        .map(|(x, of)| of.worst > SUSPECT * limit && may_move(x.kind) && x.kind.is_moved())
+    // (The mark of a vertex is free for whoever walks: one more than its number among the suspects.)
+    store.v.iter_mut().for_each(|x| x.mark = 0);
+    let mut suspects: Vec<Suspect> = suspects
+        .into_iter()
+        .map(|vertex| Suspect {
+            vertex,
+            point: NONE,
+            distance_sq: f32::INFINITY,
+            is_near: false,
+            found: (f32::INFINITY, Vec3::ZERO),
+        })
         .collect();
-    let mut nearest_point = vec![(f32::INFINITY, NONE); store.v.len()];
-    for (i, (&q, &h)) in points.iter().zip(home).enumerate() {
-        if h != NONE && suspect[h.index()] {
-            let d2 = (q - store.p(h)).length_squared();
-            let best = &mut nearest_point[h.index()];
-            if d2 < best.0 {
-                *best = (d2, VertexId(i as u32));
+    for (i, suspect) in suspects.iter().enumerate() {
+        store.v[suspect.vertex.index()].mark = i as u32 + 1;
+    }
+    given.turn();
+    for (i, &h) in home.iter().enumerate().take(given.point_count()) {
+        if h == NONE {
+            continue;
+        }
+        let x = &store.v[h.index()];
+        if x.mark > 0 {
+            let suspect = &mut suspects[x.mark as usize - 1];
+            let point = VertexId(i as u32);
+            let d2 = (given.place(point) - x.p).length_squared();
+            if d2 < suspect.distance_sq {
+                (suspect.point, suspect.distance_sq) = (point, d2);
             }
         }
     }
-    let mut look = vec![false; points.len()];
+    let mut look = vec![false; given.point_count()];
     let mut any = false;
-    for best in &nearest_point {
-        if best.0 > limit && best.1 != NONE {
-            (look[best.1.index()], any) = (true, true);
+    for suspect in &suspects {
+        if suspect.distance_sq > limit && suspect.point != NONE {
+            (look[suspect.point.index()], any) = (true, true);
         }
     }
     if !any {
         return;
     }
-    drop(nearest_point);
     // Nearly all lie above one of the faces there: what is farther is asked for afterwards, of those that do not.
-    let corners = |t: &[VertexId; 3]| t.map(|w| points[w.index()]);
-    let mut is_near = vec![false; store.v.len()];
-    let mut others: Vec<(VertexId, &[VertexId; 3])> = Vec::new();
-    for t in faces {
+    let mut others: Vec<(u32, [VertexId; 3])> = Vec::new();
+    given.each_face(|t| {
         // (Few are looked at.)
         let [a, b, c] = t.map(|w| look[w.index()]);
         if !(a | b | c) {
-            continue;
+            return;
         }
-        for w in t.iter().filter(|w| look[w.index()]) {
-            let h = home[w.index()];
-            if !is_near[h.index()] {
-                is_near[h.index()] = is_above(in_register(store.p(h)), corners(t).map(in_register), limit);
-                others.push((h, t));
+        for w in t.into_iter().filter(|w| look[w.index()]) {
+            let x = &store.v[home[w.index()].index()];
+            let suspect = &mut suspects[x.mark as usize - 1];
+            if !suspect.is_near {
+                suspect.is_near = is_above(in_register(x.p), t.map(|w| in_register(given.place(w))), limit);
+                if !suspect.is_near {
+                    others.push((x.mark - 1, t));
+                }
+            }
+        }
+    });
+    for (number, t) in others {
+        let suspect = &mut suspects[number as usize];
+        if !suspect.is_near && suspect.found.0 > limit {
+            let [a, b, c] = t.map(|w| given.place(w));
+            let near = triangle::closest(store.p(suspect.vertex), a, b, c);
+            if near.0 < suspect.found.0 {
+                suspect.found = near;
             }
         }
     }
-    let mut found = vec![(f32::INFINITY, Vec3::ZERO); store.v.len()];
-    for (h, t) in others {
-        let found = &mut found[h.index()];
-        if !is_near[h.index()] && found.0 > limit {
-            let [a, b, c] = corners(t);
-            let near = triangle::closest(store.p(h), a, b, c);
-            if near.0 < found.0 {
-                *found = near;
-            }
-        }
-    }
-    for (u, &(d, q)) in found.iter().enumerate() {
+    for Suspect { vertex, found: (d, q), .. } in suspects {
         if d > limit && d.is_finite() {
-            let id = VertexId(u as u32);
-            let p = q + (store.p(id) - q) * (limit / d).sqrt();
-            if is_fine(store, loads, id, p, true) {
-                store.v[u].p = p;
+            let p = q + (store.p(vertex) - q) * (limit / d).sqrt();
+            if is_fine(store, loads, vertex, p, true) {
+                store.v[vertex.index()].p = p;
             }
         }
     }

@@ -493,10 +493,19 @@ impl<Q: Memory> Store<Q> {
         self.stamp
     }
 
-    /// The final vertex of every vertex of the ordered input, or [`NONE`] where its part is gone. Takes the record of
-    /// mergers; only after a compaction.
+    /// The final vertex of every vertex of the ordered input, or [`NONE`] where its part is gone; only after a compaction.
     pub(crate) fn homes(&self) -> Vec<VertexId> {
-        let mut home = roots(&self.merged_into);
+        self.homes_from(self.merged_into.clone())
+    }
+
+    /// The same, in the memory of the record of mergers, which is lost.
+    pub(crate) fn take_homes(&mut self) -> Vec<VertexId> {
+        let merged_into = std::mem::take(&mut self.merged_into);
+        self.homes_from(merged_into)
+    }
+
+    fn homes_from(&self, merged_into: Vec<VertexId>) -> Vec<VertexId> {
+        let mut home = roots(merged_into);
         let mut at = vec![NONE; home.len()];
         for (i, x) in self.v.iter().enumerate() {
             at[x.origin.index()] = VertexId(i as u32);
@@ -532,8 +541,7 @@ fn retain_living<T>(of_faces: &mut Option<Vec<T>>, t: &[[VertexId; 3]]) {
 }
 
 /// The root of each element, where `into[i]` is the element that i was merged into (a root: itself).
-fn roots(into: &[VertexId]) -> Vec<VertexId> {
-    let mut into = into.to_vec();
+fn roots(mut into: Vec<VertexId>) -> Vec<VertexId> {
     // Each time round all ways are half as long, at most. (How long each is could not be foretold.)
     loop {
         let mut changed = 0;
@@ -561,6 +569,6 @@ mod tests {
     #[test]
     fn roots_follow_chains() {
         let into = [0, 0, 1, 2, 4].map(VertexId);
-        assert_eq!(roots(&into), [0, 0, 0, 0, 4].map(VertexId));
+        assert_eq!(roots(into.to_vec()), [0, 0, 0, 0, 4].map(VertexId));
     }
 }
