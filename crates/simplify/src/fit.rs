@@ -7,14 +7,14 @@
 
 mod values;
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A, Vec4};
 use lodsmith_core::VertexId;
 use wide::{f32x4, f32x8};
 
 use crate::collapse::kind::Kind;
 use crate::collapse::order::NONE;
-use crate::collapse::store::{Corner, Store};
-use crate::lanes::{self, Four, cross, dot, splat, sub};
+use crate::collapse::store::{Corner, Store, Vertex};
+use crate::lanes::{Four, cross, dot, splat, sub};
 use crate::metric::Memory;
 use crate::tensor::Tensor;
 use crate::triangle;
@@ -51,6 +51,9 @@ const MIN_DET: f32 = 1e-36;
 /// equal.)
 const READY: usize = 128;
 
+/// How many samples ahead places are asked for. (Guessed.)
+const AHEAD: usize = 8;
+
 /// Up to eight triangles of a vertex' star side by side, for vector instructions, each from that vertex on: unit normal,
 /// gradients of the barycentric coordinates of the two corners after it, heights over the three edges.
 #[derive(Clone, Copy)]
@@ -62,35 +65,136 @@ struct Fan {
     corner: [Corner; 8],
 }
 
-/// The samples of a final triangle, summed, and what the solve needs beside them: one cache line.
-/// b: barycentric coordinates, r: height over the plane.
-#[derive(Clone, Copy)]
+/// The samples of a final triangle, summed, and what the solve needs beside them: one cache line, four rows of three
+/// numbers with one more behind each. b: barycentric coordinates, r: height over the plane.
+///
+/// ```text
+/// b0 b0  b1 b1  b2 b2    lift of corner 0: how far it goes along the normal
+/// b1 b2  b0 b2  b0 b1    lift of corner 1
+/// r b0   r b1   r b2     lift of corner 2
+/// unit normal            largest squared distance
+/// ```
+#[derive(Clone, Copy, bytemuck::Zeroable)]
 #[repr(C, align(64))]
-struct Load {
-    bb: Tensor,
-    rb: [f32; 3],
-    /// Unit normal of the triangle.
-    normal: Vec3,
-    /// How far the corners go along the normal.
-    lift: [f32; 3],
-    /// Largest squared distance.
-    worst: f32,
-}
+struct Load([f32x4; 4]);
+
+/// For each corner, where a [`Load`] has its product with another one, that one's lift, and the same of the third.
+const AMONG: [[usize; 4]; 4] = [[6, 7, 5, 11], [6, 3, 4, 11], [5, 3, 4, 7], [0; 4]];
 
 impl Load {
-    fn of(normal: Vec3) -> Self {
-        let (bb, none) = (Tensor::default(), [0.0; 3]);
-        Self { bb, rb: none, normal, lift: none, worst: 0.0 }
+    #[inline(always)]
+    fn numbers(&self) -> &[f32; 16] {
+        bytemuck::cast_ref(&self.0)
     }
 
-    /// How far corner `k` ought to go along the normal, weighted, where the others have gone already. (By sums: a branch
-    /// on k could not be foretold, and a table needs its bounds checked.)
+    #[inline(always)]
+    fn numbers_mut(&mut self) -> &mut [f32; 16] {
+        bytemuck::cast_mut(&mut self.0)
+    }
+
+    /// The normal, and nothing behind it: the squares of what stands there may be too small for a normal number, and such
+    /// numbers take the processor a hundred times as long.
+    #[inline(always)]
+    fn row_of_normal(&self) -> f32x4 {
+        let all = f32::from_bits(!0);
+        self.0[3] & f32x4::new([all, all, all, 0.0])
+    }
+
+    #[inline(always)]
+    fn normal(&self) -> Vec3A {
+        Vec3A::from_vec4(Vec4::from_array(self.row_of_normal().to_array()))
+    }
+
+    #[inline(always)]
+    fn worst(&self) -> f32 {
+        self.numbers()[15]
+    }
+
+    /// What the samples say of corner `k`'s square.
+    #[inline(always)]
+    fn weight(&self, k: usize) -> f32 {
+        self.numbers()[k]
+    }
+
+    /// How far corner `k` ought to go along the normal, weighted, where the others have gone already. (By a table: a
+    /// branch on k could not be foretold.)
     #[inline(always)]
     fn wanted(&self, k: usize) -> f32 {
-        let (is_first, is_last) = (usize::from(k == 0), usize::from(k == 2));
-        // The other two corners; xy, xz, yz of the tensor stand at 3, 4, 5.
-        let (i, j) = (is_first, 2 - is_last);
-        self.rb[k] - self.bb.0[3 + is_last] * self.lift[i] - self.bb.0[5 - is_first] * self.lift[j]
+        let (n, [a, b, c, d]) = (self.numbers(), AMONG[k]);
+        n[8 + k] - n[a] * n[b] - n[c] * n[d]
+    }
+
+    /// How much of the sum of squares the lifts take away.
+    #[inline(always)]
+    fn gain(&self) -> f32 {
+        let n = self.numbers();
+        let lift = Vec3::new(n[3], n[7], n[11]);
+        let bb = Tensor([n[0], n[1], n[2], n[6], n[5], n[4]]);
+        lift.dot(2.0 * Vec3::new(n[8], n[9], n[10]) - bb.times(lift))
+    }
+
+    /// Adds a sample.
+    #[inline(always)]
+    fn add(&mut self, b: f32x4, weight: f32, height: f32, distance_sq: f32) {
+        let weighted = b * weight;
+        let ([x, y, _, none], [_, v, w, _]) = (weighted.to_array(), b.to_array());
+        self.0[0] += weighted * b;
+        self.0[1] += f32x4::new([y, x, x, none]) * f32x4::new([w, w, v, none]);
+        self.0[2] += b * (weight * height);
+        let worst = &mut self.numbers_mut()[15];
+        *worst = max(*worst, distance_sq);
+    }
+}
+
+/// The ordered input, to be sampled.
+pub(crate) trait Given {
+    fn point_count(&self) -> usize;
+    fn face_count(&self) -> usize;
+    /// The vertices of a face. (They are asked for one after the other.)
+    fn face(&mut self, face: usize) -> [VertexId; 3];
+    /// Their places, in the unit frame.
+    fn places(&mut self, face: usize, t: [VertexId; 3]) -> [Vec3; 3];
+    /// Asks the memory for the places of a face that comes soon.
+    fn bring(&self, face: usize);
+    /// From here on no face is asked for by its number, but single places and all faces, in any order.
+    fn turn(&mut self);
+    fn place(&self, v: VertexId) -> Vec3;
+    fn each_face(&self, look: impl FnMut([VertexId; 3]));
+}
+
+/// The ordered input as it was kept.
+pub(crate) struct Kept<'a> {
+    pub(crate) points: &'a [Vec3],
+    pub(crate) faces: &'a [[VertexId; 3]],
+}
+
+impl Given for Kept<'_> {
+    fn point_count(&self) -> usize {
+        self.points.len()
+    }
+    #[inline(always)]
+    fn face_count(&self) -> usize {
+        self.faces.len()
+    }
+    #[inline(always)]
+    fn face(&mut self, face: usize) -> [VertexId; 3] {
+        self.faces[face]
+    }
+    #[inline(always)]
+    fn places(&mut self, _: usize, t: [VertexId; 3]) -> [Vec3; 3] {
+        t.map(|w| self.points[w.index()])
+    }
+    #[inline(always)]
+    fn bring(&self, _: usize) {}
+    #[inline(always)]
+    fn turn(&mut self) {}
+    #[inline(always)]
+    fn place(&self, v: VertexId) -> Vec3 {
+        self.points[v.index()]
+    }
+    #[inline(always)]
+    fn each_face(&self, look: impl FnMut([VertexId; 3])) {
+        self.faces.iter().copied().for_each(look);
     }
 }
 
@@ -159,9 +263,63 @@ struct Placed {
     weight: f32,
 }
 
+/// A star that is kept ready: eight triangles, and what it has beyond.
+#[derive(Clone)]
+struct Star {
+    of: VertexId,
+    first: Fan,
+    further: Vec<Fan>,
+}
+
+impl Star {
+    const NONE: Self = Self { of: NONE, first: Fan::NONE, further: Vec::new() };
+
+    #[inline(never)]
+    fn make<Q: Memory>(&mut self, store: &Store<Q>, u: VertexId) {
+        self.of = u;
+        self.further.clear();
+        let mut few = store.listed(u).chunks(8);
+        match few.next() {
+            Some(corners) => self.first.make(store, u, corners),
+            None => self.first = Fan::NONE,
+        }
+        for corners in few {
+            let mut fan = Fan::NONE;
+            fan.make(store, u, corners);
+            self.further.push(fan);
+        }
+    }
+
+    /// Its triangle that is the nearest to a place `q` (from the vertex), if that is nearer than `within`, squared.
+    #[inline(always)]
+    fn nearest(&self, q: Vec3A, within: f32) -> Option<Nearest> {
+        let mut found = self.first.nearest(q, |d2| d2, within);
+        for fan in &self.further {
+            found = fan.nearest(q, |d2| d2, found.map_or(within, |found| found.distance_sq)).or(found);
+        }
+        found
+    }
+
+    /// The same among those that face the way of a sample, whose normal has this length.
+    #[cold]
+    #[inline(never)]
+    fn nearest_facing(&self, q: Vec3A, (normal, length): (Vec3A, f32), within: f32) -> Option<Nearest> {
+        let mut found: Option<Nearest> = None;
+        for fan in std::iter::once(&self.first).chain(&self.further) {
+            let [x, y, z] = fan.normal;
+            let faces = (x * normal.x + y * normal.y + z * normal.z).simd_gt(f32x8::splat(FACING * length));
+            let judged = |d2| faces.bitselect(d2, f32x8::splat(f32::INFINITY));
+            found = fan.nearest(q, judged, found.map_or(within, |found| found.distance_sq)).or(found);
+        }
+        found
+    }
+}
+
 struct Sampler<'a, Q: Memory> {
     store: &'a Store<Q>,
-    ready: Vec<(VertexId, Vec<Fan>)>,
+    /// Those of the store.
+    vertices: &'a [Vertex<Q>],
+    ready: Vec<Star>,
     loads: Vec<Load>,
     /// Squared height above which samples count less.
     usual: f32,
@@ -170,132 +328,72 @@ struct Sampler<'a, Q: Memory> {
 }
 
 impl<Q: Memory> Sampler<'_, Q> {
-    /// Which slot holds the star of `u`, made if need be.
+    /// The nearest triangle of the star of `u` that faces a sample's way, if it is nearer than `within`, squared. The normal of
+    /// the sample comes with its length.
     #[inline(always)]
-    fn star(&mut self, u: VertexId) -> usize {
+    fn nearest(&mut self, u: VertexId, p: Vec3A, normal: (Vec3A, f32), within: f32) -> Option<Nearest> {
         // (A power of two of them: no division.)
         let slot = u.index() & (self.ready.len() - 1);
-        if self.ready[slot].0 != u {
-            self.make_star(u, slot);
+        let star = &mut self.ready[slot];
+        if star.of != u {
+            star.make(self.store, u);
         }
-        slot
-    }
-
-    #[inline(never)]
-    fn make_star(&mut self, u: VertexId, slot: usize) {
-        let store = self.store;
-        let (name, fans) = &mut self.ready[slot];
-        *name = u;
-        fans.clear();
-        let list = store.listed(u);
-        fans.reserve_exact(list.len().div_ceil(8));
-        let at = splat(store.p(u));
-        for corners in list.chunks(8) {
-            // Lanes that are not used repeat the last triangle: the first of equals is taken.
-            let corner: [Corner; 8] = std::array::from_fn(|i| corners[i.min(corners.len() - 1)]);
-            let others = corner.map(|c| store.others_at(c));
-            let four = |few: [(VertexId, VertexId); 4]| {
-                FourFaces::new([at, store.four(few.map(|o| o.0)), store.four(few.map(|o| o.1))])
-            };
-            let [a, b, c, d, e, f, g, h] = others;
-            let (low, high) = (four([a, b, c, d]), four([e, f, g, h]));
-            let join = |low: Four, high: Four| [0, 1, 2].map(|i| bytemuck::cast([low[i], high[i]]));
-            fans.push(Fan {
-                normal: join(low.normal, high.normal),
-                second: join(low.second, high.second),
-                third: join(low.third, high.third),
-                high: join(low.high_sq, high.high_sq).map(f32x8::sqrt),
-                corner,
-            });
-        }
-    }
-
-    /// Finds the nearest triangle of a star that faces a sample's way, if one is nearer than what was found.
-    #[inline(always)]
-    fn nearest(&self, slot: usize, q: Vec3, normal: Vec3, best: &mut Nearest) {
-        let mut found = *best;
-        for fan in &self.ready[slot].1 {
-            fan.nearest(q, |d2| d2, &mut found);
-        }
+        let q = p - in_register(self.vertices[u.index()].p);
+        let found = star.nearest(q, within)?;
         // That it does not face the sample's way is rare, and looked at afterwards.
-        if found.distance_sq < best.distance_sq {
-            if self.loads[found.corner.face()].normal.dot(normal) > FACING {
-                *best = found;
-            } else {
-                self.nearest_facing(slot, q, normal, best);
-            }
+        if self.loads[found.corner.face()].normal().dot(normal.0) > FACING * normal.1 {
+            return Some(found);
         }
-    }
-
-    #[inline(never)]
-    fn nearest_facing(&self, slot: usize, q: Vec3, normal: Vec3, best: &mut Nearest) {
-        for fan in &self.ready[slot].1 {
-            let [x, y, z] = fan.normal;
-            let faces = (x * normal.x + y * normal.y + z * normal.z).simd_gt(f32x8::splat(FACING));
-            fan.nearest(q, |d2| faces.bitselect(d2, f32x8::splat(f32::INFINITY)), best);
-        }
+        star.nearest_facing(q, normal, within)
     }
 
     /// A sample that is the place of a final vertex: it holds it where it is.
     #[inline(always)]
     fn place_at_home(&mut self, weight: f32, home: VertexId) {
         if let Some(corner) = self.store.listed(home).first() {
-            self.loads[corner.face()].bb.0[corner.k()] += weight;
+            self.loads[corner.face()].numbers_mut()[corner.k()] += weight;
             self.weight += f64::from(weight);
         }
     }
 
-    /// Gives a sample to a face if it lies above or below it.
+    /// Gives a sample to a face with these corners if it lies above or below it.
     #[inline(always)]
-    fn place_on(&mut self, face: usize, p: Vec3, weight: f32) -> Option<Placed> {
-        let [a, b, c] = self.store.t[face].map(|w| self.store.p(w));
-        let (q, first, second, normal) = (p - a, b - a, c - a, self.loads[face].normal);
-        let per_area = 1.0 / max(first.cross(second).dot(normal), 1e-18);
-        let [v, w] = shares(q, first, second, normal).map(|x| x * per_area);
+    fn place_on(&mut self, face: usize, corners: [VertexId; 3], p: Vec3A, weight: f32) -> Option<Placed> {
+        let [a, b, c] = corners.map(|w| in_register(self.vertices[w.index()].p));
+        let (q, first, second, normal) = (p - a, b - a, c - a, self.loads[face].normal());
+        let [area, v, w, height] = dots(normal, [first.cross(second), q.cross(second), first.cross(q), q]);
+        let per_area = 1.0 / max(area, 1e-18);
+        let (v, w) = (v * per_area, w * per_area);
         let u = 1.0 - v - w;
         if u < 0.0 || v < 0.0 || w < 0.0 {
             return None;
         }
-        let height = normal.dot(q);
-        Some(self.add(face, Vec3::new(u, v, w), height, height * height, weight))
+        Some(self.add(face, f32x4::new([u, v, w, 0.0]), height, height * height, weight))
     }
 
     #[inline(always)]
-    fn add(&mut self, face: usize, b: Vec3, height: f32, distance_sq: f32, weight: f32) -> Placed {
-        let load = &mut self.loads[face];
+    fn add(&mut self, face: usize, b: f32x4, height: f32, distance_sq: f32, weight: f32) -> Placed {
         let height_sq = height * height;
         self.rr += f64::from(weight * height_sq);
         self.weight += f64::from(weight);
         let weight = weight * (self.usual / (self.usual + height_sq)).sqrt();
-        load.bb.add(&Tensor::outer(b, weight));
-        load.rb = (Vec3::from(load.rb) + b * (weight * height)).to_array();
-        load.worst = max(load.worst, distance_sq);
-        Placed { face, b, weight }
+        self.loads[face].add(b, weight, height, distance_sq);
+        let [u, v, w, _] = b.to_array();
+        Placed { face, b: Vec3::new(u, v, w), weight }
     }
 
     /// Gives a sample to the nearest triangle that faces its way: in the star of its home, then, if it lies beyond the rim
     /// of that star, in the star of the nearer corner of the triangle found. (Beside an edge within the star the other
     /// triangle there was looked at too.)
     #[inline(always)]
-    fn place(&mut self, p: Vec3, normal: Vec3, weight: f32, home: VertexId) -> Option<Placed> {
-        let mut best = Nearest {
-            distance_sq: f32::INFINITY,
-            beside: 0.0,
-            height: 0.0,
-            second: 0.0,
-            third: 0.0,
-            corner: Corner::default(),
-        };
-        let slot = self.star(home);
-        self.nearest(slot, p - self.store.p(home), normal, &mut best);
-        if best.distance_sq == f32::INFINITY {
-            return None;
-        }
+    fn place(&mut self, p: Vec3A, normal: (Vec3A, f32), weight: f32, home: VertexId) -> Option<Placed> {
+        let mut best = self.nearest(home, p, normal, f32::INFINITY)?;
         if best.second + best.third > 1.0 {
             let (second, third) = self.store.others_at(best.corner);
             let next = if best.second > best.third { second } else { third };
-            let slot = self.star(next);
-            self.nearest(slot, p - self.store.p(next), normal, &mut best);
+            if let Some(nearer) = self.nearest(next, p, normal, best.distance_sq) {
+                best = nearer;
+            }
         }
         if best.beside * best.beside > BESIDE * best.height * best.height {
             return None;
@@ -303,21 +401,50 @@ impl<Q: Memory> Sampler<'_, Q> {
         let (v, w) = (max(best.second, 0.0), max(best.third, 0.0));
         let scale = 1.0 / max(v + w, 1.0);
         let (v, w) = (v * scale, w * scale);
-        let (k, mut b) = (best.corner.k(), [0.0; 4]);
-        (b[k], b[NEXT[k]], b[PREV[k]]) = (1.0 - v - w, v, w);
-        Some(self.add(best.corner.face(), Vec3::new(b[0], b[1], b[2]), best.height, best.distance_sq, weight))
+        let [first, second, third] = UNITS[best.corner.k()];
+        let b = first * (1.0 - v - w) + second * v + third * w;
+        Some(self.add(best.corner.face(), b, best.height, best.distance_sq, weight))
     }
 }
 
-/// The two corners after each.
-const NEXT: [usize; 4] = [1, 2, 0, 0];
-const PREV: [usize; 4] = [2, 0, 1, 0];
+/// For each corner, which of three numbers are its own and those of the two after it.
+const UNITS: [[f32x4; 3]; 4] = {
+    let [x, y, z] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    let (x, y, z) = (f32x4::new(x), f32x4::new(y), f32x4::new(z));
+    [[x, y, z], [y, z, x], [z, x, y], [f32x4::ZERO; 3]]
+};
 
 impl Fan {
-    /// Its triangle that is the nearest to a place `q` (from the vertex) by squared distances as `judged`, if it is nearer
-    /// than what was found.
+    /// No triangle: what is no number is not nearer than anything.
+    const NONE: Self = {
+        let (zero, none) = ([f32x8::ZERO; 3], [f32x8::splat(f32::NAN); 3]);
+        Self { normal: none, second: zero, third: zero, high: zero, corner: [Corner::new(0, 0); 8] }
+    };
+
+    /// Fills it with the triangles at one to eight corners of `u`.
     #[inline(always)]
-    fn nearest(&self, q: Vec3, judged: impl Fn(f32x8) -> f32x8, best: &mut Nearest) {
+    fn make<Q: Memory>(&mut self, store: &Store<Q>, u: VertexId, corners: &[Corner]) {
+        let at = splat(store.p(u));
+        // Lanes that are not used repeat the last triangle: the first of equals is taken.
+        let corner: [Corner; 8] = std::array::from_fn(|i| corners[i.min(corners.len() - 1)]);
+        let four = |few: [Corner; 4]| {
+            let others = few.map(|c| store.others_at(c));
+            FourFaces::new([at, store.four(others.map(|o| o.0)), store.four(others.map(|o| o.1))])
+        };
+        let [a, b, c, d, e, f, g, h] = corner;
+        let (low, high) = (four([a, b, c, d]), four([e, f, g, h]));
+        let join = |low: Four, high: Four| [0, 1, 2].map(|i| bytemuck::cast([low[i], high[i]]));
+        self.normal = join(low.normal, high.normal);
+        self.second = join(low.second, high.second);
+        self.third = join(low.third, high.third);
+        self.high = join(low.high_sq.map(f32x4::sqrt), high.high_sq.map(f32x4::sqrt));
+        self.corner = corner;
+    }
+
+    /// Its triangle that is the nearest to a place `q` (from the vertex) by squared distances as `judged`, if that is
+    /// nearer than `within`.
+    #[inline(always)]
+    fn nearest(&self, q: Vec3A, judged: impl Fn(f32x8) -> f32x8, within: f32) -> Option<Nearest> {
         let (n, s, t, zero) = (&self.normal, &self.second, &self.third, f32x8::ZERO);
         let h = n[0] * q.x + n[1] * q.y + n[2] * q.z;
         let v = s[0] * q.x + s[1] * q.y + s[2] * q.z;
@@ -325,21 +452,27 @@ impl Fan {
         let beside = ((v + w - f32x8::ONE) * self.high[0]).fast_max((zero - v) * self.high[1]);
         let beside = beside.fast_max((zero - w) * self.high[2]).fast_max(zero);
         let d2 = judged(h * h + beside * beside);
-        let d = d2.to_array();
-        let half = |k: usize| min(d[k], d[k + 4]);
-        let least = min(min(half(0), half(1)), min(half(2), half(3)));
-        if least < best.distance_sq {
+        let [low, high] = bytemuck::cast::<f32x8, [f32x4; 2]>(d2);
+        let d = low.fast_min(high).to_array();
+        let least = min(min(d[0], d[2]), min(d[1], d[3]));
+        (least < within).then(|| {
             let i = d2.simd_eq(f32x8::splat(least)).to_bitmask().trailing_zeros() as usize & 7;
-            *best = Nearest {
+            Nearest {
                 distance_sq: least,
                 beside: beside.to_array()[i],
                 height: h.to_array()[i],
                 second: v.to_array()[i],
                 third: w.to_array()[i],
                 corner: self.corner[i],
-            };
-        }
+            }
+        })
     }
+}
+
+/// Whether two faces have the same corners. (All are looked at: which differs could not be foretold.)
+#[inline(always)]
+fn is_same(s: &[VertexId; 3], t: &[VertexId; 3]) -> bool {
+    (s[0].0 ^ t[0].0) | (s[1].0 ^ t[1].0) | (s[2].0 ^ t[2].0) == 0
 }
 
 /// The smaller of two, without the care for NaN that costs `f32::min` a few instructions.
@@ -354,24 +487,27 @@ fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Moves the vertices of a compact store towards the original, given as the ordered input, from which it is about `away`
-/// (RMS) far. The samples are shown to `values`, if there are any.
+/// Moves the vertices of a compact store towards the original, from which it is about `away` (RMS) far. Each vertex of the
+/// original has its `home`, or [`NONE`]. The samples are shown to `values`, if there are any. What the vertices remember is
+/// lost: `tensor` says where in it the solve finds room.
 pub(crate) fn fit<Q: Memory>(
     store: &mut Store<Q>,
-    points: &[Vec3],
-    faces: &[[VertexId; 3]],
+    given: &mut impl Given,
+    home: &[VertexId],
     away: f64,
     mut values: Option<&mut Values<'_>>,
+    tensor: impl Fn(&mut Q) -> &mut Tensor,
 ) -> Fitted {
     if store.t.is_empty() {
         return Fitted::default();
     }
-    let home = store.homes();
-    let Begun { loads, mut around } = begin(store);
-    let per_face = (points.len() + faces.len()) as f64 / store.t.len() as f64;
+    let Begun { loads, leeway } = begin(store);
+    let per_face = (given.point_count() + given.face_count()) as f64 / store.t.len() as f64;
+    let (vertices, final_faces) = (&store.v[..], &store.t[..]);
     let mut sampler = Sampler {
         store,
-        ready: vec![(NONE, Vec::new()); READY.min(store.v.len().next_power_of_two())],
+        vertices,
+        ready: vec![Star::NONE; READY.min(store.v.len().next_power_of_two())],
         loads,
         usual: (ROBUST * (per_face * away).powi(2)).clamp(1e-30, 1e30) as f32,
         rr: 0.0,
@@ -383,10 +519,12 @@ pub(crate) fn fit<Q: Memory>(
     // homes.
     let mut survivors = 0;
     let (mut faces_to_skip, mut takes_corner) = (0, false);
-    for (i, t) in faces.iter().enumerate() {
+    for i in 0..given.face_count() {
+        let t = given.face(i);
         let homes = t.map(|w| home[w.index()]);
-        let survivor = (store.t.get(survivors) == Some(&homes)).then_some(survivors);
-        survivors += usize::from(survivor.is_some());
+        let face = survivors;
+        let survives = final_faces.get(face).is_some_and(|t| is_same(t, &homes));
+        survivors += usize::from(survives);
         if faces_to_skip > 0 {
             faces_to_skip -= 1;
             continue;
@@ -397,24 +535,24 @@ pub(crate) fn fit<Q: Memory>(
         if u == NONE {
             continue;
         }
-        let [a, b, c] = t.map(|w| points[w.index()]);
+        given.bring(i + AHEAD * stride);
+        let [a, b, c] = given.places(i, t).map(in_register);
         let normal = (b - a).cross(c - a);
         let area = normal.length();
-        let n = normal * (1.0 / max(area, 1e-30));
         let centre = (a + (b + c)) * (1.0 / 3.0);
-        let placed = survivor.and_then(|face| sampler.place_on(face, centre, 9.0 * area));
-        let placed = placed.or_else(|| sampler.place(centre, n, 9.0 * area, u));
+        let placed = if survives { sampler.place_on(face, homes, centre, 9.0 * area) } else { None };
+        let placed = placed.or_else(|| sampler.place(centre, (normal, area), 9.0 * area, u));
         if let (Some(values), Some(placed)) = (&mut values, placed) {
             values.add_centre(i, placed.face, placed.b, placed.weight);
         }
         if takes_corner && homes[0] != NONE {
-            if sampler.store.p(homes[0]) == a {
+            if in_register(vertices[homes[0].index()].p) == a {
                 sampler.place_at_home(6.0 * area, homes[0]);
                 if let Some(values) = &mut values {
-                    values.add_at_home(i, sampler.store.listed(homes[0]), 6.0 * area);
+                    values.add_at_home(i, store.listed(homes[0]), 6.0 * area);
                 }
             } else {
-                let placed = sampler.place(a, n, 6.0 * area, homes[0]);
+                let placed = sampler.place(a, (normal, area), 6.0 * area, homes[0]);
                 if let (Some(values), Some(placed)) = (&mut values, placed) {
                     values.add_corner(i, placed.face, placed.b, placed.weight);
                 }
@@ -422,65 +560,104 @@ pub(crate) fn fit<Q: Memory>(
         }
     }
     let Sampler { mut loads, rr, weight, .. } = sampler;
-    let delta = solve(store, &mut loads, &mut around);
-    let gain = |l: &Load| {
-        let lift = Vec3::from(l.lift);
-        lift.dot(2.0 * Vec3::from(l.rb) - l.bb.times(lift))
-    };
-    let after = rr - loads.iter().map(|l| f64::from(gain(l))).sum::<f64>();
-    shift(store, &loads, &around, &delta);
     let limit = TETHER * TETHER * (rr / weight.max(1e-30)) as f32;
-    tether(store, &loads, &around, points, faces, &home, limit);
+    let suspects = solve(store, &mut loads, leeway, SUSPECT * limit, tensor);
+    let after = rr - loads.iter().map(|l| f64::from(l.gain())).sum::<f64>();
+    tether(store, &loads, suspects, given, home, limit);
+    // A number among the suspects is no stamp.
+    store.v.iter_mut().for_each(|x| x.mark = 0);
     Fitted { rms: (after.max(0.0) / weight.max(1e-30)).sqrt() }
 }
 
 /// Gauss-Seidel on the displacements, two sweeps. (Measured: a third brings nothing.) A triangle only sees the heights
-/// n·delta of its three vertices, its lift. Notes the worst of the samples around those that may move.
-fn solve<Q: Memory>(store: &Store<Q>, loads: &mut [Load], around: &mut [Around]) -> Vec<Vec3> {
-    let mut delta = vec![Vec3::ZERO; store.v.len()];
-    let mut inverse = vec![Tensor::default(); store.v.len()];
+/// n·delta of its three vertices, its lift. In the second sweep they move, by no more than the largest distance seen, and
+/// only where no triangle turns far. Says which of those that are not where they began have a sample farther away than the
+/// root of `far`.
+#[inline(never)]
+fn solve<Q: Memory>(
+    store: &mut Store<Q>,
+    loads: &mut [Load],
+    leeway: Vec<f32>,
+    far: f32,
+    tensor: impl Fn(&mut Q) -> &mut Tensor,
+) -> Vec<VertexId> {
     for u in 0..store.v.len() {
-        if !may_move(store.v[u].kind) {
+        let kind = store.v[u].kind;
+        if !may_move(kind) {
             continue;
         }
-        let (mut a, mut g, mut worst) = (Tensor::default(), Vec3::ZERO, 0f32);
         let id = VertexId(u as u32);
-        for &corner in store.listed(id) {
-            let load = &loads[corner.face()];
-            let n = load.normal;
-            a.add(&Tensor::outer(n, load.bb.0[corner.k()]));
-            g += n * load.wanted(corner.k());
-            worst = max(worst, load.worst);
+        let corners = store.listed(id);
+        let (mut squares, mut products, mut g) = (f32x4::ZERO, f32x4::ZERO, f32x4::ZERO);
+        for corner in corners {
+            let (load, k) = (&loads[corner.face()], corner.k());
+            let n = load.row_of_normal();
+            let weighted = n * load.weight(k);
+            let ([x, y, _, _], [_, v, w, _]) = (weighted.to_array(), n.to_array());
+            squares += weighted * n;
+            products += f32x4::new([x, x, y, 0.0]) * f32x4::new([v, w, w, 0.0]);
+            g += n * load.wanted(k);
         }
-        around[u].worst = worst;
-        if store.v[u].kind.is_border() {
+        let ([xx, yy, zz, _], [xy, xz, yz, _]) = (squares.to_array(), products.to_array());
+        let mut a = Tensor([xx, yy, zz, xy, xz, yz]);
+        if kind.is_border() {
             for w in border_neighbours(store, id) {
                 a.add(&Tensor::line(store.p(w) - store.v[u].p, BORDER));
             }
         }
         let trace = a.trace();
         let (c, det) = a.damped(DAMPING * trace).adjugate();
+        let mut inverse = Tensor::default();
         if det > (1e-9 * trace * trace * trace).max(MIN_DET) {
-            inverse[u] = Tensor(c.0.map(|x| x * (1.0 / det)));
-            delta[u] = inverse[u].times(g);
-            lift(store.listed(id), loads, delta[u]);
+            inverse = Tensor(c.0.map(|x| x * (1.0 / det)));
+            lift(corners, loads, inverse.times(first_three(g)));
+        }
+        *tensor(&mut store.v[u].q) = inverse;
+    }
+    let mut suspects = Vec::new();
+    for (u, leeway) in leeway.into_iter().enumerate() {
+        if !may_move(store.v[u].kind) {
+            continue;
+        }
+        let inverse = *tensor(&mut store.v[u].q);
+        let id = VertexId(u as u32);
+        let corners = store.listed(id);
+        let (mut g, mut worst) = (f32x4::ZERO, 0f32);
+        for corner in corners {
+            let load = &loads[corner.face()];
+            g += load.row_of_normal() * load.wanted(corner.k());
+            worst = max(worst, load.worst());
+        }
+        if inverse.0[0] != 0.0 {
+            let delta = inverse.times(first_three(g));
+            lift(corners, loads, delta);
+            let step = delta.length_squared();
+            let p = store.v[u].p + delta * if step > worst { (worst / step).sqrt() } else { 1.0 };
+            if step > 0.0 && (min(step, worst) <= leeway || is_fine(store, loads, id, p, leeway == 0.0)) {
+                let x = &mut store.v[u];
+                (x.p, x.kind) = (p, x.kind.moved(true));
+            }
+        }
+        if worst > far && store.v[u].kind.is_moved() {
+            suspects.push(id);
         }
     }
-    for (u, inverse) in inverse.iter().enumerate().filter(|x| x.1.0[0] != 0.0) {
-        let around = store.listed(VertexId(u as u32));
-        let wanted = |c: &Corner| loads[c.face()].normal * loads[c.face()].wanted(c.k());
-        delta[u] = inverse.times(around.iter().map(wanted).sum());
-        lift(around, loads, delta[u]);
-    }
-    delta
+    suspects
+}
+
+#[inline(always)]
+fn first_three(of: f32x4) -> Vec3 {
+    let [x, y, z, _] = of.to_array();
+    Vec3::new(x, y, z)
 }
 
 /// Notes in the faces around a vertex where it goes.
 #[inline(always)]
 fn lift(around: &[Corner], loads: &mut [Load], delta: Vec3) {
+    let delta = Vec3A::from(delta);
     for c in around {
         let load = &mut loads[c.face()];
-        load.lift[c.k()] = load.normal.dot(delta);
+        load.numbers_mut()[4 * c.k() + 3] = load.normal().dot(delta);
     }
 }
 
@@ -520,169 +697,171 @@ fn is_fine<Q: Memory>(store: &Store<Q>, loads: &[Load], u: VertexId, p: Vec3, as
         let thins =
             (after_sq * 12.0).simd_lt(around * around * 1e-6) & after_sq.simd_lt(dot(&before, &before));
         let is_sided = || {
-            corners.iter().enumerate().all(|(i, c)| {
-                let facing = store.facing(&store.t[c.face()]);
-                let after = Vec3::from(after.map(|x| x.to_array()[i]));
-                after.dot(facing) >= 0.0 || loads[c.face()].normal.dot(facing) < 0.0
-            })
+            let facing = store.four_facings(corners.map(|c| store.t[c.face()]));
+            dot(&after, &facing).simd_ge(f32x4::ZERO) | dot(&n, &facing).simd_lt(f32x4::ZERO)
         };
-        keeps_side.to_bitmask() & !thins.to_bitmask() & 0xf == 0xf && (!asks_facing || is_sided())
+        keeps_side.to_bitmask() & !thins.to_bitmask() & 0xf == 0xf && (!asks_facing || is_sided().all())
     })
 }
 
 /// The normals of the faces at four corners.
 #[inline(always)]
 fn normals(loads: &[Load], corners: [Corner; 4]) -> Four {
-    let row = |c: Corner| {
-        let Load { normal, lift, .. } = &loads[c.face()];
-        f32x4::new([normal.x, normal.y, normal.z, lift[0]])
-    };
-    let [x, y, z, _] = f32x4::transpose(corners.map(row));
+    let [x, y, z, _] = f32x4::transpose(corners.map(|c| loads[c.face()].0[3]));
     [x, y, z]
-}
-
-/// What the faces around a vertex say of it.
-#[derive(Clone, Copy)]
-struct Around {
-    /// The largest squared distance of a sample.
-    worst: f32,
-    /// The square of a move that no face minds, even if all its corners go as far; 0 unless all face as the input did.
-    leeway: f32,
 }
 
 /// What is known of the final triangles before the samples.
 struct Begun {
     loads: Vec<Load>,
-    around: Vec<Around>,
+    /// For each vertex the square of a move that no face minds, even if all its corners go as far; 0 unless all face as the
+    /// input did.
+    leeway: Vec<f32>,
 }
 
+#[inline(never)]
 fn begin<Q: Memory>(store: &Store<Q>) -> Begun {
-    let mut around = vec![Around { worst: 0.0, leeway: f32::INFINITY }; store.v.len()];
-    let mut loads = Vec::with_capacity(store.t.len());
-    for few in store.t.chunks(4) {
+    let mut leeways = vec![f32::INFINITY; store.v.len()];
+    let mut loads = bytemuck::zeroed_vec::<Load>(store.t.len());
+    for (few, loads) in store.t.chunks(4).zip(loads.chunks_mut(4)) {
         let t = [0, 1, 2, 3].map(|i: usize| few[i.min(few.len() - 1)]);
         let four = FourFaces::new([0, 1, 2].map(|k| store.four(t.map(|t| t[k]))));
-        let is_sound = four.are_sound(&lanes::four(t.map(|t| store.facing(&t))));
+        let is_sound = four.are_sound(&store.four_facings(t));
         let leeway = four.high_sq.map(|high_sq| (is_sound & (high_sq * LEEWAY)).to_array());
-        let normals = lanes::each(&four.normal);
-        for (i, t) in few.iter().enumerate() {
-            for (w, leeway) in t.iter().zip(leeway) {
-                let of = &mut around[w.index()].leeway;
-                *of = min(*of, leeway[i % 4]);
+        let [x, y, z] = four.normal;
+        let normals = f32x4::transpose([x, y, z, f32x4::ZERO]);
+        for (i, (t, load)) in few.iter().zip(loads).enumerate() {
+            for k in 0..3 {
+                let of = &mut leeways[t[k].index()];
+                *of = min(*of, leeway[k][i % 4]);
             }
-            loads.push(Load::of(normals[i % 4]));
+            load.0[3] = normals[i % 4];
         }
     }
-    Begun { loads, around }
+    Begun { loads, leeway: leeways }
 }
 
-/// Moves, by no more than the largest distance seen, and only where no triangle turns far.
-fn shift<Q: Memory>(store: &mut Store<Q>, loads: &[Load], around: &[Around], delta: &[Vec3]) {
-    for (u, (&delta, &Around { worst, leeway })) in delta.iter().zip(around).enumerate() {
-        let step = delta.length_squared();
-        if step == 0.0 {
-            continue;
-        }
-        let id = VertexId(u as u32);
-        let p = store.v[u].p + delta * if step > worst { (worst / step).sqrt() } else { 1.0 };
-        if min(step, worst) <= leeway || is_fine(store, loads, id, p, leeway == 0.0) {
-            let x = &mut store.v[u];
-            (x.p, x.kind) = (p, x.kind.moved(true));
-        }
-    }
-}
-
-/// Areas of the two triangles that a place `q` makes with the sides `first` and `second`, along `normal`, times its length:
-/// over that of the face, the barycentric coordinates of the second and third corner. All from the first corner.
+/// A vector in one register.
 #[inline(always)]
-fn shares(q: Vec3, first: Vec3, second: Vec3, normal: Vec3) -> [f32; 2] {
-    [normal.dot(q.cross(second)), normal.dot(first.cross(q))]
+fn in_register(v: Vec3) -> Vec3A {
+    Vec3A::from_vec4(v.extend(0.0))
+}
+
+/// The products of one vector with four others.
+#[inline(always)]
+fn dots(a: Vec3A, others: [Vec3A; 4]) -> [f32; 4] {
+    let [x, y, z, _] = f32x4::transpose(others.map(|b| f32x4::new(Vec4::from((a * b, 0.0)).to_array())));
+    (x + y + z).to_array()
 }
 
 /// Whether a place lies above or below a face, no farther than the root of `limit`.
 #[inline(always)]
-fn is_above(p: Vec3, [a, b, c]: [Vec3; 3], limit: f32) -> bool {
+fn is_above(p: Vec3A, [a, b, c]: [Vec3A; 3], limit: f32) -> bool {
     let (q, first, second) = (p - a, b - a, c - a);
     let normal = first.cross(second);
-    let (area_sq, height) = (normal.length_squared(), normal.dot(q));
-    let [v, w] = shares(q, first, second, normal);
+    // Areas of the triangles that the place makes with two sides are its barycentric coordinates, by that of the face.
+    let [area_sq, v, w, height] = dots(normal, [normal, q.cross(second), first.cross(q), q]);
     (height * height <= limit * area_sq) & (v >= 0.0) & (w >= 0.0) & (v + w <= area_sq)
 }
 
-/// Pulls in vertices that stick out farther than the root of `limit`. It is enough to look round the nearest of the
-/// points merged into a vertex: an exact pass over all faces doubles the time of the fit.
+/// A vertex that may stick out.
+struct Suspect {
+    vertex: VertexId,
+    /// The nearest of the points merged into it, and its squared distance.
+    point: VertexId,
+    distance_sq: f32,
+    /// Whether it lies above a face there, and not far.
+    is_near: bool,
+    /// The nearest place of the faces there, and its squared distance, where that is asked.
+    found: (f32, Vec3),
+}
+
+/// Pulls in vertices that stick out farther than the root of `limit`. A vertex that does leaves the surface below it far
+/// from its faces: only the `suspects` are looked at. It is enough to look round the nearest of the points merged into a
+/// vertex: an exact pass over all faces doubles the time of the fit.
+#[inline(never)]
 fn tether<Q: Memory>(
     store: &mut Store<Q>,
     loads: &[Load],
-    around: &[Around],
-    points: &[Vec3],
-    faces: &[[VertexId; 3]],
+    suspects: Vec<VertexId>,
+    given: &mut impl Given,
     home: &[VertexId],
     limit: f32,
 ) {
-    // A vertex that sticks out leaves the surface below it far from its faces.
-    let suspect: Vec<bool> = store
-        .v
-        .iter()
-        .zip(around)
-        .map(|(x, of)| of.worst > SUSPECT * limit && may_move(x.kind) && x.kind.is_moved())
+    // (The mark of a vertex is free for whoever walks: one more than its number among the suspects.)
+    store.v.iter_mut().for_each(|x| x.mark = 0);
+    let mut suspects: Vec<Suspect> = suspects
+        .into_iter()
+        .map(|vertex| Suspect {
+            vertex,
+            point: NONE,
+            distance_sq: f32::INFINITY,
+            is_near: false,
+            found: (f32::INFINITY, Vec3::ZERO),
+        })
         .collect();
-    let mut nearest_point = vec![(f32::INFINITY, NONE); store.v.len()];
-    for (i, (&q, &h)) in points.iter().zip(home).enumerate() {
-        if h != NONE && suspect[h.index()] {
-            let d2 = (q - store.p(h)).length_squared();
-            let best = &mut nearest_point[h.index()];
-            if d2 < best.0 {
-                *best = (d2, VertexId(i as u32));
+    for (i, suspect) in suspects.iter().enumerate() {
+        store.v[suspect.vertex.index()].mark = i as u32 + 1;
+    }
+    given.turn();
+    for (i, &h) in home.iter().enumerate().take(given.point_count()) {
+        if h == NONE {
+            continue;
+        }
+        let x = &store.v[h.index()];
+        if x.mark > 0 {
+            let suspect = &mut suspects[x.mark as usize - 1];
+            let point = VertexId(i as u32);
+            let d2 = (given.place(point) - x.p).length_squared();
+            if d2 < suspect.distance_sq {
+                (suspect.point, suspect.distance_sq) = (point, d2);
             }
         }
     }
-    let mut look = vec![false; points.len()];
+    let mut look = vec![false; given.point_count()];
     let mut any = false;
-    for best in &nearest_point {
-        if best.0 > limit && best.1 != NONE {
-            (look[best.1.index()], any) = (true, true);
+    for suspect in &suspects {
+        if suspect.distance_sq > limit && suspect.point != NONE {
+            (look[suspect.point.index()], any) = (true, true);
         }
     }
     if !any {
         return;
     }
-    drop(nearest_point);
     // Nearly all lie above one of the faces there: what is farther is asked for afterwards, of those that do not.
-    let corners = |t: &[VertexId; 3]| t.map(|w| points[w.index()]);
-    let mut is_near = vec![false; store.v.len()];
-    let mut others: Vec<(VertexId, &[VertexId; 3])> = Vec::new();
-    for t in faces {
+    let mut others: Vec<(u32, [VertexId; 3])> = Vec::new();
+    given.each_face(|t| {
         // (Few are looked at.)
         let [a, b, c] = t.map(|w| look[w.index()]);
         if !(a | b | c) {
-            continue;
+            return;
         }
-        for w in t.iter().filter(|w| look[w.index()]) {
-            let h = home[w.index()];
-            if !is_near[h.index()] {
-                is_near[h.index()] = is_above(store.p(h), corners(t), limit);
-                others.push((h, t));
+        for w in t.into_iter().filter(|w| look[w.index()]) {
+            let x = &store.v[home[w.index()].index()];
+            let suspect = &mut suspects[x.mark as usize - 1];
+            if !suspect.is_near {
+                suspect.is_near = is_above(in_register(x.p), t.map(|w| in_register(given.place(w))), limit);
+                if !suspect.is_near {
+                    others.push((x.mark - 1, t));
+                }
+            }
+        }
+    });
+    for (number, t) in others {
+        let suspect = &mut suspects[number as usize];
+        if !suspect.is_near && suspect.found.0 > limit {
+            let [a, b, c] = t.map(|w| given.place(w));
+            let near = triangle::closest(store.p(suspect.vertex), a, b, c);
+            if near.0 < suspect.found.0 {
+                suspect.found = near;
             }
         }
     }
-    let mut found = vec![(f32::INFINITY, Vec3::ZERO); store.v.len()];
-    for (h, t) in others {
-        let found = &mut found[h.index()];
-        if !is_near[h.index()] && found.0 > limit {
-            let [a, b, c] = corners(t);
-            let near = triangle::closest(store.p(h), a, b, c);
-            if near.0 < found.0 {
-                *found = near;
-            }
-        }
-    }
-    for (u, &(d, q)) in found.iter().enumerate() {
+    for Suspect { vertex, found: (d, q), .. } in suspects {
         if d > limit && d.is_finite() {
-            let id = VertexId(u as u32);
-            let p = q + (store.p(id) - q) * (limit / d).sqrt();
-            if is_fine(store, loads, id, p, true) {
-                store.v[u].p = p;
+            let p = q + (store.p(vertex) - q) * (limit / d).sqrt();
+            if is_fine(store, loads, vertex, p, true) {
+                store.v[vertex.index()].p = p;
             }
         }
     }
@@ -703,13 +882,15 @@ mod tests {
         let mut store = Store::<Tensor>::new(&points, faces.to_vec(), None, None);
         store.link();
         let Begun { loads, .. } = begin(&store);
-        let (ready, normals) = (vec![(NONE, Vec::new()); 4], [Vec3::Z, -Vec3::Z, Vec3::Y]);
-        let mut sampler = Sampler { store: &store, ready, loads, usual: 1.0, rr: 0.0, weight: 0.0 };
+        let (ready, normals) = (vec![Star::NONE; 4], [Vec3A::Z, -Vec3A::Z, Vec3A::Y]);
+        let mut sampler =
+            Sampler { store: &store, vertices: &store.v, ready, loads, usual: 1.0, rr: 0.0, weight: 0.0 };
         // Nearer to the lower side.
-        let sample = Vec3::new(0.6, 0.1, -0.03);
-        let mut side = |normal| sampler.place(sample, normal, 1.0, VertexId(0)).map(|placed| placed.face);
+        let sample = Vec3A::new(0.6, 0.1, -0.03);
+        let mut side =
+            |normal| sampler.place(sample, (normal, 1.0), 1.0, VertexId(0)).map(|placed| placed.face);
         assert_eq!(normals.map(&mut side), [Some(0), Some(1), None]);
-        let taken = |l: &Load| Vec3::from(l.rb).element_sum();
+        let taken = |l: &Load| l.numbers()[8..11].iter().sum::<f32>();
         assert!(sampler.loads.iter().all(|l| taken(l) != 0.0), "both sides have their sample");
     }
 }

@@ -545,7 +545,7 @@ impl Run<'_, '_> {
     ) -> Result<TriMesh, SimplifyError> {
         let input_positions = self.input.surface.positions();
         // The first vertex of the input at each place.
-        let mut first = vec![NONE; store.merged_into.len()];
+        let mut first = vec![NONE; self.ordered.point_count];
         for (i, r) in self.ordered.rank.iter().enumerate().rev() {
             if *r != NONE {
                 first[r.index()] = VertexId(i as u32);

@@ -7,8 +7,10 @@ use bytemuck::Zeroable;
 use bytemuck::allocation::zeroed_vec;
 use glam::Vec3;
 use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, WedgeId};
+use prefetch_index::prefetch_index;
 use wide::{f32x4, u32x4};
 
+use crate::fit::Given;
 use crate::report::Cleanup;
 
 /// No vertex.
@@ -127,6 +129,12 @@ impl Ordered {
     pub(crate) fn is_sound(&self, t: &[VertexId; 3]) -> bool {
         ranked(&self.rank, t).is_ok()
     }
+    /// All of it looked up in the surface that was ordered, bit by bit the same, for four bytes a face.
+    pub(crate) fn again<'a>(&'a self, surface: &'a Surface<'a>) -> Again<'a> {
+        let faces = self.of_faces(surface, |i| i as u32, 0);
+        let (there, here, first) = (Vec::new(), Vec::new(), Vec::new());
+        Again { ordered: self, surface, faces, from: 0, there, here, first }
+    }
     /// The points again from the surface that was ordered.
     pub(crate) fn points_again(&self, surface: &Surface<'_>) -> Vec<Vec3> {
         let mut points = vec![Vec3::ZERO; self.point_count];
@@ -150,6 +158,91 @@ impl Ordered {
     pub(crate) fn wedges(&self, surface: &Surface<'_>, mesh: &TriMesh) -> Vec<[WedgeId; 3]> {
         let wedges = mesh.triangles();
         self.of_faces(surface, |i| wedges[i])
+    }
+}
+
+/// The ordered input, looked up in the surface that was ordered.
+pub(crate) struct Again<'a> {
+    ordered: &'a Ordered,
+    surface: &'a Surface<'a>,
+    /// The number of each face in the surface, in order.
+    faces: Vec<u32>,
+    /// Faces looked up at a time, so that the waits for memory overlap: the first one, their vertices there and here.
+    from: usize,
+    there: Vec<[VertexId; 3]>,
+    here: Vec<[VertexId; 3]>,
+    /// The first vertex of the surface at each place, when faces are no longer looked up by number.
+    first: Vec<VertexId>,
+}
+
+/// Faces looked up at a time. (Guessed: 24 bytes each, so that they stay in the nearest cache.)
+const BLOCK: usize = 256;
+
+impl Again<'_> {
+    #[cold]
+    #[inline(never)]
+    fn look_up(&mut self, face: usize) {
+        self.from = face - face % BLOCK;
+        let block = &self.faces[self.from..self.faces.len().min(self.from + BLOCK)];
+        self.there.clear();
+        self.there.extend(block.iter().map(|&i| self.surface.triangles()[i as usize]));
+        self.here.clear();
+        self.here.extend(self.there.iter().map(|t| t.map(|v| self.ordered.rank[v.index()])));
+    }
+
+    fn place_there(&self, v: VertexId) -> Vec3 {
+        self.ordered.frame.unit(self.surface.positions().get(v))
+    }
+}
+
+impl Given for Again<'_> {
+    fn point_count(&self) -> usize {
+        self.ordered.point_count
+    }
+    fn face_count(&self) -> usize {
+        self.faces.len()
+    }
+    #[inline]
+    fn face(&mut self, face: usize) -> [VertexId; 3] {
+        // (A face before the block is far beyond it, by the wrap.)
+        if face.wrapping_sub(self.from) >= self.here.len() {
+            self.look_up(face);
+        }
+        self.here[face - self.from]
+    }
+    #[inline]
+    fn places(&mut self, face: usize, _: [VertexId; 3]) -> [Vec3; 3] {
+        if face.wrapping_sub(self.from) >= self.there.len() {
+            self.look_up(face);
+        }
+        self.there[face - self.from].map(|v| self.place_there(v))
+    }
+    #[inline]
+    fn bring(&self, face: usize) {
+        if let Some(t) = self.there.get(face.wrapping_sub(self.from)) {
+            for v in t {
+                match self.surface.positions() {
+                    PositionsView::F32(p) => prefetch_index(p, v.index()),
+                    PositionsView::F64(p) => prefetch_index(p, v.index()),
+                }
+            }
+        }
+    }
+    fn turn(&mut self) {
+        (self.faces, self.there, self.here) = (Vec::new(), Vec::new(), Vec::new());
+        self.first = vec![NONE; self.ordered.point_count];
+        for (i, r) in self.ordered.rank.iter().enumerate().rev() {
+            if *r != NONE {
+                self.first[r.index()] = VertexId(i as u32);
+            }
+        }
+    }
+    fn place(&self, v: VertexId) -> Vec3 {
+        self.place_there(self.first[v.index()])
+    }
+    fn each_face(&self, look: impl FnMut([VertexId; 3])) {
+        let faces = self.surface.triangles().iter();
+        faces.filter_map(|t| ranked(&self.ordered.rank, t).ok()).for_each(look);
     }
 }
 
@@ -467,6 +560,31 @@ mod tests {
         let o = surface(&p, &[[0, 1, 2], [3, 4, 5]]);
         assert_eq!((o.points.len(), o.faces.len(), o.cleanup.welded_vertices), (4, 2, 2));
         assert_eq!((o.rank[1], o.rank[2]), (o.rank[3], o.rank[5]));
+    }
+
+    #[test]
+    fn what_is_looked_up_again_is_the_same() {
+        // A strip of more faces than are looked up at a time, as a soup, with a face that is left out.
+        let corner = |i: u32| [(i / 2) as f32 * 0.1, (i % 2) as f32, 0.0];
+        let p: Vec<[f32; 3]> = (0..300).rev().flat_map(|i| [i, i + 1, i + 2].map(corner)).collect();
+        let mut faces: Vec<[u32; 3]> = (0..300).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        faces.insert(7, [0, 1, 1]);
+        let s = Surface::new(PositionsView::F32(&p), bytemuck::cast_slice(&faces)).unwrap();
+        let o = order(&s);
+        let mut again = o.again(&s);
+        assert_eq!((again.point_count(), again.face_count()), (o.points.len(), 300));
+        for (i, t) in o.faces.iter().enumerate() {
+            again.bring(i + 8);
+            assert_eq!(again.face(i), *t);
+            assert_eq!(again.places(i, *t), t.map(|v| o.points[v.index()]));
+        }
+        again.turn();
+        assert!((0..).map(VertexId).zip(&o.points).all(|(v, p)| again.place(v) == *p));
+        let (mut all, mut wanted) = (Vec::new(), o.faces.clone());
+        again.each_face(|t| all.push(t));
+        all.sort();
+        wanted.sort();
+        assert_eq!(all, wanted);
     }
 
     #[test]

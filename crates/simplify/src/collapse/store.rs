@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 use prefetch_index::prefetch_index;
-use wide::{f32x4, u32x4};
+use wide::{f32x4, i32x4, u32x4};
 
 use super::kind::Kind;
 use super::order::NONE;
@@ -21,7 +21,7 @@ pub(crate) struct Corner(u32);
 
 impl Corner {
     #[inline(always)]
-    pub(crate) fn new(face: usize, k: usize) -> Self {
+    pub(crate) const fn new(face: usize, k: usize) -> Self {
         Self((face * 4 + k) as u32)
     }
     #[inline(always)]
@@ -209,6 +209,10 @@ impl Facing {
         });
         let all = bytes[0] | bytes[1] << 8u32 | bytes[2] << 16u32;
         all.to_array().map(|n| Self(n.to_le_bytes().map(u8::cast_signed)))
+    }
+    #[inline(always)]
+    fn bytes(self) -> [u8; 4] {
+        self.0.map(|x| x as u8)
     }
     #[inline(always)]
     pub(crate) fn direction(self) -> Vec3 {
@@ -493,11 +497,17 @@ impl<Q: Memory> Store<Q> {
         four(&self.v, vertices)
     }
 
-    /// Where the input faced at the corners of a face, summed.
+    /// Where the input faced at the corners of four faces, summed for each, side by side.
     #[inline(always)]
-    pub(crate) fn facing(&self, t: &[VertexId; 3]) -> Vec3 {
-        let [a, b, c] = t.map(|w| self.v[w.index()].facing.0.map(i32::from));
-        Vec3::new((a[0] + b[0] + c[0]) as f32, (a[1] + b[1] + c[1]) as f32, (a[2] + b[2] + c[2]) as f32)
+    pub(crate) fn four_facings(&self, t: [[VertexId; 3]; 4]) -> Four {
+        let corner =
+            |k: usize| i32x4::new(t.map(|t| i32::from_le_bytes(self.v[t[k].index()].facing.bytes())));
+        let corners = [corner(0), corner(1), corner(2)];
+        // (A byte of each, with its sign.)
+        [24, 16, 8].map(|up: u32| {
+            let [a, b, c] = corners.map(|x| (x << up) >> 24u32);
+            f32x4::from_i32x4(a + b + c)
+        })
     }
 
     /// Asks the memory for what the visits after the one `at` this place will read: each step needs what the one before
@@ -647,10 +657,19 @@ impl<Q: Memory> Store<Q> {
         self.stamp
     }
 
-    /// The final vertex of every vertex of the ordered input, or [`NONE`] where its part is gone. Takes the record of
-    /// mergers; only after a compaction.
+    /// The final vertex of every vertex of the ordered input, or [`NONE`] where its part is gone; only after a compaction.
     pub(crate) fn homes(&self) -> Vec<VertexId> {
-        let mut home = roots(&self.merged_into);
+        self.homes_from(self.merged_into.clone())
+    }
+
+    /// The same, in the memory of the record of mergers, which is lost.
+    pub(crate) fn take_homes(&mut self) -> Vec<VertexId> {
+        let merged_into = std::mem::take(&mut self.merged_into);
+        self.homes_from(merged_into)
+    }
+
+    fn homes_from(&self, merged_into: Vec<VertexId>) -> Vec<VertexId> {
+        let mut home = roots(merged_into);
         let mut at = vec![NONE; home.len()];
         for (i, x) in self.v.iter().enumerate() {
             at[x.origin.index()] = VertexId(i as u32);
@@ -694,8 +713,7 @@ fn retain_living<T>(of_faces: &mut Option<Vec<T>>, t: &[[VertexId; 3]]) {
 }
 
 /// The root of each element, where `into[i]` is the element that i was merged into (a root: itself).
-fn roots(into: &[VertexId]) -> Vec<VertexId> {
-    let mut into = into.to_vec();
+fn roots(mut into: Vec<VertexId>) -> Vec<VertexId> {
     // Each time round all ways are half as long, at most. (How long each is could not be foretold.)
     loop {
         let mut changed = 0;
@@ -762,6 +780,6 @@ mod tests {
     #[test]
     fn roots_follow_chains() {
         let into = [0, 0, 1, 2, 4].map(VertexId);
-        assert_eq!(roots(&into), [0, 0, 0, 0, 4].map(VertexId));
+        assert_eq!(roots(into.to_vec()), [0, 0, 0, 0, 4].map(VertexId));
     }
 }

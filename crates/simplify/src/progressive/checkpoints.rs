@@ -170,14 +170,15 @@ impl Recorded<'_> {
             x.facing = self.facings.get(origin.index()).copied().unwrap_or_default();
         }
         let before: Vec<Vec3> = store.v.iter().map(|x| x.p).collect();
-        let (points, given) = (&run.ordered.points, &run.ordered.faces);
+        let mut given = fit::Kept { points: &run.ordered.points, faces: &run.ordered.faces };
+        let home = store.homes();
         let mut values = dresser.as_deref_mut().map(|dresser| {
             let places = store.t.iter().map(|t| t.map(|v| before[v.index()]));
             dresser.begin(road, order.iter().copied().zip(places), away)
         });
-        let mut rms = fit::fit(&mut store, points, given, away, values.as_mut()).rms;
+        let mut rms = fit::fit(&mut store, &mut given, &home, away, values.as_mut(), |q| q).rms;
         if road.face_count() <= TWICE_UP_TO {
-            rms = fit::fit(&mut store, points, given, away, None).rms;
+            rms = fit::fit(&mut store, &mut given, &home, away, None, |q| q).rms;
         }
         if let Some(values) = values {
             values.solve(|face, k| {
