@@ -217,9 +217,9 @@ impl<M: Metric> Engine<M> {
         // An edge of two faces looks the same from both ends.
         for edge in edges.iter().filter(|e| e.faces != 2 || e.to > u) {
             let (s, Some(t)) = (edge.side, edge.other) else { continue };
-            let reach =
-                [s, t].map(|s| attributes.reach(wedges[s.face as usize])).into_iter().fold(0f32, f32::max);
-            if attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there)) > reach {
+            let jump = attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there));
+            let reaches = |s: Side| attributes.reach(wedges[s.face as usize]) >= jump;
+            if jump > 0.0 && !reaches(s) && !reaches(t) {
                 for s in [s, t] {
                     attributes.heads[s.here.index()].hard[usize::from(s.ends)] = true;
                     if edge.faces == 2 {
@@ -256,5 +256,37 @@ impl<M: Metric> Engine<M> {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::tensor::Tensor;
+
+    #[test]
+    fn a_closed_fan_has_the_edges_of_any_star() {
+        // Six triangles around vertex 0 in no order, each with its first corner elsewhere, in three charts.
+        let points = vec![Vec3::ZERO; 7];
+        let faces = [[0, 3, 4], [2, 0, 1], [5, 6, 0], [0, 6, 1], [3, 0, 2], [4, 5, 0]];
+        let wedges = [[0, 3, 4], [12, 10, 11], [5, 6, 0], [20, 26, 21], [13, 10, 12], [4, 5, 0]];
+        let (faces, wedges) =
+            (faces.map(|t| t.map(VertexId)).to_vec(), wedges.map(|t| t.map(WedgeId)).to_vec());
+        let mut store = Store::<Tensor>::new(points, faces, Some(wedges), None);
+        store.link();
+        let (mut ring, mut edges, mut others) = (Ring::default(), Vec::new(), Vec::new());
+        store.ring(VertexId(0), &mut ring);
+        assert!(Kind::of(&ring, crate::options::BorderPolicy::Keep).is_regular());
+        store.edges(&ring, Kind::default(), &mut edges);
+        store.edges_of_any(&ring, &mut others);
+        let sides = |e: &Edge| {
+            let of = |s: Side| (s.face, s.here, s.there, s.ends);
+            (e.to, e.rank, e.faces, of(e.side), e.other.map(of))
+        };
+        let all: Vec<_> = edges.iter().map(sides).collect();
+        assert_eq!(all, others.iter().map(sides).collect::<Vec<_>>());
+        assert_eq!(edges.iter().map(|e| e.to.0).collect::<Vec<_>>(), [3, 1, 6]);
     }
 }
