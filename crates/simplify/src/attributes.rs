@@ -121,31 +121,30 @@ impl Rows {
 
         // Wedges by vertex, then by value: equal ones get one row, in the order of the vertices.
         let order = by_place(mesh.wedge_count(), place);
-        let mut values: Vec<f32> = Vec::new();
+        let mut given = vec![0f32; width * order.len()];
+        for c in layout.iter().filter(|c| c.constant.is_none()) {
+            c.read_all(c.all(mesh), &order, width, &mut given);
+        }
+        let mut values: Vec<f32> = Vec::with_capacity(given.len());
         let mut all_pulls: Vec<Pulls> = Vec::new();
         let mut wedge_rows = vec![WedgeId(0); mesh.wedge_count()];
         let (mut count, mut first) = (0usize, 0usize);
-        let mut row = vec![0f32; width];
-        let varying: Vec<(&Column, &[f32])> =
-            layout.iter().filter(|c| c.constant.is_none()).map(|c| (c, c.all(mesh))).collect();
         for (i, &(vertex, w)) in order.iter().enumerate() {
             if i == 0 || order[i - 1].0 != vertex {
                 first = count;
             }
-            for (c, all) in &varying {
-                c.read(all, w, &mut row[c.at..c.at + c.width]);
-            }
+            let row = &given[i * width..][..width];
             let own_pulls = pulls_of(w);
             let same = |&r: &usize| {
                 let known = &values[r * width..][..width];
-                known.iter().zip(&row).all(|(a, b)| a.to_bits() == b.to_bits())
+                known.iter().zip(row).all(|(a, b)| a.to_bits() == b.to_bits())
                     && (skin_sets.is_empty() || all_pulls[r] == own_pulls)
             };
             // A vertex of a great many wedges is looked through in part only.
             let known = (first.max(count.saturating_sub(64))..count).find(same);
             wedge_rows[w.index()] = WedgeId(known.unwrap_or(count) as u32);
             if known.is_none() {
-                values.extend_from_slice(&row);
+                values.extend_from_slice(row);
                 if !skin_sets.is_empty() {
                     all_pulls.push(own_pulls);
                 }
@@ -396,19 +395,23 @@ fn in_order(pairs: &[(VertexId, WedgeId)], vertices: usize) -> Vec<(VertexId, We
 
 /// The wedges below `count` in the order of their vertices, each with its vertex; those without one are left out.
 fn by_place(count: usize, place: impl Fn(WedgeId) -> VertexId) -> Vec<(VertexId, WedgeId)> {
-    let wedges = || (0..count as u32).map(WedgeId).map(|w| (place(w), w)).filter(|x| x.0 != NONE);
-    let vertices = wedges().map(|x| x.0.index() + 1).max().unwrap_or(0);
-    let mut at = vec![0; vertices + 1];
-    for (v, _) in wedges() {
-        at[v.index() + 1] += 1;
+    let places: Vec<VertexId> = (0..count as u32).map(|w| place(WedgeId(w))).collect();
+    let vertices = places.iter().filter(|&&v| v != NONE).map(|v| v.index() + 1).max().unwrap_or(0);
+    // Those without a vertex are counted behind the others.
+    let slot = |v: VertexId| v.index().min(vertices);
+    let mut at = vec![0u32; vertices + 2];
+    for &v in &places {
+        at[slot(v) + 1] += 1;
     }
     for i in 0..vertices {
         at[i + 1] += at[i];
     }
-    let mut order = vec![(NONE, WedgeId(0)); at[vertices]];
-    for (v, w) in wedges() {
-        order[at[v.index()]] = (v, w);
-        at[v.index()] += 1;
+    let with_vertex = at[vertices] as usize;
+    let mut order = vec![(NONE, WedgeId(0)); with_vertex];
+    for (w, &v) in places.iter().enumerate().filter(|x| *x.1 != NONE) {
+        let at = &mut at[v.index()];
+        order[*at as usize] = (v, WedgeId(w as u32));
+        *at += 1;
     }
     order
 }
@@ -455,15 +458,41 @@ impl Column {
         self.is_direction()
             || matches!(&self.of, Of::Further(Semantic::Morph { of, .. }) if morphed.contains(of))
     }
+    /// Reads the values of wedges, in this order, into the rows of so many values each.
+    fn read_all(&self, all: &[f32], order: &[(VertexId, WedgeId)], width: usize, rows: &mut [f32]) {
+        match self.width {
+            2 => self.read_all_of::<2>(all, order, width, rows),
+            3 => self.read_all_of::<3>(all, order, width, rows),
+            _ => self.read_all_of::<0>(all, order, width, rows),
+        }
+    }
+    /// The same where the width is known, for loops that are unrolled; 0 is any.
+    #[inline(always)]
+    fn read_all_of<const N: usize>(
+        &self,
+        all: &[f32],
+        order: &[(VertexId, WedgeId)],
+        width: usize,
+        rows: &mut [f32],
+    ) {
+        let n = if N == 0 { self.width } else { N };
+        for (&(_, w), row) in order.iter().zip(rows.chunks_exact_mut(width)) {
+            self.read_of(n, all, w, &mut row[self.at..self.at + n]);
+        }
+    }
     /// Reads the values of a wedge among [all](Self::all).
     fn read(&self, all: &[f32], w: WedgeId, out: &mut [f32]) {
-        if let Some(own) = all.get(w.index() * self.width..(w.index() + 1) * self.width) {
+        self.read_of(self.width, all, w, out);
+    }
+    #[inline(always)]
+    fn read_of(&self, width: usize, all: &[f32], w: WedgeId, out: &mut [f32]) {
+        if let Some(own) = all.get(w.index() * width..(w.index() + 1) * width) {
             // What is no number cannot be blended.
             out.iter_mut().zip(own).for_each(|(to, x)| *to = if x.is_finite() { *x } else { 0.0 });
         }
         if self.is_direction() {
-            let n = DVec3::from_slice(&[0, 1, 2].map(|k| f64::from(out[k])));
-            if n.max_element().max(-n.min_element()) > f64::from(LARGEST) {
+            if out[..3].iter().any(|x| x.abs() > LARGEST) {
+                let n = DVec3::from_slice(&[0, 1, 2].map(|k| f64::from(out[k])));
                 out[..3].copy_from_slice(&(n / n.length()).as_vec3().to_array());
             }
         } else if self.divisor != 1.0 {

@@ -343,8 +343,9 @@ impl<M: Metric> Engine<M> {
 
     /// Adds the lines of a star to a tensor.
     fn add_lines_to(&self, sum: &mut Tensor, u: VertexId, ring: &Ring, edges: &mut Vec<Edge>) {
-        let seams = self.store.v[u.index()].kind.is_seam();
-        self.store.edges(ring, edges);
+        let kind = self.store.v[u.index()].kind;
+        let seams = kind.is_seam();
+        self.store.edges(ring, kind, edges);
         for edge in edges {
             let weight = self.weight_of(edge, seams);
             if weight > 0.0 {
@@ -358,7 +359,7 @@ impl<M: Metric> Engine<M> {
         if self.attributes.is_none() && self.store.regions.is_none() || self.is_far_from_seams(ring, u) {
             return kind;
         }
-        self.store.edges(ring, edges);
+        self.store.edges(ring, kind, edges);
         kind.on_seam(edges.iter().any(Edge::is_seam))
     }
 
@@ -537,7 +538,8 @@ impl<M: Metric> Engine<M> {
             Vec3::ZERO => d,
             _ => Vec3::ZERO,
         };
-        let other = Candidate { step, cost: self.cost_at(u, v, step, ru, members), ..*refused };
+        let cost = self.cost_at(u, v, step, ru, members);
+        let other = Candidate { step, cost, removed: v, sure: 0.0 };
         (other.cost <= tau).then_some(other)
     }
 

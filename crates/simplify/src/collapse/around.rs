@@ -73,7 +73,7 @@ impl<M: Metric> Engine<M> {
         let judged = self.metric.judge(&around, self.mean_face);
         self.around = around;
         // (A cost without bound, on input of extreme sizes, would look like one that is not known.)
-        judged.map(|(cost, step)| Candidate { cost: cost.clamp(0.0, f32::MAX), removed: v, step })
+        judged.map(|(cost, step)| Candidate { cost: cost.clamp(0.0, f32::MAX), removed: v, step, sure: 0.0 })
     }
 
     fn look_around(&self, u: VertexId, v: VertexId, place: Place, ru: &Ring, rv: &Ring, around: &mut Around) {

@@ -312,24 +312,20 @@ impl Attributes {
     ) -> Vec<f64> {
         /// Triangles that are enough for a mean. (Guessed.)
         const ENOUGH: usize = 8192;
-        let mut sums = vec![0f64; 4 * self.lanes];
+        let mut sums = vec![[0f64; 4]; self.lanes];
         let mut area = 0f64;
         let step = (faces.len() / ENOUGH).max(1);
         let looks: Vec<usize> = (0..faces.len()).step_by(step).collect();
         for few in looks.chunks(4) {
-            let corner = |k: usize| {
-                let of =
-                    |i: usize| points[faces[few[i.min(few.len() - 1)]][k].index()].extend(0.0).to_array();
-                let [x, y, z, _] = f32x4::transpose([of(0), of(1), of(2), of(3)].map(f32x4::new));
-                [x, y, z]
-            };
-            let slopes = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
+            let four = [0, 1, 2, 3].map(|i: usize| faces[few[i.min(few.len() - 1)]]);
+            let corners = [0, 1, 2].map(|k| lanes::four(four.map(|t| points[t[k].index()])));
+            let slopes = FourSlopes::of(corners.each_ref());
             for (i, &face) in few.iter().enumerate() {
                 let s = slopes.one(i);
                 area += f64::from(s.area);
                 let [o, a, b] = wedges[face];
                 let (o, a, b) = (self.values(o), self.values(a), self.values(b));
-                for (i, sums) in sums.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+                for (i, sums) in sums.iter_mut().enumerate() {
                     let (a, b) = (a[i] - o[i], b[i] - o[i]);
                     let gradient = [a * s.a.x + b * s.b.x, a * s.a.y + b * s.b.y, a * s.a.z + b * s.b.z];
                     let square = (lanes::dot(&gradient, &gradient) * s.area).to_array();
@@ -339,7 +335,7 @@ impl Attributes {
                 }
             }
         }
-        sums.iter().map(|x| x / area.max(f64::MIN_POSITIVE)).collect()
+        sums.as_flattened().iter().map(|x| x / area.max(f64::MIN_POSITIVE)).collect()
     }
 
     /// What the values of three corners add to the tensors of these corners; the first is the one that `s` is seen from.

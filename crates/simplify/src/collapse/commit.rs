@@ -49,6 +49,8 @@ pub(crate) struct Candidate {
     pub(crate) cost: f32,
     pub(crate) removed: VertexId,
     pub(crate) step: Vec3,
+    /// What its form says there, where that is known to a few digits; else 0.
+    pub(crate) sure: f32,
 }
 
 /// Where the merged vertex goes: exactly onto the removed end where the step leads there.
@@ -128,6 +130,18 @@ impl<M: Metric> Engine<M> {
         if verdict.turns_far && self.folds(x.facing.direction() + z.facing.direction()) {
             return Outcome::Refused(Refusal::NormalFlip);
         }
+        let is_exact = matches!(self.metric.decides(), Judge::Engine);
+        let worse = (WORSE_SHAPE / shape.sqrt().max(1e-4)).max(1.0);
+        // What the form and the triangles say already may be too dear, before lines and attributes are looked at. (Where
+        // lines change with what lies beside them, the form does not know all of it.)
+        let on_lines = x.kind.has_lines() || z.kind.has_lines();
+        let is_sure = is_exact && !on_lines && candidate.sure > 0.0;
+        if is_exact && self.attributes.is_some() && !probe && peak <= self.rules.max_step_sq {
+            let known = if is_sure { candidate.sure + self.peak_weight() * peak } else { candidate.cost };
+            if known * worse > tau {
+                return Outcome::Later(known * worse * price);
+            }
+        }
         if self.rules.has_extra_guards()
             && let Err(why) = self.ask_guards(at, x.p, z.p, shared, ru, rv)
         {
@@ -141,7 +155,7 @@ impl<M: Metric> Engine<M> {
                     continue;
                 }
                 let mut edges = std::mem::take(&mut self.edges);
-                self.store.edges(ring, &mut edges);
+                self.store.edges(ring, end.kind, &mut edges);
                 for e in &edges {
                     let (w, line) = (e.to, self.weight_of(e, end.kind.is_seam()));
                     if line == 0.0 || (w == other && !at_u) {
@@ -158,8 +172,9 @@ impl<M: Metric> Engine<M> {
             }
         }
         // What is too dear already need not be known to the last digit.
-        let is_exact = matches!(self.metric.decides(), Judge::Engine);
-        if is_exact && self.attributes.is_some() && (cost <= tau || probe) {
+        if is_sure {
+            cost = cost.max(candidate.sure);
+        } else if is_exact && self.attributes.is_some() && (cost <= tau || probe) {
             self.prepare_merge(u, v, y, ru);
             cost += self.attribute_cost(u, v, y, ru.len());
         }
@@ -182,7 +197,7 @@ impl<M: Metric> Engine<M> {
         }
         if !self.metric.decides().is_metric() {
             plain = cost;
-            cost *= (WORSE_SHAPE / shape.sqrt().max(1e-4)).max(1.0);
+            cost *= worse;
         }
         if cost <= tau || probe {
             cost = self.charge(x.origin, z.origin, at, cost, tau, probe);
@@ -193,7 +208,7 @@ impl<M: Metric> Engine<M> {
         if let Err(why) = self.hand_over_wedges(u, v, y, off, ru, rv) {
             return Outcome::Refused(why);
         }
-        if !is_exact {
+        if !is_exact || is_sure {
             self.prepare_merge(u, v, y, ru);
         }
         self.spent += f64::from(plain);

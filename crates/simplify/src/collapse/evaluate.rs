@@ -26,6 +26,10 @@ const FARTHEST: f32 = 1.0;
 /// nothing, so that the exact one is asked for at the commit: it alone tells flat from nearly flat.
 const NOISE: f32 = 1e-8;
 
+/// Share of trace · length² from which a difference of squares is known to about a thousandth: then what attributes lose need
+/// not be asked of the triangles once more.
+const SURE: f32 = 1e-5;
+
 /// What was found of the edges of a vertex.
 #[derive(Debug, Default)]
 pub(crate) struct Found {
@@ -66,6 +70,8 @@ impl Found {
 struct Evaluated {
     cost: f32x4,
     step: Four,
+    /// The forms there, where they are known to a few digits and attributes count; else 0.
+    sure: f32x4,
     /// All bits of a lane, where the system could be solved.
     solved: f32x4,
 }
@@ -93,7 +99,7 @@ impl<M: Metric> Engine<M> {
         let plain = self.metric.is_memoryless() && self.rules.placement == Placement::Optimal && is_plain(u);
         for four in owned.chunks(4) {
             if plain && (four.len() > 1 || self.attributes.is_some()) && four.iter().all(|&w| is_plain(w)) {
-                let Evaluated { cost, step, solved } =
+                let Evaluated { cost, step, sure, solved } =
                     self.evaluate_four(u, four, are_lone || self.are_lone(u, four), ru, members);
                 let within = solved & cost.simd_le(f32x4::splat(most));
                 let dear = (solved ^ within).bitselect(cost, f32x4::splat(f32::INFINITY));
@@ -105,7 +111,8 @@ impl<M: Metric> Engine<M> {
                     left &= left - 1;
                     if solved & (1 << i) != 0 {
                         let step = Vec3::from(step.map(|x| x.to_array()[i]));
-                        found.within.push(Candidate { cost: cost.to_array()[i], removed: four[i], step });
+                        let (cost, sure) = (cost.to_array()[i], sure.to_array()[i]);
+                        found.within.push(Candidate { cost, removed: four[i], step, sure });
                     } else if let Some(candidate) = self.evaluate_edge(u, four[i], ru, members) {
                         found.add(candidate, most);
                     }
@@ -172,12 +179,17 @@ impl<M: Metric> Engine<M> {
         let peak =
             f32x4::ONE + f32x4::splat(PEAK_GUESS * self.peak_weight()) / trace.fast_max(f32x4::splat(1e-37));
         let q = c - dot(&h, &y) * 2.0 + dot(&times(&a, &y), &y);
-        let q = q.simd_gt(trace * d_sq * NOISE) & q;
+        let size = trace * d_sq;
+        let sure = match self.attributes {
+            Some(_) => q.simd_gt(size * SURE) & q,
+            None => f32x4::ZERO,
+        };
+        let q = q.simd_gt(size * NOISE) & q;
         // |y|² + |y - d|², by the middle.
         let spread = from_mid_sq + from_mid_sq + d_sq * 0.5;
         let tie = trace * (0.5 * TIE) * spread;
         let cost = q * peak + tie;
-        Evaluated { cost, step: y, solved }
+        Evaluated { cost, step: y, sure, solved }
     }
 
     /// The cost of a form at `y`, in edge `d`.
@@ -238,7 +250,7 @@ impl<M: Metric> Engine<M> {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let (form, d) = self.form(u, v, ru, members);
         let cost = |y: Vec3| self.cost_of(&form, d, y);
-        let at = |y: Vec3| Some(Candidate { cost: cost(y), removed: v, step: y });
+        let at = |y: Vec3| Some(Candidate { cost: cost(y), removed: v, step: y, sure: 0.0 });
         let ends = || if cost(Vec3::ZERO) <= cost(d) { at(Vec3::ZERO) } else { at(d) };
         if !(x.kind.is_free() && z.kind.is_free()) {
             return match (x.kind, z.kind) {

@@ -4,7 +4,7 @@ use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::Engine;
 use super::attributes::NO_WEDGE;
-use super::kind::faces_at;
+use super::kind::{Kind, faces_at};
 use super::store::{Ring, Spoke, Store};
 use crate::metric::{Memory, Metric};
 use crate::report::Refusal;
@@ -55,6 +55,8 @@ const NO_REGION: RegionId = RegionId(u32::MAX);
 #[derive(Clone, Copy)]
 pub(super) struct Edge {
     pub(super) to: VertexId,
+    /// Where the faces of the star have it first.
+    rank: u32,
     faces: u32,
     side: Side,
     /// The first one that differs from it in wedges or regions.
@@ -110,14 +112,38 @@ impl<Q: Memory> Store<Q> {
         Side { face: face as u32, here, there, region, ends }
     }
 
-    /// The edges of a star, in the order in which its faces have them.
-    pub(super) fn edges(&self, ring: &[Spoke], out: &mut Vec<Edge>) {
+    /// The edges of a star that are more than inner ones, in the order in which its faces have them: those of not just two
+    /// faces, and those whose sides differ. Where the star is a closed fan, that is known from its kind.
+    pub(super) fn edges(&self, ring: &[Spoke], kind: Kind, out: &mut Vec<Edge>) {
         out.clear();
-        for r in ring {
+        if !kind.is_regular() {
+            return self.edges_of_any(ring, out);
+        }
+        for (i, r) in ring.iter().enumerate() {
+            // Every neighbour is second in one face, too.
+            let Some(k) = ring.iter().position(|s| s.b == r.a) else { continue };
+            let (own, beyond) = (self.side(r, false), self.side(&ring[k], true));
+            if own.differs(&beyond) {
+                let (rank, side, other) =
+                    if i <= k { (2 * i, own, beyond) } else { (2 * k + 1, beyond, own) };
+                let rank = rank as u32;
+                let at = out.iter().rposition(|e| e.rank < rank).map_or(0, |last| last + 1);
+                out.insert(at, Edge { to: r.a, rank, faces: 2, side, other: Some(other) });
+            }
+        }
+    }
+
+    /// The same where nothing is known of it.
+    #[inline(never)]
+    fn edges_of_any(&self, ring: &[Spoke], out: &mut Vec<Edge>) {
+        for (i, r) in ring.iter().enumerate() {
             for (to, ends) in [(r.a, false), (r.b, true)] {
                 let side = self.side(r, ends);
                 match out.iter_mut().find(|e| e.to == to) {
-                    None => out.push(Edge { to, faces: 1, side, other: None }),
+                    None => {
+                        let rank = (2 * i + usize::from(ends)) as u32;
+                        out.push(Edge { to, rank, faces: 1, side, other: None });
+                    }
                     Some(e) => {
                         e.faces += 1;
                         if e.other.is_none() && e.side.differs(&side) {
@@ -127,13 +153,14 @@ impl<Q: Memory> Store<Q> {
                 }
             }
         }
+        out.retain(|e| e.faces != 2 || e.is_seam());
     }
 
     /// The edge from the centre of a star to `w`.
     fn edge(&self, ring: &[Spoke], w: VertexId) -> Option<Edge> {
         let mut sides = ring.iter().filter(|r| r.has(w)).map(|r| self.side(r, r.a != w));
         let side = sides.next()?;
-        let mut edge = Edge { to: w, faces: 1, side, other: None };
+        let mut edge = Edge { to: w, rank: 0, faces: 1, side, other: None };
         for other in sides {
             edge.faces += 1;
             edge.other = edge.other.or(Some(other).filter(|o| side.differs(o)));
@@ -190,9 +217,9 @@ impl<M: Metric> Engine<M> {
         // An edge of two faces looks the same from both ends.
         for edge in edges.iter().filter(|e| e.faces != 2 || e.to > u) {
             let (s, Some(t)) = (edge.side, edge.other) else { continue };
-            let reach =
-                [s, t].map(|s| attributes.reach(wedges[s.face as usize])).into_iter().fold(0f32, f32::max);
-            if attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there)) > reach {
+            let jump = attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there));
+            let reaches = |s: Side| attributes.reach(wedges[s.face as usize]) >= jump;
+            if jump > 0.0 && !reaches(s) && !reaches(t) {
                 for s in [s, t] {
                     attributes.heads[s.here.index()].hard[usize::from(s.ends)] = true;
                     if edge.faces == 2 {
@@ -229,5 +256,37 @@ impl<M: Metric> Engine<M> {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::tensor::Tensor;
+
+    #[test]
+    fn a_closed_fan_has_the_edges_of_any_star() {
+        // Six triangles around vertex 0 in no order, each with its first corner elsewhere, in three charts.
+        let points = vec![Vec3::ZERO; 7];
+        let faces = [[0, 3, 4], [2, 0, 1], [5, 6, 0], [0, 6, 1], [3, 0, 2], [4, 5, 0]];
+        let wedges = [[0, 3, 4], [12, 10, 11], [5, 6, 0], [20, 26, 21], [13, 10, 12], [4, 5, 0]];
+        let (faces, wedges) =
+            (faces.map(|t| t.map(VertexId)).to_vec(), wedges.map(|t| t.map(WedgeId)).to_vec());
+        let mut store = Store::<Tensor>::new(points, faces, Some(wedges), None);
+        store.link();
+        let (mut ring, mut edges, mut others) = (Ring::default(), Vec::new(), Vec::new());
+        store.ring(VertexId(0), &mut ring);
+        assert!(Kind::of(&ring, crate::options::BorderPolicy::Keep).is_regular());
+        store.edges(&ring, Kind::default(), &mut edges);
+        store.edges_of_any(&ring, &mut others);
+        let sides = |e: &Edge| {
+            let of = |s: Side| (s.face, s.here, s.there, s.ends);
+            (e.to, e.rank, e.faces, of(e.side), e.other.map(of))
+        };
+        let all: Vec<_> = edges.iter().map(sides).collect();
+        assert_eq!(all, others.iter().map(sides).collect::<Vec<_>>());
+        assert_eq!(edges.iter().map(|e| e.to.0).collect::<Vec<_>>(), [3, 1, 6]);
     }
 }

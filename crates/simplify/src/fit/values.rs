@@ -35,6 +35,11 @@ impl Originals {
         let count = attributes.count();
         let mut charts: Vec<WedgeId> = (0..count as u32).map(WedgeId).collect();
         for t in wedges {
+            // (Most are one already.)
+            let [a, b, c] = t.map(|w| charts[w.index()]);
+            if a == b && b == c {
+                continue;
+            }
             let [a, b, c] = t.map(|w| root(&mut charts, w));
             let least = a.min(b).min(c);
             for w in [a, b, c] {
@@ -183,7 +188,9 @@ impl<'a> Values<'a> {
             self.attributes.values_of(lanes, a),
             self.attributes.values_of(lanes, c),
         );
-        let off = &mut self.off[..lanes];
+        // (What fits into registers stays there.)
+        let mut few = [f32x4::ZERO; 2];
+        let off = if N == 0 { &mut self.off[..lanes] } else { &mut few[..N] };
         let mut far = f32x4::ZERO;
         for (i, off) in off.iter_mut().enumerate() {
             let mut sum = f32x4::ZERO;
@@ -234,8 +241,9 @@ impl<'a> Values<'a> {
         // What does not change from sweep to sweep.
         let mut scales = vec![0f32; count];
         let mut most = vec![f32x4::ZERO; count * lanes];
-        let mut sums = vec![f32x4::ZERO; lanes];
-        let sums = &mut sums[..lanes];
+        // (What fits into registers stays there.)
+        let (mut few, mut many) = ([f32x4::ZERO; 2], vec![f32x4::ZERO; if N == 0 { lanes } else { 0 }]);
+        let sums = if N == 0 { &mut many[..] } else { &mut few[..N] };
         for sweep in 0..SWEEPS {
             for (w, scale) in scales.iter_mut().enumerate() {
                 let corners = of_wedge(w);
@@ -247,7 +255,9 @@ impl<'a> Values<'a> {
                         own += self.bb[f].0[k];
                         held += self.held[f][k];
                         let worst = &self.worst[f * lanes..][..lanes];
-                        most.iter_mut().zip(worst).for_each(|(most, worst)| *most = most.fast_max(*worst));
+                        for i in 0..lanes {
+                            most[i] = most[i].fast_max(worst[i]);
+                        }
                     }
                     let corner = corners[0] as usize;
                     if own > 0.0 && moved(corner >> 2, corner & 3).is_some() {
@@ -261,11 +271,13 @@ impl<'a> Values<'a> {
                 for &corner in corners {
                     let (f, k) = (corner as usize >> 2, corner as usize & 3);
                     let wanted = &self.wanted[(3 * f + k) * lanes..][..lanes];
-                    sums.iter_mut().zip(wanted).for_each(|(sum, wanted)| *sum += *wanted);
-                    for (j, at) in OTHERS[k] {
-                        let (other, share) = (self.wedges[f][j].index() * lanes, self.bb[f].0[at]);
-                        let shift = &shifts[other..][..lanes];
-                        sums.iter_mut().zip(shift).for_each(|(sum, shift)| *sum -= *shift * share);
+                    let [(one, at_one), (other, at_other)] = OTHERS[k];
+                    let (wedges, bb) = (&self.wedges[f], &self.bb[f].0);
+                    let (by_one, by_other) = (bb[at_one], bb[at_other]);
+                    let one = &shifts[wedges[one].index() * lanes..][..lanes];
+                    let other = &shifts[wedges[other].index() * lanes..][..lanes];
+                    for i in 0..lanes {
+                        sums[i] = sums[i] + wanted[i] - one[i] * by_one - other[i] * by_other;
                     }
                 }
                 let shift = &mut shifts[w * lanes..][..lanes];

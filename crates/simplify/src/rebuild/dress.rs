@@ -20,6 +20,8 @@ use crate::collapse::order::NONE;
 const ALONE: u32 = u32::MAX;
 /// Cosine of the angle beyond which a face of the old surface is no place for one of the new.
 const AWAY: f64 = -0.2;
+/// More than rounding makes of a distance, in a frame of size 1.
+const SLACK: f64 = 1e-9;
 /// How far a corner is drawn towards the middle of its face where several old faces are equally near.
 const INWARDS: f64 = 0.1;
 /// Rows at one vertex whose values differ by less than this share of the largest of their kind are one.
@@ -74,8 +76,8 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
         };
         neighbours(&ground.faces, ground.points.len(), joined)
     };
-    let mut patches = [false, true]
-        .map(|shading| has[usize::from(shading)].then(|| Patch::new(links(shading), ground.faces.len())));
+    let mut patches =
+        [false, true].map(|shading| has[usize::from(shading)].then(|| Patch::new(links(shading), ground)));
 
     let largest = rows.largest();
     let mut values: Vec<f32> = Vec::new();
@@ -237,6 +239,8 @@ fn neighbours(
 /// Old faces around the place of a new one, as far as no seam lies between.
 struct Patch {
     links: Vec<[u32; 3]>,
+    /// The box of each old face.
+    boxes: Vec<[DVec3; 2]>,
     faces: Vec<u32>,
     seen: Vec<u32>,
     turn: u32,
@@ -249,8 +253,20 @@ struct Place {
 }
 
 impl Patch {
-    fn new(links: Vec<[u32; 3]>, faces: usize) -> Self {
-        Self { links, faces: Vec::new(), seen: vec![0; faces], turn: 0 }
+    fn new(links: Vec<[u32; 3]>, ground: &Ground) -> Self {
+        let bounds = |t: &[VertexId; 3]| {
+            let [a, b, c] = t.map(|v| ground.points[v.index()]);
+            [a.min(b).min(c), a.max(b).max(c)]
+        };
+        let boxes = ground.faces.iter().map(bounds).collect();
+        Self { links, boxes, faces: Vec::new(), seen: vec![0; ground.faces.len()], turn: 0 }
+    }
+
+    /// The square of a distance that no point of a face comes nearer than, but for rounding.
+    #[inline(always)]
+    fn at_least_sq(&self, face: usize, place: DVec3) -> f64 {
+        let [min, max] = self.boxes[face];
+        (min - place).max(place - max).max(DVec3::ZERO).length_squared()
     }
 
     /// Takes the faces around `from` whose distance from the centre is up to the radius, and more if the surface is further
@@ -259,6 +275,7 @@ impl Patch {
         let distance_sq =
             |f: usize| nearest(centre, ground.faces[f].map(|v| ground.points[v.index()])).distance_sq;
         let reach = radius + distance_sq(from).sqrt();
+        let most = (reach + SLACK) * (reach + SLACK);
         self.turn += 1;
         self.faces.clear();
         self.faces.push(from as u32);
@@ -268,7 +285,9 @@ impl Patch {
             for g in self.links[self.faces[looked] as usize] {
                 if g != ALONE && self.seen[g as usize] != self.turn {
                     self.seen[g as usize] = self.turn;
-                    if distance_sq(g as usize) <= reach * reach {
+                    if self.at_least_sq(g as usize, centre) <= most
+                        && distance_sq(g as usize) <= reach * reach
+                    {
                         self.faces.push(g);
                     }
                 }
@@ -283,9 +302,14 @@ impl Patch {
         let corners = |f: u32| ground.faces[f as usize].map(|v| ground.points[v.index()]);
         let inwards = place.lerp(centre, INWARDS);
         let mut best = (f64::INFINITY, f64::INFINITY, u32::MAX, None);
+        let mut most = f64::INFINITY;
         for &f in &self.faces {
             let own =
                 if kept == NONE { None } else { ground.faces[f as usize].iter().position(|v| *v == kept) };
+            // (Most are out of the question at a glance.)
+            if own.is_none() && self.at_least_sq(f as usize, place) > most {
+                continue;
+            }
             let distance_sq = if own.is_some() { 0.0 } else { nearest(place, corners(f)).distance_sq };
             // Equal but for rounding, in a frame of size 1.
             if distance_sq.sqrt() > best.0.sqrt() + 1e-12 {
@@ -295,6 +319,7 @@ impl Patch {
             let is_nearer = distance_sq.sqrt() + 1e-12 < best.0.sqrt();
             if is_nearer || (aside, f) < (best.1, best.2) {
                 best = (distance_sq.min(best.0), aside, f, own);
+                most = (best.0.sqrt() + SLACK).powi(2);
             }
         }
         let face = best.2 as usize;
