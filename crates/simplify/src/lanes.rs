@@ -21,19 +21,10 @@ pub(crate) fn four(v: [Vec3; 4]) -> Four {
     [x, y, z]
 }
 
-/// One by one, with a zero behind each.
+/// One by one, with a zero behind each: [`four`] undone.
 #[inline(always)]
 pub(crate) fn rows(v: &Four) -> [f32x4; 4] {
     f32x4::transpose([v[0], v[1], v[2], f32x4::ZERO])
-}
-
-/// One by one: [`four`] undone.
-#[inline(always)]
-pub(crate) fn each(v: &Four) -> [Vec3; 4] {
-    rows(v).map(|v| {
-        let [x, y, z, _] = v.to_array();
-        Vec3::new(x, y, z)
-    })
 }
 
 #[inline(always)]

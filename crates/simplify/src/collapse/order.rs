@@ -131,7 +131,7 @@ impl Ordered {
     }
     /// All of it looked up in the surface that was ordered, bit by bit the same, for four bytes a face.
     pub(crate) fn again<'a>(&'a self, surface: &'a Surface<'a>) -> Again<'a> {
-        let faces = self.of_faces(surface, |i| i as u32, 0);
+        let faces = self.of_faces(surface, |i| i as u32);
         let (there, here, first) = (Vec::new(), Vec::new(), Vec::new());
         Again { ordered: self, surface, faces, from: 0, there, here, first }
     }

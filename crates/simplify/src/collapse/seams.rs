@@ -274,7 +274,7 @@ mod tests {
         let wedges = [[0, 3, 4], [12, 10, 11], [5, 6, 0], [20, 26, 21], [13, 10, 12], [4, 5, 0]];
         let (faces, wedges) =
             (faces.map(|t| t.map(VertexId)).to_vec(), wedges.map(|t| t.map(WedgeId)).to_vec());
-        let mut store = Store::<Tensor>::new(points, faces, Some(wedges), None);
+        let mut store = Store::<Tensor>::new(&points, faces, Some(wedges), None);
         store.link();
         let (mut ring, mut edges, mut others) = (Ring::default(), Vec::new(), Vec::new());
         store.ring(VertexId(0), &mut ring);
