@@ -298,6 +298,9 @@ fn ranked(rank: &[VertexId], t: &[VertexId; 3]) -> Result<[VertexId; 3], Unfit> 
     }
 }
 
+/// Faces whose least vertices are kept until they are in order: to find them again takes as long as the rest, but less memory.
+const KEPT_UP_TO: usize = 1 << 22;
+
 /// Something of each sound face (from its index and its vertices), in the order of the faces' least ones. Says why each
 /// of the others is left out.
 #[inline(never)]
@@ -309,21 +312,27 @@ fn by_least<T: Zeroable>(
     mut left_out: impl FnMut(Unfit),
 ) -> Vec<T> {
     let mut at = vec![0u32; points];
-    // (Kept: to find them again takes as long as the rest.)
-    let least = |t| match ranked(rank, t) {
-        Ok(r) => {
-            let least = r[0].min(r[1]).min(r[2]);
-            at[least.index()] += 1;
-            least
+    let least = |t| ranked(rank, t).map(|r| r[0].min(r[1]).min(r[2]));
+    let is_kept = triangles.len() <= KEPT_UP_TO;
+    let mut kept = Vec::with_capacity(if is_kept { triangles.len() } else { 0 });
+    for t in triangles {
+        let least = match least(t) {
+            Ok(least) => {
+                at[least.index()] += 1;
+                least
+            }
+            Err(why) => {
+                left_out(why);
+                NONE
+            }
+        };
+        if is_kept {
+            kept.push(least);
         }
-        Err(why) => {
-            left_out(why);
-            NONE
-        }
-    };
-    let least: Vec<VertexId> = triangles.iter().map(least).collect();
+    }
     let mut out: Vec<T> = zeroed_vec(as_begins(&mut at) as usize);
-    for (i, (t, &least)) in triangles.iter().zip(&least).enumerate() {
+    for (i, t) in triangles.iter().enumerate() {
+        let least = if is_kept { kept[i] } else { least(t).unwrap_or(NONE) };
         if least != NONE {
             let slot = &mut at[least.index()];
             out[*slot as usize] = item(i, t);

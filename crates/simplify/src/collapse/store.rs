@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use bytemuck::allocation::zeroed_vec;
+use bytemuck::allocation::{cast_vec, zeroed_vec};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
@@ -279,6 +279,9 @@ const SLACK_PERCENT: usize = 30;
 /// Vertices whose memory is not worth the time that giving it back takes.
 const WORTH_SHRINKING: usize = 1 << 16;
 
+/// Vertices from which memory is worth more than time.
+const SPARED_FROM: usize = 1 << 21;
+
 /// The two corners after each, by table: a branch on it could not be foretold.
 const NEXT: [usize; 4] = [1, 2, 0, 0];
 const PREV: [usize; 4] = [2, 0, 1, 0];
@@ -369,10 +372,12 @@ impl<Q: Memory> Store<Q> {
     }
 
     /// Which vertices are inside of closed fans ([`is_closed_fan`](super::kind::is_closed_fan)), right after the lists were
-    /// filled, up to these ends.
-    pub(super) fn closed_fans(&self, ends: Ends) -> Vec<bool> {
-        // For each vertex the last one that it came first around, and was not second yet; by numbers from 1 on.
-        let mut first_of = vec![0u32; self.v.len()];
+    /// filled, up to these ends, and no edge was looked at.
+    pub(super) fn closed_fans(&mut self, ends: Ends) -> Vec<bool> {
+        // For each vertex the last one that it came first around, and was not second yet; by numbers from 1 on. (In the room
+        // of the bounds, of which none is known.)
+        let mut first_of: Vec<u32> = cast_vec(std::mem::take(&mut self.bound));
+        first_of.fill(0);
         let mut seconds = Vec::new();
         let (corners, t) = (&self.corners[..], &self.t[..]);
         let (mut head, mut mark) = (0, 0);
@@ -395,7 +400,10 @@ impl<Q: Memory> Store<Q> {
             }
             unlike == 0
         };
-        ends.0.into_iter().map(is_closed).collect()
+        let closed = ends.0.into_iter().map(is_closed).collect();
+        self.bound = cast_vec(first_of);
+        self.bound.fill(super::UNKNOWN);
+        closed
     }
 
     /// Forgets what vertices weigh and how many corners they have.
@@ -416,6 +424,10 @@ impl<Q: Memory> Store<Q> {
         retain_living(&mut self.wedges, &self.t);
         retain_living(&mut self.regions, &self.t);
         retain_living(&mut self.names, &self.t);
+        if self.v.len() >= SPARED_FROM {
+            // (Room that is asked for anew is a smaller one, but has to be found first.)
+            self.corners = Vec::new();
+        }
         // Of each vertex how many corners it has; then where its list goes on, and its number from now on.
         let mut lists = vec![[0u32; 2]; self.v.len()];
         self.t.retain(|t| {

@@ -18,9 +18,11 @@ use crate::metric::Metric;
 use crate::options::TopologyPolicy;
 use crate::rebuild;
 
-/// Inputs with no more faces than this are put in order again as a whole for the fit. Of larger ones each place is looked up:
-/// 14 bytes a face less, but in a file without any order a sixth more time.
+/// Inputs with no more faces than this are put in order again as a whole for the fit. Of larger ones each place is looked up,
+/// where many faces stay: 14 bytes a face less, but in a file without any order a sixth more time.
 const AGAIN_UP_TO: usize = 4_000_000;
+/// One face in so many is many. (Where fewer stay, the sweeps need more memory than the fit.)
+const MANY: usize = 3;
 
 /// An engine, and what every result of it needs.
 pub(super) struct Trunk<M: Metric> {
@@ -179,10 +181,11 @@ impl Run<'_, '_> {
             None => Vec::new(),
         };
         let (ordered, surface) = (&*self.ordered, &self.input.surface);
+        let given = surface.triangles().len();
         let fitted = if root.is_kept {
             let mut kept = fit::Kept { points: &ordered.points, faces: &ordered.faces };
             fit::fit(store, &mut kept, home, away, values.as_mut(), M::tensor)
-        } else if surface.triangles().len() <= AGAIN_UP_TO {
+        } else if given <= AGAIN_UP_TO || MANY * store.t.len() < given {
             let (points, faces) = (ordered.points_again(surface), ordered.faces_again(surface));
             let mut kept = fit::Kept { points: &points, faces: &faces };
             fit::fit(store, &mut kept, home, away, values.as_mut(), M::tensor)
