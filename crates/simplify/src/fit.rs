@@ -496,7 +496,7 @@ pub(crate) fn fit<Q: Memory>(
     home: &[VertexId],
     away: f64,
     mut values: Option<&mut Values<'_>>,
-    tensor: impl Fn(&mut Q) -> &mut Tensor,
+    tensor: fn(&mut Q) -> &mut Tensor,
 ) -> Fitted {
     if store.t.is_empty() {
         return Fitted::default();
@@ -579,7 +579,7 @@ fn solve<Q: Memory>(
     loads: &mut [Load],
     leeway: Vec<f32>,
     far: f32,
-    tensor: impl Fn(&mut Q) -> &mut Tensor,
+    tensor: fn(&mut Q) -> &mut Tensor,
 ) -> Vec<VertexId> {
     for u in 0..store.v.len() {
         let kind = store.v[u].kind;
