@@ -79,9 +79,14 @@ fn table(title: &str, file: &Path) -> Result<()> {
 
 /// What the release command answers.
 fn object(words: &[&str], files: &[&Path]) -> Result<Value> {
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), Into::into);
-    let program = target.join("release").join(format!("lodsmith{}", std::env::consts::EXE_SUFFIX));
-    let out = std::process::Command::new(program).args(words).args(files).output()?;
+    let out = program().args(words).args(files).output()?;
     ensure!(out.status.success(), "{}: {}", words[0], String::from_utf8_lossy(&out.stderr).trim());
     Ok(serde_json::from_slice(&out.stdout)?)
+}
+
+/// The release command.
+pub(crate) fn program() -> std::process::Command {
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), Into::into);
+    let name = format!("lodsmith{}", std::env::consts::EXE_SUFFIX);
+    std::process::Command::new(target.join("release").join(name))
 }

@@ -7,6 +7,7 @@ mod look;
 mod pictures;
 mod sample;
 mod tidy;
+mod walk;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -21,6 +22,7 @@ cargo xtask dist [--out FOLDER] [--binary FILE]            the archive to give a
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
 cargo xtask look [[TITLE=]FILE...]                         how much of the look is kept at 50 to 1 %, as a table
+cargo xtask walk [MODEL...] [--preset NAME]...             lighter and lighter, with every preset: fails where a heavier result is farther off
 cargo xtask sample                                         makes the sample model of the README
 cargo xtask pictures [finial|shadings|lod|methods|METHOD...]   draws the pictures of the README and of the pages
 ";
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
         "dist" => dist::run(rest),
         "corpus" => corpus::run(rest),
         "look" => look::run(rest),
+        "walk" => walk::run(rest),
         "tidy" => tidy::run(),
         "goldens" => goldens(rest),
         "sample" => write_sample(),

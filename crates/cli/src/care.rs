@@ -175,11 +175,9 @@ impl Named<'_> {
         if let (Some(channel), Some(colors)) = (CHANNELS.iter().position(|c| *c == name), mesh.colors()) {
             return Some(self.farthest(|w| &colors[w.index()][channel..=channel]));
         }
-        let is_meant = |s: &Semantic| match s {
-            // The underscore is glTF's.
-            Semantic::Custom(own) => own == name || own.strip_prefix('_') == Some(name),
-            _ => false,
-        };
+        // The underscore is glTF's.
+        let is_meant =
+            |s: &Semantic| s.name().is_some_and(|own| own == name || own.strip_prefix('_') == Some(name));
         let attribute = mesh.further_attributes().iter().find(|a| is_meant(&a.semantic))?;
         Some(self.farthest(|w| attribute.of(w)))
     }
@@ -198,10 +196,8 @@ impl Named<'_> {
     /// What [`Named::values`] knows.
     fn values_names(&self) -> Vec<String> {
         let channels = if self.mesh.colors().is_some() { &CHANNELS[..] } else { &[] };
-        let further = self.mesh.further_attributes().iter().filter_map(|a| match &a.semantic {
-            Semantic::Custom(name) => Some(name.clone()),
-            _ => None,
-        });
+        let further =
+            self.mesh.further_attributes().iter().filter_map(|a| a.semantic.name().map(str::to_owned));
         channels.iter().map(|c| (*c).to_owned()).chain(further).collect()
     }
 }

@@ -14,6 +14,7 @@ mod normals;
 mod numbers;
 mod orient;
 mod output;
+mod palettes;
 mod picture;
 mod plan;
 mod progress;

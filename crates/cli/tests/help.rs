@@ -73,7 +73,7 @@ fn help_of_clusters() {
 
 #[test]
 fn options_of_later_releases_are_not_known() {
-    for option in ["--sharp", "--cache"] {
+    for option in ["--bake", "--cache"] {
         assert!(!help(&["simplify"]).contains(option), "{option}");
     }
 }

@@ -49,6 +49,18 @@ fn levels_meet_their_targets() {
     let far = desk.run("progressive extract hills.lpm -o e.ply --json --error 1%").with_status(0);
     let faces = |ran: &desk::Ran| ran.objects()[0]["output"]["faces"].as_u64().expect("a count");
     assert!(faces(&far) < faces(&near) && faces(&near) < full);
+    let measured =
+        far.objects()[0]["error"]["measured"]["hausdorff"]["symmetric"].as_f64().expect("a length");
+    let ran = desk.run("compare hills.ply e.ply --json").with_status(0);
+    let compared = ran.objects()[0]["hausdorff"]["symmetric"].as_f64().expect("a length");
+    let diagonal = ran.objects()[0]["diagonal"].as_f64().expect("a length");
+    assert!(
+        measured <= 0.01 * diagonal && compared <= 0.0101 * diagonal,
+        "{measured} {compared} of {diagonal}"
+    );
+    // The base of a new file too.
+    let ran = desk.run("progressive build hills.ply -o near.lpm --error 1% --json").with_status(0);
+    assert_eq!(ran.objects()[0]["base"]["faces"], far.objects()[0]["output"]["faces"]);
     // The fit moves vertices, and adds none.
     desk.run("progressive extract hills.lpm -o fit.ply --faces 300").with_status(0);
     desk.run("progressive extract hills.lpm -o plain.ply --faces 300 --no-fit").with_status(0);

@@ -24,7 +24,9 @@ pub use clusters::{Cluster, ClusterLod};
 pub use correspondence::{Correspondence, Source, correspondence};
 pub use ids::{ClusterId, FaceId, GroupId, HalfEdgeId, RegionId, VertexId, WedgeId};
 pub use image::Image;
-pub use mesh::{Attribute, Bounds, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh};
+pub use mesh::{
+    Attribute, Bounds, Integer, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh,
+};
 pub use model::Model;
 pub use splits::Splits;
 pub use topology::Topology;

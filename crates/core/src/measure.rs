@@ -7,6 +7,7 @@ mod attributes;
 pub mod chunks;
 mod one_way;
 mod prepared;
+pub mod proof;
 
 pub use attributes::{AttributeError, AttributeErrors, compare_attributes, compare_textured};
 pub use prepared::Prepared;

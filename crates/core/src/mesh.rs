@@ -11,7 +11,7 @@ pub mod normals;
 pub mod part;
 pub mod weld;
 
-pub use attributes::{Attribute, Morphed, Semantic};
+pub use attributes::{Attribute, Integer, Morphed, Semantic};
 
 /// Why buffers do not make a mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

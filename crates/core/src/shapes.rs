@@ -1,12 +1,12 @@
 //! Shapes with known counts, for tests and demonstrations.
 //!
-//! All are single precision without attributes, about one unit in size, and the same at every call. Closed ones face
+//! All are single precision without attributes (but for [`level`]), about one unit in size, and the same at every call. Closed ones face
 //! outward.
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
-use crate::ids::VertexId;
+use crate::ids::{VertexId, WedgeId};
 use crate::mesh::{Positions, TriMesh};
 use crate::sampling::Random;
 
@@ -310,6 +310,44 @@ pub fn soup(count: u32, seed: u64) -> TriMesh {
     }
     let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     mesh(points, triangles)
+}
+
+/// A game level in small: a [`wavy_sheet`] of `n` by `n` squares with `boxes` closed boxes on it, each 0.4 to 2.4 % as wide as
+/// the sheet. All have texture coordinates; those of the six sides of a box lie apart, so that every edge between two sides
+/// is a seam. (n + 1)² + 8 `boxes` vertices, 2 n² + 12 `boxes` faces.
+///
+/// # Panics
+/// If `n` is zero.
+pub fn level(n: u32, boxes: u32) -> TriMesh {
+    const SIDES: [[u32; 4]; 6] =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let (mut points, triangles) = grid_parts(n, |_, _| true);
+    let mut uvs: Vec<[f32; 2]> = points.iter().map(|p| [p[0] as f32, p[1] as f32]).collect();
+    let height = |x: f64, y: f64| 0.1 * (7.0 * x).sin() * (5.0 * y).cos();
+    points.iter_mut().for_each(|p| p[2] = height(p[0], p[1]));
+    let mut vertex_of: Vec<VertexId> = (0..points.len()).map(VertexId::new).collect();
+    let mut triangles: Vec<[WedgeId; 3]> = triangles.into_iter().map(|t| t.map(WedgeId)).collect();
+    let mut random = Random::new(7);
+    for _ in 0..boxes {
+        let (x, y) = (random.unit(), random.unit());
+        let size = 0.004 + 0.02 * random.unit().powi(2);
+        let first = points.len() as u32;
+        points.extend((0..8u32).map(|i| {
+            let at = |axis: u32| size * (f64::from(i >> axis & 1) - 0.5);
+            [x + at(0), y + at(1), height(x, y) + at(2) + 0.5 * size]
+        }));
+        for (side, corners) in SIDES.into_iter().enumerate() {
+            let w = vertex_of.len() as u32;
+            vertex_of.extend(corners.map(|c| VertexId(first + c)));
+            let (u, v) = ((side % 3) as f32 / 3.0, (side / 3) as f32 / 2.0);
+            uvs.extend([[u, v], [u + 0.3, v], [u + 0.3, v + 0.45], [u, v + 0.45]]);
+            triangles.extend([[w, w + 1, w + 2], [w, w + 2, w + 3]].map(|t| t.map(WedgeId)));
+        }
+    }
+    let positions = Positions::F32(points.iter().map(|p| p.map(|x| x as f32)).collect());
+    let mut mesh = TriMesh::with_wedges(positions, vertex_of, triangles).expect("all wedges have a vertex");
+    mesh.set_uvs(Some(uvs)).expect("as many as wedges");
+    mesh
 }
 
 fn mesh(points: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> TriMesh {

@@ -27,7 +27,7 @@ pub use error::{ReadError, Warning, WriteError};
 pub use format::Format;
 pub use limits::Limits;
 pub use lpm::{Lpm, LpmOptions, LpmReader};
-pub use model::{ModelFile, ModelSource, read_model_bytes, read_model_path};
+pub use model::{BaseColor, ModelFile, ModelSource, read_model_bytes, read_model_path};
 pub use obj::{Regions, Textures};
 pub use read::{Contents, Loaded, ReadOptions, read_bytes, read_path, read_scene_bytes, read_scene_path};
 pub use write::{

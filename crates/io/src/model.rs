@@ -9,11 +9,13 @@ mod plain;
 use std::path::Path;
 use std::sync::Arc;
 
-use lodsmith_core::Model;
+use lodsmith_core::model::TextureRef;
+use lodsmith_core::{Image, Model};
 
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::gltf::Scene;
+use crate::limits::Limits;
 use crate::obj::Regions;
 use crate::read::{Contents, Loaded, ReadOptions, read_bytes, read_path, read_scene_bytes, read_scene_path};
 
@@ -43,6 +45,21 @@ pub enum ModelSource {
     Scene(Box<Scene>),
     /// One mesh: what its regions stand for, for [`WriteOptions::regions`](crate::WriteOptions::regions).
     Mesh(Arc<Regions>),
+}
+
+/// An image of colours, and how texture coordinates look into it. (The image's number in a model means nothing here.)
+pub type BaseColor = (Arc<Image>, TextureRef);
+
+impl Loaded {
+    /// The images that give the regions of the mesh their colours (one, where it has none), as materials of its libraries
+    /// name them.
+    ///
+    /// Only base colours are decoded, up to so many pixels together; what is beyond, or cannot be decoded, is left out.
+    /// Cost: O(bytes of all images + pixels).
+    pub fn base_colors(&self, pixels: u64) -> Vec<Option<BaseColor>> {
+        let limits = Limits { pixels: pixels.min(self.limits.pixels), ..self.limits };
+        plain::base_colors(&self.mesh, &self.regions, limits)
+    }
 }
 
 /// Reads a file as a model.

@@ -10,7 +10,7 @@ mod write;
 use std::io::{self, Write};
 
 use lodsmith_core::polygon::Triangulator;
-use lodsmith_core::{MeshError, Positions, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{Attribute, MeshError, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
 use crate::distinct::Distinct;
 use crate::error::{ReadError, Warning};
@@ -18,13 +18,14 @@ use crate::format::Format;
 use crate::read::{Contents, Loaded, ReadOptions};
 use crate::write::WriteOptions;
 
-use body::{Body, Corners, Faces};
+use body::{Body, Corners, Discrete, Faces};
 use header::Header;
 
 /// Reads the bytes of a PLY file.
 ///
 /// Vertices carry positions (double precision where the file has it), normals `nx ny nz`, colours `red green blue
-/// [alpha]` and texture coordinates `s t`, `u v` or `texture_u texture_v`; faces carry `vertex_indices` or `vertex_index`
+/// [alpha]` and texture coordinates `s t`, `u v` or `texture_u texture_v`; further integers of vertices are discrete
+/// attributes of their names, unless single precision does not hold them. Faces carry `vertex_indices` or `vertex_index`
 /// and texture coordinates for each corner (`texcoord`), which become wedges. Polygons are split into triangles;
 /// `tristrips` are unrolled. Everything else is dropped with a warning; single numbers of vertices can be had beside the
 /// mesh ([`ReadOptions::properties`]). Cost: O(bytes).
@@ -65,6 +66,7 @@ fn assemble(header: &Header, body: Body) -> Result<Loaded, ReadError> {
     name(vertices.normals.is_some(), "normals");
     name(vertices.uvs.is_some() || matches!(&faces, Faces::Polygons(c) if c.uvs.is_some()), "uvs");
     name(vertices.colors.is_some(), "colors");
+    contents.attributes.extend(vertices.discrete.iter().map(|d| d.name.clone()));
     contents.attributes.extend(vertices.unknown);
 
     let (triangles, corner_uvs) = match faces {
@@ -81,7 +83,7 @@ fn assemble(header: &Header, body: Body) -> Result<Loaded, ReadError> {
         return Err(ReadError::NoFaces { vertices: positions.len() });
     }
 
-    let mesh = match corner_uvs {
+    let mut mesh = match corner_uvs {
         None => {
             let mut mesh = TriMesh::new(positions, bytemuck::allocation::cast_vec(triangles))?;
             mesh.set_normals(vertices.normals)?;
@@ -98,6 +100,13 @@ fn assemble(header: &Header, body: Body) -> Result<Loaded, ReadError> {
             with_corner_uvs(positions, vertices.normals, vertices.colors, &triangles, &corner_uvs)?
         }
     };
+    for Discrete { name, of, values, .. } in vertices.discrete {
+        let values = match mesh.vertex_map() {
+            Some(map) => map.iter().map(|v| values[v.index()]).collect(),
+            None => values,
+        };
+        mesh.add_attribute(Attribute { semantic: Semantic::Discrete { name, of }, width: 1, values })?;
+    }
     if header.texture_files > 0 {
         warnings.push(Warning::lost("names of texture files are not carried: dropped"));
     }

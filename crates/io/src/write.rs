@@ -234,10 +234,21 @@ fn write_format(
     {
         warnings.push(Warning::lost(format!("{} cannot carry {lost}: dropped", format.title())));
     }
+    warnings.extend(lost_integers(mesh, format));
     if !with_materials && regions.is_some_and(Regions::has_materials) {
         warnings.push(Warning::note("materials dropped: --textures none"));
     }
     Ok(warnings)
+}
+
+/// What to say of integers of a name that a format has no place for.
+fn lost_integers(mesh: &TriMesh, format: Format) -> Option<Warning> {
+    let further = mesh.further_attributes().iter().filter(|a| a.semantic.is_discrete());
+    let names: Vec<&str> = further.filter_map(|a| a.semantic.name()).collect();
+    let is_lost = format != Format::Ply && !names.is_empty();
+    is_lost.then(|| {
+        Warning::lost(format!("{} cannot carry {} of vertices: dropped", format.title(), names.join(", ")))
+    })
 }
 
 /// Makes the file at `path` hold what `write` writes, or leaves things as they were.

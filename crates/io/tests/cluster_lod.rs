@@ -1,7 +1,9 @@
 //! Files of cluster levels: what is written is read, and nothing that is damaged or hostile does more than say so.
 
 use lodsmith_core::clusters::{Bound, Cluster, ClusterLod, Sphere};
-use lodsmith_core::{Attribute, GroupId, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{
+    Attribute, GroupId, Integer, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId,
+};
 use lodsmith_io::cluster_lod::{StoredClusterLod, read_bytes, read_path, write_path, write_to};
 use lodsmith_io::obj::Region;
 use lodsmith_io::{Limits, ReadError, Regions};
@@ -43,6 +45,7 @@ fn stored(is_double: bool, is_laden: bool) -> StoredClusterLod {
         (Semantic::Weights(0), 4),
         (Semantic::Morph { target: 300, of: Morphed::Normal }, 3),
         (Semantic::Custom("_wärme".to_owned()), 5),
+        (Semantic::Discrete { name: "nummer".to_owned(), of: Integer::I16 }, 2),
     ];
     for (semantic, width) in semantics {
         let values = (0..7 * width).map(|i| i as f32 / 8.0).collect();

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use lodsmith_core::splits::{SplitData, Splits};
 use lodsmith_core::{
-    Attribute, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
+    Attribute, Integer, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
 };
 use lodsmith_io::lpm::{self, LpmOptions, LpmReader};
 use lodsmith_io::{Format, Limits, ReadOptions, read_bytes};
@@ -72,6 +72,8 @@ fn rich(is_double: bool) -> TriMesh {
     add(Semantic::Weights(0), 4, &|_, _| 0.25);
     add(Semantic::Morph { target: 3, of: Morphed::Position }, 3, &|i, k| (i * (k + 1)) as f32 * 1e-3);
     add(Semantic::Custom("_HEAT".to_owned()), 1, &|i, _| if i == 5 { f32::NAN } else { i as f32 });
+    let id = Semantic::Discrete { name: "_FEATURE_ID_0".to_owned(), of: Integer::U16 };
+    add(id, 1, &|i, _| (300 * (i % 9)) as f32);
     mesh.set_regions(Some((0..faces).map(|f| RegionId::new(f / 50)).collect())).unwrap();
     mesh
 }

@@ -26,16 +26,17 @@ mod two_stage;
 
 use std::sync::Arc;
 
-use lodsmith_core::measure::{self, CompareOptions, Comparison};
 use lodsmith_core::{PositionsView, RegionId, Surface, TriMesh, VertexId};
 
 use crate::care::Held;
 use crate::collapse::Goal;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Stage, Verdict};
-use crate::options::{BorderPolicy, Measure, SimplifyOptions};
+use crate::deviation::{self, Deviation, Judge, ROUNDING};
+use crate::options::{BorderPolicy, SimplifyOptions};
 use crate::prune::Pruned;
 use crate::report::{Clustered, ErrorReport, Report, StoppedBy};
+use crate::run::ladder::{Answer, search_around};
 use crate::run::{self, Input};
 use crate::{Simplified, SimplifyError, rebuild};
 use grid::FINEST;
@@ -55,16 +56,11 @@ pub(crate) fn run(
     }
 }
 
-/// Runs in search of an error, at most.
-const ERROR_RUNS: usize = 8;
-/// The search ends when the largest distance lies above this share of the limit.
-const ERROR_CLOSE: f64 = 0.94;
-/// What is aimed at.
-const ERROR_AIM: f64 = 0.97;
+/// What an error may end at: each number of cells is so many times the next. (Guessed: three percent more along an axis is six
+/// percent more vertices, about a step of the ladder of other methods.)
+const STEP: f64 = 1.03;
 /// The largest distance, in diagonals of a cell, that a search starts from. (Measured: 0.4 to 0.7.)
 const FIRST_DISTANCE: f64 = 0.55;
-/// Distances below this share of the diagonal are rounding.
-const ROUNDING: f64 = 1e-12;
 /// Distances between result and input, in the RMS of those to planes. (Measured on scans at 1 and 10 %: 0.7 to 0.9.)
 const ESTIMATE: f64 = 0.8;
 
@@ -146,18 +142,16 @@ impl<'a, P: Place> Run<'a, P> {
 
     fn finished(mut self, control: &mut dyn Control) -> Result<(Simplified, Held), SimplifyError> {
         control.stage(Stage::Collapse);
-        let (made, measured) = match self.options.stop.error.map(|e| e.in_units(self.diagonal)) {
+        let (made, deviation) = match self.options.stop.error.map(|e| e.in_units(self.diagonal)) {
             None => {
                 let made = self.reach_goal(control)?;
-                let measured = match self.options.measure {
-                    Measure::Auto => None,
-                    Measure::Always => self.reference(control).and_then(|r| self.compare(&r, &made.mesh)),
-                };
-                (made, measured)
+                let judge = if deviation::is_wanted(self.options) { self.judge(control) } else { None };
+                let deviation = judge.map_or_else(Deviation::default, |judge| judge.look(&made.mesh, None));
+                (made, deviation)
             }
             Some(limit) => self.within(limit, control)?,
         };
-        self.told(made, measured)
+        self.told(made, deviation)
     }
 
     /// The finest result that keeps the goal, or the one of the option's cells.
@@ -293,100 +287,67 @@ impl<'a, P: Place> Run<'a, P> {
         }
     }
 
-    /// The coarsest result whose measured deviation, both ways, keeps to `limit`, and that is no coarser than goal and
-    /// cells. The distance goes with the size of the cells, about.
-    fn within(
-        &mut self,
-        limit: f64,
-        control: &mut dyn Control,
-    ) -> Result<(Made, Option<Comparison>), SimplifyError> {
+    /// The coarsest result that keeps to `limit`, and that is no coarser than goal and cells. Sizes of cells come from one
+    /// sequence, whatever the limit. The distance goes with the size of the cells, about.
+    fn within(&mut self, limit: f64, control: &mut dyn Control) -> Result<(Made, Deviation), SimplifyError> {
         let allowed = limit + ROUNDING * self.diagonal;
         let has_goal = self.goal.faces.is_some() || self.goal.vertices.is_some();
-        let Some(reference) = self.reference(control) else { return Ok((self.untouched()?, None)) };
+        let Some(judge) = self.judge(control) else { return Ok((self.untouched()?, Deviation::default())) };
         let longest = self.longest();
-        let mut low = self.coarsest.unwrap_or(1.0);
-        let mut best = None;
+        let mut coarsest = self.coarsest.unwrap_or(1.0);
         if has_goal || self.coarsest.is_some() {
             control.stage(Stage::Collapse);
             let made = self.reach_goal(control)?;
-            let measured = self.measured(&reference, &made.mesh, control);
-            let got = measured.as_ref().map_or(f64::INFINITY, |m| m.hausdorff.symmetric);
-            if got <= allowed || self.is_over {
-                return Ok((made, measured));
+            control.stage(Stage::Measure);
+            let kept = judge.kept(&made.mesh, allowed);
+            if kept.is_some() || self.is_over {
+                let deviation = judge.look(&made.mesh, kept);
+                return Ok((made, deviation));
             }
-            low = longest / made.cell;
+            coarsest = longest / made.cell;
         }
-        let mut high = FINEST;
-        let diagonal = 3f64.sqrt();
-        let mut resolution = longest * diagonal * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);
-        for run in 0..ERROR_RUNS {
-            resolution = resolution.clamp(low, high);
-            if resolution >= FINEST || !self.ask(run as f64 / ERROR_RUNS as f64, control)? {
-                break;
+        // Levels are powers of the step, the finest the least.
+        let power = |resolution: f64| -resolution.ln() / STEP.ln();
+        let levels = -(FINEST.ln() / STEP.ln()) as i64..=power(coarsest).floor() as i64;
+        let wish = longest * 3f64.sqrt() * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);
+        let begin = power(wish.clamp(1.0, FINEST)).floor() as i64;
+        let mut best: Option<(i64, Made, f64)> = None;
+        let mut asked = 0;
+        search_around(levels, begin, &mut |level| {
+            asked += 1;
+            if !self.ask(1.0 - 1.0 / f64::from(asked), control)? {
+                return Ok(Answer::Over);
             }
             control.stage(Stage::Collapse);
+            let resolution = STEP.powf(-level as f64).clamp(1.0, FINEST);
             let clusters = Clusters::new(&self.model, &self.locked, resolution);
             let made = self.made(&clusters, StoppedBy::Error)?;
             drop(clusters);
-            let measured = self.measured(&reference, &made.mesh, control);
-            let got = measured.as_ref().map_or(f64::INFINITY, |m| m.hausdorff.symmetric);
-            if got <= allowed {
-                let faces = made.mesh.face_count();
-                if best.as_ref().is_none_or(|b: &(Made, _)| faces < b.0.mesh.face_count()) {
-                    best = Some((made, measured));
-                }
-                high = high.min(resolution);
-                if got >= ERROR_CLOSE * limit {
-                    break;
-                }
-            } else {
-                low = low.max(resolution);
+            control.stage(Stage::Measure);
+            let Some(bound) = judge.kept(&made.mesh, allowed) else { return Ok(Answer::Beyond) };
+            if best.as_ref().is_none_or(|b| level > b.0) {
+                best = Some((level, made, bound));
             }
-            if high <= low * 1.02 {
-                break;
-            }
-            let wish = resolution * (got / (ERROR_AIM * limit)).clamp(0.1, 10.0);
-            let inside = wish > low * 1.01 && wish < high / 1.01;
-            resolution = match (inside, high == FINEST) {
-                (true, _) => wish,
-                (false, true) => low * 2.0,
-                (false, false) => (low * high).sqrt(),
-            };
-        }
-        if let Some(best) = best {
-            return Ok(best);
-        }
-        let made = self.untouched()?;
-        let measured = self.measured(&reference, &made.mesh, control);
-        Ok((made, measured))
+            Ok(Answer::Kept)
+        })?;
+        let (made, known) = match best {
+            Some((_, made, bound)) => (made, Some(bound)),
+            None => (self.untouched()?, None),
+        };
+        control.stage(Stage::Measure);
+        let deviation = judge.look(&made.mesh, known);
+        Ok((made, deviation))
     }
 
-    fn reference(&self, control: &mut dyn Control) -> Option<measure::Prepared> {
+    fn judge(&self, control: &mut dyn Control) -> Option<Judge> {
         control.stage(Stage::Measure);
         let sound = |t: &&[VertexId; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
         let faces = self.model.faces.iter().filter(sound).copied().collect();
         let clean = Surface::with_triangles(self.input.surface.positions(), faces).ok()?;
-        measure::Prepared::new(&clean).ok()
+        Judge::new(&clean, self.options)
     }
 
-    fn measured(
-        &self,
-        reference: &measure::Prepared,
-        mesh: &TriMesh,
-        control: &mut dyn Control,
-    ) -> Option<Comparison> {
-        control.stage(Stage::Measure);
-        self.compare(reference, mesh)
-    }
-
-    fn compare(&self, reference: &measure::Prepared, mesh: &TriMesh) -> Option<Comparison> {
-        let mut options = CompareOptions::default();
-        options.seed = self.options.seed;
-        let candidate = measure::Prepared::new(&mesh.surface()).ok()?;
-        Some(measure::compare_prepared(reference, &candidate, &options))
-    }
-
-    fn told(self, mut made: Made, measured: Option<Comparison>) -> Result<(Simplified, Held), SimplifyError> {
+    fn told(self, mut made: Made, deviation: Deviation) -> Result<(Simplified, Held), SimplifyError> {
         if let Some(input) = self.input.mesh.filter(|mesh| mesh.has_attributes()) {
             made.mesh = rebuild::dressed_new(self.input, &made.mesh)?;
             made.held.restore(&mut made.mesh, input);
@@ -407,7 +368,7 @@ impl<'a, P: Place> Run<'a, P> {
             () => made.by,
         };
         let rounding = ROUNDING * self.diagonal;
-        let within = |l: f64| measured.as_ref().is_some_and(|m| m.hausdorff.symmetric <= l + rounding);
+        let within = |l: f64| deviation.largest().is_some_and(|d| d <= l + rounding);
         let reached = match stopped_by {
             StoppedBy::Caller => false,
             StoppedBy::Error => limit.is_some_and(within),
@@ -423,7 +384,12 @@ impl<'a, P: Place> Run<'a, P> {
             vertices,
             reached,
             stopped_by,
-            error: ErrorReport { estimate: made.estimate, measured, diagonal: self.diagonal },
+            error: ErrorReport {
+                estimate: made.estimate,
+                measured: deviation.measured,
+                bound: deviation.bound,
+                diagonal: self.diagonal,
+            },
             refusals: Vec::new(),
             collapses: 0,
             parts_removed: 0,
@@ -432,6 +398,7 @@ impl<'a, P: Place> Run<'a, P> {
             locked_vertices: self.locked.places.len(),
             locked_faces: self.locked.faces,
             seams_relaxed: false,
+            sharp_relaxed: false,
             cleanup: self.model.cleanup,
             dropped: self.input.mesh.map_or_else(Vec::new, |mesh| run::names_of_dropped(mesh, &made.mesh)),
             fitted: false,

@@ -25,7 +25,9 @@ mod around;
 pub(crate) mod attributes;
 mod bound;
 mod bundle;
+mod check;
 mod commit;
+pub(crate) mod creases;
 pub(crate) mod cut;
 mod evaluate;
 pub(crate) mod fork;
@@ -60,6 +62,7 @@ use crate::report::Refusal;
 use crate::tensor::Tensor;
 use attributes::{Attributes, Member};
 use bound::Histogram;
+use check::Checks;
 pub(crate) use commit::TIE;
 use commit::{Candidate, Outcome};
 use evaluate::Found;
@@ -176,6 +179,8 @@ pub(crate) struct Engine<M: Metric> {
     spent: f64,
     /// Sum of the costs of parts that went, in the same measure.
     lost: f64,
+    /// The highest threshold of a sweep that collapsed anything since sweeps are no longer at ease; 0 until then.
+    paid: f32,
     wings: Wings,
     /// Of the removed end, those that stay.
     spokes: Ring,
@@ -187,6 +192,8 @@ pub(crate) struct Engine<M: Metric> {
     rim: Vec<(VertexId, bool, f32)>,
     /// Edges of the star that is looked at.
     edges: Vec<Edge>,
+    /// What checks remember, where every invariant is walked after each sweep.
+    pub(crate) checks: Option<Checks>,
 }
 
 impl<M: Metric> Engine<M> {
@@ -224,6 +231,7 @@ impl<M: Metric> Engine<M> {
             lines: Vec::new(),
             spent: 0.0,
             lost: 0.0,
+            paid: 0.0,
             wings: Wings::default(),
             spokes: Ring::default(),
             around: Around::default(),
@@ -232,7 +240,11 @@ impl<M: Metric> Engine<M> {
             merge: Merge::default(),
             rim: Vec::new(),
             edges: Vec::new(),
+            checks: None,
         };
+        if cfg!(debug_assertions) && engine.store.t.len() < check::CHECKED_BELOW {
+            engine.checks = Some(Checks::default());
+        }
         let ends = engine.weigh();
         let (mut special, duplicates) = engine.classify(ends);
         if duplicates > 0 {
@@ -244,6 +256,7 @@ impl<M: Metric> Engine<M> {
             let ends = engine.weigh();
             (special, _) = engine.classify(ends);
         }
+        engine.leave_out_unused(&special);
         engine.weigh_attributes();
         engine.weigh_lines(special);
         engine.first_faces = engine.store.live_faces;
@@ -257,7 +270,7 @@ impl<M: Metric> Engine<M> {
         self.chain_wedges();
         let (mut ring, mut edges, mut duplicates) = (Ring::default(), Vec::new(), Vec::new());
         let mut special = Vec::new();
-        let has_seams = self.attributes.is_some() || self.store.regions.is_some();
+        let has_seams = self.has_seams();
         for (is_closed, u) in self.store.closed_fans(ends).into_iter().zip((0..).map(VertexId)) {
             // (Most of the vertices of most meshes, without a ring. All that is listed lives still.)
             if is_closed
@@ -285,6 +298,18 @@ impl<M: Metric> Engine<M> {
             self.store.t[face][0] = order::NONE;
         }
         (special, duplicates.len())
+    }
+
+    /// Vertices that no face has, which are among these, do not count.
+    fn leave_out_unused(&mut self, among: &[VertexId]) {
+        for &u in among {
+            if self.store.listed(u).is_empty() {
+                let x = &mut self.store.v[u.index()];
+                x.kind = x.kind.gone();
+                self.store.bound[u.index()] = f32::INFINITY;
+                self.store.live_vertices -= 1;
+            }
+        }
     }
 
     /// Facings of all vertices, tensors of the planes around them, and their corner lists, where none of them was weighed
@@ -356,7 +381,7 @@ impl<M: Metric> Engine<M> {
 
     /// A kind with what the wedges and regions of the star add to it.
     fn with_seams(&self, kind: Kind, u: VertexId, ring: &Ring, edges: &mut Vec<Edge>) -> Kind {
-        if self.attributes.is_none() && self.store.regions.is_none() || self.is_far_from_seams(ring, u) {
+        if !self.has_seams() || self.is_far_from_seams(ring, u) {
             return kind;
         }
         self.store.edges(ring, kind, edges);
@@ -378,21 +403,37 @@ impl<M: Metric> Engine<M> {
     fn refresh(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
         self.store.v[u.index()].kind = self.kind_now(u, ring);
-        if !self.metric.is_memoryless() {
-            return;
+        if self.metric.is_memoryless() {
+            let mut q = M::Memory::default();
+            *M::tensor(&mut q) = self.tensor_now(u, ring);
+            self.store.v[u.index()].q = q;
         }
-        let p = self.store.p(u);
-        let mut q = M::Memory::default();
+    }
+
+    /// What the star of a vertex says where the metric is memoryless: planes, attributes and lines.
+    fn tensor_now(&self, u: VertexId, ring: &Ring) -> Tensor {
+        let mut sum = self.planes_now(u, ring);
+        if self.has_lines() {
+            self.add_lines_to(&mut sum, u, ring, &mut Vec::new());
+        }
+        sum
+    }
+
+    /// The same without lines.
+    fn planes_now(&self, u: VertexId, ring: &Ring) -> Tensor {
+        let (p, mut sum) = (self.store.p(u), Tensor::default());
         for r in ring.iter() {
             let normal = (self.store.p(r.a) - p).cross(self.store.p(r.b) - p);
             let weight = self.metric.plane_weight(normal.length(), self.mean_face);
-            M::tensor(&mut q).add(&Tensor::outer(normal, weight));
+            sum.add(&Tensor::outer(normal, weight));
         }
-        M::tensor(&mut q).add(&self.attribute_tensor(u, ring));
-        self.store.v[u.index()].q = q;
-        if self.has_lines() {
-            self.add_lines(u, ring, &mut Vec::new());
-        }
+        sum.add(&self.attribute_tensor(u, ring));
+        sum
+    }
+
+    /// Whether there may be seams or sharp edges.
+    fn has_seams(&self) -> bool {
+        self.attributes.is_some() || self.store.regions.is_some() || self.store.creases.is_some()
     }
 
     /// Whether any attribute counts in the cost.
@@ -607,9 +648,24 @@ impl<M: Metric> Engine<M> {
         original: &dyn Original,
         control: &mut dyn Control,
     ) -> Option<End> {
+        let end = self.sweep_on(sweeps, goal, pause, original, control);
+        self.check_if_asked(original);
+        end
+    }
+
+    /// The same; what the last sweep leaves is not checked.
+    fn sweep_on(
+        &mut self,
+        sweeps: &mut Sweeps,
+        goal: &Goal,
+        pause: Pause,
+        original: &dyn Original,
+        control: &mut dyn Control,
+    ) -> Option<End> {
         let extreme = self.is_extreme(goal);
         let (mut scratch, mut visits) = (Scratch::default(), Vec::new());
         'sweeps: for _ in 0..MOST_SWEEPS {
+            self.check_if_asked(original);
             // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
             if sweeps.swept && sweeps.next.is_some() {
                 if self.store.wants_compaction(self.needed(goal)) {
@@ -622,6 +678,7 @@ impl<M: Metric> Engine<M> {
                 }
             }
             if let Some((histogram, looked_at)) = sweeps.next.take() {
+                self.watch_ease(sweeps);
                 let is_last_stretch = || self.is_last_stretch(&histogram, looked_at, goal);
                 let pauses = match pause {
                     Pause::Never => false,
@@ -694,6 +751,9 @@ impl<M: Metric> Engine<M> {
             }
             sweeps.swept = true;
             sweeps.idle = if self.collapses == before { sweeps.idle + 1 } else { 0 };
+            if sweeps.idle == 0 && !sweeps.is_at_ease {
+                self.paid = self.paid.max(tau);
+            }
             if self.parts.is_some() && !probe {
                 self.drop_cheap_parts(goal, tau);
                 if self.needed(goal) == Some(0) {
@@ -716,13 +776,17 @@ impl<M: Metric> Engine<M> {
             }
             let (histogram, looked_at) = self.bounds();
             if histogram.known() == 0 {
+                if sweeps.probed && !probe && self.rules.max_cost.is_finite() {
+                    // Collapses since the last probe may have made room for edges that it saw refused: probe again.
+                    sweeps.probe = true;
+                    continue;
+                }
                 if sweeps.probed && self.rules.max_cost.is_finite() {
                     // Nothing but what is refused stays below the limit.
                     return Some(if self.refused() == refused { End::Exhausted } else { End::Stuck });
                 }
-                if let (true, true, Some(looser)) =
-                    (sweeps.probed, self.attributes.is_some(), self.looseness.looser())
-                {
+                let looser = self.looseness.looser(self.store.creases.is_some(), self.attributes.is_some());
+                if let (true, Some(looser)) = (sweeps.probed, looser) {
                     // Better a seam out of place than a whole part gone.
                     self.looseness = looser;
                     (sweeps.probe, sweeps.probed) = (true, true);
@@ -780,9 +844,21 @@ impl<M: Metric> Engine<M> {
         self.total_area.max(f64::MIN_POSITIVE)
     }
 
+    /// Lets seams give way at once, at what their lines and attributes cost, instead of when nothing else is left.
+    pub(crate) fn loosen_seams(&mut self) {
+        if self.attributes.is_some() {
+            self.looseness = Looseness::Seams;
+        }
+    }
+
     /// Whether seams had to give way.
     pub(crate) fn has_relaxed_seams(&self) -> bool {
-        self.looseness != Looseness::None
+        matches!(self.looseness, Looseness::Seams | Looseness::Regions)
+    }
+
+    /// Whether sharp edges had to give way that the options make features of.
+    pub(crate) fn has_relaxed_creases(&self) -> bool {
+        self.store.creases.is_some() && self.looseness != Looseness::None
     }
 
     /// The RMS distance of the result, in the unit frame: from that of the fit, or from the costs paid. A collapse that

@@ -5,6 +5,9 @@
 //! are kept, because a vertex moves the surface at barycentric coordinates b by b_k n·delta; then a few Gauss-Seidel
 //! sweeps of 3×3 systems. (docs/decisions/0006)
 
+mod guarded;
+#[cfg(test)]
+mod side_by_side;
 mod values;
 
 use glam::{Vec3, Vec3A, Vec4};
@@ -12,12 +15,13 @@ use lodsmith_core::VertexId;
 use wide::{f32x4, f32x8};
 
 use crate::collapse::kind::Kind;
-use crate::collapse::order::NONE;
+use crate::collapse::order::{MEMORY_FREE_UP_TO, NONE};
 use crate::collapse::store::{Corner, Store, Vertex};
 use crate::lanes::{Four, cross, dot, splat, sub};
 use crate::metric::Memory;
 use crate::tensor::Tensor;
 use crate::triangle;
+pub(crate) use guarded::Guards;
 pub(crate) use values::{Originals, Values};
 
 /// Samples for a final triangle, at most. (More brings less than 1 %.)
@@ -30,6 +34,9 @@ const FACING: f32 = 0.3;
 const BESIDE: f32 = 0.01;
 /// Farthest that a vertex may end from the original, in RMS heights of the samples.
 const TETHER: f32 = 6.0;
+/// Farthest that it may end from the original anyway, in units of the largest distance of a sample of its faces, squared. A flat
+/// part has an RMS height near nothing, and vertices on its fillets stick out farther. (Measured: docs/decisions/0006.)
+const TETHER_OF_STAR: f32 = 2.0;
 /// Share of the tether's square that a sample must lie from a face of a vertex for the tether to be looked at.
 const SUSPECT: f32 = 0.25;
 /// Squared height, over the mean square that the costs foretell, from which a sample counts by its height rather than by
@@ -488,14 +495,15 @@ fn max(a: f32, b: f32) -> f32 {
 }
 
 /// Moves the vertices of a compact store towards the original, from which it is about `away` (RMS) far. Each vertex of the
-/// original has its `home`, or [`NONE`]. The samples are shown to `values`, if there are any. What the vertices remember is
-/// lost: `tensor` says where in it the solve finds room.
+/// original has its `home`, or [`NONE`]. The samples are shown to `values`, if there are any; moves keep the `guards`, if
+/// there are any. What the vertices remember is lost: `tensor` says where in it the solve finds room.
 pub(crate) fn fit<Q: Memory>(
     store: &mut Store<Q>,
     given: &mut impl Given,
     home: &[VertexId],
     away: f64,
     mut values: Option<&mut Values<'_>>,
+    guards: Option<&Guards>,
     tensor: fn(&mut Q) -> &mut Tensor,
 ) -> Fitted {
     if store.t.is_empty() {
@@ -513,12 +521,16 @@ pub(crate) fn fit<Q: Memory>(
         rr: 0.0,
         weight: 0.0,
     };
-    // Exact quadrature of squares: 3/4 of the area at the centre, 1/12 at each corner. A vertex has six corners, about.
+    // Exact quadrature of squares: 3/4 of the area at the centre, 1/12 at each corner. Each vertex is sampled once for all its
+    // faces; on CAD parts, which corner of a face comes first follows from the order of the file, and some vertices never
+    // do. Where samples are many or memory is scarce, one corner of every second face stands for six.
     let stride = ((per_face / SAMPLES as f64) as usize).max(1);
     // A face that lives on has its place among the final ones: both are in the same order, and no dead face has three
     // homes.
     let mut survivors = 0;
-    let (mut faces_to_skip, mut takes_corner) = (0, false);
+    let (mut faces_to_skip, mut sampled_faces) = (0, 0);
+    let samples_all_vertices = stride == 1 && given.face_count() <= MEMORY_FREE_UP_TO;
+    let mut vertex_areas = if samples_all_vertices { vertex_areas(given) } else { Vec::new() };
     for i in 0..given.face_count() {
         let t = given.face(i);
         let homes = t.map(|w| home[w.index()]);
@@ -529,7 +541,7 @@ pub(crate) fn fit<Q: Memory>(
             faces_to_skip -= 1;
             continue;
         }
-        (faces_to_skip, takes_corner) = (stride - 1, !takes_corner);
+        (faces_to_skip, sampled_faces) = (stride - 1, sampled_faces + 1);
         // Where two corners went to one place, the face is rather there.
         let u = if homes[1] == homes[2] { homes[1] } else { homes[0] };
         if u == NONE {
@@ -545,33 +557,55 @@ pub(crate) fn fit<Q: Memory>(
         if let (Some(values), Some(placed)) = (&mut values, placed) {
             values.add_centre(i, placed.face, placed.b, placed.weight);
         }
-        if takes_corner && homes[0] != NONE {
-            if in_register(vertices[homes[0].index()].p) == a {
-                sampler.place_at_home(6.0 * area, homes[0]);
+        for (k, p) in [a, b, c].into_iter().enumerate() {
+            let weight = match vertex_areas.get_mut(t[k].index()) {
+                Some(area) => std::mem::take(area),
+                None if sampled_faces % 2 == 0 && sampled_faces / 2 % 3 == k => 6.0 * area,
+                None => 0.0,
+            };
+            if homes[k] == NONE || weight == 0.0 {
+                continue;
+            }
+            if in_register(vertices[homes[k].index()].p) == p {
+                sampler.place_at_home(weight, homes[k]);
                 if let Some(values) = &mut values {
-                    values.add_at_home(i, store.listed(homes[0]), 6.0 * area);
+                    values.add_at_home((i, k), store.listed(homes[k]), weight);
                 }
             } else {
-                let placed = sampler.place(a, (normal, area), 6.0 * area, homes[0]);
+                let placed = sampler.place(p, (normal, area), weight, homes[k]);
                 if let (Some(values), Some(placed)) = (&mut values, placed) {
-                    values.add_corner(i, placed.face, placed.b, placed.weight);
+                    values.add_corner((i, k), placed.face, placed.b, placed.weight);
                 }
             }
         }
     }
     let Sampler { mut loads, rr, weight, .. } = sampler;
     let limit = TETHER * TETHER * (rr / weight.max(1e-30)) as f32;
-    let suspects = solve(store, &mut loads, leeway, SUSPECT * limit, tensor);
+    let suspects = solve(store, &mut loads, leeway, SUSPECT * limit, guards, tensor);
     let after = rr - loads.iter().map(|l| f64::from(l.gain())).sum::<f64>();
-    tether(store, &loads, suspects, given, home, limit);
+    tether(store, &loads, suspects, given, home, (limit, guards));
     // A number among the suspects is no stamp.
     store.v.iter_mut().for_each(|x| x.mark = 0);
     Fitted { rms: (after.max(0.0) / weight.max(1e-30)).sqrt() }
 }
 
+/// Twice the total area of the faces at each vertex of the input.
+#[inline(never)]
+fn vertex_areas(given: &mut impl Given) -> Vec<f32> {
+    let mut areas = vec![0.0f32; given.point_count()];
+    for i in 0..given.face_count() {
+        let t = given.face(i);
+        given.bring(i + AHEAD);
+        let [a, b, c] = given.places(i, t).map(in_register);
+        let area = (b - a).cross(c - a).length();
+        t.iter().for_each(|w| areas[w.index()] += area);
+    }
+    areas
+}
+
 /// Gauss-Seidel on the displacements, two sweeps. (Measured: a third brings nothing.) A triangle only sees the heights
 /// n·delta of its three vertices, its lift. In the second sweep they move, by no more than the largest distance seen, and
-/// only where no triangle turns far. Says which of those that are not where they began have a sample farther away than the
+/// only where no triangle turns far and no guard is broken. Says which of those that are not where they began have a sample farther away than the
 /// root of `far`.
 #[inline(never)]
 fn solve<Q: Memory>(
@@ -579,6 +613,7 @@ fn solve<Q: Memory>(
     loads: &mut [Load],
     leeway: Vec<f32>,
     far: f32,
+    guards: Option<&Guards>,
     tensor: fn(&mut Q) -> &mut Tensor,
 ) -> Vec<VertexId> {
     for u in 0..store.v.len() {
@@ -633,7 +668,13 @@ fn solve<Q: Memory>(
             lift(corners, loads, delta);
             let step = delta.length_squared();
             let p = store.v[u].p + delta * if step > worst { (worst / step).sqrt() } else { 1.0 };
-            if step > 0.0 && (min(step, worst) <= leeway || is_fine(store, loads, id, p, leeway == 0.0)) {
+            let is_fine = |p| min(step, worst) <= leeway || is_fine(store, loads, id, p, leeway == 0.0);
+            let place = match guards {
+                _ if step <= 0.0 => None,
+                None => is_fine(p).then_some(p),
+                Some(guards) => guards.farthest(store, id, p, is_fine),
+            };
+            if let Some(p) = place {
                 let x = &mut store.v[u];
                 (x.p, x.kind) = (p, x.kind.moved(true));
             }
@@ -786,7 +827,7 @@ fn tether<Q: Memory>(
     suspects: Vec<VertexId>,
     given: &mut impl Given,
     home: &[VertexId],
-    limit: f32,
+    (limit, guards): (f32, Option<&Guards>),
 ) {
     // (The mark of a vertex is free for whoever walks: one more than its number among the suspects.)
     store.v.iter_mut().for_each(|x| x.mark = 0);
@@ -857,14 +898,64 @@ fn tether<Q: Memory>(
             }
         }
     }
+    suspects.retain(|s| s.found.0 > limit && s.found.0.is_finite());
+    find_nearest(store, given, home, &mut suspects);
     for Suspect { vertex, found: (d, q), .. } in suspects {
-        if d > limit && d.is_finite() {
+        let worst = store.listed(vertex).iter().map(|c| loads[c.face()].worst()).fold(0.0, max);
+        let limit = max(limit, TETHER_OF_STAR * worst);
+        if d > limit {
             let p = q + (store.p(vertex) - q) * (limit / d).sqrt();
-            if is_fine(store, loads, vertex, p, true) {
+            let is_fine = |p| is_fine(store, loads, vertex, p, true);
+            let place = match guards {
+                None => is_fine(p).then_some(p),
+                Some(guards) => guards.farthest(store, vertex, p, is_fine),
+            };
+            if let Some(p) = place {
                 store.v[vertex.index()].p = p;
             }
         }
     }
+}
+
+/// Finds the nearest place for suspects that look far: over all faces with a corner merged into their star. Where faces are
+/// long or large, the suspect may lie over one that does not touch the nearest point.
+#[inline(never)]
+fn find_nearest<Q: Memory>(
+    store: &Store<Q>,
+    given: &impl Given,
+    home: &[VertexId],
+    suspects: &mut [Suspect],
+) {
+    if suspects.is_empty() {
+        return;
+    }
+    // The suspects whose star has a vertex, in the order of these vertices.
+    let mut stars: Vec<(VertexId, usize)> = Vec::new();
+    for (i, suspect) in suspects.iter().enumerate() {
+        stars.extend(store.listed(suspect.vertex).iter().flat_map(|c| store.t[c.face()]).map(|w| (w, i)));
+    }
+    stars.sort_unstable();
+    stars.dedup();
+    let mut is_in_star = vec![false; store.v.len()];
+    stars.iter().for_each(|(w, _)| is_in_star[w.index()] = true);
+    let is_near = |h: VertexId| h != NONE && is_in_star[h.index()];
+    given.each_face(|t| {
+        let homes = t.map(|w| home[w.index()]);
+        if !homes.into_iter().any(is_near) {
+            return;
+        }
+        let [a, b, c] = t.map(|w| given.place(w));
+        for h in homes.into_iter().filter(|&h| is_near(h)) {
+            let first = stars.partition_point(|s| s.0 < h);
+            for &(_, i) in stars[first..].iter().take_while(|s| s.0 == h) {
+                let suspect = &mut suspects[i];
+                let near = triangle::closest(store.p(suspect.vertex), a, b, c);
+                if near.0 < suspect.found.0 {
+                    suspect.found = near;
+                }
+            }
+        }
+    });
 }
 
 #[cfg(test)]

@@ -39,7 +39,11 @@ impl Rules {
             placement: options.placement,
             border: options.border,
             topology: options.topology,
-            border_weight: BORDER * options.weights.border as f32,
+            border_weight: match (options.border, options.sharp_deg) {
+                // Lines are looked at for the sharp edges alone.
+                (BorderPolicy::Free, Some(_)) => 0.0,
+                _ => BORDER * options.weights.border as f32,
+            },
             max_turn: MAX_TURN.max(cos * cos),
             min_shape: guards.min_quality.map_or(0.0, |q| (q * q) as f32),
             max_valence: guards.max_valence.unwrap_or(usize::MAX),
@@ -47,6 +51,15 @@ impl Rules {
             max_step_sq: f32::INFINITY,
             max_cost: (max_cost * max_cost) as f32,
         }
+    }
+
+    /// Whether a guard is on that a move of a vertex can break.
+    pub(crate) fn guards_moves(&self) -> bool {
+        self.min_shape > 0.0 || self.max_edge_sq.is_finite() || self.guards_turns()
+    }
+    /// Whether faces may turn less than any face may.
+    pub(crate) fn guards_turns(&self) -> bool {
+        self.max_turn > MAX_TURN
     }
     /// Whether any guard beside the usual ones has to be asked.
     pub(crate) fn has_extra_guards(&self) -> bool {

@@ -77,7 +77,45 @@ pub(crate) fn tensors(t: [f32x4; 6]) -> [Tensor; 4] {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+    use crate::trial::{bits, four_vectors, vector};
+
+    /// One of four.
+    fn lane(v: &Four, i: usize) -> Vec3 {
+        Vec3::from(v.map(|x| x.to_array()[i]))
+    }
+
+    fn same(a: Vec3, b: Vec3) -> bool {
+        bits(a.to_array()) == bits(b.to_array())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(512) })]
+
+        #[test]
+        fn four_vectors_are_worked_on_as_each_alone(
+            v in four_vectors(),
+            w in four_vectors(),
+            one in vector(),
+            weights in [-2.0..2.0f32, 0.0..1e-20f32, 0.0..f32::MIN_POSITIVE, 1.0..1e9f32],
+        ) {
+            let (a, b) = (four(v), four(w));
+            let (tensors, products) = (tensors(outer(&a, f32x4::new(weights))), dot(&a, &b).to_array());
+            for i in 0..4 {
+                prop_assert!(same(lane(&a, i), v[i]) && same(lane(&splat(one), i), one));
+                prop_assert!(same(lane(&sub(&a, &b), i), v[i] - w[i]));
+                prop_assert!(same(lane(&cross(&a, &b), i), v[i].cross(w[i])));
+                prop_assert_eq!(bits([products[i]]), bits([v[i].dot(w[i])]));
+                prop_assert_eq!(bits(tensors[i].0), bits(Tensor::outer(v[i], weights[i]).0));
+                let row = rows(&a)[i].to_array();
+                prop_assert_eq!(bits(row), bits(v[i].extend(0.0).to_array()));
+            }
+            let back = super::tensors(side_by_side(tensors.each_ref()));
+            prop_assert_eq!(back.map(|t| bits(t.0)), tensors.map(|t| bits(t.0)));
+        }
+    }
 
     #[test]
     fn sums_are_those_of_each() {

@@ -7,24 +7,30 @@ mod cluster;
 pub mod cluster_lod;
 mod collapse;
 pub mod control;
+mod deviation;
 mod escalate;
 mod fit;
 mod guard;
 mod lanes;
 pub mod lod;
 mod metric;
+mod normals;
 pub mod options;
 mod planar;
 mod progressive;
 pub mod proposal;
 mod prune;
 mod rebuild;
+mod recolor;
 pub mod remesh;
 pub mod report;
 mod run;
 pub mod scene;
 mod shading;
 mod tensor;
+mod textures;
+#[cfg(test)]
+mod trial;
 mod triangle;
 mod unsubdivide;
 mod vertex_removal;
@@ -37,8 +43,8 @@ pub use lod::{Levels, LodChain, LodOptions, SceneChain, Screen, lod, lod_scene};
 pub use lodsmith_core as core;
 use lodsmith_core::{MeshError, Surface, TriMesh};
 pub use options::{
-    AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, MethodOptions, Placement, Preset,
-    SimplifyOptions, Stop, TopologyPolicy,
+    AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodOptions, Placement,
+    Preset, SimplifyOptions, Stop, TopologyPolicy,
 };
 pub use progressive::{Changed, Progressive, ProgressiveScene};
 pub use proposal::{Change, Proposal};
@@ -46,6 +52,7 @@ pub use prune::Pruned;
 pub use report::{Cleanup, Clustered, ErrorReport, Refusal, Report, StoppedBy};
 
 pub use scene::{MeshCounts, Part, SimplifiedScene, simplify_scene};
+pub use textures::{Texture, Textures};
 
 /// Why a mesh could not be simplified.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

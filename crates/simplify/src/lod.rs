@@ -288,9 +288,13 @@ impl Screen {
     }
 }
 
-/// The deviation of a level that is not to show: the largest that was measured, else the estimate of the RMS.
+/// The deviation of a level that is not to show: the bound that was proven both ways or the largest that was measured, if
+/// that is more; else the estimate of the RMS.
 pub fn error_of(report: &Report) -> f64 {
-    report.error.measured.as_ref().map_or(report.error.estimate, |m| m.hausdorff.symmetric)
+    let error = &report.error;
+    let measured = error.measured.as_ref().map(|m| m.hausdorff.symmetric);
+    // A bound of one way may be less than the other way is.
+    measured.into_iter().chain(error.bound).reduce(f64::max).unwrap_or(error.estimate)
 }
 
 #[cfg(test)]

@@ -7,6 +7,8 @@ use std::sync::Arc;
 
 use lodsmith_core::RegionId;
 
+use crate::textures::Textures;
+
 /// How a mesh is simplified.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -72,7 +74,8 @@ impl Method {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct MethodOptions {
-    /// [`Method::Memoryless`], [`Method::Quadric`]: vertices closer than this that share no edge are contracted too.
+    /// [`Method::Memoryless`], [`Method::Quadric`]: vertices closer than this that share no edge are contracted too. The run
+    /// is made without as well, and that result is taken if it alone meets the stop or is closer by a quarter.
     pub pairs: Option<Length>,
     /// [`Method::Cluster`]: edge of a cell.
     pub cell: Option<Length>,
@@ -161,7 +164,7 @@ pub enum BorderPolicy {
     Keep,
     /// Their vertices move along them only: a border edge collapses onto one of its ends.
     Slide,
-    /// Their vertices are not touched.
+    /// Their vertices are not touched, and a part that has any is never removed.
     Lock,
     /// No care is taken.
     Free,
@@ -171,7 +174,8 @@ pub enum BorderPolicy {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TopologyPolicy {
     /// Counts of non-manifold edges, border edges, flipped and duplicate faces do not rise. Only when the target cannot be
-    /// met otherwise, handles and thin places are cut and whole parts go, cheapest first, and each is counted.
+    /// met otherwise, or the rest would be measurably farther off, handles and thin places are cut and whole parts go,
+    /// cheapest first, and each is counted.
     #[default]
     Relaxed,
     /// Manifold stays manifold; holes, handles and parts stay.
@@ -209,7 +213,10 @@ pub struct Stop {
     pub vertices: Option<usize>,
     /// At this part of the triangles, above 0 and up to 1.
     pub ratio: Option<f64>,
-    /// Before the measured two-way deviation from the input passes this.
+    /// At the lightest level that keeps within this distance of the input, as [`SimplifyOptions::bound`] has it.
+    ///
+    /// Levels are what runs to certain counts make, each 5 % below the one before, whatever the distance: a larger one
+    /// never gives more triangles.
     pub error: Option<Length>,
 }
 
@@ -232,16 +239,17 @@ impl Stop {
     }
 }
 
-/// Guards of the result, each off by default. A collapse that would break one is refused and counted.
+/// Guards of the result, each off by default. A collapse that would break one is refused and counted; the
+/// [fit](SimplifyOptions::fit) moves vertices only as far as they allow. What breaks one already may stay, and gets no worse.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Guards {
-    /// Largest turn of a face by one collapse, in degrees.
+    /// Largest turn of a face by one collapse, and by the fit, in degrees.
     pub max_normal_deg: Option<f64>,
-    /// Least shape of a new face: 1 is equilateral, 0 flat. A face that was worse may stay as bad as it was.
+    /// Least shape of a new face: 1 is equilateral, 0 flat. Where a face was worse, no new one there is worse than that.
     pub min_quality: Option<f64>,
-    /// Largest number of edges at a merged vertex.
+    /// Largest number of edges at a merged vertex. One may have as many as one of the two that it was made of.
     pub max_valence: Option<usize>,
-    /// Greatest length of a new edge.
+    /// Greatest length of an edge. One that was longer may move, but gets no longer.
     pub max_edge: Option<Length>,
 }
 
@@ -256,6 +264,8 @@ pub struct AttributeWeights {
     pub color: f64,
     /// What morph targets add to positions. At 1 a distance in a key pose counts like one at rest.
     pub morph: f64,
+    /// Which joints pull a vertex. At 1 a distance by which the middle of its joints moves counts like a tenth of it at rest.
+    pub skin: f64,
     /// Everything else.
     pub other: f64,
     /// Open borders and non-manifold curves, unless [`BorderPolicy::Free`] leaves them out anyway.
@@ -264,7 +274,7 @@ pub struct AttributeWeights {
 
 impl Default for AttributeWeights {
     fn default() -> Self {
-        Self { normal: 1.0, uv: 1.0, color: 1.0, morph: 1.0, other: 1.0, border: 1.0 }
+        Self { normal: 1.0, uv: 1.0, color: 1.0, morph: 1.0, skin: 1.0, other: 1.0, border: 1.0 }
     }
 }
 
@@ -285,13 +295,28 @@ pub enum Preset {
     Print,
 }
 
-/// What is promised of the deviation.
+/// What is promised of the largest distance between the input and the result. What is promised is proven, not sampled:
+/// see [`proof`](lodsmith_core::measure::proof).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Measure {
-    /// Measured where the stop has an error, else the engine's own estimate alone.
+pub enum Bound {
+    /// [`Bound::TwoSided`] where the stop has an error, else [`Bound::Estimate`].
     #[default]
     Auto,
-    /// Measured both ways at the end, whatever the stop.
+    /// Nothing. An error of the stop is kept by what samples see.
+    Estimate,
+    /// No point of the result lies farther from the input. What the input has may be gone.
+    OneSided,
+    /// No point of the result lies farther from the input, and none of the input from the result.
+    TwoSided,
+}
+
+/// Whether the result is measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Measure {
+    /// Where the stop has an error or a bound is promised, else there is the engine's own estimate alone.
+    #[default]
+    Auto,
+    /// Both ways at the end, whatever the stop.
     Always,
 }
 
@@ -315,8 +340,15 @@ pub struct SimplifyOptions {
     pub topology: TopologyPolicy,
     /// Guards of the result.
     pub guards: Guards,
+    /// Edges of the input whose two faces meet at more than this, in degrees, are features: their vertices keep to their
+    /// line as those of borders do, and two of them become one only along it, as long as anything else can go. Above 0 and
+    /// below 180; without, no edge is one.
+    pub sharp_deg: Option<f64>,
     /// How much attributes count.
     pub weights: AttributeWeights,
+    /// What is promised of the largest distance: what the report's bound says, and what an error of the stop is held
+    /// against.
+    pub bound: Bound,
     /// Whether the result is measured.
     pub measure: Measure,
     /// Vertices closer than this are joined first. Equal positions always are.
@@ -350,6 +382,14 @@ pub struct SimplifyOptions {
     /// it is rough, so 4 means about 3 on the one and 6 on the other. What is flat needs no triangles, however important
     /// it is. The total stays that of the stop. (docs/decisions/0013)
     pub importance: Option<Arc<[f32]>>,
+    /// The images that give the surface its colours: of the regions of the mesh, or of those of each part of a scene. Where
+    /// one is a palette (almost every face of the input shows one colour), a face of the result whose blended texture
+    /// coordinates show other colours than the input there takes some of the input's. No other method of a run looks at
+    /// images, and [`Method::Cluster`] and progressive meshes not at all.
+    pub textures: Option<Arc<Textures>>,
+    /// Whether blended normals far off their faces stay: where they are only lent, or where groups of clusters are joined
+    /// again.
+    pub(crate) keeps_blended_normals: bool,
     /// Seed of whatever is drawn by chance: equal seeds give equal bytes.
     pub seed: u64,
 }
@@ -358,6 +398,14 @@ impl SimplifyOptions {
     /// Everything by default but for the stop.
     pub fn new(stop: Stop) -> Self {
         Self { stop, ..Self::default() }
+    }
+    /// What is promised, in the end: never [`Bound::Auto`].
+    pub fn promised(&self) -> Bound {
+        match (self.bound, self.stop.error) {
+            (Bound::Auto, Some(_)) => Bound::TwoSided,
+            (Bound::Auto, None) => Bound::Estimate,
+            (bound, _) => bound,
+        }
     }
     /// What a preset stands for, with this stop. All can be changed afterwards.
     pub fn preset(preset: Preset, stop: Stop) -> Self {
@@ -380,7 +428,7 @@ impl SimplifyOptions {
                 options.topology = TopologyPolicy::Preserve;
                 let none =
                     AttributeWeights { normal: 0.0, uv: 0.0, color: 0.0, ..AttributeWeights::default() };
-                options.weights = AttributeWeights { morph: 0.0, other: 0.0, ..none };
+                options.weights = AttributeWeights { morph: 0.0, skin: 0.0, other: 0.0, ..none };
             }
         }
         options

@@ -26,7 +26,7 @@ use crate::SimplifyError;
 use crate::collapse::order::NONE;
 use crate::control::Control;
 use crate::options::{BorderPolicy, Length, TopologyPolicy};
-use crate::rebuild::{Ending, Made, Task};
+use crate::rebuild::{Ending, Ground, Made, Task};
 use chains::Chains;
 use channels::Channels;
 use merge::{Before, Count, Merge};
@@ -35,6 +35,11 @@ use regions::{Field, Tolerance};
 /// Without an option, as a share of the diagonal: three times what single precision rounds by. (Measured on ten models of
 /// machine parts: at a third of it rounding parts faces of one plane, at ten times as much curved sides begin to merge.)
 const FLAT: f64 = 2e-7;
+/// Where single precision rounds by more than that, far from the origin, the tolerance is so many times the farthest that
+/// rounding may move a vertex. (Measured on four machine parts, turned, 0 to 10 diagonals from the origin, as they are and
+/// subdivided three times with midpoints in single precision: at 2 rounding still parts faces of one plane on two of them,
+/// from 3 on on none.)
+const ROUNDINGS: f64 = 3.0;
 /// Without an option: as Blender's limited dissolve.
 const ANGLE_DEG: f64 = 5.0;
 /// What double precision rounds by, in the frame: no tolerance is less.
@@ -120,7 +125,9 @@ fn used(points: &[DVec3], faces: Vec<[VertexId; 3]>) -> Made {
 
 fn tolerance(task: &Task<'_>) -> Tolerance {
     let own = &task.options.of_method;
-    let noise = task.ground.length(Length::OfDiagonal(FLAT));
+    let of_size = task.ground.length(Length::OfDiagonal(FLAT));
+    // Far from the origin, single precision rounds by more than a share of the size.
+    let noise = of_size.max(ROUNDINGS * rounding(task.ground));
     // A limit of the error is a tolerance too, and the only one where no other is given.
     let flat = match (own.flat.map(|l| task.ground.length(l)), task.step) {
         (Some(flat), Some(step)) => flat.min(step),
@@ -131,4 +138,23 @@ fn tolerance(task: &Task<'_>) -> Tolerance {
         task.options.guards.max_normal_deg.map_or(angle_deg, |most| angle_deg.min(most)).min(89.0);
     let flat = flat.max(LEAST_FLAT);
     Tolerance { flat, angle_rad: angle_deg.to_radians(), noise: noise.min(flat) }
+}
+
+/// The farthest that rounding to the precision of the input may have moved a vertex, in the frame: half a unit in the last
+/// place of the largest coordinate, along all three axes. 0 for double precision, where [`FLAT`] is far above it.
+fn rounding(ground: &Ground) -> f64 {
+    if !ground.is_single {
+        return 0.0;
+    }
+    let (low, high) = ground
+        .points
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
+    let [low, high] = [low, high].map(|p| ground.frame.user_from_unit(p).map(f64::abs));
+    let half_unit = |x: f64| {
+        let exponent = (x.to_bits() >> 52) as i32 - 1023;
+        2f64.powi(exponent.clamp(f32::MIN_EXP - 1, f32::MAX_EXP) - f32::MANTISSA_DIGITS as i32)
+    };
+    let moved = DVec3::from_array([0, 1, 2].map(|k| half_unit(low[k].max(high[k]))));
+    ground.frame.unit_length(moved.length())
 }

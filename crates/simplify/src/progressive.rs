@@ -8,6 +8,7 @@ mod arrange;
 mod build;
 mod checkpoints;
 mod correct;
+mod deviation;
 mod extract;
 mod scene;
 mod values;
@@ -69,6 +70,8 @@ struct Road {
     owners: Vec<VertexId>,
     rows: Vec<f32>,
     places: Positions,
+    /// Of each value of a row, over the full mesh.
+    ranges: Vec<[f32; 2]>,
     /// Vertices in use, for each level.
     vertices: Vec<u32>,
     /// The most of them at this and all coarser levels.
@@ -416,7 +419,8 @@ impl Road {
             Positions::F64(_) => Positions::F64(Vec::new()),
         };
         let (corners, owners, rows) = (Vec::new(), Vec::new(), Vec::new());
-        Self { splits, corners, owners, rows, places, vertices: Vec::new(), most_vertices: Vec::new() }
+        let (ranges, vertices, most_vertices) = (Vec::new(), Vec::new(), Vec::new());
+        Self { splits, corners, owners, rows, places, ranges, vertices, most_vertices }
     }
 
     /// Walks from the base to the top with buffers as they are at the base, and writes down what each change finds.
@@ -434,6 +438,7 @@ impl Road {
             self.rows.extend_from_slice(row);
             row.copy_from_slice(&data.rows.to[i * width..][..width]);
         }
+        self.ranges = correct::ranges(&data.layout, values);
         let places = &data.places;
         match (&mut *positions, &mut self.places, &places.to) {
             (Positions::F32(p), Positions::F32(from), Positions::F32(to)) => {

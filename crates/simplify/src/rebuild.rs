@@ -16,7 +16,7 @@ use crate::control::{Control, Stage, Verdict};
 use crate::options::{Length, Method, SimplifyOptions};
 use crate::report::Refusal;
 use crate::run::{Input, Outcome, Run};
-use crate::{SimplifyError, planar, remesh, unsubdivide, vertex_removal};
+use crate::{SimplifyError, planar, recolor, remesh, unsubdivide, vertex_removal};
 use dress::{Clothes, Dressed, Shading};
 
 /// The input of such a method: equal places are one vertex, faces without three places and those that stand twice are left
@@ -139,12 +139,7 @@ fn ground(run: &Run<'_, '_>) -> Ground {
 fn ground_of(input: &Input<'_>, ordered: &Ordered) -> Ground {
     let surface = &input.surface;
     let positions = surface.positions();
-    let mut first = vec![NONE; ordered.point_count];
-    for (i, r) in ordered.rank.iter().enumerate().rev() {
-        if *r != NONE {
-            first[r.index()] = VertexId::new(i);
-        }
-    }
+    let first = ordered.first_at_each();
     let places: Vec<[f64; 3]> = first.iter().map(|&v| positions.get(v)).collect();
     let bounds = PositionsView::F64(&places).bounds().unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] });
     let frame = UnitFrame::of(&bounds);
@@ -212,6 +207,7 @@ fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, Si
         Ending::Finish => End::Finish,
     };
     let (mesh, held) = dressed(run.input, run.ordered, ground, &made, positions, None)?;
+    let mesh = recolor::recolored(mesh, run.input, run.options, &held)?;
     Ok(Outcome {
         mesh,
         end,
@@ -224,6 +220,9 @@ fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, Si
         pairs_contracted: 0,
         touches: false,
         seams_relaxed: false,
+        spares_parts: false,
+        spares_necks: false,
+        sharp_relaxed: false,
         duplicate_faces: ground.duplicate_faces,
         proposals: Vec::new(),
         held,

@@ -1,11 +1,13 @@
 //! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
 
 mod chain;
+mod closest;
+pub(crate) mod ladder;
 mod relaxed;
 mod start;
 mod trunk;
+mod within;
 
-use lodsmith_core::measure::{self, CompareOptions, Comparison};
 use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::mesh::weld;
 use lodsmith_core::{Attribute, Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId};
@@ -17,8 +19,9 @@ use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
 use crate::collapse::{End, Goal, Look, Original};
 use crate::control::{Control, Stage, Verdict};
+use crate::deviation::{self, Deviation, Judge, ROUNDING};
 use crate::metric::{Judged, Memory, Memoryless, Metric, Quadric};
-use crate::options::{Length, Measure, Method, SimplifyOptions, TopologyPolicy};
+use crate::options::{Length, Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
@@ -26,13 +29,6 @@ use crate::{Simplified, SimplifyError, cluster, escalate, prune, rebuild, shadin
 pub(crate) use chain::{is_chained, run_chain};
 pub(crate) use start::Started;
 use trunk::Trace;
-
-/// Runs of the engine in search of an error, at most.
-const ERROR_RUNS: usize = 12;
-/// Distances below this share of the diagonal are rounding.
-const ROUNDING: f64 = 1e-12;
-/// The search ends when the count lies within this factor of one that was too low.
-const ERROR_CLOSE: f64 = 1.03;
 
 /// The input of a run; attributes where they are kept.
 pub(crate) struct Input<'a> {
@@ -73,6 +69,8 @@ struct Leave {
     parts: bool,
     /// Handles and thin places, by cuts.
     cuts: bool,
+    /// Seams off their lines.
+    seams: bool,
 }
 
 /// What one pass of the engine made.
@@ -89,6 +87,11 @@ pub(crate) struct Outcome {
     /// Whether vertices that were cut apart stand at one place.
     pub(crate) touches: bool,
     pub(crate) seams_relaxed: bool,
+    /// Whether parts stayed that would have been cheaper to remove than what was done instead.
+    pub(crate) spares_parts: bool,
+    /// Whether necks stayed that stood in the way of many collapses.
+    pub(crate) spares_necks: bool,
+    pub(crate) sharp_relaxed: bool,
     pub(crate) duplicate_faces: usize,
     pub(crate) proposals: Vec<Proposal>,
     pub(crate) held: Held,
@@ -134,6 +137,7 @@ fn run_shaded(
             done.report.seams_relaxed &= has_seams;
             Ok((done, held))
         };
+        let options = &SimplifyOptions { keeps_blended_normals: true, ..options.clone() };
         return run_pruned(&lent, options, inner)?.into_iter().map(unshaded).collect();
     }
     run_pruned(input, options, inner)
@@ -229,7 +233,7 @@ pub(crate) fn run_by_method(
     run_with(pass_of(options.method), input, options, control)
 }
 
-fn pass_of(method: Method) -> Pass {
+pub(crate) fn pass_of(method: Method) -> Pass {
     collapses(method).unwrap_or(rebuild::pass)
 }
 
@@ -253,7 +257,7 @@ pub(crate) fn run_with(
 }
 
 /// The input in order, if it has a face with an area.
-fn ordered(input: &Input<'_>, control: &mut dyn Control) -> Result<Ordered, SimplifyError> {
+pub(crate) fn ordered(input: &Input<'_>, control: &mut dyn Control) -> Result<Ordered, SimplifyError> {
     control.stage(Stage::Prepare);
     if control.progress(0.0) == Verdict::Cancel {
         return Err(SimplifyError::Cancelled);
@@ -274,7 +278,7 @@ fn told(
     options: &SimplifyOptions,
     ordered: &Ordered,
     care: &Care,
-    (outcome, measured, by_error): Finished,
+    (outcome, deviation, by_error): Finished,
 ) -> Done {
     let surface = &input.surface;
     let input_faces = surface.triangles().len();
@@ -297,11 +301,11 @@ fn told(
     };
     // A limit of the error alone is met by any result that keeps it.
     let rounding = ROUNDING * ordered.diagonal;
-    let within = |l: f64| measured.as_ref().is_some_and(|m| m.hausdorff.symmetric <= l + rounding);
+    let within = |l: f64| deviation.largest().is_some_and(|d| d <= l + rounding);
     let reached = match stopped_by {
         StoppedBy::Caller => false,
         StoppedBy::Error => limit.is_some_and(within),
-        StoppedBy::Exhausted => goal.is_none() || options.method == Method::ShortestEdge,
+        StoppedBy::Exhausted => goal.is_none(),
         StoppedBy::Refusals => goal.is_none() && limit.is_some_and(within),
         _ => true,
     };
@@ -316,7 +320,8 @@ fn told(
         // Costs along borders are not of an area: on needles their share of it knows no end.
         error: ErrorReport {
             estimate: outcome.estimate.min(ordered.diagonal),
-            measured,
+            measured: deviation.measured,
+            bound: deviation.bound,
             diagonal: ordered.diagonal,
         },
         refusals: Refusal::ALL.into_iter().zip(outcome.refusals).filter(|r| r.1 > 0).collect(),
@@ -327,6 +332,7 @@ fn told(
         locked_vertices: care.locked_vertices(),
         locked_faces: care.locked_faces(),
         seams_relaxed: outcome.seams_relaxed,
+        sharp_relaxed: outcome.sharp_relaxed,
         cleanup,
         dropped,
         fitted: outcome.fitted,
@@ -349,7 +355,7 @@ pub(crate) struct Run<'a, 'b> {
     pub(crate) is_traced: bool,
 }
 
-type Finished = (Outcome, Option<Comparison>, bool);
+type Finished = (Outcome, Deviation, bool);
 
 impl Run<'_, '_> {
     fn go(
@@ -363,119 +369,35 @@ impl Run<'_, '_> {
 
     /// One pass to the goal, measured if asked.
     fn run_to_goal(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
-        let outcome = self.go(self.goal, None, control)?;
-        let measured = match self.options.measure {
-            Measure::Auto => None,
-            Measure::Always => self.reference(control).and_then(|r| self.compare(&r, &outcome.mesh)),
-        };
-        Ok((outcome, measured, false))
+        let mut outcome = self.go(self.goal, None, control)?;
+        if outcome.pairs_contracted > 0 && !self.goal.is_none() && outcome.end != End::Finish {
+            // Parts that grew together can no longer be removed one by one, so the target may be farther off.
+            let mut options = self.options.clone();
+            options.of_method.pairs = None;
+            let (input, goal, care) = (self.input, self.goal, self.care);
+            let (pass, is_traced) = (self.pass, self.is_traced);
+            let mut other =
+                Run { input, options: &options, ordered: &mut *self.ordered, goal, care, pass, is_traced };
+            let without = other.go(goal, None, control)?;
+            outcome = self.closest(vec![outcome, without], Some(0), control);
+        }
+        let judge = if deviation::is_wanted(self.options) { self.judge(control) } else { None };
+        let deviation = judge.map_or_else(Deviation::default, |judge| judge.look(&outcome.mesh, None));
+        Ok((outcome, deviation, false))
     }
 
-    /// The lightest result whose measured deviation, both ways, stays within `limit`.
-    ///
-    /// The number of faces is searched for: the largest deviation falls about as the number rises, with jumps. No
-    /// collapse may leave a plane by more than the limit, so a spike is not what ends the search.
-    fn run_within_error(mut self, limit: f64, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
-        let Some(reference) = self.reference(control) else {
-            let outcome = self.go(self.goal, Some(0.0), control)?;
-            return Ok((outcome, None, true));
-        };
-        // What rounding of double precision alone amounts to.
-        let limit = limit + ROUNDING * self.ordered.diagonal;
-        let all = self.ordered.faces.len();
-        let floor = self.goal.faces.unwrap_or(1).min(all).max(1);
-        // Counts known to be within the limit, and beyond it.
-        let (mut within, mut beyond) = (all, 0usize);
-        let mut best: Option<(Outcome, Comparison)> = None;
-        let mut count = floor.max(all / 10).min(all);
-        for _ in 0..ERROR_RUNS {
-            let goal = Goal { faces: Some(count), vertices: self.goal.vertices };
-            let outcome = self.go(goal, Some(limit), control)?;
-            let (end, faces, vertices) =
-                (outcome.end, outcome.mesh.face_count(), outcome.mesh.vertex_count());
-            control.stage(Stage::Measure);
-            let measured = self.compare(&reference, &outcome.mesh);
-            let got = measured.as_ref().map_or(f64::INFINITY, |m| m.hausdorff.symmetric);
-            // A run may end above its goal: then fewer faces are not to be had by asking for fewer.
-            let is_end =
-                end == End::Finish || faces > count || self.goal.vertices.is_some_and(|v| vertices <= v);
-            if let Some(measured) = measured.filter(|_| got <= limit) {
-                within = within.min(faces.max(count.min(faces)));
-                if best.as_ref().is_none_or(|b| faces < b.0.mesh.face_count()) {
-                    best = Some((outcome, measured));
-                }
-                if is_end || count <= floor {
-                    break;
-                }
-            } else {
-                beyond = beyond.max(count);
-                if end == End::Finish {
-                    break;
-                }
-            }
-            if within as f64 <= beyond as f64 * ERROR_CLOSE + 1.0 {
-                break;
-            }
-            // Where the next one should lie by proportion, kept inside what is known.
-            let wish = count as f64 * (got.min(1e3 * limit) / limit.max(f64::MIN_POSITIVE)).clamp(0.02, 50.0);
-            let (low, high) = (beyond.max(floor) as f64, within as f64);
-            let inside = wish > low * 1.02 && wish < high / 1.02;
-            let next = if inside { wish } else { (low * high).sqrt() };
-            count = (next.round() as usize).clamp(floor, all);
-        }
-        if let Some((outcome, measured)) = best {
-            return Ok((outcome, Some(measured), true));
-        }
-        // Not even one collapse is within: the input stays as it is.
-        let nothing = Goal { faces: Some(usize::MAX), vertices: None };
-        let outcome = self.go(nothing, None, control)?;
-        let measured = self.compare(&reference, &outcome.mesh);
-        Ok((outcome, measured, true))
-    }
-
-    /// The result of the largest step whose measured deviation, both ways, stays within `limit`: for methods that a step
-    /// ends, and no count.
-    fn run_within_step(mut self, limit: f64, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
-        let reference = self.reference(control);
-        let allowed = limit + ROUNDING * self.ordered.diagonal;
-        let mut step = limit;
-        for run in 1.. {
-            if run == ERROR_RUNS {
-                step = 0.0;
-            }
-            let outcome = self.go(self.goal, Some(step), control)?;
-            control.stage(Stage::Measure);
-            let measured = reference.as_ref().and_then(|r| self.compare(r, &outcome.mesh));
-            let got = measured.as_ref().map_or(f64::INFINITY, |m| m.hausdorff.symmetric);
-            let is_last = run == ERROR_RUNS || outcome.end == End::Finish;
-            if got <= allowed || is_last {
-                return Ok((outcome, measured, got <= allowed));
-            }
-            step *= (0.9 * limit / got).clamp(0.1, 0.9);
-        }
-        unreachable!("the last run returns")
-    }
-
-    /// The input as it is worked on: faces without extent or place do not count.
-    fn reference(&self, control: &mut dyn Control) -> Option<measure::Prepared> {
+    /// The input as it is worked on, to hold results against: faces without extent or place do not count.
+    fn judge(&self, control: &mut dyn Control) -> Option<Judge> {
         control.stage(Stage::Measure);
         let surface = &self.input.surface;
         let cleanup = &self.ordered.cleanup;
         if cleanup.degenerate_faces + cleanup.non_finite_faces == 0 {
-            return measure::Prepared::new(surface).ok();
+            return Judge::new(surface, self.options);
         }
         let sound = |t: &&[VertexId; 3]| self.ordered.is_sound(t);
         let triangles = surface.triangles().iter().filter(sound).copied().collect();
         let clean = Surface::with_triangles(surface.positions(), triangles).ok()?;
-        measure::Prepared::new(&clean).ok()
-    }
-
-    /// The deviation of a result; `None` where it has no face, and is as far away as can be.
-    fn compare(&self, reference: &measure::Prepared, mesh: &TriMesh) -> Option<Comparison> {
-        let mut options = CompareOptions::default();
-        options.seed = self.options.seed;
-        let candidate = measure::Prepared::new(&mesh.surface()).ok()?;
-        Some(measure::compare_prepared(reference, &candidate, &options))
+        Judge::new(&clean, self.options)
     }
 
     /// One run of the engine; `step` is the largest distance from a plane that one collapse may leave, in user units.
@@ -491,7 +413,24 @@ impl Run<'_, '_> {
         }
         // Where the topology is free, parts and necks go in their turn from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;
-        let leave = Leave { parts: is_free, cuts: is_free };
+        let leave = Leave { parts: is_free, cuts: is_free, seams: false };
+        let outcome = self.straight(metric, goal, step, leave, control)?;
+        if !outcome.seams_relaxed || goal.is_none() || step.is_some() || outcome.end == End::Finish {
+            return Ok(outcome);
+        }
+        let other = self.straight(metric, goal, step, Leave { seams: true, ..leave }, control)?;
+        Ok(self.closest(vec![outcome, other], None, control))
+    }
+
+    /// Sweeps from the start to a goal.
+    fn straight<M: Metric>(
+        &mut self,
+        metric: M,
+        goal: Goal,
+        step: Option<f64>,
+        leave: Leave,
+        control: &mut dyn Control,
+    ) -> Result<Outcome, SimplifyError> {
         let mut trunk = self.begin(metric, step, leave, (&[], 0), control)?;
         let end = self.sweep(&mut trunk, &goal, control)?;
         let proposes = end == End::Stuck && step.is_none();
@@ -544,13 +483,7 @@ impl Run<'_, '_> {
         rows: Option<&Rows>,
     ) -> Result<TriMesh, SimplifyError> {
         let input_positions = self.input.surface.positions();
-        // The first vertex of the input at each place.
-        let mut first = vec![NONE; self.ordered.point_count];
-        for (i, r) in self.ordered.rank.iter().enumerate().rev() {
-            if *r != NONE {
-                first[r.index()] = VertexId(i as u32);
-            }
-        }
+        let first = self.ordered.first_at_each();
         let frame = self.ordered.frame;
         let place = |i: usize| {
             let x = &store.v[i];

@@ -13,11 +13,13 @@ use lodsmith_core::{
     Attribute, Bounds, MeshError, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId,
 };
 
+use crate::attributes::ranges::{has_ranges, ranges, within};
 use crate::care::{self, Held};
 use crate::control::Control;
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::report::{Report, StoppedBy};
 use crate::run::{self, Input};
+use crate::textures::Textures;
 use crate::{Simplified, SimplifyError, prune};
 
 /// A mesh of a scene.
@@ -187,6 +189,8 @@ struct Whole<'a> {
     options: SimplifyOptions,
     diagonal: f64,
     is_placed: bool,
+    /// How far the places of a result move at most when they are written in single precision, in the scene.
+    written: f64,
 }
 
 impl<'a> Whole<'a> {
@@ -197,8 +201,15 @@ impl<'a> Whole<'a> {
         let (mesh, table) = layout.together(parts)?;
         let mut options = options.clone();
         options.region_classes = options.region_classes.map(|own| classes(&own, &table));
+        options.textures = options.textures.map(|all| {
+            let of = |&(part, region): &(usize, Option<RegionId>)| all.of(part, region).cloned();
+            Arc::new(Textures::of_regions(table.iter().map(of).collect()))
+        });
         let units = |length: Length| Length::Units(length.in_units(diagonal));
-        options.stop.error = options.stop.error.map(units);
+        // What is kept is to be kept after it is written, too.
+        let written = parts.iter().map(rounding_of).fold(0.0, f64::max);
+        options.stop.error =
+            options.stop.error.map(|e| Length::Units((e.in_units(diagonal) - written).max(0.0)));
         // Parts of one system were often one mesh once, and differ in the last digits where they touched.
         let rounding = ROUNDING * diagonal;
         options.weld = match options.weld {
@@ -208,7 +219,7 @@ impl<'a> Whole<'a> {
         options.guards.max_edge = options.guards.max_edge.map(units);
         options.prune = options.prune.map(units);
         options.of_method.pairs = options.of_method.pairs.map(units);
-        Ok(Self { parts, layout, mesh, table, options, diagonal, is_placed })
+        Ok(Self { parts, layout, mesh, table, options, diagonal, is_placed, written })
     }
 
     fn times(&self, part: &Part<'_>) -> usize {
@@ -312,6 +323,7 @@ impl<'a> Whole<'a> {
         report.faces = self.instances(TriMesh::face_count, &meshes);
         report.vertices = self.instances(TriMesh::vertex_count, &meshes);
         report.error.diagonal = self.diagonal;
+        report.error.bound = report.error.bound.map(|bound| bound + self.written);
         // The stop is of all instances, whatever the run made of its share.
         let stop = &goal.stop;
         let met = |n: Option<usize>, count: usize| n.is_some_and(|n| count <= n);
@@ -350,6 +362,8 @@ impl<'a> Whole<'a> {
 /// Where each part lies: scaled, then moved.
 struct Layout {
     places: Vec<Place>,
+    /// For each part what comes before the numbers of its joints: those of another system are others.
+    first_joints: Vec<f32>,
     /// Whether several parts lie in one system of coordinates.
     has_neighbours: bool,
 }
@@ -424,7 +438,22 @@ impl Layout {
         };
         let place = |&group: &usize| Place { scale: scale_of[group], by: offset(group) };
         let has_neighbours = boxes.len() < parts.len();
-        Self { places: group_of.iter().map(place).collect(), has_neighbours }
+        let mut joints = vec![0f32; boxes.len()];
+        for (part, &group) in parts.iter().zip(&group_of) {
+            joints[group] = joints[group].max(joint_count(part.mesh));
+        }
+        let first = |&group: &usize| {
+            let first: f32 = joints[..group].iter().sum();
+            // Where single precision could no longer tell joints apart, those of several systems share their numbers.
+            if first + MOST_JOINTS < 16_777_216.0 { first } else { 0.0 }
+        };
+        let first_joints = group_of.iter().map(first).collect();
+        Self { places: group_of.iter().map(place).collect(), first_joints, has_neighbours }
+    }
+
+    /// What the numbers of joints of a part begin with; 0 for whatever is no joint.
+    fn first_joint(&self, part: usize, semantic: &Semantic) -> f32 {
+        if matches!(semantic, Semantic::Joints(_)) { self.first_joints[part] } else { 0.0 }
     }
 
     /// All parts as one mesh, whose regions say which face is whose.
@@ -469,10 +498,11 @@ impl Layout {
         }
         for (semantic, width) in kinds {
             let mut values = Vec::new();
-            for (part, place) in parts.iter().zip(&self.places) {
+            for (i, (part, place)) in parts.iter().zip(&self.places).enumerate() {
                 let scale = length_scale(semantic, place.scale);
+                let first = self.first_joint(i, semantic);
                 match find(part.mesh, semantic, width) {
-                    Some(a) => values.extend(a.values.iter().map(|x| single(f64::from(*x) * scale))),
+                    Some(a) => values.extend(a.values.iter().map(|x| single(f64::from(*x) * scale) + first)),
                     None => values.resize(values.len() + part.mesh.wedge_count() * width, 0.0),
                 }
             }
@@ -500,7 +530,7 @@ impl Layout {
         let view = all.positions().view();
         let (mut meshes, mut numbers) = (Vec::with_capacity(parts.len()), Vec::with_capacity(parts.len()));
         let mut first_wedge = 0;
-        for ((part, place), faces) in parts.iter().zip(&self.places).zip(&faces_of) {
+        for (i, ((part, place), faces)) in parts.iter().zip(&self.places).zip(&faces_of).enumerate() {
             let (mut wedges, mut vertices) = (Vec::new(), Vec::new());
             // The wedge of the part that each one is, and the vertex, where they are locked.
             let (mut own_wedges, mut own_vertices) = (Vec::new(), Vec::new());
@@ -542,16 +572,28 @@ impl Layout {
                 mesh.set_normals(all.normals().map(|n| wedges.iter().map(|w| n[w.index()]).collect()))?;
             }
             if part.mesh.uvs().is_some() {
-                mesh.set_uvs(all.uvs().map(|t| wedges.iter().map(|w| t[w.index()]).collect()))?;
+                mesh.set_uvs(all.uvs().map(|t| of_part(t, &wedges, part.mesh.uvs())))?;
             }
             if part.mesh.colors().is_some() {
-                mesh.set_colors(all.colors().map(|c| wedges.iter().map(|w| c[w.index()]).collect()))?;
+                mesh.set_colors(all.colors().map(|c| of_part(c, &wedges, part.mesh.colors())))?;
             }
             for a in part.mesh.further_attributes() {
                 let Some(source) = find(all, &a.semantic, a.width) else { continue };
                 let scale = length_scale(&a.semantic, place.scale);
-                let values = wedges.iter().flat_map(|&w| source.of(w)).map(|x| single(f64::from(*x) / scale));
-                mesh.add_attribute(Attribute { values: values.collect(), ..a.clone() })?;
+                let first = self.first_joint(i, &a.semantic);
+                let given = |x: &f32| match first {
+                    0.0 => single(f64::from(*x) / scale),
+                    // (Where nothing pulls there is no joint.)
+                    first => (x - first).max(0.0),
+                };
+                let mut values: Vec<f32> = wedges.iter().flat_map(|&w| source.of(w)).map(given).collect();
+                if has_ranges(&a.semantic) {
+                    let ranges = ranges(&a.values, a.width);
+                    for row in values.chunks_exact_mut(a.width) {
+                        row.iter_mut().zip(&ranges).for_each(|(x, range)| *x = within(*x, *range));
+                    }
+                }
+                mesh.add_attribute(Attribute { values, ..a.clone() })?;
             }
             resum_weights(&mut mesh, all, &wedges);
             if own_wedges.iter().any(Option::is_some) {
@@ -565,6 +607,29 @@ impl Layout {
         }
         Ok((meshes, numbers))
     }
+}
+
+/// What single precision rounds the places of a part by at most, in the scene; nothing in double precision.
+fn rounding_of(part: &Part<'_>) -> f64 {
+    let Positions::F32(_) = part.mesh.positions() else { return 0.0 };
+    let largest = part
+        .mesh
+        .positions()
+        .view()
+        .bounds()
+        .map_or(0.0, |b| b.min.iter().chain(&b.max).fold(0f64, |most, x| most.max(x.abs())));
+    // Half a step, 2^-25 to 2^-24 of the coordinate, along three axes.
+    largest * part.scale.abs() * 3f64.sqrt() / f64::from(1u32 << 24)
+}
+
+/// Joints that a mesh of glTF can name: their numbers have two bytes.
+const MOST_JOINTS: f32 = 65_536.0;
+
+/// How many joints a mesh may name.
+fn joint_count(mesh: &TriMesh) -> f32 {
+    let sets = mesh.further_attributes().iter().filter(|a| matches!(a.semantic, Semantic::Joints(_)));
+    let largest = sets.flat_map(|a| &a.values).copied().filter(|x| x.is_finite()).fold(-1.0, f32::max);
+    (largest + 1.0).min(MOST_JOINTS)
 }
 
 /// An attribute of all parts, wedge after wedge; `blank` where a part has none.
@@ -581,6 +646,16 @@ fn joined<'a, const N: usize>(
         }
     }
     all
+}
+
+/// An attribute of a part out of that of all, within the ranges that it has there.
+fn of_part<const N: usize>(
+    all: &[[f32; N]],
+    wedges: &[WedgeId],
+    source: Option<&[[f32; N]]>,
+) -> Vec<[f32; N]> {
+    let ranges = ranges(source.map_or(&[], <[_]>::as_flattened), N);
+    wedges.iter().map(|w| std::array::from_fn(|k| within(all[w.index()][k], ranges[k]))).collect()
 }
 
 fn find<'a>(mesh: &'a TriMesh, semantic: &Semantic, width: usize) -> Option<&'a Attribute> {

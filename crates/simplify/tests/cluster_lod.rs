@@ -242,12 +242,19 @@ fn cuts_of_a_textured_mesh_keep_their_charts_and_regions() {
     let mesh = textured(5);
     let lod = built(&mesh, &ClusterLodOptions::default());
     for surface in cuts(&lod, 3).iter().map(|cut| lod.mesh_of(cut)).filter(|s| s.face_count() > 1000) {
-        let mut wedges_at: HashMap<Place, HashSet<WedgeId>> = HashMap::new();
+        // By texture coordinates: normals that are far off their faces are split, in the middle of a chart too.
+        let mut wedges_at: HashMap<Place, HashSet<[u32; 2]>> = HashMap::new();
         for &w in surface.triangles().iter().flatten() {
-            wedges_at.entry(place(&surface, w)).or_default().insert(w);
+            let uv = surface.uvs().unwrap()[w.index()].map(f32::to_bits);
+            wedges_at.entry(place(&surface, w)).or_default().insert(uv);
         }
         // A vertex of a seam has a wedge on either side, wherever the levels on the two sides come from.
-        assert!(wedges_at.values().all(|w| w.len() <= 2));
+        let most = wedges_at.iter().max_by_key(|w| w.1.len()).unwrap();
+        assert!(
+            most.1.len() <= 2,
+            "{:?}",
+            most.1.iter().map(|uv| uv.map(f32::from_bits)).collect::<Vec<_>>()
+        );
         assert!(wedges_at.values().any(|w| w.len() == 2));
         let regions: HashSet<_> = surface.regions().unwrap().iter().collect();
         assert_eq!(regions.len(), 2);

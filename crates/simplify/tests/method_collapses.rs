@@ -392,7 +392,28 @@ fn shortest_edge_stops_at_the_first_of_length_and_count() {
     assert_eq!(done(&mesh, &options).report.stopped_by, StoppedBy::Faces);
     options.stop = Stop::faces(by_length / 2);
     let report = done(&mesh, &options).report;
-    assert_eq!((report.stopped_by, report.reached, report.faces), (StoppedBy::Exhausted, true, by_length));
+    // The target was not met, and that is what `reached` says.
+    assert_eq!((report.stopped_by, report.reached, report.faces), (StoppedBy::Exhausted, false, by_length));
+}
+
+/// Collapses after the last look at all edges made room for others that it had seen refused. (Fault A15.)
+#[test]
+fn shortest_edge_looks_again_before_it_is_exhausted() {
+    let mut exhausted = 0;
+    for mesh in
+        [shapes::blob(3, 1), shapes::torus(24, 12), shapes::cylinder(40, 8), shapes::noisy_sphere(3, 0.2, 5)]
+    {
+        let shortest = shortest_edge(&mesh);
+        for times in [1.5, 3.0, 5.0, 8.0, 12.0, 20.0] {
+            let got = done(&mesh, &shorter_than(times * shortest));
+            if got.report.stopped_by == StoppedBy::Exhausted {
+                exhausted += 1;
+                let left = shortest_edge(&got.mesh) / (times * shortest);
+                assert!(left > 0.9999, "{times}: an edge of {left} of the length is left");
+            }
+        }
+    }
+    assert!(exhausted > 5, "{exhausted}");
 }
 
 #[test]

@@ -344,7 +344,8 @@ fn a_distance_far_too_large_ends_soon() {
     // Each vertex has all the others within reach.
     let mesh = shapes::soup(800, 7);
     let done = run(&mesh, &with_pairs(Stop::ratio(0.5), Length::OfDiagonal(10.0)));
-    assert!(done.report.pairs_contracted > 0);
+    // With pairs or without, whichever is closer.
+    assert!(done.report.reached);
 }
 
 #[test]

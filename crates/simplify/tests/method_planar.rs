@@ -492,3 +492,43 @@ proptest! {
         }
     }
 }
+
+/// Each face as four, with midpoints in single precision.
+fn subdivided(mesh: &TriMesh) -> TriMesh {
+    let view = mesh.positions().view();
+    let mut points: Vec<[f32; 3]> = view.iter().map(|p| p.map(|x| x as f32)).collect();
+    let (mut middles, mut triangles) = (HashMap::new(), Vec::new());
+    for t in mesh.surface().triangles() {
+        let m = [0, 1, 2].map(|k| {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                let (p, q) = (points[a.index()], points[b.index()]);
+                points.push([0, 1, 2].map(|i| (0.5 * (f64::from(p[i]) + f64::from(q[i]))) as f32));
+                VertexId::new(points.len() - 1)
+            })
+        });
+        triangles.extend([[t[0], m[0], m[2]], [m[0], t[1], m[1]], [m[2], m[1], t[2]], m]);
+    }
+    TriMesh::new(Positions::F32(points), triangles).unwrap()
+}
+
+/// Far from the origin, midpoints in single precision lie farther off a plane than a share of the size. (Fault A17.)
+#[test]
+fn a_tolerance_goes_by_the_precision_of_the_coordinates() {
+    let (sin, cos) = 0.4f64.sin_cos();
+    for far in [0.0, 4.0, 20.0] {
+        // A plate of 8 by 6 by 1, turned about two axes.
+        let place = |p: [f64; 3]| {
+            let [x, y, z] = [8.0 * p[0], 6.0 * p[1], p[2]];
+            let (x, y) = (cos * x - sin * y, sin * x + cos * y);
+            let (y, z) = (cos * y - sin * z, sin * y + cos * z);
+            [x + 10.0 * far, y + 7.0 * far, z + 3.0 * far].map(|x| x as f32)
+        };
+        let cube = shapes::cube(1);
+        let points = cube.positions().view().iter().map(place).collect();
+        let plate = TriMesh::new(Positions::F32(points), cube.surface().triangles().to_vec()).unwrap();
+        let fine = subdivided(&subdivided(&subdivided(&plate)));
+        assert_eq!(fine.face_count(), 768);
+        assert_eq!(merged(&fine).mesh.face_count(), 12, "{far} times as far as it is wide");
+    }
+}

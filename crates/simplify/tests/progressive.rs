@@ -305,6 +305,36 @@ fn counts_and_errors_lead_to_levels() {
     }
 }
 
+/// The level of an estimate may have a largest distance ten times as large. (Fault A16.)
+#[test]
+fn a_level_of_a_deviation_keeps_it() {
+    let mesh = shapes::blob(4, 2);
+    let road = built(&mesh, &SimplifyOptions::default());
+    let mut faces = usize::MAX;
+    for share in [0.0, 0.001, 0.003, 0.01, 0.03, 10.0] {
+        let limit = share * mesh.positions().view().bounds().unwrap().diagonal();
+        for is_fitted in [false, true] {
+            let mut at = road.clone();
+            at.to_level(road.level_of_deviation(limit, is_fitted, &mut NoControl).unwrap());
+            let far = at.deviation(is_fitted).unwrap().unwrap().hausdorff.symmetric;
+            assert!(far <= limit + 1e-9, "{far} of {limit} at {share}");
+            if is_fitted {
+                assert!(at.face_count() <= faces, "a larger limit leads to more faces at {share}");
+                faces = at.face_count();
+            }
+        }
+        if share == 0.01 {
+            let mut by_estimate = road.clone();
+            by_estimate.to_error(limit);
+            let far = by_estimate.deviation(true).unwrap().unwrap().hausdorff.symmetric;
+            assert!(far > limit && faces < mesh.face_count(), "the estimate keeps {far} of {limit}");
+        }
+    }
+    assert_eq!(faces, road.splits().counts[0].faces as usize, "any level is within ten diagonals");
+    let cancelled = road.level_of_deviation(0.1, true, &mut After(1, Verdict::Cancel));
+    assert_eq!(cancelled, Err(SimplifyError::Cancelled));
+}
+
 /// The estimate of a level against what is measured, and levels against single runs.
 #[test]
 fn levels_are_as_near_as_single_runs() {
@@ -358,12 +388,12 @@ fn values_are_corrected_too() {
     let mut data = built(&mesh, &SimplifyOptions::default()).into_splits().into_data();
     let c = &mut data.checkpoints[2];
     let level = c.level as usize;
-    (c.wedges, c.changes) = (vec![WedgeId(0)], vec![0.0, 1.0, 0.0, 0.25, 0.0]);
+    (c.wedges, c.changes) = (vec![WedgeId(0)], vec![0.0, 1.0, 0.0, -0.25, 0.0]);
     data.original = None;
     let mut road = Progressive::new(Splits::new(data).unwrap());
     road.to_level(level);
     let (plain, fitted) = (road.mesh().unwrap(), road.fitted_mesh().unwrap());
-    assert_eq!(fitted.uvs().unwrap()[0][0], plain.uvs().unwrap()[0][0] + 0.25);
+    assert_eq!(fitted.uvs().unwrap()[0][0], plain.uvs().unwrap()[0][0] - 0.25);
     assert_eq!(fitted.uvs().unwrap()[1..], plain.uvs().unwrap()[1..]);
     let n = fitted.normals().unwrap()[0];
     assert!((n[1] - 0.5f32.sqrt()).abs() < 1e-6 && (n[2] - 0.5f32.sqrt()).abs() < 1e-6, "{n:?}");

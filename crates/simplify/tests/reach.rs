@@ -34,7 +34,7 @@ fn free(stop: Stop) -> SimplifyOptions {
 
 #[test]
 fn a_ring_is_cut_where_its_target_needs_it() {
-    let torus = shapes::torus(48, 16);
+    let torus = shapes::torus(32, 12);
     let mut cut_relaxed = 0;
     for method in [Method::Memoryless, Method::Quadric] {
         for placement in [Placement::Optimal, Placement::Endpoint, Placement::Midpoint] {
@@ -65,7 +65,12 @@ fn a_ring_is_cut_where_its_target_needs_it() {
                 _ => TopologyPolicy::Relaxed,
             };
             let wanted = [Change::Topology(wanted)];
-            assert!(kept.report.proposals.iter().any(|p| p.changes == wanted), "{case}");
+            let proposals = &kept.report.proposals;
+            assert!(
+                proposals.iter().any(|p| p.changes == wanted),
+                "{case}: {proposals:?}, {} left",
+                kept.report.faces
+            );
         }
     }
     assert!(cut_relaxed > 0);

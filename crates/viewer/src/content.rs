@@ -6,7 +6,8 @@ use std::time::Instant;
 
 use glam::{DMat4, DVec3};
 use lodsmith::{
-    Control, Levels, LodOptions, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError, Stop,
+    Control, Levels, LodOptions, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError,
+    SimplifyOptions, Stop, Textures,
 };
 use lodsmith_core::measure::{Comparison, Prepared};
 use lodsmith_core::mesh::normals::vertex_normals;
@@ -128,12 +129,14 @@ impl Lighter {
             ModelSource::Scene(scene) => {
                 let taken = placed_meshes(scene);
                 let parts = parts_of(scene, &taken);
-                let done = lodsmith::simplify_scene(&parts, diagonal_of(scene), &how.options, control)?;
+                let options = with_textures(&how.options, original.model(), &taken);
+                let done = lodsmith::simplify_scene(&parts, diagonal_of(scene), &options, control)?;
                 of_scene(scene, &taken, done)
             }
             _ => {
                 let mesh = &original.model().meshes[0].mesh;
-                of_mesh(lodsmith::simplify(mesh, &how.options, control)?)
+                let options = with_textures(&how.options, original.model(), &[0]);
+                of_mesh(lodsmith::simplify(mesh, &options, control)?)
             }
         };
         Self::of(original, how, (meshes, report, counts), begin.elapsed().as_secs_f64())
@@ -157,10 +160,12 @@ impl Lighter {
             ModelSource::Scene(scene) => {
                 let taken = placed_meshes(scene);
                 let parts = parts_of(scene, &taken);
+                options.simplify = with_textures(&options.simplify, original.model(), &taken);
                 let chain = lodsmith::lod_scene(&parts, diagonal_of(scene), &options, control)?;
                 chain.levels.into_iter().map(|done| of_scene(scene, &taken, done)).collect()
             }
             _ => {
+                options.simplify = with_textures(&options.simplify, original.model(), &[0]);
                 let chain = lodsmith::lod(&original.model().meshes[0].mesh, &options, control)?;
                 chain.levels.into_iter().map(of_mesh).collect()
             }
@@ -270,6 +275,13 @@ pub(crate) fn parts_of<'a>(scene: &'a lodsmith_io::gltf::Scene, taken: &[usize])
     parts
 }
 
+/// The options with the images of these meshes of a model, so that palettes keep their colours.
+fn with_textures(options: &SimplifyOptions, model: &Model, meshes: &[usize]) -> SimplifyOptions {
+    let mut options = options.clone();
+    options.textures = Some(Arc::new(Textures::of_model(model, meshes.iter().copied())));
+    options
+}
+
 /// What the user should know of a run.
 fn told(report: &Report) -> Vec<String> {
     let mut told: Vec<String> = Vec::new();
@@ -277,6 +289,9 @@ fn told(report: &Report) -> Vec<String> {
     told.extend(report.dropped.iter().map(dropped));
     if report.seams_relaxed {
         told.push("seams were moved off their lines to come nearer to the target".to_owned());
+    }
+    if report.sharp_relaxed {
+        told.push("sharp edges were not all kept, to come nearer to the target".to_owned());
     }
     if report.pruned.largest_kept {
         told.push("all parts are smaller than the size to prune: the largest was kept".to_owned());

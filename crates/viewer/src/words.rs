@@ -1,7 +1,8 @@
 //! How a mesh is simplified, as the words of a command line: what is shown to copy, and what sessions hold.
 
 use lodsmith::{
-    BorderPolicy, Fit, Length, Measure, Method, Placement, Preset, SimplifyOptions, Stop, TopologyPolicy,
+    BorderPolicy, Bound, Fit, Length, Measure, Method, Placement, Preset, SimplifyOptions, Stop,
+    TopologyPolicy,
 };
 use serde::{Deserialize, Serialize};
 
@@ -42,6 +43,13 @@ pub const PRESETS: Choices<Preset> = &[
 ];
 /// Fits by word.
 pub const FITS: Choices<Fit> = &[(Fit::Auto, "auto"), (Fit::On, "on"), (Fit::Off, "off")];
+/// What is promised of the deviation, by word.
+pub const BOUNDS: Choices<Bound> = &[
+    (Bound::Auto, "auto"),
+    (Bound::Estimate, "estimate"),
+    (Bound::OneSided, "one-sided"),
+    (Bound::TwoSided, "two-sided"),
+];
 /// Placements by word.
 pub const PLACEMENTS: Choices<Placement> =
     &[(Placement::Optimal, "optimal"), (Placement::Endpoint, "endpoint"), (Placement::Midpoint, "midpoint")];
@@ -136,10 +144,12 @@ impl Simplification {
         say("--fit", differs(o.fit != base.fit, word(FITS, o.fit)));
         say("--placement", differs(o.placement != base.placement, word(PLACEMENTS, o.placement)));
         say("--border", differs(o.border != base.border, word(BORDERS, o.border)));
+        say("--sharp", o.sharp_deg.map(|x| x.to_string()));
         say("--topology", differs(o.topology != base.topology, word(TOPOLOGIES, o.topology)));
+        say("--bound", differs(o.bound != base.bound, word(BOUNDS, o.bound)));
         let weights = |o: &SimplifyOptions| {
             let w = o.weights;
-            [w.normal, w.uv, w.color, w.morph, w.other, w.border]
+            [w.normal, w.uv, w.color, w.morph, w.skin, w.other, w.border]
         };
         for ((name, now), before) in WEIGHTS.iter().zip(weights(o)).zip(weights(&base)) {
             say("--weight", (now != before).then(|| format!("{name}={now}")));
@@ -222,13 +232,15 @@ impl Simplification {
             "--fit" => o.fit = choice(FITS, option, value)?,
             "--placement" => o.placement = choice(PLACEMENTS, option, value)?,
             "--border" => o.border = choice(BORDERS, option, value)?,
+            "--sharp" => o.sharp_deg = Some(number()?),
             "--topology" => o.topology = choice(TOPOLOGIES, option, value)?,
+            "--bound" => o.bound = choice(BOUNDS, option, value)?,
             "--weight" => {
                 let (name, weight) = value.split_once('=').ok_or_else(wrong)?;
                 let weight: f64 = weight.parse().map_err(|_| wrong())?;
                 let w = &mut o.weights;
-                let places =
-                    [&mut w.normal, &mut w.uv, &mut w.color, &mut w.morph, &mut w.other, &mut w.border];
+                let (colors, moves) = ([&mut w.normal, &mut w.uv, &mut w.color], [&mut w.morph, &mut w.skin]);
+                let places = colors.into_iter().chain(moves).chain([&mut w.other, &mut w.border]);
                 let place = WEIGHTS.iter().zip(places).find(|(n, _)| **n == name).ok_or_else(wrong)?;
                 *place.1 = weight;
             }
@@ -260,7 +272,7 @@ impl Simplification {
 }
 
 /// What `--weight` names.
-pub const WEIGHTS: [&str; 6] = ["normal", "uv", "color", "morph", "other", "border"];
+pub const WEIGHTS: [&str; 7] = ["normal", "uv", "color", "morph", "skin", "other", "border"];
 
 /// Options without a value.
 const FLAGS: [&str; 5] = ["--two-stage", "--adaptive", "--measure", "--escalate", "--per-mesh"];
@@ -297,9 +309,10 @@ mod tests {
         let mut all = Simplification::of_preset(Preset::Visual, Stop::ratio(0.07));
         let o = &mut all.options;
         o.method = Method::Remesh;
-        (o.fit, o.placement) = (Fit::Off, Placement::Endpoint);
+        (o.fit, o.placement, o.bound) = (Fit::Off, Placement::Endpoint, Bound::OneSided);
         (o.border, o.topology) = (BorderPolicy::Lock, TopologyPolicy::Free);
         (o.weights.uv, o.weights.normal, o.weights.border) = (3.5, 1.0, 0.0);
+        o.sharp_deg = Some(27.5);
         (o.weld, o.prune) = (Some(Length::Units(0.25)), Some(Length::OfDiagonal(0.07)));
         let length = Some(Length::OfDiagonal(0.001));
         let m = &mut o.of_method;

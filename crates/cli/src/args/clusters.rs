@@ -59,7 +59,7 @@ pub(crate) struct BuildArgs {
     /// Open borders
     #[arg(long, value_name = "POLICY", value_enum, default_value_t, help_heading = "How")]
     border: BorderChoice,
-    /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph, other; or the
+    /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph, skin, other; or the
     /// lines of open borders: border; may be repeated
     #[arg(long, value_name = "NAME=W", value_parser = values::weight, help_heading = "How")]
     weight: Vec<(AttributeName, f64)>,

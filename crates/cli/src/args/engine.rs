@@ -32,11 +32,6 @@ impl Target {
         self.faces.is_some() || self.vertices.is_some() || self.ratio.is_some() || self.error.is_some()
     }
 
-    /// Whether a deviation is asked for.
-    pub(super) fn has_error(&self) -> bool {
-        self.error.is_some()
-    }
-
     /// For the engine.
     pub(super) fn stop(&self) -> Stop {
         Stop {
@@ -97,7 +92,10 @@ pub(crate) struct How {
     /// relaxed, or by preset]
     #[arg(long, value_name = "CARE", value_enum)]
     topology: Option<TopologyChoice>,
-    /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph, other; or the
+    /// Keep edges whose faces meet at more than this angle as features [default: off]
+    #[arg(long, value_name = "DEG", value_parser = values::sharp_deg)]
+    sharp: Option<f64>,
+    /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph, skin, other; or the
     /// lines of open borders: border; may be repeated
     #[arg(long, value_name = "NAME=W", value_parser = values::weight)]
     weight: Vec<(AttributeName, f64)>,
@@ -117,16 +115,16 @@ pub(crate) struct How {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Guards of the result")]
 struct GuardArgs {
-    /// Largest turn of a face in one step
+    /// Largest turn of a face in one step; the fit of the result is one step
     #[arg(long, value_name = "DEG", value_parser = values::turn_deg)]
     max_normal: Option<f64>,
-    /// Least shape of a new face, from 0 to 1 (equilateral)
+    /// Least shape of a face, from 0 to 1 (equilateral); worse ones get no worse
     #[arg(long, value_name = "Q", value_parser = values::quality)]
     min_quality: Option<f64>,
-    /// Most edges at a vertex
+    /// Most edges at a vertex; one that has more gets no more
     #[arg(long, value_name = "N", value_parser = values::valence)]
     max_valence: Option<usize>,
-    /// Longest edge
+    /// Longest edge; one that is longer gets no longer
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     max_edge: Option<TypedLength>,
 }
@@ -138,16 +136,18 @@ pub(crate) enum AttributeName {
     Uv,
     Color,
     Morph,
+    Skin,
     Other,
     Border,
 }
 
 impl AttributeName {
-    pub(crate) const ALL: [(&str, Self); 6] = [
+    pub(crate) const ALL: [(&str, Self); 7] = [
         ("normal", Self::Normal),
         ("uv", Self::Uv),
         ("color", Self::Color),
         ("morph", Self::Morph),
+        ("skin", Self::Skin),
         ("other", Self::Other),
         ("border", Self::Border),
     ];
@@ -158,6 +158,7 @@ impl AttributeName {
             Self::Uv => &mut weights.uv,
             Self::Color => &mut weights.color,
             Self::Morph => &mut weights.morph,
+            Self::Skin => &mut weights.skin,
             Self::Other => &mut weights.other,
             Self::Border => &mut weights.border,
         }
@@ -182,6 +183,7 @@ impl EngineArgs {
         options.placement = how.placement.into();
         options.border = how.border.map_or(options.border, Into::into);
         options.topology = how.topology.map_or(options.topology, Into::into);
+        options.sharp_deg = how.sharp;
         for (name, weight) in &how.weight {
             *name.of(&mut options.weights) = *weight;
         }

@@ -22,6 +22,7 @@ Examples:
 
 const AFTER_EXTRACT: &str = "\
 Without a target the finest level is written. A file that ends too early gives what it has, with a warning.
+With --error levels are measured against the finest one, both ways, until one is within D.
 
 Examples:
   lodsmith progressive extract bunny.lpm -o low.glb --faces 2000

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use lodsmith::{Measure, SimplifyOptions};
+use lodsmith::{Bound, Measure, SimplifyOptions};
 use lodsmith_io::Format;
 
 use super::engine::{EngineArgs, Target};
@@ -87,15 +87,17 @@ struct Deviation {
     /// Measure the result against the input, both ways; always done with --error
     #[arg(long)]
     measure: bool,
-    /// What is promised of the deviation [default: two-sided with --error, else estimate]
+    /// Proven largest distance: both ways, or of the result from the input alone [default: two-sided with --error, else
+    /// estimate]
     #[arg(long, value_name = "BOUND", value_enum)]
-    bound: Option<Bound>,
+    bound: Option<BoundChoice>,
 }
 
-/// What is promised of the deviation.
+/// What is promised of the largest distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Bound {
+enum BoundChoice {
     Estimate,
+    OneSided,
     TwoSided,
 }
 
@@ -125,8 +127,13 @@ impl SimplifyArgs {
     /// What the engine is told.
     pub(crate) fn options(&self) -> SimplifyOptions {
         let mut options = self.engine.options(self.target.stop());
-        let is_measured = self.deviation.measure || self.is_bounded();
-        options.measure = if is_measured { Measure::Always } else { Measure::default() };
+        options.measure = if self.deviation.measure { Measure::Always } else { Measure::default() };
+        options.bound = match self.deviation.bound {
+            None => Bound::Auto,
+            Some(BoundChoice::Estimate) => Bound::Estimate,
+            Some(BoundChoice::OneSided) => Bound::OneSided,
+            Some(BoundChoice::TwoSided) => Bound::TwoSided,
+        };
         options
     }
 
@@ -134,14 +141,6 @@ impl SimplifyArgs {
     pub(crate) fn has_end(&self) -> bool {
         let options = self.options();
         self.target.is_given() || options.of_method.ends(options.method)
-    }
-
-    /// Whether the deviation is promised, not only estimated.
-    pub(crate) fn is_bounded(&self) -> bool {
-        match self.deviation.bound {
-            Some(bound) => bound == Bound::TwoSided,
-            None => self.target.has_error(),
-        }
     }
 }
 

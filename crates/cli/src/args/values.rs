@@ -138,6 +138,11 @@ pub(crate) fn turn_deg(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0 && x <= 180.0, "it must be above 0 and not above 180 degrees")
 }
 
+/// An angle at which two faces meet: above 0 and below 180 degrees.
+pub(crate) fn sharp_deg(text: &str) -> Result<f64, String> {
+    number(text, |x| x > 0.0 && x < 180.0, "it must be above 0 and below 180 degrees")
+}
+
 /// An angle between faces of one plane: 0 to 90 degrees.
 pub(crate) fn angle_deg(text: &str) -> Result<f64, String> {
     number(text, |x| (0.0..90.0).contains(&x), "it must be from 0 to below 90 degrees")

@@ -20,6 +20,7 @@ use crate::images;
 use crate::in_order;
 use crate::orient::{orient, oriented};
 use crate::output::Output;
+use crate::palettes;
 use crate::progress::{FileProgress, Progress};
 use crate::watch::{Clock, Watch, not_interrupted};
 use files::Plan;
@@ -89,6 +90,7 @@ fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<M
 fn of_mesh(loaded: Loaded, args: &LodArgs, plan: &Plan, watch: &mut Watch<'_>) -> anyhow::Result<Made> {
     let mut options = args.options();
     care::of_mesh(&args.engine.how, &loaded, &mut options.simplify)?;
+    options.simplify.textures = palettes::of_mesh(&loaded);
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
     let is_kept =
         plan.format() == Some(Format::Obj) && args.writing.textures != crate::args::TexturesChoice::None;
@@ -182,6 +184,7 @@ fn of_scene(
         }
         None => care::of_scene(&args.engine.how, &scene, &taken, &mut options.simplify)?,
     }
+    options.simplify.textures = palettes::of_scene(&scene, &taken);
     let chain = not_interrupted(lodsmith::lod_scene(&parts, diagonal, &options, watch))?;
     watch.write();
     let mut replaced = vec![vec![None; meshes.len()]];

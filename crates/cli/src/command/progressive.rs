@@ -2,12 +2,13 @@
 
 use std::time::Instant;
 
-use lodsmith::Progressive;
 use lodsmith::core::Splits;
+use lodsmith::{Control, Progressive};
 use lodsmith_io::lpm::LpmSizes;
 use lodsmith_io::{Format, Warning};
 use serde_json::{Map, Value, json};
 
+use super::simplify::measured_json;
 use super::{show_warnings, texts};
 use crate::args::{self, ExtractArgs, LpmBuildArgs, LpmInfoArgs};
 use crate::exit::{Status, usage};
@@ -53,13 +54,20 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         clock.enter("read");
         let loaded = file::read_with(&args.input, args.from, care::properties(&args.engine.how))?;
         let mut options = args.options();
+        // Measured afterwards, like the levels of `extract`.
+        let limit = options.stop.error.take();
         care::of_mesh(&args.engine.how, &loaded, &mut options)?;
         let mut warnings = loaded.warnings;
         if matches!(loaded.format, Format::Gltf | Format::Glb) && loaded.contents.meshes > 1 {
             warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
         }
         let mut watch = Watch::new(&mut clock, &bar, None);
-        let road = not_interrupted(Progressive::build(&loaded.mesh, &options, &mut watch))?;
+        let mut road = not_interrupted(Progressive::build(&loaded.mesh, &options, &mut watch))?;
+        if let Some(limit) = limit {
+            let diagonal = road.positions().bounds().map_or(0.0, |b| b.diagonal());
+            let found = road.level_of_deviation(limit.in_units(diagonal), true, &mut watch);
+            road = road.without_below(not_interrupted(found)?);
+        }
         watch.write();
         let splits = road.into_splits();
         let written = file::write_lpm(&splits, &loaded.regions, &args.output, &args.writing(), args.force)?;
@@ -112,18 +120,27 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         let full = lpm.announced.1.faces as usize;
         let diagonal = lpm.splits.positions.view().bounds().map_or(0.0, |b| b.diagonal());
         let mut road = Progressive::new(lpm.splits);
-        let is_reached = go_to(&mut road, args, full, diagonal);
+        let mut clock = Clock::new();
+        let is_reached = go_to(&mut road, args, full, diagonal, &mut Watch::new(&mut clock, &bar, None))?;
+        let measured = match args.stop().error {
+            Some(_) => road.deviation(!args.no_fit)?,
+            None => None,
+        };
         let mut mesh = if args.no_fit { road.mesh() } else { road.fitted_mesh() }?;
         let counts = [mesh.face_count(), mesh.vertex_count()];
         bar.write();
         orient(&mut mesh, &args.writing);
         let options = file::options(&args.writing, format, lpm.regions);
         let mut warnings = lpm.warnings;
+        if !lpm.is_complete && args.stop().error.is_some() {
+            let text = "--error is measured from the finest level that the file has";
+            warnings.push(Warning::note(text));
+        }
         warnings.extend(file::write(&mesh, &args.output, format, &options, args.writing.force)?);
-        Ok((road, counts, full, is_reached, warnings))
+        Ok((road, counts, full, (is_reached, measured), warnings))
     });
     progress.finish();
-    let (road, [faces, vertices], full, is_reached, warnings) =
+    let (road, [faces, vertices], full, (is_reached, measured), warnings) =
         extracted.map_err(|e: anyhow::Error| e.context(path.clone()))?;
     let secs = begin.elapsed().as_secs_f64();
     out.object(&json!({
@@ -134,18 +151,23 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         "target": args.target_json(),
         "reached": is_reached,
         "level": road.level(),
-        "error": { "estimate": road.error(), "unit": "model" },
+        "error": {
+            "estimate": road.error(), "measured": measured.as_ref().map(measured_json), "unit": "model",
+        },
         "warnings": texts(&warnings),
         "seconds": micros(secs),
     }));
+    let far = match &measured {
+        Some(m) => format!("rms {}, max {}", short(m.rms.symmetric), short(m.hausdorff.symmetric)),
+        None => format!("rms about {}", short(road.error())),
+    };
     out.line(&format!(
-        "{path} → {}: level {} of {}, {} of {} faces, rms about {}, {}",
+        "{path} → {}: level {} of {}, {} of {} faces, {far}, {}",
         args.output,
         grouped(road.level()),
         grouped(road.top()),
         grouped(faces),
         grouped(full),
-        short(road.error()),
         seconds(secs)
     ));
     let mut is_fault = show_warnings(&out, &path, &warnings, args.ending.strict);
@@ -162,19 +184,30 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
 }
 
 /// Goes down to the first level that meets one of the targets; `false` if there is none.
-fn go_to(road: &mut Progressive, args: &ExtractArgs, full: usize, diagonal: f64) -> bool {
+fn go_to(
+    road: &mut Progressive,
+    args: &ExtractArgs,
+    full: usize,
+    diagonal: f64,
+    control: &mut dyn Control,
+) -> anyhow::Result<bool> {
     let stop = args.stop();
     let share = stop.ratio.map(|r| (r * full as f64).round() as usize);
     let by_faces = stop.faces.into_iter().chain(share).map(|n| road.level_of_faces(n));
     let by_vertices = stop.vertices.map(|n| road.level_of_vertices(n));
-    let by_error = stop.error.map(|e| road.level_of_error(e.in_units(diagonal)));
-    let Some(level) = by_faces.chain(by_vertices).chain(by_error).max() else { return true };
+    let by_error = match stop.error {
+        Some(e) => {
+            Some(not_interrupted(road.level_of_deviation(e.in_units(diagonal), !args.no_fit, control))?)
+        }
+        None => None,
+    };
+    let Some(level) = by_faces.chain(by_vertices).chain(by_error).max() else { return Ok(true) };
     road.to_level(level);
     let is_met = |wanted: Option<usize>, got: usize| wanted.is_some_and(|n| got <= n);
-    stop.error.is_some()
+    Ok(stop.error.is_some()
         || is_met(stop.faces, road.face_count())
         || is_met(share, road.face_count())
-        || is_met(stop.vertices, road.vertex_count())
+        || is_met(stop.vertices, road.vertex_count()))
 }
 
 fn info(args: &LpmInfoArgs) -> anyhow::Result<Status> {

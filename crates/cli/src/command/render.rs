@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use lodsmith::core::measure::{Prepared, vertex_distances};
 use lodsmith::core::model::{Instance, Node, Pose, Transform};
 use lodsmith::core::{Bounds, Image, Model, Positions, TriMesh, VertexId};
-use lodsmith::{Method, Simplified, SimplifyOptions, Stop, simplify_scene};
+use lodsmith::{Method, Simplified, SimplifyOptions, Stop, Textures, simplify_scene};
 use lodsmith_io::{ModelFile, ModelSource, Warning};
 use lodsmith_render::{
     Background, Camera, DMat4, DQuat, DVec3, Environment, Ground, Legend, Lens, Light, LightKind, Panel,
@@ -427,15 +427,22 @@ impl<'a> Drawing<'a> {
 fn lighter(item: &Item, options: &SimplifyOptions, watch: &mut Watch<'_>) -> anyhow::Result<Model> {
     let model = &item.model;
     let mut meshes: Vec<Arc<TriMesh>> = model.meshes.iter().map(|m| m.mesh.clone()).collect();
+    let with_textures = |taken: &[usize]| {
+        let mut options = options.clone();
+        options.textures = Some(Arc::new(Textures::of_model(model, taken.iter().copied())));
+        options
+    };
     if let Some(ModelSource::Scene(scene)) = &item.source {
         let (taken, parts) = parts_of(scene.meshes());
+        let options = &with_textures(&taken);
         let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
         let done = not_interrupted(simplify_scene(&parts, diagonal, options, watch))?;
         for (i, mesh) in taken.into_iter().zip(done.meshes) {
             meshes[i] = Arc::new(mesh);
         }
     } else {
-        let Simplified { mesh, .. } = not_interrupted(lodsmith::simplify(&meshes[0], options, watch))?;
+        let Simplified { mesh, .. } =
+            not_interrupted(lodsmith::simplify(&meshes[0], &with_textures(&[0]), watch))?;
         meshes[0] = Arc::new(mesh);
     }
     Ok(model.with_meshes(meshes))

@@ -20,7 +20,7 @@ use crate::output::{self, Output};
 use crate::plan::Job;
 use crate::progress::Progress;
 use crate::watch::{Clock, Watch, not_interrupted};
-use crate::{care, images, normals, proposals};
+use crate::{care, images, normals, palettes, proposals};
 
 /// Makes every input lighter.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
@@ -112,6 +112,7 @@ fn simplify_mesh(
 ) -> anyhow::Result<Told> {
     let mut options = args.options();
     care::of_mesh(&args.engine.how, &loaded, &mut options)?;
+    options.textures = palettes::of_mesh(&loaded);
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
     let carries = |to: Format| matches!(to, Format::Obj | Format::Gltf | Format::Glb);
     let is_wanted = !matches!(args.writing.textures, TexturesChoice::None);
@@ -159,6 +160,7 @@ fn simplify_scene(
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let mut options = args.options();
     care::of_scene(&args.engine.how, &scene, &taken, &mut options)?;
+    options.textures = palettes::of_scene(&scene, &taken);
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, watch);
     let SimplifiedScene { meshes: mut lighter, report, counts } = not_interrupted(done)?;
 
@@ -234,6 +236,9 @@ pub(super) fn told(report: &Report) -> Vec<Warning> {
     if report.seams_relaxed {
         warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
     }
+    if report.sharp_relaxed {
+        warnings.push(Warning::note("sharp edges were not all kept, to come nearer to the target"));
+    }
     warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
     if report.pruned.largest_kept {
         warnings.push(Warning::note("all parts are smaller than --prune: the largest was kept"));
@@ -307,6 +312,10 @@ impl Done {
             None => format!("rms {} %", share(r.error.estimate)),
             Some(m) => format!("rms {} %, max {} %", share(m.rms.symmetric), share(m.hausdorff.symmetric)),
         };
+        let error = match r.error.bound {
+            Some(bound) => format!("{error} (proven: {} %)", share(bound)),
+            None => error,
+        };
         format!(
             "{path}: {} → {} faces ({percent:.1} %), {error} of the diagonal, {}",
             grouped(r.input_faces),
@@ -374,7 +383,6 @@ impl Done {
             None => (None, None),
         };
         let measured = r.error.measured.as_ref();
-        let bound = measured.filter(|_| args.is_bounded()).map(|m| m.hausdorff.symmetric);
         let count = |(name, n): (&str, Value)| (name.to_owned(), n);
         let refusals: Map<_, _> = r.refusals.iter().map(|(r, n)| count((r.name(), (*n).into()))).collect();
         let seconds: Map<_, _> =
@@ -391,7 +399,7 @@ impl Done {
             "reached": r.reached,
             "stopped_by": r.stopped_by.name(),
             "error": {
-                "estimate": r.error.estimate, "bound": bound, "measured": measured.map(measured_json),
+                "estimate": r.error.estimate, "bound": r.error.bound, "measured": measured.map(measured_json),
                 "unit": "model", "diagonal": r.error.diagonal,
             },
             "refusals": refusals,
@@ -404,6 +412,7 @@ impl Done {
             "pairs_contracted": r.pairs_contracted,
             "pruned": { "parts": r.pruned.parts, "faces": r.pruned.faces },
             "seams_relaxed": r.seams_relaxed,
+            "sharp_relaxed": r.sharp_relaxed,
             "proposals": proposals::to_json(r, &args.options()),
             "escalated": proposals::steps_json(r),
             "cleanup": cleanup,

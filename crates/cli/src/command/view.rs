@@ -52,6 +52,7 @@ mod tests {
             how.options.method = method;
             how.options.weld = Some(Length::OfDiagonal(0.07 / 100.0));
             how.options.guards.max_normal_deg = Some(40.0);
+            how.options.sharp_deg = Some(30.0);
             how.options.guards.max_edge = Some(Length::Units(0.3));
             how.options.weights.uv = 2.5;
             how.options.seed = 3;

@@ -7,8 +7,13 @@ const CHUNK: usize = 2048;
 
 /// Calls `work` for each piece of `0..count`; results in the order of the pieces.
 pub fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
-    let piece = |k: usize| work(k * CHUNK..((k + 1) * CHUNK).min(count));
-    let pieces = 0..count.div_ceil(CHUNK);
+    map_by(CHUNK, count, work)
+}
+
+/// The same in pieces of another size, which is not 0.
+pub(crate) fn map_by<T: Send>(size: usize, count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+    let piece = |k: usize| work(k * size..((k + 1) * size).min(count));
+    let pieces = 0..count.div_ceil(size);
     #[cfg(feature = "rayon")]
     {
         use rayon::prelude::*;

@@ -42,8 +42,64 @@ pub enum Semantic {
         /// What it is added to.
         of: Morphed,
     },
-    /// Any number of values of a name.
+    /// Any number of values of a name, which may be blended.
     Custom(String),
+    /// The same of whole numbers that name something: a feature, a label, a row of a table. They are never blended: a wedge of
+    /// a result has those of one wedge of its source, and writers keep their type. Values are exact up to 16,777,216.
+    Discrete {
+        /// The name.
+        name: String,
+        /// The type that the numbers had in their file, and have in those that are written.
+        of: Integer,
+    },
+}
+
+/// A type of whole numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Integer {
+    /// 8 bits with a sign.
+    I8,
+    /// 8 bits.
+    U8,
+    /// 16 bits with a sign.
+    I16,
+    /// 16 bits.
+    U16,
+    /// 32 bits with a sign.
+    I32,
+    /// 32 bits.
+    U32,
+}
+
+impl Integer {
+    /// All of them.
+    pub const ALL: [Self; 6] = [Self::I8, Self::U8, Self::I16, Self::U16, Self::I32, Self::U32];
+
+    /// The least and the largest number of the type.
+    pub const fn range(self) -> [i64; 2] {
+        match self {
+            Self::I8 => [i8::MIN as i64, i8::MAX as i64],
+            Self::U8 => [0, u8::MAX as i64],
+            Self::I16 => [i16::MIN as i64, i16::MAX as i64],
+            Self::U16 => [0, u16::MAX as i64],
+            Self::I32 => [i32::MIN as i64, i32::MAX as i64],
+            Self::U32 => [0, u32::MAX as i64],
+        }
+    }
+    /// The number that files of the project have for it: its place among [all](Self::ALL).
+    pub const fn number(self) -> u32 {
+        self as u32
+    }
+    /// The type of a [number](Self::number).
+    pub fn from_number(number: u32) -> Option<Self> {
+        Self::ALL.get(number as usize).copied()
+    }
+
+    /// Whether a value is a number of the type.
+    pub fn holds(self, x: f32) -> bool {
+        let [low, high] = self.range().map(|x| x as f64);
+        x.fract() == 0.0 && (low..=high).contains(&f64::from(x))
+    }
 }
 
 /// What a morph target moves.
@@ -68,6 +124,19 @@ impl Semantic {
             Self::Weights(_) => "weights",
             Self::Morph { .. } => "morph targets",
             Self::Custom(_) => "custom attribute",
+            Self::Discrete { .. } => "discrete attribute",
         }
+    }
+    /// The name of an attribute that has one of its own.
+    pub fn name(&self) -> Option<&str> {
+        match self {
+            Self::Custom(name) | Self::Discrete { name, .. } => Some(name),
+            _ => None,
+        }
+    }
+    /// Whether its values are whole numbers that name something, and are never blended. (Joints are too, but go with their
+    /// weights.)
+    pub fn is_discrete(&self) -> bool {
+        matches!(self, Self::Discrete { .. })
     }
 }

@@ -35,6 +35,13 @@ const SLACK: f32 = 1.0 + 2e-6;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Hint(u32);
 
+impl Hint {
+    /// One that names a slot; any number will do.
+    pub(crate) fn at(slot: u32) -> Self {
+        Self(slot)
+    }
+}
+
 /// The nearest point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {

@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use lodsmith_core::clusters::{Bound, Cluster, ClusterLod, Sphere};
-use lodsmith_core::{Attribute, GroupId, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{
+    Attribute, GroupId, Integer, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId,
+};
 
 use super::sections::{self, Section, Tag, double, four};
 use super::{CLUSTER, DOUBLE, GROUP, MAGIC, NONE, StoredClusterLod, VERSION};
@@ -239,13 +241,20 @@ fn attribute(s: &Section<'_>) -> Result<Attribute, ReadError> {
             Ok(name) => Semantic::Custom(name.to_owned()),
             Err(_) => return Err(s.wrong("its name is not UTF-8")),
         },
+        7 => {
+            let of = Integer::from_number(first);
+            let of = of.ok_or_else(|| s.wrong(format!("there are no integers of type {first}")))?;
+            let name = str::from_utf8(&name[..length as usize]);
+            let name = name.map_err(|_| s.wrong("its name is not UTF-8"))?.to_owned();
+            Semantic::Discrete { name, of }
+        }
         _ => return Err(s.wrong(format!("attributes of kind {kind} are not known"))),
     };
     let wanted = match semantic {
         Semantic::Tangent | Semantic::Color(_) | Semantic::Joints(_) | Semantic::Weights(_) => Some(4),
         Semantic::Uv(_) => Some(2),
         Semantic::Morph { .. } => Some(3),
-        Semantic::Custom(_) => None,
+        Semantic::Custom(_) | Semantic::Discrete { .. } => None,
     };
     if wanted.is_some_and(|w| w != width) {
         return Err(s.wrong(format!("{} of {width} values", semantic.title())));

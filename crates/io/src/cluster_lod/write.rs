@@ -115,6 +115,7 @@ fn attribute(a: &Attribute) -> Vec<u8> {
             (5, u32::from(*target), of, "")
         }
         Semantic::Custom(name) => (6, 0, 0, name.as_str()),
+        Semantic::Discrete { name, of } => (7, of.number(), 0, name.as_str()),
     };
     let mut bytes = numbers([kind, first, second, a.width as u32, name.len() as u32].into_iter());
     bytes.extend_from_slice(name.as_bytes());

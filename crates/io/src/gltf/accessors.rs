@@ -1,5 +1,6 @@
 //! Typed numbers out of buffers.
 
+use lodsmith_core::Integer;
 use serde_json::Value;
 
 use super::buffers::{Buffers, View};
@@ -41,6 +42,18 @@ impl Component {
             Self::U32 => 5125,
             Self::F32 => 5126,
         }
+    }
+
+    /// The type that a mesh knows its integers by.
+    pub(super) const fn integer(self) -> Option<Integer> {
+        Some(match self {
+            Self::I8 => Integer::I8,
+            Self::U8 => Integer::U8,
+            Self::I16 => Integer::I16,
+            Self::U16 => Integer::U16,
+            Self::U32 => Integer::U32,
+            Self::F32 => return None,
+        })
     }
 
     /// The number that stands for 1 where integers are parts of one.

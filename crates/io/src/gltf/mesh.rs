@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use lodsmith_core::mesh::Attribute;
+use lodsmith_core::mesh::{Attribute, Integer, Semantic};
 use lodsmith_core::{MeshError, Positions, RegionId, TriMesh, VertexId, WedgeId};
 use serde_json::Value;
 
@@ -127,12 +127,19 @@ pub(super) fn read(
             // glTF counts from the upper left corner of the image.
             values.as_chunks_mut::<2>().0.iter_mut().for_each(|uv| uv[1] = 1.0 - uv[1]);
         }
-        match slot {
+        match slot.clone() {
             Slot::Position => {}
             Slot::Normal => out.set_normals(Some(values.as_chunks().0.to_vec()))?,
             Slot::Uv => out.set_uvs(Some(values.as_chunks().0.to_vec()))?,
             Slot::Color => out.set_colors(Some(values.as_chunks().0.to_vec()))?,
-            Slot::Further(semantic) => out.add_attribute(Attribute { semantic, width, values })?,
+            Slot::Further(semantic) => {
+                let integer = integer(json, buffers, &parts, &slot, &values)?;
+                let semantic = match (semantic, integer) {
+                    (Semantic::Custom(name), Some(of)) => Semantic::Discrete { name, of },
+                    (semantic, _) => semantic,
+                };
+                out.add_attribute(Attribute { semantic, width, values })?;
+            }
         }
     }
     Ok((out, ragged))
@@ -224,6 +231,31 @@ fn used(triangles: &[[u32; 3]], vertices: usize) -> Vec<u32> {
     let mut marks = vec![false; vertices];
     corners.iter().for_each(|&v| marks[v as usize] = true);
     (0..vertices as u32).filter(|&v| marks[v as usize]).collect()
+}
+
+/// The type of an attribute of a name whose numbers name something: integers that stand for themselves in all primitives
+/// that have it, or ids of another type. Of several types the first, if it holds all values.
+fn integer(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    parts: &[Part],
+    slot: &Slot,
+    values: &[f32],
+) -> Result<Option<Integer>, ReadError> {
+    if !matches!(slot, Slot::Further(Semantic::Custom(_))) {
+        return Ok(None);
+    }
+    let mut wanted = Vec::new();
+    for part in parts {
+        let Some(&index) = part.accessor_of.get(slot) else { continue };
+        let accessor = Accessor::new(json, buffers, index, &part.name)?;
+        let of = accessor.kind.integer().filter(|_| !accessor.normalized);
+        if of.is_none() && !slot.is_of_ids() {
+            return Ok(None);
+        }
+        wanted.extend(of);
+    }
+    Ok(wanted.into_iter().chain(Integer::ALL).find(|of| values.iter().all(|&x| of.holds(x))))
 }
 
 /// Places, wedges, triangles and regions; no attributes.

@@ -15,6 +15,8 @@ use super::mesh::Budget;
 use super::placements::{numbers, roots};
 use super::scene::Scene;
 use crate::error::{ReadError, Warning};
+use crate::limits::Limits;
+use crate::model::BaseColor;
 
 impl Scene {
     /// The scene as a model, and what of its looks cannot be shown.
@@ -73,6 +75,21 @@ impl Scene {
         }
         model.roots = roots;
         (model, warnings)
+    }
+
+    /// The images that give surfaces their colours, for each of [`Scene::meshes`] and each of its regions (one, where it
+    /// has none), and how texture coordinates look into them.
+    ///
+    /// Only base colours are decoded, up to so many pixels together; what is beyond, or cannot be decoded, is left out.
+    /// Cost: O(pixels).
+    pub fn base_colors(&self, pixels: u64) -> Vec<Vec<Option<BaseColor>>> {
+        let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
+        let limits = Limits { pixels: pixels.min(self.limits.pixels), ..self.limits };
+        let (of_materials, images) = appearance::base_colors(self, &buffers, limits);
+        let base_color = |m: &usize| of_materials[*m].map(|texture| (images[texture.image].clone(), texture));
+        let meshes = self.meshes().iter().zip(list(&self.json, "meshes"));
+        let of_mesh = |m: ModelMesh| m.materials.iter().map(|m| base_color(m.as_ref()?)).collect();
+        meshes.map(|(m, v)| of_mesh(mesh(m, v, of_materials.len()))).collect()
     }
 }
 

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use lodsmith_core::mesh::Semantic;
+use lodsmith_core::mesh::{Integer, Semantic};
 use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
 use serde_json::{Map, Value, json};
 
@@ -270,7 +270,8 @@ impl<'s> Edit<'s> {
         for slot in task.added.clone() {
             let Some(name) = slot.name() else { continue };
             let Some((width, values)) = task.gather(&slot, None, &used) else { continue };
-            let kind = settled(&slot, None, &values);
+            let integer = slot.integer(task.mesh).and_then(|of| fitting(of, &values));
+            let kind = settled(&slot, integer, &values);
             let encoded = encode(&values, width, kind, matches!(slot, Slot::Further(Semantic::Joints(_))));
             self.dense(at(Part::Attribute(name)), None, encoded, Some(VERTICES));
         }
@@ -394,6 +395,15 @@ impl Task<'_> {
         }
         Some((width, out))
     }
+}
+
+/// The type for integers of a mesh: its own, or, since the format has no such vertices of 32 bits, the first that holds them.
+fn fitting(of: Integer, values: &[f32]) -> Option<Kind> {
+    let all = [Component::U8, Component::I8, Component::U16, Component::I16];
+    let is_own = |c: &Component| c.integer() == Some(of);
+    let holds = |c: &Component| c.integer().is_some_and(|of| values.iter().all(|&x| of.holds(x)));
+    let component = all.into_iter().find(is_own).or_else(|| all.into_iter().find(holds))?;
+    Some(Kind { component, normalized: false })
 }
 
 /// The type that numbers are to have: that of the source, where the format has it for this attribute.

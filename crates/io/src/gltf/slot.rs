@@ -3,9 +3,10 @@
 use std::ops::RangeInclusive;
 
 use lodsmith_core::TriMesh;
-use lodsmith_core::mesh::{Morphed, Semantic};
+use lodsmith_core::mesh::{Integer, Morphed, Semantic};
 
-/// Where an attribute of a primitive stands in a mesh.
+/// Where an attribute of a primitive stands in a mesh. One that has a name of its own is [`Semantic::Custom`] here, discrete
+/// or not.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Slot {
     Position,
@@ -69,7 +70,7 @@ impl Slot {
                 Semantic::Joints(n) => format!("JOINTS_{n}"),
                 Semantic::Weights(n) => format!("WEIGHTS_{n}"),
                 Semantic::Custom(name) if name.starts_with('_') => name.clone(),
-                Semantic::Morph { .. } | Semantic::Custom(_) => return None,
+                Semantic::Morph { .. } | Semantic::Custom(_) | Semantic::Discrete { .. } => return None,
             },
         })
     }
@@ -81,7 +82,7 @@ impl Slot {
             Self::Uv | Self::Further(Semantic::Uv(_)) => 2..=2,
             Self::Color | Self::Further(Semantic::Color(_)) => 3..=4,
             Self::Further(Semantic::Tangent | Semantic::Joints(_) | Semantic::Weights(_)) => 4..=4,
-            Self::Further(Semantic::Custom(_)) => 1..=4,
+            Self::Further(Semantic::Custom(_) | Semantic::Discrete { .. }) => 1..=4,
         }
     }
 
@@ -98,6 +99,27 @@ impl Slot {
         self.is_color() || matches!(self, Self::Further(Semantic::Weights(_)))
     }
 
+    /// Whether it holds whole numbers that name something, whatever their type: ids of `EXT_mesh_features`, which may be
+    /// floats, and those of tiles before it.
+    pub(super) fn is_of_ids(&self) -> bool {
+        let Self::Further(Semantic::Custom(name)) = self else { return false };
+        name.starts_with("_FEATURE_ID_") || name == "_BATCHID"
+    }
+
+    /// The integers that a mesh has here; `None` where it has other values.
+    pub(super) fn integer(&self, mesh: &TriMesh) -> Option<Integer> {
+        let all = mesh.further_attributes().iter().filter(|a| Self::of_mesh(&a.semantic) == *self);
+        all.filter_map(|a| if let Semantic::Discrete { of, .. } = a.semantic { Some(of) } else { None })
+            .next()
+    }
+
+    fn of_mesh(semantic: &Semantic) -> Self {
+        Self::Further(match semantic {
+            Semantic::Discrete { name, .. } => Semantic::Custom(name.clone()),
+            other => other.clone(),
+        })
+    }
+
     /// The values of a mesh and how many a wedge has; `None` for positions and for what the mesh does not have.
     pub(super) fn values<'m>(&self, mesh: &'m TriMesh) -> Option<(usize, &'m [f32])> {
         match self {
@@ -105,8 +127,8 @@ impl Slot {
             Self::Normal => mesh.normals().map(|n| (3, n.as_flattened())),
             Self::Uv => mesh.uvs().map(|t| (2, t.as_flattened())),
             Self::Color => mesh.colors().map(|c| (4, c.as_flattened())),
-            Self::Further(semantic) => {
-                let found = mesh.further_attributes().iter().find(|a| a.semantic == *semantic)?;
+            Self::Further(_) => {
+                let found = mesh.further_attributes().iter().find(|a| Self::of_mesh(&a.semantic) == *self)?;
                 Some((found.width, &found.values))
             }
         }
@@ -119,7 +141,7 @@ impl Slot {
             (mesh.uvs().is_some(), Self::Uv),
             (mesh.colors().is_some(), Self::Color),
         ];
-        let further = mesh.further_attributes().iter().map(|a| Self::Further(a.semantic.clone()));
+        let further = mesh.further_attributes().iter().map(|a| Self::of_mesh(&a.semantic));
         own.into_iter().filter(|(is, _)| *is).map(|(_, slot)| slot).chain(further).collect()
     }
 }

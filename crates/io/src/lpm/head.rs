@@ -2,7 +2,7 @@
 
 use lodsmith_core::mesh::Morphed;
 use lodsmith_core::splits::{Counts, Layout};
-use lodsmith_core::{Positions, Semantic};
+use lodsmith_core::{Integer, Positions, Semantic};
 
 use super::values::{PlaceCode, ValueCode};
 use crate::error::ReadError;
@@ -229,6 +229,7 @@ fn kind_number(kind: &Kind) -> (u8, u16, &str) {
             Semantic::Morph { target, of: Morphed::Normal } => (9, *target, ""),
             Semantic::Morph { target, of: Morphed::Tangent } => (10, *target, ""),
             Semantic::Custom(name) => (11, 0, name),
+            Semantic::Discrete { name, of } => (12, of.number() as u16, name),
         },
     }
 }
@@ -248,6 +249,7 @@ fn kind_of(number: u8, set: u16, name: String) -> Option<Kind> {
         9 => Semantic::Morph { target: set, of: Morphed::Normal },
         10 => Semantic::Morph { target: set, of: Morphed::Tangent },
         11 => Semantic::Custom(name),
+        12 => Semantic::Discrete { name, of: Integer::from_number(set.into())? },
         _ => return None,
     }))
 }

@@ -38,6 +38,11 @@ impl Pictures {
         })
     }
 
+    /// The number in the file of an image that was asked for.
+    pub(crate) fn in_file(&self, number: usize) -> usize {
+        self.asked[number]
+    }
+
     /// Decodes what was asked for. Textures whose images cannot be shown go from the materials.
     ///
     /// `fits` may refuse an image for a slot, by the slot's place in [`Material::textures_mut`].

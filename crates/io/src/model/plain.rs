@@ -6,6 +6,7 @@ use std::sync::Arc;
 use lodsmith_core::model::{AlphaMode, Material, Sampler, TextureRef};
 use lodsmith_core::{Image, Model, TriMesh};
 
+use super::BaseColor;
 use super::decode::Pictures;
 use crate::error::Warning;
 use crate::limits::Limits;
@@ -33,6 +34,26 @@ pub(super) fn model(mesh: TriMesh, regions: &Regions, limits: Limits) -> (Model,
         *place = material;
     }
     (model, warnings)
+}
+
+/// The base colours of the regions of a mesh; see [`Loaded::base_colors`](crate::Loaded::base_colors).
+pub(super) fn base_colors(mesh: &TriMesh, regions: &Regions, limits: Limits) -> Vec<Option<BaseColor>> {
+    let Some(Looks { all, images, of_region, .. }) = looks(mesh, regions, Purpose::Picture) else {
+        return Vec::new();
+    };
+    let mut pictures = Pictures::default();
+    let base_color = |look: Look| {
+        let look = Look { normal_image: None, emission_image: None, ..look };
+        material(look, &mut pictures)
+    };
+    let mut materials: Vec<Material> = all.into_iter().map(base_color).collect();
+    let encoded = |i: usize| Ok((Cow::Borrowed(&*images[i].bytes), images[i].name.clone()));
+    let (decoded, _) = pictures.decode(&mut materials, limits, encoded, |_, _| true);
+    let of = |at: Option<usize>| {
+        let texture = materials.get(at?)?.base_color_texture?;
+        Some((decoded[texture.image].clone(), texture))
+    };
+    of_region.into_iter().map(of).collect()
 }
 
 fn material(look: Look, pictures: &mut Pictures) -> Material {

@@ -1,6 +1,6 @@
 //! The body: records of the elements that the header declared.
 
-use lodsmith_core::Positions;
+use lodsmith_core::{Integer, Positions};
 
 use super::header::{Element, Encoding, Header, Kind, Scalar};
 use crate::error::{ReadError, Warning};
@@ -19,10 +19,21 @@ pub(super) struct Vertices {
     pub(super) normals: Option<Vec<[f32; 3]>>,
     pub(super) colors: Option<Vec<[f32; 4]>>,
     pub(super) uvs: Option<Vec<[f32; 2]>>,
+    /// Integers that the mesh carries by their names.
+    pub(super) discrete: Vec<Discrete>,
     /// Names of the properties that the mesh does not carry.
     pub(super) unknown: Vec<String>,
-    /// Those of them that are wanted all the same.
+    /// Single numbers that are wanted beside the mesh, carried or not.
     pub(super) wanted: Vec<(String, Vec<f32>)>,
+}
+
+/// An integer of each vertex.
+pub(super) struct Discrete {
+    pub(super) name: String,
+    pub(super) of: Integer,
+    pub(super) values: Vec<f32>,
+    /// Whether the values are those of the file: single precision does not hold all integers of 32 bits.
+    is_exact: bool,
 }
 
 /// Faces by vertex indices that have been checked.
@@ -128,8 +139,8 @@ enum Target {
     Normal(usize),
     Color(usize),
     Uv(usize),
-    /// Beside the mesh, in this place of a list.
-    Aside(usize),
+    /// A number of a name, in this place of the integers that the mesh carries, and of the numbers beside it.
+    Named(Option<usize>, Option<usize>),
     Nothing,
 }
 
@@ -148,8 +159,9 @@ const GROUPS: [Group; 8] = [
     (&["texture_u", "texture_v"], Target::Uv),
 ];
 
-/// What becomes of each property of the vertices, and the names of those that go beside the mesh.
-fn targets(element: &Element, wanted: &[String]) -> (Vec<Target>, Vec<String>) {
+/// What becomes of each property of the vertices, and the named numbers among them: integers that the mesh carries, and
+/// what goes beside it.
+fn targets(element: &Element, wanted: &[String]) -> (Vec<Target>, Vec<Discrete>, Vec<String>) {
     let one =
         |name: &str| element.properties.iter().position(|p| p.name == name && matches!(p.kind, Kind::One(_)));
     let mut targets = vec![Target::Nothing; element.properties.len()];
@@ -164,15 +176,24 @@ fn targets(element: &Element, wanted: &[String]) -> (Vec<Target>, Vec<String>) {
     if let (true, Some(alpha)) = (targets.contains(&Target::Color(0)), one("alpha").or_else(|| one("a"))) {
         targets[alpha] = Target::Color(3);
     }
-    let mut aside = Vec::new();
+    let (mut discrete, mut aside): (Vec<Discrete>, Vec<String>) = (Vec::new(), Vec::new());
     for (property, target) in element.properties.iter().zip(&mut targets) {
-        let is_one = *target == Target::Nothing && matches!(property.kind, Kind::One(_));
-        if is_one && wanted.contains(&property.name) && !aside.contains(&property.name) {
-            *target = Target::Aside(aside.len());
-            aside.push(property.name.clone());
+        let (Kind::One(kind), Target::Nothing) = (property.kind, *target) else { continue };
+        let name = &property.name;
+        let (mut carried, mut beside) = (None, None);
+        if let Some(of) = kind.integer().filter(|_| discrete.iter().all(|d| d.name != *name)) {
+            carried = Some(discrete.len());
+            discrete.push(Discrete { name: name.clone(), of, values: Vec::new(), is_exact: true });
+        }
+        if wanted.contains(name) && !aside.contains(name) {
+            beside = Some(aside.len());
+            aside.push(name.clone());
+        }
+        if carried.is_some() || beside.is_some() {
+            *target = Target::Named(carried, beside);
         }
     }
-    (targets, aside)
+    (targets, discrete, aside)
 }
 
 /// Factor that takes a colour of this type to 0..1; integers wider than 16 bits hold bytes in practice.
@@ -190,23 +211,17 @@ fn read_vertices<S: Source>(
     source: &mut S,
     warnings: &mut Vec<Warning>,
 ) -> Result<Vertices, ReadError> {
-    let (targets, aside) = targets(element, wanted);
+    let (targets, mut discrete, aside) = targets(element, wanted);
     if !targets.contains(&Target::Position(0)) {
         return Err(ReadError::element("element vertex", "lacks one of the properties x, y, z"));
     }
-    let unknown: Vec<String> = element
+    let mut unknown: Vec<String> = element
         .properties
         .iter()
         .zip(&targets)
-        .filter(|(_, t)| matches!(t, Target::Nothing | Target::Aside(_)))
+        .filter(|(_, t)| matches!(t, Target::Nothing | Target::Named(None, _)))
         .map(|(p, _)| p.name.clone())
         .collect();
-    if !unknown.is_empty() {
-        warnings.push(Warning::lost(format!(
-            "properties of vertices are not carried: {} dropped",
-            some_names(&unknown)
-        )));
-    }
 
     let count = element.count;
     let has = |t: Target| targets.contains(&t);
@@ -218,7 +233,9 @@ fn read_vertices<S: Source>(
     let mut colors = has(Target::Color(0)).then(|| Vec::with_capacity(count));
     let mut uvs = has(Target::Uv(0)).then(|| Vec::with_capacity(count));
     let mut wanted: Vec<_> = aside.into_iter().map(|name| (name, Vec::with_capacity(count))).collect();
-    let attributes = normals.is_some() || colors.is_some() || uvs.is_some() || !wanted.is_empty();
+    let attributes =
+        normals.is_some() || colors.is_some() || uvs.is_some() || !discrete.is_empty() || !wanted.is_empty();
+    discrete.iter_mut().for_each(|d| d.values.reserve_exact(count));
 
     let ready = if wide { None } else { source.f32_positions(element, &targets) };
     let from_block = ready.is_some();
@@ -239,7 +256,10 @@ fn read_vertices<S: Source>(
                         Target::Normal(k) => n[k] = x as f32,
                         Target::Color(k) => c[k] = x as f32 / color_scale(kind),
                         Target::Uv(k) => uv[k] = x as f32,
-                        Target::Aside(k) => wanted[k].1.push(x as f32),
+                        Target::Named(carried, beside) => {
+                            carried.iter().for_each(|&k| discrete[k].push(x));
+                            beside.iter().for_each(|&k| wanted[k].1.push(x as f32));
+                        }
                         Target::Nothing => {}
                     }),
                     Kind::List { count, item } => source.skip_list(count, item),
@@ -257,7 +277,24 @@ fn read_vertices<S: Source>(
         }
     }
     let positions = if wide { Positions::F64(double) } else { Positions::F32(narrow) };
-    Ok(Vertices { positions, normals, colors, uvs, unknown, wanted })
+    // A number that names something is of no use if it is another one.
+    unknown.extend(discrete.iter().filter(|d| !d.is_exact).map(|d| d.name.clone()));
+    discrete.retain(|d| d.is_exact);
+    if !unknown.is_empty() {
+        warnings.push(Warning::lost(format!(
+            "properties of vertices are not carried: {} dropped",
+            some_names(&unknown)
+        )));
+    }
+    Ok(Vertices { positions, normals, colors, uvs, discrete, unknown, wanted })
+}
+
+impl Discrete {
+    fn push(&mut self, x: f64) {
+        let single = x as f32;
+        self.is_exact &= f64::from(single) == x && self.of.holds(single);
+        self.values.push(single);
+    }
 }
 
 /// A normal of length one; what is none already (to a thousandth) or has no length stays as it is.

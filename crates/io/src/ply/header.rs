@@ -1,5 +1,7 @@
 //! The header: which elements follow, and what a record of each holds.
 
+use lodsmith_core::Integer;
+
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
 
@@ -36,6 +38,19 @@ impl Scalar {
             "float" | "float32" => Self::F32,
             "double" | "float64" => Self::F64,
             _ => return None,
+        })
+    }
+
+    /// The type that a mesh knows its integers by.
+    pub(super) const fn integer(self) -> Option<Integer> {
+        Some(match self {
+            Self::I8 => Integer::I8,
+            Self::U8 => Integer::U8,
+            Self::I16 => Integer::I16,
+            Self::U16 => Integer::U16,
+            Self::I32 => Integer::I32,
+            Self::U32 => Integer::U32,
+            Self::F32 | Self::F64 => return None,
         })
     }
 

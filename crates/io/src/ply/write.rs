@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use lodsmith_core::{Attribute, Positions, Semantic, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{Attribute, Integer, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
 use crate::error::Warning;
 
@@ -34,8 +34,12 @@ pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Res
         bytes: are_bytes(c),
         alpha: c.iter().any(|c| c[3] != 1.0),
     });
-    let named: Vec<&Attribute> =
-        mesh.further_attributes().iter().filter(|a| matches!(a.semantic, Semantic::Custom(_))).collect();
+    let named: Vec<(&Attribute, Option<Integer>)> = mesh
+        .further_attributes()
+        .iter()
+        .filter(|a| a.semantic.name().is_some())
+        .map(|a| (a, integers_of(a)))
+        .collect();
     let names = names_of(&named);
     header(mesh, ascii, (count, triangles.len()), colors.as_ref(), &names, out)?;
 
@@ -56,8 +60,13 @@ pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Res
                 if c.bytes { sink.byte((x * 255.0).round() as u8) } else { sink.f32(x) }
             }
         }
-        for a in &named {
-            a.of(WedgeId::new(i)).iter().for_each(|&x| sink.f32(x));
+        for &(a, integer) in &named {
+            for &x in a.of(WedgeId::new(i)) {
+                match integer {
+                    Some(of) => sink.integer(of, x),
+                    None => sink.f32(x),
+                }
+            }
         }
         sink.end_record()?;
     }
@@ -78,12 +87,30 @@ struct Colors<'a> {
     alpha: bool,
 }
 
-/// The properties of named attributes: the name in small letters, without the underscore that glTF asks for, and for several
+/// The integers that an attribute is written as: its own, if they hold its values.
+fn integers_of(a: &Attribute) -> Option<Integer> {
+    let Semantic::Discrete { of, .. } = a.semantic else { return None };
+    a.values.iter().all(|&x| of.holds(x)).then_some(of)
+}
+
+/// What PLY calls a type of integers.
+fn type_name(of: Integer) -> &'static str {
+    match of {
+        Integer::I8 => "char",
+        Integer::U8 => "uchar",
+        Integer::I16 => "short",
+        Integer::U16 => "ushort",
+        Integer::I32 => "int",
+        Integer::U32 => "uint",
+    }
+}
+
+/// The properties of named attributes, with the type of their numbers: the name in small letters, without the underscore that glTF asks for, and for several
 /// values the axis or number of each. What PLY cannot have in a name is an underscore, and a name comes once.
-fn names_of(named: &[&Attribute]) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    for a in named {
-        let Semantic::Custom(own) = &a.semantic else { continue };
+fn names_of(named: &[(&Attribute, Option<Integer>)]) -> Vec<(String, &'static str)> {
+    let mut names: Vec<(String, &'static str)> = Vec::new();
+    for (a, integer) in named {
+        let own = a.semantic.name().unwrap_or_default();
         let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
         let name: String = own.strip_prefix('_').unwrap_or(own).chars().map(plain).collect();
         for k in 0..a.width {
@@ -92,10 +119,10 @@ fn names_of(named: &[&Attribute]) -> Vec<String> {
                 (2..=4, Some(axis)) => format!("{name}_{axis}"),
                 _ => format!("{name}_{k}"),
             };
-            while names.contains(&full) || KNOWN.contains(&full.as_str()) {
+            while names.iter().any(|n| n.0 == full) || KNOWN.contains(&full.as_str()) {
                 full.push('_');
             }
-            names.push(full);
+            names.push((full, integer.map_or("float", type_name)));
         }
     }
     names
@@ -116,7 +143,7 @@ fn header(
     ascii: bool,
     (vertices, faces): (usize, usize),
     colors: Option<&Colors<'_>>,
-    named: &[String],
+    named: &[(String, &str)],
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let mut text = String::from("ply\n");
@@ -140,7 +167,7 @@ fn header(
         let kind = if c.bytes { "uchar" } else { "float" };
         names[..if c.alpha { 4 } else { 3 }].iter().for_each(|n| line(&["property", kind, n]));
     }
-    named.iter().for_each(|n| line(&["property", "float", n]));
+    named.iter().for_each(|(name, kind)| line(&["property", kind, name]));
     line(&["element", "face", &faces.to_string()]);
     // Most readers want signed indices; they reach to 2^31.
     let index = if vertices > i32::MAX as usize { "uint" } else { "int" };
@@ -173,6 +200,19 @@ impl Sink<'_> {
     #[inline]
     fn index(&mut self, x: u32) {
         self.put(x.to_le_bytes(), |to| word(to, format_args!("{x}")));
+    }
+    /// A value that a type holds.
+    #[inline]
+    fn integer(&mut self, of: Integer, x: f32) {
+        let x = x as i64;
+        match of {
+            Integer::I8 => self.put((x as i8).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            Integer::U8 => self.put((x as u8).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            Integer::I16 => self.put((x as i16).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            Integer::U16 => self.put((x as u16).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            Integer::I32 => self.put((x as i32).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            Integer::U32 => self.put((x as u32).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+        }
     }
     #[inline]
     fn f32(&mut self, x: f32) {

@@ -19,6 +19,8 @@ pub(crate) struct RowPlaces {
     columns: Vec<Option<usize>>,
     /// Joints and weights.
     skins: Vec<[usize; 2]>,
+    /// Of each discrete attribute where it stands in a label, how many values it has, and where they stand in a row.
+    labels: Vec<[usize; 3]>,
 }
 
 impl Rows {
@@ -37,6 +39,7 @@ impl Rows {
             Of::Normals => layout.has_normals.then_some(0),
             Of::Uvs => Some(uvs),
             Of::Colors => Some(colors),
+            Of::Middle => None,
             Of::Further(semantic) => find(semantic, c.width),
         };
         let varying = |c: &Column| if c.constant.is_some() { None } else { place(c) };
@@ -44,7 +47,12 @@ impl Rows {
             .skin_sets
             .iter()
             .filter_map(|&set| Some([find(&Semantic::Joints(set), 4)?, find(&Semantic::Weights(set), 4)?]));
-        RowPlaces { columns: self.layout.iter().map(varying).collect(), skins: skins.collect() }
+        let labels = self.labels.kinds().filter_map(|(s, n, at)| Some([at, n, find(s, n)?]));
+        RowPlaces {
+            columns: self.layout.iter().map(varying).collect(),
+            skins: skins.collect(),
+            labels: labels.collect(),
+        }
     }
 
     /// Writes what the engine has for a wedge into its row of a mesh; what is the same at all wedges stays.
@@ -53,6 +61,11 @@ impl Rows {
         if let Some(pulls) = attributes.pulls.get(w.index()) {
             self.write_pulls(pulls, places, row);
         }
+        if let Some(&label) = attributes.labels.get(w.index()) {
+            for &[from, n, to] in &places.labels {
+                row[to..to + n].copy_from_slice(&self.labels.of(label)[from..from + n]);
+            }
+        }
     }
 
     fn write_values(&self, values: &[f32], places: &RowPlaces, row: &mut [f32]) {
@@ -60,15 +73,11 @@ impl Rows {
             let (from, to) = (&values[c.at..c.at + c.width], &mut row[at..at + c.width]);
             match &c.of {
                 Of::Normals => to.copy_from_slice(&unit(from)),
-                _ => to.iter_mut().zip(from).for_each(|(to, from)| *to = c.given(*from)),
+                _ => to.iter_mut().enumerate().for_each(|(k, to)| *to = c.given(k, from[k])),
             }
-            match &c.of {
-                Of::Colors if self.unit_colors => to.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0)),
-                Of::Further(Semantic::Tangent) if c.width == 4 => {
-                    to[..3].copy_from_slice(&unit(&from[..3]));
-                    to[3] = if from[3] < 0.0 { -1.0 } else { 1.0 };
-                }
-                _ => {}
+            if matches!(&c.of, Of::Further(Semantic::Tangent)) && c.width == 4 {
+                to[..3].copy_from_slice(&unit(&from[..3]));
+                to[3] = if from[3] < 0.0 { -1.0 } else { 1.0 };
             }
         }
     }

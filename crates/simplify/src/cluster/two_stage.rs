@@ -6,8 +6,9 @@ use super::model::Place;
 use super::{Made, Run, clustered};
 use crate::care::Held;
 use crate::collapse::Goal;
-use crate::control::Control;
-use crate::options::{Length, Measure, Method, MethodOptions, SimplifyOptions, Stop};
+use crate::control::{Control, Stage};
+use crate::deviation::{self, Deviation};
+use crate::options::{Bound, Length, Measure, Method, MethodOptions, SimplifyOptions, Stop};
 use crate::report::{Clustered, Report, StoppedBy};
 use crate::run::{self, Input};
 use crate::{Simplified, SimplifyError};
@@ -73,14 +74,21 @@ impl<P: Place> Run<'_, P> {
             ..memoryless.clone()
         };
         options.guards.max_edge = options.guards.max_edge.map(|l| Length::Units(l.in_units(self.diagonal)));
-        let is_measured = limit.is_some() || self.options.measure == Measure::Always;
-        let reference = if is_measured { self.reference(control) } else { None };
+        // What the second stage keeps is a distance from the clusters; the promise is made of the input.
+        if limit.is_none() {
+            options.bound = Bound::Estimate;
+        }
+        let judge = if deviation::is_wanted(self.options) { self.judge(control) } else { None };
         let mut share = limit;
         for stage in 1.. {
             options.stop.error = share.map(Length::Units);
             let (mut done, held) = run::run_by_method(&input, &options, control)?;
-            let measured = reference.as_ref().and_then(|r| self.measured(r, &done.mesh, control));
-            let got = measured.as_ref().map_or(0.0, |m| m.hausdorff.symmetric);
+            if judge.is_some() {
+                control.stage(Stage::Measure);
+            }
+            let deviation =
+                judge.as_ref().map_or_else(Deviation::default, |judge| judge.look(&done.mesh, None));
+            let got = deviation.largest().unwrap_or(0.0);
             let is_over = done.report.stopped_by == StoppedBy::Caller;
             if let (Some(limit), Some(own)) = (limit, &mut share)
                 && got > limit
@@ -112,12 +120,13 @@ impl<P: Place> Run<'_, P> {
                 StoppedBy::Error => StoppedBy::Exhausted,
                 by => by,
             };
-            let (mut done_, held) = self.told(Made { by, ..made }, measured)?;
+            let (mut done_, held) = self.told(Made { by, ..made }, deviation)?;
             let report = &mut done_.report;
             report.clustered = Some(clusters);
             (report.refusals, report.collapses) = (second.refusals, second.collapses);
             (report.parts_removed, report.necks_cut) = (second.parts_removed, second.necks_cut);
             (report.seams_relaxed, report.fitted) = (second.seams_relaxed, second.fitted);
+            report.sharp_relaxed = second.sharp_relaxed;
             report.proposals = second.proposals;
             report.cleanup.duplicate_faces += second.cleanup.duplicate_faces;
             done = done_;

@@ -63,6 +63,7 @@ pub(super) fn lighter(
         locked: Some(Arc::from(locked)),
         weights: options.weights,
         border: options.border,
+        keeps_blended_normals: true,
         region_classes: options.region_classes.clone(),
         ..SimplifyOptions::default()
     };

@@ -7,6 +7,7 @@
 //!
 //! Values lie four side by side, for vector instructions.
 
+mod check;
 mod slopes;
 mod sum;
 
@@ -40,6 +41,8 @@ pub(crate) struct Attributes {
     pub(crate) textures: Vec<usize>,
     /// Joints that pull a wedge, with their weights; empty where there is no skin.
     pub(crate) pulls: Vec<Pulls>,
+    /// The label of each wedge: which values of discrete attributes it has; empty where all have the same.
+    pub(crate) labels: Vec<u32>,
     pub(super) heads: Vec<Head>,
     /// What the best value of each wedge takes off the tensor of its vertex, where it is known.
     alone: Vec<Tensor>,
@@ -58,6 +61,7 @@ pub(super) struct Kept {
     alone: Vec<Tensor>,
     rows: Vec<f32x4>,
     pulls: Vec<Pulls>,
+    labels: Vec<u32>,
     /// Wedges of all kinds, and those of them that were copied from others.
     count: [usize; 2],
 }
@@ -128,6 +132,7 @@ impl Attributes {
             directions,
             textures,
             pulls,
+            labels: Vec::new(),
             heads,
             alone: vec![Tensor::default(); count],
             copied: Vec::new(),
@@ -136,7 +141,7 @@ impl Attributes {
     }
     /// Whether no wedge carries anything.
     pub(crate) fn is_empty(&self) -> bool {
-        self.lanes == 0 && self.pulls.is_empty()
+        self.lanes == 0 && self.pulls.is_empty() && self.labels.is_empty()
     }
     /// Whether any value counts in the cost.
     pub(super) fn counts(&self) -> bool {
@@ -236,7 +241,7 @@ impl Attributes {
     }
 
     /// A wedge with the values of another, without triangles so far.
-    pub(super) fn copy_of(&mut self, w: WedgeId) -> WedgeId {
+    pub(crate) fn copy_of(&mut self, w: WedgeId) -> WedgeId {
         let (copy, n) = (WedgeId(self.heads.len() as u32), 4 * self.lanes);
         let original = self.original(w);
         self.rows.extend_from_within(w.index() * n..(w.index() + 1) * n);
@@ -244,6 +249,9 @@ impl Attributes {
         self.rows[at + self.lanes..].fill(f32x4::ZERO);
         if !self.pulls.is_empty() {
             self.pulls.push(self.pulls[w.index()].clone());
+        }
+        if let Some(&label) = self.labels.get(w.index()) {
+            self.labels.push(label);
         }
         self.heads.push(Head { hard: self.heads[w.index()].hard, ..Head::default() });
         self.alone.push(Tensor::default());
@@ -261,6 +269,7 @@ impl Attributes {
             alone: of().map(|w| self.alone[w]).collect(),
             rows: wedges.iter().flat_map(|&w| self.row(w)).copied().collect(),
             pulls: of().filter_map(|w| self.pulls.get(w)).cloned().collect(),
+            labels: of().filter_map(|w| self.labels.get(w)).copied().collect(),
             count: [self.count(), self.copied.len()],
             wedges,
         }
@@ -272,6 +281,7 @@ impl Attributes {
         self.alone.truncate(count);
         self.rows.truncate(count * n);
         self.pulls.truncate(count);
+        self.labels.truncate(count);
         self.copied.truncate(copied);
         for (i, w) in kept.wedges.iter().map(|w| w.index()).enumerate() {
             self.heads[w] = kept.heads[i];
@@ -280,13 +290,17 @@ impl Attributes {
             if let Some(pulls) = kept.pulls.get(i) {
                 self.pulls[w].clone_from(pulls);
             }
+            if let Some(&label) = kept.labels.get(i) {
+                self.labels[w] = label;
+            }
         }
     }
     /// Whether two wedges carry the same, to the bit.
     pub(super) fn is_same(&self, a: WedgeId, b: WedgeId) -> bool {
         let bits = |w: WedgeId| self.of(w).iter().map(|x| x.to_bits());
         let pulls = |w: WedgeId| self.pulls.get(w.index());
-        bits(a).eq(bits(b)) && pulls(a) == pulls(b)
+        let label = |w: WedgeId| self.labels.get(w.index());
+        bits(a).eq(bits(b)) && pulls(a) == pulls(b) && label(a) == label(b)
     }
 
     /// Takes away what the triangles of a wedge say; `next` follows it at its vertex.
@@ -619,6 +633,23 @@ impl Attributes {
     /// Makes unit vectors of the directions among some values.
     pub(super) fn normalize(&self, values: &mut [f32x4]) {
         normalize(&self.directions, values);
+    }
+
+    /// The label of the wedge that a group becomes, `t` of the way from the kept end to the other: that of a wedge at the
+    /// nearer end, of several there of the one with the largest area.
+    pub(super) fn nearest_label(&self, members: &[Member], group: usize, t: f32) -> u32 {
+        let area = |m: &Member| self.heads[m.wedge.index()].area;
+        let mut nearest: Option<&Member> = None;
+        for m in of_group(members, group) {
+            let is_nearer = |known: &Member| match m.at_v == known.at_v {
+                true => area(m) > area(known),
+                false => m.at_v == (t > 0.5),
+            };
+            if nearest.is_none_or(is_nearer) {
+                nearest = Some(m);
+            }
+        }
+        nearest.map_or(0, |m| self.labels[m.wedge.index()])
     }
 
     pub(super) fn blended_pulls(&self, members: &[Member], group: usize, t: f32) -> Pulls {

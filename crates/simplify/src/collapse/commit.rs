@@ -18,8 +18,9 @@ use crate::triangle;
 const PEAK: f32 = 0.2;
 /// Cost of length, a share of area · length²: decides among flat collapses only. (docs/decisions/0003)
 pub(crate) const TIE: f32 = 1e-11;
-/// Worse triangles (1 = equilateral) make a collapse dearer. (Guessed; halves the slivers.)
-pub(super) const WORSE_SHAPE: f32 = 0.3;
+/// Most that the largest squared distance counts, a share of the star's own area: on meshes with faces of all sizes the mean
+/// triangle is far larger than those of a fillet. (Measured: docs/decisions/0001.)
+pub(super) const PEAK_OF_STAR: f32 = 0.1;
 /// Square of the shape under which a new triangle counts as having no area, unless it was as bad before: just above what
 /// single precision can tell. (Measured: at 1e-7 fans of slivers block each other, and brain588k to 100 is four times worse.)
 pub(super) const NO_AREA: f32 = 1e-11;
@@ -112,7 +113,7 @@ impl<M: Metric> Engine<M> {
         let off = y - d;
         let at = merged_position(x.p, z.p, y);
 
-        // Exact cost, shape and normals. A triangle at both ends counts twice, as in the evaluation.
+        // Exact cost and normals. A triangle at both ends counts twice, as in the evaluation.
         let mut verdict = Verdict::default();
         let mut bare = [false; 2];
         self.wings.clear();
@@ -126,20 +127,19 @@ impl<M: Metric> Engine<M> {
                 Err(why) => return Outcome::Refused(why),
             }
         }
-        let (mut cost, area, mut peak, shape) = verdict.sum();
+        let (mut cost, area, mut peak) = verdict.sum();
         if verdict.turns_far && self.folds(x.facing.direction() + z.facing.direction()) {
             return Outcome::Refused(Refusal::NormalFlip);
         }
         let is_exact = matches!(self.metric.decides(), Judge::Engine);
-        let worse = (WORSE_SHAPE / shape.sqrt().max(1e-4)).max(1.0);
         // What the form and the triangles say already may be too dear, before lines and attributes are looked at. (Where
         // lines change with what lies beside them, the form does not know all of it.)
         let on_lines = x.kind.has_lines() || z.kind.has_lines();
         let is_sure = is_exact && !on_lines && candidate.sure > 0.0;
         if is_exact && self.attributes.is_some() && !probe && peak <= self.rules.max_step_sq {
             let known = if is_sure { candidate.sure + self.peak_weight() * peak } else { candidate.cost };
-            if known * worse > tau {
-                return Outcome::Later(known * worse * price);
+            if known > tau {
+                return Outcome::Later(known * price);
             }
         }
         if self.rules.has_extra_guards()
@@ -180,7 +180,7 @@ impl<M: Metric> Engine<M> {
         }
         let mut plain = cost;
         if is_exact {
-            let peak_weight = self.peak_weight();
+            let peak_weight = self.peak_weight().min(PEAK_OF_STAR * area);
             // A tip that draws back along its own planes leaves none of them, but its place.
             for (from, step, bare) in [(x.p, y, bare[0]), (z.p, off, bare[1])] {
                 if bare && peak_weight * step.length_squared() > 0.5 * cost {
@@ -197,7 +197,14 @@ impl<M: Metric> Engine<M> {
         }
         if !self.metric.decides().is_metric() {
             plain = cost;
-            cost *= worse;
+        }
+        let mut handed_over = Vec::new();
+        if cost <= tau && !probe {
+            // (Before samples change hands, which cannot be taken back.)
+            match self.wedges_to_hand_over(u, v, y, off, ru, rv) {
+                Ok(changes) => handed_over = changes,
+                Err(why) => return Outcome::Refused(why),
+            }
         }
         if cost <= tau || probe {
             cost = self.charge(x.origin, z.origin, at, cost, tau, probe);
@@ -205,9 +212,7 @@ impl<M: Metric> Engine<M> {
         if cost > tau || probe {
             return Outcome::Later(cost * price);
         }
-        if let Err(why) = self.hand_over_wedges(u, v, y, off, ru, rv) {
-            return Outcome::Refused(why);
-        }
+        self.hand_over_wedges(&handed_over);
         if !is_exact || is_sure {
             self.prepare_merge(u, v, y, ru);
         }
@@ -330,9 +335,9 @@ impl<M: Metric> Engine<M> {
         self.wings.iter().filter(|w| !w.both).map(to).fold(f32::INFINITY, f32::min)
     }
 
-    /// Whether border and curve edges carry lines.
+    /// Whether any edges carry lines: borders and curves, unless they are free, or sharp edges.
     pub(crate) fn has_lines(&self) -> bool {
-        self.rules.border != BorderPolicy::Free
+        self.rules.border != BorderPolicy::Free || self.store.creases.is_some()
     }
 
     /// Kinds and tensors of `u` and of the vertices around it, afresh: after a change on a non-manifold curve, where

@@ -6,7 +6,7 @@ use wide::f32x4;
 
 use super::Engine;
 use super::attributes::Member;
-use super::commit::{Candidate, TIE};
+use super::commit::{Candidate, PEAK_OF_STAR, TIE};
 use super::store::Ring;
 use crate::lanes::{self, Four, dot, splat, sub};
 use crate::metric::{Form, Judge, Metric};
@@ -158,7 +158,8 @@ impl<M: Metric> Engine<M> {
         if self.attributes.is_some() {
             self.add_attributes_to_four((u, ends, are_lone), &d, (&mut a, &mut h, &mut c), ru, members);
         }
-        let trace = a[0] + a[1] + a[2];
+        // (What large values of attributes leave behind when they go may be less than nothing.)
+        let trace = (a[0] + a[1] + a[2]).fast_max(f32x4::ZERO);
         let r = trace * CENTRE;
         let (m0, m1, m2) = (a[0] + r, a[1] + r, a[2] + r);
         let adjugate = [
@@ -176,8 +177,8 @@ impl<M: Metric> Engine<M> {
         let from_mid = sub(&y, &d.map(|k| k * 0.5));
         let (from_mid_sq, d_sq) = (dot(&from_mid, &from_mid), dot(&d, &d));
         let solved = det.simd_gt(trace * trace * trace * MIN_DET) & from_mid_sq.simd_lt(d_sq * FARTHEST);
-        let peak =
-            f32x4::ONE + f32x4::splat(PEAK_GUESS * self.peak_weight()) / trace.fast_max(f32x4::splat(1e-37));
+        let peak = f32x4::splat(PEAK_GUESS * self.peak_weight()) / trace.fast_max(f32x4::splat(1e-37));
+        let peak = f32x4::ONE + peak.fast_min(f32x4::splat(PEAK_GUESS * PEAK_OF_STAR));
         let q = c - dot(&h, &y) * 2.0 + dot(&times(&a, &y), &y);
         let size = trace * d_sq;
         let sure = match self.attributes {
@@ -196,14 +197,14 @@ impl<M: Metric> Engine<M> {
     #[inline(always)]
     pub(super) fn cost_of(&self, form: &Form, d: Vec3, y: Vec3) -> f32 {
         let Form { a, h, c } = form;
-        let trace = a.trace();
+        let trace = a.trace().max(0.0);
         let off = y - d;
         let q = c - 2.0 * h.dot(y) + a.times(y).dot(y);
         let tie = 0.5 * TIE * trace * (y.length_squared() + off.length_squared());
         if !self.metric.is_memoryless() {
             return q.max(0.0) + tie;
         }
-        let peak = 1.0 + PEAK_GUESS * self.peak_weight() / trace.max(1e-37);
+        let peak = 1.0 + PEAK_GUESS * (self.peak_weight() / trace.max(1e-37)).min(PEAK_OF_STAR);
         let q = if q > NOISE * trace * d.length_squared() { q } else { 0.0 };
         q * peak + tie
     }
@@ -300,4 +301,92 @@ fn times(a: &[f32x4; 6], d: &Four) -> Four {
         a[3] * d[0] + a[1] * d[1] + a[5] * d[2],
         a[4] * d[0] + a[5] * d[1] + a[2] * d[2],
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::arbitrary::{Coordinates, perturbed_shape, soup};
+    use lodsmith_core::{TriMesh, shapes};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::metric::Memoryless;
+    use crate::options::{SimplifyOptions, Stop};
+    use crate::trial::{in_two_charts, with_engine};
+
+    /// What four edges side by side cost, against each alone. Says how many were compared, and what is wrong.
+    fn compared(mesh: &TriMesh) -> (usize, Vec<String>) {
+        let (mut count, mut wrong) = (0, Vec::new());
+        let options = SimplifyOptions::new(Stop::ratio(0.5));
+        with_engine(Memoryless, mesh, &options, &mut |engine, _| {
+            let (mut ring, mut owned, mut members) = (Ring::default(), Vec::new(), Vec::new());
+            for u in (0..engine.store.v.len()).map(VertexId::new) {
+                engine.store.ring(u, &mut ring);
+                engine.store.list_owned(u, &ring, &mut owned);
+                let mut found = Found::default();
+                found.clear();
+                let stuck = engine.evaluate_owned(u, &owned, &ring, &mut members, f32::INFINITY, &mut found);
+                let alone: Vec<Option<Candidate>> =
+                    owned.iter().map(|&w| engine.evaluate_edge(u, w, &ring, &mut members)).collect();
+                if stuck as usize != alone.iter().filter(|c| c.is_none()).count() {
+                    wrong.push(format!("{u}: {stuck} of {alone:?} are stuck"));
+                }
+                for of_one in alone.into_iter().flatten() {
+                    let (w, mut of_four) = (of_one.removed, found.within.iter());
+                    let Some(of_four) = of_four.find(|c| c.removed == w) else {
+                        wrong.push(format!("{u}-{w} was not found"));
+                        continue;
+                    };
+                    count += 1;
+                    // Differences of squares in single precision: to a share of what is subtracted, as often as the farthest
+                    // place is away. The place itself is as good as what it costs, by the form of one edge.
+                    let (form, d) = engine.form(u, w, &ring, &mut members);
+                    let peak = 1.0 + PEAK_GUESS * engine.peak_weight() / form.a.trace().max(1e-37);
+                    let within = 1e-4 * of_one.cost + 1e-5 * form.a.trace() * d.length_squared() * peak;
+                    let there = engine.cost_of(&form, d, of_four.step);
+                    for (name, cost) in [("cost", of_four.cost), ("cost of the place", there)] {
+                        let is_near = (cost - of_one.cost).abs() <= within;
+                        if !is_near {
+                            wrong.push(format!(
+                                "{u}-{w}: {name} {cost} for {} (within {within})",
+                                of_one.cost
+                            ));
+                        }
+                    }
+                    let is_part = of_four.sure <= of_four.cost * 1.001;
+                    if !is_part {
+                        wrong.push(format!("{u}-{w} is sure to cost {} of {}", of_four.sure, of_four.cost));
+                    }
+                }
+            }
+        });
+        (count, wrong)
+    }
+
+    #[test]
+    fn four_edges_cost_what_each_costs_alone() {
+        let mut all = 0;
+        for (name, mesh) in shapes::all() {
+            for mesh in [&in_two_charts(&mesh), &mesh] {
+                let (count, wrong) = compared(mesh);
+                assert!(wrong.is_empty(), "{name}: {} of {count}: {}", wrong.len(), wrong[0]);
+                all += count;
+            }
+        }
+        assert!(all > 10_000, "{all} edges");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(48) })]
+
+        #[test]
+        fn edges_of_any_mesh_cost_the_same_by_four_and_alone(
+            mesh in prop_oneof![perturbed_shape(0.02), perturbed_shape(0.5), soup(40, Coordinates::Tame)],
+            has_charts in any::<bool>(),
+        ) {
+            let has_charts = has_charts && mesh.face_count() > 0;
+            let (_, wrong) = compared(&if has_charts { in_two_charts(&mesh) } else { mesh });
+            prop_assert!(wrong.is_empty(), "{}: {}", wrong.len(), wrong[0]);
+        }
+    }
 }

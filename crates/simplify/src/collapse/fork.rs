@@ -65,6 +65,11 @@ impl<M: Metric> Engine<M> {
         Fork { engine, sweeps: sweeps.clone(), kept }
     }
 
+    /// Whether a copy would begin with damage that parts or seams would have been cheaper than.
+    pub(crate) fn is_past_parts(&self, cuts: bool) -> bool {
+        self.has_relaxed_seams() || self.has_parts_in_the_way(cuts)
+    }
+
     /// From here on parts go in the order of costs, and necks are cut in it if `cuts`. What was refused is looked at again.
     pub(crate) fn let_go(&mut self, sweeps: &mut Sweeps, cuts: bool, original: &dyn Original) {
         self.store.compact();
@@ -76,12 +81,16 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Whether parts or handles begin to stand in the way, or a copy costs next to nothing and this is the last moment for
-    /// one: before the goal has a say in the sweeps, or the late phase begins. `is_last_stretch` is whether the goal has.
-    pub(super) fn is_time_to_fork(&self, sweeps: &mut Sweeps, goal: &Goal, is_last_stretch: bool) -> bool {
+    /// Notes whether the last sweeps got as much done as where nothing stands in the way.
+    pub(super) fn watch_ease(&self, sweeps: &mut Sweeps) {
         if sweeps.swept && sweeps.wanted * FEW >= self.store.live_vertices as f64 {
             sweeps.is_at_ease &= (self.collapses - sweeps.at_threshold) as f64 >= AT_EASE * sweeps.wanted;
         }
+    }
+
+    /// Whether parts or handles begin to stand in the way, or a copy costs next to nothing and this is the last moment for
+    /// one: before the goal has a say in the sweeps, or the late phase begins. `is_last_stretch` is whether the goal has.
+    pub(super) fn is_time_to_fork(&self, sweeps: &Sweeps, goal: &Goal, is_last_stretch: bool) -> bool {
         if !sweeps.is_at_ease && self.is_within(SHARE) || is_last_stretch && self.is_within(CHEAP_SHARE) {
             return true;
         }

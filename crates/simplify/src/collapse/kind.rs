@@ -55,7 +55,8 @@ impl Kind {
                     BorderPolicy::Keep | BorderPolicy::Free => 0,
                 };
             }
-            (0, 2) => bits |= Self::COMPLEX | Self::RAIL,
+            // Their lines hold them.
+            (0, 2) => bits |= Self::COMPLEX,
             _ => bits |= Self::COMPLEX | Self::FIXED,
         }
         Self(bits)
@@ -128,6 +129,10 @@ impl Kind {
     #[inline(always)]
     pub(crate) fn locked(self, locked: bool) -> Self {
         Self(if locked { self.0 | Self::LOCKED } else { self.0 & !Self::LOCKED })
+    }
+    /// The same with the marks of another that may stay when what they stood for is gone: irregular and on a seam.
+    pub(crate) fn with_stale(self, other: Self) -> Self {
+        Self(self.0 | other.0 & (Self::IRREGULAR | Self::SEAM))
     }
     #[inline(always)]
     pub(crate) fn gone(self) -> Self {
@@ -241,6 +246,6 @@ mod tests {
         // Three pages of a book: the spine goes on to 8 and 9.
         let book = ring(&[[8, 1], [1, 9], [8, 2], [2, 9], [8, 3], [3, 9]]);
         let kind = Kind::of(&book, BorderPolicy::Keep);
-        assert!(kind.is_complex() && kind.is_rail() && !kind.is_fixed());
+        assert!(kind.is_complex() && kind.is_free());
     }
 }

@@ -9,6 +9,7 @@ use lodsmith_core::VertexId;
 use wide::f32x4;
 
 use super::Engine;
+use super::check::need;
 use super::star::Star;
 use super::wings::Wing;
 use crate::metric::Metric;
@@ -117,6 +118,24 @@ impl Late {
         self.bag_of.resize(length, u32::MAX);
         self.bag_of[origins[1].index()] = self.bags.len() as u32;
         self.bags.push(other);
+    }
+}
+
+impl Late {
+    /// Says what is wrong with the bags of living vertices, by number in the ordered input: each has one of its own.
+    pub(super) fn check(&self, living: impl Iterator<Item = VertexId>) -> Result<(), String> {
+        let mut owners = vec![u32::MAX; self.bags.len()];
+        for origin in living {
+            let bag = self.bag_of.get(origin.index()).map_or(usize::MAX, |bag| *bag as usize);
+            let Some(owner) = owners.get_mut(bag) else {
+                return Err(format!("number {origin} has bag {bag} of {}", self.bags.len()));
+            };
+            let other = std::mem::replace(owner, origin.0);
+            need(other == u32::MAX, || format!("numbers {other} and {origin} have one bag"))?;
+            let loss = self.bags[bag].loss;
+            need(loss >= 0.0, || format!("the bag of number {origin} has lost {loss}"))?;
+        }
+        Ok(())
     }
 }
 

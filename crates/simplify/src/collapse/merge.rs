@@ -63,13 +63,15 @@ impl<M: Metric> Engine<M> {
 
     /// Whether no edge of a star can be a seam, as most stars show at a glance.
     pub(super) fn is_far_from_seams(&self, ring: &[Spoke], u: VertexId) -> bool {
-        self.is_among_lone(u, ring.iter().flat_map(|r| [r.a, r.b])) && !self.store.meets_regions(ring)
+        self.is_among_lone(u, ring.iter().flat_map(|r| [r.a, r.b]))
+            && !self.store.meets_regions(ring)
+            && !self.store.meets_creases(ring)
     }
 
-    /// The same where there are no regions at all.
+    /// The same where there are no regions and no sharp edges at all.
     #[inline(always)]
     pub(super) fn is_inside_one_chart(&self, u: VertexId, around: impl Iterator<Item = VertexId>) -> bool {
-        self.store.regions.is_none() && self.is_among_lone(u, around)
+        self.store.regions.is_none() && self.store.creases.is_none() && self.is_among_lone(u, around)
     }
 
     /// Whether a vertex and its neighbours have one wedge each.
@@ -524,6 +526,9 @@ impl<M: Metric> Engine<M> {
         for (group, m) in firsts(members).filter(|(group, _)| heads[*group].faces > 0) {
             if !attributes.pulls.is_empty() && !is_locked {
                 attributes.pulls[m.wedge.index()] = attributes.blended_pulls(members, group, t);
+            }
+            if !attributes.labels.is_empty() && !is_locked {
+                attributes.labels[m.wedge.index()] = attributes.nearest_label(members, group, t);
             }
             let head = Head { next: first, ..heads[group] };
             let sums = &own[group * 3 * lanes..][..3 * lanes];

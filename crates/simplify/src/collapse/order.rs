@@ -20,6 +20,8 @@ const DIGIT_BITS: u32 = 10;
 const DIGITS: usize = 1 << DIGIT_BITS;
 /// Vertices from which the least digit is sorted by like the others. Of fewer, hardly any agree in the other two.
 const SORTED_THRICE: usize = 1 << 14;
+/// Faces up to which time counts, and of more their memory.
+pub(crate) const MEMORY_FREE_UP_TO: usize = 4_000_000;
 /// Vertices in one cell from which equal positions are brought side by side instead of compared in pairs.
 const MANY: usize = 16;
 
@@ -129,6 +131,16 @@ impl Ordered {
     pub(crate) fn is_sound(&self, t: &[VertexId; 3]) -> bool {
         ranked(&self.rank, t).is_ok()
     }
+    /// The first vertex of the surface at each place.
+    pub(crate) fn first_at_each(&self) -> Vec<VertexId> {
+        let mut first = vec![NONE; self.point_count];
+        for (i, r) in self.rank.iter().enumerate().rev() {
+            if *r != NONE {
+                first[r.index()] = VertexId(i as u32);
+            }
+        }
+        first
+    }
     /// All of it looked up in the surface that was ordered, bit by bit the same, for four bytes a face.
     pub(crate) fn again<'a>(&'a self, surface: &'a Surface<'a>) -> Again<'a> {
         let faces = self.of_faces(surface, |i| i as u32);
@@ -230,12 +242,7 @@ impl Given for Again<'_> {
     }
     fn turn(&mut self) {
         (self.faces, self.there, self.here) = (Vec::new(), Vec::new(), Vec::new());
-        self.first = vec![NONE; self.ordered.point_count];
-        for (i, r) in self.ordered.rank.iter().enumerate().rev() {
-            if *r != NONE {
-                self.first[r.index()] = VertexId(i as u32);
-            }
-        }
+        self.first = self.ordered.first_at_each();
     }
     fn place(&self, v: VertexId) -> Vec3 {
         self.place_there(self.first[v.index()])
@@ -298,9 +305,6 @@ fn ranked(rank: &[VertexId], t: &[VertexId; 3]) -> Result<[VertexId; 3], Unfit> 
     }
 }
 
-/// Faces whose least vertices are kept until they are in order: to find them again takes as long as the rest, but less memory.
-const KEPT_UP_TO: usize = 1 << 22;
-
 /// Something of each sound face (from its index and its vertices), in the order of the faces' least ones. Says why each
 /// of the others is left out.
 #[inline(never)]
@@ -313,7 +317,8 @@ fn by_least<T: Zeroable>(
 ) -> Vec<T> {
     let mut at = vec![0u32; points];
     let least = |t| ranked(rank, t).map(|r| r[0].min(r[1]).min(r[2]));
-    let is_kept = triangles.len() <= KEPT_UP_TO;
+    // To find them again takes as long as the rest, but less memory.
+    let is_kept = triangles.len() <= MEMORY_FREE_UP_TO;
     let mut kept = Vec::with_capacity(if is_kept { triangles.len() } else { 0 });
     for t in triangles {
         let least = match least(t) {

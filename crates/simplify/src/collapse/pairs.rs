@@ -8,15 +8,16 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use super::bundle::{Bundle, Changed, Effect};
-use super::commit::{FOLD, NO_AREA, Outcome, SUSPECT_TURN, TIE, WORSE_SHAPE, merged_position};
+use super::check::need;
+use super::commit::{FOLD, NO_AREA, Outcome, PEAK_OF_STAR, SUSPECT_TURN, TIE, merged_position};
 use super::evaluate::best_place;
 use super::kind::{Kind, distinct, faces_at};
 use super::near::{Site, near_pairs};
 use super::order::NONE;
-use super::store::{Facing, Ring, Vertex};
+use super::store::{Facing, Ring, Store, Vertex};
 use super::{ASK_EVERY, Engine, Goal, UNKNOWN};
 use crate::control::Verdict;
-use crate::metric::{Form, Metric};
+use crate::metric::{Form, Memory, Metric};
 use crate::options::{BorderPolicy, Placement, TopologyPolicy};
 use crate::report::Refusal;
 use crate::tensor::Tensor;
@@ -31,6 +32,12 @@ const RENEW_PERCENT: usize = 70;
 const RENEW_BELOW: usize = 2000;
 /// A vertex of more faces is not looked at, nor its neighbours.
 const MOST_FACES: usize = 200;
+/// Steps of the search for pairs and looks at the faces round one after which no more are contracted: so many for each vertex
+/// of the input, ... (A level of 1,194 parts took 300,000 looks and 400 searches until nothing was left to contract, half a
+/// minute in all; what it contracted after the first tenth of that made nothing better.)
+const LOOKS: usize = 8;
+/// ... and so many more, since on small meshes pairs are looked for after every sweep.
+const FREE_LOOKS: usize = 100_000;
 /// Ways that are tried to join two vertices together with those beside them, the nearest first.
 const MOST_WAYS: usize = 3;
 
@@ -49,6 +56,8 @@ pub(crate) struct Pairs {
     list: Vec<Pair>,
     /// When they were found: the numbering of the store, its live vertices, and the collapses done by then.
     found_at: Option<(u32, usize, u64)>,
+    /// How often the faces round a pair may still be looked at.
+    looks_left: usize,
     work: Work,
 }
 
@@ -63,8 +72,21 @@ struct Work {
 }
 
 impl Pairs {
-    pub(crate) fn new(reach: f32) -> Self {
-        Self { reach, list: Vec::new(), found_at: None, work: Work::default() }
+    pub(crate) fn new(reach: f32, vertices: usize) -> Self {
+        let looks_left = LOOKS.saturating_mul(vertices).saturating_add(FREE_LOOKS);
+        Self { reach, list: Vec::new(), found_at: None, looks_left, work: Work::default() }
+    }
+    /// Says what is wrong with the pairs that were found, as long as vertices are numbered as they were then.
+    pub(super) fn check<Q: Memory>(&self, store: &Store<Q>) -> Result<(), String> {
+        if self.found_at.is_none_or(|at| at.0 != store.generation) {
+            return Ok(());
+        }
+        let count = store.v.len();
+        for &Pair { ends: [u, v], bound } in &self.list {
+            need(u < v && v.index() < count, || format!("{u} and {v} of {count} vertices are a pair"))?;
+            need(bound >= 0.0, || format!("the pair {u} and {v} has the bound {bound}"))?;
+        }
+        Ok(())
     }
     pub(super) fn bounds(&self) -> impl Iterator<Item = f32> + '_ {
         self.list.iter().map(|p| p.bound)
@@ -100,14 +122,14 @@ impl<M: Metric> Engine<M> {
         let mut list = std::mem::take(&mut pairs.list);
         let tau = if probe { f32::MAX } else { tau };
         for (i, pair) in list.iter_mut().enumerate() {
-            if verdict != Verdict::Continue || self.needed(goal) == Some(0) {
+            if verdict != Verdict::Continue || self.needed(goal) == Some(0) || pairs.looks_left == 0 {
                 break;
             }
             if i % ASK_EVERY == ASK_EVERY - 1 {
                 verdict = ask(self);
             }
             if pair.bound <= tau || probe {
-                pair.bound = match self.contract(pair.ends, pairs.reach, tau, probe, &mut pairs.work) {
+                pair.bound = match self.contract(pair.ends, tau, probe, &mut pairs) {
                     Outcome::Done => f32::INFINITY,
                     Outcome::Later(cost) => cost,
                     Outcome::Refused(why) => {
@@ -119,13 +141,16 @@ impl<M: Metric> Engine<M> {
             }
         }
         pairs.list = list;
-        self.pairs = Some(pairs);
+        // (Without them the sweeps go on by edges alone.)
+        if pairs.looks_left > 0 {
+            self.pairs = Some(pairs);
+        }
         verdict
     }
 
     /// Lets pairs nearer than `reach` be contracted; before anything was merged.
     pub(crate) fn watch_pairs(&mut self, reach: f32) {
-        self.pairs = Some(Pairs::new(reach));
+        self.pairs = Some(Pairs::new(reach, self.store.live_vertices));
         if self.metric.is_memoryless() || !self.has_lines() {
             return;
         }
@@ -172,11 +197,11 @@ impl<M: Metric> Engine<M> {
 
     /// How many pairs within `reach` could be contracted at some cost. Nothing is changed.
     pub(super) fn possible_pairs(&mut self, reach: f32) -> usize {
-        let mut pairs = Pairs::new(reach);
+        let mut pairs = Pairs::new(reach, self.store.live_vertices);
         self.find_pairs(&mut pairs, &mut |_: &Self| Verdict::Continue);
         let list = std::mem::take(&mut pairs.list);
         let mut is_possible = |pair: &&Pair| {
-            let outcome = self.contract(pair.ends, reach, f32::MAX, true, &mut pairs.work);
+            let outcome = self.contract(pair.ends, f32::MAX, true, &mut pairs);
             matches!(outcome, Outcome::Later(cost) if cost.is_finite())
         };
         list.iter().filter(&mut is_possible).count()
@@ -185,6 +210,7 @@ impl<M: Metric> Engine<M> {
     /// Looks for pairs afresh.
     fn find_pairs(&mut self, pairs: &mut Pairs, ask: &mut impl FnMut(&Self) -> Verdict) -> Verdict {
         let (alive, sites) = self.sites();
+        pairs.looks_left = pairs.looks_left.saturating_sub(alive.len());
         let (mut verdict, mut asked) = (Verdict::Continue, 0usize);
         let found = near_pairs(&sites, pairs.reach, || {
             asked += 1;
@@ -286,14 +312,8 @@ impl<M: Metric> Engine<M> {
 
     /// Contracts a pair, with those beside it where that is better, if topology, guards and cost allow it. With `probe`
     /// nothing is changed and the cost is said.
-    fn contract(
-        &mut self,
-        [u, v]: [VertexId; 2],
-        reach: f32,
-        tau: f32,
-        probe: bool,
-        work: &mut Work,
-    ) -> Outcome {
+    fn contract(&mut self, [u, v]: [VertexId; 2], tau: f32, probe: bool, pairs: &mut Pairs) -> Outcome {
+        let (reach, work) = (pairs.reach, &mut pairs.work);
         let is_gone = |w: VertexId| self.store.v[w.index()].kind.is_gone();
         if is_gone(u) || is_gone(v) || (self.store.p(v) - self.store.p(u)).length_squared() >= reach * reach {
             return Outcome::Later(f32::INFINITY);
@@ -306,6 +326,7 @@ impl<M: Metric> Engine<M> {
         if least > tau && !probe {
             return Outcome::Later(least);
         }
+        pairs.looks_left = pairs.looks_left.saturating_sub(1);
         self.store.ring(u, &mut work.ru);
         self.store.ring(v, &mut work.rv);
         let is_large = |w: VertexId| self.store.listed(w).len() > MOST_FACES;
@@ -414,13 +435,12 @@ impl<M: Metric> Engine<M> {
             price = price.max(self.price_of(joint.u, joint.v));
             gaps += self.gap(joint.u, joint.v);
         }
-        let moved = match self.loss(bundle, &mut work.ring) {
-            Ok(moved) => moved,
+        let loss = match self.loss(bundle, &mut work.ring) {
+            Ok(loss) => loss,
             Err(why) => return Outcome::Refused(why),
         };
-        let loss = if self.metric.is_memoryless() { moved.cost } else { remembered };
-        let plain = loss + gaps;
-        let mut cost = plain * (WORSE_SHAPE / moved.shape.sqrt().max(1e-4)).max(1.0);
+        let plain = if self.metric.is_memoryless() { loss } else { remembered } + gaps;
+        let mut cost = plain;
         let tau = tau / price;
         for joint in &bundle.joints {
             if cost > tau && !probe {
@@ -503,10 +523,9 @@ impl<M: Metric> Engine<M> {
         sum
     }
 
-    /// What a bundle loses of the planes around it, and the worst shape it leaves.
-    fn loss(&mut self, bundle: &Bundle, ring: &mut Ring) -> Result<Moved, Refusal> {
-        let mut moved = Moved { cost: 0.0, shape: 1.0 };
-        let (mut peak, mut turned) = (0f32, false);
+    /// What a bundle loses of the planes around it.
+    fn loss(&mut self, bundle: &Bundle, ring: &mut Ring) -> Result<f32, Refusal> {
+        let (mut cost, mut area, mut peak, mut turned) = (0f32, 0f32, 0f32, false);
         for joint in &bundle.joints {
             for w in [joint.u, joint.v] {
                 let step_sq = (joint.at - self.store.p(w)).length_squared();
@@ -520,11 +539,12 @@ impl<M: Metric> Engine<M> {
             let normal = (p[1] - p[0]).cross(p[2] - p[0]);
             let length = normal.length();
             let unit = normal / length.max(1e-30);
+            area += length;
             for (w, p) in c.before.into_iter().zip(p) {
                 let Some(at) = bundle.place_of(w) else { continue };
                 let height = unit.dot(at - p);
-                moved.cost += length * height * height;
-                moved.cost += 0.5 * TIE * length * (at - p).length_squared();
+                cost += length * height * height;
+                cost += 0.5 * TIE * length * (at - p).length_squared();
                 peak = peak.max(height * height);
             }
             if c.is_gone {
@@ -553,7 +573,6 @@ impl<M: Metric> Engine<M> {
                 return Err(Refusal::Quality);
             }
             turned |= dot * dot < SUSPECT_TURN * before_sq * after_sq;
-            moved.shape = moved.shape.min(new_shape);
             for k in 0..3 {
                 let sides = [p, q].map(|p| (p[(k + 1) % 3] - p[k]).length_squared());
                 if sides[1] > self.rules.max_edge_sq && sides[1] > sides[0] {
@@ -562,13 +581,13 @@ impl<M: Metric> Engine<M> {
             }
         }
         if self.metric.is_memoryless() {
-            moved.cost += self.peak_weight() * peak;
+            cost += self.peak_weight().min(PEAK_OF_STAR * area) * peak;
         }
         if peak > self.rules.max_step_sq {
             return Err(Refusal::Cost);
         }
         self.ask_valence(bundle)?;
-        if self.bundle_folds(bundle, turned, ring) { Err(Refusal::NormalFlip) } else { Ok(moved) }
+        if self.bundle_folds(bundle, turned, ring) { Err(Refusal::NormalFlip) } else { Ok(cost) }
     }
 
     fn after(&self, bundle: &Bundle, c: &Changed) -> [Vec3; 3] {
@@ -731,11 +750,4 @@ impl<M: Metric> Engine<M> {
         self.store.live_vertices -= 1;
         self.collapses += 1;
     }
-}
-
-/// What a bundle of pairs does to the faces around it.
-struct Moved {
-    cost: f32,
-    /// Square of the worst shape.
-    shape: f32,
 }

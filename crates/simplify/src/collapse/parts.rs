@@ -7,11 +7,12 @@
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
+use super::check::need;
 use super::order::NONE;
 use super::store::Vertex;
 use super::{Engine, Goal};
 use crate::metric::{Metric, PartSize};
-use crate::options::TopologyPolicy;
+use crate::options::{BorderPolicy, TopologyPolicy};
 
 /// How much dearer parts are where the topology may change and they go with everything else: as dear as the collapses that
 /// would bring their far ends to the rest. (Half the size squared, times twice the area, is an eighth of what a collapse
@@ -19,12 +20,21 @@ use crate::options::TopologyPolicy;
 /// 8,000 faces 0.119 instead of 0.138, heptoroid at 50 faces 7.3 instead of 13.9.)
 const IN_TURN: f32 = 8.0;
 
+/// Share of the faces above which cheap parts stand in the way of a run that leaves them alone. (The RMS distance falls about
+/// as the count rises, so with fewer faces to gain the rest would not come closer by much.)
+const IN_THE_WAY: f64 = 0.2;
+/// Removing a part may leave the result below its target by this share, ...
+const BELOW: f64 = 0.1;
+/// ... or by this one where nothing else meets the target. (Guessed: with less than half the faces asked for, a result above
+/// the target is nearer to it.)
+const BELOW_AT_LAST: f64 = 0.5;
+
 /// A connected part of the mesh.
 #[derive(Clone, Copy)]
 struct Part {
     faces: usize,
     area: f32,
-    /// What its absence counts times; without end if a vertex is locked.
+    /// What its absence counts times; without end if a vertex is locked, or a border.
     price: f32,
     min: Vec3,
     max: Vec3,
@@ -92,8 +102,29 @@ impl<M: Metric> Engine<M> {
         if let Some(record) = &mut self.record {
             record.bar();
         }
-        self.drop_parts(goal, &order, &faces, &cost, &part_of);
+        self.drop_parts(goal, &order, true, &faces, &cost, &part_of);
         self.needed(goal) == Some(0)
+    }
+
+    /// Whether a run that left all parts in place paid for it: parts that hold many of the faces would have been cheaper to
+    /// remove than some collapses were. `cuts` is whether necks could be cut as well. Cost: O(n), but only for a run that
+    /// was not at ease.
+    pub(crate) fn has_parts_in_the_way(&self, cuts: bool) -> bool {
+        if self.paid == 0.0 || self.parts.is_some() {
+            return false;
+        }
+        let parts = self.find_parts().1;
+        let weight = if cuts { IN_TURN } else { 1.0 };
+        let rates: Vec<f32> = parts.iter().map(|p| self.rate(p, weight * p.worth(), p.faces)).collect();
+        let all = (0..parts.len()).filter(|&i| parts[i].faces > 0).collect();
+        let cheap = all_but_the_dearest(all, &rates).into_iter().filter(|&i| rates[i] <= self.paid);
+        let faces: usize = cheap.map(|i| parts[i].faces).sum();
+        faces as f64 > IN_THE_WAY * self.store.live_faces as f64
+    }
+
+    /// What two faces cost of a part that is worth so much and has so many faces left.
+    fn rate(&self, part: &Part, worth: f32, faces: usize) -> f32 {
+        self.metric.part_rate(2.0 * worth / faces as f32, &part.size(faces), self.mean_face)
     }
 
     /// Lets parts go in the order of costs from here on. The store is compact.
@@ -118,6 +149,7 @@ impl<M: Metric> Engine<M> {
             let part = &mut parts[part_of[x.origin.index()] as usize];
             part.price = part.price.max(self.absence_price(x));
         }
+        self.keep_locked_borders(&part_of, faces, &mut parts);
         self.watch(part_of, parts);
     }
 
@@ -140,36 +172,78 @@ impl<M: Metric> Engine<M> {
         for t in self.store.t.iter().filter(|t| t[0] != NONE) {
             faces[parts.part_of[self.store.v[t[0].index()].origin.index()] as usize] += 1;
         }
-        let rate = |i: usize| {
-            let size = parts.of_input[i].size(faces[i]);
-            self.metric.part_rate(2.0 * parts.worth[i] / faces[i] as f32, &size, self.mean_face)
-        };
+        let rate = |i: usize| self.rate(&parts.of_input[i], parts.worth[i], faces[i]);
         let rates: Vec<f32> = (0..faces.len()).map(rate).collect();
         let mut order = all_but_the_dearest((0..faces.len()).filter(|&i| faces[i] > 0).collect(), &rates);
         order.retain(|&i| rates[i] <= tau);
         if !order.is_empty() {
             let part_of: Vec<u32> = self.store.v.iter().map(|x| parts.part_of[x.origin.index()]).collect();
-            self.drop_parts(goal, &order, &faces, &parts.cost, &part_of);
+            self.drop_parts(goal, &order, false, &faces, &parts.cost, &part_of);
         }
         self.parts = Some(parts);
+    }
+
+    /// Says what is wrong with the parts that are watched: each number has one, which there is, and faces lie in one each.
+    /// (Not where cuts and pairs have changed them since: then they are looked for anew before they are asked for.)
+    pub(super) fn check_parts(&self, parts: &Parts) -> Result<(), String> {
+        let (of, count) = (&parts.part_of, parts.cost.len());
+        if parts.changes != self.changes_of_parts() {
+            return Ok(());
+        }
+        let numbers = self.store.merged_into.len();
+        need(of.len() == numbers, || format!("{numbers} numbers have parts for {}", of.len()))?;
+        for (f, t) in self.store.t.iter().enumerate().filter(|t| t.1[0] != NONE) {
+            let [a, b, c] = t.map(|w| of[self.store.v[w.index()].origin.index()] as usize);
+            need(a == b && b == c && c < count, || {
+                format!("face {f} lies in parts {a}, {b}, {c} of {count}")
+            })?;
+        }
+        Ok(())
     }
 
     fn changes_of_parts(&self) -> [usize; 2] {
         [self.necks_cut, self.pairs_contracted]
     }
 
-    /// Drops these parts, in this order, until the goal is met; `part_of` is by vertex of the store.
-    fn drop_parts(&mut self, goal: &Goal, order: &[usize], faces: &[usize], cost: &[f32], part_of: &[u32]) {
+    /// Drops these parts, in this order, until the goal is met, but for those that would leave the result far below it;
+    /// `part_of` is by vertex of the store. Where nothing else is left to do (`at_last`), one of these may go in the end.
+    fn drop_parts(
+        &mut self,
+        goal: &Goal,
+        order: &[usize],
+        at_last: bool,
+        faces: &[usize],
+        cost: &[f32],
+        part_of: &[u32],
+    ) {
         let mut gone = vec![false; faces.len()];
         let faces_of = self.record.as_ref().map(|_| self.faces_of_parts(part_of, faces.len()));
         let mut vertices = vec![0usize; faces.len()];
         for (_, &p) in self.store.v.iter().zip(part_of).filter(|x| !x.0.kind.is_gone()) {
             vertices[p as usize] += 1;
         }
-        for &i in order {
-            if self.needed(goal) == Some(0) {
-                break;
-            }
+        let (mut at, mut too_large) = (0, Vec::new());
+        while self.needed(goal) != Some(0) {
+            let (faces_left, vertices_left) = (self.store.live_faces, self.store.live_vertices);
+            let left = |i: usize| (faces_left - faces[i], vertices_left - vertices[i]);
+            let i = match order.get(at) {
+                Some(&i) if !is_far_below(goal, left(i), BELOW) => i,
+                Some(&i) => {
+                    too_large.push(i);
+                    at += 1;
+                    continue;
+                }
+                // The one that leaves most.
+                None if at_last => {
+                    let fitting = too_large.iter().copied();
+                    let fitting = fitting.filter(|&i| !is_far_below(goal, left(i), BELOW_AT_LAST));
+                    let Some(i) = fitting.min_by_key(|&i| (faces[i], i)) else { break };
+                    too_large.clear();
+                    i
+                }
+                None => break,
+            };
+            at += 1;
             gone[i] = true;
             self.lost += f64::from(cost[i]);
             self.store.live_faces -= faces[i];
@@ -211,7 +285,22 @@ impl<M: Metric> Engine<M> {
             let part = &mut parts[l as usize];
             part.price = part.price.max(self.absence_price(x));
         }
+        self.keep_locked_borders(&label, &self.store.t, &mut parts);
         (label, parts)
+    }
+
+    /// Where borders are locked, parts with a border must stay. Cost: O(n log n), there alone.
+    fn keep_locked_borders(&self, part_of: &[u32], faces: &[[VertexId; 3]], parts: &mut [Part]) {
+        if self.rules.border != BorderPolicy::Lock {
+            return;
+        }
+        let living = faces.iter().filter(|t| t[0] != NONE);
+        let sides = living.flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let mut edges: Vec<[VertexId; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        edges.sort_unstable();
+        for edge in edges.chunk_by(|e, f| e == f).filter(|same| same.len() == 1) {
+            parts[part_of[edge[0][0].index()] as usize].price = f32::INFINITY;
+        }
     }
 
     /// What the absence of a vertex counts times.
@@ -225,6 +314,13 @@ impl<M: Metric> Engine<M> {
     }
 }
 
+/// Whether so many faces and vertices are below the goal by more than a share of it.
+fn is_far_below(goal: &Goal, (faces, vertices): (usize, usize), share: f64) -> bool {
+    let is_below =
+        |goal: Option<usize>, left: usize| goal.is_some_and(|n| (left as f64) < (1.0 - share) * n as f64);
+    is_below(goal.faces, faces) || is_below(goal.vertices, vertices)
+}
+
 /// Parts, but for their prices; `label` says which one each of the points is of.
 fn measured(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]]) -> Vec<Part> {
     let mut parts = vec![Part::EMPTY; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
@@ -232,7 +328,7 @@ fn measured(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]
         let (p, part) = (at(VertexId(i as u32)), &mut parts[l as usize]);
         (part.min, part.max) = (part.min.min(p), part.max.max(p));
     }
-    for t in faces {
+    for t in faces.iter().filter(|t| t[0] != NONE) {
         let [a, b, c] = t.map(&at);
         let part = &mut parts[label[t[0].index()] as usize];
         part.faces += 1;

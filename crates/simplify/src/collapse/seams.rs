@@ -14,12 +14,17 @@ use crate::report::Refusal;
 pub(crate) const SEAM: f32 = 2.0;
 /// The same for a soft seam: a crease of normals, or textures that go on much as they were on the other side.
 const SOFT: f32 = 0.5;
+/// The same for a sharp edge that the options make a feature. (As of a border. Measured at that weight alone: the crest of a
+/// curved ridge is .3 to .7 times as far away; docs/methods/memoryless.md has machine parts.)
+const CREASE: f32 = 10.0;
 
 /// Which lines no longer refuse, because nothing else was left to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Looseness {
     /// All hold.
     None,
+    /// Sharp edges give way.
+    Creases,
     /// Seams give way.
     Seams,
     /// The borders of regions too: a material may lose its last face.
@@ -27,12 +32,13 @@ pub(crate) enum Looseness {
 }
 
 impl Looseness {
-    /// The next step, if there is one.
-    pub(crate) fn looser(self) -> Option<Self> {
+    /// The next step that sets anything free, if there is one.
+    pub(crate) fn looser(self, has_creases: bool, has_attributes: bool) -> Option<Self> {
         match self {
-            Self::None => Some(Self::Seams),
+            Self::None if has_creases => Some(Self::Creases),
+            Self::None | Self::Creases if has_attributes => Some(Self::Seams),
             Self::Seams => Some(Self::Regions),
-            Self::Regions => None,
+            Self::None | Self::Creases | Self::Regions => None,
         }
     }
 }
@@ -47,6 +53,8 @@ struct Side {
     region: RegionId,
     /// Whether the face ends at the edge, as seen from here.
     ends: bool,
+    /// Whether the face has the edge as a sharp one.
+    is_sharp: bool,
 }
 
 const NO_REGION: RegionId = RegionId(u32::MAX);
@@ -64,7 +72,12 @@ pub(super) struct Edge {
 }
 
 impl Side {
+    /// Whether there is more at the edge than what any inner edge has: other wedges or regions beyond, or a feature.
     fn differs(&self, other: &Self) -> bool {
+        self.is_other(other) || self.is_sharp || other.is_sharp
+    }
+    /// Whether wedges or regions are others.
+    fn is_other(&self, other: &Self) -> bool {
         (self.here, self.there, self.region) != (other.here, other.there, other.region)
     }
 }
@@ -109,7 +122,7 @@ impl<Q: Memory> Store<Q> {
             Some(wedges) => (wedges[face][k], wedges[face][NEXT[usize::from(ends)][k]]),
             None => (NO_WEDGE, NO_WEDGE),
         };
-        Side { face: face as u32, here, there, region, ends }
+        Side { face: face as u32, here, there, region, ends, is_sharp: self.is_sharp(r.corner, !ends) }
     }
 
     /// The edges of a star that are more than inner ones, in the order in which its faces have them: those of not just two
@@ -170,9 +183,13 @@ impl<Q: Memory> Store<Q> {
 }
 
 impl Edge {
-    /// Whether wedges or regions differ on its sides.
+    /// Whether wedges or regions differ on its sides, or it is sharp.
     pub(super) fn is_seam(&self) -> bool {
         self.other.is_some()
+    }
+    /// Whether it is one of the sharp edges that the options make features of.
+    fn is_sharp(&self) -> bool {
+        self.side.is_sharp || self.other.is_some_and(|other| other.is_sharp)
     }
 }
 
@@ -188,11 +205,20 @@ impl<M: Metric> Engine<M> {
         if edge.faces != 2 {
             return self.rules.border_weight;
         }
+        if seams && edge.is_sharp() {
+            return CREASE;
+        }
         match edge.other.filter(|_| seams) {
             Some(other) if self.is_hard(&edge.side, &other) => SEAM,
             Some(_) => SOFT,
             None => 0.0,
         }
+    }
+
+    /// Whether an edge holds as a line once sharp edges give way.
+    fn is_hard_edge(&self, edge: &Edge) -> bool {
+        let is_hard = |other: &Side| edge.side.is_other(other) && self.is_hard(&edge.side, other);
+        edge.faces != 2 || edge.other.as_ref().is_some_and(is_hard)
     }
 
     /// Whether a seam parts regions, or has been hard from the start.
@@ -243,11 +269,14 @@ impl<M: Metric> Engine<M> {
         }
         let is_line = |ring: &Ring, w| match self.looseness {
             Looseness::None => self.line_weight(ring, w, true) > SOFT,
+            Looseness::Creases => self.store.edge(ring, w).is_some_and(|edge| self.is_hard_edge(&edge)),
             _ => faces_at(ring, w) != 2 || self.store.is_region_edge(ring, w),
         };
         if !is_line(ru, v) {
             let both = self.store.meets_classes(ru) && self.store.meets_classes(rv);
-            return if both { Err(Refusal::Seam) } else { Ok(()) };
+            let creases = || self.store.meets_creases(ru) && self.store.meets_creases(rv);
+            let refuses = both || self.looseness == Looseness::None && creases();
+            return if refuses { Err(Refusal::Seam) } else { Ok(()) };
         }
         for r in ru.iter().filter(|r| r.has(v)) {
             let apex = if r.a == v { r.b } else { r.a };

@@ -1,5 +1,7 @@
 //! The mesh that is being collapsed: packed vertices, triangles, and a list of corners for each vertex.
 
+mod check;
+
 use std::collections::BTreeMap;
 
 use bytemuck::allocation::{cast_vec, zeroed_vec};
@@ -10,7 +12,7 @@ use prefetch_index::prefetch_index;
 use wide::{f32x4, i32x4, u32x4};
 
 use super::kind::Kind;
-use super::order::NONE;
+use super::order::{MEMORY_FREE_UP_TO, NONE};
 use crate::lanes::{Four, dot};
 use crate::metric::Memory;
 
@@ -253,6 +255,8 @@ pub(crate) struct Store<Q: Memory> {
     pub(crate) first_wedge: Vec<WedgeId>,
     /// The region of each face, where there are several.
     pub(crate) regions: Option<Vec<RegionId>>,
+    /// Sharp edges of each face, where the options make features of them ([`sharp_edges`](super::creases::sharp_edges)).
+    pub(crate) creases: Option<Vec<u8>>,
     /// What each face is called in a record, where one is kept.
     pub(crate) names: Option<Vec<u32>>,
     /// The class of each region; one beyond the list is a class of its own.
@@ -278,9 +282,6 @@ const WORTH_PERCENT: usize = 25;
 const SLACK_PERCENT: usize = 30;
 /// Vertices whose memory is not worth the time that giving it back takes.
 const WORTH_SHRINKING: usize = 1 << 16;
-
-/// Vertices from which memory is worth more than time.
-const SPARED_FROM: usize = 1 << 21;
 
 /// The two corners after each, by table: a branch on it could not be foretold.
 const NEXT: [usize; 4] = [1, 2, 0, 0];
@@ -320,6 +321,7 @@ impl<Q: Memory> Store<Q> {
             wedges,
             first_wedge: Vec::new(),
             regions,
+            creases: None,
             names: None,
             classes: Vec::new(),
             stamp: 0,
@@ -423,9 +425,10 @@ impl<Q: Memory> Store<Q> {
     pub(crate) fn compact(&mut self) {
         retain_living(&mut self.wedges, &self.t);
         retain_living(&mut self.regions, &self.t);
+        retain_living(&mut self.creases, &self.t);
         retain_living(&mut self.names, &self.t);
-        if self.v.len() >= SPARED_FROM {
-            // (Room that is asked for anew is a smaller one, but has to be found first.)
+        if self.t.len() > MEMORY_FREE_UP_TO {
+            // Beside the lists of all that lived. (Room that is asked for anew is less, but has to be found first.)
             self.corners = Vec::new();
         }
         // Of each vertex how many corners it has; then where its list goes on, and its number from now on.
@@ -742,9 +745,12 @@ fn roots(mut into: Vec<VertexId>) -> Vec<VertexId> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::collapse::kind::is_closed_fan;
     use crate::tensor::Tensor;
+    use crate::trial::four_vectors;
 
     #[test]
     fn a_vertex_is_one_cache_line() {
@@ -762,6 +768,20 @@ mod tests {
         for four in normals {
             let rows = four.map(|[x, y, z]| f32x4::new([x, y, z, 9.0]));
             assert_eq!(Facing::of_four(&rows).map(|f| f.0), four.map(|n| Facing::of(Vec3::from(n)).0));
+        }
+    }
+
+    proptest::proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(512) })]
+
+        #[test]
+        fn any_four_facings_are_those_of_each(
+            normals in four_vectors(),
+            far in [-38i32..38, -38i32..38, -38i32..38, -38i32..38],
+        ) {
+            let normals = [0, 1, 2, 3].map(|i| normals[i] * 10f32.powi(far[i]));
+            let rows = normals.map(|n| f32x4::new(n.extend(9.0).to_array()));
+            prop_assert_eq!(Facing::of_four(&rows).map(|f| f.0), normals.map(|n| Facing::of(n).0));
         }
     }
 

@@ -4,7 +4,7 @@ use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 
 use super::Engine;
-use super::store::{Ring, Spoke, Store};
+use super::store::{Corner, Ring, Spoke, Store};
 use crate::metric::{Memory, Metric};
 use crate::report::Refusal;
 
@@ -37,36 +37,40 @@ impl<Q: Memory> Store<Q> {
     }
 }
 
+/// Corners of the end whose place is given up, and the wedges that they get.
+pub(crate) type HandedOver = Vec<(Corner, WedgeId)>;
+
 impl<M: Metric> Engine<M> {
-    /// Gives the corners of the end whose place is given up wedges of the other end. Pairs are found where a triangle
+    /// Which corners of the end whose place is given up get which wedges of the other end. Pairs are found where a triangle
     /// has both; a wedge without a pair would be torn off its side of a seam, and refuses.
     #[inline(always)]
-    pub(crate) fn hand_over_wedges(
-        &mut self,
+    pub(crate) fn wedges_to_hand_over(
+        &self,
         u: VertexId,
         v: VertexId,
         step: Vec3,
         off: Vec3,
         ru: &Ring,
         rv: &Ring,
-    ) -> Result<(), Refusal> {
-        if self.store.wedges.is_none() {
-            return Ok(());
+    ) -> Result<HandedOver, Refusal> {
+        match (&self.wedge_data, &self.store.wedges) {
+            (Some(data), Some(_)) => self.exchange_wedges(data, u, v, step, off, ru, rv),
+            _ => Ok(Vec::new()),
         }
-        self.exchange_wedges(u, v, step, off, ru, rv)
     }
 
     #[inline(never)]
+    #[expect(clippy::too_many_arguments, reason = "those of a collapse, and the attributes")]
     fn exchange_wedges(
-        &mut self,
+        &self,
+        data: &Wedges,
         u: VertexId,
         v: VertexId,
         step: Vec3,
         off: Vec3,
         ru: &Ring,
         rv: &Ring,
-    ) -> Result<(), Refusal> {
-        let Some(data) = &self.wedge_data else { return Ok(()) };
+    ) -> Result<HandedOver, Refusal> {
         // Which end keeps its place.
         let (kept, gone, kept_ring, gone_ring) =
             if step == Vec3::ZERO || off != Vec3::ZERO { (u, v, ru, rv) } else { (v, u, rv, ru) };
@@ -90,11 +94,16 @@ impl<M: Metric> Engine<M> {
                 None => return Err(Refusal::Seam),
             }
         }
+        Ok(changes)
+    }
+
+    /// Does what was found.
+    #[inline(always)]
+    pub(crate) fn hand_over_wedges(&mut self, changes: &HandedOver) {
         if let Some(wedges) = &mut self.store.wedges {
-            for (corner, wedge) in changes {
+            for &(corner, wedge) in changes {
                 wedges[corner.face()][corner.k()] = wedge;
             }
         }
-        Ok(())
     }
 }

@@ -134,8 +134,6 @@ pub(super) struct Verdict {
     area: f32x4,
     /// The largest squared height.
     peak: f32x4,
-    /// The worst squared shape of a new triangle.
-    shape: f32x4,
     /// Whether a triangle turns so far that folds must be looked for.
     pub(super) turns_far: bool,
 }
@@ -143,17 +141,16 @@ pub(super) struct Verdict {
 impl Default for Verdict {
     fn default() -> Self {
         let zero = f32x4::ZERO;
-        Self { cost: zero, area: zero, peak: zero, shape: f32x4::ONE, turns_far: false }
+        Self { cost: zero, area: zero, peak: zero, turns_far: false }
     }
 }
 
 impl Verdict {
-    /// Cost, area, largest squared height and worst squared shape of all.
+    /// Cost, area and largest squared height of all.
     #[inline(always)]
-    pub(super) fn sum(&self) -> (f32, f32, f32, f32) {
+    pub(super) fn sum(&self) -> (f32, f32, f32) {
         let peak = self.peak.to_array().into_iter().fold(0.0, f32::max);
-        let shape = self.shape.to_array().into_iter().fold(1.0, f32::min);
-        (self.cost.reduce_add(), self.area.reduce_add(), peak, shape)
+        (self.cost.reduce_add(), self.area.reduce_add(), peak)
     }
 }
 
@@ -201,7 +198,6 @@ impl<Q: Memory> Store<Q> {
             let keeps_side = along.simd_gt(f32x4::ZERO) & along_sq.simd_gt(both_sq * max_turn);
             let around = dot(&e, &e) + dot(&s, &s) + dot(&o, &o);
             let new_shape = after_sq * 12.0 / (around * around).fast_max(f32x4::splat(1e-37));
-            verdict.shape = both.bitselect(verdict.shape, verdict.shape.fast_min(new_shape));
             let far = along_sq.simd_lt(both_sq * SUSPECT_TURN);
             let is_thin = new_shape.simd_lt(f32x4::splat(NO_AREA));
             let stays = !both.to_bitmask();
@@ -249,5 +245,137 @@ impl<Q: Memory> Store<Q> {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::VertexId;
+    use proptest::collection::vec;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::metric::{Memoryless, Metric};
+    use crate::trial::{bits, tame_vector, vector};
+
+    /// What one triangle says.
+    struct Told {
+        weight: f32,
+        height: f32,
+        normal: Vec3,
+        after: Vec3,
+        turns_far: bool,
+        refused: Option<Refusal>,
+        behind: f32,
+    }
+
+    /// The same as [`Store::look_at_wings`] of one triangle at `from`, which goes to `at`.
+    fn told([from, step, at]: [Vec3; 3], [a, b]: [Vec3; 2], both: bool, max_turn: f32) -> Told {
+        let (e, back) = (b - a, from - a);
+        let normal = e.cross(back);
+        let length = normal.length();
+        let after = e.cross(at - a);
+        let (length_sq, after_sq) = (normal.length_squared(), after.length_squared());
+        let (along, both_sq) = (normal.dot(after), length_sq * after_sq);
+        let around = e.length_squared() + (at - a).length_squared() + (at - b).length_squared();
+        let shape = after_sq * 12.0 / (around * around).max(1e-37);
+        let keeps_side = along > 0.0 && along * along > both_sq * max_turn;
+        let before = e.length_squared() + back.length_squared() + (from - b).length_squared();
+        let had_area = length_sq > NO_AREA * e.length_squared() * e.length_squared();
+        let refused = if both {
+            None
+        } else if !keeps_side && (had_area || after_sq == 0.0) {
+            Some(Refusal::NormalFlip)
+        } else {
+            (shape < NO_AREA && 12.0 * length_sq > shape * before * before).then_some(Refusal::Quality)
+        };
+        Told {
+            weight: if both { length + length } else { length },
+            height: normal.dot(step) / length.max(1e-30),
+            normal,
+            after: if both { Vec3::ZERO } else { after },
+            turns_far: !both && along * along < both_sq * SUSPECT_TURN,
+            refused,
+            behind: -back.dot(step),
+        }
+    }
+
+    /// A fan of vertex 0 with this rim, from 1 on, closed where that is wanted.
+    fn fan(centre: Vec3, rim: &[Vec3], is_closed: bool) -> (Store<Tensor>, Ring) {
+        let points: Vec<Vec3> = std::iter::once(centre).chain(rim.iter().copied()).collect();
+        let n = rim.len() as u32;
+        let count = if is_closed { n } else { n - 1 };
+        let faces = (0..count).map(|i| [0, 1 + i, 1 + (i + 1) % n].map(VertexId)).collect();
+        let mut store = Store::new(&points, faces, None, None);
+        store.link();
+        let mut ring = Ring::default();
+        store.ring(VertexId(0), &mut ring);
+        (store, ring)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1024) })]
+
+        #[test]
+        fn four_triangles_say_what_each_says(
+            centre in tame_vector(),
+            // Tame ones, of which few refuse, and any.
+            rim in prop_oneof![vec(tame_vector(), 3..14), vec(vector(), 3..14)],
+            step in prop_oneof![3 => tame_vector().prop_map(|x| x * 0.1), 1 => vector()],
+            is_closed in any::<bool>(),
+            other in prop::option::of(1u32..14),
+            max_turn in prop_oneof![Just(0.04f32), Just(0.0), Just(0.9)],
+        ) {
+            let (store, ring) = fan(centre, &rim, is_closed);
+            let other = other.filter(|&w| (w as usize) <= rim.len()).map(VertexId);
+            let (end, at) = (End { from: centre, step, other }, centre + step);
+            let (mut wings, mut verdict) = (Wings::default(), Verdict::default());
+            let found = store.look_at_wings(&ring, &end, at, max_turn, &mut wings, &mut verdict);
+
+            let each: Vec<Told> = ring
+                .iter()
+                .map(|r| {
+                    let both = other.is_some_and(|w| r.has(w));
+                    told([centre, step, at], [store.p(r.a), store.p(r.b)], both, max_turn)
+                })
+                .collect();
+            if let Some(first) = each.iter().find_map(|t| t.refused) {
+                prop_assert_eq!(found, Err(first));
+                return Ok(());
+            }
+            let behind = each.iter().map(|t| t.behind).fold(f32::INFINITY, f32::min);
+            prop_assert_eq!(found.map(f32::to_bits), Ok(behind.to_bits()));
+            let (cost, area, peak) = verdict.sum();
+            let losses = || each.iter().map(|t| t.weight * t.height * t.height);
+            // Sums are of the same numbers in another order.
+            let is_near = |a: f32, b: f32| a == b || (a - b).abs() <= 1e-5 * b;
+            prop_assert!(is_near(cost, losses().sum()), "{cost} {}", losses().sum::<f32>());
+            prop_assert!(is_near(area, each.iter().map(|t| t.weight).sum()));
+            let most = each.iter().map(|t| t.height * t.height).fold(0.0, f32::max);
+            prop_assert_eq!(peak.to_bits(), most.to_bits());
+            prop_assert_eq!(verdict.turns_far, each.iter().any(|t| t.turns_far));
+
+            let all: Vec<Wing> = wings.iter().collect();
+            prop_assert_eq!(all.len(), each.len());
+            for ((wing, told), spoke) in all.iter().zip(&each).zip(&ring) {
+                prop_assert_eq!((wing.a, wing.b, wing.corner), (spoke.a, spoke.b, spoke.corner));
+                prop_assert_eq!(bits(wing.after.to_array()), bits(told.after.to_array()));
+                prop_assert_eq!(wing.both, other.is_some_and(|w| spoke.has(w)));
+            }
+
+            // What the tensors around swap.
+            let mut swapped = Vec::new();
+            let weigh = |lengths| Memoryless.plane_weights(lengths, 1.0);
+            wings.swaps(weigh, |rim, change, new| swapped.push((rim, *change, *new)));
+            prop_assert_eq!(swapped.len(), each.len());
+            for ((rim, change, new), (told, spoke)) in swapped.iter().zip(each.iter().zip(&ring)) {
+                let outer = |n: Vec3| Tensor::outer(n, Memoryless.plane_weight(n.length(), 1.0));
+                let (old, wanted) = (outer(told.normal), outer(told.after));
+                prop_assert_eq!(*rim, [spoke.a, spoke.b]);
+                let off = wanted.less(&old).less(change).0.into_iter().chain(wanted.less(new).0);
+                let size = old.trace() + wanted.trace();
+                prop_assert!(off.into_iter().all(|x| x.abs() <= 1e-6 * size), "{change:?} {new:?}");
+            }
+        }
     }
 }

@@ -143,14 +143,14 @@ impl<'a> Values<'a> {
         self.add(self.originals.wedges[of], 1.0 / 3.0, face, b, weight);
     }
 
-    /// Adds the first corner of a face of the ordered input.
-    pub(super) fn add_corner(&mut self, of: usize, face: usize, b: Vec3, weight: f32) {
-        self.add([self.originals.wedges[of][0]], 1.0, face, b, weight);
+    /// Adds a corner of the ordered input: face and number.
+    pub(super) fn add_corner(&mut self, (of, k): (usize, usize), face: usize, b: Vec3, weight: f32) {
+        self.add([self.originals.wedges[of][k]], 1.0, face, b, weight);
     }
 
-    /// Adds the first corner of a face of the ordered input where a final vertex, with these corners, has its very place.
-    pub(super) fn add_at_home(&mut self, of: usize, around: &[Corner], weight: f32) {
-        let own = self.originals.chart(self.originals.wedges[of][0]);
+    /// Adds a corner of the ordered input where a final vertex, with these corners, has its very place.
+    pub(super) fn add_at_home(&mut self, of: (usize, usize), around: &[Corner], weight: f32) {
+        let own = self.originals.chart(self.originals.wedges[of.0][of.1]);
         if let Some(corner) = around.iter().find(|c| self.charts[c.face()] == own) {
             let mut b = [0.0; 3];
             b[corner.k()] = 1.0;

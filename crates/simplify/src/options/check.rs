@@ -31,11 +31,14 @@ impl SimplifyOptions {
         if let Some(x) = guards.max_edge.map(length).filter(|x| !(x.is_finite() && *x > 0.0)) {
             return bad("max-edge", "a length above 0", x);
         }
+        if let Some(x) = options.sharp_deg.filter(|x| !(*x > 0.0 && *x < 180.0)) {
+            return bad("sharp", "above 0 and below 180 degrees", x);
+        }
         if let Some(x) = options.prune.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
             return bad("prune", "a length of 0 or more", x);
         }
         let w = &options.weights;
-        let weights = [w.normal, w.uv, w.color, w.morph, w.other, w.border];
+        let weights = [w.normal, w.uv, w.color, w.morph, w.skin, w.other, w.border];
         if let Some(&x) = weights.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
             return bad("weight", "0 or more", x);
         }

@@ -15,7 +15,9 @@ const KEEPING: &[Method] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide];
 /// Methods that take one vertex after the other, and may refuse.
 const CHOOSING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval];
-/// The same, and regions that are turned little.
+/// Collapses of edges.
+const COLLAPSING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge];
+/// The same as [`CHOOSING`], and regions that are turned little.
 const TURNING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar];
 /// Methods that know where a border is.
 const BORDERED: &[Method] =
@@ -76,7 +78,7 @@ impl SimplifyOptions {
     }
 
     /// Options that most methods share: names, whether they ask for something, who takes them.
-    fn shared(&self) -> [(&'static str, bool, &'static [Method]); 9] {
+    fn shared(&self) -> [(&'static str, bool, &'static [Method]); 10] {
         let guards = &self.guards;
         let Guards { max_normal_deg, min_quality, max_valence, max_edge } = guards;
         [
@@ -87,6 +89,7 @@ impl SimplifyOptions {
             ("border lock", self.border == BorderPolicy::Lock, BORDERED),
             ("max-normal", max_normal_deg.is_some(), TURNING),
             ("importance", self.importance.is_some(), CHOOSING),
+            ("sharp", self.sharp_deg.is_some(), COLLAPSING),
             ("min-quality or max-valence", min_quality.is_some() || max_valence.is_some(), CHOOSING),
             ("max-edge", max_edge.is_some(), CHOOSING),
         ]

@@ -63,9 +63,9 @@ impl<'a> Channels<'a> {
             let (weight, tolerance, share) = match a.semantic {
                 Semantic::Uv(_) => (weights.uv, UV, ROUNDING),
                 Semantic::Color(_) => (weights.color, COLOR, ROUNDING),
-                // Directions, like normals; numbers of joints have to be the same all over.
+                // Directions, like normals; numbers that name something have to be the same all over.
                 Semantic::Tangent => (weights.normal, NORMAL, ROUNDING),
-                Semantic::Joints(_) => (weights.other, 0.0, 0.0),
+                Semantic::Joints(_) | Semantic::Discrete { .. } => (weights.other, 0.0, 0.0),
                 Semantic::Morph { of: Morphed::Position, .. } => (weights.morph, flat as f32, ROUNDING),
                 Semantic::Morph { .. } => (weights.morph, NORMAL, ROUNDING),
                 Semantic::Weights(_) | Semantic::Custom(_) => (weights.other, 0.0, OTHER),

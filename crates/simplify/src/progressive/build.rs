@@ -302,10 +302,7 @@ fn names<Q: Memory>(
     rows: Option<&Rows>,
 ) -> (Names, Vec<VertexId>) {
     let ordered: &Ordered = run.ordered;
-    let mut vertices = vec![NONE; ordered.point_count];
-    for (i, r) in ordered.rank.iter().enumerate().rev().filter(|r| *r.1 != NONE) {
-        vertices[r.index()] = VertexId::new(i);
-    }
+    let vertices = ordered.first_at_each();
     let faces = ordered.of_faces(&run.input.surface, FaceId::new);
     let has_wedges = store.wedges.is_some();
     let keeps_wedges = has_wedges && run.options.placement == Placement::Endpoint;

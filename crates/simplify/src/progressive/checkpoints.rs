@@ -12,7 +12,8 @@ use crate::collapse::order::NONE;
 use crate::collapse::record::Log;
 use crate::collapse::store::{Facing, Ring, Store};
 use crate::control::{Control, Verdict};
-use crate::fit;
+use crate::fit::{self, Guards};
+use crate::guard::Rules;
 use crate::run::Run;
 use crate::tensor::Tensor;
 
@@ -176,9 +177,11 @@ impl Recorded<'_> {
             let places = store.t.iter().map(|t| t.map(|v| before[v.index()]));
             dresser.begin(road, order.iter().copied().zip(places), away)
         });
-        let mut rms = fit::fit(&mut store, &mut given, &home, away, values.as_mut(), |q| q).rms;
+        let guards = Guards::new(&Rules::new(run.options, frame, run.ordered.diagonal), &store);
+        let guards = guards.as_ref();
+        let mut rms = fit::fit(&mut store, &mut given, &home, away, values.as_mut(), guards, |q| q).rms;
         if road.face_count() <= TWICE_UP_TO {
-            rms = fit::fit(&mut store, &mut given, &home, away, None, |q| q).rms;
+            rms = fit::fit(&mut store, &mut given, &home, away, None, guards, |q| q).rms;
         }
         if let Some(values) = values {
             values.solve(|face, k| {

@@ -4,10 +4,11 @@
 //! split changes on the way; where it holds from both sides, the two are blended by the logarithm of the count of faces.
 
 use glam::Vec3;
-use lodsmith_core::splits::{Checkpoint, Counts};
+use lodsmith_core::splits::{Checkpoint, Counts, Layout};
 use lodsmith_core::{Positions, Semantic, VertexId, WedgeId};
 
 use super::Progressive;
+use crate::attributes::ranges::{self, ANY, has_ranges, within};
 
 /// Between checkpoints whose errors differ by more than this factor only the finer one counts: exactly flat parts end
 /// somewhere, and what a fit does beyond must not reach back. (Guessed; on smooth surfaces the factor is 1.2.)
@@ -101,7 +102,8 @@ impl Progressive {
         let width = self.layout().width().max(1);
         for (row, by) in values.chunks_exact_mut(width).zip(changes.chunks_exact(width)) {
             if by.iter().any(|x| *x != 0.0) {
-                row.iter_mut().zip(by).for_each(|(x, by)| *x += by);
+                let ranges = &self.road.ranges;
+                row.iter_mut().zip(by).zip(ranges).for_each(|((x, by), range)| *x = within(*x + by, *range));
                 self.straighten(row);
             }
         }
@@ -172,6 +174,22 @@ impl Progressive {
             at += width;
         }
     }
+}
+
+/// The ranges of the values in a row, over these rows; those that no range holds are any.
+pub(super) fn ranges(layout: &Layout, rows: &[f32]) -> Vec<[f32; 2]> {
+    let mut all = ranges::ranges(rows, layout.width());
+    if layout.has_normals {
+        all[..3].fill(ANY);
+    }
+    let mut end = all.len();
+    for (semantic, width) in layout.further.iter().rev() {
+        if !has_ranges(semantic) {
+            all[end - width..end].fill(ANY);
+        }
+        end -= width;
+    }
+    all
 }
 
 /// What two checkpoints add to elements, for those that each of them holds for: one alone in full.

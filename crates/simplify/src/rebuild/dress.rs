@@ -61,13 +61,14 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
     let is_shading: Vec<bool> = rows.shading();
     let same = |a: WedgeId, b: WedgeId, shading: bool| {
         let (x, y) = (attributes.of(a), attributes.of(b));
-        let pulls = shading
-            || attributes.pulls.is_empty()
-            || attributes.pulls[a.index()] == attributes.pulls[b.index()];
-        a == b || pulls && (0..width).all(|k| is_shading[k] != shading || x[k].to_bits() == y[k].to_bits())
+        let pulls = |w: WedgeId| (attributes.pulls.get(w.index()), attributes.labels.get(w.index()));
+        let is_pulled = shading || pulls(a) == pulls(b);
+        a == b
+            || is_pulled && (0..width).all(|k| is_shading[k] != shading || x[k].to_bits() == y[k].to_bits())
     };
     let region = |f: usize| ground.regions.as_ref().map(|r| r[f]);
-    let has_others = is_shading.contains(&false) || !attributes.pulls.is_empty();
+    let has_others =
+        is_shading.contains(&false) || !attributes.pulls.is_empty() || !attributes.labels.is_empty();
     let has = [has_others, clothes.shading.is_none() && is_shading.contains(&true)];
     let links = |shading: bool| {
         let joined = |[f, g]: [usize; 2], corners: [[usize; 2]; 2]| {
@@ -82,6 +83,7 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
     let largest = rows.largest();
     let mut values: Vec<f32> = Vec::new();
     let mut pulls: Vec<Pulls> = Vec::new();
+    let mut labels: Vec<u32> = Vec::new();
     // Rows of each new vertex so far, as a chain.
     let mut first = vec![NO_ROW; made.points.len()];
     let mut next: Vec<u32> = Vec::new();
@@ -108,6 +110,7 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
         for (k, &v) in t.iter().enumerate() {
             let mut exact = true;
             let mut own_pulls = Pulls::new();
+            let mut own_label = None;
             let mut wedge = None;
             for (patch, shading) in patches.iter().zip([false, true]) {
                 let Some(patch) = patch else { continue };
@@ -127,6 +130,9 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
                 if !shading && !attributes.pulls.is_empty() {
                     own_pulls = blend(&rows_there.map(|r| &attributes.pulls[r.index()]), &at.weights);
                 }
+                if !shading && !attributes.labels.is_empty() {
+                    own_label = Some(attributes.labels[rows_there[nearest_corner(&at.weights)].index()]);
+                }
                 let own =
                     at_corner.filter(|_| made.kept[v.index()] != NONE).map(|c| clothes.wedges[at.face][c]);
                 exact &= own.is_some() && wedge.is_none_or(|w| Some(w) == own);
@@ -143,7 +149,8 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
             while known != NO_ROW {
                 let r = known as usize;
                 let is_alike = |k: usize| (values[r * width + k] - row[k]).abs() <= ALIKE * largest[k];
-                if (0..width).all(is_alike) && (pulls.is_empty() || alike(&pulls[r], &own_pulls)) {
+                let is_pulled_alike = || pulls.is_empty() || alike(&pulls[r], &own_pulls);
+                if (0..width).all(is_alike) && is_pulled_alike() && labels.get(r).copied() == own_label {
                     break;
                 }
                 known = next[r];
@@ -155,12 +162,13 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
                 if !attributes.pulls.is_empty() {
                     pulls.push(own_pulls);
                 }
+                labels.extend(own_label);
             }
             corners[i][k] = WedgeId(known);
         }
         held.push(own_held);
     }
-    let attributes = Attributes::new(
+    let mut attributes = Attributes::new(
         next.len(),
         width,
         attributes.directions.clone(),
@@ -168,6 +176,7 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
         &values,
         pulls,
     );
+    attributes.labels = labels;
     Ok(Dressed { corners, attributes, regions, held: Held::new(held.into_iter()) })
 }
 
@@ -332,6 +341,11 @@ impl Patch {
         };
         Place { face, weights }
     }
+}
+
+/// The corner that counts most, of equal ones the first.
+fn nearest_corner(weights: &[f64; 3]) -> usize {
+    (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
 }
 
 /// Joints of a blend, the strongest first.

@@ -23,8 +23,9 @@ use crate::collapse::cut::may_cut;
 use crate::collapse::order::NONE;
 use crate::collapse::{End, Goal, Pause};
 use crate::control::{Control, Share, Stage};
+use crate::deviation::{self, Deviation};
 use crate::metric::{Judged, Memoryless, Metric, Quadric};
-use crate::options::{Measure, Method, SimplifyOptions, Stop, TopologyPolicy};
+use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
 
 /// For each level, the input first, the vertex of the next one that each of its vertices became;
 /// [`NONE`](crate::collapse::order::NONE) where it went with its part.
@@ -89,17 +90,14 @@ fn chain_by_method(
     let passes = passes_of(options.method).expect("only methods of sweeps come here");
     let outcomes = passes(&mut run, &goals, control)?;
     let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };
-    let reference = match options.measure {
-        Measure::Auto => None,
-        Measure::Always => run.reference(control),
+    let judge = if deviation::is_wanted(options) { run.judge(control) } else { None };
+    let look = |outcome: &Outcome| {
+        judge.as_ref().map_or_else(Deviation::default, |judge| judge.look(&outcome.mesh, None))
     };
-    let measured: Vec<_> = outcomes
-        .iter()
-        .map(|(outcome, _)| reference.as_ref().and_then(|r| run.compare(r, &outcome.mesh)))
-        .collect();
-    let finished = outcomes.into_iter().zip(measured).zip(&of_levels);
+    let looked: Vec<Deviation> = outcomes.iter().map(|(outcome, _)| look(outcome)).collect();
+    let finished = outcomes.into_iter().zip(looked).zip(&of_levels);
     let all = finished
-        .map(|((outcome, measured), own)| told(input, own, &in_order, &care, (outcome.0, measured, false)));
+        .map(|((outcome, deviation), own)| told(input, own, &in_order, &care, (outcome.0, deviation, false)));
     Ok((all.collect(), mergers))
 }
 
@@ -112,7 +110,7 @@ impl Run<'_, '_> {
         control: &mut dyn Control,
     ) -> Result<Vec<(Outcome, usize)>, SimplifyError> {
         let is_free = self.options.topology == TopologyPolicy::Free;
-        let mut leave = Leave { parts: is_free, cuts: is_free };
+        let mut leave = Leave { parts: is_free, cuts: is_free, seams: false };
         let mut trunk: Option<Trunk<M>> = None;
         let mut number = 0;
         let mut outcomes: Vec<(Outcome, usize)> = Vec::with_capacity(goals.len());
@@ -120,17 +118,17 @@ impl Run<'_, '_> {
             let control = &mut Share::of(control, i, goals.len());
             let mut outcome = self.level(metric, &mut trunk, (i, goals), leave, control)?;
             let may_change = self.options.topology == TopologyPolicy::Relaxed;
-            let is_short = outcome.parts_removed > 0 || outcome.end == End::Stuck;
+            let is_short = outcome.parts_removed > 0 || outcome.end == End::Stuck || outcome.has_rivals();
             if may_change && !leave.parts && is_short && outcome.end != End::Finish {
                 // Parts and handles stand in the way: a trunk in which they go in their turn.
-                let (mut second, mut own) = (None, Leave { parts: true, cuts: may_cut(self.options) });
+                let (mut second, mut own) =
+                    (None, Leave { parts: true, cuts: may_cut(self.options), ..leave });
                 let mut other = self.level(metric, &mut second, (i, goals), own, control)?;
                 if other.touches && other.end != End::Finish {
                     (second, own.cuts) = (None, false);
                     other = self.level(metric, &mut second, (i, goals), own, control)?;
                 }
-                let fewer = other.mesh.face_count() < outcome.mesh.face_count();
-                if other.end != End::Stuck || fewer || outcome.parts_removed > 0 {
+                if outcome.parts_removed > 0 || self.closer(&[&outcome, &other], None, control) == 1 {
                     (trunk, leave, outcome) = (second, own, other);
                     number += 1;
                 } else {

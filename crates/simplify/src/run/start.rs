@@ -9,6 +9,7 @@ use super::Run;
 use crate::SimplifyError;
 use crate::attributes::{Ground, Rows};
 use crate::collapse::attributes::Attributes;
+use crate::collapse::creases::sharp_edges;
 use crate::collapse::order;
 use crate::collapse::store::Store;
 use crate::collapse::{Engine, Goal, Wedges};
@@ -126,7 +127,9 @@ impl Run<'_, '_> {
             }
             _ => None,
         };
+        let sharp = options.sharp_deg.and_then(|deg| sharp_edges(&points, &faces, deg));
         let mut store = Store::new(&points, faces, wedges, regions);
+        store.creases = sharp;
         drop(points);
         if recorded {
             store.names = Some((0..store.t.len() as u32).collect());

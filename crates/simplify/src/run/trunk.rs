@@ -9,19 +9,20 @@ use super::{Leave, Outcome, Run, Source, Started};
 use crate::SimplifyError;
 use crate::attributes::Rows;
 use crate::collapse::attributes::Attributes;
+use crate::collapse::cut::may_cut;
+use crate::collapse::order::MEMORY_FREE_UP_TO;
 use crate::collapse::store::Store;
-use crate::collapse::{End, Engine, Goal, Sweeps};
+use crate::collapse::{End, Engine, Goal, Original as _, Sweeps};
 use crate::control::{Control, Stage, Verdict};
-use crate::fit;
+use crate::fit::{self, Guards};
 use crate::guard::Rules;
 use crate::metric::Metric;
+use crate::normals;
 use crate::options::TopologyPolicy;
 use crate::rebuild;
+use crate::recolor;
 
-/// Inputs with no more faces than this are put in order again as a whole for the fit. Of larger ones each place is looked up,
-/// where many faces stay: 14 bytes a face less, but in a file without any order a sixth more time.
-const AGAIN_UP_TO: usize = 4_000_000;
-/// One face in so many is many. (Where fewer stay, the sweeps need more memory than the fit.)
+/// Where one face in so many stays, the fit needs more memory than the sweeps.
 const MANY: usize = 3;
 
 /// An engine, and what every result of it needs.
@@ -73,6 +74,9 @@ impl Run<'_, '_> {
             engine.cuts_necks = leave.cuts;
             engine.watch_parts();
         }
+        if leave.seams {
+            engine.loosen_seams();
+        }
         Ok(Trunk { engine, sweeps: None, root: Root { rows, originals, duplicate_faces, is_kept, weights } })
     }
 
@@ -109,6 +113,10 @@ impl Run<'_, '_> {
             ),
             false => Vec::new(),
         };
+        let may_relax = self.options.topology == TopologyPolicy::Relaxed;
+        let may_cut = may_cut(self.options);
+        let spares_parts = may_relax && engine.has_parts_in_the_way(may_cut);
+        let spares_necks = may_relax && may_cut && engine.has_necks_in_the_way();
         let mut fitted = None;
         let wants_fit = self.wants_fit(engine.metric.decides()) && engine.collapses > 0;
         if wants_fit {
@@ -126,6 +134,12 @@ impl Run<'_, '_> {
             engine.part_touching();
         }
         let rows = root.rows.as_ref();
+        if !self.options.keeps_blended_normals
+            && let (Some(attributes), Some(rows), Some(input)) =
+                (&mut engine.attributes, rows, self.input.mesh)
+        {
+            normals::repair(&mut engine.store, attributes, rows, input);
+        }
         let mut mesh = self.result(&engine.store, engine.attributes.as_ref(), rows)?;
         if let (true, Some(attributes), Some(wedges)) =
             (engine.has_relaxed_seams(), &engine.attributes, &engine.store.wedges)
@@ -133,6 +147,7 @@ impl Run<'_, '_> {
             mesh = rebuild::dressed_again(self, &mesh, (attributes, wedges))?;
         }
         let held = self.held(&engine.store, rows);
+        mesh = recolor::recolored(mesh, self.input, self.options, &held)?;
         if let Some(input) = self.input.mesh {
             held.restore(&mut mesh, input);
         }
@@ -152,6 +167,9 @@ impl Run<'_, '_> {
             pairs_contracted: engine.pairs_contracted,
             touches: engine.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0,
             seams_relaxed: engine.has_relaxed_seams(),
+            spares_parts,
+            spares_necks,
+            sharp_relaxed: engine.has_relaxed_creases(),
             duplicate_faces: root.duplicate_faces,
             proposals,
             mesh,
@@ -181,17 +199,19 @@ impl Run<'_, '_> {
             None => Vec::new(),
         };
         let (ordered, surface) = (&*self.ordered, &self.input.surface);
-        let given = surface.triangles().len();
-        let fitted = if root.is_kept {
-            let mut kept = fit::Kept { points: &ordered.points, faces: &ordered.faces };
-            fit::fit(store, &mut kept, home, away, values.as_mut(), M::tensor)
-        } else if given <= AGAIN_UP_TO || MANY * store.t.len() < given {
-            let (points, faces) = (ordered.points_again(surface), ordered.faces_again(surface));
-            let mut kept = fit::Kept { points: &points, faces: &faces };
-            fit::fit(store, &mut kept, home, away, values.as_mut(), M::tensor)
+        let guards = Guards::new(&Rules::new(self.options, ordered.frame, ordered.diagonal), store);
+        let guards = guards.as_ref();
+        let (given, mut fitted) = (surface.triangles().len(), None);
+        if !root.is_kept && given > MEMORY_FREE_UP_TO && MANY * store.t.len() >= given {
+            // Looked up place by place: 14 bytes a face less, but in a file without any order a sixth more time.
+            let given = &mut ordered.again(surface);
+            fitted = Some(fit::fit(store, given, home, away, values.as_mut(), guards, M::tensor).rms);
         } else {
-            fit::fit(store, &mut ordered.again(surface), home, away, values.as_mut(), M::tensor)
-        };
+            self.source(root).with(&mut |points, faces| {
+                let mut kept = fit::Kept { points, faces };
+                fitted = Some(fit::fit(store, &mut kept, home, away, values.as_mut(), guards, M::tensor).rms);
+            });
+        }
         if let Some(values) = values {
             values.solve(|face, k| {
                 let v = store.t[face][k];
@@ -199,6 +219,6 @@ impl Run<'_, '_> {
                 (!x.kind.is_locked()).then(|| x.p - before[v.index()])
             });
         }
-        Some(fitted.rms)
+        fitted
     }
 }

@@ -1,5 +1,7 @@
 //! Each mesh of a scene by itself.
 
+use std::sync::Arc;
+
 use lodsmith_core::TriMesh;
 use lodsmith_core::measure::{Comparison, TwoWay};
 use lodsmith_core::topology::size_of;
@@ -36,7 +38,8 @@ pub(super) fn simplify_each(
     let (mut begun, mut first) = (0usize, 0usize);
     care::check(&options, parts.iter().map(|p| p.mesh.vertex_count()).sum())?;
     let (locked, importance) = (options.locked.take(), options.importance.take());
-    for part in parts {
+    let textures = options.textures.take();
+    for (i, part) in parts.iter().enumerate() {
         let alone = Part { instances: 1, system: None, ..*part };
         let share = |n: usize| n as f64 / all.max(1) as f64;
         let mut own = Share { control, begin: share(begun), length: share(part.mesh.face_count()) };
@@ -45,6 +48,7 @@ pub(super) fn simplify_each(
         let own_vertices = first..first + part.mesh.vertex_count();
         first = own_vertices.end;
         options.locked = locked.as_deref().and_then(|l| l.get(own_vertices.clone())).map(Into::into);
+        options.textures = textures.as_ref().map(|all| Arc::new(all.part(i)));
         options.importance = importance.as_deref().and_then(|l| l.get(own_vertices)).map(Into::into);
         let (mesh, reached) = match simplify_scene(&[alone], diagonal, &options, &mut own) {
             Ok(SimplifiedScene { mut meshes, report, .. }) => {
@@ -84,6 +88,7 @@ fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
     let mut report = runs.get(lead)?.report.clone();
     report.error.estimate = squares.sqrt();
     report.error.measured = measured;
+    report.error.bound = runs.iter().map(|r| r.report.error.bound).reduce(|a, b| Some(a?.max(b?))).flatten();
     report.error.diagonal = diagonal;
     let refused = |why: Refusal| {
         let of = |r: &Run| r.report.refusals.iter().filter(|x| x.0 == why).map(|x| x.1).sum::<u64>();
@@ -100,7 +105,7 @@ fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
     report.pruned = Default::default();
     (report.collapses, report.parts_removed) = (0, 0);
     (report.necks_cut, report.pairs_contracted) = (0, 0);
-    (report.seams_relaxed, report.fitted) = (false, false);
+    (report.seams_relaxed, report.sharp_relaxed, report.fitted) = (false, false, false);
     report.dropped.clear();
     report.escalated.clear();
     for run in &runs {
@@ -110,6 +115,7 @@ fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
         report.necks_cut += r.necks_cut;
         report.pairs_contracted += r.pairs_contracted;
         report.seams_relaxed |= r.seams_relaxed;
+        report.sharp_relaxed |= r.sharp_relaxed;
         report.fitted |= r.fitted;
         report.pruned.parts += times * r.pruned.parts;
         report.pruned.faces += times * r.pruned.faces;

@@ -152,10 +152,10 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     let met = by_faces || by_vertices || by_ratio;
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
     let stopped_by = report.stopped_by;
-    // Lengths that some methods end by are stops too.
+    // The cell of clusters is a stop too.
     let own = &options.of_method;
-    let by_length = stopped_by == StoppedBy::Exhausted && (own.edge_length.is_some() || own.cell.is_some());
-    if stop.error.is_none() && counts && !by_length {
+    let by_cell = stopped_by == StoppedBy::Exhausted && own.cell.is_some();
+    if stop.error.is_none() && counts && !by_cell {
         check(
             report.reached == met,
             format!("reached is {} at {faces} faces, {vertices} vertices", report.reached),

@@ -64,6 +64,8 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
         BORDERS,
         &mut o.border,
     );
+    let tip = "Edges sharper than this angle, in degrees, are features: their vertices keep to their line";
+    parts::optional(ui, "Sharp edges", tip, &mut o.sharp_deg, 30.0, 1.0..=179.0);
     let tip = "relaxed: no new defects; preserve: nothing changes; free: handles are cut and parts go where that is cheapest";
     parts::choose(ui, "Topology", tip, TOPOLOGIES, &mut o.topology);
     parts::choose(
@@ -81,6 +83,7 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
             ("UVs", &mut w.uv),
             ("Colours", &mut w.color),
             ("Morphs", &mut w.morph),
+            ("Skin", &mut w.skin),
             ("Other", &mut w.other),
             ("Borders", &mut w.border),
         ];

@@ -136,7 +136,7 @@ pub fn slider(ui: &mut Ui, name: &str, tip: &str, value: &mut f64, range: std::o
     });
 }
 
-/// A number that may be off. Whether it changed.
+/// A number that may be off; its switch and its field have names for who listens. Whether it changed.
 pub fn optional(
     ui: &mut Ui,
     name: &str,
@@ -148,11 +148,15 @@ pub fn optional(
     let before = *value;
     field(ui, name, tip, |ui| {
         let mut is_on = value.is_some();
-        ui.checkbox(&mut is_on, "").on_hover_text(format!("{name}: on or off"));
+        let switch = format!("{name}: on or off");
+        let check = ui.checkbox(&mut is_on, "").on_hover_text(&switch);
         let mut number = value.unwrap_or(first);
         let drag = egui::DragValue::new(&mut number).range(range.clone());
         let speed = (range.end() - range.start()).min(100.0) / 200.0;
-        ui.add_enabled(is_on, drag.speed(speed).max_decimals(3));
+        let number_field = ui.add_enabled(is_on, drag.speed(speed).max_decimals(3));
+        for (response, label) in [(check, switch.as_str()), (number_field, name)] {
+            let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(label));
+        }
         *value = is_on.then_some(number);
     });
     *value != before

@@ -38,6 +38,9 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
             parts::fact(ui, "Largest, measured", share(m.hausdorff.symmetric));
         }
     }
+    if let Some(bound) = r.error.bound {
+        parts::fact(ui, "Largest, proven", share(bound));
+    }
     parts::fact(ui, "Time", seconds(lighter.seconds));
     more(ui, r);
     for warning in &lighter.warnings {

@@ -32,10 +32,7 @@ fn attributes(lod: &ClusterLod) -> Vec<String> {
         ("colors", mesh.colors().is_some()),
     ];
     let mut all: Vec<String> = first.into_iter().filter(|x| x.1).map(|x| x.0.to_owned()).collect();
-    let name = |s: &Semantic| match s {
-        Semantic::Custom(name) => name.clone(),
-        other => other.title().to_owned(),
-    };
+    let name = |s: &Semantic| s.name().unwrap_or(s.title()).to_owned();
     all.extend(mesh.further_attributes().iter().map(|a| name(&a.semantic)));
     all.dedup();
     all

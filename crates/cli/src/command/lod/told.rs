@@ -97,7 +97,7 @@ fn lines(made: &Made, path: &str, args: &LodArgs) -> Vec<String> {
 fn error_json(report: &Report) -> Value {
     let e = &report.error;
     json!({
-        "estimate": e.estimate, "measured": e.measured.as_ref().map(measured_json),
+        "estimate": e.estimate, "bound": e.bound, "measured": e.measured.as_ref().map(measured_json),
         "unit": "model", "diagonal": e.diagonal,
     })
 }
@@ -121,6 +121,7 @@ fn to_json(made: &Made, path: &str, plan: &Plan, args: &LodArgs) -> Value {
             "warnings": texts(&told(r)),
             "collapses": r.collapses, "parts_removed": r.parts_removed, "necks_cut": r.necks_cut,
             "seams_relaxed": r.seams_relaxed,
+            "sharp_relaxed": r.sharp_relaxed,
         });
         if !level.meshes.is_empty() {
             object["meshes"] = level.meshes.iter().map(mesh_json).collect();

@@ -12,6 +12,7 @@ use crate::gltf::Scene;
 use crate::gltf::buffers::{Buffers, data_uri, relative_path};
 use crate::gltf::container::{list, number};
 use crate::gltf::scene::image_type;
+use crate::limits::Limits;
 use crate::model::Pictures;
 
 pub(super) fn read(scene: &Scene, buffers: &Buffers<'_>) -> (Vec<Material>, Vec<Arc<Image>>, Vec<Warning>) {
@@ -27,6 +28,25 @@ pub(super) fn read(scene: &Scene, buffers: &Buffers<'_>) -> (Vec<Material>, Vec<
     };
     let (images, warnings) = pictures.decode(&mut materials, scene.limits, encoded, |_, _| true);
     (materials, images, warnings)
+}
+
+/// The textures of base colours alone, of each material, with their images; without a word on what cannot be shown.
+pub(super) fn base_colors(
+    scene: &Scene,
+    buffers: &Buffers<'_>,
+    limits: Limits,
+) -> (Vec<Option<TextureRef>>, Vec<Arc<Image>>) {
+    let (mut all, mut wanted) = (Pictures::default(), Pictures::default());
+    let base_color = |m: &Value| {
+        let of_all = material(&scene.json, m, &mut all).base_color_texture;
+        let base_color_texture =
+            of_all.map(|t| TextureRef { image: wanted.ask_for(all.in_file(t.image)), ..t });
+        Material { base_color_texture, ..Material::default() }
+    };
+    let mut materials: Vec<Material> = list(&scene.json, "materials").iter().map(base_color).collect();
+    let encoded = |index| bytes_of(scene, buffers, index).map(|bytes| (bytes, String::new()));
+    let (images, _) = wanted.decode(&mut materials, limits, encoded, |_, _| true);
+    (materials.into_iter().map(|m| m.base_color_texture).collect(), images)
 }
 
 fn material(json: &Value, material: &Value, pictures: &mut Pictures) -> Material {

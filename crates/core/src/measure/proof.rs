@@ -1,0 +1,436 @@
+//! How far every point of a surface lies from another: proven, not sampled. [Sacht-Jacobson 2024]
+//!
+//! ```text
+//! face ──► piece ── all corners within D of one face of the other surface? ── yes: all of the piece is
+//!            ▲           │ no: is the middle farther than D from all faces?  ── yes: the answer is no
+//!            └── parts ◄─┘
+//! ```
+//!
+//! The distance to a face is convex, as the face is, so over a convex piece it is largest at a corner. A piece is cut along
+//! the prism over the face that is nearest to its middle, a little outside of it, so the parts are about as many as the
+//! faces that lie below one another; one that is much larger than that face is halved.
+
+mod piece;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::{Prepared, chunks};
+use crate::geometry::triangle::{self, double_area_normal};
+use crate::spatial::{Bvh, Hint};
+use piece::Piece;
+
+/// What is known of the largest distance from one surface to another, in the units of the positions.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Farthest {
+    /// A place was seen that lies so far away.
+    pub seen: f64,
+    /// No place lies farther away.
+    pub bound: f64,
+}
+
+/// Whether a surface keeps within a distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Kept {
+    /// Every point does. In the units of the positions, no place lies farther away than this; at most the distance.
+    Yes(f64),
+    /// A place was seen that lies farther away than it.
+    No(f64),
+    /// Neither was found with the work that is spent on it at most.
+    Open,
+}
+
+/// Pieces whose corners lie nearer to their middle than this, in the unit frame, are not cut any more: it is near the last
+/// digits of a double.
+const FINEST: f64 = 1e-14;
+/// Less than this, in the unit frame, is not told from nothing where a distance is looked for. (Guessed: rounding of
+/// coordinates is a hundredth of it.)
+const NOTHING: f64 = 1e-12;
+/// Steps of a proof, for each face of both surfaces, at most. (Measured on scans: .2 to 3.)
+const STEPS: usize = 256;
+/// Steps of the smallest proof, at most.
+const FIRST_STEPS: usize = 1 << 20;
+/// Faces, or pieces that were left over, for one thread at a time...
+const FACES: usize = 1024;
+const PIECES: usize = 128;
+/// ... and the steps that it takes on them before what is left is shared out anew. (Guessed: a thousandth of a second.)
+const AT_ONCE: usize = 4096;
+/// How far outside of the face a cut goes: a share of how far a point at the height of the piece could lie outside and
+/// still be within the distance. (Measured: .5 takes 9 % more steps, .85 31 %.)
+const OUTSIDE: f64 = 0.3;
+/// Cuts nearer to a corner than this share of that are left: the rest would be a sliver, and near enough.
+const SLIVER: f64 = 0.2;
+/// Pieces larger than so many times the face below them are halved and not cut along it. (Measured: 1 to 16 differ by
+/// less than 4 % in steps.)
+const LARGE: f64 = 2.0;
+/// Faces that are smaller than this share of the distance are not cut along: halves are soon near enough.
+const SMALL: f64 = 0.5;
+
+/// Proves that every point of `from` lies within a distance of `to`, or finds one that does not.
+///
+/// The distance is in the units of the positions. Equal surfaces and distances give equal answers at any number of
+/// threads. What is rounded is some 1e-15 of the size of the surfaces. Cost: some steps of O(log n) for each face of both
+/// that is near the other; a no is mostly quick.
+pub fn keeps_within(from: &Prepared, to: &Prepared, distance: f64) -> Kept {
+    let frame = to.tree().frame();
+    let limit = frame.unit_length(distance);
+    if limit.is_nan() || limit < 0.0 {
+        return Kept::Open;
+    }
+    let is_over = AtomicBool::new(false);
+    let all = all_within(from, to, Rule { limit, tolerance: None, is_over: &is_over });
+    let (seen, bound) = (frame.user_length(all.seen), frame.user_length(all.bound));
+    match () {
+        () if all.seen > limit => Kept::No(seen.max(distance)),
+        () if all.bound <= limit => Kept::Yes(bound.min(distance)),
+        () => Kept::Open,
+    }
+}
+
+/// Proves how far from `to` the points of `from` lie at most, to a share of `tolerance`.
+///
+/// `seen` is a distance that some point is known to have, 0 for none; lengths are in the units of the positions. The bound
+/// is at most `1 + tolerance` times what was seen, or some 1e-12 of the size of `to`, unless the work became too much: then
+/// it is as good as it got. Deterministic, and at the cost of [`keeps_within`] with the distance that is found.
+pub fn farthest(from: &Prepared, to: &Prepared, seen: f64, tolerance: f64) -> Farthest {
+    let frame = to.tree().frame();
+    let seen = seen.max(farthest_vertex(from, to));
+    let unit = frame.unit_length(seen);
+    if !unit.is_finite() || unit >= 1e90 {
+        return Farthest { seen, bound: f64::INFINITY };
+    }
+    let tolerance = tolerance.max(1e-9);
+    let limit = (unit * (1.0 + tolerance)).max(NOTHING);
+    let is_over = AtomicBool::new(false);
+    let all = all_within(from, to, Rule { limit, tolerance: Some(tolerance), is_over: &is_over });
+    let seen = seen.max(frame.user_length(all.seen));
+    Farthest { seen, bound: frame.user_length(all.bound).max(seen) }
+}
+
+/// Weights of the corners at the places of a face that [`is_seen_within`] looks at beside its corners: its middle, the
+/// middles of its sides, and half the way from its middle to its corners.
+const PLACES: [[f64; 3]; 7] = {
+    const HALF: f64 = 1.0 / 2.0;
+    const THIRD: f64 = 1.0 / 3.0;
+    const MOST: f64 = 2.0 / 3.0;
+    const LEAST: f64 = 1.0 / 6.0;
+    [
+        [THIRD, THIRD, THIRD],
+        [HALF, HALF, 0.0],
+        [0.0, HALF, HALF],
+        [HALF, 0.0, HALF],
+        [MOST, LEAST, LEAST],
+        [LEAST, MOST, LEAST],
+        [LEAST, LEAST, MOST],
+    ]
+};
+/// Of surfaces with more faces than this only the middle, of those with more than a fifth of it the first four. (Guessed: few
+/// enough that a run to a count takes longer.)
+const MANY: usize = 50_000;
+
+/// Whether all places of `from` that are looked at lie within a distance of `to`: vertices, and one to seven places of each
+/// face.
+///
+/// The places do not depend on the distance, so what is denied is denied for any shorter one; and what [`keeps_within`] proves
+/// is not denied. Lengths are in the units of the positions. Cost: O(log n) a place.
+pub fn is_seen_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
+    let (source, target) = (from.tree(), to.tree());
+    let limit = target.frame().unit_length(distance);
+    let limit_sq = limit * limit;
+    let is_beyond = AtomicBool::new(limit.is_nan() || limit < 0.0);
+    let is_far = |p: glam::DVec3, near: &mut u32| {
+        let p = source.frame().to(target.frame(), p);
+        let is_near = |slot| triangle::nearest(p, target.slot_corners(slot)).distance_sq <= limit_sq;
+        if is_near(*near) {
+            return false;
+        }
+        let mut is_found = false;
+        // Above the limit, so that what lies at it is looked at.
+        target.visit(p, limit_sq.next_up(), |slot| {
+            if !is_found && is_near(slot) {
+                (*near, is_found) = (slot, true);
+            }
+            is_found.then_some(0.0)
+        });
+        !is_found
+    };
+    let vertices = source.vertices();
+    chunks::map_by(FACES, vertices.len(), |range| {
+        let mut near = 0;
+        for p in &vertices[range] {
+            if is_beyond.load(Ordering::Relaxed) || is_far(*p, &mut near) {
+                return is_beyond.store(true, Ordering::Relaxed);
+            }
+        }
+    });
+    let places = match source.face_count() {
+        n if n > MANY => &PLACES[..1],
+        n if n > MANY / 5 => &PLACES[..4],
+        _ => &PLACES[..],
+    };
+    chunks::map_by(FACES, source.face_count(), |faces| {
+        let mut near = 0;
+        for slot in faces {
+            let [a, b, c] = source.slot_corners(slot as u32);
+            for [u, v, w] in places {
+                if is_beyond.load(Ordering::Relaxed) || is_far(a * *u + b * *v + c * *w, &mut near) {
+                    return is_beyond.store(true, Ordering::Relaxed);
+                }
+            }
+        }
+    });
+    !is_beyond.into_inner()
+}
+
+/// The largest distance of a vertex of `from`, in user units: a first guess.
+fn farthest_vertex(from: &Prepared, to: &Prepared) -> f64 {
+    let (source, target) = (from.tree(), to.tree());
+    let vertices = source.vertices();
+    let parts = chunks::map(vertices.len(), |range| {
+        let mut hint = Hint::default();
+        let far = |p: &glam::DVec3| {
+            let p = source.frame().to(target.frame(), *p);
+            target.closest_slot(p, f64::INFINITY, &mut hint).map_or(f64::INFINITY, |hit| hit.distance_sq)
+        };
+        vertices[range].iter().map(far).fold(0.0, f64::max)
+    });
+    target.frame().user_length(parts.into_iter().fold(0.0, f64::max).sqrt())
+}
+
+/// What is asked of all pieces; lengths in the unit frame of the surface that the way goes to.
+#[derive(Clone, Copy)]
+struct Rule<'a> {
+    limit: f64,
+    /// Where a place beyond the limit raises it, by how much more than to its distance. Else it ends the search.
+    tolerance: Option<f64>,
+    is_over: &'a AtomicBool,
+}
+
+/// What was found on some pieces.
+#[derive(Default)]
+struct Found {
+    seen: f64,
+    bound: f64,
+    steps: usize,
+    left: Vec<Piece>,
+}
+
+fn all_within(from: &Prepared, to: &Prepared, mut rule: Rule<'_>) -> Found {
+    let (source, target) = (from.tree(), to.tree());
+    let count = source.face_count();
+    let most = FIRST_STEPS.saturating_add(STEPS.saturating_mul(count + target.face_count()));
+    let mut all = Found::default();
+    let first = chunks::map_by(FACES, count, |faces| {
+        let mut search = Search::new(target, rule);
+        let mut hint = u32::MAX;
+        for slot in faces {
+            let corners = source.slot_corners(slot as u32).map(|p| source.frame().to(target.frame(), p));
+            search.pieces.push(Piece::of_face(corners, hint));
+            hint = search.go(AT_ONCE * (1 + slot % FACES) / FACES + 64);
+        }
+        search.found()
+    });
+    all.add(first);
+    while !all.left.is_empty() && !rule.is_over.load(Ordering::Relaxed) {
+        if let Some(tolerance) = rule.tolerance {
+            rule.limit = rule.limit.max(all.seen * (1.0 + tolerance));
+        }
+        let pieces = std::mem::take(&mut all.left);
+        let is_last = all.steps > most;
+        let parts = chunks::map_by(PIECES, pieces.len(), |range| {
+            let mut search = Search::new(target, rule);
+            if is_last {
+                pieces[range].iter().for_each(|piece| search.settle(piece));
+            } else {
+                // The last one is the first to be looked at.
+                search.pieces.extend(pieces[range].iter().rev().copied());
+                search.go(AT_ONCE);
+            }
+            search.found()
+        });
+        all.add(parts);
+    }
+    if !all.left.is_empty() {
+        all.bound = f64::INFINITY;
+    }
+    all
+}
+
+impl Found {
+    fn add(&mut self, parts: Vec<Self>) {
+        for mut part in parts {
+            self.seen = self.seen.max(part.seen);
+            self.bound = self.bound.max(part.bound);
+            self.steps += part.steps;
+            self.left.append(&mut part.left);
+        }
+    }
+}
+
+/// Pieces under way, the last first.
+struct Search<'a> {
+    to: &'a Bvh,
+    rule: Rule<'a>,
+    pieces: Vec<Piece>,
+    seen: f64,
+    bound: f64,
+    steps: usize,
+    /// The face that was near last.
+    near: u32,
+}
+
+impl<'a> Search<'a> {
+    fn new(to: &'a Bvh, rule: Rule<'a>) -> Self {
+        Self { to, rule, pieces: Vec::new(), seen: 0.0, bound: 0.0, steps: 0, near: u32::MAX }
+    }
+
+    fn found(self) -> Found {
+        Found { seen: self.seen, bound: self.bound, steps: self.steps, left: self.pieces }
+    }
+
+    /// Works until nothing is left, or so many steps are taken in all. Returns the face that was near last.
+    fn go(&mut self, steps: usize) -> u32 {
+        while self.steps < steps && !self.rule.is_over.load(Ordering::Relaxed) {
+            let Some(piece) = self.pieces.pop() else { break };
+            self.steps += 1;
+            self.look(piece);
+        }
+        self.near
+    }
+
+    /// Counts a piece as it is: its corners' distances to one face are a bound for all of it.
+    fn settle(&mut self, piece: &Piece) {
+        let mut hint = Hint::at(piece.near);
+        let near = self.to.closest_slot(piece.middle(), f64::INFINITY, &mut hint);
+        let bound = near.map_or(f64::INFINITY, |hit| {
+            let by_size = hit.distance_sq.sqrt() + piece.radius(piece.middle());
+            self.farthest_corner(piece, hit.slot).min(by_size)
+        });
+        self.bound = self.bound.max(bound);
+    }
+
+    /// The largest distance of a corner to a face.
+    fn farthest_corner(&self, piece: &Piece, slot: u32) -> f64 {
+        let face = self.to.slot_corners(slot);
+        let far = piece.corners().iter().map(|p| triangle::nearest(*p, face).distance_sq);
+        far.fold(0.0, f64::max).sqrt()
+    }
+
+    /// Whether all corners lie within the limit of one face. Most faces are out of the question by the first corner.
+    fn is_near(&mut self, piece: &Piece, slot: u32) -> bool {
+        let face = self.to.slot_corners(slot);
+        let limit_sq = self.rule.limit * self.rule.limit;
+        let mut far = 0f64;
+        for p in piece.corners() {
+            far = far.max(triangle::nearest(*p, face).distance_sq);
+            if far > limit_sq {
+                return false;
+            }
+        }
+        self.accept(far.sqrt(), slot);
+        true
+    }
+
+    fn accept(&mut self, bound: f64, slot: u32) {
+        // The root of what is below the square of the limit may be rounded to above it.
+        self.bound = self.bound.max(bound.min(self.rule.limit));
+        self.near = slot;
+    }
+
+    fn look(&mut self, piece: Piece) {
+        let tried = piece.near;
+        let is_first = (tried as usize) < self.to.face_count() && !piece.is_tried;
+        if is_first && self.is_near(&piece, tried) {
+            return;
+        }
+        let middle = piece.middle();
+        let to = self.to;
+        // Faces within the limit of the middle, near ones first: one of them may do for all of the piece.
+        let limit_sq = self.rule.limit * self.rule.limit;
+        let (mut nearest_sq, mut slot, mut is_done) = (f64::INFINITY, u32::MAX, false);
+        to.visit(middle, limit_sq, |near| {
+            let distance_sq = triangle::nearest(middle, to.slot_corners(near)).distance_sq;
+            if distance_sq < nearest_sq {
+                (nearest_sq, slot) = (distance_sq, near);
+                if near != tried && self.is_near(&piece, near) {
+                    is_done = true;
+                    return Some(0.0);
+                }
+            }
+            Some(nearest_sq.min(limit_sq))
+        });
+        if is_done {
+            return;
+        }
+        if nearest_sq > limit_sq {
+            let Some(hit) = to.closest_slot(middle, f64::INFINITY, &mut Hint::at(tried)) else {
+                // Farther than a double can square.
+                (self.seen, self.bound) = (f64::INFINITY, f64::INFINITY);
+                self.rule.is_over.store(true, Ordering::Relaxed);
+                return;
+            };
+            (nearest_sq, slot) = (hit.distance_sq, hit.slot);
+            // Within it after all, where it is nothing.
+            if nearest_sq <= limit_sq && slot != tried && self.is_near(&piece, slot) {
+                return;
+            }
+        }
+        let height = nearest_sq.sqrt();
+        self.seen = self.seen.max(height);
+        if nearest_sq > limit_sq {
+            match self.rule.tolerance {
+                Some(tolerance) => self.rule.limit = height * (1.0 + tolerance),
+                None => {
+                    // A root may round down.
+                    self.seen = self.seen.max(self.rule.limit.next_up());
+                    return self.rule.is_over.store(true, Ordering::Relaxed);
+                }
+            }
+        }
+        let radius = piece.radius(middle);
+        let bound = height + radius;
+        if bound <= self.rule.limit || radius <= FINEST {
+            self.bound = self.bound.max(bound);
+            self.near = slot;
+            return;
+        }
+        self.cut(piece, slot, height, radius);
+    }
+
+    /// Puts the parts of a piece in its place: those outside the prism over a face, and the one inside; or halves.
+    fn cut(&mut self, piece: Piece, slot: u32, height: f64, radius: f64) {
+        let face = self.to.slot_corners(slot);
+        let normal = double_area_normal(face).normalize_or_zero();
+        let longest = (0..3).map(|k| face[k].distance(face[(k + 1) % 3])).fold(0.0, f64::max);
+        let limit = self.rule.limit;
+        let is_of_use = piece.cut_by != slot && longest >= SMALL * limit && radius <= LARGE * longest;
+        if !is_of_use || normal == glam::DVec3::ZERO || !piece.has_room() {
+            return self.halve(piece, slot);
+        }
+        let heights = piece.corners().iter().map(|p| (*p - face[0]).dot(normal).abs());
+        let over = heights.fold(0.0, f64::max);
+        let over = if over < limit { over } else { height.min(limit) };
+        let room = OUTSIDE * (limit * limit - over * over).max(0.0).sqrt();
+        let sliver = SLIVER * room + f64::EPSILON;
+        let mut inside = piece;
+        for k in 0..3 {
+            let out = (face[(k + 1) % 3] - face[k]).cross(normal).normalize_or_zero();
+            let Some((within, mut beyond)) = inside.cut(face[k] + out * room, out, sliver) else { continue };
+            inside = within;
+            (beyond.near, beyond.is_tried, beyond.cut_by) = (slot, true, u32::MAX);
+            self.pieces.push(beyond);
+        }
+        if inside.is_whole(&piece) {
+            return self.halve(piece, slot);
+        }
+        (inside.near, inside.is_tried, inside.cut_by) = (slot, false, slot);
+        self.pieces.push(inside);
+    }
+
+    fn halve(&mut self, piece: Piece, slot: u32) {
+        for mut half in piece.halves() {
+            (half.near, half.is_tried) = (slot, false);
+            self.pieces.push(half);
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! Convex pieces of a face.
+
+use glam::DVec3;
+
+/// Corners of a piece at most. A cut adds one, and a face has three cuts.
+const MOST: usize = 10;
+/// Corners from which on a piece is parted without new ones.
+const FULL: usize = MOST - 3;
+
+/// A flat convex polygon.
+#[derive(Clone, Copy)]
+pub(super) struct Piece {
+    corners: [DVec3; MOST],
+    count: usize,
+    /// A face that is near, to begin with.
+    pub(super) near: u32,
+    /// Whether that one alone is known not to do.
+    pub(super) is_tried: bool,
+    /// The face along whose prism it was cut last, and inside of which it lies.
+    pub(super) cut_by: u32,
+}
+
+impl Piece {
+    pub(super) fn of_face(face: [DVec3; 3], near: u32) -> Self {
+        Self::of(&face, near)
+    }
+
+    fn of(corners: &[DVec3], near: u32) -> Self {
+        let mut own = [DVec3::ZERO; MOST];
+        own[..corners.len()].copy_from_slice(corners);
+        Self { corners: own, count: corners.len(), near, is_tried: false, cut_by: u32::MAX }
+    }
+
+    pub(super) fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.count]
+    }
+
+    pub(super) fn middle(&self) -> DVec3 {
+        self.corners().iter().sum::<DVec3>() / self.count as f64
+    }
+
+    /// The largest distance of a corner from a point.
+    pub(super) fn radius(&self, point: DVec3) -> f64 {
+        self.corners().iter().map(|p| p.distance_squared(point)).fold(0.0, f64::max).sqrt()
+    }
+
+    /// Whether three cuts leave no more corners than there is room for.
+    pub(super) fn has_room(&self) -> bool {
+        self.count <= FULL
+    }
+
+    /// Whether it has the corners that another one has.
+    pub(super) fn is_whole(&self, other: &Self) -> bool {
+        self.corners() == other.corners()
+    }
+
+    /// The parts on both sides of a plane, that against `out` first; `None` if one of them reaches less than `sliver` away
+    /// from it.
+    pub(super) fn cut(&self, at: DVec3, out: DVec3, sliver: f64) -> Option<(Self, Self)> {
+        let mut side = [0.0; MOST];
+        let (mut least, mut most) = (0.0f64, 0.0f64);
+        for (side, p) in side.iter_mut().zip(self.corners()) {
+            *side = (*p - at).dot(out);
+            (least, most) = (least.min(*side), most.max(*side));
+        }
+        if most <= sliver || least >= -sliver || self.count == MOST {
+            return None;
+        }
+        let mut parts = [Self::of(&[], self.near), Self::of(&[], self.near)];
+        let [within, beyond] = &mut parts;
+        for k in 0..self.count {
+            let next = (k + 1) % self.count;
+            let (p, q) = (self.corners[k], self.corners[next]);
+            let (a, b) = (side[k], side[next]);
+            if a <= 0.0 {
+                within.push(p);
+            }
+            if a >= 0.0 {
+                beyond.push(p);
+            }
+            if a < 0.0 && b > 0.0 || a > 0.0 && b < 0.0 {
+                let between = p + (q - p) * (a / (a - b));
+                within.push(between);
+                beyond.push(between);
+            }
+        }
+        let [within, beyond] = parts;
+        Some((within, beyond))
+    }
+
+    fn push(&mut self, p: DVec3) {
+        self.corners[self.count] = p;
+        self.count += 1;
+    }
+
+    /// Two parts: on both sides of the middle between the two corners that lie farthest apart, or of a diagonal where there
+    /// are many corners.
+    pub(super) fn halves(&self) -> [Self; 2] {
+        if !self.has_room() {
+            return self.by_diagonal();
+        }
+        let mut longest = (0.0, DVec3::ZERO, DVec3::ZERO);
+        for (k, p) in self.corners().iter().enumerate() {
+            for q in &self.corners()[..k] {
+                let d = p.distance_squared(*q);
+                if d > longest.0 {
+                    longest = (d, *p, *q);
+                }
+            }
+        }
+        let (_, p, q) = longest;
+        match self.cut((p + q) * 0.5, (q - p).normalize_or_zero(), 0.0) {
+            Some((one, other)) => [one, other],
+            None => self.by_diagonal(),
+        }
+    }
+
+    fn by_diagonal(&self) -> [Self; 2] {
+        let half = self.count / 2;
+        let mut other = Self::of(&self.corners[half..self.count], self.near);
+        other.push(self.corners[0]);
+        [Self::of(&self.corners[..=half], self.near), other]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(piece: &Piece) -> f64 {
+        let c = piece.corners();
+        (2..c.len()).map(|k| (c[k - 1] - c[0]).cross(c[k] - c[0]).length() / 2.0).sum()
+    }
+
+    #[test]
+    fn parts_make_up_the_whole() {
+        let mut pieces = vec![Piece::of_face([DVec3::ZERO, DVec3::X * 3.0, DVec3::new(1.0, 2.0, 0.5)], 0)];
+        let whole = area(&pieces[0]);
+        for k in 0..40 {
+            let at = DVec3::new(0.1 + 0.05 * f64::from(k), 0.3, 0.0);
+            let out = DVec3::new(f64::from(k).cos(), f64::from(k).sin(), 0.2).normalize_or_zero();
+            let cut = |p: Piece| match p.cut(at, out, 1e-6) {
+                Some((a, b)) if p.has_room() => vec![a, b],
+                _ => p.halves().to_vec(),
+            };
+            pieces = pieces.into_iter().flat_map(cut).take(3000).collect();
+            let sum: f64 = pieces.iter().map(area).sum();
+            assert!(pieces.len() == 3000 || (sum - whole).abs() < 1e-12, "{k}: {sum} of {whole}");
+        }
+        assert!(pieces.iter().all(|p| p.count >= 3 && p.count <= MOST));
+    }
+
+    #[test]
+    fn halves_are_smaller() {
+        let mut piece = Piece::of_face([DVec3::ZERO, DVec3::X, DVec3::X * 0.5], 0);
+        for _ in 0..20 {
+            piece = piece.halves()[0];
+        }
+        assert!(piece.radius(piece.middle()) < 1e-4);
+    }
+}

@@ -1,0 +1,181 @@
+//! Proofs of the largest distance: never below what is there, and close to it.
+
+use lodsmith_core::measure::proof::{Farthest, Kept, farthest, is_seen_within, keeps_within};
+use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
+use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, shapes};
+
+type Triangles = Vec<[[f64; 3]; 3]>;
+
+fn prepared(triangles: &[[[f64; 3]; 3]]) -> Prepared {
+    let positions: Vec<[f64; 3]> = triangles.iter().flatten().copied().collect();
+    let faces: Vec<[VertexId; 3]> =
+        (0..triangles.len()).map(|f| [0, 1, 2].map(|k| VertexId::new(3 * f + k))).collect();
+    Prepared::new(&Surface::new(PositionsView::F64(&positions), &faces).unwrap()).unwrap()
+}
+
+fn of(mesh: &TriMesh) -> Prepared {
+    Prepared::new(&mesh.surface()).unwrap()
+}
+
+/// A square of n × n cells, at a height of its own at each place.
+fn square(n: u32, z: impl Fn(f64, f64) -> f64) -> Triangles {
+    let at = |i: u32, j: u32| {
+        let (x, y) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
+        [x, y, z(x, y)]
+    };
+    let cell = |k: u32| {
+        let (i, j) = (k % n, k / n);
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        [[a, b, c], [a, c, d]]
+    };
+    (0..n * n).flat_map(cell).collect()
+}
+
+fn check(from: &Prepared, to: &Prepared, wanted: f64) {
+    let Farthest { seen, bound } = farthest(from, to, 0.0, 0.01);
+    assert!(seen <= wanted * (1.0 + 1e-9) + 1e-12, "{seen} is more than {wanted}");
+    assert!(bound >= wanted * (1.0 - 1e-9) - 1e-12, "{bound} is less than {wanted}");
+    assert!(bound <= 1.02 * wanted + 1e-10, "{bound} is far more than {wanted}");
+    let more = wanted * 1.001 + 1e-9;
+    assert!(matches!(keeps_within(from, to, more), Kept::Yes(b) if b <= more && b >= wanted * (1.0 - 1e-9)));
+    if wanted > 0.0 {
+        let less = wanted * 0.999;
+        assert!(matches!(keeps_within(from, to, less), Kept::No(d) if d >= less), "{wanted}");
+    }
+}
+
+#[test]
+fn planes_lie_as_far_apart_as_they_do() {
+    for n in [1, 2, 7, 40] {
+        for m in [1, 3, 8, 33] {
+            let (a, b) = (prepared(&square(n, |_, _| 0.0)), prepared(&square(m, |_, _| 0.1)));
+            check(&a, &b, 0.1);
+            check(&b, &a, 0.1);
+            let tilted = prepared(&square(m, |x, _| 0.25 * x));
+            check(&tilted, &a, 0.25);
+        }
+    }
+}
+
+#[test]
+fn a_peak_between_corners_is_found() {
+    // The middle of the large triangle lies over the bottom of a valley, its corners on the rims.
+    let valley = prepared(&square(20, |x, _| (x - 0.5).abs() * 0.2));
+    let flat = prepared(&[[[0.0, 0.0, 0.1], [1.0, 0.0, 0.1], [0.5, 1.0, 0.1]]]);
+    // Square to the sides of the valley.
+    let depth = 0.1 / (1f64 + 0.04).sqrt();
+    check(&flat, &valley, depth);
+}
+
+#[test]
+fn spheres_keep_the_height_of_their_caps() {
+    let (coarse, fine) = (shapes::icosphere(2), shapes::icosphere(5));
+    let (a, b) = (of(&coarse), of(&fine));
+    let mut options = CompareOptions::default();
+    options.samples = 100_000;
+    let measured = compare_prepared(&a, &b, &options);
+    for (from, to, seen) in [(&a, &b, measured.hausdorff.forward), (&b, &a, measured.hausdorff.backward)] {
+        let got = farthest(from, to, seen, 0.01);
+        assert!(got.seen >= seen && got.bound >= got.seen && got.bound <= 1.03 * seen, "{got:?} {seen}");
+    }
+}
+
+#[test]
+fn a_surface_lies_on_itself_however_it_is_cut() {
+    let one = prepared(&square(1, |x, y| 0.3 * x - 0.7 * y));
+    let many = prepared(&square(60, |x, y| 0.3 * x - 0.7 * y));
+    for (from, to) in [(&one, &many), (&many, &one), (&one, &one)] {
+        let got = farthest(from, to, 0.0, 0.01);
+        assert!(got.bound < 1e-10, "{got:?}");
+        assert!(matches!(keeps_within(from, to, 1e-9), Kept::Yes(_)));
+    }
+}
+
+#[test]
+fn points_segments_and_needles_are_proven_too() {
+    let flat = prepared(&square(5, |_, _| 0.0));
+    let p = [0.3, 0.4, 0.2];
+    check(&prepared(&[[p; 3]]), &flat, 0.2);
+    check(&prepared(&[[p, [0.9, 0.1, 0.3], p]]), &flat, 0.3);
+    check(&prepared(&[[[0.1, 0.1, 0.1], [0.9, 0.9, 0.1], [0.5, 0.5 + 1e-13, 0.1]]]), &flat, 0.1);
+    // Onto a point, a segment: from everywhere.
+    let far = |x: f64, y: f64, z: f64| (x * x + y * y + z * z).sqrt();
+    check(&flat, &prepared(&[[[0.0, 0.0, 0.5]; 3]]), far(1.0, 1.0, 0.5));
+    check(&flat, &prepared(&[[[0.0, 0.0, 0.5], [1.0, 0.0, 0.5], [0.4, 0.0, 0.5]]]), far(0.0, 1.0, 0.5));
+}
+
+#[test]
+fn places_of_the_range_of_doubles_end() {
+    let near = prepared(&square(2, |_, _| 0.0));
+    let far = prepared(&[[[1e200, 0.0, 0.0], [0.0, 1e200, 0.0], [0.0, 0.0, 1e200]]]);
+    assert!(matches!(keeps_within(&far, &near, 1.0), Kept::No(_)));
+    assert_eq!(farthest(&far, &near, 0.0, 0.01).bound, f64::INFINITY);
+    assert_eq!(keeps_within(&near, &near, f64::NAN), Kept::Open);
+    assert!(matches!(keeps_within(&near, &near, 0.0), Kept::Yes(b) if b == 0.0));
+}
+
+fn random(state: &mut u64) -> f64 {
+    *state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+    (*state >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// Triangles by chance, of all sizes, a part of them without area.
+fn soup(count: usize, state: &mut u64) -> Triangles {
+    let triangle = |_| {
+        let size = 0.5 * random(state).powi(3);
+        let at = [(); 3].map(|()| random(state));
+        let mut corners = [(); 3].map(|()| at.map(|x| x + size * (random(state) - 0.5)));
+        match random(state) {
+            x if x < 0.1 => corners[2] = corners[0],
+            x if x < 0.2 => corners[1] = [0, 1, 2].map(|k| 0.5 * (corners[0][k] + corners[2][k])),
+            _ => {}
+        }
+        corners
+    };
+    (0..count).map(triangle).collect()
+}
+
+#[test]
+fn no_sample_of_a_soup_lies_beyond_its_bound() {
+    let state = &mut 7;
+    for round in 0..40 {
+        let (a, b) = (soup(1 + 3 * round, state), soup(1 + 2 * round, state));
+        let (from, to) = (prepared(&a), prepared(&b));
+        let got = farthest(&from, &to, 0.0, 0.01);
+        assert!(got.bound <= 1.011 * got.seen, "{got:?}");
+        let mut largest = 0f64;
+        for t in &a {
+            for _ in 0..200 {
+                let (mut u, mut v) = (random(state), random(state));
+                if u + v > 1.0 {
+                    (u, v) = (1.0 - u, 1.0 - v);
+                }
+                let p = [0, 1, 2].map(|k| t[0][k] + u * (t[1][k] - t[0][k]) + v * (t[2][k] - t[0][k]));
+                largest = largest.max(to.tree().closest(p).unwrap().distance);
+            }
+        }
+        assert!(largest <= got.bound * (1.0 + 1e-12) && got.seen >= 0.9 * largest, "{largest} {got:?}");
+        // A hair more: the square of a root may be less than what the root was taken of.
+        let bound = got.bound * (1.0 + 1e-12);
+        assert!(matches!(keeps_within(&from, &to, bound), Kept::Yes(_)), "{got:?}");
+        assert!(matches!(keeps_within(&from, &to, 0.995 * got.seen), Kept::No(_)), "{got:?}");
+        // Places are never wrong to deny, and once they do they do for any shorter distance.
+        assert!(is_seen_within(&from, &to, bound));
+        let seen: Vec<bool> = (0..20).map(|k| is_seen_within(&from, &to, bound * 0.8f64.powi(k))).collect();
+        assert!(seen.is_sorted_by(|a, b| a >= b) && (got.seen < 1e-9 || !seen[19]), "{seen:?}");
+    }
+}
+
+#[test]
+fn answers_do_not_hang_on_the_order_of_the_faces() {
+    // (Threads take pieces of fixed size; the tree sorts the faces.)
+    let state = &mut 3;
+    let (mut a, b) = (soup(3000, state), soup(500, state));
+    let first = farthest(&prepared(&a), &prepared(&b), 0.0, 0.01);
+    a.reverse();
+    let second = farthest(&prepared(&a), &prepared(&b), 0.0, 0.01);
+    assert!(
+        (first.seen / second.seen - 1.0).abs() < 0.011 && (first.bound / second.bound - 1.0).abs() < 0.011
+    );
+    assert_eq!(first, farthest(&prepared(&soup(3000, &mut 3)), &prepared(&b), 0.0, 0.01));
+}

@@ -1,0 +1,46 @@
+//! The range of the values of an attribute: none of what a run makes leaves that of its source.
+
+use lodsmith_core::Semantic;
+
+/// Whether the values of an attribute stay within their range one by one. Directions have a length of 1 instead; joints and
+/// their weights come in an order of their own, and the weights have a sum of 1.
+pub(crate) fn has_ranges(semantic: &Semantic) -> bool {
+    !matches!(semantic, Semantic::Tangent | Semantic::Joints(_) | Semantic::Weights(_))
+}
+
+/// The least and the largest first value of all wedges, second value, and so on, `width` in all. What is no number
+/// counts as 0, as a run takes it.
+pub(crate) fn ranges(values: &[f32], width: usize) -> Vec<[f32; 2]> {
+    let mut all = vec![[f32::INFINITY, f32::NEG_INFINITY]; width];
+    for row in values.chunks_exact(width.max(1)) {
+        for ([low, high], &x) in all.iter_mut().zip(row) {
+            let x = if x.is_finite() { x } else { 0.0 };
+            (*low, *high) = (low.min(x), high.max(x));
+        }
+    }
+    // Without wedges there is nothing to keep within.
+    all.iter_mut().filter(|r| r[0] > r[1]).for_each(|r| *r = ANY);
+    all
+}
+
+/// The range of a value that may be any number.
+pub(crate) const ANY: [f32; 2] = [-f32::MAX, f32::MAX];
+
+/// A value within a range.
+#[inline(always)]
+pub(crate) fn within(x: f32, [low, high]: [f32; 2]) -> f32 {
+    x.clamp(low, high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_value_has_a_range_of_its_own() {
+        let values = [0.5, -3.0, 0.25, f32::NAN, 1.0, -1.0];
+        assert_eq!(ranges(&values, 2), [[0.25, 1.0], [-3.0, 0.0]]);
+        assert_eq!(ranges(&[], 1), [ANY]);
+        assert_eq!([-1.0, 0.3, 7.0].map(|x| within(x, [0.25, 1.0])), [0.25, 0.3, 1.0]);
+    }
+}

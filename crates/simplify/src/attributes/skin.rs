@@ -1,0 +1,73 @@
+//! Joints that pull wedges, from the attributes of a mesh, and where they stand.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use lodsmith_core::{Semantic, TriMesh, WedgeId};
+
+use crate::collapse::attributes::Pulls;
+
+/// Weights of joints beyond this count as this: any number of them can be summed.
+const LARGEST_PULL: f32 = 1e30;
+
+/// The middle of the joints that pull each wedge, by their weights; a joint stands in the middle of all that it pulls.
+/// Nothing without a skin.
+pub(super) fn middles(mesh: &TriMesh, skin_sets: &[u8]) -> Vec<[f32; 3]> {
+    if skin_sets.is_empty() {
+        return Vec::new();
+    }
+    let view = mesh.positions().view();
+    let of = |w: usize| pulls(mesh, skin_sets, WedgeId::new(w));
+    let mut joints: BTreeMap<u32, (DVec3, f64)> = BTreeMap::new();
+    for w in 0..mesh.wedge_count() {
+        let place = DVec3::from(view.get(mesh.vertex_of(WedgeId::new(w))));
+        for (joint, weight) in of(w).into_iter().filter(|_| place.is_finite()) {
+            let sums = joints.entry(joint).or_default();
+            *sums = (sums.0 + place * f64::from(weight), sums.1 + f64::from(weight));
+        }
+    }
+    let middle = |w: usize| {
+        let (mut sum, mut all) = (DVec3::ZERO, 0.0);
+        for (joint, weight) in of(w) {
+            if let Some((place, weights)) = joints.get(&joint) {
+                sum += *place / *weights * f64::from(weight);
+                all += f64::from(weight);
+            }
+        }
+        if all > 0.0 { (sum / all).as_vec3().to_array() } else { [0.0; 3] }
+    };
+    (0..mesh.wedge_count()).map(middle).collect()
+}
+
+/// Sets that have joints as well as weights.
+pub(super) fn skin_sets(mesh: &TriMesh) -> Vec<u8> {
+    let mut sets: BTreeMap<u8, (bool, bool)> = BTreeMap::new();
+    for a in mesh.further_attributes().iter().filter(|a| a.width == 4) {
+        match a.semantic {
+            Semantic::Joints(set) => sets.entry(set).or_default().0 = true,
+            Semantic::Weights(set) => sets.entry(set).or_default().1 = true,
+            _ => {}
+        }
+    }
+    sets.into_iter().filter(|(_, has)| has.0 && has.1).map(|x| x.0).collect()
+}
+
+/// The joints that pull a wedge, the strongest first.
+pub(super) fn pulls(mesh: &TriMesh, sets: &[u8], w: WedgeId) -> Pulls {
+    let mut pulls = Pulls::new();
+    for &set in sets {
+        let of = |semantic: Semantic| mesh.further_attributes().iter().find(|a| a.semantic == semantic);
+        let (Some(joints), Some(weights)) = (of(Semantic::Joints(set)), of(Semantic::Weights(set))) else {
+            continue;
+        };
+        let weighted = joints.of(w).iter().zip(weights.of(w)).filter(|x| *x.1 > 0.0 && x.1.is_finite());
+        for (&joint, weight) in weighted.map(|x| (x.0, x.1.min(LARGEST_PULL))) {
+            match pulls.iter_mut().find(|p| p.0 == joint as u32) {
+                Some(p) => p.1 += weight,
+                None => pulls.push((joint as u32, weight)),
+            }
+        }
+    }
+    pulls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    pulls
+}

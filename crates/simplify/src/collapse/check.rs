@@ -1,0 +1,260 @@
+//! A net under the engine: every invariant of what it works on, walked, so that a broken one is found in the sweep that
+//! broke it.
+//!
+//! What may go stale on purpose, because nobody looks at it or it costs more than it brings:
+//! - a list of corners holds dead ones until the next walk through it;
+//! - a vertex stays irregular, or on a seam, when what made it so is gone: only a change on a non-manifold curve, a cut and
+//!   a pair look at kinds afresh. The other way round is a fault, because regular stars skip questions;
+//! - lines of seams keep the weight that they had when the tensor was made, though wedges become one and hard seams soft;
+//! - the tensor of a metric with memory holds what is gone, so there is nothing to compare it with.
+
+use glam::Vec3;
+use lodsmith_core::VertexId;
+use wide::f32x4;
+
+use super::order::NONE;
+use super::store::Ring;
+use super::{Engine, Original};
+use crate::metric::Metric;
+
+/// Debug builds check meshes of fewer faces than this after each sweep: nearly all of those in the tests. (On larger ones
+/// the checks would take longer than the rest of a test.)
+pub(super) const CHECKED_BELOW: usize = 5000;
+/// How far a tensor that collapses changed bit by bit may be from one made afresh, a share of its trace. (Measured on
+/// the shapes and soups of the tests: up to 4e-6; gradients on thin faces add to that.)
+const DRIFT: f32 = 1e-3;
+/// The same as a share of the largest tensor or squared edge seen in the run: what was large and went leaves the rounding of
+/// single precision behind, 6e-8 of it for each change.
+const ROUNDING: f32 = 1e-5;
+/// Doubled area of a face that is thin, a share of its longest edge squared. Its normal is rounding, from every corner another.
+const THIN: f32 = 1e-3;
+
+/// What checks of one run remember.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Checks {
+    /// The largest trace of a tensor, and square of an edge, so far.
+    largest: f32,
+    /// The largest values of wedges so far.
+    pub(super) values: Vec<f32x4>,
+    /// Whether any face was thin.
+    pub(super) has_thin: bool,
+}
+
+/// `Err` with a sentence, unless it holds.
+pub(super) fn need(holds: bool, why: impl FnOnce() -> String) -> Result<(), String> {
+    if holds { Ok(()) } else { Err(why()) }
+}
+
+impl<M: Metric> Engine<M> {
+    /// Checks everything, where that is asked for: after each sweep, and after what happens between two of them.
+    ///
+    /// # Panics
+    /// If an invariant does not hold: our own mistake.
+    pub(super) fn check_if_asked(&mut self, original: &dyn Original) {
+        // (A constant outside of tests and debug builds: nothing of it is left there.)
+        if !cfg!(any(test, debug_assertions)) {
+            return;
+        }
+        let Some(mut checks) = self.checks.take() else { return };
+        let mut found = self.check(&mut checks);
+        if found.is_ok() {
+            original.with(&mut |points, faces| found = self.check_against(points, faces));
+        }
+        self.checks = Some(checks);
+        let why = found.err();
+        assert!(why.is_none(), "the engine broke an invariant: {}", why.unwrap_or_default());
+    }
+
+    /// Says which invariant does not hold, if any, of an engine that is ready for a sweep.
+    ///
+    /// Cost: O(n log n).
+    pub(crate) fn check(&self, checks: &mut Checks) -> Result<(), String> {
+        self.store.check()?;
+        self.check_companions()?;
+        self.remember(checks);
+        if let Some(attributes) = &self.attributes {
+            attributes.check(&self.store, checks)?;
+        }
+        let mut ring = Ring::default();
+        for u in self.store.living() {
+            self.store.ring_as_listed(u, &mut ring);
+            self.check_kind(u, &ring)?;
+            if self.metric.is_memoryless() {
+                self.check_tensor(u, &ring, checks)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes how large things are by now.
+    fn remember(&self, checks: &mut Checks) {
+        let traces = self.store.living().map(|u| M::tensor_of(&self.store.v[u.index()].q).trace());
+        checks.largest = traces.fold(checks.largest, f32::max);
+        for t in self.store.t.iter().filter(|t| t[0] != NONE) {
+            let [a, b, c] = t.map(|w| self.store.p(w));
+            let edges = [b - a, c - b, a - c].map(Vec3::length_squared);
+            let longest = edges.into_iter().fold(0.0, f32::max);
+            checks.largest = checks.largest.max(longest);
+            checks.has_thin |= (b - a).cross(c - a).length() < THIN * longest;
+        }
+    }
+
+    /// What is kept beside the store fits it.
+    fn check_companions(&self) -> Result<(), String> {
+        let numbers = self.store.merged_into.len();
+        if let Some(prices) = &self.prices {
+            need(prices.len() == numbers, || format!("{numbers} numbers have {} prices", prices.len()))?;
+        }
+        for (name, cost) in [("spent", self.spent), ("lost", self.lost)] {
+            need(cost >= 0.0, || format!("the costs {name} are {cost}"))?;
+        }
+        if let Some(parts) = &self.parts {
+            self.check_parts(parts)?;
+        }
+        if let Some(late) = &self.late {
+            late.check(self.store.living().map(|u| self.store.v[u.index()].origin))?;
+        }
+        if let Some(pairs) = &self.pairs {
+            pairs.check(&self.store)?;
+        }
+        Ok(())
+    }
+
+    /// The kind is that of the present star, but for what may stay of an earlier one.
+    fn check_kind(&self, u: VertexId, ring: &Ring) -> Result<(), String> {
+        let (told, now) = (self.store.v[u.index()].kind, self.kind_now(u, ring));
+        need(told == now || told == now.with_stale(told), || {
+            format!("vertex {u} is of {told:?} and by its star of {now:?}")
+        })
+    }
+
+    /// The tensor of a metric without memory is that of the present star.
+    fn check_tensor(&self, u: VertexId, ring: &Ring, checks: &Checks) -> Result<(), String> {
+        let (told, now) = (M::tensor_of(&self.store.v[u.index()].q), self.tensor_now(u, ring));
+        let within = DRIFT * now.trace() + ROUNDING * checks.largest;
+        // What attributes say of thin faces is mostly rounding.
+        if !within.is_finite() || checks.has_thin && self.counts_attributes() {
+            return Ok(());
+        }
+        if self.store.v[u.index()].kind.is_seam() {
+            // Lines that are not known add to the planes, and take nothing away.
+            let planes = self.planes_now(u, ring);
+            let least = told.less(&planes).0[..3].iter().fold(f32::INFINITY, |least, x| least.min(*x));
+            return need(least >= -within, || {
+                format!("vertex {u} on a seam has {told:?}, less than its planes {planes:?}")
+            });
+        }
+        let most = told.less(&now).0.into_iter().fold(0f32, |most, x| most.max(x.abs()));
+        need(most <= within, || format!("vertex {u} has {told:?}, its star {now:?} (within {within:e})"))
+    }
+
+    /// A vertex that did not move stands where that of the input does whose number it has; and as long as no part is gone,
+    /// each vertex of the input that a face has became one that lives.
+    fn check_against(&self, points: &[Vec3], faces: &[[VertexId; 3]]) -> Result<(), String> {
+        for u in self.store.living() {
+            let x = &self.store.v[u.index()];
+            let place = self.store.place_of(x.origin);
+            if !x.kind.is_moved() {
+                let given = points.get(place.index()).copied();
+                need(given == Some(x.p), || {
+                    format!("vertex {u} has not moved and stands at {}, number {place} at {given:?}", x.p)
+                })?;
+            }
+        }
+        if self.parts_removed > 0 || self.pairs_contracted > 0 {
+            return Ok(());
+        }
+        let mut homes = vec![NONE; self.store.merged_into.len()];
+        self.store.living().for_each(|u| homes[self.store.v[u.index()].origin.index()] = u);
+        for &w in faces.as_flattened() {
+            let mut root = w;
+            while self.store.merged_into[root.index()] != root {
+                root = self.store.merged_into[root.index()];
+            }
+            need(homes[root.index()] != NONE, || format!("number {w} became {root}, which does not live"))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::shapes;
+
+    use super::*;
+    use crate::collapse::End;
+    use crate::control::NoControl;
+    use crate::metric::Memoryless;
+    use crate::options::{SimplifyOptions, Stop};
+    use crate::run::Source;
+    use crate::tensor::Tensor;
+    use crate::trial::{in_two_charts, with_engine};
+
+    #[test]
+    fn each_broken_invariant_is_told() {
+        type Breaks = fn(&mut Engine<Memoryless>, VertexId);
+        // Of a vertex on the seam and of one off it.
+        let cases: [(bool, Breaks, &str); 9] = [
+            (true, |e, u| e.store.v[u.index()].kind = e.store.v[u.index()].kind.on_seam(false), "is of Kind"),
+            (
+                false,
+                |e, u| e.store.v[u.index()].q.0[0] += 0.01 * e.store.v[u.index()].q.trace(),
+                "its star Tensor",
+            ),
+            (true, |e, u| e.store.v[u.index()].q = Tensor::default(), "less than its planes"),
+            (false, |e, u| e.prices = Some(vec![1.0; u.index()]), "numbers have"),
+            (false, |e, _| e.spent = -1.0, "the costs spent are -1"),
+            (false, |e, u| e.store.first_wedge[u.index()] = e.store.first_wedge[0], "is in the chains of"),
+            (true, |e, u| first_head(e, u).faces += 1, "its head says"),
+            (true, |e, u| first_head(e, u).area *= 1.1, "its head says"),
+            (true, |e, u| first_head(e, u).next = lodsmith_core::WedgeId(u32::MAX), "in no chain"),
+        ];
+        let mesh = in_two_charts(&shapes::torus(24, 12));
+        with_engine(Memoryless, &mesh, &SimplifyOptions::new(Stop::ratio(0.5)), &mut |engine, _| {
+            assert_eq!(engine.check(&mut Checks::default()), Ok(()));
+            for (on_seam, breaks, told) in cases {
+                let mut broken = engine.clone();
+                let is_wanted = |u: &VertexId| u.0 > 0 && broken.store.v[u.index()].kind.is_seam() == on_seam;
+                let u = broken.store.living().find(is_wanted).expect("there is one");
+                breaks(&mut broken, u);
+                let why = broken.check(&mut Checks::default()).expect_err(told);
+                assert!(why.contains(told), "{why}; not: {told}");
+            }
+        });
+    }
+
+    /// What is known of the first wedge of a vertex.
+    fn first_head(engine: &mut Engine<Memoryless>, u: VertexId) -> &mut crate::collapse::attributes::Head {
+        let first = engine.store.first_wedge[u.index()];
+        &mut engine.attributes.as_mut().expect("there are some").heads[first.index()]
+    }
+
+    #[test]
+    fn a_vertex_that_moved_without_a_mark_is_told() {
+        let mesh = shapes::torus(24, 12);
+        with_engine(Memoryless, &mesh, &SimplifyOptions::new(Stop::ratio(0.5)), &mut |engine, run| {
+            let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept: true };
+            let mut told = Ok(());
+            let points: Vec<Vec3> = engine.store.v.iter().map(|x| x.p).collect();
+            source.with(&mut |points, faces| told = engine.check_against(points, faces));
+            assert_eq!(told, Ok(()));
+            engine.store.v[3].p.x += 1e-6;
+            let faces = engine.store.t.clone();
+            let why = engine.check_against(&points, &faces).expect_err("vertex 3 moved");
+            assert!(why.contains("vertex 3 has not moved"), "{why}");
+        });
+    }
+
+    #[test]
+    fn meshes_of_any_size_are_checked_where_that_is_asked_for() {
+        let mesh = in_two_charts(&shapes::blob(4, 3));
+        assert!(mesh.face_count() >= CHECKED_BELOW);
+        with_engine(Memoryless, &mesh, &SimplifyOptions::new(Stop::faces(300)), &mut |engine, run| {
+            assert!(engine.checks.is_none());
+            engine.checks = Some(Checks::default());
+            let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept: true };
+            assert_eq!(engine.sweep(&run.goal, &source, &mut NoControl), End::Goal);
+            assert!(engine.checks.as_ref().is_some_and(|c| c.largest > 0.0));
+        });
+    }
+}

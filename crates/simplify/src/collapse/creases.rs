@@ -1,0 +1,70 @@
+//! Sharp edges of the input as feature lines: which edges they are, as bits of the faces on both sides.
+//!
+//! A bit stays with its face, so it follows collapses by itself: of two edges that become one, each of the two faces that
+//! are left brings the bit of its own edge, and either of them makes the new edge a feature.
+
+use std::cmp::Ordering;
+
+use glam::{DVec3, Vec3};
+use lodsmith_core::VertexId;
+
+use super::store::{Corner, Spoke, Store};
+use crate::metric::Memory;
+
+/// Twice the area over the squared longest edge under which a face has no normal to speak of: single precision may have
+/// turned it. (A guess: a height of ten thousandths of a percent of the length.)
+const NO_NORMAL: f64 = 1e-6;
+
+/// Bits of the edges of each face whose two faces meet at more than an angle, in degrees; bit k is the edge from corner k
+/// to the next one. `None` where there is no such edge. Edges of other than two faces have none: they are features anyway.
+/// Cost: O(n log n).
+pub(crate) fn sharp_edges(points: &[Vec3], faces: &[[VertexId; 3]], deg: f64) -> Option<Vec<u8>> {
+    let mut edges: Vec<([VertexId; 2], Corner)> = Vec::with_capacity(3 * faces.len());
+    for (f, t) in faces.iter().enumerate() {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            edges.push(([a.min(b), a.max(b)], Corner::new(f, k)));
+        }
+    }
+    edges.sort_unstable_by(|a, b| match a.0.cmp(&b.0) {
+        Ordering::Equal => (a.1.face(), a.1.k()).cmp(&(b.1.face(), b.1.k())),
+        order => order,
+    });
+    let cos = deg.to_radians().cos();
+    let mut bits = vec![0u8; faces.len()];
+    let mut any = false;
+    for sides in edges.chunk_by(|a, b| a.0 == b.0) {
+        let &[(_, one), (_, other)] = sides else { continue };
+        let [Some(n), Some(m)] = [one, other].map(|c| normal(points, &faces[c.face()])) else { continue };
+        // Faces that are wound differently run along their edge the same way.
+        let is_turned = faces[one.face()][one.k()] == faces[other.face()][other.k()];
+        if n.dot(if is_turned { -m } else { m }) < cos {
+            [one, other].iter().for_each(|c| bits[c.face()] |= 1 << c.k());
+            any = true;
+        }
+    }
+    any.then_some(bits)
+}
+
+fn normal(points: &[Vec3], t: &[VertexId; 3]) -> Option<DVec3> {
+    let [a, b, c] = t.map(|v| points[v.index()].as_dvec3());
+    let n = (b - a).cross(c - a);
+    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    (n.length() > NO_NORMAL * longest).then(|| n.normalize_or_zero())
+}
+
+impl<Q: Memory> Store<Q> {
+    /// Whether the edge from corner k of a face to the next one (`next`) or to the one before is sharp, as the face has it.
+    #[inline(always)]
+    pub(super) fn is_sharp(&self, corner: Corner, next: bool) -> bool {
+        const EDGE: [[u8; 3]; 2] = [[4, 1, 2], [1, 2, 4]];
+        let bit = |bits: &Vec<u8>| bits[corner.face()] & EDGE[usize::from(next)][corner.k()] != 0;
+        self.creases.as_ref().is_some_and(bit)
+    }
+
+    /// Whether any edge from the centre of a star is sharp.
+    pub(super) fn meets_creases(&self, ring: &[Spoke]) -> bool {
+        self.creases.is_some()
+            && ring.iter().any(|r| self.is_sharp(r.corner, true) || self.is_sharp(r.corner, false))
+    }
+}

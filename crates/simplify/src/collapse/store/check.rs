@@ -1,0 +1,276 @@
+//! Every invariant of the store, walked. Nothing here panics: a broken store is told in one sentence.
+
+use lodsmith_core::VertexId;
+
+use super::{NONE, Ring, Store};
+use crate::collapse::check::need;
+use crate::metric::Memory;
+
+impl<Q: Memory> Store<Q> {
+    /// Says which invariant does not hold, if any.
+    ///
+    /// The store must be one that sweeps work on: its corner lists are filled, and it is not finished. Lists may hold dead
+    /// corners until the next walk ([`Store::ring`]), and vertices that are gone stay until the next compaction.
+    ///
+    /// Cost: O(n log n).
+    pub(crate) fn check(&self) -> Result<(), String> {
+        self.check_lengths()?;
+        let faces_at = self.check_faces()?;
+        self.check_vertices(&faces_at)?;
+        self.check_lists(&faces_at)?;
+        self.check_rooms()?;
+        self.check_origins()?;
+        self.check_mergers()
+    }
+
+    /// The vertices that are not gone.
+    pub(in crate::collapse) fn living(&self) -> impl Iterator<Item = VertexId> + '_ {
+        (0..self.v.len()).map(VertexId::new).filter(|u| !self.v[u.index()].kind.is_gone())
+    }
+
+    /// The live corners of `u`, in the order of the list, which stays as it is; of a store that was checked.
+    pub(in crate::collapse) fn ring_as_listed(&self, u: VertexId, out: &mut Ring) {
+        let (mut alive, slots) = (0, out.room(self.listed(u).len()));
+        for &corner in self.listed(u).iter().filter(|c| self.t[c.face()][0] != NONE) {
+            let (a, b) = self.others_at(corner);
+            slots[alive] = super::Spoke { corner, a, b };
+            alive += 1;
+        }
+        out.end(alive);
+    }
+
+    fn check_lengths(&self) -> Result<(), String> {
+        let (vertices, faces) = (self.v.len(), self.t.len());
+        let of_faces = [
+            ("wedges", self.wedges.as_ref().map(Vec::len)),
+            ("regions", self.regions.as_ref().map(Vec::len)),
+            ("names", self.names.as_ref().map(Vec::len)),
+        ];
+        for (name, count) in of_faces {
+            let count = count.unwrap_or(faces);
+            need(count == faces, || format!("{faces} faces have {count} {name}"))?;
+        }
+        let bounds = self.bound.len();
+        need(bounds == vertices, || format!("{vertices} vertices have {bounds} bounds"))?;
+        let first = self.first_wedge.len();
+        need(first == 0 || first == vertices, || format!("{vertices} vertices have {first} first wedges"))
+    }
+
+    /// Live faces have three different living corners. Returns how many of them each vertex has.
+    fn check_faces(&self) -> Result<Vec<u32>, String> {
+        let mut faces_at = vec![0u32; self.v.len()];
+        let mut live = 0;
+        for (f, t) in self.t.iter().enumerate().filter(|t| t.1[0] != NONE) {
+            live += 1;
+            for w in t {
+                let x = self.v.get(w.index());
+                need(x.is_some_and(|x| !x.kind.is_gone()), || {
+                    format!("face {f} {t:?} has the corner {w}, which does not live")
+                })?;
+                faces_at[w.index()] += 1;
+            }
+            let [a, b, c] = *t;
+            need(a != b && b != c && c != a, || format!("face {f} {t:?} has a corner twice"))?;
+        }
+        let told = self.live_faces;
+        need(live == told, || format!("{live} faces live, the count says {told}"))?;
+        let most = self.faces_at_compaction;
+        need(live <= most, || format!("{live} faces live, more than the {most} at the last compaction"))?;
+        Ok(faces_at)
+    }
+
+    /// Living vertices have faces, and places and bounds that are numbers; those that are gone are never looked at.
+    fn check_vertices(&self, faces_at: &[u32]) -> Result<(), String> {
+        let mut live = 0;
+        // (The stamp after the last one is free for whoever took that.)
+        let most = self.stamp.saturating_add(1);
+        for (i, (x, &bound)) in self.v.iter().zip(&self.bound).enumerate() {
+            need(x.mark <= most, || format!("vertex {i} has mark {}, above {most}", x.mark))?;
+            if x.kind.is_gone() {
+                need(bound == f32::INFINITY, || format!("vertex {i} is gone and has the bound {bound}"))?;
+                continue;
+            }
+            live += 1;
+            need(faces_at[i] > 0, || format!("vertex {i} lives without a face"))?;
+            need(bound >= 0.0, || format!("vertex {i} has the bound {bound}"))?;
+            need(x.p.is_finite(), || format!("vertex {i} stands at {}", x.p))?;
+        }
+        let told = self.live_vertices;
+        need(live == told, || format!("{live} vertices live, the count says {told}"))
+    }
+
+    /// Each corner of a live face is in the list of its vertex, and no corner is in two lists or twice in one.
+    fn check_lists(&self, faces_at: &[u32]) -> Result<(), String> {
+        let mut listed = vec![0u8; self.t.len()];
+        let end = self.corners.len();
+        for u in self.living() {
+            let x = &self.v[u.index()];
+            let (head, room, count) = (x.head as usize, x.room as usize, x.count as usize);
+            need(count <= room && head + room <= end, || {
+                format!(
+                    "vertex {u} has a list of {count} in a room of {room} from {head} on, of {end} corners"
+                )
+            })?;
+            let mut live = 0;
+            for &corner in &self.corners[head..head + count] {
+                let (f, k) = (corner.face(), corner.k());
+                let Some(&t) = self.t.get(f).filter(|_| k < 3) else {
+                    return Err(format!("vertex {u} lists the corner {k} of face {f}, which there is not"));
+                };
+                let is_new = listed[f] & 1 << k == 0;
+                need(is_new, || format!("the corner {k} of face {f} is listed twice, last at {u}"))?;
+                listed[f] |= 1 << k;
+                if t[0] != NONE {
+                    live += 1;
+                    need(t[k] == u, || {
+                        format!("vertex {u} lists the corner {k} of face {f}, which is of {}", t[k])
+                    })?;
+                }
+            }
+            let wanted = faces_at[u.index()];
+            need(live == wanted, || format!("vertex {u} has {wanted} live faces and lists {live}"))?;
+        }
+        Ok(())
+    }
+
+    /// No two lists share room.
+    fn check_rooms(&self) -> Result<(), String> {
+        let room = |u: VertexId| (self.v[u.index()].head, self.v[u.index()].room, u);
+        let mut rooms: Vec<(u32, u32, VertexId)> = self.living().map(room).collect();
+        rooms.sort_unstable();
+        for pair in rooms.windows(2) {
+            let [(head, room, u), (next, _, v)] = [pair[0], pair[1]];
+            need(head + room <= next, || {
+                format!("vertex {u} has the room from {head} to {}, and {v} from {next} on", head + room)
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Each living vertex has a number of the ordered input, or a later one, for itself: one that was merged into no other.
+    fn check_origins(&self) -> Result<(), String> {
+        let count = self.merged_into.len();
+        let mut of = vec![NONE; count];
+        for u in self.living() {
+            let origin = self.v[u.index()].origin;
+            let Some(of) = of.get_mut(origin.index()) else {
+                return Err(format!("vertex {u} has the number {origin} of {count}"));
+            };
+            let other = std::mem::replace(of, u);
+            need(other == NONE, || format!("vertices {other} and {u} have the number {origin}"))?;
+            let root = self.merged_into[origin.index()];
+            need(root == origin, || {
+                format!("vertex {u} lives and has the number {origin}, which was merged into {root}")
+            })?;
+        }
+        for (&origin, &place) in &self.places {
+            need(origin.index() < count && place.index() < count, || {
+                format!("number {origin} stands at the place of {place}; there are {count}")
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Mergers lead to an end.
+    fn check_mergers(&self) -> Result<(), String> {
+        let count = self.merged_into.len();
+        // For each number the walk that came by last.
+        let mut seen = vec![u32::MAX; count];
+        for first in 0..count {
+            let mut at = first;
+            while seen[at] == u32::MAX {
+                seen[at] = first as u32;
+                let next = self.merged_into[at];
+                need(next.index() < count, || format!("number {at} was merged into {next} of {count}"))?;
+                if next.index() == at {
+                    break;
+                }
+                need(seen[next.index()] != first as u32, || {
+                    format!("number {first} was merged into itself, by way of {at} and {next}")
+                })?;
+                at = next.index();
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::collapse::store::Corner;
+    use crate::tensor::Tensor;
+
+    /// A tetrahedron beside a square of two faces, one vertex of which was merged into another.
+    fn sound() -> Store<Tensor> {
+        let faces = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [3, 2, 1], [4, 5, 6], [4, 6, 7], [4, 7, 8]];
+        let faces = faces.map(|t| t.map(VertexId)).to_vec();
+        let mut store = Store::new(&[Vec3::ZERO; 9], faces, None, None);
+        store.link();
+        // 8 goes into 7, with their face.
+        store.remove_face(6);
+        store.merged_into[8] = VertexId(7);
+        store.v[8].kind = store.v[8].kind.gone();
+        store.bound[8] = f32::INFINITY;
+        store.live_vertices -= 1;
+        store
+    }
+
+    #[test]
+    fn each_broken_invariant_is_told() {
+        assert_eq!(sound().check(), Ok(()));
+        type Breaks = fn(&mut Store<Tensor>);
+        let cases: [(Breaks, &str); 21] = [
+            (|s| s.bound.truncate(8), "9 vertices have 8 bounds"),
+            (|s| s.regions = Some(Vec::new()), "7 faces have 0 regions"),
+            (|s| s.first_wedge = vec![lodsmith_core::WedgeId(0)], "9 vertices have 1 first wedges"),
+            (|s| s.t[4][2] = VertexId(8), "has the corner 8, which does not live"),
+            (|s| s.t[4][2] = VertexId(9), "has the corner 9, which does not live"),
+            (|s| s.t[4][2] = VertexId(5), "has a corner twice"),
+            (|s| s.live_faces += 1, "6 faces live, the count says 7"),
+            (|s| s.faces_at_compaction = 5, "more than the 5 at the last compaction"),
+            (|s| s.live_vertices += 1, "8 vertices live, the count says 9"),
+            (|s| s.v[3].mark = 2, "vertex 3 has mark 2, above 1"),
+            (|s| s.bound[8] = 0.0, "vertex 8 is gone and has the bound 0"),
+            (|s| s.bound[3] = f32::NAN, "vertex 3 has the bound NaN"),
+            (|s| s.v[3].p.x = f32::NAN, "vertex 3 stands at"),
+            (|s| s.v[3].count += 1, "has a list of 4 in a room of 3"),
+            (|s| s.v[3].count -= 1, "vertex 3 has 3 live faces and lists 2"),
+            (|s| s.v[8].kind = s.v[7].kind, "vertex 8 lives without a face"),
+            (|s| s.v[3].head = s.v[0].head, "is listed twice, last at 3"),
+            (|s| s.corners[0] = Corner::new(3, 1), "lists the corner 1 of face 3, which is of 2"),
+            (|s| s.v[0].room += 1, "vertex 0 has the room from 0 to 4, and 1 from 3 on"),
+            (|s| s.v[1].origin = VertexId(0), "vertices 0 and 1 have the number 0"),
+            (|s| (s.merged_into[2], s.merged_into[8]) = (VertexId(8), VertexId(2)), "merged into"),
+        ];
+        for (breaks, told) in cases {
+            let mut store = sound();
+            breaks(&mut store);
+            let why = store.check().expect_err(told);
+            assert!(why.contains(told), "{why}; not: {told}");
+        }
+    }
+
+    #[test]
+    fn mergers_that_go_round_are_told() {
+        let mut store = sound();
+        store.merged_into.extend([VertexId(10), VertexId(9)]);
+        let why = store.check().expect_err("9 and 10 go round");
+        assert!(why.contains("number 9 was merged into itself"), "{why}");
+    }
+
+    #[test]
+    fn dead_corners_may_stay_listed_until_the_next_walk() {
+        let mut store = sound();
+        let listed = |store: &Store<Tensor>| store.listed(VertexId(7)).len();
+        assert_eq!((store.check(), listed(&store)), (Ok(()), 2));
+        let (mut ring, mut tidied) = (Ring::default(), Ring::default());
+        store.ring_as_listed(VertexId(7), &mut ring);
+        assert_eq!(listed(&store), 2);
+        store.ring(VertexId(7), &mut tidied);
+        assert_eq!((store.check(), listed(&store)), (Ok(()), 1));
+        assert_eq!((ring[0].corner, ring.len()), (tidied[0].corner, tidied.len()));
+    }
+}

@@ -1,0 +1,132 @@
+//! How far results lie from the input: seen by samples, and proven where that is promised.
+
+use lodsmith_core::measure::proof::{Kept, farthest, is_seen_within, keeps_within};
+use lodsmith_core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
+use lodsmith_core::{Surface, TriMesh};
+
+use crate::options::{Bound, Measure, SimplifyOptions};
+
+/// Distances below this share of the diagonal are rounding.
+pub(crate) const ROUNDING: f64 = 1e-12;
+/// A bound is proven to this share of itself. (Guessed: finer than anyone asks for, and still no more work than samples.)
+const TOLERANCE: f64 = 0.01;
+/// A bound that is known is said as it is if it is no more than so many times what was seen. (Guessed: a distance that was
+/// asked for is mostly used up to that, and a proof takes as long as a run.)
+const CLOSE: f64 = 1.1;
+
+/// What is known of a result; lengths in user units.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Deviation {
+    pub(crate) measured: Option<Comparison>,
+    pub(crate) bound: Option<f64>,
+}
+
+impl Deviation {
+    /// The largest distance that was promised, or seen where nothing is.
+    pub(crate) fn largest(&self) -> Option<f64> {
+        self.bound.or(self.measured.as_ref().map(|m| m.hausdorff.symmetric))
+    }
+}
+
+/// Whether anything is to be said of a result beyond the engine's estimate.
+pub(crate) fn is_wanted(options: &SimplifyOptions) -> bool {
+    options.measure == Measure::Always
+        || options.promised() != Bound::Estimate
+        || options.stop.error.is_some()
+}
+
+/// A result, ready to be held against the input.
+pub(crate) struct Made(Prepared);
+
+impl Made {
+    /// `None` where it has no face: that is as far away as can be.
+    pub(crate) fn new(mesh: &TriMesh) -> Option<Self> {
+        Prepared::new(&mesh.surface()).ok().map(Self)
+    }
+}
+
+/// The input, ready for results to be held against it.
+pub(crate) struct Judge {
+    reference: Prepared,
+    promised: Bound,
+    seed: u64,
+}
+
+impl Judge {
+    /// `None` where the surface has no face.
+    pub(crate) fn new(surface: &Surface<'_>, options: &SimplifyOptions) -> Option<Self> {
+        let reference = Prepared::new(surface).ok()?;
+        Some(Self { reference, promised: options.promised(), seed: options.seed })
+    }
+
+    /// Whether a result keeps to a distance as far as some places tell, the same whatever the distance. Never denies what
+    /// [`Self::keeps`] finds.
+    pub(crate) fn seems_to_keep(&self, result: &Made, limit: f64) -> bool {
+        let forward = || is_seen_within(&self.reference, &result.0, limit);
+        is_seen_within(&result.0, &self.reference, limit) && (self.promised == Bound::OneSided || forward())
+    }
+
+    /// Whether a result keeps to a distance, by what is promised; then the largest distance that it has at most.
+    pub(crate) fn keeps(&self, result: &Made, limit: f64) -> Option<f64> {
+        let within = |from, to| match keeps_within(from, to, limit) {
+            Kept::Yes(bound) => Some(bound),
+            _ => None,
+        };
+        match self.promised {
+            Bound::OneSided => within(&result.0, &self.reference),
+            Bound::Auto | Bound::TwoSided => {
+                // The way from the result is mostly the shorter one to be sure of.
+                let back = within(&result.0, &self.reference)?;
+                Some(within(&self.reference, &result.0)?.max(back))
+            }
+            Bound::Estimate => {
+                let seen = self.compare(&result.0).hausdorff.symmetric;
+                (seen <= limit && self.seems_to_keep(result, limit)).then_some(seen)
+            }
+        }
+    }
+
+    /// The same of a mesh, by places first.
+    pub(crate) fn kept(&self, mesh: &TriMesh, limit: f64) -> Option<f64> {
+        let made = Made::new(mesh)?;
+        self.seems_to_keep(&made, limit).then(|| self.keeps(&made, limit)).flatten()
+    }
+
+    /// All there is to say of a result. It may be known to keep to a bound already.
+    pub(crate) fn look(&self, mesh: &TriMesh, known: Option<f64>) -> Deviation {
+        Made::new(mesh).map_or_else(Deviation::default, |result| self.look_at(&result, known))
+    }
+
+    pub(crate) fn look_at(&self, Made(result): &Made, known: Option<f64>) -> Deviation {
+        let measured = self.compare(result);
+        let seen = &measured.hausdorff;
+        let (ways, seen_of_all) = match self.promised {
+            Bound::Estimate => return Deviation { bound: None, measured: Some(measured) },
+            Bound::OneSided => (1, seen.backward),
+            Bound::Auto | Bound::TwoSided => (2, seen.symmetric),
+        };
+        let bound = known.filter(|known| *known <= CLOSE * seen_of_all).unwrap_or_else(|| {
+            let there_and_back =
+                [(result, &self.reference, seen.backward), (&self.reference, result, seen.forward)];
+            let all = there_and_back[..ways].iter();
+            let bound =
+                all.map(|(from, to, seen)| farthest(from, to, *seen, TOLERANCE).bound).fold(0.0, f64::max);
+            known.map_or(bound, |known| known.min(bound))
+        });
+        Deviation { bound: Some(bound), measured: Some(measured) }
+    }
+
+    /// The RMS distance of a result, both ways, by so many samples each way; without end where it has no face.
+    pub(crate) fn rms(&self, mesh: &TriMesh, samples: usize) -> f64 {
+        let mut options = CompareOptions::default();
+        (options.samples, options.seed) = (samples, self.seed);
+        let rms = |Made(made)| compare_prepared(&self.reference, &made, &options).rms.symmetric;
+        Made::new(mesh).map_or(f64::INFINITY, rms)
+    }
+
+    fn compare(&self, result: &Prepared) -> Comparison {
+        let mut options = CompareOptions::default();
+        options.seed = self.seed;
+        compare_prepared(&self.reference, result, &options)
+    }
+}

@@ -1,0 +1,151 @@
+//! Normals that blending has turned far from their faces, computed anew from those faces.
+//!
+//! Where a hard part of an asset loses an edge, the wedge that is left carries the mean of normals that had nothing to do
+//! with each other, and the face under it is shaded as if it looked elsewhere: a dark splinter. Such a wedge gets the
+//! normal of its own faces; if those look different ways themselves, it is split between them.
+
+use glam::Vec3;
+use lodsmith_core::{TriMesh, WedgeId};
+
+use crate::attributes::Rows;
+use crate::collapse::attributes::Attributes;
+use crate::collapse::store::Store;
+use crate::metric::Memory;
+
+/// Cosine of the angle between a normal and a face up to which both go together: 60 degrees. (The faces of an octahedron
+/// are 55 degrees off the normals of the sphere that it stands for, and no smooth surface wants fewer faces.)
+const FAR: f32 = 0.5;
+/// Share of the faces (by area) at a wedge of the input that are far off its normal, above which this was wanted there.
+/// (The majority: a sliver beside a wedge says nothing.)
+const WANTED: f32 = 0.5;
+
+/// Repairs the wedges whose normal is far off at least one of their faces, and was not so in the input. Locked vertices
+/// keep theirs. Says how many corners have another normal. Cost: O(faces of the result), and O(faces of the input) where
+/// there is something to repair.
+pub(crate) fn repair<Q: Memory>(
+    store: &mut Store<Q>,
+    attributes: &mut Attributes,
+    rows: &Rows,
+    input: &TriMesh,
+) -> usize {
+    let (Some(at), Some(wedges)) = (rows.normals_at(), &store.wedges) else { return 0 };
+    let faces: Vec<Vec3> = store.t.iter().map(|t| doubled_area(t.map(|v| store.v[v.index()].p))).collect();
+    let mut corners: Vec<Corner> = Vec::new();
+    let mut is_far = vec![false; attributes.count()];
+    for (f, t) in store.t.iter().enumerate() {
+        for (k, &w) in wedges[f].iter().enumerate() {
+            if off(normal_of(attributes, w, at), faces[f]) && !store.v[t[k].index()].kind.is_locked() {
+                is_far[w.index()] = true;
+            }
+        }
+    }
+    if !is_far.contains(&true) {
+        return 0;
+    }
+    let was_wanted = wanted(attributes, rows, input, at, &is_far);
+    for (f, t) in wedges.iter().enumerate() {
+        for (k, &wedge) in t.iter().enumerate() {
+            if is_far[wedge.index()] && !was_wanted[attributes.original(wedge).index()] {
+                corners.push(Corner { wedge, face: f, k });
+            }
+        }
+    }
+    corners.sort_unstable_by_key(|c| (c.wedge, c.face, c.k));
+    let mut changes: Vec<(Corner, WedgeId)> = Vec::new();
+    for of_wedge in corners.chunk_by(|a, b| a.wedge == b.wedge) {
+        split(attributes, at, &faces, of_wedge, &mut changes);
+    }
+    if let Some(wedges) = &mut store.wedges {
+        for (corner, wedge) in &changes {
+            wedges[corner.face][corner.k] = *wedge;
+        }
+    }
+    changes.len()
+}
+
+/// A corner of the result.
+#[derive(Clone, Copy)]
+struct Corner {
+    wedge: WedgeId,
+    face: usize,
+    k: usize,
+}
+
+/// Gives the faces at a wedge that it is far off from normals of their own, one for those that look about the same way.
+fn split(
+    attributes: &mut Attributes,
+    at: usize,
+    faces: &[Vec3],
+    corners: &[Corner],
+    changes: &mut Vec<(Corner, WedgeId)>,
+) {
+    let wedge = corners[0].wedge;
+    let own = normal_of(attributes, wedge, at);
+    let mut far: Vec<Corner> = corners.iter().filter(|c| off(own, faces[c.face])).copied().collect();
+    // The largest says where a group looks.
+    far.sort_by(|a, b| {
+        faces[b.face].length_squared().total_cmp(&faces[a.face].length_squared()).then(a.face.cmp(&b.face))
+    });
+    let mut groups: Vec<(Vec3, Vec<Corner>)> = Vec::new();
+    for c in &far {
+        let face = faces[c.face];
+        match groups.iter_mut().find(|(sum, _)| !off(*sum, face)) {
+            Some((sum, members)) => {
+                *sum += face;
+                members.push(*c);
+            }
+            None => groups.push((face, vec![*c])),
+        }
+    }
+    let mut is_free = far.len() == corners.len();
+    for (sum, members) in groups {
+        let into = if std::mem::take(&mut is_free) { wedge } else { attributes.copy_of(wedge) };
+        let normal = sum.normalize_or_zero();
+        attributes.values_mut(into)[at..at + 3].copy_from_slice(&normal.to_array());
+        changes.extend(members.into_iter().map(|c| (c, into)));
+    }
+}
+
+/// Which wedges of the input, of those that the far ones come from, were far off most of their faces already.
+fn wanted(attributes: &Attributes, rows: &Rows, input: &TriMesh, at: usize, is_far: &[bool]) -> Vec<bool> {
+    let Some(normals) = input.normals() else { return vec![false; attributes.count()] };
+    let mut is_asked = vec![false; attributes.count()];
+    for w in (0..is_far.len()).filter(|&w| is_far[w]) {
+        is_asked[attributes.original(WedgeId::new(w)).index()] = true;
+    }
+    debug_assert!(at + 3 <= rows.width());
+    // All area, and that of faces that are far off.
+    let mut areas = vec![[0f32; 2]; attributes.count()];
+    let view = input.positions().view();
+    for t in input.triangles() {
+        let of_rows = t.map(|w| rows.wedge_rows[w.index()].index());
+        if !of_rows.iter().any(|&r| is_asked.get(r) == Some(&true)) {
+            continue;
+        }
+        let [a, b, c] = t.map(|w| glam::DVec3::from(view.get(input.vertex_of(w))));
+        let face = (b - a).cross(c - a);
+        let (area, face) = (face.length() as f32, face.normalize_or_zero().as_vec3());
+        for (w, r) in t.iter().zip(of_rows) {
+            let Some(sums) = areas.get_mut(r) else { continue };
+            sums[0] += area;
+            if off(Vec3::from(normals[w.index()]), face) {
+                sums[1] += area;
+            }
+        }
+    }
+    areas.iter().map(|[all, far]| *far > WANTED * all).collect()
+}
+
+/// Whether a normal is far off the direction of a face. What has no direction is not.
+fn off(normal: Vec3, face: Vec3) -> bool {
+    let lengths = normal.length() * face.length();
+    lengths > 0.0 && lengths.is_finite() && normal.dot(face) < FAR * lengths
+}
+
+fn normal_of(attributes: &Attributes, w: WedgeId, at: usize) -> Vec3 {
+    Vec3::from_slice(&attributes.of(w)[at..at + 3])
+}
+
+fn doubled_area([a, b, c]: [Vec3; 3]) -> Vec3 {
+    (b - a).cross(c - a)
+}

@@ -1,0 +1,233 @@
+//! Texture coordinates that left the colour they belong to, taken anew from the input.
+//!
+//! In a palette all of a part looks at one small cell of the image. Blended and drawn along their gradients, texture
+//! coordinates leave it, and a face shows the cells beside it: patches and stripes of colours that are nowhere near. What
+//! a face shows is held against what the input shows under it, at a few places; where that differs, it takes texture
+//! coordinates of the input from those places whose colour gives the smallest difference.
+//!
+//! Images that change within single faces anyway (photographs, drawings) are left alone.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, Vec2};
+use lodsmith_core::geometry::triangle::{double_area_normal, weights_at};
+use lodsmith_core::spatial::Bvh;
+use lodsmith_core::{Attribute, FaceId, MeshError, Positions, RegionId, TriMesh, VertexId, WedgeId};
+
+use crate::care::Held;
+use crate::options::SimplifyOptions;
+use crate::run::Input;
+use crate::textures::{Texture, Textures};
+
+/// Places of a face that are looked at: the middle, close to the corners, between both, beside the edges.
+const PLACES: [[f32; 3]; 10] = [
+    [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
+    [0.96, 0.02, 0.02],
+    [0.02, 0.96, 0.02],
+    [0.02, 0.02, 0.96],
+    [0.64, 0.18, 0.18],
+    [0.18, 0.64, 0.18],
+    [0.18, 0.18, 0.64],
+    [0.48, 0.48, 0.04],
+    [0.04, 0.48, 0.48],
+    [0.48, 0.04, 0.48],
+];
+/// A difference in one channel, of 255, from which two colours are two. (Guessed: that of neighbours in palettes is
+/// larger, shades of one colour within a face differ by less.)
+const APART: i32 = 40;
+/// Share of the textured area in faces of the input that show several colours, from which an image is no palette.
+/// (Measured: .00 to .16 on seven assets with palettes or large patches of one colour, .47 to 1 on painted ones.)
+const PAINTED: f64 = 0.25;
+/// Other texture coordinates are taken where they leave less than this share of the squared difference. (Guessed: what
+/// comes along with its neighbours is to stay where there is no good reason.)
+const BETTER: [i64; 2] = [3, 4];
+/// Cosine beyond which a face of the input looks another way than one of the result: it is another sheet.
+const AWAY: f64 = -0.2;
+
+type Color = [u8; 4];
+
+/// The result of a run with its colours in place, where the options have textures.
+pub(crate) fn recolored(
+    mesh: TriMesh,
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    held: &Held,
+) -> Result<TriMesh, MeshError> {
+    match (&options.textures, input.mesh) {
+        (Some(textures), Some(source)) => repair(mesh, source, textures, held),
+        _ => Ok(mesh),
+    }
+}
+
+/// The result with texture coordinates whose colours are those of the source, as far as they go. Corners that are held
+/// stay. Cost: O(faces of the source) to tell palettes; where there is one, a lookup for each face of the result and ten
+/// for a face that differs.
+fn repair(mesh: TriMesh, source: &TriMesh, textures: &Textures, held: &Held) -> Result<TriMesh, MeshError> {
+    let (Some(uvs), Some(source_uvs)) = (mesh.uvs(), source.uvs()) else { return Ok(mesh) };
+    let palettes = palettes(source, source_uvs, textures);
+    if palettes.iter().all(Option::is_none) {
+        return Ok(mesh);
+    }
+    let original = Source { tree: Bvh::new(&source.surface()), mesh: source, uvs: source_uvs };
+    let mut changes: HashMap<(usize, usize), [f32; 2]> = HashMap::new();
+    for f in 0..mesh.face_count() {
+        let region = mesh.regions().map(|r| r[f]);
+        let Some(Some(texture)) = palettes.get(region.unwrap_or_default().index()) else { continue };
+        let corners = mesh.triangles()[f].map(|w| uvs[w.index()]);
+        if let Some(better) = original.recolored(&mesh, f, region, corners, texture) {
+            for k in (0..3).filter(|&k| better[k] != corners[k] && held.at(f, k).is_none()) {
+                changes.insert((f, k), better[k]);
+            }
+        }
+    }
+    if changes.is_empty() { Ok(mesh) } else { with_uvs(&mesh, &changes) }
+}
+
+/// The textures of the regions, as far as they are palettes: whose faces show one colour each, almost all.
+fn palettes<'a>(source: &TriMesh, uvs: &[[f32; 2]], textures: &'a Textures) -> Vec<Option<&'a Texture>> {
+    let count = source.regions().map_or(1, |r| r.iter().map(|r| r.index() + 1).max().unwrap_or(0));
+    let of: Vec<_> = (0..count).map(|r| textures.of(0, Some(RegionId::new(r)))).collect();
+    // Area of all faces, and of those with several colours.
+    let mut areas = vec![[0f64; 2]; count];
+    let view = source.positions().view();
+    for (f, t) in source.triangles().iter().enumerate() {
+        let region = source.regions().map_or(0, |r| r[f].index());
+        let Some(texture) = of[region] else { continue };
+        let area = double_area_normal(t.map(|w| DVec3::from(view.get(source.vertex_of(w))))).length();
+        if area.is_finite() {
+            let several = shows_several(texture, t.map(|w| uvs[w.index()]));
+            areas[region][0] += area;
+            areas[region][1] += if several { area } else { 0.0 };
+        }
+    }
+    let is_palette = |[all, several]: [f64; 2]| all > 0.0 && several <= PAINTED * all;
+    of.into_iter().zip(areas).map(|(texture, areas)| texture.filter(|_| is_palette(areas))).collect()
+}
+
+fn shows_several(texture: &Texture, corners: [[f32; 2]; 3]) -> bool {
+    let first = texture.color(between(corners, PLACES[0]));
+    PLACES[1..].iter().any(|b| match (first, texture.color(between(corners, *b))) {
+        (Some(a), Some(b)) => are_apart(a, b),
+        _ => false,
+    })
+}
+
+fn between(corners: [[f32; 2]; 3], b: [f32; 3]) -> [f32; 2] {
+    let at = corners.map(Vec2::from);
+    (at[0] * b[0] + at[1] * b[1] + at[2] * b[2]).to_array()
+}
+
+fn are_apart(a: Color, b: Color) -> bool {
+    (0..3).any(|i| (i32::from(a[i]) - i32::from(b[i])).abs() > APART)
+}
+
+fn squared(a: Color, b: Color) -> i64 {
+    (0..3).map(|i| (i64::from(a[i]) - i64::from(b[i])).pow(2)).sum()
+}
+
+/// The input, to be asked what it shows somewhere.
+struct Source<'a> {
+    tree: Bvh,
+    mesh: &'a TriMesh,
+    uvs: &'a [[f32; 2]],
+}
+
+impl Source<'_> {
+    /// Where the input looks nearest to a place, on the side that looks the same way and has the same region.
+    fn look_at(&self, place: DVec3, normal: DVec3, region: Option<RegionId>) -> Option<[f32; 2]> {
+        let view = self.mesh.positions().view();
+        let corners = |f: FaceId| {
+            self.mesh.triangles()[f.index()].map(|w| DVec3::from(view.get(self.mesh.vertex_of(w))))
+        };
+        let is_ours = |f: FaceId| self.mesh.regions().map(|r| r[f.index()]) == region;
+        let faces_us = |f: FaceId| {
+            let own = double_area_normal(corners(f));
+            own.dot(normal) > AWAY * own.length() * normal.length()
+        };
+        let hit = self.tree.closest_of(place.to_array(), |f| is_ours(f) && faces_us(f))?;
+        let weights = weights_at(DVec3::from(hit.point), corners(hit.face)).map(|x| x as f32);
+        let uvs = self.mesh.triangles()[hit.face.index()].map(|w| self.uvs[w.index()]);
+        let at = between(uvs, weights);
+        at.iter().all(|x| x.is_finite()).then_some(at)
+    }
+
+    /// Texture coordinates for the corners of a face of the result, if there are better ones.
+    fn recolored(
+        &self,
+        mesh: &TriMesh,
+        f: usize,
+        region: Option<RegionId>,
+        corners: [[f32; 2]; 3],
+        texture: &Texture,
+    ) -> Option<[[f32; 2]; 3]> {
+        let view = mesh.positions().view();
+        let places = mesh.triangles()[f].map(|w| DVec3::from(view.get(mesh.vertex_of(w))));
+        let normal = double_area_normal(places);
+        let look = |b: [f32; 3]| {
+            let [x, y, z] = b.map(f64::from);
+            let uv = self.look_at(places[0] * x + places[1] * y + places[2] * z, normal, region)?;
+            Some((uv, texture.color(uv)?))
+        };
+        // Most faces show one colour, and the right one.
+        let middle = look(PLACES[0])?;
+        let own = texture.color(between(corners, PLACES[0]))?;
+        if !are_apart(own, middle.1) && !shows_several(texture, corners) {
+            return None;
+        }
+        let mut seen = [middle; PLACES.len()];
+        for (seen, b) in seen.iter_mut().zip(PLACES).skip(1) {
+            *seen = look(b)?;
+        }
+        let difference = |corners: [[f32; 2]; 3]| -> Option<i64> {
+            let each = |(b, (_, there)): (&[f32; 3], &([f32; 2], Color))| {
+                Some(squared(texture.color(between(corners, *b))?, *there))
+            };
+            PLACES.iter().zip(&seen).map(each).sum()
+        };
+        let given = difference(corners)?;
+        let mut best = (given, corners);
+        for (at, color) in seen {
+            // For each corner the nearest place that shows about this colour, or this place alone.
+            let nearest = [0, 1, 2].map(|k| {
+                let like = (0..PLACES.len()).filter(|&i| !are_apart(seen[i].1, color));
+                like.max_by(|&i, &j| PLACES[i][k].total_cmp(&PLACES[j][k]).then(j.cmp(&i)))
+                    .map_or(at, |i| seen[i].0)
+            });
+            for candidate in [nearest, [at; 3]] {
+                if let Some(left) = difference(candidate).filter(|left| *left < best.0) {
+                    best = (left, candidate);
+                }
+            }
+        }
+        (best.0 * BETTER[1] < given * BETTER[0]).then_some(best.1)
+    }
+}
+
+/// The mesh with other texture coordinates at some corners, by face and number of the corner.
+fn with_uvs(mesh: &TriMesh, changes: &HashMap<(usize, usize), [f32; 2]>) -> Result<TriMesh, MeshError> {
+    let uvs = mesh.uvs().unwrap_or_default();
+    // Each corner by its vertex, its wedge and the bits of its texture coordinates: equal ones are one wedge.
+    let key = |f: usize, k: usize| {
+        let w = mesh.triangles()[f][k];
+        let uv = changes.get(&(f, k)).copied().unwrap_or(uvs[w.index()]);
+        (mesh.vertex_of(w), w, uv.map(f32::to_bits))
+    };
+    let corners = || (0..mesh.face_count()).flat_map(|f| [(f, 0), (f, 1), (f, 2)]);
+    let mut keys: Vec<(VertexId, WedgeId, [u32; 2])> = corners().map(|(f, k)| key(f, k)).collect();
+    keys.sort_unstable();
+    keys.dedup();
+    let number = |f: usize, k: usize| WedgeId::new(keys.binary_search(&key(f, k)).unwrap_or_default());
+    let triangles = (0..mesh.face_count()).map(|f| [0, 1, 2].map(|k| number(f, k))).collect();
+    let positions: Positions = mesh.positions().clone();
+    let mut new = TriMesh::with_wedges(positions, keys.iter().map(|x| x.0).collect(), triangles)?;
+    let old = || keys.iter().map(|x| x.1.index());
+    new.set_regions(mesh.regions().map(<[_]>::to_vec))?;
+    new.set_normals(mesh.normals().map(|n| old().map(|w| n[w]).collect()))?;
+    new.set_uvs(Some(keys.iter().map(|x| x.2.map(f32::from_bits)).collect()))?;
+    new.set_colors(mesh.colors().map(|c| old().map(|w| c[w]).collect()))?;
+    for a in mesh.further_attributes() {
+        let values = keys.iter().flat_map(|x| a.of(x.1)).copied().collect();
+        new.add_attribute(Attribute { values, ..a.clone() })?;
+    }
+    Ok(new)
+}

@@ -1,0 +1,103 @@
+//! What a run within an error promises: that it is kept, by proof; more of it never means more faces; nothing lighter of the
+//! same kind is passed by.
+
+use lodsmith::core::measure::Prepared;
+use lodsmith::core::measure::proof::{Kept, keeps_within};
+use lodsmith::core::{TriMesh, shapes};
+use lodsmith::{Bound, Length, Method, NoControl, Report, Simplified, SimplifyOptions, Stop, simplify};
+
+fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
+    simplify(mesh, options, &mut NoControl).unwrap()
+}
+
+fn within(share: f64) -> SimplifyOptions {
+    SimplifyOptions::new(Stop::error(Length::OfDiagonal(share)))
+}
+
+fn largest_seen(report: &Report) -> f64 {
+    report.error.measured.as_ref().unwrap().hausdorff.symmetric
+}
+
+fn is_kept(from: &TriMesh, to: &TriMesh, distance: f64) -> bool {
+    let [from, to] = [from, to].map(|mesh| Prepared::new(&mesh.surface()).unwrap());
+    matches!(keeps_within(&from, &to, distance), Kept::Yes(_))
+}
+
+/// A11: 9,000 faces came back as they were, though 8,600 keep the limit.
+#[test]
+fn an_error_that_a_few_faces_fewer_keep_takes_them_away() {
+    let mesh = shapes::blob(3, 2);
+    let mut options = SimplifyOptions::new(Stop::ratio(0.94));
+    options.bound = Bound::TwoSided;
+    let lighter = run(&mesh, &options).report;
+    let limit = 1.2 * lighter.error.bound.unwrap();
+    let got = run(&mesh, &SimplifyOptions::new(Stop::error(Length::Units(limit)))).report;
+    assert!(got.faces < mesh.face_count() * 97 / 100, "{} of {}", got.faces, mesh.face_count());
+    assert!(got.reached && got.error.bound.unwrap() <= limit * (1.0 + 1e-9));
+}
+
+/// A11: .08 % gave more faces than .07 %.
+#[test]
+fn more_error_never_means_more_faces() {
+    for (mesh, bound) in [(shapes::blob(3, 7), Bound::Auto), (shapes::wavy_sheet(24), Bound::OneSided)] {
+        let mut before = usize::MAX;
+        for k in 0..4 {
+            let mut options = within(0.002 * 2f64.powi(k));
+            options.bound = bound;
+            let done = run(&mesh, &options);
+            let (faces, error) = (done.report.faces, &done.report.error);
+            assert!(faces <= before, "{faces} faces, not {before}");
+            let limit = 0.002 * 2f64.powi(k) * error.diagonal;
+            assert!(error.bound.unwrap() <= limit * (1.0 + 1e-9));
+            assert!(is_kept(&done.mesh, &mesh, limit * (1.0 + 1e-9)));
+            assert!(bound == Bound::OneSided || is_kept(&mesh, &done.mesh, limit * (1.0 + 1e-9)));
+            before = faces;
+        }
+        assert!(before < mesh.face_count() / 5);
+    }
+}
+
+#[test]
+fn a_promise_of_one_side_is_met_by_no_more_faces() {
+    for (mesh, share) in [(shapes::blob(3, 3), 0.005), (shapes::wavy_sheet(24), 0.005)] {
+        let two = run(&mesh, &within(share)).report;
+        let mut options = within(share);
+        options.bound = Bound::OneSided;
+        let one = run(&mesh, &options).report;
+        assert!(one.faces <= two.faces, "{} {}", one.faces, two.faces);
+        options.bound = Bound::Estimate;
+        let seen = run(&mesh, &options).report;
+        assert!(seen.error.bound.is_none() && largest_seen(&seen) <= share * seen.error.diagonal);
+        assert!(seen.faces <= two.faces && seen.reached);
+    }
+}
+
+#[test]
+fn a_bound_goes_with_any_target_and_lies_close_above_what_is_seen() {
+    let mesh = shapes::blob(3, 5);
+    for method in [Method::Memoryless, Method::Cluster] {
+        let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+        options.method = method;
+        assert_eq!(run(&mesh, &options).report.error.bound, None);
+        options.bound = Bound::TwoSided;
+        let done = run(&mesh, &options);
+        let bound = done.report.error.bound.unwrap();
+        let seen = largest_seen(&done.report);
+        assert!(bound >= seen && bound <= 1.03 * seen, "{bound} {seen}");
+        assert!(is_kept(&mesh, &done.mesh, bound * 1.000001) && is_kept(&done.mesh, &mesh, bound * 1.000001));
+    }
+}
+
+#[test]
+fn each_method_keeps_what_it_says() {
+    let mesh = shapes::blob(3, 4);
+    for method in [Method::Memoryless, Method::Cluster, Method::Planar, Method::Remesh] {
+        let mut options = within(0.01);
+        options.method = method;
+        let done = run(&mesh, &options);
+        let error = &done.report.error;
+        let limit = 0.01 * error.diagonal * (1.0 + 1e-9);
+        assert!(done.report.reached && error.bound.unwrap() <= limit, "{}", method.name());
+        assert!(is_kept(&mesh, &done.mesh, limit) && is_kept(&done.mesh, &mesh, limit), "{}", method.name());
+    }
+}

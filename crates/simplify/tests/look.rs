@@ -1,0 +1,253 @@
+//! What people see of a game asset: colours of a palette, shading, poses. Faults that were, by name.
+
+use std::sync::Arc;
+
+use lodsmith::core::{Attribute, Image, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId, shapes};
+use lodsmith::{NoControl, Part, SimplifyOptions, Stop, Texture, Textures, simplify, simplify_scene};
+
+/// Cells along a side of the palette.
+const CELLS: usize = 4;
+/// Pixels along a side of a cell.
+const CELL: usize = 8;
+
+/// A palette of cells in colours far from each other.
+fn palette() -> Texture {
+    let color = |x: usize, y: usize| {
+        let cell = x / CELL + CELLS * (y / CELL);
+        [(cell * 151 % 256) as u8, (cell * 83 % 256) as u8, (cell * 211 % 256) as u8, 255]
+    };
+    let side = CELLS * CELL;
+    Texture::new(Image::new(side, side, (0..side * side).map(|i| color(i % side, i / side)).collect()))
+}
+
+/// The cell that a pair of texture coordinates looks at.
+fn cell([u, v]: [f32; 2]) -> [usize; 2] {
+    [u, v].map(|x| ((x * CELLS as f32) as usize).min(CELLS - 1))
+}
+
+/// A bumpy sphere whose faces look at one cell for each side of it that they are on, back and forth in the whole of the
+/// cell: where texture coordinates go on along their gradients they leave it.
+fn painted_sphere() -> TriMesh {
+    let sphere = shapes::blob(4, 5);
+    let view = sphere.positions().view();
+    let positions = Positions::F64(view.iter().collect());
+    let (mut vertex_of, mut uvs, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    for t in sphere.surface().triangles() {
+        let sum = t.map(|v| view.get(v)).iter().fold([0.0; 3], |s, p| [0, 1, 2].map(|k| s[k] + p[k]));
+        let side = [usize::from(sum[0] > 0.0) + 2 * usize::from(sum[1] > 0.0), usize::from(sum[2] > 0.0)];
+        let first = vertex_of.len() as u32;
+        for v in t {
+            let wave = |k: usize| 0.5 + 0.49 * (8.0 * view.get(*v)[k + 1] + k as f64).sin();
+            vertex_of.push(*v);
+            uvs.push([0, 1].map(|k| (side[k] as f32 + wave(k) as f32) / CELLS as f32));
+        }
+        triangles.push([0, 1, 2].map(|k| WedgeId(first + k)));
+    }
+    let mut mesh = TriMesh::with_wedges(positions, vertex_of, triangles).unwrap();
+    mesh.set_uvs(Some(uvs)).unwrap();
+    mesh
+}
+
+/// Share of the faces that look at several cells.
+fn share_of_mixed(mesh: &TriMesh) -> f64 {
+    let uvs = mesh.uvs().unwrap();
+    let is_mixed = |t: &&[WedgeId; 3]| t.iter().any(|w| cell(uvs[w.index()]) != cell(uvs[t[0].index()]));
+    mesh.triangles().iter().filter(is_mixed).count() as f64 / mesh.face_count() as f64
+}
+
+/// A6: texture coordinates in a palette are blended and drawn along their gradients until they leave their colour.
+#[test]
+fn faces_keep_the_colour_of_a_palette() {
+    let mesh = painted_sphere();
+    assert_eq!(share_of_mixed(&mesh), 0.0);
+    let plain = SimplifyOptions::new(Stop::ratio(0.05));
+    let mut options = plain.clone();
+    options.textures = Some(Arc::new(Textures::of_regions(vec![Some(palette())])));
+    let without = simplify(&mesh, &plain, &mut NoControl).unwrap().mesh;
+    let with = simplify(&mesh, &options, &mut NoControl).unwrap().mesh;
+    assert_eq!(with.face_count(), without.face_count());
+    assert_eq!(with.positions(), without.positions());
+    let shares = [&without, &with].map(share_of_mixed);
+    assert!(shares[0] > 0.3 && shares[1] < 0.5 * shares[0], "{shares:?} of the faces show several colours");
+
+    // The same as a part of a scene, beside one without a texture.
+    let other = shapes::icosphere(2);
+    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, system: None };
+    let scene = |textures| {
+        let mut options = plain.clone();
+        options.textures = Some(Arc::new(Textures::of_parts(vec![Vec::new(), textures])));
+        let done = simplify_scene(&[part(&other), part(&mesh)], 4.0, &options, &mut NoControl).unwrap();
+        share_of_mixed(&done.meshes[1])
+    };
+    let shares = [scene(Vec::new()), scene(vec![Some(palette())])];
+    assert!(shares[0] > 0.3 && shares[1] < 0.5 * shares[0], "{shares:?} of the faces show several colours");
+}
+
+/// Images that change within faces are no palettes: the result is the same with them as without, to the bit.
+#[test]
+fn a_painted_texture_changes_nothing() {
+    let mut mesh = shapes::grid(24);
+    let uvs = mesh.positions().view().iter().map(|p| [p[0] as f32, p[1] as f32]).collect();
+    mesh.set_uvs(Some(uvs)).unwrap();
+    let side = 64;
+    let check = |i: usize| if (i % side + i / side).is_multiple_of(2) { [255; 4] } else { [0, 0, 0, 255] };
+    let texture = Texture::new(Image::new(side, side, (0..side * side).map(check).collect()));
+    let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+    let without = simplify(&mesh, &options, &mut NoControl).unwrap().mesh;
+    options.textures = Some(Arc::new(Textures::of_regions(vec![Some(texture)])));
+    assert!(simplify(&mesh, &options, &mut NoControl).unwrap().mesh == without);
+}
+
+/// Boxes on a plate, each with hard edges, in one mesh: what is left of them has wedges of several sides.
+fn studded_plate() -> TriMesh {
+    let (mut points, mut faces) = (Vec::<[f64; 3]>::new(), Vec::<[u32; 3]>::new());
+    let mut block = |min: [f64; 3], max: [f64; 3]| {
+        let first = points.len() as u32;
+        points.extend((0..8).map(|i| [0, 1, 2].map(|k| if i >> k & 1 == 1 { max[k] } else { min[k] })));
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        for q in quads.map(|q| q.map(|i: u32| first + i)) {
+            faces.extend([[q[0], q[1], q[2]], [q[0], q[2], q[3]]]);
+        }
+    };
+    block([0.0, 0.0, -0.2], [8.0, 8.0, 0.0]);
+    for i in 0..64 {
+        let [x, y] = [f64::from(i % 8), f64::from(i / 8)];
+        block([x + 0.2, y + 0.2, 0.0], [x + 0.8, y + 0.8, 0.3 + 0.01 * f64::from(i % 5)]);
+    }
+    let (mut vertex_of, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    for t in faces {
+        let [a, b, c] = t.map(|v| points[v as usize]);
+        let n = unit(cross(sub(b, a), sub(c, a)));
+        let first = vertex_of.len() as u32;
+        vertex_of.extend(t.map(VertexId));
+        normals.extend([n.map(|x| x as f32); 3]);
+        triangles.push([0, 1, 2].map(|k| WedgeId(first + k)));
+    }
+    let mut mesh = TriMesh::with_wedges(Positions::F64(points), vertex_of, triangles).unwrap();
+    mesh.set_normals(Some(normals)).unwrap();
+    mesh
+}
+
+fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|k| a[k] - b[k])
+}
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+fn unit(a: [f64; 3]) -> [f64; 3] {
+    let length = a.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-300);
+    a.map(|x| x / length)
+}
+
+/// Corners whose normal is more than 60 degrees off their face.
+fn far_off(mesh: &TriMesh) -> usize {
+    let (view, normals) = (mesh.positions().view(), mesh.normals().unwrap());
+    let of = |t: &[WedgeId; 3]| {
+        let [a, b, c] = t.map(|w| view.get(mesh.vertex_of(w)));
+        let face = unit(cross(sub(b, a), sub(c, a)));
+        let cosine = |w: &WedgeId| (0..3).map(|k| face[k] * f64::from(normals[w.index()][k])).sum::<f64>();
+        t.iter().filter(|w| cosine(w) < 0.499).count()
+    };
+    mesh.triangles().iter().map(of).sum()
+}
+
+/// A7: what is left of hard parts carried the means of normals of different sides: dark splinters.
+#[test]
+fn normals_stay_near_their_faces() {
+    let mesh = studded_plate();
+    assert_eq!(far_off(&mesh), 0);
+    for ratio in [0.5, 0.25, 0.1] {
+        let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap();
+        assert_eq!(far_off(&done.mesh), 0, "at {ratio}, of {} faces", done.mesh.face_count());
+    }
+}
+
+/// Normals that are far off in the input were wanted there, as on leaves that are lit like the crown of their tree.
+#[test]
+fn normals_that_were_meant_to_be_far_off_stay() {
+    let mut mesh = shapes::grid(20);
+    let up = |p: [f64; 3]| [0.999, 0.001 * p[0] as f32, 0.03];
+    let normals = mesh.positions().view().iter().map(up).collect();
+    mesh.set_normals(Some(normals)).unwrap();
+    let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.1)), &mut NoControl).unwrap().mesh;
+    assert_eq!(far_off(&done), 3 * done.face_count());
+}
+
+/// A tube whose upper half hangs on another joint, with a narrow zone between.
+fn skinned_tube(turn: u32) -> TriMesh {
+    let (around, along) = (16u32, 96u32);
+    let mut points = Vec::new();
+    for (i, k) in (0..=along).flat_map(|i| (0..around).map(move |k| (i, k))) {
+        let angle = f64::from(k) / f64::from(around) * std::f64::consts::TAU;
+        points.push([0.3 * angle.cos(), 0.3 * angle.sin(), f64::from(i) / f64::from(along) * 4.0]);
+    }
+    let at = |i: u32, k: u32| VertexId(i * around + k % around);
+    let mut faces = Vec::new();
+    for (i, k) in (0..along).flat_map(|i| (0..around).map(move |k| (i, k))) {
+        faces.push([at(i, k), at(i, k + 1), at(i + 1, k + 1)]);
+        faces.push([at(i, k), at(i + 1, k + 1), at(i + 1, k)]);
+    }
+    let (mut joints, mut weights) = (Vec::new(), Vec::new());
+    for p in &points {
+        let upper = ((p[2] - 1.7) / 0.6).clamp(0.0, 1.0) as f32;
+        joints.extend([0.0, 1.0 + turn as f32, 0.0, 0.0]);
+        weights.extend([1.0 - upper, upper, 0.0, 0.0]);
+    }
+    let mut mesh = TriMesh::new(Positions::F64(points), faces).unwrap();
+    mesh.add_attribute(Attribute { semantic: Semantic::Joints(0), width: 4, values: joints }).unwrap();
+    mesh.add_attribute(Attribute { semantic: Semantic::Weights(0), width: 4, values: weights }).unwrap();
+    mesh
+}
+
+/// The largest difference of the weight of the upper joint from what it was at that height.
+fn weight_error(mesh: &TriMesh, joint: f32) -> f32 {
+    let view = mesh.positions().view();
+    let find = |semantic| mesh.further_attributes().iter().find(|a| a.semantic == semantic).unwrap();
+    let (joints, weights) = (find(Semantic::Joints(0)), find(Semantic::Weights(0)));
+    let mut worst = 0f32;
+    for t in mesh.triangles() {
+        // Along each face: it is a straight line between its corners that is seen.
+        let corner = |w: WedgeId| {
+            let pairs = joints.of(w).iter().zip(weights.of(w));
+            let upper: f32 = pairs.filter(|p| *p.0 == joint).map(|p| p.1).sum();
+            (view.get(mesh.vertex_of(w))[2], upper)
+        };
+        let c = t.map(corner);
+        for b in [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]] {
+            let z = (0..3).map(|k| b[k] * c[k].0).sum::<f64>();
+            let upper = (0..3).map(|k| b[k] as f32 * c[k].1).sum::<f32>();
+            worst = worst.max((upper - ((z - 1.7) / 0.6).clamp(0.0, 1.0) as f32).abs());
+        }
+    }
+    worst
+}
+
+/// Where a surface is straight, nothing but the joints says where it will bend: without a price edges went across the
+/// zone between two joints, and the pose was another.
+#[test]
+fn a_skin_keeps_its_zones() {
+    let mesh = skinned_tube(0);
+    let mut options = SimplifyOptions::new(Stop::ratio(0.08));
+    options.weights.skin = 5.0;
+    let with = weight_error(&simplify(&mesh, &options, &mut NoControl).unwrap().mesh, 1.0);
+    options.weights.skin = 0.0;
+    let without = weight_error(&simplify(&mesh, &options, &mut NoControl).unwrap().mesh, 1.0);
+    assert!(with < 0.2 && 2.0 * with < without, "{with} of {without}");
+}
+
+/// Joints of several systems have the same numbers, and come back with theirs.
+#[test]
+fn joints_of_the_parts_of_a_scene_keep_their_numbers() {
+    let tubes = [skinned_tube(0), skinned_tube(4)];
+    let part = |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, system: Some(i) };
+    let parts: Vec<_> = tubes.iter().enumerate().map(part).collect();
+    let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+    options.weights.skin = 5.0;
+    let done = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
+    for (mesh, joint) in done.meshes.iter().zip([1.0, 5.0]) {
+        let joints = mesh.further_attributes().iter().find(|a| a.semantic == Semantic::Joints(0)).unwrap();
+        assert!(joints.values.iter().all(|j| [0.0, joint].contains(j)), "{:?}", joints.values);
+        assert!(weight_error(mesh, joint) < 0.2);
+    }
+    assert!(done.meshes.iter().all(|m| m.regions().is_none_or(|r| r.iter().all(|r| *r == RegionId(0)))));
+}

@@ -1,0 +1,215 @@
+//! Values of attributes stay what they can be: within the range of their source, and numbers that name something as they are.
+
+mod support;
+
+use std::collections::BTreeSet;
+
+use lodsmith::core::{Attribute, Integer, Morphed, Semantic, TriMesh, WedgeId, shapes};
+use lodsmith::{
+    Length, Method, NoControl, Part, Placement, Progressive, SimplifyOptions, Stop, simplify, simplify_scene,
+};
+use support::charts::{place, two_charts, wedges};
+
+/// Values that reach the ends of their range in many places, and turn there.
+fn waves(mesh: &TriMesh, width: usize, low: f32, high: f32) -> Vec<f32> {
+    let wave = |w: WedgeId, k: usize| {
+        let p = place(mesh, w);
+        let x = (7.0 * p[k % 3] + 4.0 * p[(k + 1) % 3] + k as f64).sin();
+        low + (high - low) * (0.5 + 0.6 * x).clamp(0.0, 1.0) as f32
+    };
+    wedges(mesh).flat_map(|w| (0..width).map(move |k| (w, k))).map(|(w, k)| wave(w, k)).collect()
+}
+
+/// A mesh whose attributes lie between these.
+fn waved(mut mesh: TriMesh, low: f32, high: f32) -> TriMesh {
+    let uvs = waves(&mesh, 2, low, high).as_chunks().0.to_vec();
+    let colors = waves(&mesh, 4, 0.0, 1.0).as_chunks().0.to_vec();
+    let further = [
+        (Semantic::Uv(1), 2),
+        (Semantic::Color(1), 4),
+        (Semantic::Custom("_HEAT".to_owned()), 3),
+        (Semantic::Morph { target: 0, of: Morphed::Position }, 3),
+    ];
+    for (semantic, width) in further {
+        let values = waves(&mesh, width, low, high);
+        mesh.add_attribute(Attribute { semantic, width, values }).unwrap();
+    }
+    mesh.set_uvs(Some(uvs)).unwrap();
+    mesh.set_colors(Some(colors)).unwrap();
+    mesh
+}
+
+/// The least and the largest of each value.
+fn ranges(mesh: &TriMesh) -> Vec<(String, [f32; 2])> {
+    let mut all: Vec<(String, usize, Vec<f32>)> = vec![
+        ("uvs".to_owned(), 2, mesh.uvs().unwrap().as_flattened().to_vec()),
+        ("colors".to_owned(), 4, mesh.colors().unwrap().as_flattened().to_vec()),
+    ];
+    let further = mesh.further_attributes().iter();
+    all.extend(further.map(|a| (format!("{:?}", a.semantic), a.width, a.values.clone())));
+    let range = |values: &[f32], width: usize, k: usize| {
+        let of = || values.iter().skip(k).step_by(width).copied();
+        [of().fold(f32::INFINITY, f32::min), of().fold(f32::NEG_INFINITY, f32::max)]
+    };
+    let mut ranges = Vec::new();
+    for (name, width, values) in &all {
+        ranges.extend((0..*width).map(|k| (format!("{name} {k}"), range(values, *width, k))));
+    }
+    ranges.sort_by(|a, b| a.0.cmp(&b.0));
+    ranges
+}
+
+fn assert_within(what: &str, source: &TriMesh, got: &TriMesh) {
+    for ((name, wide), (_, own)) in ranges(source).into_iter().zip(ranges(got)) {
+        assert!(wide[0] <= own[0] && own[1] <= wide[1], "{what}: {name} is {own:?}, was {wide:?}");
+    }
+}
+
+fn options(method: Method) -> SimplifyOptions {
+    let mut options = SimplifyOptions::new(Stop::ratio(0.2));
+    options.method = method;
+    if method == Method::Remesh {
+        options.stop = Stop::default();
+        options.of_method.edge_length = Some(Length::Units(0.2));
+    }
+    options
+}
+
+/// Texture coordinates of 0 to 1 ended at -0.0002 and 1.0009, colours at -6e-5.
+#[test]
+fn no_value_leaves_the_range_of_its_source() {
+    let mesh = waved(shapes::blob(4, 3), 0.0, 1.0);
+    for method in [Method::Memoryless, Method::Quadric, Method::Cluster, Method::Remesh] {
+        let got = simplify(&mesh, &options(method), &mut NoControl).unwrap().mesh;
+        assert!(got.face_count() > 50);
+        assert_within(&format!("{method:?}"), &mesh, &got);
+    }
+}
+
+/// The range is that of each mesh, not of all under one budget.
+#[test]
+fn no_value_of_a_scene_leaves_the_range_of_its_mesh() {
+    let (a, b) = (waved(shapes::blob(4, 3), 0.0, 1.0), waved(shapes::torus(48, 24), -20.0, 30.0));
+    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, system: None };
+    let options = SimplifyOptions::new(Stop::ratio(0.2));
+    let got = simplify_scene(&[part(&a), part(&b)], 4.0, &options, &mut NoControl).unwrap();
+    assert_within("the first", &a, &got.meshes[0]);
+    assert_within("the second", &b, &got.meshes[1]);
+}
+
+#[test]
+fn no_value_of_a_level_leaves_the_range_of_the_full_mesh() {
+    let mesh = waved(shapes::blob(4, 3), 0.0, 1.0);
+    let mut road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).unwrap();
+    for faces in [3000, 1111, 500, 100] {
+        road.to_faces(faces);
+        assert_within("the road", &mesh, &road.mesh().unwrap());
+        assert_within("its fit", &mesh, &road.fitted_mesh().unwrap());
+        assert_within("its buffers", &mesh, &road.fitted_buffers().unwrap());
+    }
+}
+
+fn id() -> Semantic {
+    Semantic::Discrete { name: "_FEATURE_ID_0".to_owned(), of: Integer::U16 }
+}
+
+fn ids(mesh: &TriMesh) -> Vec<f32> {
+    let own: Vec<_> = mesh.further_attributes().iter().filter(|a| a.semantic == id()).collect();
+    assert!(own.len() == 1 && own[0].width == 1);
+    own[0].values.clone()
+}
+
+/// Ids in bands along x, one for each vertex.
+fn banded(mut mesh: TriMesh) -> TriMesh {
+    let values =
+        wedges(&mesh).map(|w| 7.0 + 1000.0 * (place(&mesh, w)[0] * 3.0).floor().abs() as f32).collect();
+    mesh.add_attribute(Attribute { semantic: id(), width: 1, values }).unwrap();
+    mesh
+}
+
+fn assert_known(what: &str, source: &TriMesh, got: &TriMesh) {
+    let known: BTreeSet<u32> = ids(source).into_iter().map(f32::to_bits).collect();
+    let other = ids(got).into_iter().find(|x| !known.contains(&x.to_bits()));
+    assert_eq!(other, None, "{what}: an id that the source has not");
+    let own: BTreeSet<u32> = ids(got).into_iter().map(f32::to_bits).collect();
+    assert!(own.len() > 2, "{what}: {} ids are left", own.len());
+}
+
+/// Ids of u16 came out as -0.0887 and 2.94.
+#[test]
+fn ids_are_those_of_the_source() {
+    let plain = banded(shapes::blob(4, 3));
+    let mut dressed = waved(shapes::blob(4, 3), 0.0, 1.0);
+    dressed.add_attribute(plain.further_attributes()[0].clone()).unwrap();
+    for mesh in [&plain, &dressed] {
+        for method in [
+            Method::Memoryless,
+            Method::Quadric,
+            Method::LindstromTurk,
+            Method::Cluster,
+            Method::Remesh,
+            Method::VertexRemoval,
+            Method::Planar,
+        ] {
+            let got = simplify(mesh, &options(method), &mut NoControl).unwrap();
+            assert!(got.report.dropped.is_empty());
+            assert_known(&format!("{method:?}"), mesh, &got.mesh);
+        }
+        for placement in [Placement::Midpoint, Placement::Endpoint] {
+            let mut options = options(Method::Memoryless);
+            options.placement = placement;
+            let got = simplify(mesh, &options, &mut NoControl).unwrap().mesh;
+            assert_known(&format!("{placement:?}"), mesh, &got);
+        }
+    }
+    // Near where it was: a band is .33 wide.
+    let got = simplify(&plain, &options(Method::Memoryless), &mut NoControl).unwrap().mesh;
+    let far = wedges(&got).zip(ids(&got)).filter(|(w, id)| {
+        let near = |d: f64| 7.0 + 1000.0 * ((place(&got, *w)[0] + d) * 3.0).floor().abs() as f32;
+        ![-0.1, 0.0, 0.1].map(near).contains(id)
+    });
+    assert!(far.count() * 50 < got.wedge_count());
+}
+
+/// A face of a feature has the id of it at all corners; the features share vertices, and nothing else tells them apart.
+#[test]
+fn faces_of_two_features_stay_faces_of_one() {
+    let mut mesh = two_charts(24);
+    let right: Vec<bool> = mesh.uvs().unwrap().iter().map(|uv| uv[0] > 5.0).collect();
+    mesh.set_uvs(None).unwrap();
+    let values = right.iter().map(|r| if *r { 3.0 } else { 9.0 }).collect();
+    mesh.add_attribute(Attribute { semantic: id(), width: 1, values }).unwrap();
+    for method in [Method::Memoryless, Method::Cluster] {
+        let got = simplify(&mesh, &options(method), &mut NoControl).unwrap().mesh;
+        let ids = ids(&got);
+        let mut count = [0, 0];
+        for t in got.triangles() {
+            let [a, b, c] = t.map(|w| ids[w.index()]);
+            assert!(a == b && b == c, "{method:?}: a face of {a}, {b} and {c}");
+            count[usize::from(a == 3.0)] += 1;
+        }
+        assert!(count[0] > 10 && count[1] > 10, "{method:?}: {count:?}");
+    }
+}
+
+#[test]
+fn ids_of_scenes_and_levels_are_those_of_the_source() {
+    let (a, b) = (banded(shapes::blob(4, 3)), waved(shapes::torus(48, 24), 0.0, 1.0));
+    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, system: None };
+    let options = SimplifyOptions::new(Stop::ratio(0.2));
+    let got = simplify_scene(&[part(&a), part(&b)], 4.0, &options, &mut NoControl).unwrap();
+    assert_known("of a scene", &a, &got.meshes[0]);
+    assert!(got.meshes[1].further_attributes().iter().all(|a| !a.semantic.is_discrete()));
+    let mut dressed = waved(shapes::blob(4, 3), 0.0, 1.0);
+    dressed.add_attribute(a.further_attributes()[0].clone()).unwrap();
+    for mesh in [a, dressed] {
+        let mut road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).unwrap();
+        for faces in [3000, 500, 100] {
+            road.to_faces(faces);
+            assert_known("of a level", &mesh, &road.mesh().unwrap());
+            assert_known("of a fitted level", &mesh, &road.fitted_mesh().unwrap());
+        }
+        road.to_level(road.top());
+        assert_eq!(road.fitted_mesh().unwrap(), mesh);
+    }
+}

@@ -1,0 +1,213 @@
+//! Whether errors grow steadily: models lighter and lighter, from 90 % of their triangles to 200, in steps of 0.85.
+//!
+//! A step is a *spike* if its RMS distance is more than [`SPIKE`] times that of any lighter step: then asking for fewer
+//! triangles gives a mesh that is closer, and the run chose a bad way to its target. Distances below [`FLOOR`] of the
+//! diagonal count as that much. Growth as such is no fault.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use serde_json::Value;
+
+use crate::{cargo, shared_models, succeed};
+
+/// The part of the triangles that a step keeps of those of the step before; the first keeps [`FIRST`] of the model.
+const STEP: f64 = 0.85;
+const FIRST: f64 = 0.9;
+/// No step asks for fewer triangles.
+const FEWEST: usize = 200;
+/// How many times as far off as a lighter step a step may be. (Measured: ways to a target differ by less where either will
+/// do, and runs whose steps fall out by chance stay below it.)
+const SPIKE: f64 = 1.5;
+/// A share of the diagonal: sixteen roundings of a coordinate in single precision.
+const FLOOR: f64 = 1e-6;
+/// Models of a folder with fewer or more triangles are left out: below, 200 are no reduction; above, a walk takes minutes.
+const WALKED: std::ops::RangeInclusive<u64> = 400..=60_000;
+const PRESETS: &[&str] = &["auto", "scan", "cad", "visual", "print"];
+/// Endings of files that are models.
+const MODELS: &[&str] = &["obj", "off", "ply", "stl", "gltf", "glb"];
+
+/// One step: the triangles that were left, and the RMS distance, a share of the diagonal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Walked {
+    faces: u64,
+    rms: f64,
+}
+
+/// The triangles to ask for, one step after the other.
+fn targets(faces: u64) -> Vec<usize> {
+    let sizes = std::iter::successors(Some(FIRST * faces as f64), |n| Some(n * STEP));
+    sizes.map(|n| n.round() as usize).take_while(|n| *n >= FEWEST).collect()
+}
+
+/// The steps that are spikes, by their index.
+fn spikes(steps: &[Walked]) -> Vec<usize> {
+    let of = |step: &Walked| step.rms.max(FLOOR);
+    let is_spike = |&i: &usize| {
+        let lighter = steps.iter().filter(|s| s.faces < steps[i].faces).map(of);
+        of(&steps[i]) > SPIKE * lighter.fold(f64::INFINITY, f64::min)
+    };
+    (0..steps.len()).filter(is_spike).collect()
+}
+
+/// Walks `MODEL...` (the shared models without any) with each `--preset NAME` (all of them without any).
+pub(crate) fn run(args: &[String]) -> Result<()> {
+    let (mut models, mut presets) = (Vec::new(), Vec::new());
+    let mut words = args.iter();
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--preset" => presets.push(words.next().context("--preset needs a name")?.as_str()),
+            word if word.starts_with('-') => bail!("no option {word}"),
+            word => models.push(PathBuf::from(word)),
+        }
+    }
+    if let Some(unknown) = presets.iter().find(|p| !PRESETS.contains(p)) {
+        bail!("no preset {unknown}; there are {}", PRESETS.join(", "));
+    }
+    let presets = if presets.is_empty() { PRESETS.to_vec() } else { presets };
+    if models.is_empty() {
+        let folder = shared_models().context("no models: name files (../shared/models is not there)")?;
+        list(&folder, &mut models)?;
+    }
+    succeed(cargo().args(["build", "--release", "-q", "-p", "lodsmith-cli"]))?;
+    println!("| model | preset | triangles → RMS, % of the diagonal | spikes |\n|---|---|---|--:|");
+    let mut found = Vec::new();
+    for model in &models {
+        for preset in presets.iter().copied() {
+            let Some(steps) = walk(model, preset)? else { break };
+            let name = model.file_name().unwrap_or_default().to_string_lossy();
+            let told = |s: &Walked| format!("{} → {:.5}", s.faces, 100.0 * s.rms);
+            let all: Vec<String> = steps.iter().map(told).collect();
+            let bad = spikes(&steps);
+            println!("| {name} | {preset} | {} | {} |", all.join(", "), bad.len());
+            found.extend(bad.into_iter().map(|i| format!("{name}, {preset}: {} %", told(&steps[i]))));
+        }
+    }
+    found.iter().for_each(|spike| eprintln!("spike: {spike}"));
+    ensure!(
+        found.is_empty(),
+        "{} steps are more than {SPIKE} times as far off as a lighter one",
+        found.len()
+    );
+    Ok(())
+}
+
+/// All models of a folder, in the order of their paths.
+fn list(folder: &Path, models: &mut Vec<PathBuf>) -> Result<()> {
+    let mut entries: Vec<PathBuf> =
+        std::fs::read_dir(folder)?.map(|e| Ok(e?.path())).collect::<Result<_>>()?;
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            list(&path, models)?;
+        } else if path.extension().is_some_and(|e| MODELS.iter().any(|m| e.eq_ignore_ascii_case(m))) {
+            models.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// The steps of a model; `None` where it cannot be read or has too few or too many triangles.
+fn walk(model: &Path, preset: &str) -> Result<Option<Vec<Walked>>> {
+    let folder = tempfile::tempdir()?;
+    let lighter = folder.path().join("lighter.ply");
+    let simplified = |faces: usize| -> Option<Value> {
+        let faces = faces.to_string();
+        let words =
+            ["simplify", "--json", "-q", "--force", "--measure", "--preset", preset, "--faces", &faces];
+        let out = crate::look::program().args(words).arg("-o").arg(&lighter).arg(model).output().ok()?;
+        serde_json::from_slice(&out.stdout).ok()
+    };
+    let Some(input) = simplified(usize::MAX >> 8) else { return Ok(None) };
+    let faces = input["input"]["faces"].as_u64().unwrap_or(0);
+    if !WALKED.contains(&faces) {
+        return Ok(None);
+    }
+    let mut steps = Vec::new();
+    for target in targets(faces) {
+        let report = simplified(target).with_context(|| format!("{} to {target}", model.display()))?;
+        let error = &report["error"];
+        let rms = error["measured"]["rms"]["symmetric"].as_f64().context("no measured error")?;
+        let diagonal = error["diagonal"].as_f64().filter(|d| *d > 0.0).unwrap_or(1.0);
+        steps.push(Walked { faces: report["output"]["faces"].as_u64().unwrap_or(0), rms: rms / diagonal });
+    }
+    Ok(Some(steps))
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith::core::measure::{CompareOptions, compare};
+    use lodsmith::core::{Positions, TriMesh, VertexId, WedgeId, shapes};
+    use lodsmith::{NoControl, Preset, SimplifyOptions, Stop, simplify};
+
+    use super::*;
+
+    /// Walks a mesh without files.
+    fn walked(mesh: &TriMesh, preset: Preset) -> Vec<Walked> {
+        let mut options = CompareOptions::default();
+        options.samples = 10_000;
+        let step = |faces: usize| {
+            let done =
+                simplify(mesh, &SimplifyOptions::preset(preset, Stop::faces(faces)), &mut NoControl).unwrap();
+            let off = compare(&mesh.surface(), &done.mesh.surface(), &options).unwrap();
+            Walked { faces: done.mesh.face_count() as u64, rms: off.rms.symmetric / off.diagonal }
+        };
+        targets(mesh.face_count() as u64).into_iter().map(step).collect()
+    }
+
+    fn holds(mesh: &TriMesh, presets: &[Preset]) {
+        for &preset in presets {
+            let steps = walked(mesh, preset);
+            assert!(steps.len() > 5 && steps.last().is_some_and(|s| s.rms > FLOOR));
+            let bad: Vec<_> = spikes(&steps).into_iter().map(|i| steps[i]).collect();
+            assert!(bad.is_empty(), "{preset:?}: {bad:?} among {steps:?}");
+        }
+    }
+
+    #[test]
+    fn a_spike_is_farther_off_than_what_is_lighter() {
+        let steps = |all: &[(u64, f64)]| -> Vec<Walked> {
+            all.iter().map(|&(faces, rms)| Walked { faces, rms }).collect()
+        };
+        assert_eq!(spikes(&steps(&[(900, 1e-4), (700, 2e-4), (500, 8e-4), (300, 7e-4)])), [0usize; 0]);
+        assert_eq!(spikes(&steps(&[(900, 1e-4), (700, 2e-2), (500, 3e-2), (300, 3e-4)])), [1, 2]);
+        // Rounding.
+        assert_eq!(spikes(&steps(&[(900, 9e-7), (700, 1e-7), (500, 1e-5)])), [0usize; 0]);
+        // Runs that end at one count.
+        assert_eq!(spikes(&steps(&[(300, 4e-3), (300, 1e-3)])), [0usize; 0]);
+    }
+
+    #[test]
+    fn steps_lead_from_nine_tenths_to_two_hundred() {
+        let all = targets(1000);
+        assert_eq!((all[0], all[1], all.len()), (900, 765, 10));
+        assert!(all.last().is_some_and(|n| (FEWEST..FEWEST * 2).contains(n)));
+    }
+
+    #[test]
+    fn errors_of_a_level_of_small_parts_grow_steadily() {
+        holds(&shapes::level(16, 90), &[Preset::Auto, Preset::Visual, Preset::Scan, Preset::Cad]);
+    }
+
+    #[test]
+    fn errors_of_a_blob_with_handles_beside_it_grow_steadily() {
+        let (mut points, mut triangles) = (Vec::new(), Vec::new());
+        for (mesh, by) in
+            [(shapes::blob(3, 1), 0.0), (shapes::torus(16, 8), 2.5), (shapes::tetrahedra(27), 4.0)]
+        {
+            let first = points.len() as u32;
+            points.extend(mesh.positions().view().iter().map(|p| [p[0] + by, 0.4 * p[1], 0.4 * p[2]]));
+            triangles
+                .extend(mesh.triangles().iter().map(|t: &[WedgeId; 3]| t.map(|w| VertexId(w.0 + first))));
+        }
+        let mesh = TriMesh::new(Positions::F64(points), triangles).unwrap();
+        holds(&mesh, &[Preset::Auto, Preset::Print, Preset::Visual]);
+    }
+
+    #[test]
+    fn errors_of_a_sheet_with_holes_grow_steadily() {
+        let mut sheet = shapes::grid_with_holes(24);
+        sheet.map_positions(|p| [p[0], p[1], 0.1 * (7.0 * p[0]).sin() * (5.0 * p[1]).cos()]);
+        holds(&sheet, &[Preset::Auto, Preset::Cad, Preset::Print]);
+    }
+}
