@@ -277,7 +277,7 @@ fn locked_vertices_and_faces_stay() {
             let mut options = planar(Stop::default());
             options.locked = Some(Arc::from(&locked[..]));
             if let Some(done) = tried(&mut all, name, &mesh, &options) {
-                all.add(name, locked_complaints(&mesh, &locked, false, &done.mesh));
+                all.add(name, locked_complaints(&mesh, &locked, (false, false), &done.mesh));
             }
         }
     }
@@ -481,7 +481,7 @@ proptest! {
                 }
                 if let Some(locked) = &options.locked {
                     let welded = true;
-                    found.extend(locked_complaints(&mesh, locked, welded, &done.mesh));
+                    found.extend(locked_complaints(&mesh, locked, (welded, false), &done.mesh));
                 }
                 prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
                 let again = run(&mesh, &options);

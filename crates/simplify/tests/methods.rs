@@ -808,7 +808,7 @@ fn shared_options_are_honoured_or_refused() {
                         let locked = options.locked.as_deref().unwrap_or_default();
                         // Clusters can leave a single locked vertex without any face, and it goes.
                         let may_go = promise.method == Method::Cluster;
-                        all.add(&case, laden::locked_complaints(&mesh, locked, may_go, &done.mesh));
+                        all.add(&case, laden::locked_complaints(&mesh, locked, (may_go, false), &done.mesh));
                     }
                     _ => {}
                 }

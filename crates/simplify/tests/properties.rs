@@ -73,7 +73,8 @@ fn wrongs(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
             let locked = options.locked.as_deref();
             found.extend(attribute_complaints(mesh, options.placement, locked, &done.mesh));
             if let Some(locked) = locked {
-                found.extend(locked_complaints(mesh, locked, options.weld.is_some(), &done.mesh));
+                let paired = done.report.pairs_contracted > 0;
+                found.extend(locked_complaints(mesh, locked, (options.weld.is_some(), paired), &done.mesh));
             }
             match run(mesh, options) {
                 Ok(Ok(again)) if bytes(&again.mesh) == bytes(&done.mesh) && again.report == done.report => {}

@@ -176,6 +176,26 @@ impl Bundle {
         effect
     }
 
+    /// Whether a locked vertex loses all its faces, or a face whose corners are all locked goes.
+    pub(super) fn loses_locked<Q: Memory>(&mut self, store: &mut Store<Q>) -> bool {
+        let mut ring = std::mem::take(&mut self.ring);
+        let is_lost = self.faces.iter().filter(|c| c.is_gone).any(|c| {
+            let is_locked = c.before.map(|w| store.v[w.index()].kind.is_locked());
+            let mut locked = c.before.into_iter().zip(is_locked).filter(|x| x.1);
+            is_locked == [true; 3]
+                || locked.any(|(w, _)| {
+                    let w = self.now(w);
+                    if self.is_end(w) {
+                        return !self.faces.iter().any(|c| !c.is_gone && c.after.contains(&w));
+                    }
+                    store.ring(w, &mut ring);
+                    ring.iter().all(|r| self.is_gone(r.corner.face()))
+                })
+        });
+        self.ring = ring;
+        is_lost
+    }
+
     fn effect_on_vertices<Q: Memory>(&self, store: &mut Store<Q>, ring: &mut Ring) -> Effect {
         let mut fan = Vec::new();
         let mut is_manifold = true;
@@ -299,5 +319,23 @@ mod tests {
         assert_eq!(effect(8, &faces, &[[0, 4]]), (Effect::Singular, 0));
         assert_eq!(effect(8, &faces, &[[0, 4], [1, 6]]), (Effect::Worse, 0));
         assert_eq!(effect(8, &faces, &[[0, 4], [1, 6], [2, 5]]), (Effect::Manifold, 2));
+    }
+
+    #[test]
+    fn locked_vertices_and_faces_are_not_lost() {
+        // Two triangles that meet in 4 come to lie back to back, and both go; 5 holds on to one of the pairs.
+        let faces = [[0, 1, 4], [3, 2, 4], [0, 5, 1]].map(|t| t.map(VertexId));
+        let loses = |locked: &[u32]| {
+            let mut store = Store::<Tensor>::new(&[Vec3::ZERO; 6], faces.to_vec(), None, None);
+            store.link();
+            for &v in locked {
+                store.v[v as usize].kind = store.v[v as usize].kind.locked(true);
+            }
+            let mut bundle = Bundle::default();
+            bundle.set(&mut store, &[[0, 2], [1, 3]].map(|p| p.map(VertexId)));
+            bundle.loses_locked(&mut store)
+        };
+        assert!(!loses(&[]) && !loses(&[5]) && !loses(&[0, 1]));
+        assert!(loses(&[4]) && loses(&[0, 1, 4]));
     }
 }

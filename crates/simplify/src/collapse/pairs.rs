@@ -422,6 +422,9 @@ impl<M: Metric> Engine<M> {
         if bundle.faces.iter().filter(|c| c.is_gone).count() >= self.store.live_faces {
             return Outcome::Refused(Refusal::Component);
         }
+        if bundle.loses_locked(&mut self.store) {
+            return Outcome::Refused(Refusal::Locked);
+        }
         let (mut price, mut remembered, mut gaps) = (0f32, 0f32, 0f32);
         for i in 0..bundle.joints.len() {
             let joint = bundle.joints[i];

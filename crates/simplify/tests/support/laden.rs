@@ -125,8 +125,8 @@ pub(crate) fn laden_options(
     options.per_mesh = random.below(4) == 0;
     if random.below(3) == 0 {
         let mut any = || random.pick(&[0.0, 1.0, 1.0, 0.5, 10.0, 1e6, 1e30]);
-        let [normal, uv, color, morph, other, border] = [0; 6].map(|_| any());
-        options.weights = AttributeWeights { normal, uv, color, morph, other, border };
+        let [normal, uv, color, morph, skin, other, border] = [0; 7].map(|_| any());
+        options.weights = AttributeWeights { normal, uv, color, morph, skin, other, border };
     }
     if random.below(3) == 0 {
         let one_in = random.pick(&[1, 2, 4, 20]);
@@ -291,12 +291,12 @@ fn corner(mesh: &TriMesh, w: WedgeId) -> Vec<u64> {
     all
 }
 
-/// What is wrong with the locked part of a result. Where vertices were `welded`, others may have come to theirs, with
-/// what stood on them.
+/// What is wrong with the locked part of a result. Where vertices were `welded`, or contracted in pairs (`paired`), others
+/// may have come to theirs, with what stood on them.
 pub(crate) fn locked_complaints(
     mesh: &TriMesh,
     locked: &[bool],
-    welded: bool,
+    (welded, paired): (bool, bool),
     result: &TriMesh,
 ) -> Vec<String> {
     let mut found = Vec::new();
@@ -332,7 +332,7 @@ pub(crate) fn locked_complaints(
     if !missing.is_empty() {
         found.push(format!("{} locked vertices are no more", missing.len()));
     }
-    if !welded {
+    if !welded && !paired {
         let corners = |m: &TriMesh| {
             let wedges = m.triangles().iter().flatten().filter(|w| places.contains(&place(m, **w)));
             wedges.map(|&w| corner(m, w)).collect::<HashSet<_>>()

@@ -267,7 +267,12 @@ pub(crate) fn scene_complaints(
         if let Some(locked) = locked {
             // Parts that touch are welded.
             let welded = options.weld.is_some() || parts.iter().any(|p| p.system.is_some());
-            wrongs.extend(laden::locked_complaints(before, locked, welded, own));
+            wrongs.extend(laden::locked_complaints(
+                before,
+                locked,
+                (welded, report.pairs_contracted > 0),
+                own,
+            ));
         }
         wrongs.into_iter().for_each(|x| check(false, format!("part {i}: {x}")));
     }
