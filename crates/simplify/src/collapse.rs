@@ -851,6 +851,11 @@ impl<M: Metric> Engine<M> {
         }
     }
 
+    /// Whether a run that kept seams on their lines paid for it, and seams refused collapses.
+    pub(crate) fn has_seams_in_the_way(&self) -> bool {
+        self.paid > 0.0 && !self.has_relaxed_seams() && self.refusals[Refusal::Seam as usize] > 0
+    }
+
     /// Whether seams had to give way.
     pub(crate) fn has_relaxed_seams(&self) -> bool {
         matches!(self.looseness, Looseness::Seams | Looseness::Regions)

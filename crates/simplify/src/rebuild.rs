@@ -220,6 +220,7 @@ fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, Si
         pairs_contracted: 0,
         touches: false,
         seams_relaxed: false,
+        spares_seams: false,
         spares_parts: false,
         spares_necks: false,
         sharp_relaxed: false,

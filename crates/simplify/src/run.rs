@@ -87,6 +87,8 @@ pub(crate) struct Outcome {
     /// Whether vertices that were cut apart stand at one place.
     pub(crate) touches: bool,
     pub(crate) seams_relaxed: bool,
+    /// Whether seams stayed on their lines at a price.
+    pub(crate) spares_seams: bool,
     /// Whether parts stayed that would have been cheaper to remove than what was done instead.
     pub(crate) spares_parts: bool,
     /// Whether necks stayed that stood in the way of many collapses.
@@ -415,7 +417,8 @@ impl Run<'_, '_> {
         let is_free = self.options.topology == TopologyPolicy::Free;
         let leave = Leave { parts: is_free, cuts: is_free, seams: false };
         let outcome = self.straight(metric, goal, step, leave, control)?;
-        if !outcome.seams_relaxed || goal.is_none() || step.is_some() || outcome.end == End::Finish {
+        let competes = outcome.seams_relaxed || outcome.spares_seams;
+        if !competes || goal.is_none() || step.is_some() || outcome.end == End::Finish {
             return Ok(outcome);
         }
         let other = self.straight(metric, goal, step, Leave { seams: true, ..leave }, control)?;

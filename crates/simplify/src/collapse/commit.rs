@@ -18,9 +18,10 @@ use crate::triangle;
 const PEAK: f32 = 0.2;
 /// Cost of length, a share of area · length²: decides among flat collapses only. (docs/decisions/0003)
 pub(crate) const TIE: f32 = 1e-11;
-/// Most that the largest squared distance counts, a share of the star's own area: on meshes with faces of all sizes the mean
-/// triangle is far larger than those of a fillet. (Measured: docs/decisions/0001.)
-pub(super) const PEAK_OF_STAR: f32 = 0.1;
+/// Most that the largest squared distance from a plane counts, a share of the star's own area: on meshes with faces of all
+/// sizes the mean triangle is far larger than those of a fillet. Bare places have no such limit: tips often end in tiny faces.
+/// (Measured: docs/decisions/0001.)
+pub(super) const PEAK_OF_STAR: f32 = 0.3;
 /// Square of the shape under which a new triangle counts as having no area, unless it was as bad before: just above what
 /// single precision can tell. (Measured: at 1e-7 fans of slivers block each other, and brain588k to 100 is four times worse.)
 pub(super) const NO_AREA: f32 = 1e-11;
@@ -180,14 +181,17 @@ impl<M: Metric> Engine<M> {
         }
         let mut plain = cost;
         if is_exact {
-            let peak_weight = self.peak_weight().min(PEAK_OF_STAR * area);
+            let peak_weight = self.peak_weight();
+            let mut weighted = peak_weight.min(PEAK_OF_STAR * area) * peak;
             // A tip that draws back along its own planes leaves none of them, but its place.
             for (from, step, bare) in [(x.p, y, bare[0]), (z.p, off, bare[1])] {
                 if bare && peak_weight * step.length_squared() > 0.5 * cost {
-                    peak = peak.max(BARE * self.distance_to_star(from, at));
+                    let distance = BARE * self.distance_to_star(from, at);
+                    peak = peak.max(distance);
+                    weighted = weighted.max(peak_weight * distance);
                 }
             }
-            cost += peak_weight * peak;
+            cost += weighted;
             cost += 0.5 * TIE * area * (y.length_squared() + off.length_squared());
         } else {
             cost = judged;

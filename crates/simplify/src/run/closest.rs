@@ -18,9 +18,10 @@ const FAVOUR: f64 = 1.25;
 const DESTROYED: f64 = 3.0;
 
 impl Outcome {
-    /// Whether another way to the target may be closer to the input: seams gave way, or cheap parts or necks stayed.
+    /// Whether another way to the target may be closer to the input: seams gave way, or stayed at a price, or cheap parts or
+    /// necks stayed.
     pub(super) fn has_rivals(&self) -> bool {
-        self.seams_relaxed || self.spares_parts || self.spares_necks
+        self.seams_relaxed || self.spares_seams || self.spares_parts || self.spares_necks
     }
 
     /// Whether everything stayed that stays if it can.

@@ -64,7 +64,7 @@ impl Run<'_, '_> {
         trunk.engine.store.finish();
         let end = end.unwrap_or(End::Stuck);
         let mut ways = Vec::new();
-        let seams_stand_in_way = trunk.engine.has_relaxed_seams();
+        let seams_stand_in_way = trunk.engine.has_relaxed_seams() || trunk.engine.has_seams_in_the_way();
         let mut parts = true;
         if trunk.engine.parts_removed == 0 || end == End::Finish {
             parts = end == End::Stuck || trunk.engine.part_count() > 1;
@@ -90,7 +90,7 @@ impl Run<'_, '_> {
             ways.push(second);
         }
         let is_over = ways.last().is_some_and(|last| last.end == End::Finish);
-        let competes = seams_stand_in_way || ways.iter().any(|way| way.seams_relaxed);
+        let competes = seams_stand_in_way || ways.iter().any(|way| way.seams_relaxed || way.spares_seams);
         if competes && step.is_none() && !is_over {
             let leave = Leave { parts, cuts: cuts && parts, seams: true };
             let third = self.in_turn(metric, &goal, step, leave, &mut from, control)?;

@@ -167,6 +167,7 @@ impl Run<'_, '_> {
             pairs_contracted: engine.pairs_contracted,
             touches: engine.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0,
             seams_relaxed: engine.has_relaxed_seams(),
+            spares_seams: engine.has_seams_in_the_way(),
             spares_parts,
             spares_necks,
             sharp_relaxed: engine.has_relaxed_creases(),
