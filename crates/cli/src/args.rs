@@ -2,7 +2,6 @@
 
 mod choice;
 mod clean;
-mod clusters;
 mod engine;
 mod lod;
 mod methods;
@@ -21,7 +20,6 @@ use lodsmith_io::Format;
 
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use clean::CleanArgs;
-pub(crate) use clusters::{BuildArgs, ClustersCommand, CutArgs, LevelsArgs};
 pub(crate) use engine::{How, Importance};
 pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
@@ -59,9 +57,6 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Weld, orient, drop what is broken, and say what was done
     Clean(Box<CleanArgs>),
-    /// Clusters of many levels of detail, for engines that choose among them while they draw
-    #[command(subcommand)]
-    Clusters(ClustersCommand),
     /// Every method on one model: time, error, validity
     Methods(Box<MethodsArgs>),
     /// A mesh that runs between all levels, in one file
@@ -80,7 +75,7 @@ pub(crate) enum Command {
     },
     /// Print a manual page
     Man {
-        /// The page of this command, such as simplify or "clusters build"; without it, the one that lists them all
+        /// The page of this command, such as simplify or "progressive build"; without it, the one that lists them all
         command: Option<String>,
     },
 }

@@ -245,16 +245,6 @@ pub(crate) fn write_scene(
     )
 }
 
-/// Writes a file that is no mesh; in all else as [`write()`].
-pub(crate) fn write_other(
-    sink: &Sink,
-    force: bool,
-    to_stream: impl FnOnce(&mut dyn io::Write) -> Result<(), WriteError>,
-    to_path: impl FnOnce(&Path) -> Result<(), WriteError>,
-) -> anyhow::Result<()> {
-    write_with(sink, force, to_stream, |path, _| to_path(path))
-}
-
 /// Writes a scene with levels of detail; in all else as [`write_scene`].
 pub(crate) fn write_levels(
     scene: &Scene,

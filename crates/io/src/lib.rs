@@ -4,7 +4,6 @@
 //! decides which one reads ([`sniff`]), the file's ending decides which one writes.
 
 mod attributes;
-pub mod cluster_lod;
 mod distinct;
 pub mod error;
 mod excerpt;
