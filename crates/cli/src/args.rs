@@ -16,7 +16,7 @@ use std::num::NonZeroU16;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use lodsmith_io::Format;
+use lodsmith_io::{AssetScope, Format, ReadOptions};
 
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use clean::CleanArgs;
@@ -101,6 +101,49 @@ impl Run {
     }
 }
 
+/// How inputs are read.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Reading")]
+pub(crate) struct Reading {
+    /// Format of the inputs, whatever their content
+    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
+    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    assets: AssetArgs,
+}
+
+impl Reading {
+    /// The same for the libraries.
+    pub(crate) fn options(&self) -> ReadOptions {
+        let mut options = ReadOptions::default();
+        options.format = self.from;
+        options.assets = self.assets.scope();
+        options
+    }
+}
+
+/// Which files a model may name.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Reading")]
+pub(crate) struct AssetArgs {
+    /// Let models name files in DIR and below (materials, textures, buffers), not only in their own folder and below
+    #[arg(long, value_name = "DIR")]
+    asset_root: Option<PathBuf>,
+    /// Let models name any file; only for models that you trust
+    #[arg(long, conflicts_with = "asset_root")]
+    allow_outside: bool,
+}
+
+impl AssetArgs {
+    pub(crate) fn scope(&self) -> AssetScope {
+        match &self.asset_root {
+            Some(root) => AssetScope::Root(root.clone()),
+            None if self.allow_outside => AssetScope::Anywhere,
+            None => AssetScope::Folder,
+        }
+    }
+}
+
 /// How a result is written.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Writing")]
@@ -149,11 +192,10 @@ pub(crate) struct InfoArgs {
     /// Files to look into; `-` is standard input
     #[arg(value_name = "IN", required = true)]
     pub(crate) inputs: Vec<Source>,
-    /// Format of the inputs, whatever their content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     /// One JSON object a line for each input
-    #[arg(long)]
+    #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) run: Run,
@@ -186,11 +228,10 @@ pub(crate) struct CompareArgs {
     /// Equal seeds give equal figures
     #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().seed)]
     pub(crate) seed: u64,
-    /// Format of both inputs, whatever their content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     /// One JSON object
-    #[arg(long)]
+    #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) run: Run,
@@ -201,6 +242,8 @@ pub(crate) struct ViewArgs {
     /// Files to open, or a session; without any, the window says what to do
     #[arg(value_name = "IN")]
     pub(crate) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) assets: AssetArgs,
 }
 
 #[derive(Args, Debug)]
@@ -218,9 +261,8 @@ pub(crate) struct ConvertArgs {
     /// The file to write; `-` is standard output
     #[arg(value_name = "OUT")]
     pub(crate) output: Sink,
-    /// Format of the input, whatever its content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
     /// End with status 3 if data are dropped

@@ -17,7 +17,7 @@ use lodsmith_io::{
     WriteOptions,
 };
 
-use crate::args::Writing;
+use crate::args::{Reading, Writing};
 use crate::exit;
 
 /// What is read.
@@ -69,18 +69,17 @@ impl fmt::Display for Sink {
 }
 
 /// Reads a mesh. The error does not name the source.
-pub(crate) fn read(source: &Source, format: Option<Format>) -> anyhow::Result<Loaded> {
-    read_with(source, format, Vec::new())
+pub(crate) fn read(source: &Source, reading: &Reading) -> anyhow::Result<Loaded> {
+    read_with(source, reading, Vec::new())
 }
 
 /// The same, with these properties of vertices beside the mesh.
 pub(crate) fn read_with(
     source: &Source,
-    format: Option<Format>,
+    reading: &Reading,
     properties: Vec<String>,
 ) -> anyhow::Result<Loaded> {
-    let mut options = ReadOptions::default();
-    options.format = format;
+    let mut options = reading.options();
     options.properties = properties;
     let loaded = match source {
         Source::Path(path) => lodsmith_io::read_path(path, &options),
@@ -94,9 +93,8 @@ pub(crate) fn read_with(
 }
 
 /// Reads a file as a model, as it is to be seen. The error does not name the source.
-pub(crate) fn read_model(source: &Source, format: Option<Format>) -> anyhow::Result<ModelFile> {
-    let mut options = ReadOptions::default();
-    options.format = format;
+pub(crate) fn read_model(source: &Source, reading: &Reading) -> anyhow::Result<ModelFile> {
+    let options = reading.options();
     let model = match source {
         Source::Path(path) => lodsmith_io::read_model_path(path, &options),
         Source::Stdin => {
@@ -120,11 +118,10 @@ pub(crate) enum Input {
 /// name the source.
 pub(crate) fn read_scene(
     source: &Source,
-    format: Option<Format>,
+    reading: &Reading,
     properties: Vec<String>,
 ) -> anyhow::Result<Input> {
-    let mut options = ReadOptions::default();
-    options.format = format;
+    let mut options = reading.options();
     options.properties = properties.clone();
     let scene = match source {
         Source::Path(path) => lodsmith_io::read_scene_path(path, &options).map_err(unnamed)?,
@@ -141,7 +138,7 @@ pub(crate) fn read_scene(
     };
     Ok(match scene {
         Some(scene) => Input::Scene(Box::new(scene)),
-        None => Input::Mesh(Box::new(read_with(source, format, properties)?)),
+        None => Input::Mesh(Box::new(read_with(source, reading, properties)?)),
     })
 }
 

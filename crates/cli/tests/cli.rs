@@ -507,7 +507,7 @@ fn convert_keeps_a_whole_scene() {
         fs::create_dir(desk.path(folder)).expect("there is room for a folder");
     }
     desk.put("in/a.gltf", SCENE);
-    let image = b"\x89PNG, or nearly";
+    let image = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x02\x08\x02\0\0\0";
     fs::write(desk.path("in/a b.png"), image).expect("there is room for a file");
     let source: Value = serde_json::from_str(SCENE).expect("it is JSON");
     let kept =

@@ -44,7 +44,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     let compared = in_order::pool(args.run.threads())?.install(|| {
         let bar = progress.file("");
         bar.read();
-        let load = |source| file::read(source, args.from).with_context(|| format!("{source}"));
+        let load = |source| file::read(source, &args.reading).with_context(|| format!("{source}"));
         let (mut reference, candidate) = (load(&args.reference)?, load(&args.candidate)?);
         bar.stage(lodsmith::Stage::Measure);
         let mut options = CompareOptions::default();

@@ -31,9 +31,9 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
         let bar = progress.file(&path);
         bar.read();
         let input = if is_whole {
-            file::read_scene(&args.input, args.from, Vec::new())?
+            file::read_scene(&args.input, &args.reading, Vec::new())?
         } else {
-            Input::Mesh(Box::new(file::read(&args.input, args.from)?))
+            Input::Mesh(Box::new(file::read(&args.input, &args.reading)?))
         };
         bar.write();
         match input {

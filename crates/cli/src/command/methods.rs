@@ -96,7 +96,7 @@ struct Tried {
 fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> anyhow::Result<Tried> {
     let bar = progress.file(path);
     bar.read();
-    let loaded = file::read(&args.input, args.from).with_context(|| path.to_owned())?;
+    let loaded = file::read(&args.input, &args.reading).with_context(|| path.to_owned())?;
     let Loaded { mesh, format, regions, warnings, .. } = loaded;
     let model = Model::new(mesh, args);
     bar.end();
@@ -144,7 +144,7 @@ fn sink(args: &MethodsArgs, method: Method) -> anyhow::Result<Option<(Sink, Form
         output: None,
         out_dir: args.out_dir.as_deref(),
         name: &template,
-        from: args.from,
+        from: args.reading.from,
         to: args.writing.to,
         json: args.json,
         dry_run: args.out_dir.is_none(),

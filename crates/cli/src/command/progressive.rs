@@ -52,7 +52,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         let mut clock = Clock::new();
         bar.read();
         clock.enter("read");
-        let loaded = file::read_with(&args.input, args.from, care::properties(&args.engine.how))?;
+        let loaded = file::read_with(&args.input, &args.reading, care::properties(&args.engine.how))?;
         let mut options = args.options();
         // Measured afterwards, like the levels of `extract`.
         let limit = options.stop.error.take();

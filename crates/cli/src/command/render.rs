@@ -249,8 +249,8 @@ impl<'a> Drawing<'a> {
     }
 
     fn add(&mut self, source: &Source, reference: Option<usize>) -> anyhow::Result<()> {
-        let (path, from) = (source.to_string(), self.args.from);
-        let read = file::read_model(source, from).with_context(|| path.clone())?;
+        let path = source.to_string();
+        let read = file::read_model(source, &self.args.reading).with_context(|| path.clone())?;
         let ModelFile { mut model, warnings, source, .. } = read;
         if self.args.place.up == Up::Z {
             turn(&mut model);

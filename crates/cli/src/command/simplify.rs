@@ -84,9 +84,9 @@ fn simplify_one(
         Done { input_format, report, warnings, meshes, threads: rayon::current_num_threads(), clock }
     };
     let loaded = match whole {
-        None => Box::new(file::read_with(&job.source, args.from, care::properties(&args.engine.how))?),
+        None => Box::new(file::read_with(&job.source, &args.reading, care::properties(&args.engine.how))?),
         Some((sink, format)) => {
-            match file::read_scene(&job.source, args.from, care::properties(&args.engine.how))? {
+            match file::read_scene(&job.source, &args.reading, care::properties(&args.engine.how))? {
                 Input::Mesh(loaded) => loaded,
                 Input::Scene(scene) => {
                     let from = scene.format();

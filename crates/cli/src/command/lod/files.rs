@@ -49,7 +49,7 @@ impl Plan {
             output: args.output.as_ref(),
             out_dir: args.out_dir.as_deref(),
             name: &first,
-            from: args.from,
+            from: args.reading.from,
             to: args.writing.to,
             json: args.ending.json,
             dry_run: args.dry_run,
