@@ -108,3 +108,42 @@ fn a_scene_takes_in_only_images_of_its_folder() {
         assert!(ran.stderr.contains(OUTSIDE), "{}", ran.stderr);
     }
 }
+
+/// Whether a terminal would do more with a character than show it; ends of lines aside.
+fn is_unsafe(c: char) -> bool {
+    c != '\n' && (c.is_control() || "\u{61c}\u{200e}\u{200f}\u{202a}\u{202e}\u{2066}\u{2069}".contains(c))
+}
+
+#[test]
+fn names_of_a_file_write_nothing_to_the_terminal() {
+    let desk = Desk::new();
+    let evil = "x\u{1b}[2J\u{1b}]0;t\u{7}\u{9b}31m\u{202e}\u{7f}y";
+    let (file, obj) =
+        (format!("{evil}.obj"), format!("o {evil}\ng {evil}\nmtllib {evil}.mtl\n{TRIANGLE}usemtl {evil}\n"));
+    desk.put(&file, &format!("{obj}f 1/1 2/2 3/3\n"));
+    desk.put("a.obj", &format!("mtllib a.mtl\n{TRIANGLE}usemtl m\nf 1/1 2/2 3/3\n"));
+    desk.put("a.mtl", &format!("newmtl m\nmap_Kd {evil}.png\n{evil} 1\n"));
+    let json = evil.replace('\u{1b}', "\\u001b").replace('\u{7}', "\\u0007");
+    let plain = gltf(&format!("{json}.bin"), &format!("{json}.png"));
+    desk.put("a.gltf", &plain.replace("\"primitives\"", &format!("\"name\":\"{json}\",\"primitives\"")));
+    for words in [
+        format!("info {file} a.gltf none{file}"),
+        format!("convert {file} a.stl"),
+        format!("convert {file} {evil}.ply"),
+        "convert a.obj a.glb".to_owned(),
+        format!("simplify {file} -o b.obj --ratio 0.5 -v"),
+        format!("simplify {file} -o b.obj --ratio 0.5 --lock {evil}z"),
+        format!("compare {file} a.obj"),
+        format!("clean {file} -o b.obj -v"),
+        format!("info --json {file} a.gltf"),
+        format!("simplify {file} -o b.obj --ratio 0.5 --json"),
+    ] {
+        let ran = desk.run(&words);
+        for text in [ran.text(), &ran.stderr] {
+            assert!(!text.contains(is_unsafe), "{}: {}", words.escape_debug(), text.escape_debug());
+        }
+        assert!(!ran.text().is_empty() || !ran.stderr.is_empty());
+    }
+    // Programs get the very name.
+    assert_eq!(desk.info(&file)["path"], file.as_str());
+}
