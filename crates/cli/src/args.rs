@@ -163,7 +163,7 @@ pub(crate) struct Writing {
     /// Turn the output about x so that this axis is up, where the other one was
     #[arg(long, value_name = "AXIS")]
     pub(crate) up: Option<Up>,
-    /// Overwrite write-protected outputs too; a folder is never overwritten
+    /// Write over an input or a write-protected file; a folder is never overwritten
     #[arg(long)]
     pub(crate) force: bool,
 }
@@ -222,6 +222,9 @@ pub(crate) struct CompareArgs {
     /// Write these pictures in pairs, the reference first (.png, .jpg, .webp)
     #[arg(long, value_name = "OUT", requires = "views")]
     pub(crate) views_sheet: Option<PathBuf>,
+    /// Write over an input or a write-protected file; a folder is never overwritten
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Samples each way, spread by area; all vertices come on top
     #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
     pub(crate) samples: usize,

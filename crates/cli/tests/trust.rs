@@ -5,7 +5,7 @@ mod desk;
 
 use std::fs;
 
-use desk::Desk;
+use desk::{Desk, hills};
 
 const OUTSIDE: &str =
     "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)";
@@ -146,4 +146,111 @@ fn names_of_a_file_write_nothing_to_the_terminal() {
     }
     // Programs get the very name.
     assert_eq!(desk.info(&file)["path"], file.as_str());
+}
+
+#[test]
+fn an_input_is_written_over_by_force_alone() {
+    let desk = Desk::new();
+    let mesh = hills(6);
+    let put = || {
+        desk.put("a.ply", &mesh);
+        desk.put("b.ply", &mesh);
+    };
+    put();
+    desk.run("progressive build a.ply -o a.lpm").with_status(0);
+    fs::copy(desk.path("a.ply"), desk.path("a.png")).expect("there is room");
+    fs::copy(desk.path("a.ply"), desk.path("low0.ply")).expect("there is room");
+    for (words, input) in [
+        ("simplify a.ply -o a.ply --ratio 0.5", "a.ply"),
+        ("simplify a.ply b.ply -O . --name {stem}.{ext} --ratio 0.5", "a.ply"),
+        ("convert a.ply ./a.ply", "a.ply"),
+        ("clean a.ply -o a.ply", "a.ply"),
+        ("lod low0.ply -O . --name low{level}.ply --levels 0.5", "low0.ply"),
+        ("compare a.ply b.ply --heatmap a.ply", "a.ply"),
+        ("compare a.ply b.ply --heatmap b.ply", "b.ply"),
+        ("compare a.ply a.png --heatmap a.png", "a.png"),
+        ("compare a.ply a.png --views 1 --size 16x16 --views-sheet a.png", "a.png"),
+        ("render a.png -o a.png", "a.png"),
+        ("progressive build a.lpm -o a.lpm --bits 12", "a.lpm"),
+        ("progressive extract a.lpm -o a.lpm --to ply", "a.lpm"),
+    ] {
+        let before = fs::read(desk.path(input)).expect("it is there");
+        let ran = desk.run(words).with_status(2).with_one_error();
+        assert!(ran.stderr.contains("is an input; --force writes over it"), "{words}: {}", ran.stderr);
+        assert!(fs::read(desk.path(input)).expect("it is there") == before, "{words}");
+        desk.run(&format!("{words} --force")).with_status(0);
+        assert!(fs::read(desk.path(input)).expect("it is there") != before, "{words}");
+        fs::write(desk.path(input), before).expect("there is room");
+    }
+    // A trial writes nothing, and so needs no force.
+    desk.run("simplify a.ply -o a.ply --ratio 0.5 --dry-run").with_status(0);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_that_leads_nowhere_gets_its_target() {
+    use std::os::unix::fs::symlink;
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(3));
+    fs::create_dir(desk.path("far")).expect("there is room for a folder");
+    symlink("far/b.ply", desk.path("b.ply")).expect("links are known");
+    symlink("far/b.png", desk.path("b.png")).expect("links are known");
+    symlink("none/c.ply", desk.path("c.ply")).expect("links are known");
+    desk.run("convert a.ply b.ply").with_status(0);
+    desk.run("render a.ply -o b.png --size 16x16").with_status(0);
+    assert_eq!(desk.names("far"), ["b.ply", "b.png"]);
+    desk.run("convert a.ply c.ply").with_status(1).with_one_error();
+    for name in ["b.ply", "b.png", "c.ply"] {
+        assert!(desk.path(name).is_symlink(), "{name}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_mesh_to_a_closed_pipe_is_a_failure() {
+    use std::process::{Command, Stdio};
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(40));
+    for words in [
+        "convert a.ply - --to obj --quiet",
+        "simplify a.ply -o - --to glb --ratio 0.9",
+        "progressive build a.ply -o -",
+        "render a.ply -o - --size 64x64",
+    ] {
+        let mut child = Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
+            .args(words.split_whitespace())
+            .current_dir(desk.folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("it runs");
+        drop(child.stdout.take());
+        let output = child.wait_with_output().expect("it ends");
+        assert_eq!(output.status.code(), Some(1), "{words}");
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(told.contains("standard output was closed before all was written"), "{words}: {told}");
+    }
+}
+
+#[test]
+fn a_damaged_progressive_mesh_is_a_failure() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(12));
+    desk.run("progressive build a.ply -o a.lpm").with_status(0);
+    let bytes = fs::read(desk.path("a.lpm")).expect("it was written");
+    let mut damaged = bytes.clone();
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 4;
+    fs::write(desk.path("bad.lpm"), damaged).expect("there is room");
+    fs::write(desk.path("cut.lpm"), &bytes[..middle]).expect("there is room");
+    for words in ["progressive info", "info", "progressive extract -o out.ply", "convert --to ply"] {
+        let (command, out) = if words.starts_with("convert") { (words, " out.ply") } else { (words, "") };
+        let ran = desk.run(&format!("{command} bad.lpm{out}")).with_status(1).with_one_error();
+        assert!(ran.stderr.contains("damaged"), "{words}: {}", ran.stderr);
+        assert!(!desk.path("out.ply").exists(), "{words}");
+        // Any beginning of a file is a coarser mesh.
+        let ran = desk.run(&format!("{command} cut.lpm{out}")).with_status(0);
+        assert!(ran.stderr.contains("incomplete"), "{words}: {}", ran.stderr);
+        let _ = fs::remove_file(desk.path("out.ply"));
+    }
 }

@@ -31,11 +31,13 @@ pub struct WriteOptions {
     /// The path that such files are named after and lie beside, where it is not that of the mesh itself. A stream with
     /// one stands for a file there.
     pub beside: Option<PathBuf>,
+    /// Whether a write-protected file is replaced too.
+    pub force: bool,
 }
 
 /// Writes a mesh to a file: to a temporary one beside it, which is then renamed. An existing file survives a failure.
 ///
-/// A path that ends in `.gz` is compressed. A link is followed; a device or a pipe is written to as it is. A new file
+/// A path that ends in `.gz` is compressed. A link is followed, also to a file that is not there yet; a device or a pipe is written to as it is. A new file
 /// has the permissions of any new file, an overwritten one keeps its own. Data are handed to the system, which may put
 /// them on the disk later. Returns what the format could not carry.
 ///
@@ -55,7 +57,8 @@ pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result
         beside = Some(crate::obj::write_beside(regions, target, options.textures)?);
     }
     let libraries = beside.as_ref().map(|beside| &*beside.libraries);
-    let written = write_path_with(path, |out| write_format(mesh, format, options, libraries, out));
+    let written =
+        write_path_with(path, options.force, |out| write_format(mesh, format, options, libraries, out));
     match (written, beside) {
         (written, None) => written,
         (Ok(warnings), Some(mut beside)) => {
@@ -86,7 +89,7 @@ pub fn write_scene_path(
     relink: &dyn Fn(&str) -> Option<String>,
 ) -> Result<Vec<Warning>, WriteError> {
     let format = format_of(path, options)?;
-    write_path_with(path, |out| {
+    write_path_with(path, options.force, |out| {
         let warnings = scene.write(replaced, format, relink, out)?;
         out.flush()?;
         Ok(warnings)
@@ -105,7 +108,7 @@ pub fn write_levels_path(
     relink: &dyn Fn(&str) -> Option<String>,
 ) -> Result<Vec<Warning>, WriteError> {
     let format = format_of(path, options)?;
-    write_path_with(path, |out| {
+    write_path_with(path, options.force, |out| {
         let warnings = scene.write_levels(levels, format, relink, out)?;
         out.flush()?;
         Ok(warnings)
@@ -114,9 +117,10 @@ pub fn write_levels_path(
 
 fn write_path_with(
     path: &Path,
+    force: bool,
     write: impl FnOnce(&mut dyn Write) -> io::Result<Vec<Warning>>,
 ) -> Result<Vec<Warning>, WriteError> {
-    write_file(path, |out| {
+    write_file(path, force, |out| {
         if !is_gz(path) {
             return write(out);
         }
@@ -252,12 +256,18 @@ fn lost_integers(mesh: &TriMesh, format: Format) -> Option<Warning> {
 }
 
 /// Makes the file at `path` hold what `write` writes, or leaves things as they were.
-pub(crate) fn write_file<T>(
+///
+/// What is written goes to a temporary file beside it, which takes its name when it is whole. A link stays a link: the
+/// file that it leads to is replaced, or made. A write-protected file is replaced with `force` only.
+///
+/// # Errors
+/// What the system or `write` answers.
+pub fn write_file<T>(
     path: &Path,
+    force: bool,
     write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
 ) -> io::Result<T> {
-    // A link stays a link: what it points to is replaced.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let target = target_of(path)?;
     let existing = match fs::metadata(&target) {
         Ok(about) => Some(about),
         Err(e) if e.kind() == io::ErrorKind::NotFound => None,
@@ -267,7 +277,7 @@ pub(crate) fn write_file<T>(
         if about.is_dir() {
             return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
         }
-        if about.permissions().readonly() {
+        if about.permissions().readonly() && !force {
             return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file is read-only"));
         }
         if !about.is_file() {
@@ -295,6 +305,21 @@ pub(crate) fn write_file<T>(
     }
     temporary.persist(&target).map_err(|e| e.error)?;
     Ok(value)
+}
+
+/// The file that is meant by a path, behind all links; it need not be there.
+fn target_of(path: &Path) -> io::Result<PathBuf> {
+    if let Ok(real) = fs::canonicalize(path) {
+        return Ok(real);
+    }
+    // As many as Linux follows.
+    const MOST_LINKS: usize = 40;
+    let mut target = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        let Ok(next) = fs::read_link(&target) else { return Ok(target) };
+        target = target.parent().unwrap_or(Path::new("")).join(next);
+    }
+    Err(io::Error::other("it is a link that leads through too many others"))
 }
 
 /// A file that goes away unless it gets a name.

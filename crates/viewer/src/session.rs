@@ -142,11 +142,7 @@ fn folder_of(path: &Path) -> PathBuf {
 
 /// Makes a file hold these bytes, or leaves it as it was.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let temporary = tempfile::Builder::new().prefix(".lodsmith-").suffix(".part").tempfile_in(folder)?;
-    std::fs::write(temporary.path(), bytes)?;
-    temporary.persist(path).map_err(|e| e.error)?;
-    Ok(())
+    lodsmith_io::write::write_file(path, false, |out| out.write_all(bytes))
 }
 
 /// What the window remembers by itself.

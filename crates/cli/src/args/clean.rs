@@ -80,6 +80,7 @@ impl CleanArgs {
             to: self.writing.to,
             json: self.ending.json,
             dry_run: self.dry_run,
+            force: self.writing.force,
         }
     }
 

@@ -60,7 +60,7 @@ pub(crate) struct LpmBuildArgs {
     /// Images of materials go into the file (copy, link), or stay away (none)
     #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "Writing")]
     textures: TexturesChoice,
-    /// Overwrite a write-protected output too; a folder is never overwritten
+    /// Write over an input or a write-protected file; a folder is never overwritten
     #[arg(long, help_heading = "Writing")]
     pub(crate) force: bool,
     #[command(flatten)]
@@ -78,6 +78,7 @@ impl LpmBuildArgs {
     pub(crate) fn writing(&self) -> LpmOptions {
         let mut options = LpmOptions::default();
         options.bits = self.bits;
+        options.force = self.force;
         options.with_textures = !matches!(self.textures, TexturesChoice::None);
         options
     }

@@ -64,6 +64,9 @@ pub(crate) struct RenderArgs {
     pub(crate) sheet: SheetArgs,
     #[command(flatten)]
     pub(crate) reading: Reading,
+    /// Write over an input or a write-protected file; a folder is never overwritten
+    #[arg(long, help_heading = "Run")]
+    pub(crate) force: bool,
     /// One JSON object
     #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,

@@ -119,6 +119,7 @@ impl SimplifyArgs {
             to: self.writing.to,
             json: self.ending.json,
             dry_run: self.dry_run,
+            force: self.writing.force,
         }
     }
 

@@ -112,7 +112,7 @@ fn clean_mesh(
         let options = file::options(&args.writing, *format, regions);
         warnings.extend(match args.dry_run {
             true => file::losses(&cleaned, sink, *format, &options)?,
-            false => file::write(&cleaned, sink, *format, &options, args.writing.force)?,
+            false => file::write(&cleaned, sink, *format, &options)?,
         });
     }
     clock.end(2);

@@ -37,6 +37,9 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         }
         file::refuse_folder(&sink, "")?;
     }
+    for path in args.heatmap.iter().chain(&args.views_sheet) {
+        file::refuse_inputs(&Sink::Path(path.clone()), [&args.reference, &args.candidate], args.force)?;
+    }
     let sheet = views::sheet_format(args)?;
     let out = Output::new(&args.run, args.json, false);
     let progress = Progress::new(1, args.run.quiet);
@@ -66,13 +69,14 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
                 match picture::of_path(path) {
                     Some(format) => {
                         let map = heat_picture(&reference.mesh, distances, red)?;
-                        picture::write(&map, &sink, format)?;
+                        picture::write(&map, &sink, format, args.force)?;
                     }
                     None => {
                         let map = heatmap(&reference.mesh, &distances, red)?;
                         let mut options = WriteOptions::default();
                         options.format = Some(Format::Ply);
-                        file::write(&map, &sink, Format::Ply, &options, false)?;
+                        options.force = args.force;
+                        file::write(&map, &sink, Format::Ply, &options)?;
                     }
                 }
                 Some(red)

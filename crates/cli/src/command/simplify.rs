@@ -141,7 +141,7 @@ fn simplify_mesh(
         let options = file::options(&args.writing, *format, regions);
         warnings.extend(match args.dry_run {
             true => file::losses(&lighter, sink, *format, &options)?,
-            false => file::write(&lighter, sink, *format, &options, args.writing.force)?,
+            false => file::write(&lighter, sink, *format, &options)?,
         });
     }
     Ok(Told { report, warnings, meshes: Vec::new() })

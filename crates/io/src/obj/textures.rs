@@ -246,9 +246,9 @@ fn put_library(
         match old {
             Some(old) if old == text || old == whole => {}
             Some(old) if !old.starts_with(OURS) => continue,
-            Some(_) => write_file(&path, |out| out.write_all(&whole)).map_err(named)?,
+            Some(_) => write_file(&path, false, |out| out.write_all(&whole)).map_err(named)?,
             None => {
-                write_file(&path, |out| out.write_all(&whole)).map_err(named)?;
+                write_file(&path, false, |out| out.write_all(&whole)).map_err(named)?;
                 beside.created.push(path.clone());
             }
         }

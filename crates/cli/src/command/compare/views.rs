@@ -69,7 +69,12 @@ pub(super) fn look(
     }
     if let (Some(format), Some(path)) = (format, &args.views_sheet) {
         // Two pairs in a row.
-        picture::write(&sheet(&panels, 4, Background::default(), None), &Sink::Path(path.clone()), format)?;
+        picture::write(
+            &sheet(&panels, 4, Background::default(), None),
+            &Sink::Path(path.clone()),
+            format,
+            args.force,
+        )?;
     }
     Ok(seen)
 }
