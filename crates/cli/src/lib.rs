@@ -45,5 +45,5 @@ pub fn run() -> ExitCode {
         }
         status
     });
-    ExitCode::from(status as u8)
+    exit::code(status)
 }

@@ -254,3 +254,12 @@ fn a_damaged_progressive_mesh_is_a_failure() {
         let _ = fs::remove_file(desk.path("out.ply"));
     }
 }
+
+#[test]
+fn what_a_killed_run_left_is_swept() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(3));
+    desk.put(".lodsmith-Xa81bc.part", "half a mesh");
+    desk.run("convert a.ply b.ply").with_status(0);
+    assert_eq!(desk.names("."), ["a.ply", "b.ply"]);
+}
