@@ -122,6 +122,17 @@ pub(crate) fn error(text: &str) {
     eprint_line(&format!("{} {}", paint("error:", "1;31"), escaped(&one_line(text))));
 }
 
+/// What is wrong with the command line, or its help. A shell may have put names of files into it.
+pub(crate) fn usage(error: &clap::Error) {
+    let is_typed = |word: std::ffi::OsString| word.to_string_lossy().contains(is_unsafe);
+    if error.use_stderr() && std::env::args_os().any(is_typed) {
+        error.render().to_string().lines().for_each(|line| eprint_line(&escaped(line)));
+    } else {
+        // A closed pipe is no reason to complain.
+        let _ = error.print();
+    }
+}
+
 fn eprint_line(text: &str) {
     // Nobody is left to be told that standard error is gone.
     let _ = writeln!(io::stderr().lock(), "{text}");

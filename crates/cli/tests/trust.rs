@@ -135,6 +135,8 @@ fn names_of_a_file_write_nothing_to_the_terminal() {
         format!("simplify {file} -o b.obj --ratio 0.5 --lock {evil}z"),
         format!("compare {file} a.obj"),
         format!("clean {file} -o b.obj -v"),
+        format!("info --{evil}"),
+        format!("simplify {file} -o b.obj --ratio {evil}"),
         format!("info --json {file} a.gltf"),
         format!("simplify {file} -o b.obj --ratio 0.5 --json"),
     ] {
