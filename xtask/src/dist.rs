@@ -221,8 +221,8 @@ mod tests {
     fn pages_name_those_below() {
         let page = ".SH SUBCOMMANDS\n.TP\nlodsmith\\-lod(1)\nLevels\n.TP\nlodsmith\\-help(1)\nHelp\n";
         assert_eq!(pages_below(page, "lodsmith"), ["lod"]);
-        let page = "lodsmith\\-clusters\\-build(1)\nlodsmith\\-lod(1)\n";
-        assert_eq!(pages_below(page, "lodsmith-clusters"), ["build"]);
+        let page = "lodsmith\\-progressive\\-build(1)\nlodsmith\\-lod(1)\n";
+        assert_eq!(pages_below(page, "lodsmith-progressive"), ["build"]);
     }
 
     #[test]

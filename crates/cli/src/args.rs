@@ -2,7 +2,6 @@
 
 mod choice;
 mod clean;
-mod clusters;
 mod engine;
 mod lod;
 mod methods;
@@ -17,11 +16,10 @@ use std::num::NonZeroU16;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use lodsmith_io::Format;
+use lodsmith_io::{AssetScope, Format, ReadOptions};
 
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use clean::CleanArgs;
-pub(crate) use clusters::{BuildArgs, ClustersCommand, CutArgs, LevelsArgs};
 pub(crate) use engine::{How, Importance};
 pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
@@ -59,9 +57,6 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Weld, orient, drop what is broken, and say what was done
     Clean(Box<CleanArgs>),
-    /// Clusters of many levels of detail, for engines that choose among them while they draw
-    #[command(subcommand)]
-    Clusters(ClustersCommand),
     /// Every method on one model: time, error, validity
     Methods(Box<MethodsArgs>),
     /// A mesh that runs between all levels, in one file
@@ -80,7 +75,7 @@ pub(crate) enum Command {
     },
     /// Print a manual page
     Man {
-        /// The page of this command, such as simplify or "clusters build"; without it, the one that lists them all
+        /// The page of this command, such as simplify or "progressive build"; without it, the one that lists them all
         command: Option<String>,
     },
 }
@@ -106,6 +101,49 @@ impl Run {
     }
 }
 
+/// How inputs are read.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Reading")]
+pub(crate) struct Reading {
+    /// Format of the inputs, whatever their content
+    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
+    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    assets: AssetArgs,
+}
+
+impl Reading {
+    /// The same for the libraries.
+    pub(crate) fn options(&self) -> ReadOptions {
+        let mut options = ReadOptions::default();
+        options.format = self.from;
+        options.assets = self.assets.scope();
+        options
+    }
+}
+
+/// Which files a model may name.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Reading")]
+pub(crate) struct AssetArgs {
+    /// Let models name files in DIR and below (materials, textures, buffers), not only in their own folder and below
+    #[arg(long, value_name = "DIR")]
+    asset_root: Option<PathBuf>,
+    /// Let models name any file; only for models that you trust
+    #[arg(long, conflicts_with = "asset_root")]
+    allow_outside: bool,
+}
+
+impl AssetArgs {
+    pub(crate) fn scope(&self) -> AssetScope {
+        match &self.asset_root {
+            Some(root) => AssetScope::Root(root.clone()),
+            None if self.allow_outside => AssetScope::Anywhere,
+            None => AssetScope::Folder,
+        }
+    }
+}
+
 /// How a result is written.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Writing")]
@@ -125,7 +163,7 @@ pub(crate) struct Writing {
     /// Turn the output about x so that this axis is up, where the other one was
     #[arg(long, value_name = "AXIS")]
     pub(crate) up: Option<Up>,
-    /// Overwrite write-protected outputs too; a folder is never overwritten
+    /// Write over an input or a write-protected file; a folder is never overwritten
     #[arg(long)]
     pub(crate) force: bool,
 }
@@ -154,11 +192,10 @@ pub(crate) struct InfoArgs {
     /// Files to look into; `-` is standard input
     #[arg(value_name = "IN", required = true)]
     pub(crate) inputs: Vec<Source>,
-    /// Format of the inputs, whatever their content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     /// One JSON object a line for each input
-    #[arg(long)]
+    #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) run: Run,
@@ -185,17 +222,19 @@ pub(crate) struct CompareArgs {
     /// Write these pictures in pairs, the reference first (.png, .jpg, .webp)
     #[arg(long, value_name = "OUT", requires = "views")]
     pub(crate) views_sheet: Option<PathBuf>,
+    /// Write over an input or a write-protected file; a folder is never overwritten
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Samples each way, spread by area; all vertices come on top
     #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
     pub(crate) samples: usize,
     /// Equal seeds give equal figures
     #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().seed)]
     pub(crate) seed: u64,
-    /// Format of both inputs, whatever their content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     /// One JSON object
-    #[arg(long)]
+    #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) run: Run,
@@ -206,6 +245,8 @@ pub(crate) struct ViewArgs {
     /// Files to open, or a session; without any, the window says what to do
     #[arg(value_name = "IN")]
     pub(crate) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) assets: AssetArgs,
 }
 
 #[derive(Args, Debug)]
@@ -223,9 +264,8 @@ pub(crate) struct ConvertArgs {
     /// The file to write; `-` is standard output
     #[arg(value_name = "OUT")]
     pub(crate) output: Sink,
-    /// Format of the input, whatever its content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format())]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
     /// End with status 3 if data are dropped

@@ -2,7 +2,6 @@
 
 mod batch;
 mod clean;
-mod clusters;
 mod compare;
 mod completions;
 mod convert;
@@ -31,7 +30,6 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Clean(args) => clean::run(&args),
-        Command::Clusters(command) => clusters::run(&command),
         Command::Methods(args) => methods::run(&args),
         Command::Progressive(action) => progressive::run(&action),
         Command::Render(args) => render::run(&args),

@@ -2,7 +2,8 @@
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard};
 
 use anyhow::anyhow;
@@ -54,25 +55,62 @@ pub(crate) fn status_of(error: &anyhow::Error) -> Status {
     }
 }
 
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// The status that the process ends with because someone wants it to; 0 while nobody does.
+static ENDED_WITH: AtomicU8 = AtomicU8::new(0);
 /// Held shared by whoever writes a file, alone by whoever ends the process: no half file stays behind.
 static WRITING: RwLock<()> = RwLock::new(());
 
-/// Whether someone pressed Ctrl-C.
+/// Whether someone wants it to end.
 pub(crate) fn interrupted() -> bool {
-    INTERRUPTED.load(Ordering::Relaxed)
+    ENDED_WITH.load(Ordering::Relaxed) != 0
 }
 
-/// Ends the process on Ctrl-C, after the file that is being written is complete or gone.
+/// Ends the process when it is told to (by Ctrl-C, SIGTERM or a terminal that closes), after the file that is being
+/// written is complete or gone.
 ///
 /// Runs that ask [`interrupted`] may end sooner by themselves, with the same status.
 pub(crate) fn catch_interrupts() {
-    // Where no handler can be set, Ctrl-C does what the system does.
-    let _ = ctrlc::set_handler(|| {
-        INTERRUPTED.store(true, Ordering::Relaxed);
-        let _alone = WRITING.write().unwrap_or_else(PoisonError::into_inner);
-        std::process::exit(Status::Interrupted as i32);
-    });
+    // Where no handler can be set, the system does what it does.
+    #[cfg(unix)]
+    if let Ok(mut signals) = signal_hook::iterator::Signals::new(ending_signals(is_hangup_ignored())) {
+        std::thread::spawn(move || {
+            // By convention, the number of the signal is in the status.
+            signals.forever().for_each(|signal| end(u8::try_from(128 + signal).unwrap_or(130)));
+        });
+    }
+    #[cfg(not(unix))]
+    let _ = ctrlc::set_handler(|| end(Status::Interrupted as u8));
+}
+
+fn end(status: u8) {
+    ENDED_WITH.store(status, Ordering::Relaxed);
+    let _alone = WRITING.write().unwrap_or_else(PoisonError::into_inner);
+    std::process::exit(i32::from(status));
+}
+
+/// What the shell sees of a status: of an end from outside, which signal it was.
+pub(crate) fn code(status: Status) -> ExitCode {
+    match ENDED_WITH.load(Ordering::Relaxed) {
+        by if status == Status::Interrupted && by != 0 => ExitCode::from(by),
+        _ => ExitCode::from(status as u8),
+    }
+}
+
+/// The signals that end a run. One that `nohup` keeps away is left alone.
+#[cfg(unix)]
+fn ending_signals(is_hangup_ignored: bool) -> Vec<i32> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    if is_hangup_ignored { vec![SIGINT, SIGTERM] } else { vec![SIGINT, SIGTERM, SIGHUP] }
+}
+
+/// Whether whoever started the process wants it to outlive its terminal. (Other systems than Linux do not tell.)
+#[cfg(unix)]
+fn is_hangup_ignored() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored =
+        status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    // Signals are counted from 1, bits from 0.
+    ignored.is_some_and(|bits| bits & 1 << (signal_hook::consts::SIGHUP - 1) != 0)
 }
 
 /// Keeps interrupts away while a file is written.
@@ -129,6 +167,13 @@ mod tests {
         assert_eq!(status_of(&usage("no")), Status::Usage);
         assert_eq!(status_of(&Interrupted.into()), Status::Interrupted);
         assert_eq!(status_of(&anyhow!("disk full")), Status::Failed);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_terminal_that_closes_ends_a_run_unless_nohup_is_asked_for() {
+        use signal_hook::consts::SIGHUP;
+        assert!(ending_signals(false).contains(&SIGHUP) && !ending_signals(true).contains(&SIGHUP));
     }
 
     #[test]

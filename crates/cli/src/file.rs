@@ -17,8 +17,8 @@ use lodsmith_io::{
     WriteOptions,
 };
 
-use crate::args::Writing;
-use crate::exit;
+use crate::args::{Reading, Writing};
+use crate::{exit, plan};
 
 /// What is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -69,18 +69,17 @@ impl fmt::Display for Sink {
 }
 
 /// Reads a mesh. The error does not name the source.
-pub(crate) fn read(source: &Source, format: Option<Format>) -> anyhow::Result<Loaded> {
-    read_with(source, format, Vec::new())
+pub(crate) fn read(source: &Source, reading: &Reading) -> anyhow::Result<Loaded> {
+    read_with(source, reading, Vec::new())
 }
 
 /// The same, with these properties of vertices beside the mesh.
 pub(crate) fn read_with(
     source: &Source,
-    format: Option<Format>,
+    reading: &Reading,
     properties: Vec<String>,
 ) -> anyhow::Result<Loaded> {
-    let mut options = ReadOptions::default();
-    options.format = format;
+    let mut options = reading.options();
     options.properties = properties;
     let loaded = match source {
         Source::Path(path) => lodsmith_io::read_path(path, &options),
@@ -94,9 +93,8 @@ pub(crate) fn read_with(
 }
 
 /// Reads a file as a model, as it is to be seen. The error does not name the source.
-pub(crate) fn read_model(source: &Source, format: Option<Format>) -> anyhow::Result<ModelFile> {
-    let mut options = ReadOptions::default();
-    options.format = format;
+pub(crate) fn read_model(source: &Source, reading: &Reading) -> anyhow::Result<ModelFile> {
+    let options = reading.options();
     let model = match source {
         Source::Path(path) => lodsmith_io::read_model_path(path, &options),
         Source::Stdin => {
@@ -120,11 +118,10 @@ pub(crate) enum Input {
 /// name the source.
 pub(crate) fn read_scene(
     source: &Source,
-    format: Option<Format>,
+    reading: &Reading,
     properties: Vec<String>,
 ) -> anyhow::Result<Input> {
-    let mut options = ReadOptions::default();
-    options.format = format;
+    let mut options = reading.options();
     options.properties = properties.clone();
     let scene = match source {
         Source::Path(path) => lodsmith_io::read_scene_path(path, &options).map_err(unnamed)?,
@@ -141,7 +138,7 @@ pub(crate) fn read_scene(
     };
     Ok(match scene {
         Some(scene) => Input::Scene(Box::new(scene)),
-        None => Input::Mesh(Box::new(read_with(source, format, properties)?)),
+        None => Input::Mesh(Box::new(read_with(source, reading, properties)?)),
     })
 }
 
@@ -171,6 +168,7 @@ pub(crate) fn options(writing: &Writing, format: Format, regions: Regions) -> Wr
     let mut options = WriteOptions::default();
     options.format = Some(format);
     options.ascii = writing.ascii;
+    options.force = writing.force;
     options.textures = writing.textures.into();
     options.regions = Some(Arc::new(regions));
     options
@@ -202,26 +200,40 @@ pub(crate) fn refuse_folder(sink: &Sink, hint: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Writes a mesh; returns what the format could not carry. No half file stays behind.
+/// An input is never written over unless that is asked for: what is on the disk may be all that there is.
 ///
-/// A write-protected file is replaced with `force` only. Whoever closed the pipe behind standard output had what it
-/// wanted.
+/// # Errors
+/// A fault of the command line.
+pub(crate) fn refuse_inputs<'a>(
+    sink: &Sink,
+    inputs: impl IntoIterator<Item = &'a Source>,
+    force: bool,
+) -> anyhow::Result<()> {
+    let Sink::Path(path) = sink else { return Ok(()) };
+    // A device or a pipe has nothing to lose.
+    if force || !fs::metadata(path).is_ok_and(|about| about.is_file()) {
+        return Ok(());
+    }
+    let place = plan::identity(path);
+    for input in inputs {
+        if matches!(input, Source::Path(input) if plan::identity(input) == place) {
+            return Err(exit::usage(format!("{sink}: is an input; --force writes over it")));
+        }
+    }
+    Ok(())
+}
+
+/// Writes a mesh; returns what the format could not carry. No half file stays behind.
 pub(crate) fn write(
     mesh: &TriMesh,
     sink: &Sink,
     format: Format,
     options: &WriteOptions,
-    force: bool,
 ) -> anyhow::Result<Vec<Warning>> {
     write_with(
         sink,
-        force,
         |out| lodsmith_io::write_to(mesh, format, options, out),
-        |path, beside| {
-            let mut options = options.clone();
-            options.beside = beside.map(Path::to_owned);
-            lodsmith_io::write_path(mesh, path, &options)
-        },
+        |path| lodsmith_io::write_path(mesh, path, options),
     )
 }
 
@@ -236,23 +248,12 @@ pub(crate) fn write_scene(
     force: bool,
 ) -> anyhow::Result<Vec<Warning>> {
     let mut options = WriteOptions::default();
-    options.format = Some(format);
+    (options.format, options.force) = (Some(format), force);
     write_with(
         sink,
-        force,
         |out| lodsmith_io::write_scene_to(scene, replaced, format, relink, out),
-        |path, _| lodsmith_io::write_scene_path(scene, replaced, path, &options, relink),
+        |path| lodsmith_io::write_scene_path(scene, replaced, path, &options, relink),
     )
-}
-
-/// Writes a file that is no mesh; in all else as [`write()`].
-pub(crate) fn write_other(
-    sink: &Sink,
-    force: bool,
-    to_stream: impl FnOnce(&mut dyn io::Write) -> Result<(), WriteError>,
-    to_path: impl FnOnce(&Path) -> Result<(), WriteError>,
-) -> anyhow::Result<()> {
-    write_with(sink, force, to_stream, |path, _| to_path(path))
 }
 
 /// Writes a scene with levels of detail; in all else as [`write_scene`].
@@ -265,12 +266,11 @@ pub(crate) fn write_levels(
     force: bool,
 ) -> anyhow::Result<Vec<Warning>> {
     let mut options = WriteOptions::default();
-    options.format = Some(format);
+    (options.format, options.force) = (Some(format), force);
     write_with(
         sink,
-        force,
         |out| lodsmith_io::write_levels_to(scene, levels, format, relink, out),
-        |path, _| lodsmith_io::write_levels_path(scene, levels, path, &options, relink),
+        |path| lodsmith_io::write_levels_path(scene, levels, path, &options, relink),
     )
 }
 
@@ -292,24 +292,16 @@ pub(crate) fn as_scene(mesh: &TriMesh, options: &WriteOptions) -> anyhow::Result
     Ok((scene, warnings))
 }
 
-/// Writes text to a file of its own.
-pub(crate) fn write_text(text: &str, path: &Path, force: bool) -> anyhow::Result<()> {
-    let about = fs::metadata(path).ok();
-    if about.as_ref().is_some_and(fs::Metadata::is_dir) {
-        return Err(anyhow!("{}: is a folder, which is never overwritten", path.display()));
-    }
-    if about.is_some_and(|a| a.permissions().readonly()) && !force {
-        return Err(anyhow!("{}: cannot write: the file is read-only", path.display()));
-    }
-    let _guard = exit::writing()?;
-    let mut name = OsString::from(format!(".lodsmith-{}-", std::process::id()));
-    name.push(path.file_name().unwrap_or_default());
-    let neighbour = path.with_file_name(name);
-    let written = fs::write(&neighbour, text).and_then(|()| fs::rename(&neighbour, path));
-    if written.is_err() {
-        let _ = fs::remove_file(&neighbour);
-    }
-    written.map_err(|e| anyhow!("{}: cannot write: {e}", path.display()))
+/// Writes bytes to a file of its own.
+pub(crate) fn write_bytes(bytes: &[u8], path: &Path, force: bool) -> anyhow::Result<()> {
+    write_with(
+        &Sink::Path(path.to_owned()),
+        |_| Ok(()),
+        |path| {
+            let written = lodsmith_io::write::write_file(path, force, |out| out.write_all(bytes));
+            written.map_err(|source| WriteError::Io { path: path.to_owned(), source })
+        },
+    )
 }
 
 /// Writes a progressive mesh; in all else as [`write()`].
@@ -318,14 +310,12 @@ pub(crate) fn write_lpm(
     regions: &Regions,
     sink: &Sink,
     options: &LpmOptions,
-    force: bool,
 ) -> anyhow::Result<LpmWritten> {
     let stream = |source| WriteError::Io { path: "output stream".into(), source };
     write_with(
         sink,
-        force,
         |out| lpm::write(splits, Some(regions), options, &mut io::BufWriter::new(out)).map_err(stream),
-        |path, _| lpm::write_path(splits, Some(regions), options, path),
+        |path| lpm::write_path(splits, Some(regions), options, path),
     )
 }
 
@@ -345,16 +335,14 @@ pub(crate) fn read_lpm(source: &Source) -> anyhow::Result<Lpm> {
     .map_err(unnamed)
 }
 
-fn write_with<T: Default>(
+fn write_with<T>(
     sink: &Sink,
-    force: bool,
     to_stream: impl FnOnce(&mut dyn io::Write) -> Result<T, WriteError>,
-    to_path: impl FnOnce(&Path, Option<&Path>) -> Result<T, WriteError>,
+    to_path: impl FnOnce(&Path) -> Result<T, WriteError>,
 ) -> anyhow::Result<T> {
     match sink {
         Sink::Stdout => match to_stream(&mut io::stdout().lock()) {
-            Err(WriteError::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => Ok(T::default()),
-            Err(WriteError::Io { source, .. }) => Err(anyhow!("cannot write to standard output: {source}")),
+            Err(WriteError::Io { source, .. }) => Err(stdout_failed(&source)),
             result => result.map_err(told),
         },
         Sink::Path(path) => {
@@ -362,11 +350,16 @@ fn write_with<T: Default>(
             // A pipe may keep its writer waiting for ever; Ctrl-C must end that, and there is no half file to fear.
             let _guard =
                 if about.as_ref().is_none_or(fs::Metadata::is_file) { Some(exit::writing()?) } else { None };
-            if force && about.is_some_and(|a| a.is_file() && a.permissions().readonly()) {
-                return replace(path, to_path);
-            }
-            to_path(path, None).map_err(told)
+            to_path(path).map_err(told)
         }
+    }
+}
+
+/// What to say where standard output did not take all of a file: it is cut, even if its reader wanted no more.
+pub(crate) fn stdout_failed(error: &io::Error) -> anyhow::Error {
+    match error.kind() {
+        ErrorKind::BrokenPipe => anyhow!("standard output was closed before all was written"),
+        _ => anyhow!("cannot write to standard output: {error}"),
     }
 }
 
@@ -392,26 +385,6 @@ pub(crate) fn scene_losses(
     format: Format,
 ) -> anyhow::Result<Vec<Warning>> {
     lodsmith_io::write_scene_to(scene, replaced, format, relink, &mut io::sink()).map_err(told)
-}
-
-/// Puts a new file in the place of one that may not be written to, by way of a neighbour.
-fn replace<T>(
-    path: &Path,
-    write: impl FnOnce(&Path, Option<&Path>) -> Result<T, WriteError>,
-) -> anyhow::Result<T> {
-    let target = fs::canonicalize(path)?;
-    let mut name = OsString::from(format!(".lodsmith-{}-", std::process::id()));
-    name.push(target.file_name().unwrap_or_default());
-    let neighbour = target.with_file_name(name);
-    let written = write(&neighbour, Some(path)).map_err(told);
-    let moved = written.and_then(|value| {
-        fs::rename(&neighbour, &target).map_err(|e| anyhow!("{}: cannot write: {e}", path.display()))?;
-        Ok(value)
-    });
-    if moved.is_err() {
-        let _ = fs::remove_file(&neighbour);
-    }
-    moved
 }
 
 #[cfg(test)]

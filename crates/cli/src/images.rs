@@ -4,14 +4,12 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use lodsmith_io::Warning;
-use lodsmith_io::gltf::{Scene, outside_path};
+use lodsmith_io::gltf::Scene;
 
 use crate::file::{Sink, Source};
 
 /// From where to where a scene moves.
 pub(crate) struct Move {
-    /// Folder of the input, if it has one.
-    from: Option<PathBuf>,
     /// The way from the folder of the output to that of the input, as a uri that ends in a slash; empty if they are the
     /// same. `None` if there is no way, or nobody knows it.
     way: Option<String>,
@@ -28,7 +26,7 @@ impl Move {
             Sink::Stdout => None,
         };
         let way = from.as_deref().zip(to.as_deref()).and_then(|(from, to)| way(to, from));
-        Self { from, way }
+        Self { way }
     }
 
     /// What a file is called from the folder of the output; `None` leaves it as it is.
@@ -43,14 +41,9 @@ impl Move {
 
     /// Takes images into the scene. Returns what there is to say of those that stay outside.
     pub(crate) fn embed(&self, scene: &mut Scene) -> Vec<Warning> {
-        for uri in scene.outside_files() {
-            let path = self.from.as_ref().zip(outside_path(&uri)).map(|(folder, path)| folder.join(path));
-            // What cannot be read stays a reference, as it was.
-            if let Some(bytes) = path.filter(|p| p.is_file()).and_then(|p| fs::read(p).ok()) {
-                scene.embed(&uri, bytes);
-            }
-        }
-        self.told(scene)
+        let mut warnings = scene.embed_files();
+        warnings.extend(self.told(scene));
+        warnings
     }
 
     /// What there is to say of files that stay outside: those that are not there, and those that nobody can follow.
@@ -108,11 +101,11 @@ mod tests {
 
     #[test]
     fn relative_names_are_linked_anew() {
-        let step = Move { from: None, way: Some("../in/".to_owned()) };
+        let step = Move { way: Some("../in/".to_owned()) };
         assert_eq!(step.uri("x.png").as_deref(), Some("../in/x.png"));
         assert_eq!(step.uri("../x.png").as_deref(), Some("../in/../x.png"));
         assert_eq!(step.uri("/x.png"), None);
         assert_eq!(step.uri("c:x.png"), None);
-        assert_eq!(Move { from: None, way: None }.uri("x.png"), None);
+        assert_eq!(Move { way: None }.uri("x.png"), None);
     }
 }

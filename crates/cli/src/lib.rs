@@ -32,9 +32,9 @@ pub fn run() -> ExitCode {
     exit::hush_panics();
     let cli = match args::Cli::try_parse() {
         Ok(cli) => cli,
-        // Help and version come here too; a closed pipe is no reason to complain.
+        // Help and version come here too.
         Err(e) => {
-            let _ = e.print();
+            output::usage(&e);
             return ExitCode::from(u8::try_from(e.exit_code()).unwrap_or(2));
         }
     };
@@ -45,5 +45,5 @@ pub fn run() -> ExitCode {
         }
         status
     });
-    ExitCode::from(status as u8)
+    exit::code(status)
 }

@@ -1,6 +1,7 @@
 //! All that is printed: results on standard output, warnings and errors on standard error.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the one file that prints")]
 
+use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::io::{self, ErrorKind, IsTerminal, Write};
 
@@ -50,7 +51,8 @@ impl Output {
         if self.json || self.quiet {
             return;
         }
-        if self.stdout_taken { eprint_line(text) } else { self.print(text) }
+        let text = escaped(text);
+        if self.stdout_taken { eprint_line(&text) } else { self.print(&text) }
     }
 
     /// More for people, with `-v`.
@@ -68,14 +70,14 @@ impl Output {
     /// A result for programs, one line; nothing without `--json`.
     pub(crate) fn object(&self, object: &Value) {
         if self.json {
-            self.print(&object.to_string());
+            self.print(&escaped_json(&object.to_string()));
         }
     }
 
     /// What the user should know. The JSON of a result carries it by itself.
     pub(crate) fn warning(&self, text: &str) {
         if !self.json && !self.quiet {
-            eprint_line(&format!("{} {}", paint("warning:", "1;33"), one_line(text)));
+            eprint_line(&format!("{} {}", paint("warning:", "1;33"), escaped(&one_line(text))));
         }
     }
 
@@ -117,7 +119,18 @@ impl Output {
 
 /// A fault, in one line on standard error; nothing silences it.
 pub(crate) fn error(text: &str) {
-    eprint_line(&format!("{} {}", paint("error:", "1;31"), one_line(text)));
+    eprint_line(&format!("{} {}", paint("error:", "1;31"), escaped(&one_line(text))));
+}
+
+/// What is wrong with the command line, or its help. A shell may have put names of files into it.
+pub(crate) fn usage(error: &clap::Error) {
+    let is_typed = |word: std::ffi::OsString| word.to_string_lossy().contains(is_unsafe);
+    if error.use_stderr() && std::env::args_os().any(is_typed) {
+        error.render().to_string().lines().for_each(|line| eprint_line(&escaped(line)));
+    } else {
+        // A closed pipe is no reason to complain.
+        let _ = error.print();
+    }
 }
 
 fn eprint_line(text: &str) {
@@ -127,6 +140,39 @@ fn eprint_line(text: &str) {
 
 fn one_line(text: &str) -> String {
     text.split('\n').map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+/// Escapes what must not reach a terminal: control characters, which move the cursor or begin escape sequences, and
+/// marks that change the direction of text.
+///
+/// Names of files, groups, materials, nodes and images may contain anything. All text for people goes through here once.
+pub(crate) fn escaped(text: &str) -> Cow<'_, str> {
+    if !text.contains(is_unsafe) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if is_unsafe(c) { shown.extend(c.escape_debug()) } else { shown.push(c) }
+    }
+    Cow::Owned(shown)
+}
+
+/// Escapes the same characters as JSON does. They occur in strings only, so the value stays the same.
+fn escaped_json(json: &str) -> Cow<'_, str> {
+    if !json.contains(is_unsafe) {
+        return Cow::Borrowed(json);
+    }
+    let mut shown = String::with_capacity(json.len() + 16);
+    for c in json.chars() {
+        if is_unsafe(c) { shown.push_str(&format!("\\u{:04x}", u32::from(c))) } else { shown.push(c) }
+    }
+    Cow::Owned(shown)
+}
+
+/// Whether a character is a control character (C0, DEL, C1), a line or paragraph separator, or a bidirectional mark.
+fn is_unsafe(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 fn paint(text: &str, code: &str) -> String {
@@ -139,6 +185,20 @@ fn paint(text: &str, code: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn control_characters_and_direction_marks_are_escaped() {
+        assert_eq!(escaped("a\u{1b}[2Jb\u{7f}\u{9b}\t\r\n"), "a\\u{1b}[2Jb\\u{7f}\\u{9b}\\t\\r\\n");
+        for mark in "\u{61c}\u{200e}\u{200f}\u{202a}\u{202e}\u{2066}\u{2069}\u{2028}".chars() {
+            assert!(escaped(&mark.to_string()).is_ascii(), "{mark:?}");
+        }
+        let plain = "Größe → 木 \\ \"a\" 👩‍🚀";
+        assert_eq!(escaped(plain), plain);
+        let value = serde_json::json!({ "a\u{9b}": "\u{1b}\u{202e}\n\u{7f}" });
+        let json = escaped_json(&value.to_string()).into_owned();
+        assert!(json.is_ascii() && !json.contains(is_unsafe), "{json}");
+        assert_eq!(serde_json::from_str::<Value>(&json).unwrap(), value);
+    }
 
     #[test]
     fn errors_are_one_line() {

@@ -1,17 +1,15 @@
 //! Pictures: in which format they go where, and what most of them look like.
 
-use std::ffi::OsString;
-use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use lodsmith::core::{Bounds, Image, TriMesh};
 use lodsmith_render::{
     Background, Camera, Panel, PictureFormat, StandardView, Subject, View, encode, render,
 };
 
-use crate::exit::{self, usage};
+use crate::exit::usage;
 use crate::file::{self, Sink};
 
 /// The format of a picture by the ending of its file; standard output gets PNG.
@@ -34,37 +32,15 @@ pub(crate) fn of_path(path: &Path) -> Option<PictureFormat> {
 }
 
 /// Writes a picture whole or not at all.
-pub(crate) fn write(picture: &Image, sink: &Sink, format: PictureFormat) -> anyhow::Result<()> {
+pub(crate) fn write(picture: &Image, sink: &Sink, format: PictureFormat, force: bool) -> anyhow::Result<()> {
     let bytes = encode(picture, format).with_context(|| format!("{sink}: cannot be stored"))?;
-    let path = match sink {
-        Sink::Path(path) => path,
+    match sink {
+        Sink::Path(path) => file::write_bytes(&bytes, path, force),
         Sink::Stdout => {
-            return match std::io::stdout().lock().write_all(&bytes) {
-                // Whoever closed the pipe had what it wanted.
-                Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-                    Err(anyhow!("cannot write to standard output: {e}"))
-                }
-                _ => Ok(()),
-            };
+            let mut out = std::io::stdout().lock();
+            out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| file::stdout_failed(&e))
         }
-    };
-    let _guard = exit::writing()?;
-    let said = |e: std::io::Error| anyhow!("{}: cannot write: {e}", path.display());
-    // What is no plain file (a pipe, a device) has no neighbour to be replaced by.
-    if fs::metadata(path).is_ok_and(|a| !a.is_file()) {
-        return fs::write(path, &bytes).map_err(said);
     }
-    if fs::metadata(path).is_ok_and(|a| a.permissions().readonly()) {
-        return Err(anyhow!("{}: is write-protected", path.display()));
-    }
-    let mut name = OsString::from(format!(".lodsmith-{}-", std::process::id()));
-    name.push(path.file_name().unwrap_or_default());
-    let neighbour = path.with_file_name(name);
-    let written = fs::write(&neighbour, &bytes).and_then(|()| fs::rename(&neighbour, path));
-    if written.is_err() {
-        let _ = fs::remove_file(&neighbour);
-    }
-    written.map_err(said)
 }
 
 /// Pixels of a picture in a sheet of methods.

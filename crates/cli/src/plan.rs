@@ -28,6 +28,8 @@ pub(crate) struct Wanted<'a> {
     pub(crate) to: Option<Format>,
     pub(crate) json: bool,
     pub(crate) dry_run: bool,
+    /// Whether a result may take the place of its input.
+    pub(crate) force: bool,
 }
 
 /// Plans all inputs of a command line.
@@ -65,6 +67,7 @@ pub(crate) fn jobs(wanted: &Wanted<'_>) -> anyhow::Result<Vec<Job>> {
     for job in &jobs {
         if let Some((sink, _)) = &job.output {
             file::refuse_folder(sink, ": use -O to write into it")?;
+            file::refuse_inputs(sink, [&job.source], wanted.force || wanted.dry_run)?;
         }
     }
     check_collisions(&jobs)?;
@@ -133,7 +136,7 @@ fn check_collisions(jobs: &[Job]) -> anyhow::Result<()> {
 }
 
 /// The same for all ways to write a path, as far as the file system tells.
-fn identity(path: &Path) -> PathBuf {
+pub(crate) fn identity(path: &Path) -> PathBuf {
     if let Ok(real) = path.canonicalize() {
         return real;
     }
@@ -197,7 +200,12 @@ mod tests {
     }
 
     #[test]
-    fn an_input_may_be_its_own_output() {
-        assert_eq!(plan(&["a.obj", "-o", "a.obj"]).unwrap(), ["a.obj"]);
+    fn an_input_is_its_own_output_by_force_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, "v 0 0 0\n").unwrap();
+        let path = path.to_str().unwrap();
+        assert!(plan(&[path, "-o", path]).unwrap_err().contains("--force"));
+        assert_eq!(plan(&[path, "-o", path, "--force"]).unwrap(), [path]);
     }
 }

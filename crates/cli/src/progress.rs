@@ -6,6 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lodsmith::Stage;
 
+use crate::output::escaped;
+
 /// Steps of the bar for one file.
 const STEPS: f64 = 1000.0;
 
@@ -86,7 +88,7 @@ impl FileProgress<'_> {
 
     fn enter(&self, what: &str, span: (f64, f64)) {
         let message = if self.whole.files == 1 { what.to_owned() } else { format!("{}: {what}", self.name) };
-        self.whole.bar.set_message(message);
+        self.whole.bar.set_message(escaped(&message).into_owned());
         self.to(span.0);
     }
 

@@ -66,12 +66,6 @@ fn help_of_clean() {
 }
 
 #[test]
-fn help_of_clusters() {
-    let parts = [&["clusters"][..], &["clusters", "build"], &["clusters", "cut"], &["clusters", "info"]];
-    insta::assert_snapshot!(parts.map(help).join("\n----\n"));
-}
-
-#[test]
 fn options_of_later_releases_are_not_known() {
     for option in ["--bake", "--cache"] {
         assert!(!help(&["simplify"]).contains(option), "{option}");

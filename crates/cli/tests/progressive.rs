@@ -132,7 +132,8 @@ fn materials_and_images_go_along() {
     let desk = Desk::new();
     desk.put("m.mtl", "newmtl red\nKd 1 0 0\nmap_Kd tex/a.png\nnewmtl blue\nmap_Kd gone.png\n");
     fs::create_dir(desk.path("tex")).expect("there is room");
-    fs::write(desk.path("tex/a.png"), [0x89, b'P', b'N', b'G', 1, 2, 3]).expect("there is room");
+    fs::write(desk.path("tex/a.png"), b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x02\x08\x02\0\0\0")
+        .expect("there is room");
     desk.put("hills.ply", &hills(12));
     let obj = desk.run("convert hills.ply - --to obj --quiet").with_status(0);
     let bare = obj.text().replacen("\nf ", "\nmtllib m.mtl\nusemtl red\nf ", 1);

@@ -33,12 +33,13 @@ pub use lod::SceneLevels;
 pub use moving::{MovingNode, SceneLens, SceneMotion};
 pub use names::MeshNames;
 pub(crate) use scene::image_type;
-pub use scene::{Scene, SceneMesh, outside_path};
+pub use scene::{Scene, SceneMesh};
 
 use std::io::{self, Write};
 
 use lodsmith_core::TriMesh;
 
+use crate::assets::Assets;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::obj::{Purpose, Textures, looks};
@@ -55,7 +56,7 @@ use container::Document;
 /// origin) and colours come along. Each vertex of the file stays one vertex: nothing is welded. Positions are
 /// single precision unless a node moves a mesh so far that half of its digits would go. Each material that faces have is
 /// a region, described by a library that is no file. Buffers that are files are
-/// looked for in the folder of the options, and nowhere else. Cost: O(bytes + placed triangles).
+/// looked for in the folder of the options, as far as [`ReadOptions::assets`] lets them. Cost: O(bytes + placed triangles).
 ///
 /// # Errors
 /// [`ReadError::Unsupported`] for glTF 1.0 and for required extensions that are not known here, by name;
@@ -79,8 +80,8 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let (mut contents, mut warnings) = inventory::take(&document.json, &placements);
     let gathered = geometry::gather(&document.json, &buffers, &placements, bytes.len())?;
     let geometry::Gathered { mut mesh, runs, warnings: told } = gathered;
-    let folder = options.folder.as_deref();
-    let (regions, of_faces) = materials::regions(&document.json, &buffers, &runs, folder, bytes.len());
+    let (regions, of_faces) =
+        materials::regions(&document.json, &buffers, &runs, Assets::of(options), bytes.len());
     mesh.set_regions(of_faces)?;
     contents.polygons = mesh.face_count();
     warnings.extend(told);

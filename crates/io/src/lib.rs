@@ -3,8 +3,8 @@
 //! A format is one module with `read(bytes, options) -> Loaded` and `write(mesh, options, out) -> warnings`. Content
 //! decides which one reads ([`sniff`]), the file's ending decides which one writes.
 
+pub mod assets;
 mod attributes;
-pub mod cluster_lod;
 mod distinct;
 pub mod error;
 mod excerpt;
@@ -23,6 +23,7 @@ pub mod sniff;
 pub mod stl;
 pub mod write;
 
+pub use assets::AssetScope;
 pub use error::{ReadError, Warning, WriteError};
 pub use format::Format;
 pub use limits::Limits;

@@ -37,11 +37,13 @@ pub struct LpmOptions {
     pub exact_fits: bool,
     /// Whether the images of materials go into the file.
     pub with_textures: bool,
+    /// Whether a write-protected file is replaced too.
+    pub force: bool,
 }
 
 impl Default for LpmOptions {
     fn default() -> Self {
-        Self { bits: None, exact_fits: false, with_textures: true }
+        Self { bits: None, exact_fits: false, with_textures: true, force: false }
     }
 }
 
@@ -115,7 +117,7 @@ pub fn read(from: impl std::io::Read, options: &ReadOptions) -> Result<Lpm, Read
 /// Reads the full mesh, or the finest that is there.
 pub(crate) fn read_mesh(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let mut reader = LpmReader::new(bytes, options.limits)?;
-    while reader.next_chunk()? {}
+    reader.read_on()?;
     let mesh = reader.mesh()?;
     let lpm = reader.into_lpm()?;
     let mut attributes: Vec<String> = Vec::new();

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use lodsmith_core::TriMesh;
 
+use crate::assets::AssetScope;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::gltf::Scene;
@@ -25,6 +26,8 @@ pub struct ReadOptions {
     /// Folder in which files named by the file are looked for (glTF buffers, libraries of OBJ materials); none are read
     /// where it is `None`.
     pub folder: Option<PathBuf>,
+    /// Which of the files named by the file may be read: those in the folder and below, unless this says otherwise.
+    pub assets: AssetScope,
     /// Names of properties of vertices that are wanted beside the mesh; see [`Loaded::properties`].
     pub properties: Vec<String>,
 }

@@ -1,9 +1,10 @@
 //! From a mesh to a path or a stream.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -31,11 +32,13 @@ pub struct WriteOptions {
     /// The path that such files are named after and lie beside, where it is not that of the mesh itself. A stream with
     /// one stands for a file there.
     pub beside: Option<PathBuf>,
+    /// Whether a write-protected file is replaced too.
+    pub force: bool,
 }
 
 /// Writes a mesh to a file: to a temporary one beside it, which is then renamed. An existing file survives a failure.
 ///
-/// A path that ends in `.gz` is compressed. A link is followed; a device or a pipe is written to as it is. A new file
+/// A path that ends in `.gz` is compressed. A link is followed, also to a file that is not there yet; a device or a pipe is written to as it is. A new file
 /// has the permissions of any new file, an overwritten one keeps its own. Data are handed to the system, which may put
 /// them on the disk later. Returns what the format could not carry.
 ///
@@ -55,7 +58,8 @@ pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result
         beside = Some(crate::obj::write_beside(regions, target, options.textures)?);
     }
     let libraries = beside.as_ref().map(|beside| &*beside.libraries);
-    let written = write_path_with(path, |out| write_format(mesh, format, options, libraries, out));
+    let written =
+        write_path_with(path, options.force, |out| write_format(mesh, format, options, libraries, out));
     match (written, beside) {
         (written, None) => written,
         (Ok(warnings), Some(mut beside)) => {
@@ -86,7 +90,7 @@ pub fn write_scene_path(
     relink: &dyn Fn(&str) -> Option<String>,
 ) -> Result<Vec<Warning>, WriteError> {
     let format = format_of(path, options)?;
-    write_path_with(path, |out| {
+    write_path_with(path, options.force, |out| {
         let warnings = scene.write(replaced, format, relink, out)?;
         out.flush()?;
         Ok(warnings)
@@ -105,7 +109,7 @@ pub fn write_levels_path(
     relink: &dyn Fn(&str) -> Option<String>,
 ) -> Result<Vec<Warning>, WriteError> {
     let format = format_of(path, options)?;
-    write_path_with(path, |out| {
+    write_path_with(path, options.force, |out| {
         let warnings = scene.write_levels(levels, format, relink, out)?;
         out.flush()?;
         Ok(warnings)
@@ -114,9 +118,10 @@ pub fn write_levels_path(
 
 fn write_path_with(
     path: &Path,
+    force: bool,
     write: impl FnOnce(&mut dyn Write) -> io::Result<Vec<Warning>>,
 ) -> Result<Vec<Warning>, WriteError> {
-    write_file(path, |out| {
+    write_file(path, force, |out| {
         if !is_gz(path) {
             return write(out);
         }
@@ -252,12 +257,18 @@ fn lost_integers(mesh: &TriMesh, format: Format) -> Option<Warning> {
 }
 
 /// Makes the file at `path` hold what `write` writes, or leaves things as they were.
-pub(crate) fn write_file<T>(
+///
+/// What is written goes to a temporary file beside it, which takes its name when it is whole. A link stays a link: the
+/// file that it leads to is replaced, or made. A write-protected file is replaced with `force` only.
+///
+/// # Errors
+/// What the system or `write` answers.
+pub fn write_file<T>(
     path: &Path,
+    force: bool,
     write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
 ) -> io::Result<T> {
-    // A link stays a link: what it points to is replaced.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let target = target_of(path)?;
     let existing = match fs::metadata(&target) {
         Ok(about) => Some(about),
         Err(e) if e.kind() == io::ErrorKind::NotFound => None,
@@ -267,7 +278,7 @@ pub(crate) fn write_file<T>(
         if about.is_dir() {
             return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
         }
-        if about.permissions().readonly() {
+        if about.permissions().readonly() && !force {
             return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file is read-only"));
         }
         if !about.is_file() {
@@ -297,17 +308,68 @@ pub(crate) fn write_file<T>(
     Ok(value)
 }
 
-/// A file that goes away unless it gets a name.
+/// The file that is meant by a path, behind all links; it need not be there.
+fn target_of(path: &Path) -> io::Result<PathBuf> {
+    if let Ok(real) = fs::canonicalize(path) {
+        return Ok(real);
+    }
+    // As many as Linux follows.
+    const MOST_LINKS: usize = 40;
+    let mut target = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        let Ok(next) = fs::read_link(&target) else { return Ok(target) };
+        target = target.parent().unwrap_or(Path::new("")).join(next);
+    }
+    Err(io::Error::other("it is a link that leads through too many others"))
+}
+
+const PART_PREFIX: &str = ".lodsmith-";
+const PART_SUFFIX: &str = ".part";
+
+/// A file that goes away unless it gets a name. Those that processes left behind which were killed go away too.
 pub(crate) fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+    remove_stale_parts(folder);
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".lodsmith-").suffix(".part");
+    builder.prefix(PART_PREFIX).suffix(PART_SUFFIX);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
         // What a new file has before the user's mask is taken off.
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    builder.tempfile_in(folder)
+    loop {
+        let temporary = builder.tempfile_in(folder)?;
+        // The lock says that this process is alive, and ends with it. Where the system has none, nothing is swept either.
+        let is_locked = temporary.as_file().lock().is_ok();
+        // Before it was locked, another process may have taken it for one that was left behind.
+        if !is_locked || temporary.path().exists() {
+            return Ok(temporary);
+        }
+    }
+}
+
+/// Removes temporary files that no living process holds: once for each folder and process, since a folder may be long.
+fn remove_stale_parts(folder: &Path) {
+    static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    let real = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+    if !SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(real) {
+        return;
+    }
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let name = name.as_encoded_bytes();
+        let is_part = name.starts_with(PART_PREFIX.as_bytes()) && name.ends_with(PART_SUFFIX.as_bytes());
+        if !is_part || !entry.file_type().is_ok_and(|kind| kind.is_file()) {
+            continue;
+        }
+        let path = entry.path();
+        // (Opened for writing, since some systems lock no other files.)
+        if File::options().write(true).open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
+            // It is in nobody's way if it stays.
+            let _ = fs::remove_file(path);
+        }
+    }
 }
 
 fn is_gz(path: &Path) -> bool {
@@ -317,4 +379,50 @@ fn is_gz(path: &Path) -> bool {
 /// A format that cannot hold the mesh says so with a [`WriteError`] inside the error of the stream.
 fn named(error: io::Error, path: &Path) -> WriteError {
     error.downcast::<WriteError>().unwrap_or_else(|source| WriteError::Io { path: path.to_owned(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_that_nobody_holds_is_removed_and_a_held_one_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let [left, held, other] =
+            [".lodsmith-a.part", ".lodsmith-b.part", "a.part"].map(|n| folder.path().join(n));
+        for path in [&left, &held, &other] {
+            fs::write(path, "half").unwrap();
+        }
+        let holder = File::open(&held).unwrap();
+        holder.lock().unwrap();
+        let out = folder.path().join("out");
+        write_file(&out, false, |out| out.write_all(b"whole")).unwrap();
+        assert!(!left.exists() && held.exists() && other.exists());
+        assert_eq!(fs::read(&out).unwrap(), b"whole");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_a_file_that_is_not_there_stays_a_link() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::create_dir(path("far")).unwrap();
+        symlink("far/b", path("a")).unwrap();
+        symlink("a", path("first")).unwrap();
+        write_file(&path("first"), false, |out| out.write_all(b"1")).unwrap();
+        assert_eq!(fs::read(path("far/b")).unwrap(), b"1");
+        assert!(["a", "first"].iter().all(|name| path(name).is_symlink()));
+        symlink("none/c", path("lost")).unwrap();
+        assert!(
+            write_file(&path("lost"), false, |_| Ok(()))
+                .unwrap_err()
+                .to_string()
+                .contains("there is no folder")
+        );
+        symlink("round", path("round")).unwrap();
+        assert!(write_file(&path("round"), false, |_| Ok(())).is_err());
+        assert!(path("lost").is_symlink() && path("round").is_symlink());
+    }
 }

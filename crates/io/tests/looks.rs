@@ -8,8 +8,8 @@ use lodsmith_io::{Format, ReadOptions, Textures, Warning, WriteOptions, read_pat
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-const PNG: &[u8] = b"\x89PNG, as far as its first bytes go";
-const JPEG: &[u8] = b"\xff\xd8\xff and more";
+const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x02\x08\x02\0\0\0";
+const JPEG: &[u8] = b"\xff\xd8\xff\xc0\0\x0b\x08\0\x03\0\x02\x01\x01\x11\0";
 
 const PLACES: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
 const FACES: &str =

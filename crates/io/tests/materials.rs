@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use lodsmith_core::{RegionId, TriMesh, WedgeId};
 use lodsmith_io::{
-    Format, Loaded, ReadOptions, Textures, Warning, WriteOptions, read_bytes, read_path, write_path, write_to,
+    AssetScope, Format, Loaded, ReadOptions, Textures, Warning, WriteOptions, read_bytes, read_path,
+    write_path, write_to,
 };
 use proptest::prelude::*;
 
@@ -61,6 +62,10 @@ fn faces(loaded: &Loaded) -> Vec<Headed> {
     order.into_iter().map(face).collect()
 }
 
+/// Images of one pixel. Their type is told by what they hold, not by their names.
+const WOOD: &str = "P3 1 1 255 120 80 40";
+const CLOTH: &str = "P3 1 1 255 90 90 90";
+
 /// A folder with a chair, its library and two textures.
 struct Workshop {
     folder: tempfile::TempDir,
@@ -73,8 +78,8 @@ impl Workshop {
         fs::create_dir(shop.path("out")).unwrap();
         shop.put("in/chair.obj", &chair());
         shop.put("in/chair.mtl", LIBRARY);
-        shop.put("in/tex/wood grain.png", "wood");
-        shop.put("in/cloth.png", "cloth");
+        shop.put("in/tex/wood grain.png", WOOD);
+        shop.put("in/cloth.png", CLOTH);
         shop
     }
     fn path(&self, name: &str) -> PathBuf {
@@ -199,7 +204,7 @@ fn copies_lie_beside_the_output_and_the_rest_is_kept() {
     let wanted = LIBRARY.replace("tex\\wood", "wood").replace("tex/wood", "wood");
     assert_eq!(shop.text("out/my seat.mtl"), format!("# Lodsmith\n{wanted}"));
     assert!(shop.text("out/my seat.obj").starts_with("# Lodsmith\nmtllib my seat.mtl\n"));
-    assert_eq!(shop.text("out/wood grain.png"), "wood");
+    assert_eq!(shop.text("out/wood grain.png"), WOOD);
     let [before, after] = ["in/chair.obj", "out/my seat.obj"].map(|name| read(&shop.path(name)));
     assert_eq!(faces(&before), faces(&after));
     assert_eq!(after.contents.materials, 2);
@@ -215,7 +220,7 @@ fn copies_lie_beside_the_output_and_the_rest_is_kept() {
 fn other_files_of_the_same_name_are_left_alone() {
     let shop = Workshop::new();
     shop.put("out/cloth.png", "silk!");
-    shop.put("out/cloth_1.png", "cloth");
+    shop.put("out/cloth_1.png", CLOTH);
     shop.put("out/wood grain.png", "oak");
     shop.put("out/chair.mtl", "newmtl somebody else's");
     shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
@@ -295,10 +300,111 @@ fn a_link_is_copied_under_its_own_name() {
     assert!(fs::symlink_metadata(shop.path("out/cloth.png")).unwrap().is_file());
 }
 
+const OUTSIDE: &str =
+    "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)";
+
+/// What a model may name, and whether a file beside its folder is among it.
+fn scopes(shop: &Workshop) -> [(AssetScope, bool); 4] {
+    let all = shop.folder.path().to_owned();
+    [
+        (AssetScope::Folder, false),
+        (AssetScope::Root(shop.path("in")), false),
+        (AssetScope::Root(all), true),
+        (AssetScope::Anywhere, true),
+    ]
+}
+
+fn read_within(shop: &Workshop, scope: AssetScope) -> Loaded {
+    let mut options = ReadOptions::default();
+    options.assets = scope;
+    read_path(&shop.path("in/chair.obj"), &options).unwrap()
+}
+
+#[test]
+fn a_material_library_outside_the_folder_is_left_out() {
+    let shop = Workshop::new();
+    shop.put("secret.mtl", "newmtl cloth\n# a word that nobody else may read\n");
+    for name in ["../secret.mtl".to_owned(), shop.path("secret.mtl").display().to_string()] {
+        shop.put("in/chair.obj", &chair().replace("chair.mtl", &name));
+        for (scope, is_read) in scopes(&shop) {
+            let loaded = read_within(&shop, scope);
+            let told: Vec<_> = loaded.warnings.iter().filter(|w| w.text.contains(OUTSIDE)).collect();
+            assert_eq!(told.is_empty(), is_read, "{told:?}");
+            write_path(&loaded.mesh, &shop.path("out/a.obj"), &options_of(&loaded, Textures::Copy)).unwrap();
+            let written =
+                shop.names("out").iter().any(|name| shop.text(&format!("out/{name}")).contains("nobody"));
+            assert_eq!(written, is_read);
+            fs::remove_dir_all(shop.path("out")).unwrap();
+            fs::create_dir(shop.path("out")).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_texture_outside_the_folder_is_not_copied() {
+    let shop = Workshop::new();
+    shop.put("secret.ppm", WOOD);
+    for name in ["../secret.ppm".to_owned(), shop.path("secret.ppm").display().to_string()] {
+        shop.put("in/chair.mtl", &format!("newmtl cloth\nmap_Kd {name}\n"));
+        for (scope, is_copied) in scopes(&shop) {
+            // (From here the relative path leads elsewhere.)
+            fs::create_dir(shop.path("out/deep")).unwrap();
+            let loaded = read_within(&shop, scope);
+            let told =
+                write_path(&loaded.mesh, &shop.path("out/deep/a.obj"), &options_of(&loaded, Textures::Copy))
+                    .unwrap();
+            assert_eq!(shop.path("out/deep/secret.ppm").exists(), is_copied);
+            let told: Vec<_> = told.iter().filter(|w| w.text.contains(OUTSIDE)).collect();
+            assert_eq!(told.is_empty(), is_copied, "{told:?}");
+            fs::remove_dir_all(shop.path("out/deep")).unwrap();
+        }
+    }
+    // Nor is it taken into a file that holds its images.
+    let loaded = read_within(&shop, AssetScope::Folder);
+    let mut glb = Vec::new();
+    let told = write_to(&loaded.mesh, Format::Glb, &options_of(&loaded, Textures::Copy), &mut glb).unwrap();
+    assert!(told.iter().any(|w| w.text.contains(OUTSIDE)), "{told:?}");
+    assert!(!glb.windows(WOOD.len()).any(|bytes| bytes == WOOD.as_bytes()));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_out_of_the_folder_is_not_followed() {
+    let shop = Workshop::new();
+    shop.put("secret.ppm", WOOD);
+    fs::remove_file(shop.path("in/cloth.png")).unwrap();
+    std::os::unix::fs::symlink("../secret.ppm", shop.path("in/cloth.png")).unwrap();
+    let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!(told[0], format!("texture cloth.png {OUTSIDE}: its name is kept"));
+    assert_eq!(shop.names("out"), ["chair.mtl", "chair.obj", "wood grain.png"]);
+}
+
+#[test]
+fn a_text_is_not_copied_as_a_texture() {
+    let shop = Workshop::new();
+    shop.put("in/cloth.png", "user = me\npassword = tree\n");
+    let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!(told[0], "texture cloth.png is no image of a known type: its name is kept");
+    assert_eq!(shop.names("out"), ["chair.mtl", "chair.obj", "wood grain.png"]);
+}
+
+#[test]
+fn a_text_without_materials_is_no_material_library() {
+    let shop = Workshop::new();
+    shop.put("in/chair.mtl", "user = me\npassword = tree\n");
+    let loaded = read(&shop.path("in/chair.obj"));
+    let told = "material library chair.mtl has no line that begins with newmtl, so it is no material library: its \
+                materials are not known";
+    assert!(loaded.warnings.contains(&Warning::note(told)), "{:?}", loaded.warnings);
+    shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!(shop.names("out"), ["chair.obj"]);
+}
+
 #[test]
 fn very_many_missing_textures_are_told_in_few_words() {
     let shop = Workshop::new();
     let many: String = (0..20_000).map(|i| format!("map_Kd {i}.png\n")).collect();
+    let many = format!("newmtl my wood\n{many}");
     shop.put("in/chair.mtl", &many);
     let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
     assert_eq!((told.len(), told[16].as_str()), (17, "19984 more textures cannot be brought along"));

@@ -173,7 +173,9 @@ fn images_beside_the_file_are_found_and_never_above_it() {
     assert!(m.emissive_texture.is_none() && m.normal_texture.is_none());
     let said = said(&got);
     assert!(
-        said.len() == 2 && said[1].starts_with("image 1 leaves") && said[0].starts_with("image 2 (none.png)"),
+        said.len() == 2
+            && said[1].starts_with("image 1 (../x.png) lies outside")
+            && said[0].starts_with("image 2 (none.png)"),
         "{said:?}"
     );
     // Bytes alone have no folder.

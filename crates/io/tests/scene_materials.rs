@@ -76,7 +76,11 @@ fn to_obj(materials: &Value, textures: Textures) -> (TempDir, Vec<Warning>) {
     fs::create_dir(folder.path().join("out")).unwrap();
     let path = folder.path().join("a.glb");
     fs::write(&path, scene(materials)).unwrap();
-    fs::write(folder.path().join("outside it.png"), b"\x89PNG outside").unwrap();
+    fs::write(
+        folder.path().join("outside it.png"),
+        b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x02\x08\x02\0\0\0",
+    )
+    .unwrap();
     let loaded = read_path(&path, &ReadOptions::default()).unwrap();
     let out = folder.path().join("out/a.obj");
     let mut warnings = loaded.warnings.clone();
@@ -169,7 +173,8 @@ fn what_a_library_cannot_say_is_named() {
     let told = "not carried of the materials: KHR_materials_clearcoat, KHR_materials_pbrSpecularGlossiness, \
         KHR_texture_transform, emissiveTexture by another set of coordinates, \
         metallicRoughnessTexture, occlusionTexture, scale of normalTexture";
-    let left = "texture images[3] leaves the folder of the glTF file, which is not allowed: left out";
+    let left = "texture images[3] lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it \
+        in): left out";
     assert_eq!(texts(&warnings), [left, told]);
     assert!(warnings.iter().all(|w| w.data_lost));
     let library = fs::read_to_string(folder.path().join("out/a.mtl")).unwrap();

@@ -25,8 +25,12 @@ fn own_secs(since: Instant) -> f64 {
 fn main() -> Result<(), String> {
     let file = std::env::args_os().nth(1).map(PathBuf::from).ok_or("which file?")?;
     let count = std::env::args().nth(2).map_or(Ok(500), |n| n.parse()).map_err(|e| format!("copies: {e}"))?;
-    let options =
-        ViewOptions { inputs: vec![file], remember: false, use_system_dialogs: false, is_light: None };
+    let options = ViewOptions {
+        inputs: vec![file],
+        remember: false,
+        use_system_dialogs: false,
+        ..ViewOptions::default()
+    };
     let mut harness = Harness::builder()
         .with_size(egui::vec2(1440.0, 900.0))
         .with_step_dt(1.0 / 30.0)

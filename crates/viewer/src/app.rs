@@ -113,6 +113,7 @@ impl App {
             has_own_timeline: false,
             held: None,
         };
+        app.document.assets = options.assets.clone();
         app.open(options.inputs.clone());
         Ok(app)
     }
@@ -151,7 +152,7 @@ impl App {
     }
 
     fn open_session(&mut self, path: &Path) {
-        match Session::open(path) {
+        match Session::open(path, &self.document.assets) {
             Ok(session) => {
                 self.arriving = session.cameras;
                 self.pictures.stage.arrive_from(session.stage_camera);

@@ -13,7 +13,7 @@ use lodsmith_core::measure::{Comparison, Prepared};
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, Topology, TriMesh};
-use lodsmith_io::{ModelFile, ModelSource, ReadError, ReadOptions};
+use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions};
 use lodsmith_render::Shading;
 
 use crate::words::{Normals, Simplification};
@@ -25,6 +25,8 @@ pub struct Original {
     pub path: PathBuf,
     /// What it holds.
     pub file: ModelFile,
+    /// Which files it may name.
+    pub assets: AssetScope,
     /// A box round all that is placed.
     pub bounds: Bounds,
     /// Triangles, as often as nodes place them.
@@ -41,10 +43,12 @@ impl Original {
     ///
     /// # Errors
     /// As [`lodsmith_io::read_model_path`].
-    pub fn read(path: &Path) -> Result<Self, ReadError> {
+    pub fn read(path: &Path, assets: AssetScope) -> Result<Self, ReadError> {
         let begin = Instant::now();
-        let file = lodsmith_io::read_model_path(path, &ReadOptions::default())?;
-        Ok(Self::of_file(path.to_owned(), file, begin.elapsed().as_secs_f64()))
+        let mut options = ReadOptions::default();
+        options.assets = assets.clone();
+        let file = lodsmith_io::read_model_path(path, &options)?;
+        Ok(Self { assets, ..Self::of_file(path.to_owned(), file, begin.elapsed().as_secs_f64()) })
     }
 
     /// Of what was read already.
@@ -54,7 +58,8 @@ impl Original {
         let prepared = model.meshes.iter().map(|_| OnceLock::new()).collect();
         let bounds = bounds_of(model);
         let (faces, vertices) = (count(TriMesh::face_count), count(TriMesh::vertex_count));
-        Self { path, bounds, faces, vertices, file, read_secs, prepared }
+        let assets = AssetScope::Folder;
+        Self { path, assets, bounds, faces, vertices, file, read_secs, prepared }
     }
 
     /// What is to be seen.
@@ -499,7 +504,7 @@ mod tests {
     fn sphere(folder: &tempfile::TempDir) -> Original {
         let path = folder.path().join("sphere.ply");
         lodsmith_io::write_path(&shapes::icosphere(4), &path, &Default::default()).unwrap();
-        Original::read(&path).unwrap()
+        Original::read(&path, AssetScope::Folder).unwrap()
     }
 
     #[test]

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use lodsmith::SimplifyError;
 use lodsmith_core::Model;
 use lodsmith_core::model::Pose;
+use lodsmith_io::AssetScope;
 use lodsmith_render::Shading;
 
 use crate::benchmark::{Filling, Table};
@@ -88,6 +89,8 @@ pub struct Document {
     wants_distances: bool,
     /// Whether parts and borders are to be seen.
     wants_anatomy: bool,
+    /// Which files a model may name.
+    pub assets: AssetScope,
     /// What went wrong last, until something goes well.
     pub problem: Option<String>,
     /// A file that changed while it was open.
@@ -157,6 +160,7 @@ impl Document {
             opening: None,
             wants_distances: false,
             wants_anatomy: false,
+            assets: AssetScope::Folder,
             problem: None,
             changed: None,
             own_files_changed: false,
@@ -455,9 +459,9 @@ impl Document {
 
     fn open(&mut self, path: PathBuf, then: Then) {
         self.opening = Some(Opening { path: path.clone(), then });
-        let context = self.context.clone();
+        let (context, assets) = (self.context.clone(), self.assets.clone());
         self.worker.submit(Kind::Load, move |watch| {
-            let read = Original::read(&path).map_err(|e| e.to_string());
+            let read = Original::read(&path, assets).map_err(|e| e.to_string());
             let result = read.map(|original| {
                 let draw = context.map(|c| stand_in::upload(&c, original.model()));
                 Shown { content: Arc::new(original), draw }

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use lodsmith_core::TriMesh;
-use lodsmith_io::gltf::outside_path;
 use lodsmith_io::{Format, ModelSource, Textures, Warning, WriteOptions};
 
 use crate::content::{Lighter, Original, placed_meshes};
@@ -93,8 +92,7 @@ impl Export {
                 };
                 let replaced: Vec<_> = (0..scene.meshes().len()).map(lighter_mesh).collect();
                 let mut scene = (**scene).clone();
-                let folder = original.path.parent().unwrap_or(Path::new(""));
-                let mut warnings = embed(&mut scene, folder);
+                let mut warnings = embed(&mut scene);
                 warnings.extend(lodsmith_io::write_scene_path(&scene, &replaced, path, &options, &|_| None)?);
                 warnings
             }
@@ -118,17 +116,13 @@ impl Export {
 }
 
 /// Takes images that are files into the scene, so that it can stand anywhere.
-pub(crate) fn embed(scene: &mut lodsmith_io::gltf::Scene, folder: &Path) -> Vec<Warning> {
-    for uri in scene.outside_files() {
-        let path = outside_path(&uri).map(|path| folder.join(path)).filter(|p| p.is_file());
-        if let Some(bytes) = path.and_then(|p| std::fs::read(p).ok()) {
-            scene.embed(&uri, bytes);
-        }
-    }
+pub(crate) fn embed(scene: &mut lodsmith_io::gltf::Scene) -> Vec<Warning> {
+    let mut warnings = scene.embed_files();
     let left = scene.outside_files();
     let text =
         |uri: &String| Warning::note(format!("{uri} stays a file of its own, which the scene refers to"));
-    left.first().map(text).into_iter().collect()
+    warnings.extend(left.first().map(text));
+    warnings
 }
 
 /// All that is placed as one mesh: written as GLB in memory and read back, as if it had been that file.
@@ -151,6 +145,7 @@ fn joined(
     let _ = lodsmith_io::write_scene_to(scene, &replaced, Format::Glb, &|_| None, &mut bytes)?;
     let mut read = lodsmith_io::ReadOptions::default();
     read.folder = original.path.parent().map(Path::to_owned);
+    read.assets = original.assets.clone();
     let loaded = lodsmith_io::read_bytes(&bytes, &read)?;
     Ok((loaded.mesh, Arc::new(loaded.regions), loaded.warnings))
 }

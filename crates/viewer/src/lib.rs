@@ -33,12 +33,15 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 
 use eframe::egui;
+use lodsmith_io::AssetScope;
 
 /// What a window begins with.
 #[derive(Clone, Debug)]
 pub struct ViewOptions {
     /// Files to open, or a session.
     pub inputs: Vec<PathBuf>,
+    /// Which files a model or a session may name.
+    pub assets: AssetScope,
     /// Whether recent files and the theme are kept for the next time.
     pub remember: bool,
     /// Whether files are chosen by the system's own dialog, where there is one.
@@ -49,7 +52,13 @@ pub struct ViewOptions {
 
 impl Default for ViewOptions {
     fn default() -> Self {
-        Self { inputs: Vec::new(), remember: true, use_system_dialogs: true, is_light: None }
+        Self {
+            inputs: Vec::new(),
+            assets: AssetScope::Folder,
+            remember: true,
+            use_system_dialogs: true,
+            is_light: None,
+        }
     }
 }
 

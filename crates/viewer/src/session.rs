@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use lodsmith_io::AssetScope;
 use serde::{Deserialize, Serialize};
 
 use crate::settings::{Pose, Settings};
@@ -47,6 +48,16 @@ pub enum SessionError {
         /// What was met.
         reason: String,
     },
+    /// It names a file that it may not name.
+    #[error(
+        "{path}: names {file}, which lies outside of its folder: start with --asset-root DIR or --allow-outside to let it in"
+    )]
+    Outside {
+        /// The file.
+        path: PathBuf,
+        /// The other one.
+        file: PathBuf,
+    },
     /// A newer program wrote it.
     #[error("{path}: was saved by a newer lodsmith (version {got} of sessions, {VERSION} is known here)")]
     Newer {
@@ -88,11 +99,11 @@ impl Session {
             .map_err(|source| SessionError::Io { path: path.to_owned(), source })
     }
 
-    /// Opens one.
+    /// Opens one. The files that it names lie in its folder and below, unless the scope says otherwise.
     ///
     /// # Errors
     /// Each [`SessionError`].
-    pub fn open(path: &Path) -> Result<Self, SessionError> {
+    pub fn open(path: &Path, scope: &AssetScope) -> Result<Self, SessionError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| SessionError::Io { path: path.to_owned(), source })?;
         let malformed = |reason: String| SessionError::Malformed { path: path.to_owned(), reason };
@@ -111,7 +122,13 @@ impl Session {
         for file in &mut session.settings.files {
             *file = folder.join(&file);
         }
-        Ok(session)
+        let is_outside = |file: &&PathBuf| !scope.allows(&absolute(file), &folder);
+        let outside =
+            session.settings.files.iter().chain(session.settings.look.files()).find(is_outside).cloned();
+        match outside {
+            Some(file) => Err(SessionError::Outside { path: path.to_owned(), file }),
+            None => Ok(session),
+        }
     }
 }
 
@@ -125,11 +142,7 @@ fn folder_of(path: &Path) -> PathBuf {
 
 /// Makes a file hold these bytes, or leaves it as it was.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let temporary = tempfile::Builder::new().prefix(".lodsmith-").suffix(".part").tempfile_in(folder)?;
-    std::fs::write(temporary.path(), bytes)?;
-    temporary.persist(path).map_err(|e| e.error)?;
-    Ok(())
+    lodsmith_io::write::write_file(path, false, |out| out.write_all(bytes))
 }
 
 /// What the window remembers by itself.
@@ -198,8 +211,26 @@ mod tests {
         let [one, two] = [(); 2].map(|()| tempfile::tempdir().unwrap());
         session(one.path()).save(&one.path().join("s.json")).unwrap();
         std::fs::rename(one.path().join("s.json"), two.path().join("s.json")).unwrap();
-        let opened = Session::open(&two.path().join("s.json")).unwrap();
+        let opened = Session::open(&two.path().join("s.json"), &AssetScope::Folder).unwrap();
         assert_eq!(opened.settings.files, [two.path().join("a.glb")]);
+    }
+
+    #[test]
+    fn a_session_names_no_file_outside_of_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let inside = folder.path().join("in");
+        std::fs::create_dir(&inside).unwrap();
+        session(folder.path()).save(&inside.join("s.json")).unwrap();
+        let open = |scope| Session::open(&inside.join("s.json"), &scope);
+        let told = open(AssetScope::Folder).unwrap_err().to_string();
+        assert!(told.contains("a.glb") && told.contains("--allow-outside"), "{told}");
+        assert!(open(AssetScope::Anywhere).is_ok());
+        assert!(open(AssetScope::Root(folder.path().to_owned())).is_ok());
+        // What the look names counts too.
+        let mut looks = session(&inside);
+        looks.settings.look.matcap = Some(folder.path().join("ball.png"));
+        looks.save(&inside.join("s.json")).unwrap();
+        assert!(open(AssetScope::Folder).unwrap_err().to_string().contains("ball.png"));
     }
 
     #[test]
@@ -208,13 +239,13 @@ mod tests {
         let path = folder.path().join("s.json");
         let says = |text: &str| {
             std::fs::write(&path, text).unwrap();
-            Session::open(&path).unwrap_err().to_string()
+            Session::open(&path, &AssetScope::Folder).unwrap_err().to_string()
         };
         assert!(says("{").contains("no session"));
         assert!(says("{}").contains("no session"));
         assert!(says(r#"{"version":99}"#).contains("newer"));
         std::fs::remove_file(&path).unwrap();
-        assert!(matches!(Session::open(&path), Err(SessionError::Io { .. })));
+        assert!(matches!(Session::open(&path, &AssetScope::Folder), Err(SessionError::Io { .. })));
     }
 
     #[test]

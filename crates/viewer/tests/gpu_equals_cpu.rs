@@ -496,7 +496,7 @@ fn joints_and_morph_targets_pull_as_on_the_processor() {
 #[test]
 fn an_animation_goes_as_on_the_processor_before_and_after_reduction() {
     let Some(mut gpu) = gpu() else { return };
-    let original = Original::read(std::path::Path::new("../../testdata/arm.glb")).unwrap();
+    let original = Original::read("../../testdata/arm.glb".as_ref(), Default::default()).unwrap();
     let mut how = Simplification::default();
     how.options.stop = lodsmith::Stop::ratio(0.25);
     let lighter = Lighter::make(&original, &how, &mut lodsmith::NoControl).unwrap();

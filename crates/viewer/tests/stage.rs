@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use lodsmith_core::shapes;
+use lodsmith_io::AssetScope;
 use lodsmith_viewer::command::Command;
 use lodsmith_viewer::document::Document;
 use lodsmith_viewer::playback::Playback;
@@ -198,14 +199,14 @@ fn the_moment_moves_the_copies_and_goes_round() {
     let path = folder.path().join("s.json");
     let pose = Pose { eye: [1.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 };
     Session::new(document.settings().clone(), [pose; 2]).save(&path).unwrap();
-    let back = Session::open(&path).unwrap();
+    let back = Session::open(&path, &AssetScope::Anywhere).unwrap();
     assert_eq!(back.settings.stage, document.settings().stage);
     // One that was saved before there were keyframes has none.
     let text = std::fs::read_to_string(&path).unwrap();
     let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
     json["settings"]["stage"].as_object_mut().unwrap().remove("motion").unwrap();
     std::fs::write(&path, json.to_string()).unwrap();
-    let older = Session::open(&path).unwrap();
+    let older = Session::open(&path, &AssetScope::Anywhere).unwrap();
     assert!(older.settings.stage.motion.is_empty() && older.settings.stage.copies.len() == 2);
 }
 

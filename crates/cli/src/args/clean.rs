@@ -4,10 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lodsmith::CleanOptions;
-use lodsmith_io::Format;
 
 use super::choice::NonManifoldChoice;
-use super::{Ending, Run, TypedLength, Writing, values};
+use super::{Ending, Reading, Run, TypedLength, Writing, values};
 use crate::file::{Sink, Source};
 use crate::plan::Wanted;
 
@@ -56,9 +55,8 @@ pub(crate) struct CleanArgs {
     /// Remove connected parts smaller than this: the diagonal of their box, in units or of the whole's (0.1%)
     #[arg(long, value_name = "SIZE", value_parser = values::some_length, help_heading = "How")]
     prune: Option<TypedLength>,
-    /// Format of the inputs, whatever their content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
     /// Report without writing
@@ -78,10 +76,11 @@ impl CleanArgs {
             output: self.output.as_ref(),
             out_dir: self.out_dir.as_deref(),
             name: &self.name,
-            from: self.from,
+            from: self.reading.from,
             to: self.writing.to,
             json: self.ending.json,
             dry_run: self.dry_run,
+            force: self.writing.force,
         }
     }
 

@@ -4,12 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use lodsmith::{Levels, LodOptions, Measure, Screen, Stop};
-use lodsmith_io::Format;
 use serde_json::{Value, json};
 
 use super::engine::EngineArgs;
 use super::simplify::Normals;
-use super::{Ending, Run, TypedLength, Writing, values};
+use super::{Ending, Reading, Run, TypedLength, Writing, values};
 use crate::file::{Sink, Source};
 
 const AFTER: &str = "\
@@ -73,9 +72,8 @@ pub(crate) struct LodArgs {
     height: f64,
     #[command(flatten)]
     pub(crate) engine: EngineArgs,
-    /// Format of the input, whatever its content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
     /// Normals of the levels: the input's, blended with their vertices; new ones; or none

@@ -4,11 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lodsmith::{Method, SimplifyOptions};
-use lodsmith_io::Format;
 
 use super::choice::MethodChoice;
 use super::engine::Target;
-use super::{Run, Writing, values};
+use super::{Reading, Run, Writing, values};
 use crate::file::Source;
 
 const AFTER: &str = "\
@@ -46,9 +45,8 @@ pub(crate) struct MethodsArgs {
     /// A picture of all results side by side: .png, .jpg or .webp
     #[arg(long, value_name = "OUT", help_heading = "Writing")]
     pub(crate) sheet: Option<PathBuf>,
-    /// Format of the input, whatever its content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
     /// One JSON object

@@ -2,12 +2,11 @@
 
 use clap::{Args, Subcommand};
 use lodsmith::{SimplifyOptions, Stop};
-use lodsmith_io::Format;
 use lodsmith_io::lpm::{LEAST_BITS, LpmOptions, MOST_BITS};
 use serde_json::Value;
 
 use super::engine::{EngineArgs, Target};
-use super::{Ending, Run, TexturesChoice, Writing, values};
+use super::{Ending, Reading, Run, TexturesChoice, Writing};
 use crate::file::{Sink, Source};
 
 const AFTER_BUILD: &str = "\
@@ -56,13 +55,12 @@ pub(crate) struct LpmBuildArgs {
     pub(crate) target: Target,
     #[command(flatten)]
     pub(crate) engine: EngineArgs,
-    /// Format of the input, whatever its content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     /// Images of materials go into the file (copy, link), or stay away (none)
     #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "Writing")]
     textures: TexturesChoice,
-    /// Overwrite a write-protected output too; a folder is never overwritten
+    /// Write over an input or a write-protected file; a folder is never overwritten
     #[arg(long, help_heading = "Writing")]
     pub(crate) force: bool,
     #[command(flatten)]
@@ -80,6 +78,7 @@ impl LpmBuildArgs {
     pub(crate) fn writing(&self) -> LpmOptions {
         let mut options = LpmOptions::default();
         options.bits = self.bits;
+        options.force = self.force;
         options.with_textures = !matches!(self.textures, TexturesChoice::None);
         options
     }

@@ -5,11 +5,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use lodsmith_io::Format;
 use lodsmith_render::{Background, ColorMap, Light, LightKind, Shading, StandardView};
 
 use super::choice::MethodChoice;
-use super::{Run, Up, values};
+use super::{Reading, Run, Up, values};
 use crate::file::{Sink, Source};
 
 const AFTER: &str = "\
@@ -63,9 +62,11 @@ pub(crate) struct RenderArgs {
     pub(crate) moment: MomentArgs,
     #[command(flatten)]
     pub(crate) sheet: SheetArgs,
-    /// Format of the inputs, whatever their content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Run")]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+    /// Write over an input or a write-protected file; a folder is never overwritten
+    #[arg(long, help_heading = "Run")]
+    pub(crate) force: bool,
     /// One JSON object
     #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,

@@ -4,10 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use lodsmith::{Bound, Measure, SimplifyOptions};
-use lodsmith_io::Format;
 
 use super::engine::{EngineArgs, Target};
-use super::{Ending, Run, Writing, values};
+use super::{Ending, Reading, Run, Writing, values};
 use crate::file::{Sink, Source};
 use crate::plan::Wanted;
 
@@ -61,9 +60,8 @@ pub(crate) struct SimplifyArgs {
     pub(crate) engine: EngineArgs,
     #[command(flatten)]
     deviation: Deviation,
-    /// Format of the inputs, whatever their content
-    #[arg(long, value_name = "FORMAT", value_parser = values::format(), help_heading = "Writing")]
-    pub(crate) from: Option<Format>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
     /// Normals of the result: the input's, blended with their vertices; new ones; or none
@@ -117,10 +115,11 @@ impl SimplifyArgs {
             output: self.output.as_ref(),
             out_dir: self.out_dir.as_deref(),
             name: &self.name,
-            from: self.from,
+            from: self.reading.from,
             to: self.writing.to,
             json: self.ending.json,
             dry_run: self.dry_run,
+            force: self.writing.force,
         }
     }
 

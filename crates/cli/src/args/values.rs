@@ -199,25 +199,6 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     above_zero(text).map(|s| s.min(365.0 * 86400.0))
 }
 
-/// A point: three finite numbers with commas between them.
-pub(crate) fn point(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|x| x.trim().parse()).collect();
-    match numbers.as_deref() {
-        Ok(&[x, y, z]) if [x, y, z].iter().all(|x| x.is_finite()) => Ok([x, y, z]),
-        _ => Err("a point is three numbers with commas between them, such as 0,1.5,-2".to_owned()),
-    }
-}
-
-/// Triangles or vertices of a cluster.
-pub(crate) fn cluster_size(text: &str) -> Result<usize, String> {
-    within(text, 8, 256)
-}
-
-/// Clusters of a group.
-pub(crate) fn group_size(text: &str) -> Result<usize, String> {
-    within(text, 4, 64)
-}
-
 /// A count of at least one.
 pub(crate) fn count(text: &str) -> Result<usize, String> {
     at_least(text, 1)
@@ -242,11 +223,6 @@ fn at_least(text: &str, least: usize) -> Result<usize, String> {
         Ok(n) if n >= least => Ok(n),
         Ok(_) => Err(format!("it must be at least {least}")),
     }
-}
-
-fn within(text: &str, least: usize, most: usize) -> Result<usize, String> {
-    at_least(text, least)
-        .and_then(|n| if n <= most { Ok(n) } else { Err(format!("it must be at most {most}")) })
 }
 
 #[cfg(test)]
@@ -291,9 +267,7 @@ mod tests {
     fn ranges_are_kept() {
         assert!(ratio("1").is_ok() && ratio("0").is_err() && ratio("1.1").is_err() && ratio("nan").is_err());
         assert!(count("1").is_ok() && count("0").is_err() && count("-1").is_err() && count("1.5").is_err());
-        assert!(cluster_size("256").is_ok() && cluster_size("257").is_err() && group_size("3").is_err());
-        assert_eq!(point("0, 1.5,-2"), Ok([0.0, 1.5, -2.0]));
-        assert!(point("1,2").is_err() && point("1,2,inf").is_err() && view_deg("180").is_err());
+        assert!(view_deg("180").is_err());
         assert!(above_zero("inf").is_err() && seconds("1e300").is_ok());
     }
 }

@@ -68,8 +68,8 @@ fn clean_one(job: &Job, args: &CleanArgs, progress: &Progress, turn: &Turn<'_>) 
             && args.writing.up.is_none()
     });
     let input = match whole {
-        Some(_) => file::read_scene(&job.source, args.from, Vec::new())?,
-        None => Input::Mesh(Box::new(file::read(&job.source, args.from)?)),
+        Some(_) => file::read_scene(&job.source, &args.reading, Vec::new())?,
+        None => Input::Mesh(Box::new(file::read(&job.source, &args.reading)?)),
     };
     clock.end(0);
     let done = match (input, whole) {
@@ -112,7 +112,7 @@ fn clean_mesh(
         let options = file::options(&args.writing, *format, regions);
         warnings.extend(match args.dry_run {
             true => file::losses(&cleaned, sink, *format, &options)?,
-            false => file::write(&cleaned, sink, *format, &options, args.writing.force)?,
+            false => file::write(&cleaned, sink, *format, &options)?,
         });
     }
     clock.end(2);

@@ -37,6 +37,9 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         }
         file::refuse_folder(&sink, "")?;
     }
+    for path in args.heatmap.iter().chain(&args.views_sheet) {
+        file::refuse_inputs(&Sink::Path(path.clone()), [&args.reference, &args.candidate], args.force)?;
+    }
     let sheet = views::sheet_format(args)?;
     let out = Output::new(&args.run, args.json, false);
     let progress = Progress::new(1, args.run.quiet);
@@ -44,7 +47,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     let compared = in_order::pool(args.run.threads())?.install(|| {
         let bar = progress.file("");
         bar.read();
-        let load = |source| file::read(source, args.from).with_context(|| format!("{source}"));
+        let load = |source| file::read(source, &args.reading).with_context(|| format!("{source}"));
         let (mut reference, candidate) = (load(&args.reference)?, load(&args.candidate)?);
         bar.stage(lodsmith::Stage::Measure);
         let mut options = CompareOptions::default();
@@ -66,13 +69,14 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
                 match picture::of_path(path) {
                     Some(format) => {
                         let map = heat_picture(&reference.mesh, distances, red)?;
-                        picture::write(&map, &sink, format)?;
+                        picture::write(&map, &sink, format, args.force)?;
                     }
                     None => {
                         let map = heatmap(&reference.mesh, &distances, red)?;
                         let mut options = WriteOptions::default();
                         options.format = Some(Format::Ply);
-                        file::write(&map, &sink, Format::Ply, &options, false)?;
+                        options.force = args.force;
+                        file::write(&map, &sink, Format::Ply, &options)?;
                     }
                 }
                 Some(red)

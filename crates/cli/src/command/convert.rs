@@ -20,6 +20,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
     let writing = &args.writing;
     let format = file::format_of(&args.output, writing.to)?;
     file::refuse_folder(&args.output, "")?;
+    file::refuse_inputs(&args.output, [&args.input], writing.force)?;
     let out = Output::new(&args.run, false, args.output == Sink::Stdout);
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
@@ -31,16 +32,16 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
         let bar = progress.file(&path);
         bar.read();
         let input = if is_whole {
-            file::read_scene(&args.input, args.from, Vec::new())?
+            file::read_scene(&args.input, &args.reading, Vec::new())?
         } else {
-            Input::Mesh(Box::new(file::read(&args.input, args.from)?))
+            Input::Mesh(Box::new(file::read(&args.input, &args.reading)?))
         };
         bar.write();
         match input {
             Input::Mesh(mut loaded) => {
                 orient(&mut loaded.mesh, writing);
                 let options = file::options(writing, format, std::mem::take(&mut loaded.regions));
-                let lost = file::write(&loaded.mesh, &args.output, format, &options, args.writing.force)?;
+                let lost = file::write(&loaded.mesh, &args.output, format, &options)?;
                 loaded.warnings.extend(lost);
                 Ok((loaded.mesh.face_count(), loaded.format, loaded.warnings))
             }

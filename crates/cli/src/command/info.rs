@@ -67,7 +67,7 @@ fn look(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Result
     let bar = progress.file(&name);
     bar.read();
     let begin = Instant::now();
-    let loaded = file::read(source, args.from)?;
+    let loaded = file::read(source, &args.reading)?;
     bar.stage(lodsmith::Stage::Measure);
     let surface = loaded.mesh.surface();
     let positions = surface.positions();

@@ -71,9 +71,9 @@ fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<M
     // To turn or scale a scene it would take a change of its nodes.
     let is_plain = args.writing.scale.is_none() && args.writing.up.is_none();
     let input = if plan.makes_scenes() && is_plain {
-        file::read_scene(&args.input, args.from, properties)?
+        file::read_scene(&args.input, &args.reading, properties)?
     } else {
-        Input::Mesh(Box::new(file::read_with(&args.input, args.from, properties)?))
+        Input::Mesh(Box::new(file::read_with(&args.input, &args.reading, properties)?))
     };
     let mut watch = Watch::new(&mut clock, bar, deadline);
     let mut made = match input {

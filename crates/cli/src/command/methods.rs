@@ -37,6 +37,9 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
     }
     let sheet = args.sheet.clone().map(Sink::Path);
     let sheet = sheet.map(|sink| picture::format_of(&sink).map(|format| (sink, format))).transpose()?;
+    if let Some((sink, _)) = &sheet {
+        file::refuse_inputs(sink, [&args.input], args.writing.force)?;
+    }
     let sinks = methods.iter().map(|&m| sink(args, m)).collect::<anyhow::Result<Vec<_>>>()?;
     if let Some(folder) = &args.out_dir {
         fs::create_dir_all(folder)
@@ -49,7 +52,7 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
         let jobs: Vec<_> = methods.into_iter().zip(sinks).collect();
         let tried = try_all(&path, jobs, args, &progress)?;
         if let Some((sink, format)) = &sheet {
-            picture::write(&tried.sheet(), sink, *format)?;
+            picture::write(&tried.sheet(), sink, *format, args.writing.force)?;
         }
         anyhow::Ok(tried)
     });
@@ -96,7 +99,7 @@ struct Tried {
 fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> anyhow::Result<Tried> {
     let bar = progress.file(path);
     bar.read();
-    let loaded = file::read(&args.input, args.from).with_context(|| path.to_owned())?;
+    let loaded = file::read(&args.input, &args.reading).with_context(|| path.to_owned())?;
     let Loaded { mesh, format, regions, warnings, .. } = loaded;
     let model = Model::new(mesh, args);
     bar.end();
@@ -144,10 +147,11 @@ fn sink(args: &MethodsArgs, method: Method) -> anyhow::Result<Option<(Sink, Form
         output: None,
         out_dir: args.out_dir.as_deref(),
         name: &template,
-        from: args.from,
+        from: args.reading.from,
         to: args.writing.to,
         json: args.json,
         dry_run: args.out_dir.is_none(),
+        force: args.writing.force,
     })?;
     Ok(jobs.into_iter().find_map(|job| job.output))
 }
@@ -161,7 +165,7 @@ fn write(
 ) -> anyhow::Result<Vec<Warning>> {
     orient(&mut mesh, &args.writing);
     let options = file::options(&args.writing, format, regions.clone());
-    file::write(&mesh, sink, format, &options, args.writing.force)
+    file::write(&mesh, sink, format, &options)
 }
 
 /// The input, ready to be simplified and measured against many times.

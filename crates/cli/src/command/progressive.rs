@@ -31,6 +31,7 @@ pub(super) fn run(action: &args::Progressive) -> anyhow::Result<Status> {
 
 fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
     file::refuse_folder(&args.output, "")?;
+    file::refuse_inputs(&args.output, [&args.input], args.force)?;
     let hint = match &args.output {
         Sink::Path(path) => lodsmith_io::sniff::hint_of(path),
         Sink::Stdout => None,
@@ -52,7 +53,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         let mut clock = Clock::new();
         bar.read();
         clock.enter("read");
-        let loaded = file::read_with(&args.input, args.from, care::properties(&args.engine.how))?;
+        let loaded = file::read_with(&args.input, &args.reading, care::properties(&args.engine.how))?;
         let mut options = args.options();
         // Measured afterwards, like the levels of `extract`.
         let limit = options.stop.error.take();
@@ -70,7 +71,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         }
         watch.write();
         let splits = road.into_splits();
-        let written = file::write_lpm(&splits, &loaded.regions, &args.output, &args.writing(), args.force)?;
+        let written = file::write_lpm(&splits, &loaded.regions, &args.output, &args.writing())?;
         warnings.extend(written.warnings.iter().cloned());
         clock.end();
         Ok((splits, loaded.format, written.sizes, warnings, clock))
@@ -105,6 +106,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
 fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
     let format = file::format_of(&args.output, args.writing.to)?;
     file::refuse_folder(&args.output, "")?;
+    file::refuse_inputs(&args.output, [&args.input], args.writing.force)?;
     let is_taken = args.output == Sink::Stdout;
     if is_taken && args.ending.json {
         return Err(usage("standard output cannot carry the mesh and --json"));
@@ -136,7 +138,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
             let text = "--error is measured from the finest level that the file has";
             warnings.push(Warning::note(text));
         }
-        warnings.extend(file::write(&mesh, &args.output, format, &options, args.writing.force)?);
+        warnings.extend(file::write(&mesh, &args.output, format, &options)?);
         Ok((road, counts, full, (is_reached, measured), warnings))
     });
     progress.finish();

@@ -30,6 +30,7 @@ use crate::watch::{Clock, Watch, not_interrupted};
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
     file::at_most_one_stdin(args.inputs.iter().chain(&args.compare))?;
     let format = picture::format_of(&args.output)?;
+    file::refuse_inputs(&args.output, args.inputs.iter().chain(&args.compare), args.force)?;
     if args.output == Sink::Stdout && args.json {
         return Err(usage("the picture and --json both want standard output: give the picture a file"));
     }
@@ -49,7 +50,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
     let begin = Instant::now();
     let drawn = in_order::pool(args.run.threads())?.install(|| {
         let drawn = Drawing::new(args, &progress)?.draw()?;
-        picture::write(&drawn.picture, &args.output, format)?;
+        picture::write(&drawn.picture, &args.output, format, args.force)?;
         anyhow::Ok(drawn)
     });
     progress.finish();
@@ -249,8 +250,8 @@ impl<'a> Drawing<'a> {
     }
 
     fn add(&mut self, source: &Source, reference: Option<usize>) -> anyhow::Result<()> {
-        let (path, from) = (source.to_string(), self.args.from);
-        let read = file::read_model(source, from).with_context(|| path.clone())?;
+        let path = source.to_string();
+        let read = file::read_model(source, &self.args.reading).with_context(|| path.clone())?;
         let ModelFile { mut model, warnings, source, .. } = read;
         if self.args.place.up == Up::Z {
             turn(&mut model);

@@ -84,9 +84,9 @@ fn simplify_one(
         Done { input_format, report, warnings, meshes, threads: rayon::current_num_threads(), clock }
     };
     let loaded = match whole {
-        None => Box::new(file::read_with(&job.source, args.from, care::properties(&args.engine.how))?),
+        None => Box::new(file::read_with(&job.source, &args.reading, care::properties(&args.engine.how))?),
         Some((sink, format)) => {
-            match file::read_scene(&job.source, args.from, care::properties(&args.engine.how))? {
+            match file::read_scene(&job.source, &args.reading, care::properties(&args.engine.how))? {
                 Input::Mesh(loaded) => loaded,
                 Input::Scene(scene) => {
                     let from = scene.format();
@@ -141,7 +141,7 @@ fn simplify_mesh(
         let options = file::options(&args.writing, *format, regions);
         warnings.extend(match args.dry_run {
             true => file::losses(&lighter, sink, *format, &options)?,
-            false => file::write(&lighter, sink, *format, &options, args.writing.force)?,
+            false => file::write(&lighter, sink, *format, &options)?,
         });
     }
     Ok(Told { report, warnings, meshes: Vec::new() })

@@ -8,6 +8,7 @@ use crate::exit::Status;
 pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
     let mut options = lodsmith_viewer::ViewOptions::default();
     options.inputs.clone_from(&args.inputs);
+    options.assets = args.assets.scope();
     lodsmith_viewer::run(&options)?;
     Ok(Status::Done)
 }

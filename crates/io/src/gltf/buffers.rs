@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::cell::OnceCell;
 use std::collections::HashMap;
-use std::path::{Component, Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use base64::Engine;
@@ -13,6 +13,7 @@ use serde_json::Value;
 
 use super::container::{Document, entry, list, whole};
 use super::unpack;
+use crate::assets::{Assets, Refusal};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
 use crate::read::ReadOptions;
@@ -21,7 +22,7 @@ use crate::read::ReadOptions;
 pub(super) struct Buffers<'a> {
     json: &'a Value,
     bin: Option<&'a [u8]>,
-    folder: Option<&'a Path>,
+    pub(super) assets: Assets,
     limit: u64,
     loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
     /// How many bytes came out of compressed streams.
@@ -40,7 +41,7 @@ impl<'a> Buffers<'a> {
         Self {
             json: &document.json,
             bin: document.bin,
-            folder: options.folder.as_deref(),
+            assets: Assets::of(options),
             limit: options.limits.bytes,
             loaded: list(&document.json, "buffers").iter().map(|_| OnceCell::new()).collect(),
             unpacked: 0,
@@ -50,7 +51,8 @@ impl<'a> Buffers<'a> {
     /// Buffers whose bytes are all there; some of them came out of compressed streams.
     pub(super) fn loaded(json: &'a Value, bytes: &'a [Arc<Vec<u8>>], unpacked: usize) -> Self {
         let cell = |b: &'a Arc<Vec<u8>>| OnceCell::from(Cow::Borrowed(b.as_slice()));
-        Self { json, bin: None, folder: None, limit: 0, loaded: bytes.iter().map(cell).collect(), unpacked }
+        let loaded = bytes.iter().map(cell).collect();
+        Self { json, bin: None, assets: Assets::default(), limit: 0, loaded, unpacked }
     }
 
     /// The bytes of every buffer; none for those that are for readers without an extension.
@@ -154,30 +156,15 @@ impl<'a> Buffers<'a> {
     }
 
     fn file(&self, uri: &str, name: &str) -> Result<Vec<u8>, ReadError> {
-        let path = relative_path(uri)
+        let path = path_of(uri)
             .map_err(|problem| ReadError::element(name, format!("the uri `{}` {problem}", excerpt(uri))))?;
         let shown = excerpt(&path.to_string_lossy());
-        let Some(folder) = self.folder else {
-            return Err(ReadError::element(
-                name,
-                format!("lies in the file {shown}, and no folder is known to look for it"),
-            ));
-        };
-        let full = folder.join(&path);
-        let about = std::fs::metadata(&full)
-            .map_err(|e| ReadError::element(name, format!("cannot read the file {shown}: {e}")))?;
-        if !about.is_file() {
-            return Err(ReadError::element(name, format!("{shown} is not a plain file")));
+        let fails = |why: &str| ReadError::element(name, format!("the file {shown} {why}"));
+        if !self.assets.has_folder() {
+            return Err(fails("is wanted, and no folder is known to look for it"));
         }
-        if about.len() > self.limit {
-            return Err(ReadError::Limit {
-                what: "size of a buffer file",
-                size: about.len(),
-                limit: self.limit,
-            });
-        }
-        std::fs::read(&full)
-            .map_err(|e| ReadError::element(name, format!("cannot read the file {shown}: {e}")))
+        let file = self.assets.find(&path).map_err(|refusal| fails(Refusal::reason(refusal)))?;
+        file.read(self.limit).map_err(|why| fails(&why))
     }
 }
 
@@ -198,27 +185,26 @@ pub(super) fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
     }
 }
 
-/// The path that a uri names, if it stays within the folder of the file.
-pub(super) fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
+/// The path that a uri names. Where it may lead is for [`Assets`] to say.
+pub(super) fn path_of(uri: &str) -> Result<PathBuf, &'static str> {
     let scheme = uri.split_once(':').map(|(s, _)| s);
     // A drive's letter passes for a scheme, and is refused for the same reason.
     if scheme
         .is_some_and(|s| !s.is_empty() && s.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c)))
     {
-        return Err("is an address, and only files beside the glTF file are read");
+        return Err("is an address, and only files are read");
     }
     let text = percent_decoded(uri).and_then(|b| String::from_utf8(b).ok());
     let text = text.ok_or("has a damaged % sign")?;
     if text.contains('\0') || text.is_empty() {
         return Err("names no file");
     }
-    // Windows takes both kinds of slash.
-    let path = PathBuf::from(text.replace('\\', "/"));
-    if !path.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) || text.contains(':')
-    {
-        return Err("leaves the folder of the glTF file, which is not allowed");
+    // Windows takes both kinds of slash, and drives by a letter.
+    let text = text.replace('\\', "/");
+    if text.contains(':') {
+        return Err("is an address, and only files are read");
     }
-    Ok(path)
+    Ok(PathBuf::from(text))
 }
 
 fn percent_decoded(text: &str) -> Option<Vec<u8>> {
@@ -241,17 +227,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uris_stay_in_their_folder() {
-        assert_eq!(relative_path("a%20b/c.bin"), Ok(PathBuf::from("a b/c.bin")));
-        assert_eq!(relative_path("./x.bin"), Ok(PathBuf::from("./x.bin")));
-        for bad in ["/etc/passwd", "../x", "a/../../x", "%2e%2e/x", "..\\x", "\\x", "%2Fx"] {
-            assert!(relative_path(bad).unwrap_err().starts_with("leaves"), "{bad}");
+    fn uris_become_paths_and_addresses_do_not() {
+        assert_eq!(path_of("a%20b/c.bin"), Ok(PathBuf::from("a b/c.bin")));
+        assert_eq!(path_of("./x.bin"), Ok(PathBuf::from("./x.bin")));
+        for up in ["../x", "%2e%2e/x", "..\\x", "%2e%2e%5cx"] {
+            assert_eq!(path_of(up), Ok(PathBuf::from("../x")), "{up}");
         }
-        for bad in ["http://a/b", "file:///a", "C:\\a", "c:a"] {
-            assert!(relative_path(bad).unwrap_err().starts_with("is an address"), "{bad}");
+        for bad in ["http://a/b", "file:///a", "C:\\a", "c:a", "%43:/a", "a:b/c"] {
+            assert!(path_of(bad).unwrap_err().starts_with("is an address"), "{bad}");
         }
-        assert!(relative_path("a%2").is_err());
-        assert!(relative_path("").is_err());
+        assert!(path_of("a%2").is_err());
+        assert!(path_of("").is_err());
     }
 
     #[test]

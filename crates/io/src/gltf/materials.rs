@@ -5,14 +5,14 @@
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::fmt::Write as _;
-use std::path::Path;
 
 use lodsmith_core::RegionId;
 use serde_json::Value;
 
-use super::buffers::{Buffers, data_uri, relative_path};
+use super::buffers::{Buffers, data_uri, path_of};
 use super::container::{list, number};
 use super::scene::image_type;
+use crate::assets::{Assets, Refusal};
 use crate::excerpt::excerpt;
 use crate::obj::{Image, Library, Made, Regions};
 
@@ -29,7 +29,7 @@ pub(super) fn regions(
     json: &Value,
     buffers: &Buffers<'_>,
     runs: &[Run],
-    folder: Option<&Path>,
+    assets: Assets,
     file_bytes: usize,
 ) -> (Regions, Option<Vec<RegionId>>) {
     let all = list(json, "materials");
@@ -54,7 +54,7 @@ pub(super) fn regions(
         missing: scribe.missing,
         tints: true,
     };
-    let library = Library::made(scribe.text, folder, made);
+    let library = Library::made(scribe.text, assets, made);
     let mut ids = Vec::new();
     if order.len() > 1 {
         for run in runs {
@@ -231,7 +231,10 @@ impl<'a, 'b> Scribe<'a, 'b> {
             Some(uri) => match uri.strip_prefix("data:") {
                 Some(data) => data_uri(data, &at).map_err(|e| e.to_string())?,
                 None => {
-                    let path = relative_path(uri)?;
+                    let path = path_of(uri)?;
+                    if self.buffers.assets.find(&path) == Err(Refusal::Outside) {
+                        return Err(Refusal::Outside.reason().to_owned());
+                    }
                     let is_fine = |path: &&str| path.len() <= LONGEST && !path.contains(char::is_control);
                     let path = path.to_str().filter(is_fine).ok_or("has a name that no line can hold")?;
                     self.files.take(path);

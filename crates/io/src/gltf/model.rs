@@ -23,7 +23,7 @@ impl Scene {
     ///
     /// Meshes are those of [`Scene::meshes`], shared. Nodes are those of the file, under the roots of the default scene; the
     /// copies of `EXT_mesh_gpu_instancing` are further nodes, and so are all meshes where no node places one. Images that
-    /// materials use are decoded; those that are files are looked for in the folder of the options, and nowhere else.
+    /// materials use are decoded; those that are files are read as far as [`ReadOptions::assets`](crate::ReadOptions::assets) lets them.
     /// Extensions beside `KHR_materials_unlit`, `KHR_materials_emissive_strength`, `KHR_texture_transform`,
     /// `EXT_texture_webp` and the older `KHR_materials_pbrSpecularGlossiness` (without its highlights) are passed over.
     /// Cost: O(nodes + pixels + keyframes).

@@ -2,14 +2,13 @@
 
 use std::collections::{HashMap, HashSet};
 use std::io::{self, Write};
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use lodsmith_core::{Bounds, TriMesh};
 use serde_json::{Value, json};
 
 use super::accessors::Accessor;
-use super::buffers::{Buffers, relative_path};
+use super::buffers::{Buffers, path_of};
 use super::container::{Document, list, list_mut, whole};
 use super::copies::{self, CopyPlace};
 use super::lists::append;
@@ -19,7 +18,9 @@ use super::moving::{self, SceneMotion};
 use super::names::MeshNames;
 use super::placements;
 use super::{inventory, replace, unpack};
+use crate::assets::{Assets, MOST_IMAGE_BYTES, Refusal};
 use crate::error::{ReadError, Warning};
+use crate::excerpt::excerpt;
 use crate::format::Format;
 use crate::limits::Limits;
 use crate::read::{Contents, ReadOptions};
@@ -41,7 +42,7 @@ pub struct Scene {
     /// How many bytes of the buffers came out of compressed streams.
     pub(super) unpacked: usize,
     /// Where images are that are files.
-    pub(super) folder: Option<PathBuf>,
+    pub(super) assets: Assets,
     pub(super) limits: Limits,
 }
 
@@ -73,7 +74,7 @@ impl Scene {
     /// Reads a glTF 2.0 file, JSON or GLB.
     ///
     /// Meshes come with all their attributes and morph targets; see [`SceneMesh`]. All buffers are read, those that are
-    /// files from the folder of the options and nowhere else; images that are files are not opened. A scene without faces
+    /// files as far as [`ReadOptions::assets`] lets them; images that are files are not opened. A scene without faces
     /// is no error. Cost: O(bytes + triangles).
     ///
     /// # Errors
@@ -122,8 +123,8 @@ impl Scene {
         };
         let contents = contents(&json, &placed, &meshes);
         let bounds = bounds(&placed, &meshes);
-        let (folder, limits) = (options.folder.clone(), options.limits);
-        Ok(Self { json, buffers, meshes, bounds, contents, warnings, format, unpacked, folder, limits })
+        let (assets, limits) = (Assets::of(options), options.limits);
+        Ok(Self { json, buffers, meshes, bounds, contents, warnings, format, unpacked, assets, limits })
     }
 
     /// The meshes, in the order of the file.
@@ -267,6 +268,32 @@ impl Scene {
         true
     }
 
+    /// Takes images that are files into the scene, as far as they may be read. Says which of the files that it names are
+    /// no images, or are not where a model may look for them; all that is not taken stays a file that the scene names.
+    pub fn embed_files(&mut self) -> Vec<Warning> {
+        // More would help nobody. Guessed.
+        const SHOWN: usize = 16;
+        let mut left = MOST_IMAGE_BYTES.min(self.limits.bytes);
+        let (mut warnings, mut more) = (Vec::new(), 0);
+        for uri in self.outside_files() {
+            let found = path_of(&uri).and_then(|path| self.assets.find(&path).map_err(Refusal::reason));
+            match found.map_err(str::to_owned).and_then(|file| file.read_image(&mut left)) {
+                Ok(bytes) => {
+                    self.embed(&uri, bytes);
+                }
+                Err(why) if warnings.len() < SHOWN => {
+                    warnings
+                        .push(Warning::note(format!("the file {} {why}: its name is kept", excerpt(&uri))));
+                }
+                Err(_) => more += 1,
+            }
+        }
+        if more > 0 {
+            warnings.push(Warning::note(format!("{more} more files cannot be brought along")));
+        }
+        warnings
+    }
+
     /// Adds something to say.
     pub(crate) fn warn(&mut self, warning: Warning) {
         self.warnings.push(warning);
@@ -294,12 +321,6 @@ pub(crate) fn image_type(bytes: &[u8]) -> Option<&'static str> {
         [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Some("image/webp"),
         _ => None,
     }
-}
-
-/// The path that the `uri` of an outside file names, relative to the folder of the glTF file; `None` if it leaves that
-/// folder.
-pub fn outside_path(uri: &str) -> Option<PathBuf> {
-    relative_path(uri).ok()
 }
 
 /// Calls for the uri of each file outside.

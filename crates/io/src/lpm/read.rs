@@ -38,8 +38,10 @@ pub struct LpmReader<R> {
 enum State {
     Open,
     Whole,
-    /// Cut or damaged.
-    Broken,
+    /// The bytes end too early.
+    Cut,
+    /// The bytes are not those that were written.
+    Damaged,
 }
 
 fn no_changes<A, T: Default>() -> Changes<A, T> {
@@ -161,23 +163,39 @@ impl<R: Read> LpmReader<R> {
         match self.chunks.next()? {
             Next::Chunk { kind, bytes } => {
                 if let Err(damaged) = self.chunk(kind, &bytes)? {
-                    self.stop(&format!("byte {at}: {}", damaged.0));
+                    self.stop(State::Damaged, &format!("byte {at}: {}", damaged.0));
                 }
             }
-            Next::End => self.stop(&format!("the file ends at byte {}, before its end", self.chunks.at)),
-            Next::Damaged => self.stop(&format!("byte {at}: the checksum does not fit, the file is damaged")),
+            Next::End => {
+                self.stop(State::Cut, &format!("the file ends at byte {}, before its end", self.chunks.at));
+            }
+            Next::Damaged => {
+                self.stop(
+                    State::Damaged,
+                    &format!("byte {at}: the checksum does not fit, the file is damaged"),
+                );
+            }
             Next::TooLarge => return Err(too_large(&self.chunks, self.limits)),
         }
         Ok(self.state == State::Open)
     }
 
-    /// Reads all that comes.
+    /// Reads all that comes. A file that ends too early gives what it has; one that is damaged gives nothing.
     ///
     /// # Errors
-    /// As [`LpmReader::next_chunk`], and where the splits do not fit together.
+    /// As [`LpmReader::next_chunk`], where bytes are damaged, and where the splits do not fit together.
     pub fn finish(mut self) -> Result<Lpm, ReadError> {
-        while self.next_chunk()? {}
+        self.read_on()?;
         self.into_lpm()
+    }
+
+    /// Reads all that comes; damage is an error.
+    pub(super) fn read_on(&mut self) -> Result<(), ReadError> {
+        while self.next_chunk()? {}
+        match self.warnings.pop_if(|_| self.state == State::Damaged) {
+            Some(why) => Err(ReadError::file(why.text)),
+            None => Ok(()),
+        }
     }
 
     /// What came so far.
@@ -319,8 +337,8 @@ impl<R: Read> LpmReader<R> {
     }
 
     /// No more can be read; says why and how far it went.
-    fn stop(&mut self, why: &str) {
-        self.state = State::Broken;
+    fn stop(&mut self, state: State, why: &str) {
+        self.state = state;
         let counts = self.walk.counts();
         let text = format!(
             "{why}: incomplete, {} of {} splits are there, {} of {} faces",

@@ -114,7 +114,7 @@ pub fn write_path(
     options: &LpmOptions,
     path: &Path,
 ) -> Result<LpmWritten, WriteError> {
-    write_file(path, |out| write(splits, regions, options, out))
+    write_file(path, options.force, |out| write(splits, regions, options, out))
         .map_err(|source| WriteError::Io { path: path.to_owned(), source })
 }
 

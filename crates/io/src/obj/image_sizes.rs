@@ -1,9 +1,7 @@
 //! How large the images of colours are, by the first bytes of their files.
 
 use std::collections::{HashMap, HashSet};
-use std::fs::File;
 use std::io::Read;
-use std::path::Path;
 
 use super::materials::{Library, Texture, lines_of, next_word, texture_in};
 use super::regions::Regions;
@@ -57,20 +55,19 @@ fn told(unknown: &[(&[u8], &str)]) -> Vec<Warning> {
 fn size_in(library: &Library, path: &[u8]) -> Result<[u32; 2], &'static str> {
     match library.find_texture(path)? {
         Texture::Inside(image) => size_of(&image.bytes),
-        Texture::File(file) => size_of_file(&file),
+        Texture::File(file) => size_of_file(&mut file.open().map_err(|_| "cannot be read")?),
     }
 }
 
 /// The size of an image by the bytes at its front.
-fn size_of_file(path: &Path) -> Result<[u32; 2], &'static str> {
+fn size_of_file(file: &mut impl Read) -> Result<[u32; 2], &'static str> {
     // Most formats say it at once; a JPEG may have a profile and a preview before. Guessed.
     const FRONT: u64 = 1 << 16;
     const MOST: u64 = 1 << 24;
-    let mut file = File::open(path).map_err(|_| "cannot be read")?;
     let mut bytes = Vec::new();
     let mut read_to = |end: u64| -> Result<_, &'static str> {
         let more = end - bytes.len() as u64;
-        (&mut file).take(more).read_to_end(&mut bytes).map_err(|_| "cannot be read")?;
+        file.take(more).read_to_end(&mut bytes).map_err(|_| "cannot be read")?;
         Ok(size_of(&bytes))
     };
     let first = read_to(FRONT)?;
@@ -112,10 +109,7 @@ mod tests {
         }
         jpeg.extend(b"\xff\xc0\0\x0b\x08\0\x03\0\x02\x01\x01\x11\0");
         assert_eq!(size_of(&jpeg), Ok([2, 3]));
-        let file = tempfile::NamedTempFile::new().unwrap();
-        std::fs::write(file.path(), &jpeg).unwrap();
-        assert_eq!(size_of_file(file.path()), Ok([2, 3]));
-        std::fs::write(file.path(), &jpeg[..jpeg.len() - 6]).unwrap();
-        assert!(size_of_file(file.path()).is_err());
+        assert_eq!(size_of_file(&mut &*jpeg), Ok([2, 3]));
+        assert!(size_of_file(&mut &jpeg[..jpeg.len() - 6]).is_err());
     }
 }

@@ -1,21 +1,17 @@
 //! What libraries say of materials, as far as glTF can say it too.
 
 use std::collections::{BTreeSet, HashMap};
-use std::fs::File;
-use std::io::Read;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use lodsmith_core::TriMesh;
 
 use super::materials::{Image, Library, Texture, is_number, left_out, lines_of, next_word, texture_in};
 use super::regions::{Region, Regions};
 use super::write::drops_materials;
+use crate::assets::MOST_IMAGE_BYTES;
 use crate::error::Warning;
 use crate::excerpt::excerpt_of_bytes;
 use crate::gltf::image_type;
-
-/// Bytes of all images of one file. Guessed: half of what a GLB can hold.
-const MOST_BYTES: u64 = 2 << 30;
 
 /// What materials are looked up for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,7 +108,8 @@ struct Seen {
     purpose: Purpose,
     /// Images by their files; `None` for those that do not go along.
     images: HashMap<PathBuf, Option<usize>>,
-    bytes: u64,
+    /// Bytes that images may still have.
+    left: u64,
     /// Materials that are described: of two descriptions the first holds.
     described: BTreeSet<usize>,
     /// Statements that glTF has no word for.
@@ -128,7 +125,7 @@ impl Seen {
         Self {
             purpose,
             images: HashMap::new(),
-            bytes: 0,
+            left: MOST_IMAGE_BYTES,
             described: BTreeSet::new(),
             unsaid: BTreeSet::new(),
             highlights: BTreeSet::new(),
@@ -259,34 +256,28 @@ impl Seen {
                 return None;
             }
         };
-        if let Some(known) = self.images.get(&file) {
+        if let Some(known) = self.images.get(file.real()) {
             return *known;
         }
-        let mut bytes = Vec::new();
-        let left = MOST_BYTES - self.bytes;
-        let read = File::open(&file).and_then(|f| f.take(left + 1).read_to_end(&mut bytes));
-        let kind = image_type(&bytes);
-        let problem = match read {
-            Err(error) => Some(format!("cannot be read: {error}")),
-            Ok(_) if bytes.len() as u64 > left => Some("is too large".to_owned()),
-            Ok(_) if !self.takes(kind) => Some("is neither PNG nor JPEG".to_owned()),
-            Ok(_) => None,
-        };
-        let number = match problem {
-            None => {
-                self.bytes += bytes.len() as u64;
+        let read = file.read_image(&mut self.left).and_then(|bytes| {
+            let kind = image_type(&bytes);
+            if self.takes(kind) { Ok((kind, bytes)) } else { Err("is neither PNG nor JPEG".to_owned()) }
+        });
+        let number = match read {
+            Ok((kind, bytes)) => {
                 // Some types are told by the ending alone.
-                let name = if self.purpose == Purpose::Gltf { file.file_stem() } else { file.file_name() };
+                let name = Path::new(file.name());
+                let name = if self.purpose == Purpose::Gltf { name.file_stem() } else { name.file_name() };
                 let name = name.unwrap_or_default().to_string_lossy().into_owned();
                 images.push(Image { name, kind: kind.unwrap_or_default(), bytes });
                 Some(images.len() - 1)
             }
-            Some(problem) => {
+            Err(problem) => {
                 self.missing.push(format!("{shown} {problem}"));
                 None
             }
         };
-        self.images.insert(file, number);
+        self.images.insert(file.real().to_owned(), number);
         number
     }
 

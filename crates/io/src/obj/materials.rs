@@ -5,13 +5,12 @@
 
 use std::borrow::Cow;
 use std::collections::HashSet;
-use std::fs::{self, File};
-use std::io::Read;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::regions::{Regions, unquoted};
+use crate::assets::{Asset, Assets, Refusal};
 use crate::error::Warning;
 use crate::excerpt::excerpt_of_bytes;
 use crate::limits::Limits;
@@ -26,7 +25,7 @@ pub struct Library {
     name: Arc<[u8]>,
     text: Option<Arc<[u8]>>,
     /// Where its textures are looked for: its own folder, then that of the OBJ.
-    folders: Vec<PathBuf>,
+    assets: Assets,
     /// What comes along with one that is no file.
     made: Option<Arc<Made>>,
 }
@@ -56,18 +55,17 @@ pub(crate) struct Image {
 
 /// Where a texture of a library is.
 pub(super) enum Texture<'l> {
-    File(PathBuf),
+    File(Asset),
     Inside(&'l Image),
 }
 
 impl Library {
     pub(super) fn named(name: Arc<[u8]>) -> Self {
-        Self { name, text: None, folders: Vec::new(), made: None }
+        Self { name, text: None, assets: Assets::default(), made: None }
     }
-    /// One that is no file; its other textures are looked for in the folder.
-    pub(crate) fn made(text: String, folder: Option<&Path>, made: Made) -> Self {
-        let folders = folder.map(Path::to_owned).into_iter().collect();
-        Self { folders, ..Self::packed(text.as_bytes(), made) }
+    /// One that is no file; its other textures are looked for among the files of the model.
+    pub(crate) fn made(text: String, assets: Assets, made: Made) -> Self {
+        Self { assets, ..Self::packed(text.as_bytes(), made) }
     }
     /// One that is no file, and has all of its textures inside.
     pub(super) fn packed(text: &[u8], mut made: Made) -> Self {
@@ -75,7 +73,7 @@ impl Library {
         Self {
             name: Arc::default(),
             text: Some(text.into()),
-            folders: Vec::new(),
+            assets: Assets::default(),
             made: Some(Arc::new(made)),
         }
     }
@@ -119,16 +117,16 @@ impl Library {
         {
             return Ok(Texture::Inside(&made.images[at]));
         }
-        find(&self.folders, path).map(Texture::File)
+        find(&self.assets, path).map(Texture::File).map_err(Refusal::reason)
     }
 }
 
 /// Reads the libraries that an OBJ names, as far as they are there, and counts what is in them.
-pub(super) fn look_up(loaded: &mut Loaded, folder: Option<&Path>, limits: Limits) {
-    if let Some(folder) = folder {
+pub(super) fn look_up(loaded: &mut Loaded, assets: &Assets, limits: Limits) {
+    if assets.has_folder() {
         let mut left = limits.bytes.min(MOST_BYTES);
         for library in &mut loaded.regions.libraries {
-            if let Err(why) = read_library(library, folder, &mut left) {
+            if let Err(why) = read_library(library, assets, &mut left) {
                 let name = excerpt_of_bytes(&library.name);
                 let text = format!("material library {name} {why}: its materials are not known");
                 loaded.warnings.push(Warning::note(text));
@@ -138,17 +136,17 @@ pub(super) fn look_up(loaded: &mut Loaded, folder: Option<&Path>, limits: Limits
     (loaded.contents.materials, loaded.contents.textures) = counts(&loaded.regions);
 }
 
-fn read_library(library: &mut Library, folder: &Path, left: &mut u64) -> Result<(), &'static str> {
-    let path = find(&[folder.to_owned()], &library.name)?;
-    let mut bytes = Vec::new();
-    let file = File::open(&path).map_err(|_| "cannot be read")?;
-    file.take(*left + 1).read_to_end(&mut bytes).map_err(|_| "cannot be read")?;
-    *left = left.checked_sub(bytes.len() as u64).ok_or("is too large")?;
-    library.text = Some(utf8_of(&bytes).into());
-    library.folders = path.parent().map(Path::to_owned).into_iter().collect();
-    if library.folders.iter().all(|own| own != folder) {
-        library.folders.push(folder.to_owned());
+fn read_library(library: &mut Library, assets: &Assets, left: &mut u64) -> Result<(), String> {
+    let file = find(assets, &library.name).map_err(Refusal::reason)?;
+    let bytes = file.read(*left)?;
+    *left -= bytes.len() as u64;
+    let text = utf8_of(&bytes);
+    // Any text of the folder could be named, and what is written beside an output keeps every line of a library.
+    if !lines_of(&text).any(|line| material_in(line).is_some()) {
+        return Err("has no line that begins with newmtl, so it is no material library".to_owned());
     }
+    library.text = Some(text.into());
+    library.assets = assets.searched_from(file.folder());
     Ok(())
 }
 
@@ -267,7 +265,7 @@ pub(super) fn with_slashes(path: &[u8]) -> Cow<'_, [u8]> {
 ///
 /// First as it stands, then with slashes for backslashes, without a comment behind it, and at last by its bare name: a
 /// path from another machine leads nowhere, but its file often lies beside.
-fn find(folders: &[PathBuf], path: &[u8]) -> Result<PathBuf, &'static str> {
+fn find(assets: &Assets, path: &[u8]) -> Result<Asset, Refusal> {
     let slashed = with_slashes(path);
     let before_comment = |path: &[u8]| {
         let end = path.windows(2).position(|w| w[0].is_ascii_whitespace() && w[1] == b'#');
@@ -275,18 +273,14 @@ fn find(folders: &[PathBuf], path: &[u8]) -> Result<PathBuf, &'static str> {
     };
     let plain = &slashed[..before_comment(&slashed)];
     let bare = plain.rsplit(|&b| b == b'/').next().unwrap_or_default();
-    let mut why = "is not there";
+    let mut refusal = Refusal::Absent;
     for candidate in [path, &slashed, plain, bare].into_iter().filter(|c| !c.is_empty()) {
-        for folder in folders {
-            let path = folder.join(path_of(candidate));
-            match fs::metadata(&path) {
-                Ok(about) if about.is_file() => return Ok(path),
-                Ok(_) => why = "is no regular file",
-                Err(_) => {}
-            }
+        match assets.find(&path_of(candidate)) {
+            Ok(file) => return Ok(file),
+            Err(other) => refusal = refusal.max(other),
         }
     }
-    Err(why)
+    Err(refusal)
 }
 
 /// The path that bytes of a file mean: these very bytes where the system takes any, else as UTF-8.
@@ -353,21 +347,23 @@ mod tests {
     #[test]
     fn files_are_found_in_many_a_spelling() {
         let folder = tempfile::tempdir().unwrap();
-        let folders = [folder.path().to_owned()];
-        fs::create_dir(folder.path().join("tex")).unwrap();
+        let assets = Assets::new(folder.path(), &crate::assets::AssetScope::Folder);
+        std::fs::create_dir(folder.path().join("tex")).unwrap();
         for name in ["a b.png", "tex/c.png"] {
-            fs::write(folder.path().join(name), name).unwrap();
+            std::fs::write(folder.path().join(name), name).unwrap();
         }
         let name = |path: &str| {
-            let found = find(&folders, path.as_bytes())?;
-            Ok(found.strip_prefix(folder.path()).unwrap().to_string_lossy().replace('\\', "/"))
+            let found = find(&assets, path.as_bytes())?;
+            let below = found.real().strip_prefix(folder.path().canonicalize().unwrap()).unwrap();
+            Ok(below.to_string_lossy().replace('\\', "/"))
         };
         assert_eq!(name("a b.png"), Ok("a b.png".to_owned()));
         assert_eq!(name("tex\\c.png"), Ok("tex/c.png".to_owned()));
         assert_eq!(name("D:\\old\\a b.png # mine"), Ok("a b.png".to_owned()));
         assert_eq!(name("../nowhere/a b.png"), Ok("a b.png".to_owned()));
-        assert_eq!(name("none.png"), Err("is not there"));
-        assert_eq!(name("tex"), Err("is no regular file"));
-        assert_eq!(name("a\0b"), Err("is not there"));
+        assert_eq!(name("../nowhere/none.png"), Err(Refusal::Outside));
+        assert_eq!(name("none.png"), Err(Refusal::Absent));
+        assert_eq!(name("tex"), Err(Refusal::NotAFile));
+        assert_eq!(name("a\0b"), Err(Refusal::Absent));
     }
 }

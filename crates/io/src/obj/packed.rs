@@ -10,12 +10,10 @@ use flate2::write::ZlibEncoder;
 
 use super::materials::{Image, Library, Made, Texture, counts, left_out, lines_of, texture_in};
 use super::regions::Regions;
+use crate::assets::MOST_IMAGE_BYTES;
 use crate::error::{ReadError, Warning};
 use crate::gltf::image_type;
 use crate::limits::Limits;
-
-/// Bytes of all images. Guessed: as many as a GLB can well hold.
-const MOST_BYTES: u64 = 2 << 30;
 
 impl Regions {
     /// How many materials and textures there are.
@@ -26,7 +24,7 @@ impl Regions {
     /// All of it as bytes, images from their files. Says what could not go along.
     pub(crate) fn pack(&self, with_textures: bool) -> io::Result<(Vec<u8>, Vec<Warning>)> {
         let mut packer =
-            Packer { out: Vec::new(), images: Vec::new(), names: HashSet::new(), left: MOST_BYTES };
+            Packer { out: Vec::new(), images: Vec::new(), names: HashSet::new(), left: MOST_IMAGE_BYTES };
         let (mut missing, mut warnings) = (Vec::new(), Vec::new());
         packer.number(self.names.len());
         self.names.iter().for_each(|name| packer.bytes(name));
@@ -64,7 +62,7 @@ impl Regions {
     /// The same out of bytes of anybody.
     pub(crate) fn unpack(bytes: &[u8], limits: Limits) -> Result<(Self, Vec<Warning>), ReadError> {
         let bad = |what: &str| ReadError::element("the materials", what);
-        let most = limits.bytes.min(2 * MOST_BYTES);
+        let most = limits.bytes.min(2 * MOST_IMAGE_BYTES);
         let mut plain = Vec::new();
         ZlibDecoder::new(bytes)
             .take(most.saturating_add(1))
@@ -168,7 +166,7 @@ impl Packer {
             };
             let old = &line[at.clone()];
             let new = known.entry(old.to_vec()).or_insert_with(|| {
-                match if with_textures { self.image(library, old) } else { Err("is left out") } {
+                match if with_textures { self.image(library, old) } else { Err("is left out".to_owned()) } {
                     Ok(name) => name.into_bytes(),
                     Err(why) => {
                         missing.push(format!("{} {why}", crate::excerpt::excerpt_of_bytes(old)));
@@ -183,17 +181,17 @@ impl Packer {
         out
     }
 
-    fn image(&mut self, library: &Library, path: &[u8]) -> Result<String, &'static str> {
+    fn image(&mut self, library: &Library, path: &[u8]) -> Result<String, String> {
         let (own, bytes) = match library.find_texture(path)? {
-            Texture::Inside(image) => (image.name.clone(), image.bytes.clone()),
-            Texture::File(path) => {
-                let mut bytes = Vec::new();
-                let file = std::fs::File::open(&path).map_err(|_| "cannot be read")?;
-                file.take(self.left + 1).read_to_end(&mut bytes).map_err(|_| "cannot be read")?;
-                (path.file_name().unwrap_or_default().to_string_lossy().into_owned(), bytes)
+            Texture::Inside(image) => {
+                let left = self.left.checked_sub(image.bytes.len() as u64);
+                self.left = left.ok_or("is too large")?;
+                (image.name.clone(), image.bytes.clone())
+            }
+            Texture::File(file) => {
+                (file.name().to_string_lossy().into_owned(), file.read_image(&mut self.left)?)
             }
         };
-        self.left = self.left.checked_sub(bytes.len() as u64).ok_or("is too large")?;
         let own = plain_name(own.as_bytes()).unwrap_or_else(|| "texture".to_owned());
         if let Some(same) = self.images.iter().find(|i| i.bytes == bytes) {
             return Ok(same.name.clone());

@@ -13,6 +13,7 @@ use super::materials::look_up;
 use super::regions::{Heading, Headings, Place};
 use super::stream::ends_line;
 use super::wedges::{Indices, NONE, number_wedges};
+use crate::assets::Assets;
 use crate::attributes::{NO_ALPHA, NO_COLOR, unit_colors, unit_normals};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt_of_bytes;
@@ -599,7 +600,7 @@ impl Section {
             ..Contents::default()
         };
         let mut loaded = Loaded { regions, ..Loaded::new(mesh, Format::Obj, contents, warnings) };
-        look_up(&mut loaded, options.folder.as_deref(), options.limits);
+        look_up(&mut loaded, &Assets::of(options), options.limits);
         Ok(loaded)
     }
 }

@@ -3,11 +3,12 @@
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
-use std::io::{self, BufReader, Read, Write};
+use std::io::{self, Read, Write};
 use std::path::{Component, Path, PathBuf};
 
-use super::materials::{Image, Library, Texture, lines_of, path_of, texture_in, with_slashes};
+use super::materials::{Library, Texture, lines_of, path_of, texture_in, with_slashes};
 use super::regions::Regions;
+use crate::assets::MOST_IMAGE_BYTES;
 use crate::error::{Warning, WriteError};
 use crate::excerpt::excerpt_of_bytes;
 use crate::write::{temporary_in, write_file};
@@ -97,6 +98,7 @@ fn library_text(
     beside: &mut Beside,
 ) -> Result<Vec<u8>, WriteError> {
     let mut missing = Missing::default();
+    let mut left = MOST_IMAGE_BYTES;
     let mut text = Vec::new();
     for library in &regions.libraries {
         // A texture is often named by several materials.
@@ -111,7 +113,7 @@ fn library_text(
             };
             let old = &line[range.clone()];
             if !paths.contains_key(old) {
-                let new = path_from(folder, library, old, policy, &mut missing, beside)?;
+                let new = path_from(folder, library, old, policy, &mut left, &mut missing, beside)?;
                 paths.insert(old, new);
             }
             text.extend_from_slice(&line[..range.start]);
@@ -129,6 +131,7 @@ fn path_from(
     library: &Library,
     old: &[u8],
     policy: Textures,
+    left: &mut u64,
     missing: &mut Missing,
     beside: &mut Beside,
 ) -> Result<Vec<u8>, WriteError> {
@@ -139,7 +142,7 @@ fn path_from(
     let found = match library.find_texture(old) {
         Ok(Texture::File(found)) => found,
         Ok(Texture::Inside(image)) => {
-            let name = copy_into(folder, OsStr::new(&image.name), Source::Inside(image), beside)?;
+            let name = copy_into(folder, OsStr::new(&image.name), &image.bytes, beside)?;
             return Ok(bytes_of(Path::new(&name)));
         }
         Err(why) => {
@@ -148,51 +151,34 @@ fn path_from(
         }
     };
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let (source, real_folder) = (real(&found), real(folder));
+    let (source, real_folder) = (found.real(), real(folder));
     let is_right = |path: PathBuf| !path.is_absolute() && real(&folder.join(path)) == source;
     if is_right(path_of(old)) || is_right(path_of(&with_slashes(old))) {
         return Ok(old.to_vec());
     }
     if policy == Textures::Link || source.starts_with(&real_folder) {
-        return Ok(bytes_of(&relative(&source, &real_folder)));
+        return Ok(bytes_of(&relative(source, &real_folder)));
     }
-    let file = match File::open(&source) {
-        Ok(file) => file,
-        Err(error) => {
-            missing.add(old, &format!("cannot be read: {error}"));
+    let bytes = match found.read_image(left) {
+        Ok(bytes) => bytes,
+        Err(why) => {
+            missing.add(old, &why);
             return Ok(old.to_vec());
         }
     };
     // A link is copied under its own name, not that of the file which it leads to.
-    let own = found.file_name().unwrap_or(OsStr::new("texture"));
-    let name = copy_into(folder, own, Source::File(&found, file), beside)?;
+    let name = copy_into(folder, found.name(), &bytes, beside)?;
     Ok(bytes_of(Path::new(&name)))
 }
 
-/// What is copied.
-enum Source<'a> {
-    /// A file that is open already.
-    File(&'a Path, File),
-    Inside(&'a Image),
-}
-
-/// Copies a texture into a folder under its own name, or a numbered one where another file has that; returns the name.
-fn copy_into(
-    folder: &Path,
-    own: &OsStr,
-    mut source: Source<'_>,
-    beside: &mut Beside,
-) -> Result<OsString, WriteError> {
+/// Writes an image into a folder under its own name, or a numbered one where another file has that; returns the name.
+fn copy_into(folder: &Path, own: &OsStr, bytes: &[u8], beside: &mut Beside) -> Result<OsString, WriteError> {
     let named = |path: &Path, source: io::Error| WriteError::Io { path: path.to_owned(), source };
     let mut copy = None;
     for number in 0.. {
         let name = numbered(own, number);
         let target = folder.join(&name);
-        let is_same = match &source {
-            Source::File(path, _) => is_same_file(path, &target),
-            Source::Inside(image) => is_file_of(&image.bytes, &target),
-        };
-        if is_same.map_err(|e| named(&target, e))? {
+        if is_file_of(bytes, &target).map_err(|e| named(&target, e))? {
             return Ok(name);
         }
         if fs::symlink_metadata(&target).is_ok() {
@@ -202,11 +188,7 @@ fn copy_into(
             Some(ready) => ready,
             None => {
                 let mut new = temporary_in(folder).map_err(|e| named(&target, e))?;
-                match &mut source {
-                    Source::File(_, file) => io::copy(file, new.as_file_mut()).map(|_| ()),
-                    Source::Inside(image) => new.as_file_mut().write_all(&image.bytes),
-                }
-                .map_err(|e| named(&target, e))?;
+                new.as_file_mut().write_all(bytes).map_err(|e| named(&target, e))?;
                 new
             }
         };
@@ -218,11 +200,7 @@ fn copy_into(
             // Somebody was faster.
             Err(e) if e.error.kind() == io::ErrorKind::AlreadyExists => {
                 copy = Some(e.file);
-                let is_same = match &source {
-                    Source::File(path, _) => is_same_file(path, &target),
-                    Source::Inside(image) => is_file_of(&image.bytes, &target),
-                };
-                if is_same.map_err(|e| named(&target, e))? {
+                if is_file_of(bytes, &target).map_err(|e| named(&target, e))? {
                     return Ok(name);
                 }
             }
@@ -268,9 +246,9 @@ fn put_library(
         match old {
             Some(old) if old == text || old == whole => {}
             Some(old) if !old.starts_with(OURS) => continue,
-            Some(_) => write_file(&path, |out| out.write_all(&whole)).map_err(named)?,
+            Some(_) => write_file(&path, false, |out| out.write_all(&whole)).map_err(named)?,
             None => {
-                write_file(&path, |out| out.write_all(&whole)).map_err(named)?;
+                write_file(&path, false, |out| out.write_all(&whole)).map_err(named)?;
                 beside.created.push(path.clone());
             }
         }
@@ -294,41 +272,15 @@ fn numbered(name: &OsStr, number: u32) -> OsString {
     new
 }
 
-/// Whether the second one is a file with the content of the first.
-fn is_same_file(source: &Path, target: &Path) -> io::Result<bool> {
-    // The target is mostly not there, and then nothing is opened.
-    if !fs::metadata(target).is_ok_and(|about| about.is_file()) {
-        return Ok(false);
-    }
-    let file = File::open(source)?;
-    let length = file.metadata()?.len();
-    is_content(&mut BufReader::new(file), length, target)
-}
-
 /// Whether these are the bytes of a file.
 fn is_file_of(bytes: &[u8], target: &Path) -> io::Result<bool> {
-    is_content(&mut &*bytes, bytes.len() as u64, target)
-}
-
-/// Whether so many bytes are all of a file.
-fn is_content(bytes: &mut dyn Read, length: u64, target: &Path) -> io::Result<bool> {
+    let length = bytes.len() as u64;
     if !fs::metadata(target).is_ok_and(|about| about.is_file() && about.len() == length) {
         return Ok(false);
     }
-    let (a, mut b) = (bytes, BufReader::new(File::open(target)?));
-    loop {
-        let mut pieces = [[0; 1 << 12]; 2];
-        let length = a.read(&mut pieces[0])?;
-        if length == 0 {
-            return Ok(b.read(&mut pieces[1])? == 0);
-        }
-        match b.read_exact(&mut pieces[1][..length]) {
-            Ok(()) if pieces[0][..length] == pieces[1][..length] => {}
-            Ok(()) => return Ok(false),
-            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => return Ok(false),
-            Err(e) => return Err(e),
-        }
-    }
+    let mut there = Vec::new();
+    File::open(target)?.take(length + 1).read_to_end(&mut there)?;
+    Ok(there == bytes)
 }
 
 /// The way from a folder to a file, both without links; the file's own path where there is none, as between drives.
@@ -401,14 +353,13 @@ mod tests {
     #[test]
     fn files_are_the_same_by_content() {
         let folder = tempfile::tempdir().unwrap();
-        let path = |name: &str| folder.path().join(name);
+        let path = folder.path().join("a");
         let long = vec![7; 100_000];
-        fs::write(path("a"), &long).unwrap();
-        fs::write(path("b"), &long).unwrap();
-        fs::write(path("c"), [&long[1..], &[8]].concat()).unwrap();
-        assert!(is_same_file(&path("a"), &path("b")).unwrap());
-        assert!(!is_same_file(&path("a"), &path("c")).unwrap());
-        assert!(!is_same_file(&path("a"), &path("none")).unwrap());
-        assert!(!is_same_file(&path("a"), folder.path()).unwrap());
+        fs::write(&path, &long).unwrap();
+        assert!(is_file_of(&long, &path).unwrap());
+        assert!(!is_file_of(&[&long[1..], &[8]].concat(), &path).unwrap());
+        assert!(!is_file_of(&long[1..], &path).unwrap());
+        assert!(!is_file_of(&long, &folder.path().join("none")).unwrap());
+        assert!(!is_file_of(&[], folder.path()).unwrap());
     }
 }

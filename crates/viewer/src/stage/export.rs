@@ -1,6 +1,6 @@
 //! A stage as one glTF file: a node for each copy, meshes and materials that all share, levels by `MSFT_lod`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context as _, bail};
@@ -95,9 +95,8 @@ impl StageExport {
                 "the stage would have {all} nodes, more than {most}: place fewer copies, or join the parts of the model"
             );
         }
-        let folder = original.path.parent().unwrap_or(Path::new(""));
         let mut scene = Scene::clone(scene);
-        warnings.extend(embed(&mut scene, folder).iter().map(ToString::to_string));
+        warnings.extend(embed(&mut scene).iter().map(ToString::to_string));
         let levels = self.levels(&scene, &made);
         let moves = |k: &usize| self.motion.copies.contains_key(k);
         // What moves stands still within a node that does.

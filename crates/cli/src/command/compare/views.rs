@@ -4,12 +4,12 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use lodsmith::core::{Image, Model};
-use lodsmith_io::{Format, Loaded, ModelFile, ReadOptions, read_model_path};
+use lodsmith_io::{Format, Loaded, ModelFile, read_model_path};
 use lodsmith_render::image_error::{ImageError, cameras, image_error};
 use lodsmith_render::{Background, Panel, PictureFormat, Shading, Subject, View, render, sheet};
 use serde_json::{Value, json};
 
-use crate::args::CompareArgs;
+use crate::args::{CompareArgs, Reading};
 use crate::exit::usage;
 use crate::file::{Sink, Source};
 use crate::numbers::{micros, significant};
@@ -37,7 +37,10 @@ pub(super) fn look(
     loaded: [&Loaded; 2],
     format: Option<PictureFormat>,
 ) -> anyhow::Result<Seen> {
-    let models = [model(&args.reference, loaded[0])?, model(&args.candidate, loaded[1])?];
+    let models = [
+        model(&args.reference, loaded[0], &args.reading)?,
+        model(&args.candidate, loaded[1], &args.reading)?,
+    ];
     let shading = shading_of(&models[0]);
     let subjects = [Subject::new(&models[0])?, Subject::new(&models[1])?];
     let bounds = subjects[0].bounds().ok_or_else(|| usage(format!("{}: nothing to see", args.reference)))?;
@@ -66,16 +69,21 @@ pub(super) fn look(
     }
     if let (Some(format), Some(path)) = (format, &args.views_sheet) {
         // Two pairs in a row.
-        picture::write(&sheet(&panels, 4, Background::default(), None), &Sink::Path(path.clone()), format)?;
+        picture::write(
+            &sheet(&panels, 4, Background::default(), None),
+            &Sink::Path(path.clone()),
+            format,
+            args.force,
+        )?;
     }
     Ok(seen)
 }
 
 /// What is to be seen. A scene that is a file is read once more, for its materials; of standard input its one mesh has to do.
-fn model(source: &Source, loaded: &Loaded) -> anyhow::Result<Model> {
+fn model(source: &Source, loaded: &Loaded, reading: &Reading) -> anyhow::Result<Model> {
     match source {
         Source::Path(path) if matches!(loaded.format, Format::Gltf | Format::Glb) => {
-            let mut options = ReadOptions::default();
+            let mut options = reading.options();
             options.format = Some(loaded.format);
             Ok(read_model_path(path, &options).with_context(|| format!("{source}"))?.model)
         }

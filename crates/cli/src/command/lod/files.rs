@@ -49,10 +49,11 @@ impl Plan {
             output: args.output.as_ref(),
             out_dir: args.out_dir.as_deref(),
             name: &first,
-            from: args.from,
+            from: args.reading.from,
             to: args.writing.to,
             json: args.ending.json,
             dry_run: args.dry_run,
+            force: args.writing.force,
         })?;
         let Some((sink, format)) = jobs.into_iter().find_map(|job| job.output) else {
             return Ok(Self::Nowhere);
@@ -133,12 +134,13 @@ impl Plan {
         let mut warnings = Vec::new();
         for (k, mesh) in meshes.iter().enumerate() {
             let (Some(sink), Some(format)) = (self.sink(k), self.format()) else { break };
+            file::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
             let options = file::options(&args.writing, format, regions.clone());
             add(
                 &mut warnings,
                 match args.dry_run {
                     true => file::losses(mesh, &sink, format, &options)?,
-                    false => file::write(mesh, &sink, format, &options, args.writing.force)?,
+                    false => file::write(mesh, &sink, format, &options)?,
                 },
             );
         }
@@ -174,6 +176,7 @@ impl Plan {
             Self::Each { format, .. } => {
                 for (k, replaced) in replaced.iter().enumerate() {
                     let Some(sink) = self.sink(k) else { break };
+                    file::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
                     add(
                         &mut warnings,
                         match args.dry_run {
@@ -200,7 +203,7 @@ impl Plan {
         if args.dry_run {
             return Ok(());
         }
-        file::write_text(&format!("{list:#}\n"), &folder.join(LIST), args.writing.force)
+        file::write_bytes(format!("{list:#}\n").as_bytes(), &folder.join(LIST), args.writing.force)
     }
 }
 

@@ -8,8 +8,9 @@ use lodsmith_core::model::{AlphaMode, Material, Sampler, TextureRef, Wrap};
 use serde_json::Value;
 
 use crate::error::Warning;
+use crate::excerpt::excerpt;
 use crate::gltf::Scene;
-use crate::gltf::buffers::{Buffers, data_uri, relative_path};
+use crate::gltf::buffers::{Buffers, data_uri, path_of};
 use crate::gltf::container::{list, number};
 use crate::gltf::scene::image_type;
 use crate::limits::Limits;
@@ -151,18 +152,13 @@ fn bytes_of<'b>(scene: &Scene, buffers: &'b Buffers<'_>, index: usize) -> Result
     if let Some(data) = uri.strip_prefix("data:") {
         return data_uri(data, &at).map(Cow::Owned).map_err(|e| e.to_string());
     }
-    let path = relative_path(uri)?;
-    let folder = scene.folder.as_deref().ok_or("is a file, and no folder is known to look for it")?;
-    let shown = crate::excerpt::excerpt(uri);
-    let about = std::fs::metadata(folder.join(&path));
-    let about = about.map_err(|e| format!("({shown}) cannot be read: {e}"))?;
-    if !about.is_file() {
-        return Err(format!("({shown}) is no plain file"));
+    let path = path_of(uri)?;
+    if !scene.assets.has_folder() {
+        return Err("is a file, and no folder is known to look for it".to_owned());
     }
-    if about.len() > scene.limits.bytes {
-        return Err(format!("({shown}) is above the limits"));
-    }
-    std::fs::read(folder.join(&path)).map(Cow::Owned).map_err(|e| format!("({shown}) cannot be read: {e}"))
+    let shown = excerpt(uri);
+    let file = scene.assets.find(&path).map_err(|refusal| format!("({shown}) {}", refusal.reason()))?;
+    file.read(scene.limits.bytes).map(Cow::Owned).map_err(|why| format!("({shown}) {why}"))
 }
 
 #[cfg(test)]

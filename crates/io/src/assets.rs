@@ -1,0 +1,337 @@
+//! Finds the files that a model names (material libraries, textures, buffers, images), refuses those outside of its
+//! folder, and reads them within limits.
+//!
+//! Every reader does it here and nowhere else, so a model from a stranger reads and copies nothing but what came with it.
+
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Component, Path, PathBuf};
+
+use crate::read::ReadOptions;
+
+/// Bytes of all images that one model names and that are read as they are. Guessed: half of what a GLB can hold.
+pub(crate) const MOST_IMAGE_BYTES: u64 = 2 << 30;
+
+/// Which files a model may name.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum AssetScope {
+    /// Those in the folder of the model and below, after resolving links.
+    #[default]
+    Folder,
+    /// Those in this folder and below, after resolving links.
+    Root(PathBuf),
+    /// All that the system lets this process read. Only for models that are trusted.
+    Anywhere,
+}
+
+impl AssetScope {
+    /// Whether a file that lies in `folder` may name the one at `path`: for files that are no models, such as sessions.
+    pub fn allows(&self, path: &Path, folder: &Path) -> bool {
+        Assets::new(folder, self).find(path) != Err(Refusal::Outside)
+    }
+}
+
+/// Why a file that a model names is not used. Of several reasons the last one listed here is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Refusal {
+    Absent,
+    NotAFile,
+    Outside,
+}
+
+impl Refusal {
+    /// The end of a sentence that begins with the name of the file.
+    pub(crate) fn reason(self) -> &'static str {
+        match self {
+            Self::Absent => "is not there",
+            Self::NotAFile => "is no regular file",
+            Self::Outside => {
+                "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)"
+            }
+        }
+    }
+}
+
+/// The folders in which the files that a model names are looked up.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Assets {
+    /// Folders in which names are looked up, in this order.
+    folders: Vec<PathBuf>,
+    /// The folder that they may not leave, as it was given and after resolving links; `None` lets them lie anywhere.
+    root: Option<[PathBuf; 2]>,
+}
+
+/// A file that a model names, found inside the allowed folder.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Asset {
+    /// The path as the model has it; a link has its own name here.
+    path: PathBuf,
+    /// The file itself, after resolving links.
+    real: PathBuf,
+}
+
+impl Assets {
+    /// Those of a model that is read with these options; none where no folder is known.
+    pub(crate) fn of(options: &ReadOptions) -> Self {
+        options.folder.as_ref().map_or_else(Self::default, |folder| Self::new(folder, &options.assets))
+    }
+
+    /// Those of a model in this folder.
+    pub(crate) fn new(folder: &Path, scope: &AssetScope) -> Self {
+        let root = match scope {
+            AssetScope::Folder => Some(folder),
+            AssetScope::Root(root) => Some(root.as_path()),
+            AssetScope::Anywhere => None,
+        };
+        let root = root.map(|root| {
+            let given = normalized(root);
+            // Nothing lies in a folder that is not there.
+            let real = fs::canonicalize(root).unwrap_or_else(|_| given.clone());
+            [given, real]
+        });
+        Self { folders: vec![folder.to_owned()], root }
+    }
+
+    /// Whether any folder is known.
+    pub(crate) fn has_folder(&self) -> bool {
+        !self.folders.is_empty()
+    }
+
+    /// The same for names in a file of this folder, which is searched first.
+    pub(crate) fn searched_from(&self, own: &Path) -> Self {
+        let others = self.folders.iter().filter(|folder| *folder != own);
+        let folders = [own].into_iter().chain(others.map(PathBuf::as_path)).map(Path::to_owned).collect();
+        Self { folders, root: self.root.clone() }
+    }
+
+    /// The file that a name means.
+    pub(crate) fn find(&self, name: &Path) -> Result<Asset, Refusal> {
+        let mut refusal = Refusal::Absent;
+        for folder in &self.folders {
+            match self.file_at(folder.join(name)) {
+                Ok(asset) => return Ok(asset),
+                Err(other) => refusal = refusal.max(other),
+            }
+        }
+        Err(refusal)
+    }
+
+    fn file_at(&self, path: PathBuf) -> Result<Asset, Refusal> {
+        // A name that leads out is refused before the disk is asked: nobody learns what lies there.
+        if let Some(roots) = &self.root
+            && !roots.iter().any(|root| normalized(&path).starts_with(root))
+        {
+            return Err(Refusal::Outside);
+        }
+        let real = fs::canonicalize(&path).map_err(|_| Refusal::Absent)?;
+        if self.root.as_ref().is_some_and(|[_, root]| !real.starts_with(root)) {
+            return Err(Refusal::Outside);
+        }
+        match fs::metadata(&real) {
+            Ok(about) if about.is_file() => Ok(Asset { path, real }),
+            Ok(_) => Err(Refusal::NotAFile),
+            Err(_) => Err(Refusal::Absent),
+        }
+    }
+}
+
+impl Asset {
+    /// The folder in which the model found it.
+    pub(crate) fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
+
+    /// Its own name; that of a link where it is one.
+    pub(crate) fn name(&self) -> &OsStr {
+        self.path.file_name().unwrap_or_default()
+    }
+
+    /// The file itself, after resolving links.
+    pub(crate) fn real(&self) -> &Path {
+        &self.real
+    }
+
+    /// The file, opened.
+    pub(crate) fn open(&self) -> Result<File, String> {
+        File::open(&self.real).map_err(|e| format!("cannot be read: {e}"))
+    }
+
+    /// Its bytes, up to so many.
+    ///
+    /// # Errors
+    /// The end of a sentence that begins with its name.
+    pub(crate) fn read(&self, most: u64) -> Result<Vec<u8>, String> {
+        let mut bytes = Vec::new();
+        let read = self.open()?.take(most.saturating_add(1)).read_to_end(&mut bytes);
+        read.map_err(|e| format!("cannot be read: {e}"))?;
+        if bytes.len() as u64 > most {
+            return Err(format!("is too large: {most} bytes are left for it"));
+        }
+        Ok(bytes)
+    }
+
+    /// Its bytes, if they are those of an image; as many are taken off what is left.
+    ///
+    /// # Errors
+    /// The end of a sentence that begins with its name.
+    pub(crate) fn read_image(&self, left: &mut u64) -> Result<Vec<u8>, String> {
+        let bytes = self.read(*left)?;
+        if !is_image(&bytes, &self.path) {
+            return Err("is no image of a known type".to_owned());
+        }
+        *left -= bytes.len() as u64;
+        Ok(bytes)
+    }
+}
+
+/// An absolute path without `.` and `..`, without asking the disk.
+fn normalized(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut plain = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::ParentDir => {
+                plain.pop();
+            }
+            Component::CurDir => {}
+            part => plain.push(part),
+        }
+    }
+    plain
+}
+
+/// Whether bytes begin as an image does: the mark of a type, and behind it a header with a size where that can be read.
+/// Of types without a mark the name decides too.
+fn is_image(bytes: &[u8], name: &Path) -> bool {
+    let is_tga = name.extension().is_some_and(|e| e.eq_ignore_ascii_case("tga"));
+    let has_size = || imagesize::blob_size(bytes).is_ok_and(|size| size.width > 0 && size.height > 0);
+    match bytes {
+        // Marks that are long enough to be no chance: DDS, KTX 1, OpenEXR, Radiance HDR, QOI, JPEG 2000, JPEG XL, AVIF.
+        [b'D', b'D', b'S', b' ', 124, 0, 0, 0, ..]
+        | [0xab, b'K', b'T', b'X', b' ', b'1', b'1', 0xbb, ..]
+        | [0x76, 0x2f, 0x31, 0x01, ..]
+        | [b'#', b'?', b'R', b'A', b'D', b'I', b'A', b'N', b'C', b'E', b'\n', ..]
+        | [b'#', b'?', b'R', b'G', b'B', b'E', b'\n', ..]
+        | [b'q', b'o', b'i', b'f', 0, ..]
+        | [0, 0, 0, 12, b'j' | b'J', b'P' | b'X', b' ' | b'L', b' ', 13, 10, 0x87, 10, ..]
+        | [0, 0, 0, _, b'f', b't', b'y', b'p', b'a', b'v', b'i', b'f' | b's', ..] => true,
+        [b'P', kind @ b'1'..=b'6', rest @ ..] => is_portable_map(rest, *kind),
+        // Two letters are no mark; the length of the header behind is.
+        [b'B', b'M', ..] => {
+            bytes.get(14).is_some_and(|n| [12, 40, 52, 56, 64, 108, 124].contains(n)) && has_size()
+        }
+        _ if is_tga => is_targa(bytes),
+        _ => has_size(),
+    }
+}
+
+/// Whether a header of PBM, PGM or PPM goes on like this: width, height and, but for black and white, the largest value.
+fn is_portable_map(header: &[u8], kind: u8) -> bool {
+    // Comments may stand between; a header longer than this was not written by a program. Guessed.
+    let header = &header[..header.len().min(4096)];
+    let words = header
+        .split(|&b| b == b'\n')
+        .map(|line| line.split(|&b| b == b'#').next().unwrap_or_default())
+        .flat_map(|line| line.split(u8::is_ascii_whitespace))
+        .filter(|word| !word.is_empty());
+    let numbers = if matches!(kind, b'1' | b'4') { 2 } else { 3 };
+    let is_count = |word: &[u8]| word.len() < 10 && word.iter().all(u8::is_ascii_digit);
+    header.first().is_some_and(u8::is_ascii_whitespace)
+        && words.take(numbers).filter(|word| is_count(word)).count() == numbers
+}
+
+/// Whether these are the first bytes of a Targa image, which has no mark.
+fn is_targa(bytes: &[u8]) -> bool {
+    let Some(header) = bytes.first_chunk::<18>() else { return false };
+    matches!((header[1], header[2]), (0 | 1, 1 | 9) | (0, 2 | 3 | 10 | 11))
+        && header[12..14] != [0; 2]
+        && header[14..16] != [0; 2]
+        && matches!(header[16], 8 | 15 | 16 | 24 | 32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_that_leads_out_of_the_folder_is_refused() {
+        let all = tempfile::tempdir().unwrap();
+        let folder = all.path().join("in");
+        fs::create_dir_all(folder.join("tex")).unwrap();
+        for name in ["secret", "in/a", "in/tex/b"] {
+            fs::write(all.path().join(name), name).unwrap();
+        }
+        let secret = all.path().join("secret");
+        let inside = Assets::new(&folder, &AssetScope::Folder);
+        for name in ["a", "tex/b", "tex/../a", "../in/a"] {
+            assert!(inside.find(Path::new(name)).is_ok(), "{name}");
+        }
+        assert!(inside.find(&folder.join("a")).is_ok());
+        // Whether something is there makes no difference.
+        for name in ["../secret", "../none", "tex/../../secret", "/etc/hostname", "/none"] {
+            assert_eq!(inside.find(Path::new(name)), Err(Refusal::Outside), "{name}");
+        }
+        assert_eq!(inside.find(&secret), Err(Refusal::Outside));
+        assert_eq!(inside.find(Path::new("none")), Err(Refusal::Absent));
+        assert_eq!(inside.find(Path::new("tex")), Err(Refusal::NotAFile));
+        assert_eq!(Assets::default().find(Path::new("a")), Err(Refusal::Absent));
+        for scope in [AssetScope::Anywhere, AssetScope::Root(all.path().to_owned())] {
+            assert!(Assets::new(&folder, &scope).find(Path::new("../secret")).is_ok());
+        }
+        let elsewhere = AssetScope::Root(folder.join("tex"));
+        assert_eq!(Assets::new(&folder, &elsewhere).find(Path::new("a")), Err(Refusal::Outside));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_that_leads_out_of_the_folder_is_refused() {
+        use std::os::unix::fs::symlink;
+        let all = tempfile::tempdir().unwrap();
+        let folder = all.path().join("in");
+        fs::create_dir(&folder).unwrap();
+        fs::write(all.path().join("secret"), "s").unwrap();
+        fs::write(folder.join("a"), "a").unwrap();
+        symlink("../secret", folder.join("out")).unwrap();
+        symlink("..", folder.join("up")).unwrap();
+        symlink("a", folder.join("same")).unwrap();
+        // A folder that is reached by a link is still the folder.
+        symlink("in", all.path().join("also")).unwrap();
+        for folder in [folder.clone(), all.path().join("also")] {
+            let inside = Assets::new(&folder, &AssetScope::Folder);
+            for name in ["out", "up/secret"] {
+                assert_eq!(inside.find(Path::new(name)), Err(Refusal::Outside), "{name}");
+            }
+            let same = inside.find(Path::new("same")).unwrap();
+            assert_eq!((same.name(), same.read(1)), (OsStr::new("same"), Ok(b"a".to_vec())));
+            assert!(same.read(0).unwrap_err().contains("too large"));
+        }
+        assert!(Assets::new(&folder, &AssetScope::Anywhere).find(Path::new("out")).is_ok());
+    }
+
+    #[test]
+    fn only_headers_of_images_pass_for_images() {
+        let is = |bytes: &[u8], name: &str| is_image(bytes, Path::new(name));
+        let png = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x03\x08\x02\0\0\0";
+        assert!(is(png, "a.png") && is(png, "a") && !is(&png[..12], "a.png"));
+        assert!(is(b"P3 1 1 255 120 80 40", "a.ppm") && is(b"P5\n# by hand\n2 2\n255\nabcd", "a.pgm"));
+        assert!(is(b"P4\n8 1\n\xff", "a.pbm") && is(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n", "a.hdr"));
+        assert!(is(b"DDS |\0\0\0\x07\x10\0\0", "a.dds"));
+        let mut tga = [0; 18];
+        (tga[2], tga[12], tga[14], tga[16]) = (2, 1, 1, 24);
+        assert!(is(&tga, "a.TGA") && !is(&tga[..17], "a.tga"));
+        for text in [
+            "root:x:0:0:root:/root:/bin/sh\n",
+            "P3 is a word",
+            "BMW is a brand of motor vehicles\n",
+            "",
+            "-----BEGIN KEY-----",
+            "DDS ",
+        ] {
+            for name in ["a.png", "a.tga", "a.bmp", "a"] {
+                assert!(!is(text.as_bytes(), name), "{text} as {name}");
+            }
+        }
+    }
+}
