@@ -125,8 +125,8 @@ pub(crate) fn laden_options(
     options.per_mesh = random.below(4) == 0;
     if random.below(3) == 0 {
         let mut any = || random.pick(&[0.0, 1.0, 1.0, 0.5, 10.0, 1e6, 1e30]);
-        let [normal, uv, color, morph, other, border] = [0; 6].map(|_| any());
-        options.weights = AttributeWeights { normal, uv, color, morph, other, border };
+        let [normal, uv, color, morph, skin, other, border] = [0; 7].map(|_| any());
+        options.weights = AttributeWeights { normal, uv, color, morph, skin, other, border };
     }
     if random.below(3) == 0 {
         let one_in = random.pick(&[1, 2, 4, 20]);
