@@ -36,6 +36,8 @@ pub struct Topology {
     origin: Vec<VertexId>,
     /// The next half-edge of the same edge; itself on a border.
     ring: Vec<HalfEdgeId>,
+    /// The lowest half-edges of the edges with three faces or more, in order.
+    first_of_many: Vec<HalfEdgeId>,
     /// Where each vertex' corners begin; one more entry than vertices.
     corner_start: Vec<u32>,
     /// Corners by vertex, fan after fan, in order around the vertex.
@@ -87,7 +89,13 @@ impl Topology {
         for t in surface.triangles() {
             origin.extend(t.map(&representative));
         }
-        let mut this = Self { origin, ring: Vec::new(), corner_start: Vec::new(), corners: Vec::new() };
+        let mut this = Self {
+            origin,
+            ring: Vec::new(),
+            first_of_many: Vec::new(),
+            corner_start: Vec::new(),
+            corners: Vec::new(),
+        };
         this.link_edges(vertex_count);
         this.sort_corners(vertex_count);
         this
@@ -100,7 +108,7 @@ impl Topology {
         let lesser = |h: HalfEdgeId| self.origin(h).min(self.target(h));
         let (start, sorted) = bucket(vertex_count, half_edges, lesser);
         let mut ring = vec![NO_RING; self.origin.len()];
-        let mut edges = Vec::new();
+        let (mut edges, mut first_of_many) = (Vec::new(), Vec::new());
         for at in start.windows(2).map(|w| &sorted[w[0] as usize..w[1] as usize]) {
             edges.clear();
             edges.extend(at.iter().map(|&h| (self.origin(h).max(self.target(h)), h)));
@@ -109,9 +117,13 @@ impl Topology {
                 for (k, &(_, h)) in edge.iter().enumerate() {
                     ring[h.index()] = edge[(k + 1) % edge.len()].1;
                 }
+                if edge.len() > 2 {
+                    first_of_many.push(edge[0].1);
+                }
             }
         }
-        self.ring = ring;
+        first_of_many.sort_unstable();
+        (self.ring, self.first_of_many) = (ring, first_of_many);
     }
 
     /// Makes the table of corners: by vertex, then in order around it.
@@ -213,8 +225,9 @@ impl Topology {
 
     #[inline]
     fn is_first_of_edge(&self, h: HalfEdgeId) -> bool {
-        // Rings are in order of the number, so only from the lowest does a ring go up, or stay, and come from above.
-        self.ring[h.index()] != NO_RING && self.edge(h).all(|g| g >= h)
+        // (A walk round the ring would take quadratic time on an edge with many faces.)
+        let g = self.ring[h.index()];
+        g != NO_RING && g >= h && (self.ring[g.index()] == h || self.first_of_many.binary_search(&h).is_ok())
     }
 }
 

@@ -1,7 +1,7 @@
 //! Bugs that were, each by name; open ones assert today's answer and say that it is wrong.
 
 use lodsmith_core::polygon::Triangulator;
-use lodsmith_core::{Positions, Topology, TriMesh, VertexId};
+use lodsmith_core::{HalfEdgeId, Positions, Topology, TriMesh, VertexId};
 
 /// The fan at a border vertex with a flipped face has two ends that look like its beginning; it was told from either.
 #[test]
@@ -50,4 +50,18 @@ fn a_concave_polygon_with_a_bridge_is_tiled_without_overlap() {
         sum += twice.abs() / 2.0;
     }
     assert!((sum - 8.0).abs() < 1e-12);
+}
+
+/// Faults B4: each half-edge of an edge with 40,000 faces walked round all others to learn whether it was the lowest.
+#[test]
+fn edges_with_many_faces_are_counted_in_one_walk() {
+    let n = 300_000;
+    let p = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let mesh = TriMesh::new(Positions::F32(p), vec![[0, 1, 2].map(VertexId); n]).unwrap();
+    let topology = Topology::new(&mesh.surface());
+    // (In quadratic time this takes minutes: three times 300,000 walks of 300,000 steps.)
+    let counts = topology.counts();
+    assert_eq!((counts.edge_count, counts.non_manifold_edge_count, counts.face_count), (3, 3, n));
+    assert_eq!(topology.edges().collect::<Vec<_>>(), [0, 1, 2].map(HalfEdgeId));
+    assert_eq!(topology.vertex(VertexId(0)).one_ring().collect::<Vec<_>>(), [1, 2].map(VertexId));
 }

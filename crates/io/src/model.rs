@@ -68,10 +68,11 @@ impl Loaded {
 /// of the options, else in that of the file. Cost: O(bytes + triangles + pixels).
 ///
 /// # Errors
-/// [`ReadError::File`] with the path and the reason. A file without faces is [`ReadError::NoFaces`].
+/// [`ReadError::File`] with the path and the reason. A file without faces is [`ReadError::NoFaces`]; one whose nodes place
+/// more faces than a file of its size may is [`ReadError::Limit`], as when it is read as one mesh.
 pub fn read_model_path(path: &Path, options: &ReadOptions) -> Result<ModelFile, ReadError> {
     match read_scene_path(path, options)? {
-        Some(scene) => with_faces(scene.into()).map_err(|e| e.at(path)),
+        Some(scene) => of_scene(scene).map_err(|e| e.at(path)),
         None => Ok(read_path(path, options)?.into()),
     }
 }
@@ -82,12 +83,14 @@ pub fn read_model_path(path: &Path, options: &ReadOptions) -> Result<ModelFile, 
 /// As [`read_model_path`], without a path.
 pub fn read_model_bytes(bytes: &[u8], options: &ReadOptions) -> Result<ModelFile, ReadError> {
     match read_scene_bytes(bytes, options)? {
-        Some(scene) => with_faces(scene.into()),
+        Some(scene) => of_scene(scene),
         None => Ok(read_bytes(bytes, options)?.into()),
     }
 }
 
-fn with_faces(file: ModelFile) -> Result<ModelFile, ReadError> {
+fn of_scene(scene: Scene) -> Result<ModelFile, ReadError> {
+    scene.check_placed()?;
+    let file = ModelFile::from(scene);
     let meshes = || file.model.meshes.iter().map(|m| &m.mesh);
     if meshes().all(|m| m.face_count() == 0) {
         return Err(ReadError::NoFaces { vertices: meshes().map(|m| m.vertex_count()).sum() });

@@ -379,3 +379,37 @@ fn numbers_that_name_nothing_lead_nowhere() {
     }
     assert!(read > 100, "{read}");
 }
+
+/// Faults B5: a picture of 60 million copies at one place was begun, where reading them as one mesh was refused.
+#[test]
+fn a_bomb_of_copies_is_refused_as_a_model_as_it_is_as_a_mesh() {
+    let copies = 2_000;
+    let faces = 2_000;
+    let mut buffer: Vec<u8> =
+        [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    buffer.extend([0u8, 1, 2].repeat(faces));
+    let digits = |six: u8| {
+        b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"[six as usize & 63] as char
+    };
+    let base64: String = buffer
+        .chunks_exact(3)
+        .flat_map(|b| [b[0] >> 2, b[0] << 4 | b[1] >> 4, b[1] << 2 | b[2] >> 6, b[2]].map(digits))
+        .collect();
+    let length = buffer.len();
+    let nodes = vec![r#"{"mesh":0}"#; copies].join(",");
+    let roots = (0..copies).map(|i| i.to_string()).collect::<Vec<_>>().join(",");
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[{roots}]}}],"nodes":[{nodes}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},
+        {{"bufferView":1,"componentType":5121,"count":{count},"type":"SCALAR"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":{count}}}],
+        "buffers":[{{"byteLength":{length},"uri":"data:application/octet-stream;base64,{base64}"}}]}}"#,
+        count = 3 * faces,
+    );
+    let options = lodsmith_io::ReadOptions::default();
+    let as_mesh = lodsmith_io::read_bytes(json.as_bytes(), &options).unwrap_err().to_string();
+    let as_model = lodsmith_io::read_model_bytes(json.as_bytes(), &options).unwrap_err().to_string();
+    assert!(as_mesh.contains("placed by nodes, for a file of this size, is 4000000"), "{as_mesh}");
+    assert_eq!(as_mesh, as_model);
+}

@@ -406,6 +406,7 @@ impl<'a, P: Place> Run<'a, P> {
             escalated: Vec::new(),
             pruned: Pruned::default(),
             clustered: Some(clustered(&made)),
+            faces_visited: 0,
         };
         Ok((Simplified { mesh: made.mesh, report }, made.held))
     }

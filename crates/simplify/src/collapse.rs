@@ -28,6 +28,7 @@ mod bundle;
 mod check;
 mod commit;
 pub(crate) mod creases;
+mod crowds;
 pub(crate) mod cut;
 mod evaluate;
 pub(crate) mod fork;
@@ -65,6 +66,7 @@ use bound::Histogram;
 use check::Checks;
 pub(crate) use commit::TIE;
 use commit::{Candidate, Outcome};
+use crowds::Crowds;
 use evaluate::Found;
 use kind::Kind;
 use late::Late;
@@ -162,6 +164,10 @@ pub(crate) struct Engine<M: Metric> {
     prices: Option<Vec<f32>>,
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
+    /// What may still be looked at round vertices of many faces.
+    crowds: Crowds,
+    /// Faces of rings that were looked at, each as often as it was.
+    pub(crate) faces_visited: u64,
     pub(crate) parts_removed: usize,
     /// Whether a collapse that would pinch the surface may cut it there instead.
     pub(crate) cuts_necks: bool,
@@ -221,6 +227,8 @@ impl<M: Metric> Engine<M> {
             prices: None,
             refusals: [0; Refusal::ALL.len()],
             collapses: 0,
+            crowds: Crowds::default(),
+            faces_visited: 0,
             parts_removed: 0,
             cuts_necks: false,
             necks_cut: 0,
@@ -256,6 +264,7 @@ impl<M: Metric> Engine<M> {
             let ends = engine.weigh();
             (special, _) = engine.classify(ends);
         }
+        engine.crowds = Crowds::of(engine.store.live_faces);
         engine.leave_out_unused(&special);
         engine.weigh_attributes();
         engine.weigh_lines(special);
@@ -269,7 +278,7 @@ impl<M: Metric> Engine<M> {
     fn classify(&mut self, ends: Ends) -> (Vec<VertexId>, usize) {
         self.chain_wedges();
         let (mut ring, mut edges, mut duplicates) = (Ring::default(), Vec::new(), Vec::new());
-        let mut special = Vec::new();
+        let (mut special, mut by_ends) = (Vec::new(), Vec::new());
         let has_seams = self.has_seams();
         for (is_closed, u) in self.store.closed_fans(ends).into_iter().zip((0..).map(VertexId)) {
             // (Most of the vertices of most meshes, without a ring. All that is listed lives still.)
@@ -282,8 +291,11 @@ impl<M: Metric> Engine<M> {
             self.store.ring(u, &mut ring);
             let kind = Kind::of(&ring, self.rules.border);
             if !kind.is_regular() {
-                let twice = |i: usize| ring[..i].iter().any(|r| (r.a, r.b) == (ring[i].a, ring[i].b));
-                duplicates.extend((0..ring.len()).filter(|&i| twice(i)).map(|i| ring[i].corner.face()));
+                by_ends.clear();
+                by_ends.extend(ring.iter().enumerate().map(|(i, r)| (r.a, r.b, i)));
+                by_ends.sort_unstable();
+                let twice = by_ends.windows(2).filter(|w| (w[0].0, w[0].1) == (w[1].0, w[1].1));
+                duplicates.extend(twice.map(|w| ring[w[1].2].corner.face()));
             }
             let is_locked = self.store.v[u.index()].kind.is_locked();
             let kind = self.with_seams(kind, u, &ring, &mut edges).locked(is_locked);
@@ -462,6 +474,9 @@ impl<M: Metric> Engine<M> {
             let Scratch { ru, rv, found, .. } = &mut *scratch;
             let best = found.take_cheapest();
             bounds.push(best.map_or(f32::INFINITY, |best| {
+                if !self.crowds.admit(ru.len() + self.store.listed(best.removed).len()) {
+                    return best.cost;
+                }
                 self.store.ring(best.removed, rv);
                 match self.collapse(u, &best, f32::MAX, true, ru, rv) {
                     Outcome::Later(cost) => cost,
@@ -503,6 +518,7 @@ impl<M: Metric> Engine<M> {
         let Scratch { ru, rv, owned, found, members } = scratch;
         self.store.ring(u, ru);
         found.clear();
+        self.faces_visited += ru.len() as u64;
         let owned = if self.store.v[u.index()].kind.is_regular() {
             // Inside closed fans every neighbour comes first in one of the triangles: no need to look at the second.
             // (Written all, kept some: a branch on the order could not be foretold.)
@@ -534,6 +550,17 @@ impl<M: Metric> Engine<M> {
                 UNKNOWN => tau,
                 bound => bound,
             };
+            if !self.crowds.admit(ru.len() + self.store.listed(candidate.removed).len()) {
+                self.refuse(Refusal::Valence);
+                if !probe {
+                    least = least.min(4.0 * tau + 1e-20);
+                }
+                if Crowds::is_crowd(ru.len()) {
+                    // So have all others.
+                    break;
+                }
+                continue;
+            }
             self.store.ring(candidate.removed, rv);
             match self.collapse(u, &candidate, tau, probe, ru, rv) {
                 Outcome::Done => {
@@ -720,6 +747,7 @@ impl<M: Metric> Engine<M> {
             let goal_vertices = goal.vertices.unwrap_or(0);
             let count = self.store.v.len();
             let brings = count >= BRINGS_FROM;
+            self.crowds.begin_sweep();
             'vertices: for start in (0..count).step_by(ASK_EVERY) {
                 match control.progress(done(self)) {
                     Verdict::Continue => {}

@@ -215,6 +215,7 @@ fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, Si
         fitted: false,
         refusals: made.refusals,
         collapses: made.steps,
+        faces_visited: 0,
         parts_removed: made.parts_removed,
         necks_cut: made.necks_cut,
         pairs_contracted: 0,

@@ -81,6 +81,7 @@ pub(crate) struct Outcome {
     pub(crate) fitted: bool,
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
+    pub(crate) faces_visited: u64,
     pub(crate) parts_removed: usize,
     pub(crate) necks_cut: usize,
     pub(crate) pairs_contracted: usize,
@@ -342,6 +343,7 @@ fn told(
         escalated: Vec::new(),
         pruned: Pruned::default(),
         clustered: None,
+        faces_visited: outcome.faces_visited,
     };
     (Simplified { mesh: outcome.mesh, report }, outcome.held)
 }

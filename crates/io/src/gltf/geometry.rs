@@ -8,18 +8,9 @@ use super::buffers::Buffers;
 use super::container::{entry, list, whole};
 use super::materials::Run;
 use super::mesh::TYPES;
-use super::placements::{Affine, Placement};
+use super::placements::{Affine, Placement, check_placed};
 use super::primitive::Primitive;
 use crate::error::{ReadError, Warning};
-
-/// Faces and vertices that the nodes of one file may place: a small file can place a large mesh very often. Guessed: room
-/// for more than anyone has asked for, within the memory of a workstation.
-const MOST_PLACED: u64 = 1 << 28;
-
-/// The same for each byte of the file, or of its buffers if they are more: a few kilobytes shall not ask for gigabytes. Guessed: a mesh has
-/// some 20 bytes for each triangle, so this is room for a thousand copies; a million are always allowed.
-const MOST_PLACED_PER_BYTE: u64 = 64;
-const ALWAYS_PLACED: u64 = 1 << 20;
 
 /// A mesh farther from the origin than this many times its size loses half of the 24 bits of a float there.
 const FAR: f64 = 4096.0;
@@ -51,22 +42,7 @@ pub(super) fn gather(
             faces = g.primitives.iter().fold(faces, |sum, p| sum.saturating_add(p.most_faces() as u64));
         }
     }
-    let bytes = file_bytes.max(buffers.total()) as u64;
-    let by_bytes = bytes.saturating_mul(MOST_PLACED_PER_BYTE).saturating_add(ALWAYS_PLACED);
-    let limit = MOST_PLACED.min(by_bytes);
-    let [many_faces, many_vertices] = if by_bytes < MOST_PLACED {
-        [
-            "number of triangles placed by nodes, for a file of this size,",
-            "number of vertices placed by nodes, for a file of this size,",
-        ]
-    } else {
-        ["number of triangles placed by nodes", "number of vertices placed by nodes"]
-    };
-    for (what, size) in [(many_faces, faces), (many_vertices, vertices)] {
-        if size > limit {
-            return Err(ReadError::Limit { what, size, limit });
-        }
-    }
+    check_placed(faces, vertices, file_bytes.max(buffers.total()))?;
     let has = |f: fn(&Group) -> bool| placed().any(|(_, groups)| groups.iter().any(f));
     let mut out =
         Out::new([has(|g| g.normals.is_some()), has(|g| g.uvs.is_some()), has(|g| g.colors.is_some())]);

@@ -84,6 +84,36 @@ impl Affine {
     }
 }
 
+/// Faces and vertices that the nodes of one file may place: a small file can place a large mesh very often. Guessed: room
+/// for more than anyone has asked for, within the memory of a workstation.
+const MOST_PLACED: u64 = 1 << 28;
+
+/// The same for each byte of the file, or of its buffers if they are more: a few kilobytes shall not ask for gigabytes. Guessed: a mesh has
+/// some 20 bytes for each triangle, so this is room for a thousand copies; a million are always allowed.
+const MOST_PLACED_PER_BYTE: u64 = 64;
+const ALWAYS_PLACED: u64 = 1 << 20;
+
+/// Refuses more faces or vertices than the nodes of a file of so many bytes may place: the same rule for all who work on
+/// each copy, whether they join the copies or draw them.
+pub(super) fn check_placed(faces: u64, vertices: u64, bytes: usize) -> Result<(), ReadError> {
+    let by_bytes = (bytes as u64).saturating_mul(MOST_PLACED_PER_BYTE).saturating_add(ALWAYS_PLACED);
+    let limit = MOST_PLACED.min(by_bytes);
+    let [many_faces, many_vertices] = if by_bytes < MOST_PLACED {
+        [
+            "number of triangles placed by nodes, for a file of this size,",
+            "number of vertices placed by nodes, for a file of this size,",
+        ]
+    } else {
+        ["number of triangles placed by nodes", "number of vertices placed by nodes"]
+    };
+    for (what, size) in [(many_faces, faces), (many_vertices, vertices)] {
+        if size > limit {
+            return Err(ReadError::Limit { what, size, limit });
+        }
+    }
+    Ok(())
+}
+
 /// A mesh at its place in the world.
 #[derive(Clone, Debug)]
 pub(super) struct Placement {

@@ -44,6 +44,8 @@ pub struct Scene {
     /// Where images are that are files.
     pub(super) assets: Assets,
     pub(super) limits: Limits,
+    /// Bytes of the file, or of its buffers if they are more.
+    size: usize,
 }
 
 /// A mesh of a scene.
@@ -95,9 +97,11 @@ impl Scene {
 
         let placed = placements::placed(&json)?;
         let mut warnings = Vec::new();
+        let size;
         let meshes = {
             let opened = Buffers::loaded(&json, &buffers, unpacked);
-            let mut budget = Budget::new(bytes.len().max(opened.total()));
+            size = bytes.len().max(opened.total());
+            let mut budget = Budget::new(size);
             let (mut meshes, mut ragged) = (Vec::new(), 0);
             for (i, mesh) in list(&json, "meshes").iter().enumerate() {
                 let name = format!("meshes[{i}]");
@@ -124,7 +128,21 @@ impl Scene {
         let contents = contents(&json, &placed, &meshes);
         let bounds = bounds(&placed, &meshes);
         let (assets, limits) = (Assets::of(options), options.limits);
-        Ok(Self { json, buffers, meshes, bounds, contents, warnings, format, unpacked, assets, limits })
+        Ok(Self { json, buffers, meshes, bounds, contents, warnings, format, unpacked, assets, limits, size })
+    }
+
+    /// Refuses what [`read`](super::read) refuses: more faces or vertices than nodes may place in a file of this size. For
+    /// those who work on each copy of a mesh.
+    ///
+    /// # Errors
+    /// [`ReadError::Limit`].
+    pub(crate) fn check_placed(&self) -> Result<(), ReadError> {
+        let placed = |count: fn(&TriMesh) -> usize| {
+            let of = |m: &SceneMesh| m.instances.saturating_mul(count(&m.mesh)) as u64;
+            self.meshes.iter().map(of).fold(0, u64::saturating_add)
+        };
+        let (faces, vertices) = (placed(TriMesh::face_count), placed(TriMesh::vertex_count));
+        placements::check_placed(faces, vertices, self.size)
     }
 
     /// The meshes, in the order of the file.
@@ -381,11 +399,13 @@ fn contents(json: &Value, placed: &[placements::Placement], meshes: &[SceneMesh]
 
 /// The box round the corners of the meshes' boxes where they are placed.
 fn bounds(placed: &[placements::Placement], meshes: &[SceneMesh]) -> Option<Bounds> {
+    // Of each mesh once, however often it is placed.
+    let mut of_meshes: Vec<Option<Option<Bounds>>> = vec![None; meshes.len()];
     let mut all: Option<Bounds> = None;
     for placement in placed {
-        let Some(own) = meshes.get(placement.mesh).and_then(|m| m.mesh.positions().view().bounds()) else {
-            continue;
-        };
+        let Some(slot) = of_meshes.get_mut(placement.mesh) else { continue };
+        let measured = || meshes[placement.mesh].mesh.positions().view().bounds();
+        let Some(own) = slot.get_or_insert_with(measured) else { continue };
         for corner in 0..8 {
             let p = [0, 1, 2].map(|k| if corner >> k & 1 == 0 { own.min[k] } else { own.max[k] });
             let p = placement.world_from_mesh.point(p);

@@ -107,13 +107,14 @@ fn find_closed(topology: &Topology, turned: &[bool], patch_of: &[usize], patches
         for h in topology.edge(first) {
             let face = h.face().index();
             let is_along = (topology.origin(h) == topology.origin(first)) ^ turned[face];
-            let way = if is_along { 1 } else { -1 };
-            match sums.iter_mut().find(|s| s.0 == patch_of[face]) {
-                Some(sum) => sum.1 += way,
-                None => sums.push((patch_of[face], way)),
+            sums.push((patch_of[face], if is_along { 1 } else { -1 }));
+        }
+        sums.sort_unstable();
+        for of_patch in sums.chunk_by(|a, b| a.0 == b.0) {
+            if of_patch.iter().map(|s| s.1).sum::<i32>() != 0 {
+                patches[of_patch[0].0].is_closed = false;
             }
         }
-        sums.iter().filter(|s| s.1 != 0).for_each(|s| patches[s.0].is_closed = false);
     }
 }
 

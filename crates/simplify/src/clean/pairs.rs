@@ -30,6 +30,7 @@ pub(super) fn parted(surface: &Surface<'_>) -> Parted {
             pair[g.index()] = h.0;
         });
     }
+    // Each round but the last takes pairs apart, and none makes any.
     let mut round = 0;
     loop {
         let parted = by_fans(surface, &topology, &pair);
@@ -48,31 +49,36 @@ pub(super) fn parted(surface: &Surface<'_>) -> Parted {
             None => pair[h.index()] != NO_PAIR || now.edge(h).nth(1).is_some(),
         };
         let bad: Vec<HalfEdgeId> = now.edges().filter(|&h| is_bad(h)).collect();
-        if bad.is_empty() {
-            return parted;
-        }
-        for h in bad.into_iter().flat_map(|h| now.edge(h).collect::<Vec<_>>()) {
+        let mut unpaired = false;
+        let mut ends = Vec::new();
+        for h in bad.into_iter().flat_map(|h| now.edge(h)) {
             if round == 0 {
-                unpair(&mut pair, h);
-            } else {
-                // Each face round both ends by itself: then there is no edge left to be wrong.
-                for v in [topology.origin(h), topology.target(h)] {
-                    for c in topology.vertex(v).corners().to_vec() {
-                        unpair(&mut pair, c);
-                        unpair(&mut pair, c.prev());
-                    }
-                }
+                unpaired |= unpair(&mut pair, h);
             }
+            ends.extend([topology.origin(h), topology.target(h)]);
+        }
+        if !unpaired {
+            // Each face round both ends by itself: then there is no edge left to be wrong.
+            ends.sort_unstable();
+            ends.dedup();
+            for c in ends.iter().flat_map(|&v| topology.vertex(v).corners()) {
+                unpaired |= unpair(&mut pair, *c) | unpair(&mut pair, c.prev());
+            }
+        }
+        if !unpaired {
+            return parted;
         }
         round += 1;
     }
 }
 
-fn unpair(pair: &mut [u32], h: HalfEdgeId) {
+/// Whether it had a pair.
+fn unpair(pair: &mut [u32], h: HalfEdgeId) -> bool {
     let g = std::mem::replace(&mut pair[h.index()], NO_PAIR);
     if g != NO_PAIR {
         pair[g as usize] = NO_PAIR;
     }
+    g != NO_PAIR
 }
 
 /// Which vertices become one when borders at the same places are sewn, two to an edge; and how many edges are.

@@ -5,11 +5,12 @@ use lodsmith_core::VertexId;
 use super::Engine;
 use super::commit::Candidate;
 use super::evaluate::Found;
-use super::kind::distinct;
+use super::seams::Edge;
 use super::store::{Ring, Spoke};
 use crate::guard::BORDER;
 use crate::metric::{Around, At, Judge, Line, Metric, Place, Wall};
 use crate::options::Placement;
+use crate::report::Refusal;
 
 impl<M: Metric> Engine<M> {
     /// Where kinds and options let the merged vertex of u-v go; `None` if neither end may move.
@@ -44,6 +45,12 @@ impl<M: Metric> Engine<M> {
         let mut rv = std::mem::take(&mut self.other_ring);
         let mut stuck = 0;
         for &v in owned {
+            if !matches!(self.metric.decides(), Judge::Ends)
+                && !self.crowds.admit(ru.len() + self.store.listed(v).len())
+            {
+                self.refuse(Refusal::Valence);
+                continue;
+            }
             match self.metric.decides() {
                 Judge::Ends => rv.clear(),
                 _ => self.store.ring(v, &mut rv),
@@ -68,15 +75,25 @@ impl<M: Metric> Engine<M> {
     #[inline(never)]
     pub(super) fn judged(&mut self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Option<Candidate> {
         let place = self.place(u, v)?;
+        self.faces_visited += (ru.len() + rv.len()) as u64;
         let mut around = std::mem::take(&mut self.around);
-        self.look_around(u, v, place, ru, rv, &mut around);
+        let mut edges = std::mem::take(&mut self.edges);
+        self.look_around([u, v], place, [ru, rv], &mut around, &mut edges);
+        self.edges = edges;
         let judged = self.metric.judge(&around, self.mean_face);
         self.around = around;
         // (A cost without bound, on input of extreme sizes, would look like one that is not known.)
         judged.map(|(cost, step)| Candidate { cost: cost.clamp(0.0, f32::MAX), removed: v, step, sure: 0.0 })
     }
 
-    fn look_around(&self, u: VertexId, v: VertexId, place: Place, ru: &Ring, rv: &Ring, around: &mut Around) {
+    fn look_around(
+        &self,
+        [u, v]: [VertexId; 2],
+        place: Place,
+        [ru, rv]: [&Ring; 2],
+        around: &mut Around,
+        edges: &mut Vec<Edge>,
+    ) {
         let origin = self.store.p(u).as_dvec3();
         let at = |w: VertexId| self.store.p(w).as_dvec3() - origin;
         around.d = at(v);
@@ -95,30 +112,29 @@ impl<M: Metric> Engine<M> {
         if around.on_lines == [false; 2] {
             return;
         }
-        let mut line = |ring: &Ring, w: VertexId, seams: bool, side: At| {
-            let weight = f64::from(self.line_weight(ring, w, seams) / BORDER);
+        let mut line = |edge: &Edge, seams: bool, side: At| {
+            let weight = f64::from(self.weight_of(edge, seams) / BORDER);
             if weight > 0.0 {
-                let faces = || ring.iter().filter(|r| r.has(w));
-                let sense = match faces().count() {
-                    1 if faces().any(|r| r.a == w) => 1.0,
-                    1 => -1.0,
-                    _ => 0.0,
-                };
-                around.lines.push(Line { at: side, to: at(w), weight, sense });
+                around.lines.push(Line { at: side, to: at(edge.to), weight, sense: edge.sense() });
             }
         };
         if !stars {
-            line(ru, v, x.is_seam() && z.is_seam(), At::Both);
+            if let Some(edge) = self.store.edge(ru, v) {
+                line(&edge, x.is_seam() && z.is_seam(), At::Both);
+            }
             return;
         }
+        // (All edges at once: one by one they would take quadratic time.)
         if around.on_lines[0] {
-            for w in distinct(ru) {
-                line(ru, w, x.is_seam(), if w == v { At::Both } else { At::Kept });
+            self.store.edges(ru, x, edges);
+            for edge in edges.iter() {
+                line(edge, x.is_seam(), if edge.to == v { At::Both } else { At::Kept });
             }
         }
         if around.on_lines[1] {
-            for w in distinct(rv).filter(|&w| w != u) {
-                line(rv, w, z.is_seam(), At::Removed);
+            self.store.edges(rv, z, edges);
+            for edge in edges.iter().filter(|e| e.to != u) {
+                line(edge, z.is_seam(), At::Removed);
             }
         }
     }

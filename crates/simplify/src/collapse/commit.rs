@@ -75,6 +75,7 @@ impl<M: Metric> Engine<M> {
         rv: &Ring,
     ) -> Outcome {
         let (v, mut y) = (candidate.removed, candidate.step);
+        self.faces_visited += (ru.len() + rv.len()) as u64;
         // (Not as a pair: that would be copied twice.)
         let x = self.store.v[u.index()];
         let z = self.store.v[v.index()];
@@ -375,9 +376,11 @@ impl<M: Metric> Engine<M> {
                     return true;
                 }
             }
-            for &c in self.store.listed(w.a) {
+            // (The shorter list: one of the two may be the hub of a fan of many faces.)
+            let [here, there] = [w.a, w.b].map(|o| self.store.listed(o));
+            for &c in if here.len() <= there.len() { here } else { there } {
                 let t = &self.store.t[c.face()];
-                if t[0] == NONE || c.face() == w.corner.face() || !t.contains(&w.b) {
+                if t[0] == NONE || c.face() == w.corner.face() || ![w.a, w.b].iter().all(|o| t.contains(o)) {
                     continue;
                 }
                 let [p, q, r] = t.map(|o| self.store.p(o));

@@ -1,10 +1,16 @@
 //! What a vertex is by its edges: inside, on a border, on a non-manifold curve; and what that allows.
 
+use std::collections::HashMap;
+
 use lodsmith_core::VertexId;
 use wide::u32x8;
 
 use super::store::Spoke;
 use crate::options::BorderPolicy;
+
+/// Faces of a ring up to which a neighbour is searched for by walking the ring. In larger rings neighbours are sorted or
+/// looked up, so that a vertex of n faces costs O(n log n), not O(n²). (Guessed; the answers are the same.)
+pub(super) const SHORT_RING: usize = 64;
 
 /// Bits; none set is a vertex inside a closed, oriented fan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,15 +41,18 @@ impl Kind {
         if is_closed_fan(ring.iter().map(|r| (r.a, r.b))) {
             return Self::default();
         }
-        let around = |w: VertexId| {
-            (ring.iter().filter(|r| r.a == w).count(), ring.iter().filter(|r| r.b == w).count())
-        };
         let mut bits = Self::IRREGULAR;
         let (mut open, mut many) = (0, 0);
-        for w in distinct(ring) {
-            let (a, b) = around(w);
-            open += usize::from(a + b == 1);
-            many += usize::from(a + b > 2);
+        let mut count = |faces: usize| {
+            open += usize::from(faces == 1);
+            many += usize::from(faces > 2);
+        };
+        if ring.len() <= SHORT_RING {
+            distinct(ring).for_each(|w| count(faces_at(ring, w)));
+        } else {
+            let mut ends: Vec<VertexId> = ring.iter().flat_map(|r| [r.a, r.b]).collect();
+            ends.sort_unstable();
+            ends.chunk_by(|a, b| a == b).for_each(|same| count(same.len()));
         }
         match (open, many) {
             (0, 0) => {} // only wound differently
@@ -147,6 +156,13 @@ pub(crate) fn is_closed_fan(ring: impl ExactSizeIterator<Item = (VertexId, Verte
     // number that no vertex has, as first and as second.
     const LANES: usize = 8;
     let n = ring.len();
+    if n > SHORT_RING {
+        let [mut firsts, mut seconds]: [Vec<VertexId>; 2] =
+            [ring.clone().map(|r| r.0).collect(), ring.map(|r| r.1).collect()];
+        firsts.sort_unstable();
+        seconds.sort_unstable();
+        return firsts == seconds && firsts.windows(2).all(|w| w[0] != w[1]);
+    }
     if n > LANES {
         let once = |w: VertexId| {
             ring.clone().filter(|r| r.0 == w).count() == 1 && ring.clone().filter(|r| r.1 == w).count() == 1
@@ -168,9 +184,19 @@ pub(crate) fn is_closed_fan(ring: impl ExactSizeIterator<Item = (VertexId, Verte
     n > 0 && once.to_bitmask() & used == used
 }
 
-/// The neighbours in a ring, each once.
+/// The neighbours in a ring, each once, in the order in which its faces have them.
 pub(crate) fn distinct(ring: &[Spoke]) -> impl Iterator<Item = VertexId> + '_ {
-    let seen = |i: usize, w: VertexId| ring[..i].iter().any(|r| r.has(w));
+    // In a long ring, the face that has each neighbour first.
+    let mut first_of = HashMap::new();
+    if ring.len() > SHORT_RING {
+        for (i, w) in ring.iter().enumerate().flat_map(|(i, r)| [(i, r.a), (i, r.b)]) {
+            first_of.entry(w).or_insert(i);
+        }
+    }
+    let seen = move |i: usize, w: VertexId| match first_of.get(&w) {
+        Some(&first) => first < i,
+        None => ring[..i].iter().any(|r| r.has(w)),
+    };
     ring.iter()
         .enumerate()
         .flat_map(|(i, r)| [(i, r.a), (i, r.b)])

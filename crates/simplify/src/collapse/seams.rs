@@ -1,10 +1,12 @@
 //! Seams: edges whose two sides differ in wedges or regions. What they weigh, and what they refuse.
 
+use std::collections::HashMap;
+
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::Engine;
 use super::attributes::NO_WEDGE;
-use super::kind::{Kind, faces_at};
+use super::kind::{Kind, SHORT_RING, faces_at};
 use super::store::{Ring, Spoke, Store};
 use crate::metric::{Memory, Metric};
 use crate::report::Refusal;
@@ -132,9 +134,14 @@ impl<Q: Memory> Store<Q> {
         if !kind.is_regular() {
             return self.edges_of_any(ring, out);
         }
+        let mut second_of = HashMap::new();
+        if ring.len() > SHORT_RING {
+            second_of.extend(ring.iter().enumerate().map(|(k, s)| (s.b, k)));
+        }
         for (i, r) in ring.iter().enumerate() {
             // Every neighbour is second in one face, too.
-            let Some(k) = ring.iter().position(|s| s.b == r.a) else { continue };
+            let position = || ring.iter().position(|s| s.b == r.a);
+            let Some(k) = second_of.get(&r.a).copied().or_else(position) else { continue };
             let (own, beyond) = (self.side(r, false), self.side(&ring[k], true));
             if own.differs(&beyond) {
                 let (rank, side, other) =
@@ -149,10 +156,19 @@ impl<Q: Memory> Store<Q> {
     /// The same where nothing is known of it.
     #[inline(never)]
     fn edges_of_any(&self, ring: &[Spoke], out: &mut Vec<Edge>) {
+        let is_long = ring.len() > SHORT_RING;
+        let mut place_of = HashMap::new();
         for (i, r) in ring.iter().enumerate() {
             for (to, ends) in [(r.a, false), (r.b, true)] {
                 let side = self.side(r, ends);
-                match out.iter_mut().find(|e| e.to == to) {
+                let known = match is_long {
+                    true => {
+                        let next = out.len();
+                        out.get_mut(*place_of.entry(to).or_insert(next))
+                    }
+                    false => out.iter_mut().find(|e| e.to == to),
+                };
+                match known {
                     None => {
                         let rank = (2 * i + usize::from(ends)) as u32;
                         out.push(Edge { to, rank, faces: 1, side, other: None });
@@ -170,7 +186,7 @@ impl<Q: Memory> Store<Q> {
     }
 
     /// The edge from the centre of a star to `w`.
-    fn edge(&self, ring: &[Spoke], w: VertexId) -> Option<Edge> {
+    pub(super) fn edge(&self, ring: &[Spoke], w: VertexId) -> Option<Edge> {
         let mut sides = ring.iter().filter(|r| r.has(w)).map(|r| self.side(r, r.a != w));
         let side = sides.next()?;
         let mut edge = Edge { to: w, rank: 0, faces: 1, side, other: None };
@@ -186,6 +202,14 @@ impl Edge {
     /// Whether wedges or regions differ on its sides, or it is sharp.
     pub(super) fn is_seam(&self) -> bool {
         self.other.is_some()
+    }
+    /// Of an edge of one face, 1 if it leaves the centre of the star as the face goes, else -1; 0 of any other.
+    pub(super) fn sense(&self) -> f64 {
+        match (self.faces, self.side.ends) {
+            (1, false) => 1.0,
+            (1, true) => -1.0,
+            _ => 0.0,
+        }
     }
     /// Whether it is one of the sharp edges that the options make features of.
     fn is_sharp(&self) -> bool {

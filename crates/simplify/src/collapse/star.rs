@@ -10,7 +10,7 @@ use wide::f32x4;
 pub(super) struct Star {
     centre: Vec3,
     triangles: Vec<Triangle>,
-    /// The rim's vertices, each once, as seen from the centre.
+    /// The rim's vertices, as seen from the centre; each once where they are few.
     spokes: Vec<(VertexId, Segment)>,
 }
 
@@ -47,6 +47,10 @@ impl Segment {
     }
 }
 
+/// Spokes that are searched for one that is there already. One that is listed twice costs time and changes no distance; to
+/// search all of them would take quadratic time round a vertex of many faces. (Guessed.)
+const SEARCHED_SPOKES: usize = 64;
+
 impl Star {
     /// The star of `centre` with these rim edges, each as the two vertices and their places.
     pub(super) fn set(&mut self, centre: Vec3, rim: impl Iterator<Item = [(VertexId, Vec3); 2]>) {
@@ -55,7 +59,7 @@ impl Star {
         self.spokes.clear();
         for [a, b] in rim {
             for (w, p) in [a, b] {
-                if !self.spokes.iter().any(|s| s.0 == w) {
+                if !self.spokes.iter().rev().take(SEARCHED_SPOKES).any(|s| s.0 == w) {
                     self.spokes.push((w, Segment::new(p - centre)));
                 }
             }
@@ -73,6 +77,11 @@ impl Star {
                 rim,
             });
         }
+    }
+
+    /// How many triangles it has.
+    pub(super) fn len(&self) -> usize {
+        self.triangles.len()
     }
 
     /// Squared distances of four points; infinite where there is no triangle.

@@ -162,6 +162,7 @@ impl Run<'_, '_> {
             fitted: wants_fit,
             refusals: engine.refusals,
             collapses: engine.collapses,
+            faces_visited: engine.faces_visited,
             parts_removed: engine.parts_removed,
             necks_cut: engine.necks_cut,
             pairs_contracted: engine.pairs_contracted,

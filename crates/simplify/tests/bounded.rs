@@ -1,0 +1,140 @@
+//! Work is bounded whatever the shape: near linear in the faces for any number of faces at a vertex or an edge. Counted in
+//! steps, never in seconds.
+
+use lodsmith::core::{Positions, TriMesh, VertexId};
+use lodsmith::{
+    CleanOptions, ClusterLodOptions, Method, NoControl, NonManifold, Report, SimplifyOptions, Stop, clean,
+    cluster_lod, simplify,
+};
+use proptest::prelude::*;
+
+fn mesh(points: Vec<[f64; 3]>, faces: &[[u32; 3]]) -> TriMesh {
+    TriMesh::new(Positions::F64(points), faces.iter().map(|t| t.map(VertexId)).collect::<Vec<_>>()).unwrap()
+}
+
+fn on_circle(i: u32, n: u32, height: f64) -> [f64; 3] {
+    let a = std::f64::consts::TAU * f64::from(i) / f64::from(n);
+    [a.cos(), a.sin(), height + 0.01 * (7.0 * a).sin()]
+}
+
+/// One vertex with so many faces: a disc.
+fn fan(n: u32) -> TriMesh {
+    let points = std::iter::once([0.0, 0.0, 0.3]).chain((0..n).map(|i| on_circle(i, n, 0.0))).collect();
+    mesh(points, &(0..n).map(|i| [0, 1 + i, 1 + (i + 1) % n]).collect::<Vec<_>>())
+}
+
+/// One edge with so many faces.
+fn book(n: u32) -> TriMesh {
+    let spine = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    let points = spine.into_iter().chain((0..n).map(|i| on_circle(i, n, 0.5))).collect();
+    mesh(points, &(0..n).map(|i| [0, 1, 2 + i]).collect::<Vec<_>>())
+}
+
+/// The same place so many times, over the same vertices or with three of its own each.
+fn stack(n: u32, has_own: bool) -> TriMesh {
+    let triangle = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let times = if has_own { n as usize } else { 1 };
+    let first = |i: u32| if has_own { 3 * i } else { 0 };
+    let faces: Vec<_> = (0..n).map(|i| [0, 1, 2].map(|k| first(i) + k)).collect();
+    mesh(triangle.repeat(times), &faces)
+}
+
+fn report(mesh: &TriMesh, method: Method, keep: f64) -> Report {
+    let mut options = SimplifyOptions::new(Stop::ratio(keep));
+    options.method = method;
+    simplify(mesh, &options, &mut NoControl).unwrap().report
+}
+
+const JUDGED_BY_STARS: [Method; 2] = [Method::Melax, Method::LindstromTurk];
+
+/// Faults B2: of two faces without area side by side, each turned their common edge back after the other.
+#[test]
+fn clean_ends_where_slivers_lie_side_by_side() {
+    // A wall seen edge on: all but one of its vertices on one upright line, as exporters of levels write them.
+    let on_line =
+        [0.8, 0.8, -0.4, -0.1, -0.1, 0.05, 0.05, 0.4, 0.45, 0.79, 0.79, 0.8, 0.8].map(|z| [3.0, 2.0, z]);
+    let mut points = on_line.to_vec();
+    points[0] = [3.0, 1.975, 0.8];
+    points[1] = [3.0, 1.975, 0.8];
+    points.push([3.0, 1.6, -0.1]);
+    let faces = [[10, 12, 1], [5, 3, 2], [7, 5, 2], [8, 7, 2], [9, 8, 2], [11, 9, 2], [0, 11, 2], [13, 4, 6]];
+    let mesh = mesh(points, &faces);
+    for non_manifold in [NonManifold::Keep, NonManifold::Cut, NonManifold::Merge] {
+        let mut options = CleanOptions::default();
+        options.non_manifold = non_manifold;
+        let report = clean(&mesh, &options, &mut NoControl).unwrap().report;
+        assert!(report.steps <= 32 * report.input_faces, "{report:?}");
+        assert!(report.zero_area_faces > 0 && report.faces > 0, "{report:?}");
+    }
+}
+
+/// Faults B3: every page of a book looked at all others, at each of many turns.
+#[test]
+fn a_book_of_1000_pages_is_simplified_in_bounded_work() {
+    let report = report(&book(1000), Method::Memoryless, 0.1);
+    assert!(report.reached, "{report:?}");
+    assert!(report.faces_visited < 1 << 28, "{}", report.faces_visited);
+}
+
+/// With ever more pages the work grows no faster than they do.
+#[test]
+fn work_on_a_book_grows_with_its_pages_and_not_faster() {
+    let [small, large] = [1500, 6000].map(|n| report(&book(n), Method::Memoryless, 0.5).faces_visited);
+    assert!(large < 16 * small.max(1 << 22), "{small} {large}");
+}
+
+/// Faults A18: each spoke looked at all others.
+#[test]
+fn work_on_a_fan_grows_with_its_spokes_and_not_faster() {
+    for method in JUDGED_BY_STARS.into_iter().chain([Method::Memoryless, Method::Quadric]) {
+        let of = |n| report(&fan(n), method, 0.01);
+        let fans = [1_500, 12_000].map(of);
+        for fan in &fans {
+            assert!(fan.reached, "{method:?}: {fan:?}");
+            // (It was as often as there are spokes.)
+            let most = (fan.input_faces as u64 * 1024).max(1 << 26);
+            assert!(fan.faces_visited < most, "{method:?}: {} of {most}", fan.faces_visited);
+        }
+    }
+}
+
+#[test]
+fn levels_of_clusters_of_a_book_end() {
+    let built = cluster_lod(&book(1000), &ClusterLodOptions::default(), &mut NoControl).unwrap();
+    assert_eq!(built.report.input_faces, 1000);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(8) })]
+
+    #[test]
+    fn any_fan_book_or_stack_takes_work_in_proportion(
+        n in 3u32..2000,
+        kind in 0..4usize,
+        method in 0..3usize,
+        keep in 0.02f64..0.8,
+    ) {
+        let mesh = [fan, book, |n| stack(n, false), |n| stack(n, true)][kind](n);
+        let method = [Method::Memoryless, Method::Melax, Method::LindstromTurk][method];
+        let mut options = SimplifyOptions::new(Stop::ratio(keep));
+        options.method = method;
+        let report = simplify(&mesh, &options, &mut NoControl).unwrap().report;
+        prop_assert!(report.faces_visited <= 1 << 28, "{report:?}");
+    }
+
+    #[test]
+    fn clean_takes_a_few_steps_for_each_face(
+        heights in proptest::collection::vec(0u8..12, 3..60),
+        corners in proptest::collection::vec([0usize..60, 0..60, 0..60], 1..60),
+    ) {
+        // On one line, but for the first: nearly all faces are slivers, and many stand side by side.
+        let points: Vec<[f64; 3]> =
+            heights.iter().enumerate().map(|(i, &z)| [if i == 0 { 1.0 } else { 0.0 }, 0.0, f64::from(z)]).collect();
+        let faces: Vec<[u32; 3]> =
+            corners.iter().map(|t| t.map(|v| (v % points.len()) as u32)).collect();
+        let mesh = mesh(points, &faces);
+        if let Ok(cleaned) = clean(&mesh, &CleanOptions::default(), &mut NoControl) {
+            prop_assert!(cleaned.report.steps <= 32 * faces.len(), "{:?}", cleaned.report);
+        }
+    }
+}
