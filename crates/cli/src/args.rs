@@ -80,6 +80,28 @@ pub(crate) enum Command {
     },
 }
 
+impl Command {
+    /// Seconds after which the process ends, for commands that have nothing to show for part of their work. (The others take
+    /// the best they have by then.)
+    pub(crate) fn hard_limit_secs(&self) -> Option<f64> {
+        let run = match self {
+            Self::Info(args) => &args.run,
+            Self::Compare(args) => &args.run,
+            Self::Convert(args) => &args.run,
+            Self::Clean(args) => &args.run,
+            Self::Render(args) => &args.run,
+            Self::Progressive(Progressive::Build(args)) => &args.run,
+            Self::Progressive(Progressive::Extract(args)) => &args.run,
+            Self::Progressive(Progressive::Info(args)) => &args.run,
+            Self::Simplify(_) | Self::Lod(_) | Self::Methods(_) | Self::View(_) | Self::Doctor(_) => {
+                return None;
+            }
+            Self::Completions { .. } | Self::Man { .. } => return None,
+        };
+        run.time_limit
+    }
+}
+
 /// How a command runs.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Run")]
@@ -87,6 +109,10 @@ pub(crate) struct Run {
     /// Threads; the result is the same with any number [default: all cores]
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroU16>,
+    /// Stop after S seconds: simplify, lod and methods keep the best they have by then, for each input; all others end with
+    /// an error and write nothing
+    #[arg(long, value_name = "S", value_parser = values::seconds)]
+    pub(crate) time_limit: Option<f64>,
     /// Print nothing but errors
     #[arg(short, long)]
     pub(crate) quiet: bool,

@@ -18,11 +18,14 @@ mod view;
 use lodsmith_io::Warning;
 
 use crate::args::{Cli, Command};
-use crate::exit::Status;
+use crate::exit::{self, Status};
 use crate::output::{self, Output};
 
 /// Does what was typed.
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
+    if let Some(seconds) = cli.command.hard_limit_secs() {
+        exit::end_after(seconds)?;
+    }
     match cli.command {
         Command::Simplify(args) => simplify::run(&args),
         Command::Lod(args) => lod::run(&args),

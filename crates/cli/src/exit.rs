@@ -5,9 +5,12 @@ use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard};
+use std::time::Duration;
 
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use lodsmith::SimplifyError;
+
+use crate::output;
 
 /// What the caller's shell sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,6 +114,22 @@ fn is_hangup_ignored() -> bool {
         status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
     // Signals are counted from 1, bits from 0.
     ignored.is_some_and(|bits| bits & 1 << (signal_hook::consts::SIGHUP - 1) != 0)
+}
+
+/// Ends the process with an error after so many seconds, whatever it does then: a file that is being written is complete
+/// or gone first, as with [`catch_interrupts`].
+///
+/// # Errors
+/// When no thread can be started.
+pub(crate) fn end_after(seconds: f64) -> anyhow::Result<()> {
+    let wait = move || {
+        std::thread::sleep(Duration::from_secs_f64(seconds));
+        let _alone = WRITING.write().unwrap_or_else(PoisonError::into_inner);
+        output::error(&format!("not done within the time limit of {seconds} s"));
+        std::process::exit(Status::Failed as i32);
+    };
+    std::thread::Builder::new().spawn(wait).context("cannot start a thread")?;
+    Ok(())
 }
 
 /// Keeps interrupts away while a file is written.

@@ -682,6 +682,31 @@ fn an_interrupt_ends_it_without_half_files() {
     }
 }
 
+/// They wait for a mesh on a pipe that stays open.
+#[test]
+fn a_time_limit_ends_every_command() {
+    use std::process::{Command, Stdio};
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(4));
+    for line in ["info -", "convert - b.ply", "clean - -o b.ply", "compare - a.ply", "render - -o b.png"] {
+        let mut child = Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
+            .args(line.split(' ').chain(["--time-limit", "0.2"]))
+            .current_dir(desk.folder.path())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("it runs");
+        // Waiting for the end would close the pipe.
+        let _open = child.stdin.take();
+        let ended = child.wait_with_output().expect("it ends");
+        let told = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(1), "{line}: {told}");
+        assert!(told.contains("not done within the time limit of 0.2 s"), "{line}: {told}");
+        assert_eq!(desk.names("."), ["a.ply"], "{line}");
+    }
+}
+
 #[test]
 fn nothing_is_drawn_on_a_pipe() {
     let desk = Desk::new();

@@ -84,9 +84,6 @@ pub(crate) struct LodArgs {
     pub(crate) dry_run: bool,
     #[command(flatten)]
     pub(crate) ending: Ending,
-    /// End in so many seconds, with the levels that there are by then
-    #[arg(long, value_name = "S", value_parser = values::seconds, help_heading = "Run")]
-    pub(crate) time_limit: Option<f64>,
     #[command(flatten)]
     pub(crate) run: Run,
 }

@@ -7,7 +7,7 @@ use lodsmith::{Method, SimplifyOptions};
 
 use super::choice::MethodChoice;
 use super::engine::Target;
-use super::{Reading, Run, Writing, values};
+use super::{Reading, Run, Writing};
 use crate::file::Source;
 
 const AFTER: &str = "\
@@ -52,9 +52,6 @@ pub(crate) struct MethodsArgs {
     /// One JSON object
     #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,
-    /// Take the best mesh reached in so many seconds, for each method
-    #[arg(long, value_name = "S", value_parser = values::seconds, help_heading = "Run")]
-    pub(crate) time_limit: Option<f64>,
     /// Equal seeds give equal results and figures
     #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Run")]
     pub(crate) seed: u64,

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use lodsmith::{Bound, Measure, SimplifyOptions};
 
 use super::engine::{EngineArgs, Target};
-use super::{Ending, Reading, Run, Writing, values};
+use super::{Ending, Reading, Run, Writing};
 use crate::file::{Sink, Source};
 use crate::plan::Wanted;
 
@@ -72,9 +72,6 @@ pub(crate) struct SimplifyArgs {
     pub(crate) dry_run: bool,
     #[command(flatten)]
     pub(crate) ending: Ending,
-    /// Write the best mesh reached in so many seconds, for each input
-    #[arg(long, value_name = "S", value_parser = values::seconds, help_heading = "Run")]
-    pub(crate) time_limit: Option<f64>,
     #[command(flatten)]
     pub(crate) run: Run,
 }

@@ -64,7 +64,7 @@ fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<M
         return Err(Interrupted.into());
     }
     let mut clock = Clock::new();
-    let deadline = args.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
+    let deadline = args.run.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
     bar.read();
     clock.enter("read");
     let properties = care::properties(&args.engine.how);

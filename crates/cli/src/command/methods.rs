@@ -219,7 +219,7 @@ impl Model {
 
     fn simplified(&self, method: Method, args: &MethodsArgs, bar: &FileProgress<'_>) -> anyhow::Result<Made> {
         let options = args.options(method);
-        let deadline = args.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
+        let deadline = args.run.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
         let mut clock = Clock::new();
         let done = lodsmith::simplify(&self.mesh, &options, &mut Watch::new(&mut clock, bar, deadline));
         clock.end();

@@ -67,7 +67,7 @@ fn simplify_one(
     let name = job.source.to_string();
     let bar = progress.file(&name);
     let mut clock = Clock::new();
-    let deadline = args.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
+    let deadline = args.run.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
 
     bar.read();
     clock.enter("read");
@@ -270,7 +270,7 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
     }
     let mut is_fault = show_warnings(out, path, &done.warnings, args.ending.strict);
     if !done.report.reached {
-        let text = format!("{path}: {}", not_reached(&done.report, &args.options(), args.time_limit));
+        let text = format!("{path}: {}", not_reached(&done.report, &args.options(), args.run.time_limit));
         if args.ending.strict {
             output::error(&text)
         } else {

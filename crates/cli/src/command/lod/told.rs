@@ -56,7 +56,7 @@ pub(super) fn show(
         let name = format!("{path}: level {}", k + 1);
         is_fault |= show_warnings(out, &name, &told(&level.report), args.ending.strict);
         if !level.report.reached {
-            let text = format!("{name}: {}", not_reached(&level.report, &options, args.time_limit));
+            let text = format!("{name}: {}", not_reached(&level.report, &options, args.run.time_limit));
             if args.ending.strict {
                 output::error(&text)
             } else {
