@@ -34,9 +34,10 @@ fn screen() -> Option<(Running, String)> {
         let _ = std::io::Write::write_all(&mut std::io::stderr(), text.as_bytes());
         return None;
     }
-    // It takes a number that is free, and says which one when it is ready to be asked.
+    // It takes a number that is free, and says which one when it is ready to be asked. Without `-noreset` it starts afresh
+    // when its last client leaves, such as a search that came before the window, and refuses who comes meanwhile.
     let child = Command::new("Xvfb")
-        .args(["-displayfd", "1", "-screen", "0", "1440x900x24", "-nolisten", "tcp"])
+        .args(["-displayfd", "1", "-screen", "0", "1440x900x24", "-nolisten", "tcp", "-noreset"])
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn()
