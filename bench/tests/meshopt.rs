@@ -86,8 +86,11 @@ fn read(
     let mesh = &scene.meshes()[0].mesh;
     let corners = mesh.triangles().as_flattened().iter().map(|w| w.index() as u32).collect();
     let values = (0..data.stride / (4 * size)).map(|k| {
-        let found =
-            mesh.further_attributes().iter().find(|a| a.semantic == Semantic::Custom(format!("_{k}")));
+        // Integers that are not normalized come as ids.
+        let found = mesh.further_attributes().iter().find(|a| match &a.semantic {
+            Semantic::Custom(name) | Semantic::Discrete { name, .. } => *name == format!("_{k}"),
+            _ => false,
+        });
         found.unwrap().values.clone()
     });
     (corners, values.collect())

@@ -127,7 +127,7 @@ impl Run {
     }
 }
 
-/// How inputs are read.
+/// Options of every command that reads a model: its format, and which files it may name.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Reading")]
 pub(crate) struct Reading {
@@ -139,7 +139,7 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    /// The same for the libraries.
+    /// These options as `lodsmith_io` takes them.
     pub(crate) fn options(&self) -> ReadOptions {
         let mut options = ReadOptions::default();
         options.format = self.from;

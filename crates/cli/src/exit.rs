@@ -58,12 +58,12 @@ pub(crate) fn status_of(error: &anyhow::Error) -> Status {
     }
 }
 
-/// The status that the process ends with because someone wants it to; 0 while nobody does.
+/// Exit code that names the signal which asked the process to end; 0 before any has.
 static ENDED_WITH: AtomicU8 = AtomicU8::new(0);
 /// Held shared by whoever writes a file, alone by whoever ends the process: no half file stays behind.
 static WRITING: RwLock<()> = RwLock::new(());
 
-/// Whether someone wants it to end.
+/// True once a signal has asked the process to end.
 pub(crate) fn interrupted() -> bool {
     ENDED_WITH.load(Ordering::Relaxed) != 0
 }
@@ -91,7 +91,7 @@ fn end(status: u8) {
     std::process::exit(i32::from(status));
 }
 
-/// What the shell sees of a status: of an end from outside, which signal it was.
+/// Exit code of a status; after a signal, the one that names the signal.
 pub(crate) fn code(status: Status) -> ExitCode {
     match ENDED_WITH.load(Ordering::Relaxed) {
         by if status == Status::Interrupted && by != 0 => ExitCode::from(by),
@@ -106,7 +106,7 @@ fn ending_signals(is_hangup_ignored: bool) -> Vec<i32> {
     if is_hangup_ignored { vec![SIGINT, SIGTERM] } else { vec![SIGINT, SIGTERM, SIGHUP] }
 }
 
-/// Whether whoever started the process wants it to outlive its terminal. (Other systems than Linux do not tell.)
+/// True if the process was started to ignore SIGHUP, as `nohup` does. Known on Linux only.
 #[cfg(unix)]
 fn is_hangup_ignored() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

@@ -355,7 +355,8 @@ fn write_with<T>(
     }
 }
 
-/// What to say where standard output did not take all of a file: it is cut, even if its reader wanted no more.
+/// The error for a file that standard output did not take whole. A reader that closes the pipe early gets it too, since
+/// its file is cut.
 pub(crate) fn stdout_failed(error: &io::Error) -> anyhow::Error {
     match error.kind() {
         ErrorKind::BrokenPipe => anyhow!("standard output was closed before all was written"),

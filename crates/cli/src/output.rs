@@ -122,7 +122,8 @@ pub(crate) fn error(text: &str) {
     eprint_line(&format!("{} {}", paint("error:", "1;31"), escaped(&one_line(text))));
 }
 
-/// What is wrong with the command line, or its help. A shell may have put names of files into it.
+/// Prints a usage error, or the help that was asked for. Arguments are escaped, since a shell may have expanded file names
+/// into them.
 pub(crate) fn usage(error: &clap::Error) {
     let is_typed = |word: std::ffi::OsString| word.to_string_lossy().contains(is_unsafe);
     if error.use_stderr() && std::env::args_os().any(is_typed) {
@@ -169,7 +170,8 @@ fn escaped_json(json: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Whether a character is a control character (C0, DEL, C1), a line or paragraph separator, or a bidirectional mark.
+/// True for characters that act on a terminal: control characters (C0, DEL, C1), line and paragraph separators, and
+/// bidirectional marks.
 fn is_unsafe(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')

@@ -28,7 +28,7 @@ pub(crate) struct Wanted<'a> {
     pub(crate) to: Option<Format>,
     pub(crate) json: bool,
     pub(crate) dry_run: bool,
-    /// Whether a result may take the place of its input.
+    /// Set by `--force`: a result may replace its input.
     pub(crate) force: bool,
 }
 

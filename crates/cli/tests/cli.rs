@@ -610,19 +610,10 @@ fn what_is_no_command_is_not_known() {
 #[test]
 #[cfg(unix)]
 fn a_closed_pipe_is_no_fault() {
-    use std::process::{Command, Stdio};
     let desk = Desk::new();
     desk.put("a.ply", &hills(40));
     for words in ["info --json a.ply a.ply", "completions zsh", "simplify --help"] {
-        let mut child = Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
-            .args(words.split_whitespace())
-            .current_dir(desk.folder.path())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("it runs");
-        drop(child.stdout.take());
-        let output = child.wait_with_output().expect("it ends");
+        let output = desk.run_without_reader(words);
         assert_eq!(output.status.code(), Some(0), "{words}");
         assert!(output.stderr.is_empty(), "{words}: {}", output.stderr.escape_ascii());
     }
@@ -642,32 +633,12 @@ fn a_full_disk_is_told_once() {
 fn an_interrupt_ends_it_without_half_files() {
     use std::io::Read as _;
     use std::os::unix::process::ExitStatusExt as _;
-    use std::process::{Command, Stdio};
+    use std::process::Command;
     for (signal, status) in [("-INT", 130), ("-TERM", 143)] {
         let desk = Desk::new();
         desk.put("a.ply", &hills(20));
         // It waits for a mesh on a pipe that stays open, so that the interrupt cannot come too late.
-        let mut child = Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
-            .args([
-                "simplify",
-                "a.ply",
-                "-",
-                "-O",
-                "low",
-                "--to",
-                "ply",
-                "--ratio",
-                "0.5",
-                "--threads",
-                "1",
-                "--json",
-            ])
-            .current_dir(desk.folder.path())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("it runs");
+        let mut child = desk.start("simplify a.ply - -O low --to ply --ratio 0.5 --threads 1 --json");
         // Waiting for the end would close the pipe.
         let _open = child.stdin.take();
         // The first report says that it is on its way.
@@ -685,18 +656,10 @@ fn an_interrupt_ends_it_without_half_files() {
 /// They wait for a mesh on a pipe that stays open.
 #[test]
 fn a_time_limit_ends_every_command() {
-    use std::process::{Command, Stdio};
     let desk = Desk::new();
     desk.put("a.ply", &hills(4));
     for line in ["info -", "convert - b.ply", "clean - -o b.ply", "compare - a.ply", "render - -o b.png"] {
-        let mut child = Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
-            .args(line.split(' ').chain(["--time-limit", "0.2"]))
-            .current_dir(desk.folder.path())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("it runs");
+        let mut child = desk.start(&format!("{line} --time-limit 0.2"));
         // Waiting for the end would close the pipe.
         let _open = child.stdin.take();
         let ended = child.wait_with_output().expect("it ends");

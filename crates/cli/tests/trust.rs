@@ -210,7 +210,6 @@ fn a_link_that_leads_nowhere_gets_its_target() {
 #[cfg(unix)]
 #[test]
 fn a_mesh_to_a_closed_pipe_is_a_failure() {
-    use std::process::{Command, Stdio};
     let desk = Desk::new();
     desk.put("a.ply", &hills(40));
     for words in [
@@ -219,15 +218,7 @@ fn a_mesh_to_a_closed_pipe_is_a_failure() {
         "progressive build a.ply -o -",
         "render a.ply -o - --size 64x64",
     ] {
-        let mut child = Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
-            .args(words.split_whitespace())
-            .current_dir(desk.folder.path())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("it runs");
-        drop(child.stdout.take());
-        let output = child.wait_with_output().expect("it ends");
+        let output = desk.run_without_reader(words);
         assert_eq!(output.status.code(), Some(1), "{words}");
         let told = String::from_utf8_lossy(&output.stderr);
         assert!(told.contains("standard output was closed before all was written"), "{words}: {told}");

@@ -13,7 +13,7 @@ use crate::read::ReadOptions;
 /// Bytes of all images that one model names and that are read as they are. Guessed: half of what a GLB can hold.
 pub(crate) const MOST_IMAGE_BYTES: u64 = 2 << 30;
 
-/// Which files a model may name.
+/// The folder that limits which files a model may name: its material libraries, textures, buffers and images.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum AssetScope {

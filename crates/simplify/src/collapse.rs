@@ -185,8 +185,10 @@ pub(crate) struct Engine<M: Metric> {
     spent: f64,
     /// Sum of the costs of parts that went, in the same measure.
     lost: f64,
-    /// The highest threshold of a sweep that collapsed anything since sweeps are no longer at ease; 0 until then.
+    /// The highest threshold of a sweep that collapsed anything.
     paid: f32,
+    /// Whether a sweep collapsed anything after sweeps were no longer at ease.
+    is_strained: bool,
     wings: Wings,
     /// Of the removed end, those that stay.
     spokes: Ring,
@@ -240,6 +242,7 @@ impl<M: Metric> Engine<M> {
             spent: 0.0,
             lost: 0.0,
             paid: 0.0,
+            is_strained: false,
             wings: Wings::default(),
             spokes: Ring::default(),
             around: Around::default(),
@@ -680,7 +683,7 @@ impl<M: Metric> Engine<M> {
         end
     }
 
-    /// The same; what the last sweep leaves is not checked.
+    /// The body of [`Self::go_on`], without the check of the store at the end.
     fn sweep_on(
         &mut self,
         sweeps: &mut Sweeps,
@@ -779,8 +782,9 @@ impl<M: Metric> Engine<M> {
             }
             sweeps.swept = true;
             sweeps.idle = if self.collapses == before { sweeps.idle + 1 } else { 0 };
-            if sweeps.idle == 0 && !sweeps.is_at_ease {
+            if sweeps.idle == 0 {
                 self.paid = self.paid.max(tau);
+                self.is_strained |= !sweeps.is_at_ease;
             }
             if self.parts.is_some() && !probe {
                 self.drop_cheap_parts(goal, tau);
@@ -881,7 +885,7 @@ impl<M: Metric> Engine<M> {
 
     /// Whether a run that kept seams on their lines paid for it, and seams refused collapses.
     pub(crate) fn has_seams_in_the_way(&self) -> bool {
-        self.paid > 0.0 && !self.has_relaxed_seams() && self.refusals[Refusal::Seam as usize] > 0
+        self.is_strained && !self.has_relaxed_seams() && self.refusals[Refusal::Seam as usize] > 0
     }
 
     /// Whether seams had to give way.

@@ -295,18 +295,18 @@ pub enum Preset {
     Print,
 }
 
-/// What is promised of the largest distance between the input and the result. What is promised is proven, not sampled:
-/// see [`proof`](lodsmith_core::measure::proof).
+/// The promise that a run makes on the largest distance between the input and the result. It is proven, not sampled: see
+/// [`proof`](lodsmith_core::measure::proof).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Bound {
     /// [`Bound::TwoSided`] where the stop has an error, else [`Bound::Estimate`].
     #[default]
     Auto,
-    /// Nothing. An error of the stop is kept by what samples see.
+    /// No promise: where the stop has an error, it is kept as far as samples see.
     Estimate,
-    /// No point of the result lies farther from the input. What the input has may be gone.
+    /// No point of the result lies farther from the input than the bound. Details of the input may be gone.
     OneSided,
-    /// No point of the result lies farther from the input, and none of the input from the result.
+    /// No point of the result lies farther from the input than the bound, nor any of the input from the result.
     TwoSided,
 }
 

@@ -89,7 +89,7 @@ pub struct Document {
     wants_distances: bool,
     /// Whether parts and borders are to be seen.
     wants_anatomy: bool,
-    /// Which files a model may name.
+    /// The folder that limits which files a model or a session may name.
     pub assets: AssetScope,
     /// What went wrong last, until something goes well.
     pub problem: Option<String>,

@@ -95,8 +95,8 @@ pub(crate) struct How {
     /// Keep edges whose faces meet at more than this angle as features [default: off]
     #[arg(long, value_name = "DEG", value_parser = values::sharp_deg)]
     sharp: Option<f64>,
-    /// How much an attribute counts, times what it counts by itself: normal, uv, color, morph, skin, other; or the
-    /// lines of open borders: border; may be repeated
+    /// Multiply the weight of an attribute in the cost (normal, uv, color, morph, skin, other), or of the lines of
+    /// open borders (border), by W; may be repeated
     #[arg(long, value_name = "NAME=W", value_parser = values::weight)]
     weight: Vec<(AttributeName, f64)>,
     /// Leave this alone, to the bit: a material, group, object, mesh or node, or the vertices where this attribute is

@@ -71,6 +71,24 @@ impl Desk {
             stderr: String::from_utf8(output.stderr).expect("errors are text"),
         }
     }
+    /// Starts the command and leaves it running. Standard input stays open until it is taken and dropped.
+    pub(crate) fn start(&self, words: &str) -> std::process::Child {
+        use std::process::Stdio;
+        std::process::Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
+            .args(words.split_whitespace())
+            .current_dir(self.folder.path())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("it runs")
+    }
+    /// Runs the command with a standard output that nobody reads.
+    pub(crate) fn run_without_reader(&self, words: &str) -> std::process::Output {
+        let mut child = self.start(words);
+        drop(child.stdout.take());
+        child.wait_with_output().expect("it ends")
+    }
     pub(crate) fn names(&self, folder: &str) -> Vec<String> {
         let entries = fs::read_dir(self.path(folder)).expect("the folder is there");
         let mut names: Vec<String> = entries

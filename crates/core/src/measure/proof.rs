@@ -22,21 +22,22 @@ use piece::Piece;
 /// What is known of the largest distance from one surface to another, in the units of the positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Farthest {
-    /// A place was seen that lies so far away.
+    /// Lower limit: the farthest place that was visited.
     pub seen: f64,
-    /// No place lies farther away.
+    /// Upper limit: no place lies farther away.
     pub bound: f64,
 }
 
-/// Whether a surface keeps within a distance.
+/// Answer to the question whether all of a surface lies within a distance of another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Kept {
-    /// Every point does. In the units of the positions, no place lies farther away than this; at most the distance.
+    /// All of it does. Holds a proven upper limit of its distance, in the units of the positions, no larger than the one asked
+    /// about.
     Yes(f64),
-    /// A place was seen that lies farther away than it.
+    /// Some of it does not. Holds the distance of a place that lies farther away, in the units of the positions.
     No(f64),
-    /// Neither was found with the work that is spent on it at most.
+    /// Undecided when the work allowed was spent.
     Open,
 }
 

@@ -23,6 +23,9 @@ const IN_TURN: f32 = 8.0;
 /// Share of the faces above which cheap parts stand in the way of a run that leaves them alone. (The RMS distance falls about
 /// as the count rises, so with fewer faces to gain the rest would not come closer by much.)
 const IN_THE_WAY: f64 = 0.2;
+/// With fewer faces left, what parts would have cost is asked of every run: the answer takes next to no time there, and the few
+/// sweeps of such a run do not tell whether it is at ease. (Guessed.)
+const ALWAYS_ASKED: usize = 10_000;
 /// Removing a part may leave the result below its target by this share, ...
 const BELOW: f64 = 0.1;
 /// ... or by this one where nothing else meets the target. (Guessed: with less than half the faces asked for, a result above
@@ -108,9 +111,10 @@ impl<M: Metric> Engine<M> {
 
     /// Whether a run that left all parts in place paid for it: parts that hold many of the faces would have been cheaper to
     /// remove than some collapses were. `cuts` is whether necks could be cut as well. Cost: O(n), but only for a run that
-    /// was not at ease.
+    /// was not at ease or is small.
     pub(crate) fn has_parts_in_the_way(&self, cuts: bool) -> bool {
-        if self.paid == 0.0 || self.parts.is_some() {
+        let is_asked = self.is_strained || self.store.live_faces < ALWAYS_ASKED;
+        if !is_asked || self.parts.is_some() {
             return false;
         }
         let parts = self.find_parts().1;
