@@ -164,7 +164,9 @@ fn goldens(args: &[String]) -> Result<()> {
 fn write_sample() -> Result<()> {
     let sample = sample::finial();
     let bytes = sample::ply(&sample);
-    std::fs::write(root().join(sample::PATH), &bytes).with_context(|| format!("writing {}", sample::PATH))?;
+    for path in [sample::PATH, sample::PATH_IN_VIEWER] {
+        std::fs::write(root().join(path), &bytes).with_context(|| format!("writing {path}"))?;
+    }
     println!(
         "{}: {} vertices, {} triangles, {} bytes",
         sample::PATH,
