@@ -1,8 +1,8 @@
 //! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
 
 mod chain;
-mod checkpoints;
 mod closest;
+mod copies;
 pub(crate) mod ladder;
 mod relaxed;
 mod start;
@@ -28,7 +28,7 @@ use crate::prune::Pruned;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
 use crate::{Simplified, SimplifyError, cluster, escalate, prune, rebuild, shading};
 pub(crate) use chain::{is_chained, run_chain};
-use checkpoints::Checkpoints;
+use copies::Copies;
 pub(crate) use start::Started;
 use trunk::Trace;
 
@@ -245,8 +245,8 @@ type PassOfSearch =
 /// The runs of a search. Those of methods on sweeps go on from one another.
 fn passes_of_search(method: Method) -> PassOfSearch {
     fn by<M: Metric + 'static>(metric: M) -> PassOfSearch {
-        let mut checkpoints = Checkpoints::of_search();
-        Box::new(move |run, goal, control| run.pass_of_several(metric, goal, None, &mut checkpoints, control))
+        let mut copies = Copies::of_search();
+        Box::new(move |run, goal, control| run.pass_of_several(metric, goal, None, &mut copies, control))
     }
     match method {
         Method::Memoryless => by(Memoryless),
@@ -434,7 +434,7 @@ impl Run<'_, '_> {
         step: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
-        self.pass_of_several(metric, goal, step, &mut Checkpoints::none(), control)
+        self.pass_of_several(metric, goal, step, &mut Copies::none(), control)
     }
 
     /// The same, one of several that keep what they share.
@@ -443,11 +443,11 @@ impl Run<'_, '_> {
         metric: M,
         goal: Goal,
         step: Option<f64>,
-        checkpoints: &mut Checkpoints<M>,
+        copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
         if self.options.topology == TopologyPolicy::Relaxed && !goal.is_none() {
-            return self.relaxed(metric, goal, step, checkpoints, control);
+            return self.relaxed(metric, goal, step, copies, control);
         }
         // Where the topology is free, parts and necks go in their turn from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;

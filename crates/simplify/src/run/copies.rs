@@ -19,7 +19,7 @@ use crate::metric::Metric;
 /// Copies at one time: the start, and two on the way.
 const MOST: usize = 3;
 
-struct Checkpoint<M: Metric> {
+struct EngineCopy<M: Metric> {
     engine: Engine<M>,
     sweeps: Sweeps,
     /// The faces of the goal that sweeps were under way to.
@@ -27,14 +27,14 @@ struct Checkpoint<M: Metric> {
 }
 
 /// What a search keeps from one run to the next; nothing, where there is but one run.
-pub(super) struct Checkpoints<M: Metric> {
+pub(super) struct Copies<M: Metric> {
     is_wanted: bool,
     /// The heaviest first.
-    all: Vec<Checkpoint<M>>,
+    all: Vec<EngineCopy<M>>,
     root: Option<Rc<Root>>,
 }
 
-impl<M: Metric> Checkpoints<M> {
+impl<M: Metric> Copies<M> {
     pub(super) const fn none() -> Self {
         Self { is_wanted: false, all: Vec::new(), root: None }
     }
@@ -69,6 +69,6 @@ impl<M: Metric> Checkpoints<M> {
             self.all.remove(1);
         }
         self.root = Some(Rc::clone(&trunk.root));
-        self.all.push(Checkpoint { engine: trunk.engine.branch(), sweeps: sweeps.clone(), faces });
+        self.all.push(EngineCopy { engine: trunk.engine.branch(), sweeps: sweeps.clone(), faces });
     }
 }
