@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 
-use crate::{cargo, succeed};
+use crate::release_command;
 
 /// What a good answer to a damaged file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,16 +110,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     let folder = folder.context("which folder? cargo xtask corpus DIR")?;
     ensure!(folder.is_dir(), "{} is no folder: there is nothing to check", folder.display());
 
-    succeed(cargo().args([
-        "build",
-        "--quiet",
-        "--release",
-        "--package",
-        "lodsmith-cli",
-        "--bin",
-        "lodsmith",
-    ]))?;
-    let command = target_folder()?.join("release").join(format!("lodsmith{}", std::env::consts::EXE_SUFFIX));
+    let command = release_command()?;
     let limits = Limits { seconds: limit, megabytes: 4000 };
 
     let mut files = Vec::new();
@@ -174,13 +165,6 @@ impl Row {
     fn problem(&mut self, text: impl Into<String>) {
         self.problems.push(text.into());
     }
-}
-
-/// Where Cargo puts what it builds.
-fn target_folder() -> Result<PathBuf> {
-    let out = cargo().args(["metadata", "--no-deps", "--offline", "--format-version", "1"]).output()?;
-    let all: Value = serde_json::from_slice(&out.stdout).context("cargo metadata")?;
-    Ok(all["target_directory"].as_str().context("no target folder")?.into())
 }
 
 fn ending(path: &Path) -> String {

@@ -1,10 +1,12 @@
-//! The archive that is given away: the command with its window, manual, completions, documentation, licences and a sample.
+//! The archive that is given away: the command with its window, manual, completions, documentation, licences,
+//! the list of its parts and a sample.
 //!
 //! Made for the platform that it runs on. The same sources and tools give the same bytes: files stand in the order of their
 //! names, and all have the time of the last commit, or that of `SOURCE_DATE_EPOCH`.
 
 mod archive;
 mod licences;
+mod sbom;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -27,7 +29,7 @@ const SHELLS: [(&str, &str); 5] = [
 ];
 
 /// Files and folders of the repository that go along, where they are: so the links between the pages hold.
-const ALONG: [&str; 10] = [
+const ALONG: [&str; 11] = [
     "README.md",
     "ARCHITECTURE.md",
     "CHANGELOG.md",
@@ -35,6 +37,7 @@ const ALONG: [&str; 10] = [
     "CONTRIBUTING.md",
     "LICENSE-APACHE",
     "LICENSE-MIT",
+    "SECURITY.md",
     "docs",
     "testdata/ORIGIN.md",
     "testdata/finial.ply",
@@ -69,13 +72,13 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         None => build()?,
     };
     let name = format!("lodsmith-{version}-{target}");
-    let mut entries = contents(&binary, &program, &metadata)?;
+    let time = time()?;
+    let mut entries = contents(&binary, &program, &metadata, time)?;
     for entry in &mut entries {
         entry.name = format!("{name}/{}", entry.name);
     }
     entries.sort_by(|a, b| a.name.cmp(&b.name));
 
-    let time = time()?;
     let (file, bytes) = if cfg!(windows) {
         (format!("{name}.zip"), archive::zip(&entries, time)?)
     } else {
@@ -115,7 +118,7 @@ fn build() -> Result<PathBuf> {
 }
 
 /// Everything that goes in, by its name within the folder of the archive.
-fn contents(binary: &Path, program: &str, metadata: &Value) -> Result<Vec<Entry>> {
+fn contents(binary: &Path, program: &str, metadata: &Value, time: u64) -> Result<Vec<Entry>> {
     let read = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
     let entry = |name: String, bytes| Entry { name, bytes, is_program: false };
     let mut entries = vec![Entry { name: program.to_owned(), bytes: read(binary)?, is_program: true }];
@@ -124,6 +127,8 @@ fn contents(binary: &Path, program: &str, metadata: &Value) -> Result<Vec<Entry>
         entries.push(entry(name, bytes));
     }
     entries.push(entry("THIRD-PARTY.txt".to_owned(), licences::text(metadata, "lodsmith-cli")?.into_bytes()));
+    let lock = std::fs::read_to_string(root().join("Cargo.lock"))?;
+    entries.push(entry(sbom::NAME.to_owned(), sbom::text(metadata, &lock, "lodsmith-cli", time)?));
     for (shell, name) in SHELLS {
         entries.push(entry(format!("completions/{name}"), said(binary, &["completions", shell])?));
     }

@@ -3,6 +3,7 @@
 
 mod corpus;
 mod dist;
+mod faults;
 mod look;
 mod pictures;
 mod sample;
@@ -13,12 +14,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, bail, ensure};
+use serde_json::Value;
 
 const HELP: &str = "\
 cargo xtask bench [rivals|attributes|cluster|cluster_lod|io_speed|memory|render|progressive|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
 cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR through the release command
 cargo xtask corpus DIR --methods [--largest FACES] [...]   every method over every model that is not larger
 cargo xtask dist [--out FOLDER] [--binary FILE]            the archive to give away, for this platform
+cargo xtask faults [--quick] [--strict] [--only NAME] [--binary FILE]   disks that fill up, kills, closed pipes: what the command leaves behind
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
 cargo xtask look [[TITLE=]FILE...]                         how much of the look is kept at 50 to 1 %, as a table
@@ -34,6 +37,7 @@ fn main() -> ExitCode {
         "bench" => bench(rest),
         "dist" => dist::run(rest),
         "corpus" => corpus::run(rest),
+        "faults" => faults::run(rest),
         "look" => look::run(rest),
         "walk" => walk::run(rest),
         "tidy" => tidy::run(),
@@ -69,6 +73,21 @@ fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root());
     command
+}
+
+/// Where Cargo puts what it builds.
+fn target_folder() -> Result<PathBuf> {
+    let out = cargo().args(["metadata", "--no-deps", "--offline", "--format-version", "1"]).output()?;
+    let all: Value = serde_json::from_slice(&out.stdout).context("cargo metadata")?;
+    Ok(all["target_directory"].as_str().context("no target folder")?.into())
+}
+
+/// The command, built as it is given away.
+fn release_command() -> Result<PathBuf> {
+    let what =
+        ["build", "--quiet", "--release", "--locked", "--package", "lodsmith-cli", "--bin", "lodsmith"];
+    succeed(cargo().args(what))?;
+    Ok(target_folder()?.join("release").join(format!("lodsmith{}", std::env::consts::EXE_SUFFIX)))
 }
 
 fn succeed(command: &mut Command) -> Result<()> {
@@ -145,7 +164,9 @@ fn goldens(args: &[String]) -> Result<()> {
 fn write_sample() -> Result<()> {
     let sample = sample::finial();
     let bytes = sample::ply(&sample);
-    std::fs::write(root().join(sample::PATH), &bytes).with_context(|| format!("writing {}", sample::PATH))?;
+    for path in [sample::PATH, sample::PATH_IN_VIEWER] {
+        std::fs::write(root().join(path), &bytes).with_context(|| format!("writing {path}"))?;
+    }
     println!(
         "{}: {} vertices, {} triangles, {} bytes",
         sample::PATH,

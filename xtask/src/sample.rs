@@ -7,6 +7,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Its file, from the root of the repository.
 pub(crate) const PATH: &str = "testdata/finial.ply";
+/// The same file for the window, within the folder of its crate: nothing else is in the package of a crate.
+pub(crate) const PATH_IN_VIEWER: &str = "crates/viewer/assets/finial.ply";
 
 const LOBES: usize = 8;
 /// Columns of a lobe; valleys lie on columns, which follow the twist, so they stay sharp.
@@ -155,8 +157,10 @@ mod tests {
 
     #[test]
     fn the_file_is_what_the_formula_makes() {
-        let file = std::fs::read(crate::root().join(PATH)).unwrap();
-        assert!(file == ply(&finial()), "run `cargo xtask sample`");
+        for path in [PATH, PATH_IN_VIEWER] {
+            let file = std::fs::read(crate::root().join(path)).unwrap();
+            assert!(file == ply(&finial()), "{path}: run `cargo xtask sample`");
+        }
     }
 
     #[test]

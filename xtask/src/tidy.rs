@@ -119,8 +119,10 @@ type Rule = fn() -> Result<Vec<String>>;
 /// Every rule: its name, and what breaks it now.
 const RULES: &[(&str, Rule)] = &[
     ("packages use only those below them", directions),
+    ("each dependency has its reason in docs/dependencies.md", reasons),
     ("packages never see what they must not", forbidden_crates),
     ("sources keep to their doors", doors),
+    ("crates include only their own files", foreign_files),
     ("modules are concepts", vague_names),
     ("files are not too long", long_files),
     ("testdata is small and has an origin", testdata),
@@ -183,6 +185,60 @@ fn directions() -> Result<Vec<String>> {
         }
     }
     Ok(findings)
+}
+
+/// What the manifests name from elsewhere, each with the packages that use it, as the page writes them.
+fn dependencies(packages: &[Value]) -> BTreeMap<&str, BTreeSet<String>> {
+    let ours: BTreeSet<&str> = packages.iter().filter_map(|p| p["name"].as_str()).collect();
+    let mut all: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
+    for package in packages {
+        let user = package["name"].as_str().unwrap_or_default();
+        let user = user.strip_prefix("lodsmith-").unwrap_or(user);
+        for used in package["dependencies"].as_array().into_iter().flatten() {
+            if let Some(name) = used["name"].as_str().filter(|name| !ours.contains(name)) {
+                all.entry(name).or_default().insert(user.to_owned());
+            }
+        }
+    }
+    all
+}
+
+/// The rows of the page: a crate, those who use it, without what is said beside them in brackets.
+fn reasoned(page: &str) -> BTreeMap<&str, BTreeSet<String>> {
+    let mut rows = BTreeMap::new();
+    for line in page.lines() {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let [_, name, users, .., _] = cells[..] else { continue };
+        let Some(name) = name.strip_prefix('`').and_then(|name| name.strip_suffix('`')) else { continue };
+        let users = users.split(", ").filter_map(|user| user.split(' ').next()).map(str::to_owned);
+        rows.insert(name, users.collect());
+    }
+    rows
+}
+
+fn reasons() -> Result<Vec<String>> {
+    let packages = packages()?;
+    let page = std::fs::read_to_string(root().join("docs/dependencies.md"))?;
+    Ok(unreasoned(&dependencies(&packages), &reasoned(&page)))
+}
+
+fn unreasoned(
+    named: &BTreeMap<&str, BTreeSet<String>>,
+    rows: &BTreeMap<&str, BTreeSet<String>>,
+) -> Vec<String> {
+    let mut findings = Vec::new();
+    for (name, users) in named {
+        match rows.get(name) {
+            None => findings.push(format!("{name} has no row in docs/dependencies.md")),
+            Some(told) if told != users => {
+                findings.push(format!("{name} is used by {users:?}, and docs/dependencies.md says {told:?}"));
+            }
+            Some(_) => {}
+        }
+    }
+    let gone = rows.keys().filter(|name| !named.contains_key(*name));
+    findings.extend(gone.map(|name| format!("{name} has a row in docs/dependencies.md and is not used")));
+    findings
 }
 
 /// Each package of the lock file with all that it may pull in, on any system and with any feature.
@@ -319,6 +375,32 @@ fn doors() -> Result<Vec<String>> {
     Ok(findings)
 }
 
+/// Files that a crate is built from and that its package would lack.
+fn foreign_files() -> Result<Vec<String>> {
+    let mut findings = Vec::new();
+    for room in ROOMS {
+        let folder = root().join(room.folder);
+        for path in sources(&format!("{}/src", room.folder))? {
+            let text = std::fs::read_to_string(&path)?;
+            for name in included(&text) {
+                let depth = path.strip_prefix(&folder).map_or(0, |inside| inside.components().count() - 1);
+                if name.split('/').take_while(|step| *step == "..").count() > depth {
+                    findings.push(format!("{} includes {name}, which its package lacks", shown(&path)));
+                }
+            }
+        }
+    }
+    Ok(findings)
+}
+
+/// The files that a source takes in as it is built.
+fn included(text: &str) -> impl Iterator<Item = &str> {
+    text.split("include_").skip(1).filter_map(|rest| {
+        let (macro_name, rest) = rest.split_once("!(\"")?;
+        matches!(macro_name, "bytes" | "str").then(|| rest.split('"').next())?
+    })
+}
+
 fn vague_names() -> Result<Vec<String>> {
     let mut findings = Vec::new();
     for folder in ["crates", "bench", "xtask", "fuzz"] {
@@ -436,12 +518,22 @@ mod tests {
         holds(directions);
     }
     #[test]
+    fn each_dependency_has_its_reason() {
+        holds(reasons);
+    }
+    #[test]
     fn packages_never_see_what_they_must_not() {
         holds(forbidden_crates);
     }
     #[test]
     fn sources_keep_to_their_doors() {
         holds(doors);
+    }
+    #[test]
+    fn crates_include_only_their_own_files() {
+        holds(foreign_files);
+        let text = "const A: &str = include_str!(\"../a.txt\");\nconst B: &[u8] = include_bytes!(\"b\");\n";
+        assert_eq!(included(text).collect::<Vec<_>>(), ["../a.txt", "b"]);
     }
     #[test]
     fn modules_are_concepts() {
@@ -471,6 +563,23 @@ mod tests {
         let lock = locked(text);
         assert_eq!(lock["a"], ["b", "c"]);
         assert!(lock["b"].is_empty());
+    }
+
+    #[test]
+    fn a_dependency_without_a_row_and_a_row_without_one_are_found() {
+        let page = "| crate | used by |\n|---|---|\n| `a` | io, cli (test) | 1 | why |\n| `gone` | io | 1 | why |\n\
+                    | `b` | io | 1 | why |\n";
+        let users = |names: &[&str]| names.iter().map(|&n| n.to_owned()).collect::<BTreeSet<_>>();
+        let named = BTreeMap::from([
+            ("a", users(&["io", "cli"])),
+            ("b", users(&["io", "core"])),
+            ("new", users(&["io"])),
+        ]);
+        let findings = unreasoned(&named, &reasoned(page));
+        assert_eq!(findings.len(), 3, "{findings:?}");
+        for (finding, name) in findings.iter().zip(["b is", "new has no row", "gone has a row"]) {
+            assert!(finding.starts_with(name), "{finding}");
+        }
     }
 
     #[test]

@@ -36,16 +36,18 @@ pub fn run() -> ExitCode {
         Ok(cli) => cli,
         // Help and version come here too.
         Err(e) => {
-            output::usage(&e);
-            return ExitCode::from(u8::try_from(e.exit_code()).unwrap_or(2));
+            let status = u8::try_from(e.exit_code()).unwrap_or(2);
+            return output::usage(&e).map_or_else(failed, |()| ExitCode::from(status));
         }
     };
-    let status = exit::guarded(|| command::run(cli)).unwrap_or_else(|e| {
-        let status = exit::status_of(&e);
-        if status != exit::Status::Interrupted {
-            output::error(&format!("{e:#}"));
-        }
-        status
-    });
+    exit::guarded(|| command::run(cli)).map_or_else(failed, exit::code)
+}
+
+/// Tells what went wrong, unless the user ended it.
+fn failed(error: anyhow::Error) -> ExitCode {
+    let status = exit::status_of(&error);
+    if status != exit::Status::Interrupted {
+        output::error(&format!("{error:#}"));
+    }
     exit::code(status)
 }

@@ -94,6 +94,8 @@ impl Output {
         }
         match self.fault.borrow_mut().take() {
             None => Ok(status),
+            // What is held back of a mesh fails once more; its writer has told that.
+            Some(_) if self.stdout_taken && status == Status::Failed => Ok(status),
             Some(e) => Err(e).context("cannot write to standard output"),
         }
     }
@@ -124,13 +126,21 @@ pub(crate) fn error(text: &str) {
 
 /// Prints a usage error, or the help that was asked for. Arguments are escaped, since a shell may have expanded file names
 /// into them.
-pub(crate) fn usage(error: &clap::Error) {
+///
+/// # Errors
+/// When standard output does not take the help; a reader that closed the pipe had what it wanted.
+pub(crate) fn usage(error: &clap::Error) -> anyhow::Result<()> {
     let is_typed = |word: std::ffi::OsString| word.to_string_lossy().contains(is_unsafe);
     if error.use_stderr() && std::env::args_os().any(is_typed) {
         error.render().to_string().lines().for_each(|line| eprint_line(&escaped(line)));
-    } else {
-        // A closed pipe is no reason to complain.
-        let _ = error.print();
+        return Ok(());
+    }
+    match error.print().and_then(|()| io::stdout().flush()) {
+        Err(e) if !error.use_stderr() && e.kind() != ErrorKind::BrokenPipe => {
+            Err(e).context("cannot write to standard output")
+        }
+        // Nobody is left to be told that standard error is gone.
+        _ => Ok(()),
     }
 }
 

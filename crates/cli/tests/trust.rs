@@ -225,6 +225,26 @@ fn a_mesh_to_a_closed_pipe_is_a_failure() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_device_is_a_failure_told_once() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(40));
+    for words in [
+        "convert a.ply - --to obj --quiet",
+        "simplify a.ply -o - --to glb --ratio 0.9",
+        "clean a.ply -o - --to ply",
+        "render a.ply -o - --size 64x64",
+        "info a.ply",
+        "--help",
+        "simplify --help",
+        "--version",
+    ] {
+        let ran = desk.run_into_full_device(words).with_status(1).with_one_error();
+        assert!(ran.stderr.contains("cannot write to standard output"), "{words}: {}", ran.stderr);
+    }
+}
+
 #[test]
 fn a_damaged_progressive_mesh_is_a_failure() {
     let desk = Desk::new();

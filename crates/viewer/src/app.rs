@@ -70,7 +70,7 @@ const REST: Duration = Duration::from_millis(300);
 /// What is left by a key.
 const STEP: f64 = 0.9;
 /// The example: the repository's own model, free of rights.
-const SAMPLE: &[u8] = include_bytes!("../../../testdata/finial.ply");
+const SAMPLE: &[u8] = include_bytes!("../assets/finial.ply");
 
 impl App {
     /// A window that opens what the options say.

@@ -67,7 +67,7 @@ pub(super) fn text(metadata: &Value, program: &str) -> Result<String> {
 }
 
 /// The packages that are linked into a program: not what only tests or the build need.
-fn reached<'a>(metadata: &'a Value, program: &str) -> Result<BTreeSet<&'a str>> {
+pub(super) fn reached<'a>(metadata: &'a Value, program: &str) -> Result<BTreeSet<&'a str>> {
     let nodes = metadata["resolve"]["nodes"].as_array().context("cargo metadata has no tree")?;
     let by_id: HashMap<&str, &Value> = nodes.iter().filter_map(|n| Some((n["id"].as_str()?, n))).collect();
     let packages = metadata["packages"].as_array().into_iter().flatten();
@@ -79,15 +79,18 @@ fn reached<'a>(metadata: &'a Value, program: &str) -> Result<BTreeSet<&'a str>> 
         if !seen.insert(id) {
             continue;
         }
-        let needs = by_id.get(id).and_then(|n| n["deps"].as_array()).into_iter().flatten();
-        for need in needs {
-            let is_linked = |kind: &Value| kind["kind"].is_null();
-            if need["dep_kinds"].as_array().is_some_and(|kinds| kinds.iter().any(is_linked)) {
-                open.extend(need["pkg"].as_str());
-            }
-        }
+        open.extend(by_id.get(id).into_iter().flat_map(|node| linked(node)));
     }
     Ok(seen)
+}
+
+/// The packages that one of the tree is linked with.
+pub(super) fn linked(node: &Value) -> impl Iterator<Item = &str> {
+    let is_linked = |kind: &Value| kind["kind"].is_null();
+    let needs = node["deps"].as_array().into_iter().flatten();
+    let needs = needs
+        .filter(move |need| need["dep_kinds"].as_array().is_some_and(|kinds| kinds.iter().any(is_linked)));
+    needs.filter_map(|need| need["pkg"].as_str())
 }
 
 /// The texts of terms in the folder of a package, with one kind of line ends.

@@ -89,6 +89,23 @@ impl Desk {
         drop(child.stdout.take());
         child.wait_with_output().expect("it ends")
     }
+    /// Runs the command with a standard output that takes nothing, as a disk that is full.
+    #[cfg(target_os = "linux")]
+    pub(crate) fn run_into_full_device(&self, words: &str) -> Ran {
+        let device = fs::File::options().write(true).open("/dev/full").expect("Linux has it");
+        let output = std::process::Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
+            .args(words.split_whitespace())
+            .current_dir(self.folder.path())
+            .env_remove("RUST_BACKTRACE")
+            .stdout(device)
+            .output()
+            .expect("it runs");
+        Ran {
+            status: output.status.code().expect("it ends by itself"),
+            stdout: output.stdout,
+            stderr: String::from_utf8(output.stderr).expect("errors are text"),
+        }
+    }
     pub(crate) fn names(&self, folder: &str) -> Vec<String> {
         let entries = fs::read_dir(self.path(folder)).expect("the folder is there");
         let mut names: Vec<String> = entries

@@ -1,0 +1,241 @@
+//! What the command leaves behind when the world is against it: disks that fill up, folders that are read-only or go
+//! away, runs that are killed, inputs that change while they are read, pipes that close.
+//!
+//! Every fault is done many times to runs of all commands that write. Whatever happens:
+//! * an output is what was there before, or the whole of what the run was to write;
+//! * a run that fails says so in one line and ends with status 1, and no run ends by a panic or a signal of its own;
+//! * inputs are as they were;
+//! * the next run into the same folder does all its work, and no temporary file is left after it.
+//!
+//! Moments by chance come from fixed seeds, though what a run is doing at such a moment hangs on the machine.
+
+mod changed;
+mod disk;
+mod job;
+mod kill;
+mod stream;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use tempfile::TempDir;
+
+use crate::release_command;
+use job::{Ended, Job};
+
+/// Runs of a plain round; `--quick` makes a tenth of them.
+const KILLS: usize = 200;
+
+/// What all faults work with.
+struct Ground {
+    program: PathBuf,
+    folder: TempDir,
+    jobs: Vec<Job>,
+    /// How many runs of each thousand are made.
+    share: usize,
+}
+
+impl Ground {
+    fn inputs(&self) -> PathBuf {
+        self.folder.path().join("in")
+    }
+
+    /// How many of so many runs are made, one at least.
+    fn part_of(&self, runs: usize) -> usize {
+        (runs * self.share / 1000).max(1)
+    }
+
+    /// An empty folder of this name, which takes the place of one that was there.
+    fn empty(&self, name: &str) -> Result<PathBuf> {
+        let folder = self.folder.path().join(name);
+        if folder.exists() {
+            std::fs::remove_dir_all(&folder)?;
+        }
+        std::fs::create_dir(&folder)?;
+        Ok(folder)
+    }
+}
+
+/// One fault, and what became of the runs.
+struct Row {
+    fault: &'static str,
+    runs: usize,
+    done: usize,
+    failed: usize,
+    ended: usize,
+    /// Temporary files that runs left and the next ones removed.
+    swept: usize,
+    breaches: Vec<String>,
+}
+
+impl Row {
+    fn new(fault: &'static str) -> Self {
+        Self { fault, runs: 0, done: 0, failed: 0, ended: 0, swept: 0, breaches: Vec::new() }
+    }
+
+    /// Counts how a run ended.
+    fn count(&mut self, ended: &Ended) {
+        self.runs += 1;
+        *match ended.status {
+            Some(0) => &mut self.done,
+            Some(1 | 2) => &mut self.failed,
+            _ => &mut self.ended,
+        } += 1;
+    }
+
+    fn breach(&mut self, job: &str, what: impl IntoIterator<Item = String>) {
+        self.breaches.extend(what.into_iter().map(|what| format!("{}: {job}: {what}", self.fault)));
+    }
+
+    fn print(&self) {
+        println!(
+            "| {} | {} | {} | {} | {} | {} | {} |",
+            self.fault,
+            self.runs,
+            self.done,
+            self.failed,
+            self.ended,
+            self.swept,
+            self.breaches.len()
+        );
+    }
+}
+
+/// The fault was done, or why it could not be.
+enum Tried {
+    Done(Row),
+    Skipped(&'static str, String),
+}
+
+type Fault = fn(&Ground) -> Result<Tried>;
+
+const FAULTS: &[(&str, Fault)] = &[
+    ("full", disk::full),
+    ("read-only", disk::read_only),
+    ("protected", disk::protected),
+    ("removed", disk::removed),
+    ("vanishing", disk::vanishing),
+    ("kill", kill::at_any_moment),
+    ("kill-writing", kill::while_writing),
+    ("term", kill::told_to_end),
+    ("changed", changed::while_read),
+    ("cut-input", stream::cut_input),
+    ("closed-pipe", stream::closed_pipe),
+    ("closed-pipe-text", stream::closed_pipe_of_text),
+    ("full-device", stream::full_device),
+    ("no-errors", stream::nobody_reads_errors),
+];
+
+/// Does every fault, prints the table, and fails where something does not hold.
+pub(crate) fn run(args: &[String]) -> Result<()> {
+    let (mut binary, mut only, mut share, mut is_strict) = (None::<PathBuf>, None::<&str>, 1000, false);
+    let mut words = args.iter();
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--quick" => share = 100,
+            "--strict" => is_strict = true,
+            "--binary" => binary = Some(words.next().context("--binary needs a path")?.into()),
+            "--only" => only = Some(words.next().context("--only needs a name")?),
+            other => bail!(
+                "no option {other}: cargo xtask faults [--quick] [--strict] [--only NAME] [--binary FILE]"
+            ),
+        }
+    }
+    let names: Vec<&str> = FAULTS.iter().map(|(name, _)| *name).collect();
+    ensure!(only.is_none_or(|only| names.contains(&only)), "--only takes one of {}", names.join(", "));
+    let program = match binary {
+        Some(binary) => std::path::absolute(binary)?,
+        None => release_command()?,
+    };
+    let folder = TempDir::with_prefix("lodsmith-faults-")?;
+    let inputs = folder.path().join("in");
+    std::fs::create_dir(&inputs)?;
+    job::write_inputs(&program, &inputs)?;
+    let jobs = job::all(&program, &inputs)?;
+    let ground = Ground { program, folder, jobs, share };
+    let inputs = job::state(&ground.inputs())?;
+
+    println!(
+        "| fault | runs | done | failed with one line | ended from outside | temporary files left, then swept | breaches |"
+    );
+    println!("|---|--:|--:|--:|--:|--:|--:|");
+    let (mut breaches, mut skipped) = (Vec::new(), Vec::new());
+    for (_, fault) in FAULTS.iter().filter(|(name, _)| only.is_none_or(|only| only == *name)) {
+        match fault(&ground)? {
+            Tried::Done(mut row) => {
+                if job::state(&ground.inputs())? != inputs {
+                    row.breach("all", ["an input is not as it was".to_owned()]);
+                }
+                row.print();
+                breaches.append(&mut row.breaches);
+            }
+            Tried::Skipped(fault, why) => {
+                println!("| {fault} | SKIPPED | | | | | |");
+                skipped.push(format!("SKIPPED {fault}: {why}"));
+            }
+        }
+    }
+    println!();
+    for line in skipped.iter().chain(&breaches) {
+        println!("{line}");
+    }
+    ensure!(breaches.is_empty(), "{} breaches", breaches.len());
+    ensure!(
+        !is_strict || skipped.is_empty(),
+        "{} faults were not tried, and --strict asks for all",
+        skipped.len()
+    );
+    Ok(())
+}
+
+/// Numbers by chance, the same from the same seed (SplitMix64).
+pub(crate) struct Chance(pub(crate) u64);
+
+impl Chance {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Below a number above zero.
+    pub(crate) fn below(&mut self, end: usize) -> usize {
+        (self.next() % end as u64) as usize
+    }
+
+    /// From 0 up to 1.
+    fn part(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// Copies the files of a folder.
+fn copy_all(from: &Path, to: &Path) -> Result<()> {
+    for entry in std::fs::read_dir(from)? {
+        let entry = entry?;
+        std::fs::copy(entry.path(), to.join(entry.file_name()))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chance_is_the_same_from_the_same_seed_and_spread() {
+        let draw = |seed| {
+            let mut chance = Chance(seed);
+            (0..1000).map(|_| chance.below(10)).collect::<Vec<_>>()
+        };
+        assert_eq!(draw(7), draw(7));
+        assert_ne!(draw(7), draw(8));
+        for digit in 0..10 {
+            assert!((60..150).contains(&draw(7).iter().filter(|&&d| d == digit).count()));
+        }
+        let mut chance = Chance(1);
+        assert!((0..1000).map(|_| chance.part()).all(|p| (0.0..1.0).contains(&p)));
+    }
+}

@@ -1,0 +1,101 @@
+//! Inputs that somebody else changes while they are read.
+
+use std::fs::{self, File};
+use std::io::{Seek as _, SeekFrom, Write as _};
+use std::path::Path;
+use std::process::Stdio;
+use std::time::Duration;
+
+use anyhow::Result;
+
+use super::job::{self, Ended, Job, finish, put, start, state};
+use super::{Chance, Ground, Row, Tried, copy_all};
+
+/// Ways to change a file.
+const CHANGES: usize = 5;
+
+/// One input of a run is cut, overwritten in its middle, made longer, replaced or removed while it is read.
+pub(super) fn while_read(ground: &Ground) -> Result<Tried> {
+    let mut row = Row::new("input changed at a random moment");
+    let mut chance = Chance(29);
+    for round in 0..ground.part_of(20) {
+        for (number, job) in ground.jobs.iter().enumerate() {
+            let (inputs, out) = (ground.empty("changing")?, ground.empty("out")?);
+            copy_all(&ground.inputs(), &inputs)?;
+            put(&job.old, &out)?;
+            let names = job.inputs();
+            let name = &names[chance.below(names.len())];
+            let words = job.arguments(&inputs, &out);
+            let child = start(&ground.program, &words, Stdio::null(), Stdio::null())?;
+            // Reading comes first, and most of a run is spent on other things.
+            std::thread::sleep(Duration::from_secs_f64(job.time.as_secs_f64() * 0.3 * chance.part()));
+            change(&inputs.join(name), (round + number) % CHANGES, &mut chance)?;
+            let ended = finish(child)?;
+            row.count(&ended);
+            row.breach(job.name(), judge(ground, job, &ended, &out)?);
+            // The same folder, with the inputs as they are to be.
+            let again = job::run(&ground.program, &job.arguments(&ground.inputs(), &out))?;
+            if again.status != Some(0) || job::parts(&out)? > 0 {
+                row.breach(job.name(), [format!("the next run: {:?} {}", again.status, again.stderr.trim())]);
+            }
+        }
+    }
+    Ok(Tried::Done(row))
+}
+
+fn change(path: &Path, way: usize, chance: &mut Chance) -> Result<()> {
+    let bytes = fs::read(path)?;
+    let at = chance.below(bytes.len());
+    let open = || File::options().write(true).open(path);
+    match way {
+        0 => open()?.set_len(at as u64)?,
+        1 => {
+            let mut file = open()?;
+            file.seek(SeekFrom::Start(at as u64))?;
+            file.write_all(&bytes[..bytes.len() - at])?;
+        }
+        2 => {
+            let mut file = open()?;
+            file.seek(SeekFrom::End(0))?;
+            file.write_all(&bytes[at..])?;
+        }
+        3 => {
+            let other = path.with_extension("other");
+            fs::write(&other, &bytes[..at])?;
+            fs::rename(other, path)?;
+        }
+        _ => fs::remove_file(path)?,
+    }
+    Ok(())
+}
+
+/// Nobody knows what such a run read: it fails and leaves the outputs, or they can be read.
+fn judge(ground: &Ground, job: &Job, ended: &Ended, out: &Path) -> Result<Vec<String>> {
+    let mut breaches = Vec::new();
+    let after = state(out)?;
+    // What was read in halves may well come with warnings; failures are one line each.
+    if ended.status != Some(0) {
+        breaches.extend(ended.breaches(job.new.len()));
+    }
+    if ended.status.is_none() {
+        breaches.push("ended by a signal".into());
+    }
+    if ended.status == Some(1) && job.new.len() == 1 && after != job.old {
+        breaches.push("failed, and changed the output".into());
+    }
+    for (name, bytes) in &after {
+        if job::is_part(name) {
+            breaches.push(format!("left {name}"));
+        }
+        let is_new = job.old.get(name) != Some(bytes);
+        let is_mesh = [".ply", ".obj", ".gz", ".stl", ".glb", ".lpm"].iter().any(|e| name.ends_with(e));
+        if is_new && is_mesh {
+            let words = ["info".to_owned(), out.join(name).display().to_string()];
+            let read = job::run(&ground.program, &words)?;
+            if read.status != Some(0) {
+                breaches.push(format!("{name} cannot be read: {}", read.stderr.trim()));
+            }
+        }
+    }
+    Ok(breaches)
+}

@@ -1,0 +1,193 @@
+//! Disks that fill up, folders that are read-only, gone, or going.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use anyhow::{Context, Result, ensure};
+
+use super::job::{State, finish, put, run, start};
+use super::{Chance, Ground, Row, Tried};
+
+/// The least that a disk in memory is made of.
+const PAGE: usize = 4096;
+/// Enough for anything that the runs write.
+const ROOM: usize = 64 << 20;
+
+/// A disk in memory, for as long as this lives.
+struct Disk {
+    folder: PathBuf,
+}
+
+impl Disk {
+    fn new(folder: PathBuf, bytes: usize) -> Result<Self> {
+        let size = format!("size={bytes}");
+        mount(&["-t", "tmpfs", "-o", &size, "tmpfs"], &folder)?;
+        Ok(Self { folder })
+    }
+
+    /// Mounts it anew with other options; what lies there stays.
+    fn change(&self, options: &str) -> Result<()> {
+        mount(&["-o", &format!("remount,{options}")], &self.folder)
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        // A disk that stays is in nobody's way.
+        let _ = Command::new("umount").arg(&self.folder).stderr(Stdio::null()).status();
+    }
+}
+
+fn mount(words: &[&str], folder: &Path) -> Result<()> {
+    let output = Command::new("mount").args(words).arg(folder).output().context("there is no mount")?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr).trim());
+    Ok(())
+}
+
+/// Why no disk in memory can be had here, if so.
+fn no_disk(ground: &Ground) -> Result<Option<String>> {
+    let folder = ground.empty("disk")?;
+    Ok(Disk::new(folder, PAGE).err().map(|error| format!("no disk in memory (it needs root): {error}")))
+}
+
+/// Bytes of files on a disk of pages.
+fn size(state: &State) -> usize {
+    state.values().map(|bytes| bytes.len().next_multiple_of(PAGE)).sum()
+}
+
+/// Outputs go to a disk that has room for a part of them.
+pub(super) fn full(ground: &Ground) -> Result<Tried> {
+    const FAULT: &str = "output on a disk that fills up";
+    if let Some(why) = no_disk(ground)? {
+        return Ok(Tried::Skipped(FAULT, why));
+    }
+    let mut row = Row::new(FAULT);
+    let mut chance = Chance(11);
+    for round in 0..ground.part_of(10) {
+        for job in &ground.jobs {
+            let before = if round.is_multiple_of(2) { State::new() } else { job.old.clone() };
+            // One page at the least: none means as much as there is.
+            let bytes = size(&before) + PAGE + chance.below(size(&job.new));
+            let disk = Disk::new(ground.empty("disk")?, bytes)?;
+            put(&before, &disk.folder)?;
+            let ended = run(&ground.program, &job.arguments(&ground.inputs(), &disk.folder))?;
+            row.count(&ended);
+            row.breach(job.name(), job.judge(&ended, &before, &disk.folder)?);
+            disk.change(&format!("size={ROOM}"))?;
+            let (breaches, swept) = job.again(ground, &disk.folder)?;
+            row.breach(job.name(), breaches);
+            row.swept += swept;
+        }
+    }
+    Ok(Tried::Done(row))
+}
+
+/// Outputs go to a folder that nobody may write into.
+pub(super) fn read_only(ground: &Ground) -> Result<Tried> {
+    const FAULT: &str = "output into a read-only file system";
+    if let Some(why) = no_disk(ground)? {
+        return Ok(Tried::Skipped(FAULT, why));
+    }
+    let mut row = Row::new(FAULT);
+    for before_is_empty in [true, false] {
+        for job in &ground.jobs {
+            let disk = Disk::new(ground.empty("disk")?, ROOM)?;
+            let before = if before_is_empty { State::new() } else { job.old.clone() };
+            put(&before, &disk.folder)?;
+            disk.change("ro")?;
+            let ended = run(&ground.program, &job.arguments(&ground.inputs(), &disk.folder))?;
+            row.count(&ended);
+            if ended.status == Some(0) {
+                row.breach(job.name(), ["ended well".to_owned()]);
+            }
+            row.breach(job.name(), job.judge(&ended, &before, &disk.folder)?);
+            disk.change("rw")?;
+            row.breach(job.name(), job.again(ground, &disk.folder)?.0);
+        }
+    }
+    Ok(Tried::Done(row))
+}
+
+/// Outputs that are there are write-protected.
+pub(super) fn protected(ground: &Ground) -> Result<Tried> {
+    let mut row = Row::new("output over a write-protected file");
+    for job in &ground.jobs {
+        let out = ground.empty("out")?;
+        put(&job.old, &out)?;
+        let protect = |yes: bool| -> Result<()> {
+            for name in job.old.keys() {
+                let path = out.join(name);
+                if path.is_file() {
+                    let mut permissions = path.metadata()?.permissions();
+                    permissions.set_readonly(yes);
+                    std::fs::set_permissions(&path, permissions)?;
+                }
+            }
+            Ok(())
+        };
+        protect(true)?;
+        let ended = run(&ground.program, &job.arguments(&ground.inputs(), &out))?;
+        row.count(&ended);
+        if ended.status == Some(0) {
+            row.breach(job.name(), ["ended well".to_owned()]);
+        }
+        row.breach(job.name(), job.judge(&ended, &job.old, &out)?);
+        protect(false)?;
+        row.breach(job.name(), job.again(ground, &out)?.0);
+    }
+    Ok(Tried::Done(row))
+}
+
+/// The folder of the outputs is gone when the run begins; those that make their folder may do so.
+pub(super) fn removed(ground: &Ground) -> Result<Tried> {
+    let mut row = Row::new("output into a folder that was removed");
+    for job in &ground.jobs {
+        let out = ground.empty("out")?;
+        std::fs::remove_dir(&out)?;
+        let words = job.arguments(&ground.inputs(), &out);
+        let ended = run(&ground.program, &words)?;
+        row.count(&ended);
+        let makes_it = words.iter().any(|word| word == "-O");
+        if !out.exists() {
+            std::fs::create_dir(&out)?;
+        } else if !makes_it {
+            row.breach(job.name(), ["made the folder again".to_owned()]);
+        }
+        if makes_it != (ended.status == Some(0)) {
+            row.breach(job.name(), [format!("ended with {:?}", ended.status)]);
+        }
+        row.breach(job.name(), job.judge(&ended, &State::new(), &out)?);
+        row.breach(job.name(), job.again(ground, &out)?.0);
+    }
+    Ok(Tried::Done(row))
+}
+
+/// The folder of the outputs is removed at some moment of the run.
+pub(super) fn vanishing(ground: &Ground) -> Result<Tried> {
+    let mut row = Row::new("folder of the output removed at a random moment");
+    let mut chance = Chance(13);
+    for _ in 0..ground.part_of(10) {
+        for job in &ground.jobs {
+            let out = ground.empty("out")?;
+            put(&job.old, &out)?;
+            let child =
+                start(&ground.program, &job.arguments(&ground.inputs(), &out), Stdio::null(), Stdio::null())?;
+            std::thread::sleep(Duration::from_secs_f64(job.time.as_secs_f64() * chance.part()));
+            // A file that comes while the folder is emptied keeps it; then it goes in the next round.
+            while out.exists() {
+                let _ = std::fs::remove_dir_all(&out);
+            }
+            let ended = finish(child)?;
+            row.count(&ended);
+            // What was written before is gone with the folder: only what the run says can be looked at.
+            row.breach(job.name(), ended.breaches(job.new.len()));
+            if out.exists() {
+                std::fs::remove_dir_all(&out)?;
+            }
+            std::fs::create_dir(&out)?;
+            row.breach(job.name(), job.again(ground, &out)?.0);
+        }
+    }
+    Ok(Tried::Done(row))
+}

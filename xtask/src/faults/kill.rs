@@ -1,0 +1,86 @@
+//! Runs that are killed, or told to end.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, ensure};
+
+use super::job::{Job, State, finish, is_part, put, start};
+use super::{Chance, Ground, KILLS, Row, Tried};
+
+/// How a run is ended: it waits for its moment first.
+type End = fn(&mut Chance, &Job, &mut Child, &Path) -> Result<()>;
+
+/// SIGKILL, which nobody can catch, at any moment from the start to a little beyond the usual end.
+pub(super) fn at_any_moment(ground: &Ground) -> Result<Tried> {
+    let end: End = |chance, job, child, _| {
+        wait(job.time.as_secs_f64() * 1.1 * chance.part());
+        Ok(child.kill()?)
+    };
+    rounds(ground, "SIGKILL at a random moment", KILLS, 17, end)
+}
+
+/// SIGKILL soon after a temporary file has appeared.
+pub(super) fn while_writing(ground: &Ground) -> Result<Tried> {
+    let end: End = |chance, _, child, out| {
+        // Small files are written within this time; see how many temporary files are left.
+        const AFTER: f64 = 0.001;
+        let is_writing = || {
+            let mut entries = std::fs::read_dir(out).into_iter().flatten().flatten();
+            entries.any(|entry| is_part(&entry.file_name().to_string_lossy()))
+        };
+        while !is_writing() && child.try_wait()?.is_none() {}
+        wait(AFTER * chance.part());
+        Ok(child.kill()?)
+    };
+    rounds(ground, "SIGKILL while an output is written", KILLS, 19, end)
+}
+
+/// SIGTERM at any moment: the run ends by itself, and tidies up.
+pub(super) fn told_to_end(ground: &Ground) -> Result<Tried> {
+    const FAULT: &str = "SIGTERM at a random moment";
+    if !cfg!(unix) {
+        return Ok(Tried::Skipped(FAULT, "there are no signals here".into()));
+    }
+    let end: End = |chance, job, child, _| {
+        wait(job.time.as_secs_f64() * 1.1 * chance.part());
+        if child.try_wait()?.is_none() {
+            let id = child.id().to_string();
+            let told = Command::new("kill").args(["-TERM", &id]).stderr(Stdio::null()).status()?;
+            ensure!(told.success() || child.try_wait()?.is_some(), "kill -TERM {id} ended with {told}");
+        }
+        Ok(())
+    };
+    rounds(ground, FAULT, KILLS, 23, end)
+}
+
+fn wait(seconds: f64) {
+    // Sleep is too coarse for moments within a few milliseconds.
+    let end = Instant::now() + Duration::from_secs_f64(seconds);
+    while Instant::now() < end {
+        std::thread::sleep(Duration::from_micros(50));
+    }
+}
+
+fn rounds(ground: &Ground, fault: &'static str, runs: usize, seed: u64, end: End) -> Result<Tried> {
+    let mut row = Row::new(fault);
+    let mut chance = Chance(seed);
+    for (number, job) in ground.jobs.iter().cycle().take(ground.part_of(runs)).enumerate() {
+        // All of them in turn over nothing, then all over what was there.
+        let before =
+            if (number / ground.jobs.len()).is_multiple_of(2) { State::new() } else { job.old.clone() };
+        let out = ground.empty("out")?;
+        put(&before, &out)?;
+        let words = job.arguments(&ground.inputs(), &out);
+        let mut child = start(&ground.program, &words, Stdio::null(), Stdio::null())?;
+        end(&mut chance, job, &mut child, &out)?;
+        let ended = finish(child)?;
+        row.count(&ended);
+        row.breach(job.name(), job.judge(&ended, &before, &out)?);
+        let (breaches, swept) = job.again(ground, &out)?;
+        row.breach(job.name(), breaches);
+        row.swept += swept;
+    }
+    Ok(Tried::Done(row))
+}

@@ -1,0 +1,193 @@
+//! Standard streams that close too early, or take nothing.
+
+use std::fs::File;
+use std::io::{Read as _, Write as _};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use anyhow::{Context, Result, ensure};
+
+use super::job::{Ended, State, finish, put, start, state};
+use super::{Chance, Ground, Row, Tried};
+
+/// Runs that write a mesh or a picture to standard output.
+const MESHES: &[&str] = &[
+    "convert IN/finial.ply - --to obj",
+    "convert IN/finial.ply - --to stl",
+    "clean IN/finial.ply -o - --to ply",
+    "simplify IN/finial.ply -o - --to glb --ratio 0.9",
+    "lod IN/finial.ply -o - --to glb --levels 0.5",
+    "progressive build IN/finial.ply -o -",
+    "progressive extract IN/finial.lpm -o - --to ply --faces 9000",
+    "render IN/finial.ply -o - --size 640x480",
+];
+
+/// Runs that print.
+const TEXTS: &[&str] = &[
+    "info IN/finial.ply IN/arm.glb",
+    "info --json IN/finial.ply IN/arm.glb",
+    "compare IN/finial.ply IN/half.ply --samples 1000",
+    "compare IN/finial.ply IN/half.ply --samples 1000 --json",
+    "progressive info IN/finial.lpm",
+    "simplify IN/finial.ply -o OUT/a.ply --ratio 0.5 --json",
+    "methods IN/arm.glb --method quadric --samples 1000 --ratio 0.5",
+    "completions bash",
+    "man",
+    "--help",
+    "simplify --help",
+    "--version",
+];
+
+/// What a pipe takes without a reader (on Linux).
+const PIPE: usize = 1 << 16;
+
+fn words(text: &str, ground: &Ground, out: &Path) -> Vec<String> {
+    let (inputs, out) = (ground.inputs().display().to_string(), out.display().to_string());
+    text.split(' ').map(|word| word.replace("IN/", &format!("{inputs}/")).replace("OUT", &out)).collect()
+}
+
+/// Lines of errors without the notes beside them.
+fn errors(ended: Ended) -> Ended {
+    let lines: Vec<&str> = ended.stderr.lines().filter(|line| !is_note(line)).collect();
+    Ended { stderr: lines.join("\n"), ..ended }
+}
+
+fn is_note(line: &str) -> bool {
+    ["warning: ", "note: "].iter().any(|head| line.starts_with(head))
+}
+
+/// What a run prints where somebody reads it.
+fn whole(ground: &Ground, words: &[String]) -> Result<Vec<u8>> {
+    let output = Command::new(&ground.program).args(words).output()?;
+    ensure!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
+    Ok(output.stdout)
+}
+
+/// Reads so many bytes and closes.
+fn read_only(child: &mut Child, bytes: usize) -> Result<()> {
+    let mut pipe = child.stdout.take().context("it has a pipe")?;
+    let mut head = vec![0; bytes];
+    pipe.read_exact(&mut head)?;
+    Ok(())
+}
+
+/// Whoever reads a mesh goes away before its end.
+pub(super) fn closed_pipe(ground: &Ground) -> Result<Tried> {
+    let mut row = Row::new("pipe closed before all of a mesh or picture was read");
+    let mut chance = Chance(31);
+    for text in MESHES {
+        let words = words(text, ground, &ground.empty("out")?);
+        let length = whole(ground, &words)?.len();
+        for round in 0..ground.part_of(20) {
+            // At once the first time.
+            let read = if round == 0 { 0 } else { chance.below(length) };
+            let quiet = [words.as_slice(), &["--quiet".to_owned()]].concat();
+            let mut child = start(&ground.program, &quiet, Stdio::null(), Stdio::piped())?;
+            read_only(&mut child, read)?;
+            let ended = finish(child)?;
+            row.count(&ended);
+            // What the pipe takes at the end may be written before it closes.
+            if ended.status != Some(1) && length - read > PIPE {
+                row.breach(text, [format!("ended with {:?} after {read} of {length} bytes", ended.status)]);
+            }
+            row.breach(text, ended.breaches(1));
+        }
+    }
+    Ok(Tried::Done(row))
+}
+
+/// Whoever reads a text goes away: he had what he wanted, and that is no failure.
+pub(super) fn closed_pipe_of_text(ground: &Ground) -> Result<Tried> {
+    let mut row = Row::new("pipe closed before all of a text was read");
+    let mut chance = Chance(37);
+    for text in TEXTS {
+        let words = words(text, ground, &ground.empty("out")?);
+        let length = whole(ground, &words)?.len();
+        for round in 0..ground.part_of(10) {
+            let read = if round == 0 { 0 } else { chance.below(length) };
+            let mut child = start(&ground.program, &words, Stdio::null(), Stdio::piped())?;
+            read_only(&mut child, read)?;
+            let ended = errors(finish(child)?);
+            row.count(&ended);
+            if ended.status != Some(0) {
+                row.breach(text, [format!("ended with {:?} after {read} of {length} bytes", ended.status)]);
+            }
+            row.breach(text, ended.breaches(1));
+        }
+    }
+    Ok(Tried::Done(row))
+}
+
+/// Standard output is a device that is full.
+pub(super) fn full_device(ground: &Ground) -> Result<Tried> {
+    const FAULT: &str = "standard output on a full device";
+    if File::options().write(true).open("/dev/full").is_err() {
+        return Ok(Tried::Skipped(FAULT, "there is no /dev/full".into()));
+    }
+    let mut row = Row::new(FAULT);
+    for text in MESHES.iter().chain(TEXTS) {
+        let device = File::options().write(true).open("/dev/full")?;
+        let words = words(text, ground, &ground.empty("out")?);
+        let ended = errors(finish(start(&ground.program, &words, Stdio::null(), device.into())?)?);
+        row.count(&ended);
+        if ended.status != Some(1) {
+            row.breach(text, [format!("ended with {:?}", ended.status)]);
+        }
+        row.breach(text, ended.breaches(1));
+    }
+    Ok(Tried::Done(row))
+}
+
+/// A model on standard input ends before its end.
+pub(super) fn cut_input(ground: &Ground) -> Result<Tried> {
+    let mut row = Row::new("standard input cut short");
+    let mut chance = Chance(41);
+    for name in ["finial.ply", "arm.glb"] {
+        let bytes = std::fs::read(ground.inputs().join(name))?;
+        for text in ["convert - OUT/a.stl", "simplify - -o OUT/a.stl --ratio 0.5", "clean - -o OUT/a.stl"] {
+            for _ in 0..ground.part_of(20) {
+                let out = ground.empty("out")?;
+                let before = State::from([("a.stl".to_owned(), b"what was there".to_vec())]);
+                put(&before, &out)?;
+                let mut words = words(text, ground, &out);
+                words.push("--quiet".into());
+                let mut child = start(&ground.program, &words, Stdio::piped(), Stdio::null())?;
+                let mut pipe = child.stdin.take().context("it has a pipe")?;
+                // Whoever has seen enough need not read on.
+                let _ = pipe.write_all(&bytes[..chance.below(bytes.len())]);
+                drop(pipe);
+                let ended = finish(child)?;
+                row.count(&ended);
+                let mut breaches = ended.breaches(1);
+                if ended.status != Some(1) || state(&out)? != before {
+                    breaches.push(format!("ended with {:?}", ended.status));
+                }
+                row.breach(text, breaches);
+            }
+        }
+    }
+    Ok(Tried::Done(row))
+}
+
+/// Something fails, or there is something to say, and nobody reads standard error.
+pub(super) fn nobody_reads_errors(ground: &Ground) -> Result<Tried> {
+    let mut row = Row::new("nobody reads standard error");
+    let out = ground.empty("out")?;
+    for (text, status) in [
+        ("info IN/none.ply", 1),
+        ("convert IN/none.ply OUT/a.stl", 1),
+        ("convert IN/arm.glb OUT/a.stl", 0),
+        ("simplify IN/arm.glb -o OUT/a.ply --ratio 0.5 --verbose", 0),
+        ("lod IN/arm.glb -O OUT --levels 0.5 --verbose", 0),
+        ("convert IN/finial.ply", 2),
+    ] {
+        let mut child = start(&ground.program, &words(text, ground, &out), Stdio::null(), Stdio::null())?;
+        drop(child.stderr.take());
+        let ended = Ended { status: child.wait()?.code(), stderr: String::new() };
+        row.count(&ended);
+        if ended.status != Some(status) {
+            row.breach(text, [format!("ended with {:?}, not {status}", ended.status)]);
+        }
+    }
+    Ok(Tried::Done(row))
+}
