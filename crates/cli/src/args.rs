@@ -30,6 +30,7 @@ pub(crate) use values::TypedLength;
 
 use crate::file::{Sink, Source};
 use crate::in_order::available_threads;
+use crate::memory;
 
 const STATUSES: &str = "\
 Exit status: 0 done; 1 the file, the mesh or the system is at fault; 2 the command line is at fault;
@@ -81,24 +82,31 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// Seconds after which the process ends, for commands that have nothing to show for part of their work. (The others take
-    /// the best they have by then.)
-    pub(crate) fn hard_limit_secs(&self) -> Option<f64> {
-        let run = match self {
+    /// How a command that reads files runs; `None` for the others.
+    pub(crate) fn run(&self) -> Option<&Run> {
+        Some(match self {
+            Self::Simplify(args) => &args.run,
+            Self::Lod(args) => &args.run,
             Self::Info(args) => &args.run,
             Self::Compare(args) => &args.run,
             Self::Convert(args) => &args.run,
             Self::Clean(args) => &args.run,
+            Self::Methods(args) => &args.run,
             Self::Render(args) => &args.run,
             Self::Progressive(Progressive::Build(args)) => &args.run,
             Self::Progressive(Progressive::Extract(args)) => &args.run,
             Self::Progressive(Progressive::Info(args)) => &args.run,
-            Self::Simplify(_) | Self::Lod(_) | Self::Methods(_) | Self::View(_) | Self::Doctor(_) => {
-                return None;
-            }
-            Self::Completions { .. } | Self::Man { .. } => return None,
-        };
-        run.time_limit
+            Self::View(_) | Self::Doctor(_) | Self::Completions { .. } | Self::Man { .. } => return None,
+        })
+    }
+
+    /// Seconds after which the process ends, for commands that have nothing to show for part of their work. (The others take
+    /// the best they have by then.)
+    pub(crate) fn hard_limit_secs(&self) -> Option<f64> {
+        match self {
+            Self::Simplify(_) | Self::Lod(_) | Self::Methods(_) => None,
+            _ => self.run()?.time_limit,
+        }
     }
 }
 
@@ -113,6 +121,10 @@ pub(crate) struct Run {
     /// an error and write nothing
     #[arg(long, value_name = "S", value_parser = values::seconds)]
     pub(crate) time_limit: Option<f64>,
+    /// Memory that the process may take, such as 512M or 2G (by 1024): what would take more is refused [default: three
+    /// quarters of what the machine or the container has]
+    #[arg(long, value_name = "SIZE", value_parser = values::memory)]
+    pub(crate) max_memory: Option<u64>,
     /// Print nothing but errors
     #[arg(short, long)]
     pub(crate) quiet: bool,
@@ -144,6 +156,7 @@ impl Reading {
         let mut options = ReadOptions::default();
         options.format = self.from;
         options.assets = self.assets.scope();
+        options.limits = memory::limits();
         options
     }
 }

@@ -19,12 +19,16 @@ use lodsmith_io::Warning;
 
 use crate::args::{Cli, Command};
 use crate::exit::{self, Status};
+use crate::memory;
 use crate::output::{self, Output};
 
 /// Does what was typed.
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
     if let Some(seconds) = cli.command.hard_limit_secs() {
         exit::end_after(seconds)?;
+    }
+    if let Some(run) = cli.command.run() {
+        memory::bound(run.max_memory)?;
     }
     match cli.command {
         Command::Simplify(args) => simplify::run(&args),

@@ -76,10 +76,11 @@ pub(crate) fn catch_interrupts() {
     // Where no handler can be set, the system does what it does.
     #[cfg(unix)]
     if let Ok(mut signals) = signal_hook::iterator::Signals::new(ending_signals(is_hangup_ignored())) {
-        std::thread::spawn(move || {
-            // By convention, the number of the signal is in the status.
-            signals.forever().for_each(|signal| end(u8::try_from(128 + signal).unwrap_or(130)));
-        });
+        // By convention, the number of the signal is in the status.
+        let wait =
+            move || signals.forever().for_each(|signal| end(u8::try_from(128 + signal).unwrap_or(130)));
+        // Without memory for a thread, signals do what they do.
+        let _ = std::thread::Builder::new().spawn(wait);
     }
     #[cfg(not(unix))]
     let _ = ctrlc::set_handler(|| end(Status::Interrupted as u8));
@@ -124,12 +125,31 @@ fn is_hangup_ignored() -> bool {
 pub(crate) fn end_after(seconds: f64) -> anyhow::Result<()> {
     let wait = move || {
         std::thread::sleep(Duration::from_secs_f64(seconds));
-        let _alone = WRITING.write().unwrap_or_else(PoisonError::into_inner);
-        output::error(&format!("not done within the time limit of {seconds} s"));
-        std::process::exit(Status::Failed as i32);
+        end_with(&format!("not done within the time limit of {seconds} s"));
     };
     std::thread::Builder::new().spawn(wait).context("cannot start a thread")?;
     Ok(())
+}
+
+/// Ends the process with an error, whatever its other threads do: a file that is being written is complete or gone first.
+pub(crate) fn end_with(error: &str) -> ! {
+    let _alone = WRITING.write().unwrap_or_else(PoisonError::into_inner);
+    output::error(error);
+    std::process::exit(Status::Failed as i32);
+}
+
+/// Where the system refuses memory in the middle of some work, Rust says so in one line and aborts; this makes of the abort
+/// an end with status 1, without a core dump. What was being written is left behind as after SIGKILL.
+pub(crate) fn end_quietly_on_abort() {
+    #[cfg(unix)]
+    {
+        use std::sync::Arc;
+        use std::sync::atomic::AtomicBool;
+        let always = Arc::new(AtomicBool::new(true));
+        // Where that cannot be, an abort is one.
+        let abort = signal_hook::consts::SIGABRT;
+        let _ = signal_hook::flag::register_conditional_shutdown(abort, Status::Failed as i32, always);
+    }
 }
 
 /// Keeps interrupts away while a file is written.

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::fmt;
 use std::fs;
-use std::io::{self, ErrorKind, Read as _};
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use lodsmith_io::{
 };
 
 use crate::args::{Reading, Writing};
-use crate::{exit, plan};
+use crate::{exit, memory, plan};
 
 /// What is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -84,8 +84,7 @@ pub(crate) fn read_with(
     let loaded = match source {
         Source::Path(path) => lodsmith_io::read_path(path, &options),
         Source::Stdin => {
-            let mut bytes = Vec::new();
-            io::stdin().lock().read_to_end(&mut bytes)?;
+            let bytes = stdin(&options)?;
             lodsmith_io::read_bytes(&bytes, &options)
         }
     };
@@ -98,12 +97,16 @@ pub(crate) fn read_model(source: &Source, reading: &Reading) -> anyhow::Result<M
     let model = match source {
         Source::Path(path) => lodsmith_io::read_model_path(path, &options),
         Source::Stdin => {
-            let mut bytes = Vec::new();
-            io::stdin().lock().read_to_end(&mut bytes)?;
+            let bytes = stdin(&options)?;
             lodsmith_io::read_model_bytes(&bytes, &options)
         }
     };
     model.map_err(unnamed)
+}
+
+/// All of standard input, within the limits.
+fn stdin(options: &ReadOptions) -> anyhow::Result<Vec<u8>> {
+    lodsmith_io::read_stream(&mut io::stdin().lock(), Vec::new(), options.limits).map_err(unnamed)
 }
 
 /// What a file is read as.
@@ -126,8 +129,7 @@ pub(crate) fn read_scene(
     let scene = match source {
         Source::Path(path) => lodsmith_io::read_scene_path(path, &options).map_err(unnamed)?,
         Source::Stdin => {
-            let mut bytes = Vec::new();
-            io::stdin().lock().read_to_end(&mut bytes)?;
+            let bytes = stdin(&options)?;
             let scene = lodsmith_io::read_scene_bytes(&bytes, &options).map_err(unnamed)?;
             if scene.is_none() {
                 let mesh = lodsmith_io::read_bytes(&bytes, &options).map_err(unnamed)?;
@@ -321,7 +323,8 @@ pub(crate) fn write_lpm(
 
 /// Reads a progressive mesh, or the beginning of one. The error does not name the source.
 pub(crate) fn read_lpm(source: &Source) -> anyhow::Result<Lpm> {
-    let options = ReadOptions::default();
+    let mut options = ReadOptions::default();
+    options.limits = memory::limits();
     match source {
         Source::Path(path) => {
             let file = fs::File::open(path).map_err(|e| match e.kind() {

@@ -10,6 +10,8 @@ mod exit;
 mod file;
 mod images;
 mod in_order;
+mod memory;
+mod need;
 mod normals;
 mod numbers;
 mod orient;

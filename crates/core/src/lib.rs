@@ -10,6 +10,7 @@ pub mod geometry;
 pub mod ids;
 pub mod image;
 pub mod measure;
+pub mod memory;
 pub mod mesh;
 pub mod model;
 pub mod numbers;

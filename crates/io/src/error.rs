@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use lodsmith_core::MeshError;
+use lodsmith_core::memory::{TooMuchMemory, in_words};
 
 /// Where in a file something is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,6 +58,19 @@ pub enum ReadError {
         size: u64,
         /// The limit.
         limit: u64,
+    },
+    /// Reading would take more memory than [`Limits::memory`](crate::Limits::memory).
+    #[error(transparent)]
+    Memory(#[from] TooMuchMemory),
+    /// Few bytes become more in memory than those of any mesh: they were made to fill it.
+    #[error("{what} would become more than {}, above {times} times its size: no mesh is packed so well", in_words(*limit))]
+    Ratio {
+        /// What is packed.
+        what: &'static str,
+        /// Bytes that it may become.
+        limit: u64,
+        /// How many times its own bytes it may become.
+        times: u64,
     },
     /// The file holds no face.
     #[error("no faces in the file ({vertices} vertices): nothing to work on")]

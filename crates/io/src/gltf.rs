@@ -64,13 +64,13 @@ use container::Document;
 ///
 /// Source: Khronos, "glTF 2.0 Specification" (2.0.1, 2021).
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
-    let mut document = Document::parse(bytes)?;
+    let mut document = Document::parse(bytes, options.limits, 1)?;
     document.check_version()?;
     document.check_extensions(false)?;
     let opened;
     let buffers = if unpack::is_needed(&document.json) {
         let mut all = Buffers::new(&document, options).load_all()?;
-        let unpacked = unpack::unpack(&mut document.json, &mut all, options.limits.bytes)?;
+        let unpacked = unpack::unpack(&mut document.json, &mut all, options.limits.most_bytes())?;
         opened = all;
         Buffers::loaded(&document.json, &opened, unpacked)
     } else {
@@ -78,7 +78,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     };
     let placements = placements::placements(&document.json)?;
     let (mut contents, mut warnings) = inventory::take(&document.json, &placements);
-    let gathered = geometry::gather(&document.json, &buffers, &placements, bytes.len())?;
+    let gathered = geometry::gather(&document.json, &buffers, &placements, bytes.len(), options.limits)?;
     let geometry::Gathered { mut mesh, runs, warnings: told } = gathered;
     let (regions, of_faces) =
         materials::regions(&document.json, &buffers, &runs, Assets::of(options), bytes.len());

@@ -13,6 +13,7 @@ pub mod gltf;
 pub mod limits;
 mod lines;
 pub mod lpm;
+pub mod machine;
 pub mod model;
 mod numbers;
 pub mod obj;
@@ -30,7 +31,9 @@ pub use limits::Limits;
 pub use lpm::{Lpm, LpmOptions, LpmReader};
 pub use model::{BaseColor, ModelFile, ModelSource, read_model_bytes, read_model_path};
 pub use obj::{Regions, Textures};
-pub use read::{Contents, Loaded, ReadOptions, read_bytes, read_path, read_scene_bytes, read_scene_path};
+pub use read::{
+    Contents, Loaded, ReadOptions, read_bytes, read_path, read_scene_bytes, read_scene_path, read_stream,
+};
 pub use write::{
     WriteOptions, write_levels_path, write_levels_to, write_path, write_scene_path, write_scene_to, write_to,
 };

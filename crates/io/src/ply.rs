@@ -35,9 +35,9 @@ use header::Header;
 ///
 /// Source: G. Turk, "The PLY Polygon File Format" (1994), and what programs write today.
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
-    // The size of the file is held against the limits where it is opened; nothing here grows beyond it.
     let header = Header::parse(bytes)?;
     header.check_size(bytes.len())?;
+    options.limits.check_memory("reading PLY", bytes.len() as u64 + header.mesh_bytes())?;
     let body = Body::read(&header, bytes, &options.properties)?;
     assemble(&header, body)
 }

@@ -85,6 +85,8 @@ const QUANTILE: f64 = 0.7;
 const LAST_SHARE: f64 = 0.85;
 /// How much more than was foreseen a sweep may take, where it must not meet a goal. (Guessed.)
 const AHEAD: f64 = 1.2;
+/// The same for copies of which no more is asked than that the goal has had no say yet.
+const JUST_AHEAD: f64 = 1.01;
 /// The bound of a vertex that was not looked at yet: below every threshold.
 const UNKNOWN: f32 = 0.0;
 /// Sweeps in vain before everything that is possible at all is looked for.
@@ -709,11 +711,14 @@ impl<M: Metric> Engine<M> {
             }
             if let Some((histogram, looked_at)) = sweeps.next.take() {
                 self.watch_ease(sweeps);
-                let is_last_stretch = || self.is_last_stretch(&histogram, looked_at, goal);
+                let is_last_stretch = |ahead| self.is_last_stretch(&histogram, looked_at, goal, ahead);
                 let pauses = match pause {
                     Pause::Never => false,
-                    Pause::BeforeGoal => is_last_stretch(),
-                    Pause::BeforeNeed => self.is_time_to_fork(sweeps, goal, is_last_stretch()),
+                    Pause::BeforeGoal => is_last_stretch(AHEAD),
+                    Pause::BeforeNeed => self.is_time_to_fork(sweeps, goal, is_last_stretch(AHEAD)),
+                    Pause::BeforeEither => {
+                        is_last_stretch(JUST_AHEAD) || self.is_time_to_fork(sweeps, goal, false)
+                    }
                 };
                 if pauses {
                     sweeps.next = Some((histogram, looked_at));
@@ -796,7 +801,10 @@ impl<M: Metric> Engine<M> {
                 self.store.compact();
             }
             if self.is_late(extreme) {
-                if sweeps.idle < PATIENCE && matches!(pause, Pause::BeforeNeed) && self.may_fork_late() {
+                if sweeps.idle < PATIENCE
+                    && matches!(pause, Pause::BeforeNeed | Pause::BeforeEither)
+                    && self.may_fork_late()
+                {
                     let next = self.bounds();
                     if next.0.known() > 0 {
                         // It begins when they go on.
@@ -865,10 +873,10 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Whether the next sweep would be cut short for the goal, or might meet it.
-    fn is_last_stretch(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> bool {
+    fn is_last_stretch(&self, histogram: &Histogram, looked_at: usize, goal: &Goal, ahead: f64) -> bool {
         let share = looked_at as f64 / self.store.v.len().max(1) as f64;
         self.needed(goal)
-            .is_some_and(|n| n as f64 * LAST_SHARE * share < AHEAD * QUANTILE * histogram.known() as f64)
+            .is_some_and(|n| n as f64 * LAST_SHARE * share < ahead * QUANTILE * histogram.known() as f64)
     }
 
     /// Twice the area of the present input, in the unit frame; above 0.
@@ -974,6 +982,8 @@ pub(crate) enum Pause {
     BeforeGoal,
     /// Where a copy is to be made, from which parts and necks may go if they have to.
     BeforeNeed,
+    /// Before whichever of the two comes first.
+    BeforeEither,
 }
 
 /// What a visit works with; made once.

@@ -2,6 +2,7 @@
 
 mod chain;
 mod closest;
+mod copies;
 pub(crate) mod ladder;
 mod relaxed;
 mod start;
@@ -27,6 +28,7 @@ use crate::prune::Pruned;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
 use crate::{Simplified, SimplifyError, cluster, escalate, prune, rebuild, shading};
 pub(crate) use chain::{is_chained, run_chain};
+use copies::Copies;
 pub(crate) use start::Started;
 use trunk::Trace;
 
@@ -212,14 +214,14 @@ pub(crate) type Pass =
 /// How a method on sweeps does it.
 pub(crate) fn collapses(method: Method) -> Option<Pass> {
     match method {
-        Method::Memoryless => Some(|run, goal, step, control| run.pass(Memoryless, goal, step, control)),
-        Method::Quadric => Some(|run, goal, step, control| run.pass(Quadric, goal, step, control)),
+        Method::Memoryless => Some(|run, goal, step, control| run.one_pass(Memoryless, goal, step, control)),
+        Method::Quadric => Some(|run, goal, step, control| run.one_pass(Quadric, goal, step, control)),
         Method::LindstromTurk => {
-            Some(|run, goal, step, control| run.pass(Judged::Volume, goal, step, control))
+            Some(|run, goal, step, control| run.one_pass(Judged::Volume, goal, step, control))
         }
-        Method::Melax => Some(|run, goal, step, control| run.pass(Judged::Turn, goal, step, control)),
+        Method::Melax => Some(|run, goal, step, control| run.one_pass(Judged::Turn, goal, step, control)),
         Method::ShortestEdge => {
-            Some(|run, goal, step, control| run.pass(Judged::Length, goal, step, control))
+            Some(|run, goal, step, control| run.one_pass(Judged::Length, goal, step, control))
         }
         _ => None,
     }
@@ -234,6 +236,26 @@ pub(crate) fn run_by_method(
         return cluster::run(input, options, control);
     }
     run_with(pass_of(options.method), input, options, control)
+}
+
+/// One of the runs to several counts that a search makes.
+type PassOfSearch =
+    Box<dyn FnMut(&mut Run<'_, '_>, Goal, &mut dyn Control) -> Result<Outcome, SimplifyError>>;
+
+/// The runs of a search. Those of methods on sweeps go on from one another.
+fn passes_of_search(method: Method) -> PassOfSearch {
+    fn by<M: Metric + 'static>(metric: M) -> PassOfSearch {
+        let mut copies = Copies::of_search();
+        Box::new(move |run, goal, control| run.pass_of_several(metric, goal, None, &mut copies, control))
+    }
+    match method {
+        Method::Memoryless => by(Memoryless),
+        Method::Quadric => by(Quadric),
+        Method::LindstromTurk => by(Judged::Volume),
+        Method::Melax => by(Judged::Turn),
+        Method::ShortestEdge => by(Judged::Length),
+        _ => Box::new(|run, goal, control| run.go(goal, None, control)),
+    }
 }
 
 pub(crate) fn pass_of(method: Method) -> Pass {
@@ -405,15 +427,27 @@ impl Run<'_, '_> {
     }
 
     /// One run of the engine; `step` is the largest distance from a plane that one collapse may leave, in user units.
-    fn pass<M: Metric>(
+    fn one_pass<M: Metric>(
         &mut self,
         metric: M,
         goal: Goal,
         step: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
+        self.pass_of_several(metric, goal, step, &mut Copies::none(), control)
+    }
+
+    /// The same, one of several that keep what they share.
+    fn pass_of_several<M: Metric>(
+        &mut self,
+        metric: M,
+        goal: Goal,
+        step: Option<f64>,
+        copies: &mut Copies<M>,
+        control: &mut dyn Control,
+    ) -> Result<Outcome, SimplifyError> {
         if self.options.topology == TopologyPolicy::Relaxed && !goal.is_none() {
-            return self.relaxed(metric, goal, step, control);
+            return self.relaxed(metric, goal, step, copies, control);
         }
         // Where the topology is free, parts and necks go in their turn from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;

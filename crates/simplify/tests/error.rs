@@ -101,3 +101,29 @@ fn each_method_keeps_what_it_says() {
         assert!(is_kept(&mesh, &done.mesh, limit) && is_kept(&done.mesh, &mesh, limit), "{}", method.name());
     }
 }
+
+/// The runs of a search go on from one another; each still makes what a run to its count makes from the start.
+#[test]
+fn the_result_is_that_of_a_plain_run_to_a_count() {
+    for (mesh, share) in [
+        (shapes::blob(5, 3), 0.005),
+        (shapes::blob(4, 9), 0.02),
+        (shapes::wavy_sheet(60), 0.01),
+        (shapes::level(8, 30), 0.01),
+    ] {
+        for method in [Method::Memoryless, Method::Quadric] {
+            let mut options = within(share);
+            options.method = method;
+            let done = run(&mesh, &options);
+            let faces = done.report.faces;
+            assert!(faces < mesh.face_count() * 9 / 10, "{faces} of {}", mesh.face_count());
+            // A run ends at its count or just below.
+            let is_plain = (faces..faces + 3).any(|count| {
+                let mut options = SimplifyOptions::new(Stop::faces(count));
+                options.method = method;
+                run(&mesh, &options).mesh == done.mesh
+            });
+            assert!(is_plain, "{method:?} at {share}");
+        }
+    }
+}

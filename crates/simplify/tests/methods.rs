@@ -5,6 +5,7 @@ mod support;
 use std::collections::HashSet;
 use std::sync::Arc;
 
+use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::topology::EdgeKind;
 use lodsmith::core::{Positions, Topology, TriMesh, VertexId, shapes};
@@ -12,6 +13,7 @@ use lodsmith::{
     BorderPolicy, Control, Fit, Guards, Length, Method, MethodOptions, NoControl, Placement, Simplified,
     SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
+use proptest::prelude::*;
 use support::{Complaints, Random, bits, bytes, complaints, counts, laden, places, run, told};
 
 /// What may be wrong with a mesh, by number.
@@ -259,6 +261,35 @@ fn every_shape_to_every_count() {
         }
     }
     all.settle();
+}
+
+/// Shapes whose vertices were moved by chance, and soups.
+fn any_mesh() -> impl Strategy<Value = TriMesh> {
+    prop_oneof![
+        1 => perturbed_shape(0.0),
+        2 => perturbed_shape(0.02),
+        2 => perturbed_shape(0.5),
+        1 => soup(40, Coordinates::Tame),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(64) })]
+
+    #[test]
+    fn any_mesh_to_any_count_by_any_method(
+        mesh in any_mesh(), ratio in 0.02..1.0f64, topology in 0..TOPOLOGIES.len(),
+    ) {
+        let is_empty = run(&mesh, &SimplifyOptions::default());
+        prop_assume!(!matches!(is_empty, Ok(Err(SimplifyError::NoFaces { .. }))));
+        let mut all = Complaints::default();
+        for promise in PROMISES.iter() {
+            let mut options = options(promise.method, Stop::ratio(ratio));
+            options.topology = TOPOLOGIES[topology];
+            tried(&mut all, "any mesh", &mesh, promise, &options);
+        }
+        all.settle();
+    }
 }
 
 /// A search measures many times, so each method takes every third shape, and each shape is some method's.
@@ -573,6 +604,9 @@ fn size_and_place_change_nothing() {
     let cases = [
         ("tiny", 2f64.powi(-60), [0.0; 3]),
         ("huge", 2f64.powi(60), [0.0; 3]),
+        // About 1e-30 and 1e30.
+        ("next to nothing", 2f64.powi(-100), [0.0; 3]),
+        ("beyond the sky", 2f64.powi(100), [0.0; 3]),
         ("far off", 1.0, far),
         ("tiny and far off", 2f64.powi(-50), far),
     ];

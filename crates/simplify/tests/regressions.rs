@@ -418,7 +418,7 @@ fn a_level_of_small_parts_is_not_destroyed_to_spare_them() {
         assert!(done.report.parts_removed > 0);
     }
     // Where there is room for all of them, all stay.
-    let done = sound(&mesh, &SimplifyOptions::new(Stop::ratio(0.6)));
+    let done = sound(&mesh, &SimplifyOptions::new(Stop::ratio(0.75)));
     assert_eq!((done.report.parts_removed, done.report.seams_relaxed), (0, false));
 }
 
@@ -509,6 +509,33 @@ fn removing_a_part_does_not_leave_far_fewer_faces_than_asked_for() {
             let done = sound(&mesh, &options);
             let faces = done.mesh.face_count();
             assert!(2 * faces >= goal, "{method:?}: {faces} faces for {goal}");
+        }
+    }
+}
+
+/// A cut at a vertex where the surface touches itself left faces of the second fan behind: they named a vertex that did not
+/// list them.
+#[test]
+fn a_neck_at_a_vertex_of_two_fans_is_not_cut() {
+    let torus = shapes::torus(12, 3);
+    for at in 0..torus.vertex_count() as u32 {
+        let view = torus.positions().view();
+        let mut places: Vec<[f64; 3]> = view.iter().collect();
+        let tip = places[at as usize];
+        let first = places.len() as u32;
+        // A tetrahedron that stands on the torus with one corner.
+        places.extend(
+            [[0.2, 0.0, 0.3], [0.0, 0.2, 0.3], [-0.2, -0.2, 0.3]].map(|d| [0, 1, 2].map(|k| tip[k] + d[k])),
+        );
+        let [a, b, c] = [0, 1, 2].map(|k| VertexId(first + k));
+        let at = VertexId(at);
+        let mut faces = torus.surface().triangles().to_vec();
+        faces.extend([[a, b, c], [b, a, at], [c, b, at], [a, c, at]]);
+        let mesh = TriMesh::new(Positions::F64(places), faces).unwrap();
+        for faces in [60, 40, 24] {
+            let mut options = SimplifyOptions::new(Stop::faces(faces));
+            options.topology = TopologyPolicy::Free;
+            sound(&mesh, &options);
         }
     }
 }

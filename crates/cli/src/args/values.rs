@@ -199,6 +199,25 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     above_zero(text).map(|s| s.min(365.0 * 86400.0))
 }
 
+/// Bytes: `2G`, `1.5GiB`, `512M`, `536870912`. Units are powers of 1024.
+pub(crate) fn memory(text: &str) -> Result<u64, String> {
+    let wanted = || "a size is a number of bytes, or one with K, M, G or T, such as 512M or 2G".to_owned();
+    let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (number, unit) = text.split_at(digits);
+    let unit = unit.to_ascii_lowercase();
+    let power = match unit.trim_start().trim_end_matches('b').trim_end_matches('i') {
+        "" => 0,
+        "k" => 1,
+        "m" => 2,
+        "g" => 3,
+        "t" => 4,
+        _ => return Err(wanted()),
+    };
+    let bytes = number.parse::<f64>().map_err(|_| wanted())? * 1024f64.powi(power);
+    let least = crate::memory::LEAST;
+    if bytes < least as f64 { Err(format!("it must be at least {}M", least >> 20)) } else { Ok(bytes as u64) }
+}
+
 /// A count of at least one.
 pub(crate) fn count(text: &str) -> Result<usize, String> {
     at_least(text, 1)
@@ -261,6 +280,25 @@ mod tests {
             assert!(range(bad).is_err(), "{bad}");
         }
         assert!(color("#ääää").is_err() && elevation_deg("91").is_err() && fov_deg("0").is_err());
+    }
+
+    #[test]
+    fn memory_is_told_in_bytes_or_by_units() {
+        for (text, bytes) in [
+            ("2G", 2 << 30),
+            ("2GiB", 2 << 30),
+            ("2gb", 2 << 30),
+            ("1.5G", 3 << 29),
+            ("512M", 512 << 20),
+            ("65536k", 64 << 20),
+            ("1T", 1 << 40),
+            ("67108864", 64 << 20),
+        ] {
+            assert_eq!(memory(text), Ok(bytes), "{text}");
+        }
+        for bad in ["", "G", "2X", "2 G B", "-2G", "1e9", "nan", "1M", "0", "2Gi2"] {
+            assert!(memory(bad).is_err(), "{bad}");
+        }
     }
 
     #[test]

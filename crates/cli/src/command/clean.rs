@@ -13,11 +13,13 @@ use crate::exit::{self, Interrupted, Status};
 use crate::file::{self, Input, Sink};
 use crate::images;
 use crate::in_order::Turn;
+use crate::need::Size;
 use crate::numbers::{counted, grouped, micros, seconds};
 use crate::orient::orient;
 use crate::output::Output;
 use crate::plan::Job;
 use crate::progress::{FileProgress, Progress};
+use crate::{memory, need};
 
 /// Cleans every input.
 pub(super) fn run(args: &CleanArgs) -> anyhow::Result<Status> {
@@ -92,6 +94,7 @@ fn clean_mesh(
     turn: &Turn<'_>,
 ) -> anyhow::Result<Done> {
     let Loaded { mesh, regions, mut warnings, format: input_format, .. } = loaded;
+    memory::check("clean", need::clean(Size::of(&mesh)))?;
     let cleaned = lodsmith::clean(&mesh, &args.options(), &mut Watch { bar });
     let Cleaned { mesh: mut cleaned, report } = not_interrupted(cleaned)?;
     drop(mesh);
@@ -130,6 +133,8 @@ fn clean_scene(
 ) -> anyhow::Result<Done> {
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let mut report = CleanReport::default();
+    let size = Size::of_all(scene.meshes().iter().map(|m| &*m.mesh));
+    memory::check("clean", need::clean(size).saturating_add(scene.buffer_bytes()))?;
     let (mut meshes, mut replaced) = (Vec::new(), Vec::new());
     let mut notes = Vec::new();
     for m in scene.meshes() {

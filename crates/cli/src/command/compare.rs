@@ -21,10 +21,11 @@ use crate::args::CompareArgs;
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink};
 use crate::in_order;
+use crate::need::Size;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
-use crate::picture;
 use crate::progress::Progress;
+use crate::{memory, need, picture};
 
 /// Measures, and paints the heat map if asked.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
@@ -53,6 +54,8 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         let mut options = CompareOptions::default();
         options.samples = args.samples;
         options.seed = args.seed;
+        let sizes = [&reference, &candidate].map(|loaded| Size::of(&loaded.mesh));
+        memory::check("compare", need::compare(sizes[0], sizes[1], &options))?;
         let comparison = compare(&reference.mesh.surface(), &candidate.mesh.surface(), &options)?;
         let (image_sizes, unknown) = match (reference.mesh.uvs(), candidate.mesh.uvs()) {
             (Some(_), Some(_)) => reference.regions.image_sizes(),

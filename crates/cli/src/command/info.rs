@@ -16,6 +16,7 @@ use crate::in_order;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
 use crate::progress::Progress;
+use crate::{memory, need};
 
 /// Looks into every input.
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
@@ -68,6 +69,7 @@ fn look(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Result
     bar.read();
     let begin = Instant::now();
     let loaded = file::read(source, &args.reading)?;
+    memory::check("info", need::info(need::Size::of(&loaded.mesh)))?;
     bar.stage(lodsmith::Stage::Measure);
     let surface = loaded.mesh.surface();
     let positions = surface.positions();

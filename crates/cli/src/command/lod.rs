@@ -18,11 +18,13 @@ use crate::exit::{self, Interrupted, Status};
 use crate::file::{self, Input};
 use crate::images;
 use crate::in_order;
+use crate::need::Size;
 use crate::orient::{orient, oriented};
 use crate::output::Output;
 use crate::palettes;
 use crate::progress::{FileProgress, Progress};
 use crate::watch::{Clock, Watch, not_interrupted};
+use crate::{memory, need};
 use files::Plan;
 
 /// Makes the levels of one input.
@@ -102,6 +104,7 @@ fn of_mesh(loaded: Loaded, args: &LodArgs, plan: &Plan, watch: &mut Watch<'_>) -
         let text = "--per-mesh: the meshes become one on this way, and share the target";
         warnings.push(Warning::note(text));
     }
+    memory::check("lod", need::lod(Size::of(&mesh), &options.simplify))?;
     let chain = not_interrupted(lodsmith::lod(&mesh, &options, watch))?;
     watch.write();
     let counts = [mesh.face_count(), mesh.vertex_count()];
@@ -185,6 +188,8 @@ fn of_scene(
         None => care::of_scene(&args.engine.how, &scene, &taken, &mut options.simplify)?,
     }
     options.simplify.textures = palettes::of_scene(&scene, &taken);
+    let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
+    memory::check("lod", need::lod_scene(size, &options.simplify).saturating_add(scene.buffer_bytes()))?;
     let chain = not_interrupted(lodsmith::lod_scene(&parts, diagonal, &options, watch))?;
     watch.write();
     let mut replaced = vec![vec![None; meshes.len()]];

@@ -21,11 +21,11 @@ use crate::in_order;
 use crate::numbers::{grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
-use crate::picture;
 use crate::plan::{self, Wanted};
 use crate::progress::{FileProgress, Progress};
 use crate::validity::Validity;
 use crate::watch::{Clock, Watch, not_interrupted};
+use crate::{memory, need, picture};
 
 /// Runs them all, one after the other, and prints the table.
 pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
@@ -101,6 +101,8 @@ fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> a
     bar.read();
     let loaded = file::read(&args.input, &args.reading).with_context(|| path.to_owned())?;
     let Loaded { mesh, format, regions, warnings, .. } = loaded;
+    let hungriest = jobs.iter().map(|(m, _)| need::simplify(&mesh, &args.options(*m))).max().unwrap_or(0);
+    memory::check("methods", need::methods(&mesh, hungriest)).with_context(|| path.to_owned())?;
     let model = Model::new(mesh, args);
     bar.end();
     let mut rows = Vec::with_capacity(jobs.len());

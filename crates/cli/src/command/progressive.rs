@@ -13,12 +13,13 @@ use super::{show_warnings, texts};
 use crate::args::{self, ExtractArgs, LpmBuildArgs, LpmInfoArgs};
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink};
+use crate::need::Size;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::progress::Progress;
 use crate::watch::{Clock, Watch, not_interrupted};
-use crate::{care, in_order};
+use crate::{care, in_order, memory, need};
 
 /// Does what was typed behind it.
 pub(super) fn run(action: &args::Progressive) -> anyhow::Result<Status> {
@@ -63,6 +64,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
             warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
         }
         let mut watch = Watch::new(&mut clock, &bar, None);
+        memory::check("progressive build", need::progressive(Size::of(&loaded.mesh), &options))?;
         let mut road = not_interrupted(Progressive::build(&loaded.mesh, &options, &mut watch))?;
         if let Some(limit) = limit {
             let diagonal = road.positions().bounds().map_or(0.0, |b| b.diagonal());
@@ -121,6 +123,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         let lpm = file::read_lpm(&args.input)?;
         let full = lpm.announced.1.faces as usize;
         let diagonal = lpm.splits.positions.view().bounds().map_or(0.0, |b| b.diagonal());
+        memory::check("progressive extract", need::extract(&lpm.splits))?;
         let mut road = Progressive::new(lpm.splits);
         let mut clock = Clock::new();
         let is_reached = go_to(&mut road, args, full, diagonal, &mut Watch::new(&mut clock, &bar, None))?;

@@ -20,11 +20,13 @@ use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings, Up}
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink, Source};
 use crate::in_order;
+use crate::need::Size;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
 use crate::picture::{self, MARGIN};
 use crate::progress::Progress;
 use crate::watch::{Clock, Watch, not_interrupted};
+use crate::{memory, need};
 
 /// Reads, draws, writes.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
@@ -222,6 +224,8 @@ impl<'a> Drawing<'a> {
                 let mut clock = Clock::new();
                 let mut watch = Watch::new(&mut clock, &bar, None);
                 let whole = &drawing.items[original];
+                let size = Size::of_all(whole.model.meshes.iter().map(|m| &*m.mesh));
+                memory::check("render --levels", need::lod(size, &options))?;
                 let model = lighter(whole, &options, &mut watch).with_context(|| input.to_string())?;
                 drawing.items.push(Item {
                     path: input.to_string(),
@@ -240,6 +244,7 @@ impl<'a> Drawing<'a> {
         if args.look.environment == Surroundings::Auto && (is_behind || has_metal()) {
             drawing.environment = Some(Arc::new(Environment::studio()));
         }
+        drawing.check()?;
         drawing.measure()?;
         Ok(drawing)
     }
@@ -284,6 +289,18 @@ impl<'a> Drawing<'a> {
             self.items[i].distances = Some(distances);
         }
         Ok(())
+    }
+
+    /// Refuses pictures that would take more memory than there may be.
+    fn check(&self) -> anyhow::Result<()> {
+        let meshes = self.items.iter().flat_map(|item| &item.model.meshes).map(|m| &*m.mesh);
+        let occlusion = self.args.look.occlusion;
+        let size = Size::of_all(meshes);
+        let mut need = need::render(size, self.args.size(), self.items.len(), occlusion);
+        if Self::is_measured(self.args) {
+            need = need.saturating_add(need::distances(size));
+        }
+        memory::check("render", need)
     }
 
     fn draw(self) -> anyhow::Result<Drawn> {

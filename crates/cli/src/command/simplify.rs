@@ -20,7 +20,7 @@ use crate::output::{self, Output};
 use crate::plan::Job;
 use crate::progress::Progress;
 use crate::watch::{Clock, Watch, not_interrupted};
-use crate::{care, images, normals, palettes, proposals};
+use crate::{care, images, memory, need, normals, palettes, proposals};
 
 /// Makes every input lighter.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
@@ -125,6 +125,7 @@ fn simplify_mesh(
         let text = "--per-mesh: the meshes become one on this way, and share the target";
         warnings.push(Warning::note(text));
     }
+    memory::check("simplify", need::simplify(&mesh, &options))?;
     let done = lodsmith::simplify(&mesh, &options, watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
@@ -161,6 +162,7 @@ fn simplify_scene(
     let mut options = args.options();
     care::of_scene(&args.engine.how, &scene, &taken, &mut options)?;
     options.textures = palettes::of_scene(&scene, &taken);
+    memory::check("simplify", need::simplify_scene(&meshes, scene.buffer_bytes(), &options))?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, watch);
     let SimplifiedScene { meshes: mut lighter, report, counts } = not_interrupted(done)?;
 

@@ -165,7 +165,7 @@ pub fn is_seen_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
         }
     });
     let places = match source.face_count() {
-        n if n > MANY => &PLACES[..1],
+        n if n > MANY => &[],
         n if n > MANY / 5 => &PLACES[..4],
         _ => &PLACES[..],
     };

@@ -42,7 +42,7 @@ impl<'a> Buffers<'a> {
             json: &document.json,
             bin: document.bin,
             assets: Assets::of(options),
-            limit: options.limits.bytes,
+            limit: options.limits.most_bytes(),
             loaded: list(&document.json, "buffers").iter().map(|_| OnceCell::new()).collect(),
             unpacked: 0,
         }
@@ -86,11 +86,15 @@ impl<'a> Buffers<'a> {
         Ok(all)
     }
 
+    /// Bytes of all buffers that have been opened.
+    pub(super) fn opened_bytes(&self) -> usize {
+        self.loaded.iter().filter_map(OnceCell::get).map(|b| b.len()).sum()
+    }
+
     /// Bytes of all buffers that have been opened, as a measure of what the file may ask for: sixteen that came out of a
     /// compressed stream count as one.
     pub(super) fn total(&self) -> usize {
-        let all: usize = self.loaded.iter().filter_map(OnceCell::get).map(|b| b.len()).sum();
-        all.saturating_sub(self.unpacked) + self.unpacked / 16
+        self.opened_bytes().saturating_sub(self.unpacked) + self.unpacked / 16
     }
 
     /// `bufferViews[index]`, which `from` asks for.

@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
+use crate::limits::Limits;
 
 /// A parsed file.
 pub(super) struct Document<'a> {
@@ -14,6 +15,17 @@ pub(super) struct Document<'a> {
     pub(super) bin: Option<&'a [u8]>,
     pub(super) is_glb: bool,
 }
+
+/// Bytes of memory for each byte of JSON that a file may ask for, and that any file may. Scenes of thousands of nodes and
+/// accessors come to 20, nodes with a place and nothing else to 32; empty lists in lists, as `extras` may hold, to 130.
+const PER_JSON_BYTE: u64 = 48;
+const ALWAYS_PARSED: u64 = 512 << 20;
+/// JSON of fewer bytes is never too much.
+const SMALL_JSON: usize = 1 << 20;
+/// Bytes that a value takes in its list; a list, which has room for four at least; an object, with a list and a table of keys.
+const PER_VALUE: u64 = 80;
+const PER_LIST: u64 = 304;
+const PER_OBJECT: u64 = 440;
 
 const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
 const BIN_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
@@ -50,7 +62,8 @@ const KEPT_IN_SCENES: [&str; 6] = [
 ];
 
 impl<'a> Document<'a> {
-    pub(super) fn parse(bytes: &'a [u8]) -> Result<Self, ReadError> {
+    /// `copies`: how often the JSON will be in memory at once, at most.
+    pub(super) fn parse(bytes: &'a [u8], limits: Limits, copies: u64) -> Result<Self, ReadError> {
         let is_glb = bytes.starts_with(b"glTF");
         let (text, bin) = if is_glb { chunks(bytes)? } else { (bytes, None) };
         let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
@@ -62,6 +75,13 @@ impl<'a> Document<'a> {
             };
             return Err(ReadError::file(format!("no glTF: {what}")));
         }
+        let parsed = parsed_bytes(text);
+        if parsed > ALWAYS_PARSED && parsed / PER_JSON_BYTE > text.len() as u64 {
+            let (what, limit) = ("the JSON of the file", ALWAYS_PARSED);
+            return Err(ReadError::Ratio { what, limit, times: PER_JSON_BYTE });
+        }
+        let need = parsed.saturating_mul(copies).saturating_add(bytes.len() as u64);
+        limits.check_memory("reading the JSON of glTF", need)?;
         let json =
             serde_json::from_slice(text).map_err(|e| ReadError::file(format!("the JSON is damaged: {e}")))?;
         Ok(Self { json, bin, is_glb })
@@ -100,6 +120,25 @@ impl<'a> Document<'a> {
         }
         Ok(())
     }
+}
+
+/// About how many bytes some JSON takes when it is parsed: texts as they are, and so much for each value, list and object.
+/// (Measured: docs/decisions/0022.)
+fn parsed_bytes(text: &[u8]) -> u64 {
+    // What takes no time worth a thought.
+    if text.len() < SMALL_JSON {
+        return SMALL_JSON as u64;
+    }
+    // In short runs, whose counts fit what vectors of bytes count in. Signs within texts count too, which are few.
+    let (mut values, mut lists, mut objects) = (0u64, 0u64, 0u64);
+    for piece in text.chunks(255) {
+        let count = |sign: u8| u64::from(piece.iter().map(|b| u8::from(*b == sign)).sum::<u8>());
+        values += count(b',');
+        lists += count(b'[');
+        objects += count(b'{');
+    }
+    let parts = [(values, PER_VALUE), (lists, PER_LIST), (objects, PER_OBJECT)];
+    parts.iter().fold(text.len() as u64, |sum, (n, bytes)| sum.saturating_add(n.saturating_mul(*bytes)))
 }
 
 /// Splits a GLB into its JSON and its binary chunk.

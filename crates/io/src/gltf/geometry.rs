@@ -11,6 +11,7 @@ use super::mesh::TYPES;
 use super::placements::{Affine, Placement, check_placed};
 use super::primitive::Primitive;
 use crate::error::{ReadError, Warning};
+use crate::limits::Limits;
 
 /// A mesh farther from the origin than this many times its size loses half of the 24 bits of a float there.
 const FAR: f64 = 4096.0;
@@ -29,6 +30,7 @@ pub(super) fn gather(
     buffers: &Buffers<'_>,
     placements: &[Placement],
     file_bytes: usize,
+    limits: Limits,
 ) -> Result<Gathered, ReadError> {
     let mut told = Told::default();
     let meshes = plan(json, buffers, placements, &mut told)?;
@@ -44,6 +46,15 @@ pub(super) fn gather(
     }
     check_placed(faces, vertices, file_bytes.max(buffers.total()))?;
     let has = |f: fn(&Group) -> bool| placed().any(|(_, groups)| groups.iter().any(f));
+    let each = |is: bool, bytes: u64| if is { bytes } else { 0 };
+    let vertex = 12
+        + each(has(|g| g.normals.is_some()), 12)
+        + each(has(|g| g.uvs.is_some()), 8)
+        + each(has(|g| g.colors.is_some()), 16);
+    // The indices of a primitive stand beside its triangles until they are checked.
+    let need = vertices.saturating_mul(vertex).saturating_add(faces.saturating_mul(24));
+    let held = file_bytes.max(buffers.opened_bytes()) as u64;
+    limits.check_memory("reading glTF", held.saturating_add(need))?;
     let mut out =
         Out::new([has(|g| g.normals.is_some()), has(|g| g.uvs.is_some()), has(|g| g.colors.is_some())]);
     for (placement, groups) in placed() {

@@ -13,6 +13,7 @@ use super::primitive::Primitive;
 use super::slot::Slot;
 use crate::distinct::Distinct;
 use crate::error::ReadError;
+use crate::limits::with_room;
 
 /// Names of types by their number of components.
 pub(super) const TYPES: [&str; 5] = ["nothing", "SCALAR", "VEC2", "VEC3", "VEC4"];
@@ -275,7 +276,7 @@ fn skeleton(
         .map(|p| VertexId(places.id_of(p.map(|x| (x + 0.0).to_bits()))))
         .collect();
     let positions = Positions::F32(places.into_keys().into_iter().map(|k| k.map(f32::from_bits)).collect());
-    let mut triangles: Vec<[WedgeId; 3]> = Vec::with_capacity(parts.iter().map(|p| p.triangles.len()).sum());
+    let mut triangles: Vec<[WedgeId; 3]> = with_room(parts.iter().map(|p| p.triangles.len()).sum())?;
     let mut regions = Vec::with_capacity(triangles.capacity());
     let mut base = 0;
     for part in parts {

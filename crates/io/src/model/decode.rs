@@ -53,7 +53,8 @@ impl Pictures {
         encoded: impl Fn(usize) -> Encoded<'a>,
         fits: impl Fn(usize, &Image) -> bool,
     ) -> (Vec<Arc<Image>>, Vec<Warning>) {
-        let mut left = limits.pixels;
+        // Four bytes each, and as many while they are decoded.
+        let mut left = limits.pixels.min(limits.memory / 8);
         let ready: Vec<_> = self.asked.iter().map(|&i| sized(encoded(i), &mut left)).collect();
         let decoded: Vec<Result<Arc<Image>, String>> =
             ready.into_par_iter().map(|ready| ready.and_then(Ready::decode).map(Arc::new)).collect();

@@ -124,7 +124,7 @@ impl Library {
 /// Reads the libraries that an OBJ names, as far as they are there, and counts what is in them.
 pub(super) fn look_up(loaded: &mut Loaded, assets: &Assets, limits: Limits) {
     if assets.has_folder() {
-        let mut left = limits.bytes.min(MOST_BYTES);
+        let mut left = limits.most_bytes().min(MOST_BYTES);
         for library in &mut loaded.regions.libraries {
             if let Err(why) = read_library(library, assets, &mut left) {
                 let name = excerpt_of_bytes(&library.name);

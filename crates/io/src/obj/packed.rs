@@ -14,6 +14,7 @@ use crate::assets::MOST_IMAGE_BYTES;
 use crate::error::{ReadError, Warning};
 use crate::gltf::image_type;
 use crate::limits::Limits;
+use crate::read::most_unpacked;
 
 impl Regions {
     /// How many materials and textures there are.
@@ -62,7 +63,7 @@ impl Regions {
     /// The same out of bytes of anybody.
     pub(crate) fn unpack(bytes: &[u8], limits: Limits) -> Result<(Self, Vec<Warning>), ReadError> {
         let bad = |what: &str| ReadError::element("the materials", what);
-        let most = limits.bytes.min(2 * MOST_IMAGE_BYTES);
+        let most = most_unpacked(bytes.len(), limits).min(2 * MOST_IMAGE_BYTES);
         let mut plain = Vec::new();
         ZlibDecoder::new(bytes)
             .take(most.saturating_add(1))

@@ -5,6 +5,7 @@ use lodsmith_core::{Integer, Positions};
 use super::header::{Element, Encoding, Header, Kind, Scalar};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
+use crate::limits::with_room;
 
 /// What the body holds, as the file has it.
 pub(super) struct Body {
@@ -229,10 +230,11 @@ fn read_vertices<S: Source>(
         matches!(t, Target::Position(_))
             && matches!(p.kind, Kind::One(Scalar::F64 | Scalar::I32 | Scalar::U32))
     });
-    let mut normals = has(Target::Normal(0)).then(|| Vec::with_capacity(count));
-    let mut colors = has(Target::Color(0)).then(|| Vec::with_capacity(count));
-    let mut uvs = has(Target::Uv(0)).then(|| Vec::with_capacity(count));
-    let mut wanted: Vec<_> = aside.into_iter().map(|name| (name, Vec::with_capacity(count))).collect();
+    let mut normals = has(Target::Normal(0)).then(|| with_room(count)).transpose()?;
+    let mut colors = has(Target::Color(0)).then(|| with_room(count)).transpose()?;
+    let mut uvs = has(Target::Uv(0)).then(|| with_room(count)).transpose()?;
+    let mut wanted: Vec<_> =
+        aside.into_iter().map(|name| Ok((name, with_room(count)?))).collect::<Result<_, ReadError>>()?;
     let attributes =
         normals.is_some() || colors.is_some() || uvs.is_some() || !discrete.is_empty() || !wanted.is_empty();
     discrete.iter_mut().for_each(|d| d.values.reserve_exact(count));
@@ -240,9 +242,9 @@ fn read_vertices<S: Source>(
     let ready = if wide { None } else { source.f32_positions(element, &targets) };
     let from_block = ready.is_some();
     let mut narrow = ready.unwrap_or_default();
-    let mut double: Vec<[f64; 3]> = Vec::with_capacity(if wide { count } else { 0 });
+    let mut double: Vec<[f64; 3]> = with_room(if wide { count } else { 0 })?;
     if !from_block && !wide {
-        narrow.reserve_exact(count);
+        narrow = with_room(count)?;
     }
     if from_block && !attributes {
         skip(element, source)?;
@@ -347,8 +349,8 @@ fn read_faces<S: Source>(
     }
 
     let mut corners = Corners { uvs: texcoord.map(|_| Vec::new()), ..Corners::default() };
-    corners.ends.reserve(element.count);
-    corners.indices.reserve(element.count * 3);
+    corners.ends = with_room(element.count)?;
+    corners.indices = with_room(element.count * 3)?;
     for face in 0..element.count {
         let start = corners.indices.len();
         let mut uv_numbers = 0;

@@ -188,6 +188,31 @@ impl Header {
         }
         Ok(())
     }
+
+    /// About how many bytes of memory the mesh takes, by the counts, while it is made.
+    pub(super) fn mesh_bytes(&self) -> u64 {
+        let vertex = |p: &Property| match p.kind {
+            Kind::One(Scalar::F64 | Scalar::I32 | Scalar::U32) if is_named(p, &["x", "y", "z"]) => 8,
+            _ if is_named(p, &["s", "t", "u", "v", "texture_u", "texture_v", "alpha"]) => 4,
+            _ if is_named(p, &["x", "y", "z", "nx", "ny", "nz", "red", "green"]) => 4,
+            // With it comes room for alpha.
+            _ if is_named(p, &["blue"]) => 8,
+            Kind::One(_) => 4,
+            Kind::List { .. } => 0,
+        };
+        // Triangles of little endian bytes are taken as they stand; others pass through a list of corners.
+        let face = if self.encoding == Encoding::Little { 12 } else { 32 };
+        let bytes = |e: &Element| {
+            let each = if e.name == "vertex" { e.properties.iter().map(vertex).sum() } else { face };
+            (e.count as u64).saturating_mul(each)
+        };
+        self.elements.iter().map(bytes).fold(0, u64::saturating_add)
+    }
+}
+
+/// Whether a property has one of these names.
+fn is_named(property: &Property, names: &[&str]) -> bool {
+    names.contains(&property.name.as_str())
 }
 
 fn add_property(number: usize, elements: &mut [Element], name: &str, kind: Kind) -> Result<(), ReadError> {

@@ -63,13 +63,19 @@ pub(crate) struct Neck {
 }
 
 impl Neck {
+    /// `None` where a vertex has faces outside of the one fan, as where the surface touches itself: they would stay behind.
     fn new(w: VertexId, u: VertexId, v: VertexId, [ru, rv, rw]: [&Ring; 3]) -> Option<Self> {
-        Some(Self {
+        let neck = Self {
             w,
             of_u: [arc(ru, v, w, v)?, arc(ru, w, v, v)?],
             of_v: [arc(rv, w, u, u)?, arc(rv, u, w, u)?],
             of_w: [arc(rw, u, v, w)?, arc(rw, v, u, w)?],
-        })
+        };
+        let is_all = |sides: &[Vec<Corner>; 2], ring: &Ring, shared: usize| {
+            sides[0].len() + sides[1].len() + shared == ring.len()
+        };
+        // The two faces on the edge that goes are of neither side.
+        (is_all(&neck.of_u, ru, 2) && is_all(&neck.of_v, rv, 2) && is_all(&neck.of_w, rw, 0)).then_some(neck)
     }
 
     /// Whether both sides are sound after the cut: enough faces, none twice, and no other neighbour that the ends still

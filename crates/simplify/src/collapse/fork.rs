@@ -90,12 +90,16 @@ impl<M: Metric> Engine<M> {
 
     /// Whether parts or handles begin to stand in the way, or a copy costs next to nothing and this is the last moment for
     /// one: before the goal has a say in the sweeps, or the late phase begins. `is_last_stretch` is whether the goal has.
-    pub(super) fn is_time_to_fork(&self, sweeps: &Sweeps, goal: &Goal, is_last_stretch: bool) -> bool {
+    pub(crate) fn is_time_to_fork(&self, sweeps: &Sweeps, goal: &Goal, is_last_stretch: bool) -> bool {
         if !sweeps.is_at_ease && self.is_within(SHARE) || is_last_stretch && self.is_within(CHEAP_SHARE) {
             return true;
         }
-        let begin = late::begin(self.first_faces, self.counts_attributes());
-        self.is_extreme(goal) && self.store.live_faces <= 2 * begin && self.may_fork_late()
+        self.is_extreme(goal) && self.is_near_late_phase() && self.may_fork_late()
+    }
+
+    /// Whether so few faces live that a late phase, if one comes, is near.
+    pub(crate) fn is_near_late_phase(&self) -> bool {
+        self.store.live_faces <= 2 * late::begin(self.first_faces, self.counts_attributes())
     }
 
     /// Of how many vertices a sweep is to look at the edges, if nothing stands in the way.

@@ -8,6 +8,7 @@
 //! several: the second pass is another, and so is a third in which seams give way in the order of costs as well. The result
 //! is the one that is measured to be closest.
 
+use super::copies::Copies;
 use super::trunk::Trunk;
 use super::{Leave, Outcome, Run};
 use crate::SimplifyError;
@@ -28,9 +29,10 @@ impl Run<'_, '_> {
         metric: M,
         goal: Goal,
         step: Option<f64>,
+        copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
-        let lightest = self.by_all_ways(metric, goal, step, control)?;
+        let lightest = self.by_all_ways(metric, goal, step, copies, control)?;
         let near = (lightest.mesh.face_count() as f64 * NEARLY) as usize;
         let is_short = lightest.end == End::Stuck && step.is_none() && !lightest.keeps_all();
         if !is_short || near <= lightest.mesh.face_count() + 1 {
@@ -38,7 +40,7 @@ impl Run<'_, '_> {
         }
         // The target is out of reach: what the last faces cost may be out of all proportion.
         let nearly = Goal { faces: Some(near), vertices: None };
-        let other = self.by_all_ways(metric, nearly, step, control)?;
+        let other = self.by_all_ways(metric, nearly, step, copies, control)?;
         Ok(self.less_destroyed(lightest, other, control))
     }
 
@@ -48,13 +50,33 @@ impl Run<'_, '_> {
         metric: M,
         goal: Goal,
         step: Option<f64>,
+        copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<Outcome, SimplifyError> {
-        let mut trunk = self.begin(metric, step, ALL_STAY, (&[], 0), control)?;
-        let mut sweeps = trunk.engine.begin_sweeps(&goal);
+        let (mut trunk, mut sweeps) = match copies.before(&goal) {
+            Some(kept) => {
+                control.stage(Stage::Collapse);
+                kept
+            }
+            None => {
+                let mut trunk = self.begin(metric, step, ALL_STAY, (&[], 0), control)?;
+                let sweeps = trunk.engine.begin_sweeps(&goal);
+                copies.keep(&trunk, &sweeps, usize::MAX);
+                (trunk, sweeps)
+            }
+        };
         let mut fork = None;
         let mut cuts = may_cut(self.options);
-        let mut end = self.go_on(&mut trunk, &mut sweeps, &goal, Pause::BeforeNeed, control)?;
+        let mut end = None;
+        if copies.is_wanted() {
+            end = self.go_on(&mut trunk, &mut sweeps, &goal, Pause::BeforeEither, control)?;
+            if end.is_none() && !trunk.engine.is_time_to_fork(&sweeps, &goal, false) {
+                copies.keep(&trunk, &sweeps, goal.faces.unwrap_or(0));
+            }
+        }
+        if end.is_none() {
+            end = self.go_on(&mut trunk, &mut sweeps, &goal, Pause::BeforeNeed, control)?;
+        }
         if end.is_none() {
             if !trunk.engine.is_past_parts(cuts) {
                 fork = Some(trunk.engine.fork(&sweeps));
@@ -229,7 +251,8 @@ mod tests {
         for (mesh, faces) in [(shapes::blob(4, 1), 500), (shapes::blob(5, 2), 100), (tori(), 400)] {
             with_run(&mesh, faces, &mut |run| {
                 let goal = run.goal;
-                let done = run.relaxed(Memoryless, goal, None, &mut NoControl).unwrap();
+                let none = &mut Copies::none();
+                let done = run.relaxed(Memoryless, goal, None, none, &mut NoControl).unwrap();
                 let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
                 let end = run.sweep(&mut trunk, &goal, &mut NoControl).unwrap();
                 let plain = run.finish(&mut trunk.engine, &trunk.root, end, false, &mut NoControl).unwrap();

@@ -20,7 +20,7 @@ use crate::options::{Fit, Length, Placement};
 
 /// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
 /// again when it comes to it, which takes some percent more time and 18 bytes a face less.
-const COPY_UP_TO: usize = 1_000_000;
+pub(super) const COPY_UP_TO: usize = 1_000_000;
 
 /// An engine before its first sweep, and what a run needs beside it.
 pub(crate) struct Started<M: Metric> {

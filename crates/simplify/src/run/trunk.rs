@@ -1,5 +1,7 @@
 //! The engine under way: begun once, swept to one goal or to several, and a result made of it wherever it stands.
 
+use std::rc::Rc;
+
 use glam::Vec3;
 use lodsmith_core::VertexId;
 use lodsmith_core::mesh::weld;
@@ -28,7 +30,7 @@ const MANY: usize = 3;
 /// An engine, and what every result of it needs.
 pub(super) struct Trunk<M: Metric> {
     pub(super) engine: Engine<M>,
-    pub(super) root: Root,
+    pub(super) root: Rc<Root>,
     /// Where its sweeps stand, in a chain that forks.
     pub(super) sweeps: Option<Sweeps>,
 }
@@ -77,7 +79,8 @@ impl Run<'_, '_> {
         if leave.seams {
             engine.loosen_seams();
         }
-        Ok(Trunk { engine, sweeps: None, root: Root { rows, originals, duplicate_faces, is_kept, weights } })
+        let root = Root { rows, originals, duplicate_faces, is_kept, weights };
+        Ok(Trunk { engine, sweeps: None, root: Rc::new(root) })
     }
 
     /// Sweeps to a goal.

@@ -13,6 +13,9 @@ const STEP: f64 = 0.8;
 /// it.)
 const STEPS: usize = 16;
 
+/// Of so many levels that seem to keep the limit the results are held until one is proven to.
+const HELD: usize = 3;
+
 impl Run<'_, '_> {
     /// The lightest level of the ladder that keeps to `limit`.
     ///
@@ -27,12 +30,13 @@ impl Run<'_, '_> {
         let limit = limit + ROUNDING * self.ordered.diagonal;
         let all = self.ordered.faces.len();
         let ladder = Ladder::new(all, self.goal.faces.unwrap_or(1).clamp(1, all));
-        let run_to = |run: &mut Self, level: usize, control: &mut dyn Control| {
+        let mut pass = super::passes_of_search(self.options.method);
+        let mut run_to = |run: &mut Self, level: usize, control: &mut dyn Control| {
             let goal = Goal { faces: Some(ladder.count(level)), vertices: run.goal.vertices };
-            run.go(goal, None, control)
+            pass(run, goal, control)
         };
         // The lightest that seems to keep the limit: most levels are told by some places of theirs.
-        let mut best: Option<(usize, Outcome)> = None;
+        let mut seemingly: Vec<(usize, Outcome)> = Vec::new();
         let mut is_over = false;
         let mut level = ladder.search(&mut |level| {
             let outcome = run_to(&mut self, level, control)?;
@@ -42,7 +46,10 @@ impl Run<'_, '_> {
             if !Made::new(&outcome.mesh).is_some_and(|made| judge.seems_to_keep(&made, limit)) {
                 return Ok(if is_over { Answer::Over } else { Answer::Beyond });
             }
-            best = Some((level, outcome));
+            if seemingly.len() == HELD {
+                seemingly.remove(0);
+            }
+            seemingly.push((level, outcome));
             // Where a run ends above its count, or by another one, fewer faces are not to be had by asking for fewer.
             let is_last = faces > ladder.count(level) || self.goal.vertices.is_some_and(|v| vertices <= v);
             Ok(match () {
@@ -51,10 +58,10 @@ impl Run<'_, '_> {
                 () => Answer::Kept,
             })
         })?;
-        level = best.as_ref().map_or(level, |best| best.0);
+        level = seemingly.last().map_or(level, |last| last.0);
         // From there up, the first that is proven to.
         while level > 0 {
-            let mut outcome = match best.take() {
+            let mut outcome = match seemingly.pop_if(|last| last.0 == level) {
                 Some((_, outcome)) => outcome,
                 None => run_to(&mut self, level, control)?,
             };

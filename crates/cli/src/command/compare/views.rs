@@ -12,8 +12,9 @@ use serde_json::{Value, json};
 use crate::args::{CompareArgs, Reading};
 use crate::exit::usage;
 use crate::file::{Sink, Source};
+use crate::need::Size;
 use crate::numbers::{micros, significant};
-use crate::picture;
+use crate::{memory, need, picture};
 
 /// What was seen.
 pub(super) struct Seen {
@@ -41,6 +42,9 @@ pub(super) fn look(
         model(&args.reference, loaded[0], &args.reading)?,
         model(&args.candidate, loaded[1], &args.reading)?,
     ];
+    let meshes = models.iter().flat_map(|model| &model.meshes).map(|m| &*m.mesh);
+    let pictures = if format.is_some() { 2 * count } else { 2 };
+    memory::check("compare --views", need::render(Size::of_all(meshes), args.size, pictures, false))?;
     let shading = shading_of(&models[0]);
     let subjects = [Subject::new(&models[0])?, Subject::new(&models[1])?];
     let bounds = subjects[0].bounds().ok_or_else(|| usage(format!("{}: nothing to see", args.reference)))?;

@@ -158,7 +158,7 @@ fn bytes_of<'b>(scene: &Scene, buffers: &'b Buffers<'_>, index: usize) -> Result
     }
     let shown = excerpt(uri);
     let file = scene.assets.find(&path).map_err(|refusal| format!("({shown}) {}", refusal.reason()))?;
-    file.read(scene.limits.bytes).map(Cow::Owned).map_err(|why| format!("({shown}) {why}"))
+    file.read(scene.limits.most_bytes()).map(Cow::Owned).map_err(|why| format!("({shown}) {why}"))
 }
 
 #[cfg(test)]

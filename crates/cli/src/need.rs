@@ -1,0 +1,189 @@
+//! What each step takes of memory at its peak, from counts, what was read included. Figures are bytes, measured:
+//! docs/decisions/0022.
+
+use lodsmith::core::measure::CompareOptions;
+use lodsmith::core::topology::size_of;
+use lodsmith::core::{Splits, TriMesh};
+use lodsmith::{Bound, Length, Measure, Method, SimplifyOptions};
+use lodsmith_io::gltf::SceneMesh;
+
+/// From here on copies are made when they are needed, not kept.
+const MANY: u64 = 1_000_000;
+
+/// Faces of meshes, and what is on their wedges.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Size {
+    bytes: u64,
+    faces: u64,
+    /// Values of all attributes, for each face.
+    values: u64,
+}
+
+impl Size {
+    pub(crate) fn of(mesh: &TriMesh) -> Self {
+        let has = |is: bool, n: u64| if is { n } else { 0 };
+        let width = has(mesh.normals().is_some(), 3)
+            + has(mesh.uvs().is_some(), 2)
+            + has(mesh.colors().is_some(), 4)
+            + mesh.further_attributes().iter().map(|a| a.width as u64).sum::<u64>();
+        let faces = mesh.face_count() as u64;
+        // Half a wedge for each face is usual, which is what the figures below stand for; a soup has three.
+        let wedges = (2 * mesh.wedge_count() as u64).max(faces);
+        Self { bytes: mesh.bytes(), faces, values: width.saturating_mul(wedges) }
+    }
+
+    pub(crate) fn of_all<'a>(meshes: impl IntoIterator<Item = &'a TriMesh>) -> Self {
+        meshes.into_iter().map(Self::of).fold(Self::default(), |a, b| Self {
+            bytes: a.bytes.saturating_add(b.bytes),
+            faces: a.faces.saturating_add(b.faces),
+            values: a.values.saturating_add(b.values),
+        })
+    }
+
+    /// The buffers, so much for each face, and so much for each value of a face; the second figure of a pair is for faces
+    /// beyond [`MANY`].
+    fn at(self, face: [u64; 2], value: [u64; 2]) -> u64 {
+        let i = usize::from(self.faces > MANY);
+        let own = self.faces.saturating_mul(face[i]).saturating_add(self.values.saturating_mul(value[i]));
+        self.bytes.saturating_add(own)
+    }
+}
+
+/// A value of an attribute, while edges collapse.
+const VALUE: [u64; 2] = [31, 22];
+
+/// A face, for the sweeps of a method.
+fn face_of(options: &SimplifyOptions) -> [u64; 2] {
+    let own = match options.method {
+        Method::Memoryless | Method::LindstromTurk | Method::Melax | Method::ShortestEdge => [130, 90],
+        Method::Quadric => [190, 120],
+        Method::Cluster if options.of_method.two_stage => [130, 90],
+        Method::Cluster => [64, 44],
+        Method::VertexRemoval | Method::Unsubdivide => [220, 220],
+        Method::Planar => [400, 400],
+        Method::Remesh if options.of_method.voxel.is_some() => [560, 560],
+        Method::Remesh => [300, 300],
+        // One that is not known here takes no more than the hungriest that is.
+        _ => [560, 560],
+    };
+    let is_measured = options.measure == Measure::Always
+        || options.stop.error.is_some()
+        || matches!(options.bound, Bound::OneSided | Bound::TwoSided);
+    own.map(|n| n + if is_measured { 110 } else { 0 })
+}
+
+/// What is made anew: cells of a voxel grid, and faces of a given edge length.
+fn made_anew(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
+    let of = &options.of_method;
+    if options.method != Method::Remesh || (of.voxel.is_none() && of.edge_length.is_none()) {
+        return 0;
+    }
+    let surface = mesh.surface();
+    let Some(bounds) = surface.positions().bounds() else { return 0 };
+    let squares = |length: Length| size_of(&surface).area / length.in_units(bounds.diagonal()).powi(2);
+    // A surface passes through 1.5 cells for each square, one that is open twice; the engine refuses more than it can do.
+    let cells = of.voxel.map_or(0.0, |h| 400.0 * 3.0 * squares(h).min(8e6));
+    let faces = of.edge_length.map_or(0.0, |l| 300.0 * 2.3 * squares(l));
+    (cells + faces) as u64
+}
+
+/// Making a mesh lighter.
+pub(crate) fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
+    Size::of(mesh).at(face_of(options), VALUE).saturating_add(made_anew(mesh, options))
+}
+
+/// The same for the meshes of a scene, which are joined for it; the buffers of the file stay.
+pub(crate) fn simplify_scene(meshes: &[SceneMesh], buffers: u64, options: &SimplifyOptions) -> u64 {
+    let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
+    size.at(face_of(options).map(|n| n + 60), VALUE).saturating_add(buffers)
+}
+
+/// A chain of levels, all of which stay.
+pub(crate) fn lod(size: Size, options: &SimplifyOptions) -> u64 {
+    size.at(face_of(options).map(|n| n + 140), VALUE.map(|n| n + 10))
+}
+
+/// A chain of levels that becomes one scene.
+pub(crate) fn lod_scene(size: Size, options: &SimplifyOptions) -> u64 {
+    size.at(face_of(options).map(|n| n + 330), VALUE.map(|n| n + 10))
+}
+
+/// Mending a mesh, beside which its result stands.
+pub(crate) fn clean(size: Size) -> u64 {
+    size.at([115, 95], [4, 4]).saturating_add(size.bytes)
+}
+
+/// Looking into a mesh.
+pub(crate) fn info(size: Size) -> u64 {
+    size.at([60, 54], [0, 0])
+}
+
+/// Measuring one mesh against another.
+pub(crate) fn compare(reference: Size, candidate: Size, options: &CompareOptions) -> u64 {
+    let both = |face| reference.at(face, [2, 2]).saturating_add(candidate.at(face, [2, 2]));
+    both([115, 112]).saturating_add((options.samples as u64).saturating_mul(50))
+}
+
+/// Every method on one mesh, each result measured.
+pub(crate) fn methods(mesh: &TriMesh, hungriest: u64) -> u64 {
+    hungriest.saturating_add(Size::of(mesh).at([110, 110], [4, 4]))
+}
+
+/// A recorded run, and the splits that are made of it.
+pub(crate) fn progressive(size: Size, options: &SimplifyOptions) -> u64 {
+    size.at(face_of(options).map(|n| n + 310), [48, 48])
+}
+
+/// A level out of splits, which stay.
+pub(crate) fn extract(splits: &Splits) -> u64 {
+    let faces = splits.faces.len() as u64;
+    faces.saturating_mul(215).saturating_add((splits.values.len() as u64).saturating_mul(8))
+}
+
+/// What distances of vertices add: trees of triangles.
+pub(crate) fn distances(size: Size) -> u64 {
+    size.faces.saturating_mul(110)
+}
+
+/// So many pictures of so many pixels each, and what they show.
+pub(crate) fn render(size: Size, pixels: [usize; 2], count: usize, is_occluded: bool) -> u64 {
+    let all = (pixels[0] as u64).saturating_mul(pixels[1] as u64);
+    let each = if is_occluded { 36 } else { 8 };
+    let kept = if count > 1 { 8 } else { 0 };
+    let pictures = all.saturating_mul(each + kept * count as u64);
+    size.at([60, 38], [0, 0]).saturating_add(pictures)
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith::Stop;
+    use lodsmith::core::shapes;
+
+    use super::*;
+
+    #[test]
+    fn what_there_is_more_of_takes_more() {
+        let options = SimplifyOptions::new(Stop::ratio(0.5));
+        let (small, mut large) = (shapes::icosphere(2), shapes::icosphere(3));
+        let bare = simplify(&large, &options);
+        assert!(simplify(&small, &options) < bare);
+        large.set_uvs(Some(vec![[0.0; 2]; large.wedge_count()])).expect("one for each wedge");
+        assert!(simplify(&large, &options) > bare);
+        let mut measured = options.clone();
+        measured.measure = Measure::Always;
+        assert!(simplify(&large, &measured) > simplify(&large, &options));
+    }
+
+    #[test]
+    fn short_edges_and_small_voxels_take_more() {
+        let mesh = shapes::icosphere(2);
+        let mut options = SimplifyOptions::default();
+        options.method = Method::Remesh;
+        let plain = simplify(&mesh, &options);
+        options.of_method.edge_length = Some(Length::OfDiagonal(1e-4));
+        assert!(simplify(&mesh, &options) > plain + (1 << 30));
+        options.of_method.edge_length = None;
+        options.of_method.voxel = Some(Length::OfDiagonal(1e-3));
+        assert!(simplify(&mesh, &options) > plain + (100 << 20));
+    }
+}

@@ -1,0 +1,146 @@
+//! No run under a limit of memory is aborted: it ends with its work done, or in one line that names the limit.
+//! docs/trust.md says the same for people.
+#![cfg(target_os = "linux")]
+
+mod desk;
+
+use std::fs;
+use std::process::{Command, Output};
+
+use desk::{Desk, hills};
+
+/// Runs the command where the system gives `twice` MiB of addresses, and it may take half of that.
+fn run_within(desk: &Desk, mib: u64, words: &str) -> Output {
+    let script = format!("ulimit -v {}; exec \"$@\" --max-memory {mib}M", 2 * mib * 1024);
+    Command::new("sh")
+        .args(["-c", &script, "sh"])
+        .arg(assert_cmd::cargo::cargo_bin("lodsmith"))
+        .args(words.split_whitespace())
+        .current_dir(desk.folder.path())
+        .env_remove("RUST_BACKTRACE")
+        .output()
+        .expect("there is a shell")
+}
+
+/// Checks how it ended; whether it did its work.
+fn is_done(output: &Output, what: &str) -> bool {
+    let told = String::from_utf8_lossy(&output.stderr);
+    match output.status.code() {
+        Some(0) => true,
+        Some(1) => {
+            let errors: Vec<&str> = told.lines().filter(|line| line.contains("error: ")).collect();
+            assert_eq!(errors.len(), 1, "{what}: {told}");
+            assert!(errors[0].contains("--max-memory"), "{what}: {told}");
+            false
+        }
+        other => panic!("{what}: {other:?}, {:?}: {told}", output.status),
+    }
+}
+
+/// Models of about `faces` faces in several formats.
+fn models(desk: &Desk, faces: usize) {
+    desk.put("a.ply", &hills(((faces / 2) as f64).sqrt() as usize));
+    for name in ["a.obj", "a.stl", "a.glb", "a.off"] {
+        desk.run(&format!("convert a.ply {name}")).with_status(0);
+    }
+    desk.run("progressive build a.ply -o a.lpm --ratio 0.5").with_status(0);
+}
+
+const COMMANDS: [&str; 22] = [
+    "info a.ply",
+    "info a.obj",
+    "info a.stl",
+    "info a.off",
+    "info a.lpm",
+    "convert a.glb out.glb",
+    "convert a.glb out.ply",
+    "convert a.obj out.stl",
+    "convert a.ply out.glb",
+    "clean a.obj -o out.obj",
+    "clean a.glb -o out.glb",
+    "simplify a.ply -o out.ply --ratio 0.5",
+    "simplify a.glb -o out.glb --ratio 0.5",
+    "simplify a.ply -o out.ply --ratio 0.5 --method quadric",
+    "simplify a.ply -o out.ply --ratio 0.5 --method cluster",
+    "simplify a.ply -o out.ply --method planar",
+    "simplify a.obj a.stl a.off -O many --ratio 0.5 --name {stem}_{ext}.ply",
+    "lod a.ply -o out.glb --levels 0.5,0.25",
+    "compare a.ply a.obj",
+    "progressive build a.ply -o out.lpm --ratio 0.5",
+    "progressive extract a.lpm -o out.ply",
+    "render a.ply -o out.png --size 2000x1600",
+];
+
+/// Runs every command within each limit; how many did their work, of how many.
+fn run_all(desk: &Desk, commands: &[&str], limits: &[u64]) -> (usize, usize) {
+    let mut done = 0;
+    for &mib in limits {
+        for words in commands {
+            done += usize::from(is_done(&run_within(desk, mib, words), &format!("{mib} MiB: {words}")));
+        }
+    }
+    (done, commands.len() * limits.len())
+}
+
+#[test]
+fn no_run_under_a_limit_is_aborted() {
+    let desk = Desk::new();
+    // All 110 runs by hand: LODSMITH_ALL_RUNS=1 cargo test -p lodsmith-cli --test memory
+    let is_all = std::env::var_os("LODSMITH_ALL_RUNS").is_some();
+    models(&desk, if is_all { 200_000 } else { 10_000 });
+    let few: Vec<&str> = COMMANDS.iter().copied().skip(1).step_by(2).collect();
+    let (done, all) = match is_all {
+        true => run_all(&desk, &COMMANDS, &[32, 48, 64, 96, 128]),
+        false => run_all(&desk, &few, &[32, 40]),
+    };
+    // Limits that all keep, or none, would show nothing.
+    assert!(done > 0 && done < all, "{done} of {all}");
+}
+
+#[test]
+fn a_step_that_takes_too_much_says_so() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(200));
+    for (words, step) in [
+        ("simplify a.ply -o out.ply --ratio 0.5 --method planar", "simplify"),
+        ("simplify a.ply -o out.ply --method remesh --edge-length 0.001", "simplify"),
+        ("simplify a.ply -o out.ply --method remesh --voxel 0.001", "simplify"),
+        ("lod a.ply -o out.glb --levels 0.5", "lod"),
+        ("progressive build a.ply -o out.lpm", "progressive build"),
+        ("compare a.ply a.ply --samples 5000000", "compare"),
+        ("methods a.ply --ratio 0.5", "methods"),
+        ("render a.ply -o out.png --size 4000x4000", "render"),
+    ] {
+        let ran = desk.run(&format!("{words} --max-memory 32M")).with_status(1).with_one_error();
+        assert!(ran.stderr.contains(&format!("{step} would take about ")), "{words}: {}", ran.stderr);
+        assert!(
+            ran.stderr.contains("above the limit of 32.00 MiB (--max-memory)"),
+            "{words}: {}",
+            ran.stderr
+        );
+    }
+    assert_eq!(desk.names("."), ["a.ply"]);
+    desk.run("info a.ply --max-memory 12").with_status(2);
+    desk.run("info a.ply --max-memory 1G").with_status(0);
+}
+
+#[test]
+fn a_process_that_takes_more_than_was_computed_is_ended() {
+    let desk = Desk::new();
+    // A closed surface has half as many vertices as faces; here no two faces share one.
+    let facets = 400_000u32;
+    let mut stl = vec![0; 80];
+    stl.extend(facets.to_le_bytes());
+    for i in 0..facets {
+        stl.extend([0; 12]);
+        for [x, y] in [[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]] {
+            stl.extend([i as f32 + x, y, 0.0].into_iter().flat_map(f32::to_le_bytes));
+        }
+        stl.extend([0; 2]);
+    }
+    fs::write(desk.path("soup.stl"), stl).expect("there is room for a file");
+    let ran = desk.run("convert soup.stl out.ply --max-memory 40M").with_status(1).with_one_error();
+    assert!(ran.stderr.contains("this takes more memory than the limit of 40.00 MiB"), "{}", ran.stderr);
+    assert_eq!(desk.names("."), ["soup.stl"]);
+    desk.run("convert soup.stl out.ply --max-memory 400M").with_status(0);
+}

@@ -1,0 +1,74 @@
+//! Copies of an engine under way, for a search that runs to several counts from one start.
+//!
+//! ```text
+//! start o--------+-----------+- - x      a run to some count; copies are kept before the count has a say in its sweeps
+//!                 \           \
+//!                  o- - x      o- - x    runs to lighter counts go on from the last copy that is heavy enough
+//! ```
+//!
+//! A run that goes on from a copy ends with the same mesh as one from the start, so what a level is does not depend on the
+//! levels that were looked at before.
+
+use std::rc::Rc;
+
+use super::start::COPY_UP_TO;
+use super::trunk::{Root, Trunk};
+use crate::collapse::{Engine, Goal, Sweeps};
+use crate::metric::Metric;
+
+/// Copies at one time: the start, and two on the way.
+const MOST: usize = 3;
+
+struct EngineCopy<M: Metric> {
+    engine: Engine<M>,
+    sweeps: Sweeps,
+    /// The faces of the goal that sweeps were under way to.
+    faces: usize,
+}
+
+/// What a search keeps from one run to the next; nothing, where there is but one run.
+pub(super) struct Copies<M: Metric> {
+    is_wanted: bool,
+    /// The heaviest first.
+    all: Vec<EngineCopy<M>>,
+    root: Option<Rc<Root>>,
+}
+
+impl<M: Metric> Copies<M> {
+    pub(super) const fn none() -> Self {
+        Self { is_wanted: false, all: Vec::new(), root: None }
+    }
+
+    pub(super) const fn of_search() -> Self {
+        Self { is_wanted: true, all: Vec::new(), root: None }
+    }
+
+    pub(super) const fn is_wanted(&self) -> bool {
+        self.is_wanted
+    }
+
+    /// The lightest copy from which a run can go on to a goal. Lighter ones are dropped.
+    pub(super) fn before(&mut self, goal: &Goal) -> Option<(Trunk<M>, Sweeps)> {
+        let faces = goal.faces.unwrap_or(0);
+        self.all.retain(|kept| kept.faces >= faces);
+        let (kept, root) = self.all.last().zip(self.root.as_ref())?;
+        let mut engine = kept.engine.branch();
+        let mut sweeps = kept.sweeps.clone();
+        engine.go_on_to(&mut sweeps, goal, None);
+        Some((Trunk { engine, root: Rc::clone(root), sweeps: None }, sweeps))
+    }
+
+    /// Keeps a copy of an engine on its way to a goal of so many faces; a copy of the start is of use for all goals.
+    pub(super) fn keep(&mut self, trunk: &Trunk<M>, sweeps: &Sweeps, faces: usize) {
+        // Runs to few faces look back at the input from a certain count on, and may be copied before.
+        if !self.is_wanted || trunk.engine.store.live_faces > COPY_UP_TO || trunk.engine.is_near_late_phase()
+        {
+            return;
+        }
+        if self.all.len() == MOST {
+            self.all.remove(1);
+        }
+        self.root = Some(Rc::clone(&trunk.root));
+        self.all.push(EngineCopy { engine: trunk.engine.branch(), sweeps: sweeps.clone(), faces });
+    }
+}
