@@ -134,7 +134,7 @@ pub struct ErrorReport {
     /// [`Measure::Always`](crate::Measure::Always) asks for all.
     pub measured: Option<Comparison>,
     /// No point lies farther away: proven, for the ways that [`SimplifyOptions::bound`](crate::SimplifyOptions) promises;
-    /// `None` where it promises nothing. At most 1 % above the largest distance seen, 10 % where the stop has an error, unless
+    /// `None` where it promises nothing. At most 1 % above the largest distance seen, 25 % where the stop has an error, unless
     /// that took too much work.
     pub bound: Option<f64>,
     /// Diagonal of the input's bounding box.
