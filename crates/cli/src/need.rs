@@ -66,10 +66,15 @@ fn face_of(options: &SimplifyOptions) -> [u64; 2] {
         // One that is not known here takes no more than the hungriest that is.
         _ => [560, 560],
     };
-    let is_measured = options.measure == Measure::Always
-        || options.stop.error.is_some()
-        || matches!(options.bound, Bound::OneSided | Bound::TwoSided);
-    own.map(|n| n + if is_measured { 110 } else { 0 })
+    let is_measured =
+        options.measure == Measure::Always || matches!(options.bound, Bound::OneSided | Bound::TwoSided);
+    // A search holds copies of the engine and some results, and proves distances.
+    let more = match options.stop.error {
+        Some(_) => [790, 660],
+        None if is_measured => [110, 110],
+        None => [0, 0],
+    };
+    std::array::from_fn(|i| own[i] + more[i])
 }
 
 /// What is made anew: cells of a voxel grid, and faces of a given edge length.

@@ -130,10 +130,11 @@ pub struct Cleanup {
 pub struct ErrorReport {
     /// The engine's own figure for the RMS distance.
     pub estimate: f64,
-    /// Measured both ways, where asked: what samples saw.
+    /// Measured both ways, where asked: what samples saw. After a stop by an error it is by a quarter of the usual samples, unless
+    /// [`Measure::Always`](crate::Measure::Always) asks for all.
     pub measured: Option<Comparison>,
     /// No point lies farther away: proven, for the ways that [`SimplifyOptions::bound`](crate::SimplifyOptions) promises;
-    /// `None` where it promises nothing. At most 1 % above the largest distance seen, 10 % where the stop has an error, unless
+    /// `None` where it promises nothing. At most 1 % above the largest distance seen, 25 % where the stop has an error, unless
     /// that took too much work.
     pub bound: Option<f64>,
     /// Diagonal of the input's bounding box.

@@ -98,6 +98,31 @@ fn work_on_a_fan_grows_with_its_spokes_and_not_faster() {
     }
 }
 
+/// Two vertices with so many faces each, over a rim that is rough: a closed surface.
+fn spindle(n: u32) -> TriMesh {
+    let rough = |i: u32| f64::from(i.wrapping_mul(2_654_435_761) >> 8) / f64::from(1u32 << 24);
+    let rim = (0..n).map(|i| {
+        let [x, y, _] = on_circle(i, n, 0.0);
+        let r = 1.0 + 0.3 * rough(2 * i);
+        [x * r, y * r, 0.2 * rough(2 * i + 1)]
+    });
+    let points = [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]].into_iter().chain(rim).collect();
+    let faces = |i: u32| [[0, 2 + i, 2 + (i + 1) % n], [1, 2 + (i + 1) % n, 2 + i]];
+    mesh(points, &(0..n).flat_map(faces).collect::<Vec<_>>())
+}
+
+/// Each look for a neck at the tips took the square of their faces, for each neighbour that they have in common.
+#[test]
+fn work_on_a_spindle_grows_with_its_spokes_and_not_faster() {
+    for method in JUDGED_BY_STARS.into_iter().chain([Method::Memoryless, Method::Quadric]) {
+        for n in [1_000, 5_000] {
+            let report = report(&spindle(n), method, 0.01);
+            // (One look alone was as many as the square of the spokes, three times.)
+            assert!(report.faces_visited < 1 << 28, "{method:?}: {}", report.faces_visited);
+        }
+    }
+}
+
 #[test]
 fn levels_of_clusters_of_a_book_end() {
     let built = cluster_lod(&book(1000), &ClusterLodOptions::default(), &mut NoControl).unwrap();

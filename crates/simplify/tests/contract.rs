@@ -452,7 +452,9 @@ fn the_measured_error_stays_within_the_stop() {
                 all.check(&case, done.report.reached, "the error is kept, and yet not reached");
                 // The measure is not the engine's word: it is taken again here.
                 let mut compared = CompareOptions::default();
-                compared.seed = 3;
+                let samples = done.report.error.measured.as_ref().map(|m| m.samples);
+                (compared.seed, compared.samples) = (3, samples.unwrap_or(compared.samples));
+                all.check(&case, compared.samples >= 50_000, "few samples");
                 let again = compare(&mesh.surface(), &done.mesh.surface(), &compared).ok();
                 all.check(&case, again == done.report.error.measured, "the report tells another measure");
             }

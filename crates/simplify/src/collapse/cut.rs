@@ -40,6 +40,9 @@ pub(crate) fn may_cut(options: &SimplifyOptions) -> bool {
 /// Share of the collapses that the link condition has to refuse, from which a run that cuts necks is tried as well. (Measured: at
 /// most .02 on scans at 50, 10 and 1 %; .6 and 1.4 on parts with many small holes at 10 %, where cuts bring a quarter and more.)
 const REFUSED: f64 = 0.5;
+/// Faces round a vertex above which no neck is looked for at it: that takes their square for each neighbour in common.
+/// (Guessed: in ordinary meshes hardly any vertex has a third of it.)
+const MOST_FACES: usize = 96;
 /// Faces of the input for each of its parts, from which this is asked: small parts have no handles, but their last faces are
 /// refused by the link condition, too. (Guessed.)
 const FACES_OF_A_PART: usize = 100;
@@ -122,7 +125,8 @@ impl<M: Metric> Engine<M> {
     /// three faces left at each end of each side.
     #[inline(never)]
     pub(crate) fn neck(&mut self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Option<Neck> {
-        if !self.cuts_necks {
+        let has_few = |ring: &Ring| ring.len() <= MOST_FACES;
+        if !self.cuts_necks || !has_few(ru) || !has_few(rv) {
             return None;
         }
         let is_plain = |engine: &Self, w: VertexId| {
@@ -141,6 +145,11 @@ impl<M: Metric> Engine<M> {
                 continue;
             }
             self.store.ring(w, &mut rw);
+            if !has_few(&rw) {
+                continue;
+            }
+            self.faces_visited +=
+                [ru, rv, &rw].map(|ring| (ring.len() * ring.len()) as u64).iter().sum::<u64>();
             let neck = Neck::new(w, u, v, [ru, rv, &rw]);
             if let Some(neck) = neck.filter(|n| n.is_sound(&common, ru, rv)) {
                 return Some(neck);
