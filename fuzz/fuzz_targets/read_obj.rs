@@ -1,6 +1,4 @@
 //! Bytes of a stranger as OBJ: a mesh or an error, never a panic, and what is read can be written.
 #![no_main]
 
-mod reading;
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| reading::check(bytes, lodsmith_io::Format::Obj));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| lodsmith_fuzz::reading::check(bytes, lodsmith_io::Format::Obj));

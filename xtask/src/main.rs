@@ -7,6 +7,7 @@ mod faults;
 mod look;
 mod pictures;
 mod sample;
+mod seeds;
 mod tidy;
 mod walk;
 
@@ -26,6 +27,7 @@ cargo xtask tidy                                           the rules of the hous
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
 cargo xtask look [[TITLE=]FILE...]                         how much of the look is kept at 50 to 1 %, as a table
 cargo xtask walk [MODEL...] [--preset NAME]...             lighter and lighter, with every preset: fails where a heavier result is farther off
+cargo xtask seeds [--binary FILE]                          what fuzz targets begin with, into fuzz/corpus
 cargo xtask sample                                         makes the sample model of the README
 cargo xtask pictures [finial|shadings|lod|methods|METHOD...]   draws the pictures of the README and of the pages
 ";
@@ -42,6 +44,7 @@ fn main() -> ExitCode {
         "walk" => walk::run(rest),
         "tidy" => tidy::run(),
         "goldens" => goldens(rest),
+        "seeds" => seeds::run(rest),
         "sample" => write_sample(),
         "pictures" => pictures::run(rest),
         "help" | "--help" | "-h" => {

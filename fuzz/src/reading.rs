@@ -1,12 +1,11 @@
-//! What is held of every reader.
+//! What is held of every reader, and of every writer behind it.
 
 use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Limits, ReadOptions, WriteOptions, read_bytes, write_to};
 
-/// Reads the bytes as a format. Whatever is read is a mesh by its own constructors; it must be no larger than bytes can
-/// make it, and go through the writer and the reader again with as many faces.
-pub fn check(bytes: &[u8], format: Format) {
+/// How strangers' bytes are read here.
+pub fn options(format: Format) -> ReadOptions {
     let mut options = ReadOptions::default();
     options.format = Some(format);
     let mut limits = Limits::default();
@@ -14,6 +13,13 @@ pub fn check(bytes: &[u8], format: Format) {
     limits.bytes = 16 << 20;
     limits.pixels = 1 << 20;
     options.limits = limits;
+    options
+}
+
+/// Reads the bytes as a format. Whatever is read is a mesh by its own constructors; it must be no larger than bytes can
+/// make it, and go through the writer of this format and that of PLY, and the reader again, with as many faces.
+pub fn check(bytes: &[u8], format: Format) {
+    let options = options(format);
     // Four bytes name a face at the least, in a strip one byte does. A glTF scene may place one mesh many times.
     let most = bytes.len().saturating_mul(2);
     if matches!(format, Format::Gltf | Format::Glb)
@@ -30,21 +36,23 @@ pub fn check(bytes: &[u8], format: Format) {
         }
     }
     let Ok(loaded) = read_bytes(bytes, &options) else { return };
+    let faces = loaded.mesh.face_count();
     if !matches!(format, Format::Gltf | Format::Glb) && !bytes.starts_with(&[0x1f, 0x8b]) {
-        assert!(
-            loaded.mesh.face_count() <= most,
-            "{} faces of {} bytes",
-            loaded.mesh.face_count(),
-            bytes.len()
-        );
+        assert!(faces <= most, "{faces} faces of {} bytes", bytes.len());
     }
-    if loaded.mesh.face_count() == 0 || loaded.mesh.face_count() > 100_000 {
+    if faces == 0 || faces > 100_000 {
         return;
     }
-    let mut out = Vec::new();
-    write_to(&loaded.mesh, Format::Ply, &WriteOptions::default(), &mut out).expect("memory takes all bytes");
-    let mut again = ReadOptions::default();
-    again.format = Some(Format::Ply);
-    let back = read_bytes(&out, &again).expect("what we write, we read");
-    assert_eq!(back.mesh.face_count(), loaded.mesh.face_count());
+    for format in [Format::Ply, format] {
+        let mut out = Vec::new();
+        // A format may say that it cannot hold the mesh.
+        if write_to(&loaded.mesh, format, &WriteOptions::default(), &mut out).is_err() {
+            assert!(format != Format::Ply, "PLY holds every mesh");
+            continue;
+        }
+        let mut again = ReadOptions::default();
+        again.format = Some(format);
+        let back = read_bytes(&out, &again).expect("what we write, we read");
+        assert_eq!(back.mesh.face_count(), faces, "through {format:?}");
+    }
 }

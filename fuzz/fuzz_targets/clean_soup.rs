@@ -1,0 +1,31 @@
+//! A small soup of triangles by chance, cleaned: it ends, and what comes out has nothing left of what goes in any case;
+//! cleaned again it stays as it is.
+#![no_main]
+
+use lodsmith::{CleanOptions, Length, NoControl, NonManifold, clean};
+use lodsmith_fuzz::soup::{self, Bytes};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let mut bytes = Bytes(bytes);
+    let mesh = soup::mesh(&mut bytes);
+    let mut options = CleanOptions::default();
+    options.non_manifold = bytes.one_of(&[NonManifold::Keep, NonManifold::Cut, NonManifold::Merge]);
+    options.weld = bytes.one_of(&[None, None, Some(Length::OfDiagonal(0.05))]);
+    options.prune = bytes.one_of(&[None, None, Some(Length::OfDiagonal(0.2))]);
+    let Ok(cleaned) = clean(&mesh, &options, &mut NoControl) else { return };
+    let (out, report) = (&cleaned.mesh, &cleaned.report);
+    assert_eq!((report.faces, report.vertices), (out.face_count(), out.vertex_count()));
+    assert!(out.face_count() <= mesh.face_count(), "more faces than before");
+    assert!(out.positions().view().iter().flatten().all(f64::is_finite), "a coordinate that is no number");
+    for t in out.surface().triangles() {
+        assert!(t[0] != t[1] && t[1] != t[2] && t[2] != t[0], "a face names a vertex twice");
+    }
+    if options.non_manifold == NonManifold::Cut {
+        assert_eq!((report.left.non_manifold_edges, report.left.non_manifold_vertices), (0, 0));
+    }
+    // Parts may fall below the size only when faces between them have gone, and welds bring others near.
+    if options.weld.is_none() && options.prune.is_none() {
+        let again = clean(out, &options, &mut NoControl).expect("it has faces").report;
+        assert_eq!((again.non_finite_faces, again.degenerate_faces, again.duplicate_faces), (0, 0, 0));
+    }
+});

@@ -1,0 +1,44 @@
+//! A small soup as a progressive mesh, walked up and down by a script: every level is a mesh, the full one is the input
+//! to the last bit, and a file of it gives the same.
+#![no_main]
+
+use lodsmith::{NoControl, Progressive, Stop};
+use lodsmith_core::Topology;
+use lodsmith_fuzz::soup::{self, Bytes};
+use lodsmith_io::{LpmOptions, ReadOptions, lpm};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let mut bytes = Bytes(bytes);
+    let mesh = soup::mesh(&mut bytes);
+    let mut options = soup::options(&mut bytes, &mesh);
+    if bytes.next() % 2 == 0 {
+        options.stop = Stop { faces: None, vertices: None, ratio: None, error: None };
+    }
+    let Ok(mut road) = Progressive::build(&mesh, &options, &mut NoControl) else { return };
+    let same = |other: &lodsmith_core::TriMesh| format!("{other:?}") == format!("{mesh:?}");
+    assert!(same(&road.mesh().expect("the full level is a mesh")), "the full level is not the input");
+    for _ in 0..16 {
+        let amount = usize::from(bytes.next());
+        match bytes.next() % 5 {
+            0 => drop(road.to_faces(amount)),
+            1 => drop(road.to_vertices(amount)),
+            2 => drop(road.to_level(amount.min(road.top()))),
+            3 => drop(road.refine(amount)),
+            _ => drop(road.coarsen(amount)),
+        }
+        assert!(road.level() <= road.top());
+        let level = road.mesh().expect("each level is a mesh");
+        assert_eq!(level.face_count(), road.face_count());
+        Topology::unwelded(&level.surface()).check();
+        road.fitted_mesh().expect("with its fit too");
+    }
+    road.to_level(road.top());
+    assert!(same(&road.mesh().expect("a mesh")), "the way back does not lead to the input");
+
+    let mut file = Vec::new();
+    if lpm::write(road.splits(), None, &LpmOptions::default(), &mut file).is_ok() {
+        let back = lpm::read(&file[..], &ReadOptions::default()).expect("what we write, we read");
+        let back = Progressive::new(back.splits).mesh().expect("a mesh");
+        assert!(same(&back), "the file does not hold the input");
+    }
+});
