@@ -82,7 +82,7 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// How a command that reads files runs; `None` for the others.
+    /// The options of a run (threads, limits, what is printed), which commands that read files have; `None` for the others.
     pub(crate) fn run(&self) -> Option<&Run> {
         Some(match self {
             Self::Simplify(args) => &args.run,

@@ -138,8 +138,8 @@ pub(crate) fn end_with(error: &str) -> ! {
     std::process::exit(Status::Failed as i32);
 }
 
-/// Where the system refuses memory in the middle of some work, Rust says so in one line and aborts; this makes of the abort
-/// an end with status 1, without a core dump. What was being written is left behind as after SIGKILL.
+/// Turns an abort into an exit with status 1, without a core dump: Rust aborts, after one line, where the system refuses it
+/// memory. A file that is being written is left behind as after SIGKILL.
 pub(crate) fn end_quietly_on_abort() {
     #[cfg(unix)]
     {

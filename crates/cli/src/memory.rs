@@ -1,7 +1,7 @@
-//! How much memory the process may take: what was typed or a share of what there is, and what happens where that is not enough.
+//! The limit on the memory of the process: `--max-memory`, or a share of what the machine has.
 //!
-//! What a step takes is computed before it begins, from counts ([`check`]), and refused in one line if it is too much. Behind
-//! that stands a thread which looks at what the process really holds ([`watch`]): counts cannot tell all.
+//! [`check`] refuses a step before it begins if its need, computed from counts, is above the limit. Counts cannot tell all, so
+//! a thread compares the memory that the process really holds with the limit as well ([`watch`]).
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -14,11 +14,11 @@ use crate::exit;
 
 /// Share of what there is that the process takes: the rest is for the system, and for what counts do not tell.
 const SHARE: f64 = 0.75;
-/// What there is taken to be where nothing tells (all systems but Linux): an ordinary machine of today.
+/// Memory that a machine is assumed to have where the system does not say (anywhere but on Linux). (Guessed.)
 const UNKNOWN: u64 = 16 << 30;
 /// The least limit: the program with its threads takes up to half of that without any model.
 pub(crate) const LEAST: u64 = 32 << 20;
-/// What the process takes beside the models.
+/// Bytes of the program itself, without any model.
 const PROGRAM: u64 = 8 << 20;
 
 /// Bytes that the process may take.
@@ -79,7 +79,7 @@ fn watch(limit: u64) {
     }
 }
 
-/// What readers may take.
+/// The limits of readers, that on memory included.
 pub(crate) fn limits() -> Limits {
     let mut limits = Limits::default();
     limits.memory = limit();

@@ -1,5 +1,5 @@
-//! What each step takes of memory at its peak, from counts, what was read included. Figures are bytes, measured:
-//! docs/decisions/0022.
+//! Bytes of memory that each step needs at its peak, computed from counts; the meshes that were read are included. The figures
+//! were measured: docs/decisions/0022.
 
 use lodsmith::core::measure::CompareOptions;
 use lodsmith::core::topology::size_of;
@@ -77,7 +77,7 @@ fn face_of(options: &SimplifyOptions) -> [u64; 2] {
     std::array::from_fn(|i| own[i] + more[i])
 }
 
-/// What is made anew: cells of a voxel grid, and faces of a given edge length.
+/// Bytes of what a remesh makes: the cells of a voxel grid, and faces of a given edge length.
 fn made_anew(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
     let of = &options.of_method;
     if options.method != Method::Remesh || (of.voxel.is_none() && of.edge_length.is_none()) {
@@ -97,7 +97,7 @@ pub(crate) fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
     Size::of(mesh).at(face_of(options), VALUE).saturating_add(made_anew(mesh, options))
 }
 
-/// The same for the meshes of a scene, which are joined for it; the buffers of the file stay.
+/// Making the meshes of a scene lighter: they are joined for it, and the buffers of the file stay in memory.
 pub(crate) fn simplify_scene(meshes: &[SceneMesh], buffers: u64, options: &SimplifyOptions) -> u64 {
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
     size.at(face_of(options).map(|n| n + 60), VALUE).saturating_add(buffers)
@@ -145,7 +145,7 @@ pub(crate) fn extract(splits: &Splits) -> u64 {
     faces.saturating_mul(215).saturating_add((splits.values.len() as u64).saturating_mul(8))
 }
 
-/// What distances of vertices add: trees of triangles.
+/// The trees of triangles that distances of vertices need beside the meshes.
 pub(crate) fn distances(size: Size) -> u64 {
     size.faces.saturating_mul(110)
 }

@@ -1,4 +1,4 @@
-//! How much memory work takes, computed before it begins, and refused where it is too much.
+//! The check of a step's need of memory against a limit, before the step begins.
 //!
 //! What a step takes is a sum of counts times bytes, measured (docs/decisions/0022). It is the peak of the process during the
 //! step, meshes that stay in memory meanwhile included.

@@ -17,6 +17,13 @@ pub(crate) struct Ran {
 }
 
 impl Ran {
+    fn of(output: std::process::Output) -> Self {
+        Self {
+            status: output.status.code().expect("it ends by itself"),
+            stdout: output.stdout,
+            stderr: String::from_utf8(output.stderr).expect("errors are text"),
+        }
+    }
     pub(crate) fn text(&self) -> &str {
         std::str::from_utf8(&self.stdout).expect("standard output is text")
     }
@@ -57,28 +64,27 @@ impl Desk {
         self.run_with(words, Vec::new())
     }
     pub(crate) fn run_with(&self, words: &str, stdin: impl Into<Vec<u8>>) -> Ran {
-        let output = Command::cargo_bin("lodsmith")
+        let command = Command::cargo_bin("lodsmith")
             .expect("the command is built")
             .args(words.split_whitespace())
             .current_dir(self.folder.path())
             .env_remove("RUST_BACKTRACE")
             .write_stdin(stdin)
-            .output()
-            .expect("it runs");
-        Ran {
-            status: output.status.code().expect("it ends by itself"),
-            stdout: output.stdout,
-            stderr: String::from_utf8(output.stderr).expect("errors are text"),
-        }
+            .output();
+        Ran::of(command.expect("it runs"))
     }
     /// Starts the command and leaves it running. Standard input stays open until it is taken and dropped.
     pub(crate) fn start(&self, words: &str) -> std::process::Child {
+        self.start_into(words, std::process::Stdio::piped())
+    }
+    fn start_into(&self, words: &str, stdout: std::process::Stdio) -> std::process::Child {
         use std::process::Stdio;
         std::process::Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
             .args(words.split_whitespace())
             .current_dir(self.folder.path())
+            .env_remove("RUST_BACKTRACE")
             .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
+            .stdout(stdout)
             .stderr(Stdio::piped())
             .spawn()
             .expect("it runs")
@@ -93,18 +99,7 @@ impl Desk {
     #[cfg(target_os = "linux")]
     pub(crate) fn run_into_full_device(&self, words: &str) -> Ran {
         let device = fs::File::options().write(true).open("/dev/full").expect("Linux has it");
-        let output = std::process::Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
-            .args(words.split_whitespace())
-            .current_dir(self.folder.path())
-            .env_remove("RUST_BACKTRACE")
-            .stdout(device)
-            .output()
-            .expect("it runs");
-        Ran {
-            status: output.status.code().expect("it ends by itself"),
-            stdout: output.stdout,
-            stderr: String::from_utf8(output.stderr).expect("errors are text"),
-        }
+        Ran::of(self.start_into(words, device.into()).wait_with_output().expect("it ends"))
     }
     pub(crate) fn names(&self, folder: &str) -> Vec<String> {
         let entries = fs::read_dir(self.path(folder)).expect("the folder is there");
