@@ -3,7 +3,7 @@
 //! ```text
 //! order the input along a Morton curve                     (order)
 //! give each vertex its tensor and its kind                 (kind, metric)
-//! loop                                                     (this file)
+//! loop                                                     (sweeps, this file)
 //!     tau = a quantile of the bounds                       (bound)
 //!     contract pairs that cost at most tau, where wanted   (pairs, near, bundle)
 //!     for each vertex u with bound[u] <= tau, in order
@@ -46,15 +46,15 @@ mod seams;
 mod star;
 pub(crate) mod store;
 mod stuck;
+mod sweeps;
 mod wedges;
 mod wings;
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
 use prefetch_index::prefetch_index;
-use wide::{f32x4, f32x8};
+use wide::f32x4;
 
-use crate::control::{Control, Verdict};
 use crate::guard::Rules;
 use crate::lanes::{self, cross, dot, sub};
 use crate::metric::{Around, Judge, Metric};
@@ -62,7 +62,6 @@ use crate::options::Placement;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 use attributes::{Attributes, Member};
-use bound::Histogram;
 use check::Checks;
 pub(crate) use commit::TIE;
 use commit::{Candidate, Outcome};
@@ -76,36 +75,16 @@ use parts::Parts;
 use record::Record;
 use seams::{Edge, Looseness};
 use store::{Ends, Normals, Ring, Store, Vertex};
+pub(crate) use sweeps::{Pause, Sweeps};
 pub(crate) use wedges::Wedges;
 use wings::Wings;
 
-/// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 fewer sweeps: docs/decisions/0002.)
-const QUANTILE: f64 = 0.7;
-/// Share of what is left that the last sweeps take, at most.
-const LAST_SHARE: f64 = 0.85;
-/// How much more than was foreseen a sweep may take, where it must not meet a goal. (Guessed.)
-const AHEAD: f64 = 1.2;
-/// The same for copies of which no more is asked than that the goal has had no say yet.
-const JUST_AHEAD: f64 = 1.01;
 /// The bound of a vertex that was not looked at yet: below every threshold.
 const UNKNOWN: f32 = 0.0;
-/// Sweeps in vain before everything that is possible at all is looked for.
-const PATIENCE: usize = 4;
-/// No run needs nearly as many sweeps; a guard against our own mistakes.
-const MOST_SWEEPS: usize = 4000;
-/// Vertices looked at for the first threshold, at most. (Some hundred hold a quantile within two percent.)
-const FIRST_LOOK: usize = 512;
-/// The same where attributes count, and a look takes longer. (A twentieth of the time of a run less; RMS within a percent.)
-const FIRST_LOOK_AT_WEDGES: usize = 128;
-/// Of a mesh of more, one in so many is enough, but no fewer than `FEWEST_LOOKS`: it is only the first of many thresholds.
-const LOOK_SHARE: usize = 24;
-const FEWEST_LOOKS: usize = 128;
 /// Vertices from which it pays to ask the memory for those ahead: fewer fit into the caches. (Measured.)
 const BRINGS_FROM: usize = 32_768;
 /// How many times four faces ahead their vertices are asked for, where all are walked. (Guessed.)
 const FOURS_AHEAD: usize = 4;
-/// Vertices between two questions to the caller.
-const ASK_EVERY: usize = 4096;
 
 /// When the engine stops: at this many faces or vertices, whichever is met first; `None` is never.
 #[derive(Clone, Copy, Debug, Default)]
@@ -466,32 +445,6 @@ impl<M: Metric> Engine<M> {
         self.refusals[why as usize] += 1;
     }
 
-    /// The bounds of some vertices spread over the mesh, for the first threshold: the exact cost of the edge that looks
-    /// cheapest, because an evaluation cannot tell flat from nearly flat. Of a small mesh, all.
-    fn first_bounds(&mut self, scratch: &mut Scratch) -> Vec<f32> {
-        let most = if self.counts_attributes() { FIRST_LOOK_AT_WEDGES } else { FIRST_LOOK };
-        let count = self.store.v.len();
-        let looks = if count <= most { most } else { (count / LOOK_SHARE).clamp(FEWEST_LOOKS, most) };
-        let step = count.div_ceil(looks).max(1);
-        let mut bounds = Vec::with_capacity(looks);
-        for u in (0..count).step_by(step).map(|i| VertexId(i as u32)) {
-            self.evaluate_at_any_cost(u, scratch);
-            let Scratch { ru, rv, found, .. } = &mut *scratch;
-            let best = found.take_cheapest();
-            bounds.push(best.map_or(f32::INFINITY, |best| {
-                if !self.crowds.admit(ru.len() + self.store.listed(best.removed).len()) {
-                    return best.cost;
-                }
-                self.store.ring(best.removed, rv);
-                match self.collapse(u, &best, f32::MAX, true, ru, rv) {
-                    Outcome::Later(cost) => cost,
-                    Outcome::Done | Outcome::Refused(_) => f32::INFINITY,
-                }
-            }));
-        }
-        bounds
-    }
-
     /// Evaluates all edges that `u` owns; leaves its ring.
     #[inline(never)]
     fn evaluate_at_any_cost(&mut self, u: VertexId, scratch: &mut Scratch) {
@@ -500,22 +453,6 @@ impl<M: Metric> Engine<M> {
         self.store.list_owned(u, ru, owned);
         found.clear();
         self.evaluate_owned(u, owned, ru, members, f32::INFINITY, found);
-    }
-
-    /// The threshold of the next sweep from the bounds, which may be those of some vertices only.
-    fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
-        let quantile = match () {
-            () if self.record.is_some() => record::QUANTILE,
-            () if self.late.is_some() && !self.counts_attributes() => late::QUANTILE,
-            () => QUANTILE,
-        };
-        let mut want = histogram.known() as f64 * quantile;
-        if let Some(needed) = self.needed(goal) {
-            // The last sweeps take only most of what is left, so that the cheapest go.
-            let share = looked_at as f64 / self.store.v.len().max(1) as f64;
-            want = want.min(needed as f64 * LAST_SHARE * share);
-        }
-        histogram.threshold((want as usize).max(1))
     }
 
     /// Evaluates the edges that u owns, collapses the cheapest that costs at most tau and can, renews `bound[u]`.
@@ -616,269 +553,6 @@ impl<M: Metric> Engine<M> {
         (other.cost <= tau).then_some(other)
     }
 
-    /// Collapses still to be done for the goal; `None` if there is no end to it.
-    fn needed(&self, goal: &Goal) -> Option<usize> {
-        let faces = goal.faces.map(|n| self.store.live_faces.saturating_sub(n).div_ceil(2));
-        let vertices = goal.vertices.map(|n| self.store.live_vertices.saturating_sub(n));
-        match (faces, vertices) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
-        }
-    }
-
-    /// How much of a run is done, from 0 to 1: of the collapses that it began with, or without a goal of the faces.
-    fn done(&self, goal: &Goal, begun_with: usize, start_faces: usize) -> f64 {
-        let done = match self.needed(goal) {
-            Some(n) => 1.0 - n as f64 / begun_with as f64,
-            None => 1.0 - self.store.live_faces as f64 / start_faces.max(1) as f64,
-        };
-        done.clamp(0.0, 1.0)
-    }
-
-    /// Sweeps until the goal is met, nothing can go any more, or the caller ends it. The store is finished afterwards.
-    /// May be called again with a lower goal, after [`Engine::reopen`].
-    pub(crate) fn sweep(&mut self, goal: &Goal, original: &dyn Original, control: &mut dyn Control) -> End {
-        let mut sweeps = self.begin_sweeps(goal);
-        let end = self.go_on(&mut sweeps, goal, Pause::Never, original, control).unwrap_or(End::Stuck);
-        if end != End::Cancel {
-            self.store.finish();
-        }
-        end
-    }
-
-    /// Looks around before the first sweep.
-    pub(crate) fn begin_sweeps(&mut self, goal: &Goal) -> Sweeps {
-        let mut scratch = Scratch::default();
-        self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
-        let first = self.first_bounds(&mut scratch);
-        let begun_with = self.needed(goal).unwrap_or(self.store.live_faces / 2).max(1);
-        Sweeps {
-            next: Some((Histogram::of(&first), first.len())),
-            begun_with,
-            start_faces: self.store.live_faces,
-            swept: false,
-            tau: 0.0,
-            highest: 0.0,
-            idle: 0,
-            probe: false,
-            probed: false,
-            lift: 1.0,
-            at_probe: u64::MAX,
-            at_threshold: 0,
-            wanted: 0.0,
-            is_at_ease: true,
-        }
-    }
-
-    /// Sweeps on towards a goal, and says why it ended. Where it pauses, it says nothing: it can be gone on with as if it had
-    /// not, and a copy of it to other goals or by other rules.
-    pub(crate) fn go_on(
-        &mut self,
-        sweeps: &mut Sweeps,
-        goal: &Goal,
-        pause: Pause,
-        original: &dyn Original,
-        control: &mut dyn Control,
-    ) -> Option<End> {
-        let end = self.sweep_on(sweeps, goal, pause, original, control);
-        self.check_if_asked(original);
-        end
-    }
-
-    /// The body of [`Self::go_on`], without the check of the store at the end.
-    fn sweep_on(
-        &mut self,
-        sweeps: &mut Sweeps,
-        goal: &Goal,
-        pause: Pause,
-        original: &dyn Original,
-        control: &mut dyn Control,
-    ) -> Option<End> {
-        let extreme = self.is_extreme(goal);
-        let (mut scratch, mut visits) = (Scratch::default(), Vec::new());
-        'sweeps: for _ in 0..MOST_SWEEPS {
-            self.check_if_asked(original);
-            // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
-            if sweeps.swept && sweeps.next.is_some() {
-                if self.store.wants_compaction(self.needed(goal)) {
-                    self.store.compact();
-                    sweeps.next = Some(self.bounds());
-                }
-                if self.is_late(extreme) {
-                    original.with(&mut |points, faces| self.begin_late(points, faces));
-                    sweeps.next = Some(self.bounds());
-                }
-            }
-            if let Some((histogram, looked_at)) = sweeps.next.take() {
-                self.watch_ease(sweeps);
-                let is_last_stretch = |ahead| self.is_last_stretch(&histogram, looked_at, goal, ahead);
-                let pauses = match pause {
-                    Pause::Never => false,
-                    Pause::BeforeGoal => is_last_stretch(AHEAD),
-                    Pause::BeforeNeed => self.is_time_to_fork(sweeps, goal, is_last_stretch(AHEAD)),
-                    Pause::BeforeEither => {
-                        is_last_stretch(JUST_AHEAD) || self.is_time_to_fork(sweeps, goal, false)
-                    }
-                };
-                if pauses {
-                    sweeps.next = Some((histogram, looked_at));
-                    return None;
-                }
-                let mut next = self.threshold(&histogram, looked_at, goal);
-                if sweeps.probe {
-                    // What a probe finds is exact; an evaluation may see more, and needs a higher threshold to be tried.
-                    sweeps.lift = if self.collapses == sweeps.at_probe { sweeps.lift * 16.0 } else { 1.0 };
-                    sweeps.at_probe = self.collapses;
-                    next = (next * sweeps.lift).min(f32::MAX);
-                    (sweeps.highest, sweeps.idle) = (next, 0);
-                }
-                // Bounds are stale, some by far: a sweep in vain is no reason to go back to lower ones.
-                sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
-                sweeps.highest = sweeps.highest.max(sweeps.tau);
-                (sweeps.probe, sweeps.probed) = (false, sweeps.probe);
-                (sweeps.at_threshold, sweeps.wanted) = (self.collapses, self.wanted(goal));
-            }
-            let (tau, probe) = (sweeps.tau, sweeps.probe);
-            self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
-            let before = self.collapses;
-            let refused = self.refused();
-            let done = |engine: &Self| engine.done(goal, sweeps.begun_with, sweeps.start_faces);
-            if self.pairs.is_some() {
-                let mut ask = |engine: &Self| control.progress(done(engine));
-                match self.contract_pairs(goal, tau, probe, &mut ask) {
-                    Verdict::Continue => {}
-                    Verdict::Finish => return Some(End::Finish),
-                    Verdict::Cancel => return Some(End::Cancel),
-                }
-            }
-            let goal_faces = goal.faces.unwrap_or(0);
-            let goal_vertices = goal.vertices.unwrap_or(0);
-            let count = self.store.v.len();
-            let brings = count >= BRINGS_FROM;
-            self.crowds.begin_sweep();
-            'vertices: for start in (0..count).step_by(ASK_EVERY) {
-                match control.progress(done(self)) {
-                    Verdict::Continue => {}
-                    Verdict::Finish => return Some(End::Finish),
-                    Verdict::Cancel => return Some(End::Cancel),
-                }
-                let bounds = &self.store.bound[start..count.min(start + ASK_EVERY)];
-                list_visits(bounds, start, tau, probe, &mut visits);
-                for (at, &u) in visits.iter().enumerate() {
-                    if brings {
-                        self.store.bring(&visits, at);
-                    }
-                    if self.store.live_faces <= goal_faces || self.store.live_vertices <= goal_vertices {
-                        break 'vertices;
-                    }
-                    if self.store.v[u.index()].kind.is_gone() {
-                        continue;
-                    }
-                    self.visit(u, if probe { f32::MAX } else { tau }, probe, &mut scratch);
-                    if self.store.is_full() {
-                        // The rest of the sweep follows after a compaction, with the same threshold.
-                        self.store.compact();
-                        continue 'sweeps;
-                    }
-                }
-            }
-            if self.needed(goal) == Some(0) {
-                return Some(End::Goal);
-            }
-            sweeps.swept = true;
-            sweeps.idle = if self.collapses == before { sweeps.idle + 1 } else { 0 };
-            if sweeps.idle == 0 {
-                self.paid = self.paid.max(tau);
-                self.is_strained |= !sweeps.is_at_ease;
-            }
-            if self.parts.is_some() && !probe {
-                self.drop_cheap_parts(goal, tau);
-                if self.needed(goal) == Some(0) {
-                    return Some(End::Goal);
-                }
-            }
-            if self.store.wants_compaction(self.needed(goal)) {
-                self.store.compact();
-            }
-            if self.is_late(extreme) {
-                if sweeps.idle < PATIENCE
-                    && matches!(pause, Pause::BeforeNeed | Pause::BeforeEither)
-                    && self.may_fork_late()
-                {
-                    let next = self.bounds();
-                    if next.0.known() > 0 {
-                        // It begins when they go on.
-                        sweeps.next = Some(next);
-                        return None;
-                    }
-                }
-                original.with(&mut |points, faces| self.begin_late(points, faces));
-            }
-            let (histogram, looked_at) = self.bounds();
-            if histogram.known() == 0 {
-                if sweeps.probed && !probe && self.rules.max_cost.is_finite() {
-                    // Collapses since the last probe may have made room for edges that it saw refused: probe again.
-                    sweeps.probe = true;
-                    continue;
-                }
-                if sweeps.probed && self.rules.max_cost.is_finite() {
-                    // Nothing but what is refused stays below the limit.
-                    return Some(if self.refused() == refused { End::Exhausted } else { End::Stuck });
-                }
-                let looser = self.looseness.looser(self.store.creases.is_some(), self.attributes.is_some());
-                if let (true, Some(looser)) = (sweeps.probed, looser) {
-                    // Better a seam out of place than a whole part gone.
-                    self.looseness = looser;
-                    (sweeps.probe, sweeps.probed) = (true, true);
-                    continue;
-                }
-                if sweeps.probed {
-                    return Some(if self.remove_parts(goal) { End::Goal } else { End::Stuck });
-                }
-                (sweeps.probe, sweeps.probed) = (true, true);
-                continue;
-            }
-            if sweeps.idle >= PATIENCE && !probe {
-                // Nothing could go: find out what is possible at all, and at what cost.
-                (sweeps.probe, sweeps.probed) = (true, true);
-                continue;
-            }
-            sweeps.next = Some((histogram, looked_at));
-        }
-        Some(End::Stuck)
-    }
-
-    /// Whether a goal has a late phase.
-    fn is_extreme(&self, goal: &Goal) -> bool {
-        !self.metric.decides().is_metric()
-            && goal.faces.is_some_and(|n| late::is_extreme(n, self.first_faces))
-    }
-
-    /// Whether the late phase is to begin.
-    fn is_late(&self, extreme: bool) -> bool {
-        let begin = match self.record {
-            Some(_) => late::begin_of_record(self.first_faces),
-            None => late::begin(self.first_faces, self.counts_attributes()),
-        };
-        extreme && self.late.is_none() && self.store.live_faces < begin
-    }
-
-    /// The bounds of all vertices, and of pairs.
-    fn bounds(&self) -> (Histogram, usize) {
-        let mut histogram = Histogram::of(&self.store.bound);
-        if let Some(pairs) = &self.pairs {
-            histogram.add(pairs.bounds());
-        }
-        (histogram, self.store.v.len())
-    }
-
-    /// Whether the next sweep would be cut short for the goal, or might meet it.
-    fn is_last_stretch(&self, histogram: &Histogram, looked_at: usize, goal: &Goal, ahead: f64) -> bool {
-        let share = looked_at as f64 / self.store.v.len().max(1) as f64;
-        self.needed(goal)
-            .is_some_and(|n| n as f64 * LAST_SHARE * share < ahead * QUANTILE * histogram.known() as f64)
-    }
-
     /// Twice the area of the present input, in the unit frame; above 0.
     pub(crate) fn area_of_input(&self) -> f64 {
         self.total_area.max(f64::MIN_POSITIVE)
@@ -889,6 +563,11 @@ impl<M: Metric> Engine<M> {
         if self.attributes.is_some() {
             self.looseness = Looseness::Seams;
         }
+    }
+
+    /// Whether a sweep collapsed anything after sweeps were no longer at ease.
+    pub(crate) fn is_strained(&self) -> bool {
+        self.is_strained
     }
 
     /// Whether a run that kept seams on their lines paid for it, and seams refused collapses.
@@ -948,44 +627,6 @@ fn weigh_faces<M: Metric>(
     lengths.to_array()
 }
 
-/// Where a run of sweeps stands.
-#[derive(Clone)]
-pub(crate) struct Sweeps {
-    /// What the next threshold is found from, and how many vertices were looked at for it; none while one holds.
-    next: Option<(Histogram, usize)>,
-    begun_with: usize,
-    start_faces: usize,
-    swept: bool,
-    tau: f32,
-    highest: f32,
-    /// Sweeps in vain.
-    idle: usize,
-    /// Whether the next sweep looks for what is possible at all, and whether the last one did.
-    probe: bool,
-    probed: bool,
-    lift: f32,
-    /// Collapses at the last probe.
-    at_probe: u64,
-    /// Collapses when the threshold was found.
-    at_threshold: u64,
-    /// Of how many vertices the sweeps with it were to look at the edges.
-    wanted: f64,
-    /// Whether each sweep so far did as much as where nothing stands in the way.
-    is_at_ease: bool,
-}
-
-/// Where sweeps pause.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Pause {
-    Never,
-    /// Before the goal has a say in how much a sweep takes: up to there all runs of the same input are the same.
-    BeforeGoal,
-    /// Where a copy is to be made, from which parts and necks may go if they have to.
-    BeforeNeed,
-    /// Before whichever of the two comes first.
-    BeforeEither,
-}
-
 /// What a visit works with; made once.
 #[derive(Default)]
 struct Scratch {
@@ -994,24 +635,4 @@ struct Scratch {
     owned: Vec<VertexId>,
     found: Found,
     members: Vec<Member>,
-}
-
-/// Lists the vertices from `start` on that a sweep looks at, of those whose bounds these are.
-fn list_visits(bounds: &[f32], start: usize, tau: f32, all: bool, visits: &mut Vec<VertexId>) {
-    visits.clear();
-    let id = |i: usize| VertexId((start + i) as u32);
-    if all {
-        visits.extend((0..bounds.len()).map(id));
-        return;
-    }
-    let (eights, rest) = bounds.as_chunks::<8>();
-    for (k, &eight) in eights.iter().enumerate() {
-        let mut low = f32x8::from(eight).simd_le(f32x8::splat(tau)).to_bitmask();
-        while low != 0 {
-            visits.push(id(8 * k + low.trailing_zeros() as usize));
-            low &= low - 1;
-        }
-    }
-    let first = 8 * eights.len();
-    visits.extend(rest.iter().enumerate().filter(|x| *x.1 <= tau).map(|x| id(first + x.0)));
 }

@@ -222,6 +222,7 @@ fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, Si
         touches: false,
         seams_relaxed: false,
         spares_seams: false,
+        is_strained: false,
         spares_parts: false,
         spares_necks: false,
         sharp_relaxed: false,

@@ -90,6 +90,8 @@ pub(crate) struct Outcome {
     /// Whether vertices that were cut apart stand at one place.
     pub(crate) touches: bool,
     pub(crate) seams_relaxed: bool,
+    /// Whether collapses went on after sweeps were no longer at ease.
+    pub(crate) is_strained: bool,
     /// Whether seams stayed on their lines at a price.
     pub(crate) spares_seams: bool,
     /// Whether parts stayed that would have been cheaper to remove than what was done instead.

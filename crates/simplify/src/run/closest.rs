@@ -11,8 +11,10 @@ use crate::control::Control;
 /// Samples each way. (The RMS of a result is then known to a few percent; ways differ by more, or either will do.)
 const SAMPLES: usize = 20_000;
 /// A result that keeps what it was asked to keep is taken unless another one is closer by this factor: parts are not to go for
-/// a small gain. (Guessed; it has to be below 1.5, the step that a walk of targets may take: `cargo xtask walk`.)
+/// a small gain. (Guessed.)
 const FAVOUR: f64 = 1.25;
+/// The same of a result whose run was at ease: the step that a walk of targets may take (`cargo xtask walk`).
+const FAVOUR_AT_EASE: f64 = 1.5;
 /// Where the target is out of reach, a heavier result is taken if the lightest one is farther off by this factor. (Guessed:
 /// for a few faces less that is more than any run at ease pays.)
 const DESTROYED: f64 = 3.0;
@@ -61,7 +63,11 @@ impl Run<'_, '_> {
         let Some(judge) = self.judge(control) else { return met[0] };
         let error = |i: usize| {
             let is_favoured = asked.map_or_else(|| ways[i].keeps_all(), |asked| i == asked);
-            let favour = if is_favoured { FAVOUR } else { 1.0 };
+            let favour = match is_favoured {
+                true if ways[i].is_strained || asked.is_some() => FAVOUR,
+                true => FAVOUR_AT_EASE,
+                false => 1.0,
+            };
             judge.rms(&ways[i].mesh, SAMPLES) / favour
         };
         let errors = met.iter().map(|&i| (i, error(i)));

@@ -172,6 +172,7 @@ impl Run<'_, '_> {
             touches: engine.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0,
             seams_relaxed: engine.has_relaxed_seams(),
             spares_seams: engine.has_seams_in_the_way(),
+            is_strained: engine.is_strained(),
             spares_parts,
             spares_necks,
             sharp_relaxed: engine.has_relaxed_creases(),
