@@ -30,6 +30,7 @@ mod commit;
 pub(crate) mod creases;
 mod crowds;
 pub(crate) mod cut;
+mod details;
 mod evaluate;
 pub(crate) mod fork;
 pub(crate) mod kind;
@@ -40,7 +41,7 @@ mod merge;
 mod near;
 pub(crate) mod order;
 pub(crate) mod pairs;
-mod parts;
+pub(crate) mod parts;
 pub(crate) mod record;
 mod seams;
 mod star;
@@ -66,6 +67,7 @@ use check::Checks;
 pub(crate) use commit::TIE;
 use commit::{Candidate, Outcome};
 use crowds::Crowds;
+use details::Details;
 use evaluate::Found;
 use kind::Kind;
 use late::Late;
@@ -139,6 +141,8 @@ pub(crate) struct Engine<M: Metric> {
     late: Option<Late>,
     /// The parts, where they go in the order of costs.
     parts: Option<Parts>,
+    /// Small parts that keep their area because they stand out.
+    details: Option<Box<Details>>,
     wedge_data: Option<Wedges>,
     pub(crate) attributes: Option<Attributes>,
     /// What costs count times, by number in the ordered input, where that differs.
@@ -205,6 +209,7 @@ impl<M: Metric> Engine<M> {
             mean_face: 1.0,
             late: None,
             parts: None,
+            details: None,
             wedge_data,
             attributes,
             prices: None,

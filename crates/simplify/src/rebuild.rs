@@ -207,7 +207,7 @@ fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, Si
         Ending::Finish => End::Finish,
     };
     let (mesh, held) = dressed(run.input, run.ordered, ground, &made, positions, None)?;
-    let mesh = recolor::recolored(mesh, run.input, run.options, &held)?;
+    let mesh = recolor::recolored(mesh, run.input, run.options, &held, None)?;
     Ok(Outcome {
         mesh,
         end,

@@ -9,7 +9,7 @@
 
 use std::collections::HashMap;
 
-use glam::{DVec3, Vec2};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use lodsmith_core::geometry::triangle::{double_area_normal, weights_at};
 use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{Attribute, FaceId, MeshError, Positions, RegionId, TriMesh, VertexId, WedgeId};
@@ -46,15 +46,22 @@ const AWAY: f64 = -0.2;
 
 type Color = [u8; 4];
 
+/// The part of the input that each vertex of the input and of the result belongs to; none for vertices without a place.
+pub(crate) struct OwnParts {
+    pub(crate) of_input: Vec<Option<u32>>,
+    pub(crate) of_result: Vec<Option<u32>>,
+}
+
 /// The result of a run with its colours in place, where the options have textures.
 pub(crate) fn recolored(
     mesh: TriMesh,
     input: &Input<'_>,
     options: &SimplifyOptions,
     held: &Held,
+    parts: Option<&OwnParts>,
 ) -> Result<TriMesh, MeshError> {
     match (&options.textures, input.mesh) {
-        (Some(textures), Some(source)) => repair(mesh, source, textures, held),
+        (Some(textures), Some(source)) => repair(mesh, source, textures, held, parts),
         _ => Ok(mesh),
     }
 }
@@ -62,13 +69,19 @@ pub(crate) fn recolored(
 /// The result with texture coordinates whose colours are those of the source, as far as they go. Corners that are held
 /// stay. Cost: O(faces of the source) to tell palettes; where there is one, a lookup for each face of the result and ten
 /// for a face that differs.
-fn repair(mesh: TriMesh, source: &TriMesh, textures: &Textures, held: &Held) -> Result<TriMesh, MeshError> {
+fn repair(
+    mesh: TriMesh,
+    source: &TriMesh,
+    textures: &Textures,
+    held: &Held,
+    parts: Option<&OwnParts>,
+) -> Result<TriMesh, MeshError> {
     let (Some(uvs), Some(source_uvs)) = (mesh.uvs(), source.uvs()) else { return Ok(mesh) };
     let palettes = palettes(source, source_uvs, textures);
     if palettes.iter().all(Option::is_none) {
         return Ok(mesh);
     }
-    let original = Source { tree: Bvh::new(&source.surface()), mesh: source, uvs: source_uvs };
+    let original = Source { tree: Bvh::new(&source.surface()), mesh: source, uvs: source_uvs, parts };
     let mut changes: HashMap<(usize, usize), [f32; 2]> = HashMap::new();
     for f in 0..mesh.face_count() {
         let region = mesh.regions().map(|r| r[f]);
@@ -104,6 +117,29 @@ fn palettes<'a>(source: &TriMesh, uvs: &[[f32; 2]], textures: &'a Textures) -> V
     of.into_iter().zip(areas).map(|(texture, areas)| texture.filter(|_| is_palette(areas))).collect()
 }
 
+/// The mean colour of each of so many parts, as far as their faces have textures. Cost: O(n).
+pub(crate) fn mean_colors(
+    mesh: &TriMesh,
+    textures: &Textures,
+    part_of_face: impl Fn(usize) -> Option<usize>,
+    parts: usize,
+) -> Vec<Option<Vec3>> {
+    let mut sums = vec![Vec4::ZERO; parts];
+    let (Some(uvs), view) = (mesh.uvs(), mesh.positions().view()) else { return vec![None; parts] };
+    for (f, t) in mesh.triangles().iter().enumerate() {
+        let texture = textures.of(0, mesh.regions().map(|r| r[f]));
+        let color = texture.and_then(|texture| texture.color(between(t.map(|w| uvs[w.index()]), PLACES[0])));
+        let sum = part_of_face(f).and_then(|part| sums.get_mut(part));
+        if let (Some([r, g, b, _]), Some(sum)) = (color, sum) {
+            let area =
+                double_area_normal(t.map(|w| DVec3::from(view.get(mesh.vertex_of(w))))).length() as f32;
+            *sum += Vec3::from([r, g, b].map(f32::from)).extend(1.0) * area;
+        }
+    }
+    let mean = |sum: Vec4| Some(sum.truncate() / sum.w).filter(|mean| mean.is_finite());
+    sums.into_iter().map(mean).collect()
+}
+
 fn shows_several(texture: &Texture, corners: [[f32; 2]; 3]) -> bool {
     let first = texture.color(between(corners, PLACES[0]));
     PLACES[1..].iter().any(|b| match (first, texture.color(between(corners, *b))) {
@@ -130,11 +166,18 @@ struct Source<'a> {
     tree: Bvh,
     mesh: &'a TriMesh,
     uvs: &'a [[f32; 2]],
+    parts: Option<&'a OwnParts>,
 }
 
 impl Source<'_> {
-    /// Where the input looks nearest to a place, on the side that looks the same way and has the same region.
-    fn look_at(&self, place: DVec3, normal: DVec3, region: Option<RegionId>) -> Option<[f32; 2]> {
+    /// Where the input looks nearest to a place, on the side that looks the same way and has the same region and part.
+    fn look_at(
+        &self,
+        place: DVec3,
+        normal: DVec3,
+        region: Option<RegionId>,
+        part: Option<u32>,
+    ) -> Option<[f32; 2]> {
         let view = self.mesh.positions().view();
         let corners = |f: FaceId| {
             self.mesh.triangles()[f.index()].map(|w| DVec3::from(view.get(self.mesh.vertex_of(w))))
@@ -144,7 +187,11 @@ impl Source<'_> {
             let own = double_area_normal(corners(f));
             own.dot(normal) > AWAY * own.length() * normal.length()
         };
-        let hit = self.tree.closest_of(place.to_array(), |f| is_ours(f) && faces_us(f))?;
+        let is_of_part = |f: FaceId| {
+            let first = self.mesh.vertex_of(self.mesh.triangles()[f.index()][0]);
+            part.is_none() || self.parts.is_none_or(|parts| parts.of_input[first.index()] == part)
+        };
+        let hit = self.tree.closest_of(place.to_array(), |f| is_ours(f) && is_of_part(f) && faces_us(f))?;
         let weights = weights_at(DVec3::from(hit.point), corners(hit.face)).map(|x| x as f32);
         let uvs = self.mesh.triangles()[hit.face.index()].map(|w| self.uvs[w.index()]);
         let at = between(uvs, weights);
@@ -163,9 +210,12 @@ impl Source<'_> {
         let view = mesh.positions().view();
         let places = mesh.triangles()[f].map(|w| DVec3::from(view.get(mesh.vertex_of(w))));
         let normal = double_area_normal(places);
+        let first = mesh.vertex_of(mesh.triangles()[f][0]);
+        let part = self.parts.and_then(|parts| parts.of_result[first.index()]);
         let look = |b: [f32; 3]| {
             let [x, y, z] = b.map(f64::from);
-            let uv = self.look_at(places[0] * x + places[1] * y + places[2] * z, normal, region)?;
+            let place = places[0] * x + places[1] * y + places[2] * z;
+            let uv = self.look_at(place, normal, region, part)?;
             Some((uv, texture.color(uv)?))
         };
         // Most faces show one colour, and the right one.

@@ -83,6 +83,62 @@ fn faces_keep_the_colour_of_a_palette() {
     assert!(shares[0] > 0.3 && shares[1] < 0.5 * shares[0], "{shares:?} of the faces show several colours");
 }
 
+/// A large rough sphere with a small dome on it, which looks at another cell of the palette.
+fn face_with_an_eye() -> TriMesh {
+    let head = shapes::blob(5, 5);
+    let eye = shapes::icosphere(3);
+    let (view, small, patch) = (head.positions().view(), eye.positions().view(), eye.surface());
+    let rough = |p: [f64; 3]| 1.0 + 0.05 * (23.0 * p[0]).sin() * (19.0 * p[1]).sin() * (29.0 * p[2]).sin();
+    let mut points: Vec<[f64; 3]> = view.iter().map(|p| p.map(|x| rough(p) * x)).collect();
+    let mut faces: Vec<[VertexId; 3]> = head.surface().triangles().to_vec();
+    let most = points.iter().map(|p| p[2]).fold(0.0, f64::max);
+    let first = points.len();
+    points.extend(small.iter().map(|p| [0.08 * p[0], 0.08 * p[1], most - 0.04 + 0.04 * p[2]]));
+    let is_front = |t: &&[VertexId; 3]| t.iter().all(|v| small.get(*v)[2] > -0.1);
+    let own = patch.triangles().iter().filter(is_front);
+    faces.extend(own.map(|t| t.map(|v| VertexId::new(first + v.index()))));
+    let mut mesh = TriMesh::new(Positions::F64(points), faces).unwrap();
+    let uvs = (0..mesh.vertex_count()).map(|v| if v < first { [0.1, 0.1] } else { [0.6, 0.6] });
+    mesh.set_uvs(Some(uvs.collect())).unwrap();
+    mesh
+}
+
+/// Area of what looks at the cell of the eye.
+fn area_of_the_eye(mesh: &TriMesh) -> f64 {
+    let uvs = mesh.uvs().unwrap();
+    let view = mesh.positions().view();
+    let eye = mesh.triangles().iter().filter(|t| t.iter().all(|w| cell(uvs[w.index()]) == [2, 2]));
+    let area = |t: &[WedgeId; 3]| {
+        let [a, b, c] = t.map(|w| view.get(mesh.vertex_of(w)));
+        let [e, f] = [b, c].map(|p| [0, 1, 2].map(|k| p[k] - a[k]));
+        let normal = [0, 1, 2].map(|k| e[(k + 1) % 3] * f[(k + 2) % 3] - e[(k + 2) % 3] * f[(k + 1) % 3]);
+        0.5 * normal.iter().map(|x| x * x).sum::<f64>().sqrt()
+    };
+    eye.map(area).sum()
+}
+
+/// A8: a small part on a larger one of another colour melted to one triangle, which then took the colour of what it lies on.
+#[test]
+fn a_small_part_of_another_colour_keeps_its_area() {
+    let mesh = face_with_an_eye();
+    let whole = area_of_the_eye(&mesh);
+    let left = |faces: usize, textures: Option<Textures>| {
+        let mut options = SimplifyOptions::new(Stop::faces(faces));
+        options.textures = textures.map(Arc::new);
+        let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+        assert!(done.report.reached && done.mesh.face_count() + 1 >= faces, "{faces}: {:?}", done.report);
+        area_of_the_eye(&done.mesh) / whole
+    };
+    let textures = || Some(Textures::of_regions(vec![Some(palette())]));
+    let shares = [left(400, None), left(400, textures())];
+    assert!(shares[0] < 0.7 && shares[1] > 0.75, "{shares:?} of the eye is left");
+    // Much smaller than a face of the result it melts, in its own colour.
+    let share = left(200, textures());
+    assert!((0.001..0.7).contains(&share), "{share} of the eye is left");
+    // A target that cannot be met otherwise comes first.
+    left(8, textures());
+}
+
 /// Images that change within faces are no palettes: the result is the same with them as without, to the bit.
 #[test]
 fn a_painted_texture_changes_nothing() {

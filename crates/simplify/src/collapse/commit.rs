@@ -203,6 +203,13 @@ impl<M: Metric> Engine<M> {
         if !self.metric.decides().is_metric() {
             plain = cost;
         }
+        let mut change = None;
+        if cost <= tau || probe {
+            change = self.change_of_detail(u, v, at, [ru, rv]);
+            if change.is_some_and(|change| !self.keeps_detail(change)) {
+                return Outcome::Refused(Refusal::Component);
+            }
+        }
         let mut handed_over = Vec::new();
         if cost <= tau && !probe {
             // (Before samples change hands, which cannot be taken back.)
@@ -218,6 +225,9 @@ impl<M: Metric> Engine<M> {
             return Outcome::Later(cost * price);
         }
         self.hand_over_wedges(&handed_over);
+        if let Some(change) = change {
+            self.change_detail(change);
+        }
         if !is_exact || is_sure {
             self.prepare_merge(u, v, y, ru);
         }

@@ -343,7 +343,7 @@ fn measured(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]
 
 /// The number of the part of each of so many vertices, parts counted in the order of their first vertex. Dead faces do not
 /// count.
-fn labels(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
+pub(crate) fn labels(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
     let mut root: Vec<VertexId> = (0..count as u32).map(VertexId).collect();
     fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
         while root[i.index()] != i {

@@ -175,6 +175,7 @@ impl<M: Metric> Engine<M> {
         control: &mut dyn Control,
     ) -> Option<End> {
         let extreme = self.is_extreme(goal);
+        self.find_details(goal);
         let (mut scratch, mut visits) = (Scratch::default(), Vec::new());
         'sweeps: for _ in 0..MOST_SWEEPS {
             self.check_if_asked(original);
@@ -304,6 +305,11 @@ impl<M: Metric> Engine<M> {
                 if sweeps.probed && self.rules.max_cost.is_finite() {
                     // Nothing but what is refused stays below the limit.
                     return Some(if self.refused() == refused { End::Exhausted } else { End::Stuck });
+                }
+                if sweeps.probed && self.details.take().is_some() {
+                    // The target comes first.
+                    (sweeps.probe, sweeps.probed) = (true, true);
+                    continue;
                 }
                 let looser = self.looseness.looser(self.store.creases.is_some(), self.attributes.is_some());
                 if let (true, Some(looser)) = (sweeps.probed, looser) {

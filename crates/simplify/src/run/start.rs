@@ -17,6 +17,7 @@ use crate::fit;
 use crate::guard::Rules;
 use crate::metric::{Judge, Memory, Metric};
 use crate::options::{Fit, Length, Placement};
+use crate::recolor;
 
 /// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
 /// again when it comes to it, which takes some percent more time and 18 bytes a face less.
@@ -67,6 +68,20 @@ impl Run<'_, '_> {
         let Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights } =
             self.basis(metric.decides(), step, recorded, (goals, level));
         let (mut engine, duplicate_faces) = Engine::new(metric, store, rules, endpoints, attributes);
+        // (Runs to an error hold details by themselves; recorded ones have no goal yet.)
+        if let (Some(textures), Some(mesh)) = (&self.options.textures, self.input.mesh)
+            && !recorded
+            && step.is_none()
+            && self.options.stop.error.is_none()
+        {
+            engine.watch_details(|part_of, parts| {
+                let part_of_face = |f: usize| {
+                    let number = self.place(mesh, mesh.triangles()[f][0]);
+                    part_of.get(number.index()).map(|&part| part as usize)
+                };
+                recolor::mean_colors(mesh, textures, part_of_face, parts)
+            });
+        }
         engine.set_prices(self.care.prices());
         if let Some(distance) = self.options.of_method.pairs {
             engine.watch_pairs(pairs_reach(distance, self.ordered.frame, self.ordered.diagonal));

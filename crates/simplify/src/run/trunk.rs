@@ -13,7 +13,8 @@ use crate::attributes::Rows;
 use crate::collapse::attributes::Attributes;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::MEMORY_FREE_UP_TO;
-use crate::collapse::store::Store;
+use crate::collapse::parts;
+use crate::collapse::store::{Store, Vertex};
 use crate::collapse::{End, Engine, Goal, Original as _, Sweeps};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::{self, Guards};
@@ -22,7 +23,7 @@ use crate::metric::Metric;
 use crate::normals;
 use crate::options::TopologyPolicy;
 use crate::rebuild;
-use crate::recolor;
+use crate::recolor::{self, OwnParts};
 
 /// Where one face in so many stays, the fit needs more memory than the sweeps.
 const MANY: usize = 3;
@@ -150,7 +151,8 @@ impl Run<'_, '_> {
             mesh = rebuild::dressed_again(self, &mesh, (attributes, wedges))?;
         }
         let held = self.held(&engine.store, rows);
-        mesh = recolor::recolored(mesh, self.input, self.options, &held)?;
+        let own_parts = self.own_parts(engine, root);
+        mesh = recolor::recolored(mesh, self.input, self.options, &held, own_parts.as_ref())?;
         if let Some(input) = self.input.mesh {
             held.restore(&mut mesh, input);
         }
@@ -182,6 +184,23 @@ impl Run<'_, '_> {
             held,
             trace: trace.filter(|t| t.origins.len() == engine.store.v.len()),
         })
+    }
+
+    /// Which part of the input each vertex of it and of the result belongs to, where colours are looked at and parts did
+    /// not grow together. Cost: O(n).
+    fn own_parts<M: Metric>(&self, engine: &Engine<M>, root: &Root) -> Option<OwnParts> {
+        let mesh =
+            self.input.mesh.filter(|_| self.options.textures.is_some() && engine.pairs_contracted == 0)?;
+        let mut of = Vec::new();
+        self.source(root).with(&mut |points, faces| of = parts::labels(points.len(), faces));
+        let of_vertex = |v: VertexId| {
+            let place = self.ordered.rank[self.input.joined(v).index()];
+            of.get(place.index()).copied()
+        };
+        let of_input = (0..mesh.vertex_count()).map(|v| of_vertex(VertexId::new(v))).collect();
+        let place_of = |v: &Vertex<M::Memory>| engine.store.place_of(v.origin);
+        let of_result = engine.store.v.iter().map(|v| of.get(place_of(v).index()).copied()).collect();
+        Some(OwnParts { of_input, of_result })
     }
 
     /// The fit, of values too where the run carries them. Returns the RMS distance that is left, in the unit frame. `away`

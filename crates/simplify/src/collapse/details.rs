@@ -1,0 +1,154 @@
+//! Details: small parts on larger ones of another colour, such as eyes, buckles and buttons.
+//!
+//! By distance alone they melt to one triangle, because a small part is never far from where it was. One that is half as large as
+//! a face of the result is seen there, and keeps most of its area. What is smaller than that melts as before.
+
+use glam::Vec3;
+use lodsmith_core::VertexId;
+
+use super::order::NONE;
+use super::store::Ring;
+use super::{Engine, Goal};
+use crate::metric::Metric;
+
+/// A detail is at least this share of a face of the result, on average, ...
+const SMALLEST: f32 = 0.5;
+/// ... and at most so many of them: larger parts do not melt.
+const LARGEST: f32 = 16.0;
+/// Details have no more of the whole area than this together. Otherwise they are the model.
+const MOST: f32 = 0.1;
+/// Share of its area that a detail keeps. (A disc of eight corners has .9, one of six .83, a triangle .41.)
+const KEPT: f32 = 0.8;
+/// How far a detail may stand out of the box of the part that it lies on, as a share of its own box.
+const SLACK: f32 = 0.1;
+/// The part that a detail lies on is so many times as large, ...
+const LARGER: f32 = 4.0;
+/// ... and one of so many largest ones, so that the search takes linear time.
+const LOOKED_AT: usize = 64;
+/// Difference in a channel, of 255, from which a detail has another colour than what it lies on.
+const CONTRAST: f32 = 40.0;
+
+/// The parts of the input, and which of them are details on the way to a goal. Areas are counted twice.
+#[derive(Clone)]
+pub(crate) struct Details {
+    /// By number in the ordered input; without one, a number that no part has.
+    part_of: Vec<u32>,
+    area: Vec<f32>,
+    /// What is left of it.
+    left: Vec<f32>,
+    /// Whether it lies on a larger part of another colour.
+    stands_out: Vec<bool>,
+    is_detail: Vec<bool>,
+}
+
+/// What a part is like before anything is collapsed.
+#[derive(Clone, Copy)]
+struct Extent {
+    area: f32,
+    min: Vec3,
+    max: Vec3,
+}
+
+impl Extent {
+    const EMPTY: Self = Self { area: 0.0, min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// Whether it lies in the box of a larger one.
+    fn lies_on(&self, other: &Self) -> bool {
+        let slack = SLACK * (self.max - self.min);
+        let is_inside =
+            (self.min + slack).cmpge(other.min).all() && (self.max - slack).cmple(other.max).all();
+        is_inside && LARGER * self.area < other.area
+    }
+}
+
+impl<M: Metric> Engine<M> {
+    /// Lets details keep their area from here on. `colors` says the mean colour of each part, where it has one, by the part of
+    /// each number in the ordered input and how many parts there are. Before the first sweep. Cost: O(n).
+    pub(crate) fn watch_details(&mut self, colors: impl FnOnce(&[u32], usize) -> Vec<Option<Vec3>>) {
+        let labels = self.label_parts();
+        let parts = labels.iter().copied().max().map_or(0, |m| m as usize + 1);
+        if parts < 2 {
+            return;
+        }
+        let mut extents = vec![Extent::EMPTY; parts];
+        for t in self.store.t.iter().filter(|t| t[0] != NONE) {
+            let [a, b, c] = t.map(|w| self.store.p(w));
+            let part = &mut extents[labels[t[0].index()] as usize];
+            part.area += (b - a).cross(c - a).length();
+            (part.min, part.max) = (part.min.min(a).min(b).min(c), part.max.max(a).max(b).max(c));
+        }
+        let mut part_of = vec![u32::MAX; self.store.merged_into.len()];
+        for (x, &label) in self.store.v.iter().zip(&labels) {
+            part_of[x.origin.index()] = label;
+        }
+        let colors = colors(&part_of, parts);
+        let mut largest: Vec<usize> = (0..parts).collect();
+        largest.sort_by(|&i, &j| extents[j].area.total_cmp(&extents[i].area).then(i.cmp(&j)));
+        largest.truncate(LOOKED_AT);
+        let are_apart = |i: usize, j: usize| match (colors[i], colors[j]) {
+            (Some(a), Some(b)) => (a - b).abs().max_element() > CONTRAST,
+            _ => false,
+        };
+        let stands_out =
+            |i: usize| largest.iter().any(|&j| extents[i].lies_on(&extents[j]) && are_apart(i, j));
+        let stands_out: Vec<bool> = (0..parts).map(stands_out).collect();
+        if !stands_out.contains(&true) {
+            return;
+        }
+        let area: Vec<f32> = extents.iter().map(|part| part.area).collect();
+        let is_detail = vec![false; parts];
+        self.details = Some(Box::new(Details { part_of, left: area.clone(), area, stands_out, is_detail }));
+    }
+
+    /// Finds out which parts are details for a goal.
+    pub(super) fn find_details(&mut self, goal: &Goal) {
+        let Some(details) = &mut self.details else { return };
+        let faces = goal.faces.or(goal.vertices.map(|n| 2 * n)).unwrap_or(usize::MAX);
+        let total: f32 = details.area.iter().sum();
+        let face = total / faces as f32;
+        let areas = || details.area.iter().zip(&details.stands_out);
+        let is_detail = |(area, stands_out): (&f32, &bool)| {
+            if *stands_out && (SMALLEST * face..LARGEST * face).contains(area) { *area } else { 0.0 }
+        };
+        let found: Vec<f32> = areas().map(is_detail).collect();
+        let are_few = found.iter().sum::<f32>() <= MOST * total;
+        details.is_detail = found.iter().map(|&area| are_few && area > 0.0).collect();
+    }
+
+    /// Which detail a collapse of `v` into `u` at a place changes, if it does, and by how much area.
+    pub(super) fn change_of_detail(
+        &self,
+        u: VertexId,
+        v: VertexId,
+        at: Vec3,
+        [ru, rv]: [&Ring; 2],
+    ) -> Option<(usize, f32)> {
+        let details = self.details.as_ref()?;
+        let part = *details.part_of.get(self.store.v[u.index()].origin.index())? as usize;
+        if !*details.is_detail.get(part)? {
+            return None;
+        }
+        let area = |p: Vec3, [a, b]: [VertexId; 2]| {
+            let [a, b] = [a, b].map(|w| self.store.p(w) - p);
+            a.cross(b).length()
+        };
+        let (at_u, at_v) = (self.store.p(u), self.store.p(v));
+        let before = ru.iter().map(|r| area(at_u, [r.a, r.b]));
+        let before = before.chain(rv.iter().filter(|r| !r.has(u)).map(|r| area(at_v, [r.a, r.b])));
+        let stay = ru.iter().filter(|r| !r.has(v)).chain(rv.iter().filter(|r| !r.has(u)));
+        Some((part, stay.map(|r| area(at, [r.a, r.b])).sum::<f32>() - before.sum::<f32>()))
+    }
+
+    /// Whether a detail keeps enough of its area with this change.
+    pub(super) fn keeps_detail(&self, (part, change): (usize, f32)) -> bool {
+        let keeps = |d: &Details| change >= 0.0 || d.left[part] + change >= KEPT * d.area[part];
+        self.details.as_deref().is_none_or(keeps)
+    }
+
+    /// Notes a change that was made.
+    pub(super) fn change_detail(&mut self, (part, change): (usize, f32)) {
+        if let Some(details) = &mut self.details {
+            details.left[part] += change;
+        }
+    }
+}
