@@ -125,6 +125,38 @@ impl Model {
         self.materials.iter().any(|m| m.metallic > 0.5)
     }
 
+    /// Every mesh that is placed, in the order in which the nodes are reached from the roots.
+    ///
+    /// Cost: O(nodes).
+    pub fn instances(&self, pose: &Pose) -> Vec<Instance> {
+        let world = self.world_from_nodes(pose);
+        let mut instances = Vec::new();
+        let mut open: Vec<usize> = self.roots.iter().rev().copied().collect();
+        while let Some(node) = open.pop() {
+            if let Some(mesh) = self.nodes[node].mesh {
+                instances.push(Instance { node, mesh, world_from_mesh: world[node] });
+            }
+            open.extend(self.nodes[node].children.iter().rev());
+        }
+        instances
+    }
+
+    /// From the coordinates of each node to those of the model; of nodes that no root reaches, as if they were roots.
+    ///
+    /// Cost: O(nodes).
+    pub fn world_from_nodes(&self, pose: &Pose) -> Vec<DMat4> {
+        let local = |node: usize| pose.transforms.get(node).unwrap_or(&self.nodes[node].transform).matrix();
+        let mut world: Vec<DMat4> = (0..self.nodes.len()).map(local).collect();
+        let mut open = self.roots.clone();
+        while let Some(node) = open.pop() {
+            for &child in &self.nodes[node].children {
+                world[child] = world[node] * world[child];
+                open.push(child);
+            }
+        }
+        world
+    }
+
     /// Triangles as they are drawn: those of a mesh as often as nodes place it.
     pub fn face_count(&self) -> usize {
         self.instances(&Pose::default()).iter().map(|i| self.meshes[i.mesh].mesh.face_count()).sum()

@@ -214,14 +214,6 @@ impl Topology {
     pub fn edges(&self) -> impl Iterator<Item = HalfEdgeId> + '_ {
         (0..self.origin.len() as u32).map(HalfEdgeId).filter(|&h| self.is_first_of_edge(h))
     }
-    /// The view of a vertex.
-    ///
-    /// # Panics
-    /// If there is no such vertex.
-    #[inline]
-    pub fn vertex(&self, vertex: VertexId) -> VertexView<'_> {
-        VertexView::new(self, vertex)
-    }
 
     #[inline]
     fn is_first_of_edge(&self, h: HalfEdgeId) -> bool {

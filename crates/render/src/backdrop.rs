@@ -5,11 +5,12 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use crate::camera::{Camera, Lens, length};
-use crate::draw::{nearness, over};
 use crate::environment::Environment;
+use crate::linear::over;
 use crate::linear::{self, Encoder};
 use crate::look::Background;
 use crate::projection::Projection;
+use crate::raster::nearness;
 use crate::subject::Subject;
 use crate::view::{RenderError, View};
 

@@ -82,20 +82,6 @@ pub fn render(subject: &Subject, view: &View) -> Result<Image, RenderError> {
     Ok(Image::new(width, height, pixels))
 }
 
-/// How near each pixel of a small picture is, at its nearest; nothing is coloured.
-pub(crate) fn nearness(subject: &Subject, projection: Projection, width: usize, height: usize) -> Vec<f32> {
-    let kinds = subject.parts.iter().map(|_| vec![Kind::Solid]).collect();
-    let screen = Screen::new(subject, projection, width, height, kinds);
-    let mut near = vec![f32::NEG_INFINITY; width * height];
-    near.par_chunks_mut(width * BAND).enumerate().for_each_init(Band::default, |band, (index, near)| {
-        screen.draw(index, band, &|_, _, _| true);
-        for (near, cell) in near.iter_mut().zip(&band.cells) {
-            *near = cell.near.to_array().into_iter().fold(f32::NEG_INFINITY, f32::max);
-        }
-    });
-    near
-}
-
 /// What each mesh's faces ask for.
 fn kinds(subject: &Subject, view: &View) -> Kinds {
     let culls = view.look.cull_back;
@@ -245,10 +231,3 @@ static CENTRES: [[f32; 2]; 16] = {
     }
     all
 };
-
-/// Lays a colour, times its opacity, over another.
-#[inline(always)]
-pub(crate) fn over(upper: [f32; 4], lower: &mut [f32; 4]) {
-    let through = 1.0 - upper[3];
-    *lower = [0, 1, 2, 3].map(|k| upper[k] + lower[k] * through);
-}

@@ -6,15 +6,18 @@
 
 mod flip;
 mod planes;
+mod size;
 mod ssim;
 mod views;
 
 use lodsmith_core::Image;
 
 pub use flip::{PIXELS_PER_DEGREE, flip};
+pub use size::SizeError;
 pub use views::cameras;
 
 use planes::{grey_level, linear_of};
+use size::check_sizes;
 
 /// How far a picture differs from its reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,16 +31,6 @@ pub struct ImageError {
     pub mean_square: f64,
     /// What is covered in one of them and not in the other, as a part of what the reference covers.
     pub silhouette: f64,
-}
-
-/// Pictures of different sizes cannot be compared, and nor can empty ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("pictures of {}x{} and {}x{} pixels cannot be compared", reference[0], reference[1], candidate[0], candidate[1])]
-pub struct SizeError {
-    /// Width and height of the reference.
-    pub reference: [usize; 2],
-    /// Width and height of the candidate.
-    pub candidate: [usize; 2],
 }
 
 impl ImageError {
@@ -109,16 +102,6 @@ pub fn image_error(reference: &Image, candidate: &Image) -> Result<ImageError, S
     };
     let (flip, ssim) = (flip.unwrap_or(0.0), ssim.unwrap_or(1.0));
     Ok(ImageError { flip, ssim, mean_square: mean_square.unwrap_or(0.0), silhouette })
-}
-
-fn check_sizes(reference: &Image, candidate: &Image) -> Result<(), SizeError> {
-    let size = |image: &Image| [image.width(), image.height()];
-    let [reference, candidate] = [reference, candidate].map(size);
-    if reference == candidate && !reference.contains(&0) {
-        Ok(())
-    } else {
-        Err(SizeError { reference, candidate })
-    }
 }
 
 #[cfg(test)]

@@ -56,6 +56,13 @@ impl Encoder {
     }
 }
 
+/// Lays a colour, times its opacity, over another.
+#[inline(always)]
+pub(crate) fn over(upper: [f32; 4], lower: &mut [f32; 4]) {
+    let through = 1.0 - upper[3];
+    *lower = [0, 1, 2, 3].map(|k| upper[k] + lower[k] * through);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,8 +4,8 @@ use lodsmith_core::mesh::defects::{duplicates, is_zero_area};
 use lodsmith_core::topology::EdgeKind;
 use lodsmith_core::{Topology, VertexId};
 
-use crate::draw::over;
 use crate::linear;
+use crate::linear::over;
 use crate::projection::Projection;
 use crate::raster::{BAND, Band, Screen};
 use crate::subject::Subject;

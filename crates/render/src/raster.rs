@@ -13,7 +13,7 @@ use wide::{f32x4, i32x4};
 use crate::projection::{Projection, ToView};
 use crate::subject::{Drawn, Part, Subject};
 
-pub(crate) use band::{Band, Corner, SAMPLES, side_by_side};
+pub(crate) use band::{Band, Corner, NONE, SAMPLES, side_by_side};
 use band::{Depths, Four, Pixels, doubled_areas, pixels_between, range};
 
 /// Rows of a band: its samples fit into the second cache at usual widths. Even, for fine pictures.
@@ -22,8 +22,6 @@ pub(crate) const BAND: usize = 16;
 const PIECE: usize = 1 << 15;
 /// Two ways to one corner end no farther apart than this, in pixels.
 const SAME_PX: f32 = 0.01;
-/// No face.
-pub(crate) const NONE: u32 = u32::MAX;
 /// Marks places in the list of clipped faces.
 const CLIPPED: u32 = 1 << 31;
 
@@ -460,4 +458,18 @@ impl<'a> Screen<'a> {
             }
         }
     }
+}
+
+/// How near each pixel of a small picture is, at its nearest; nothing is coloured.
+pub(crate) fn nearness(subject: &Subject, projection: Projection, width: usize, height: usize) -> Vec<f32> {
+    let kinds = subject.parts.iter().map(|_| vec![Kind::Solid]).collect();
+    let screen = Screen::new(subject, projection, width, height, kinds);
+    let mut near = vec![f32::NEG_INFINITY; width * height];
+    near.par_chunks_mut(width * BAND).enumerate().for_each_init(Band::default, |band, (index, near)| {
+        screen.draw(index, band, &|_, _, _| true);
+        for (near, cell) in near.iter_mut().zip(&band.cells) {
+            *near = cell.near.to_array().into_iter().fold(f32::NEG_INFINITY, f32::max);
+        }
+    });
+    near
 }

@@ -4,8 +4,8 @@ use glam::Vec3;
 use lodsmith_core::Image;
 
 use crate::colormap::ColorMap;
-use crate::draw::over;
 use crate::lettering;
+use crate::linear::over;
 use crate::linear::{self, Encoder};
 use crate::look::Background;
 

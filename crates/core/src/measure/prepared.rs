@@ -4,7 +4,7 @@ use crate::mesh::Surface;
 use crate::sampling::Sampler;
 use crate::spatial::Bvh;
 
-use super::MeasureError;
+use super::error::MeasureError;
 
 /// A surface made ready to be measured, against as many others as one likes: its tree, its faces laid out for samples.
 ///

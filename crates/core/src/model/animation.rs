@@ -2,8 +2,6 @@
 
 use glam::{DMat4, DQuat, DVec3};
 
-use super::{Instance, Model};
-
 /// Where a node stands as seen from its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Transform {
@@ -116,38 +114,4 @@ pub struct Pose {
     pub transforms: Vec<Transform>,
     /// Strengths of morph targets at each node, where they are not those at rest; empty at rest.
     pub morph_weights: Vec<Option<Vec<f32>>>,
-}
-
-impl Model {
-    /// Every mesh that is placed, in the order in which the nodes are reached from the roots.
-    ///
-    /// Cost: O(nodes).
-    pub fn instances(&self, pose: &Pose) -> Vec<Instance> {
-        let world = self.world_from_nodes(pose);
-        let mut instances = Vec::new();
-        let mut open: Vec<usize> = self.roots.iter().rev().copied().collect();
-        while let Some(node) = open.pop() {
-            if let Some(mesh) = self.nodes[node].mesh {
-                instances.push(Instance { node, mesh, world_from_mesh: world[node] });
-            }
-            open.extend(self.nodes[node].children.iter().rev());
-        }
-        instances
-    }
-
-    /// From the coordinates of each node to those of the model; of nodes that no root reaches, as if they were roots.
-    ///
-    /// Cost: O(nodes).
-    pub fn world_from_nodes(&self, pose: &Pose) -> Vec<DMat4> {
-        let local = |node: usize| pose.transforms.get(node).unwrap_or(&self.nodes[node].transform).matrix();
-        let mut world: Vec<DMat4> = (0..self.nodes.len()).map(local).collect();
-        let mut open = self.roots.clone();
-        while let Some(node) = open.pop() {
-            for &child in &self.nodes[node].children {
-                world[child] = world[node] * world[child];
-                open.push(child);
-            }
-        }
-        world
-    }
 }

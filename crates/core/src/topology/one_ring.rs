@@ -151,6 +151,15 @@ impl Iterator for Fan<'_> {
 }
 
 impl Topology {
+    /// The view of a vertex.
+    ///
+    /// # Panics
+    /// If there is no such vertex.
+    #[inline]
+    pub fn vertex(&self, vertex: VertexId) -> VertexView<'_> {
+        VertexView::new(self, vertex)
+    }
+
     /// The fan that a corner belongs to.
     ///
     /// From the first corner of the answer it answers the same.

@@ -7,7 +7,7 @@ use lodsmith_core::Image;
 use rayon::prelude::*;
 
 use super::planes::{Plane, Rgb, linear_of};
-use super::{SizeError, check_sizes};
+use super::size::{SizeError, check_sizes};
 
 /// How many pixels of a screen the eye has in a degree: one of 0.7 m and 3840 pixels, seen from 0.7 m. As in the paper.
 pub const PIXELS_PER_DEGREE: f32 = 67.020_645;

@@ -2,11 +2,11 @@
 
 use wide::{f32x4, i32x4, u32x4};
 
-use super::NONE;
-
 /// Where in a pixel its four samples lie, from its middle: each in a column and a row of its own.
 pub(crate) const SAMPLES: [[f32; 2]; 4] =
     [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
+/// No face.
+pub(crate) const NONE: u32 = u32::MAX;
 /// Pixels along a side of what [`Depths`] are told of.
 const TILE: usize = 8;
 

@@ -1,0 +1,24 @@
+//! Only pictures of one size can be compared.
+
+use lodsmith_core::Image;
+
+/// Pictures of different sizes cannot be compared, and nor can empty ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("pictures of {}x{} and {}x{} pixels cannot be compared", reference[0], reference[1], candidate[0], candidate[1])]
+pub struct SizeError {
+    /// Width and height of the reference.
+    pub reference: [usize; 2],
+    /// Width and height of the candidate.
+    pub candidate: [usize; 2],
+}
+
+/// Says whether two pictures can be compared.
+pub(super) fn check_sizes(reference: &Image, candidate: &Image) -> Result<(), SizeError> {
+    let size = |image: &Image| [image.width(), image.height()];
+    let [reference, candidate] = [reference, candidate].map(size);
+    if reference == candidate && !reference.contains(&0) {
+        Ok(())
+    } else {
+        Err(SizeError { reference, candidate })
+    }
+}
