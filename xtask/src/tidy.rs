@@ -482,7 +482,6 @@ fn machine_paths() -> Result<Vec<String>> {
 /// is one that is gone and still stands here.
 const CIRCLES: &[(&str, &[usize])] = &[
     ("crates/simplify", &[62, 4, 3, 2, 2]),
-    ("crates/io", &[31, 4, 2]),
     ("crates/cli", &[16, 11]),
     ("crates/viewer", &[17, 6, 4, 2, 2]),
 ];

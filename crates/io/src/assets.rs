@@ -8,8 +8,6 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
-use crate::read::ReadOptions;
-
 /// Bytes of all images that one model names and that are read as they are. Guessed: half of what a GLB can hold.
 pub(crate) const MOST_IMAGE_BYTES: u64 = 2 << 30;
 
@@ -73,11 +71,6 @@ pub(crate) struct Asset {
 }
 
 impl Assets {
-    /// Those of a model that is read with these options; none where no folder is known.
-    pub(crate) fn of(options: &ReadOptions) -> Self {
-        options.folder.as_ref().map_or_else(Self::default, |folder| Self::new(folder, &options.assets))
-    }
-
     /// Those of a model in this folder.
     pub(crate) fn new(folder: &Path, scope: &AssetScope) -> Self {
         let root = match scope {

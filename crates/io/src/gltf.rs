@@ -18,6 +18,7 @@ mod meshopt;
 mod model;
 mod moving;
 mod names;
+mod outside;
 mod placements;
 mod primitive;
 mod references;
@@ -32,19 +33,18 @@ pub use copies::CopyPlace;
 pub use lod::SceneLevels;
 pub use moving::{MovingNode, SceneLens, SceneMotion};
 pub use names::MeshNames;
-pub(crate) use scene::image_type;
 pub use scene::{Scene, SceneMesh};
 
 use std::io::{self, Write};
 
 use lodsmith_core::TriMesh;
 
-use crate::assets::Assets;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
-use crate::obj::{Purpose, Textures, looks};
-use crate::read::{Loaded, ReadOptions};
-use crate::write::WriteOptions;
+use crate::loaded::Loaded;
+use crate::material::{Purpose, Textures, looks};
+use crate::options::ReadOptions;
+use crate::options::WriteOptions;
 
 use buffers::Buffers;
 use container::Document;
@@ -81,7 +81,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let gathered = geometry::gather(&document.json, &buffers, &placements, bytes.len(), options.limits)?;
     let geometry::Gathered { mut mesh, runs, warnings: told } = gathered;
     let (regions, of_faces) =
-        materials::regions(&document.json, &buffers, &runs, Assets::of(options), bytes.len());
+        materials::regions(&document.json, &buffers, &runs, options.files(), bytes.len());
     mesh.set_regions(of_faces)?;
     contents.polygons = mesh.face_count();
     warnings.extend(told);

@@ -180,9 +180,47 @@ fn is_end_of_word(byte: Option<&u8>) -> bool {
     matches!(byte, None | Some(b' ' | b'\t' | b'\r' | b'\n' | b'#' | b'\\'))
 }
 
+/// Text as the readers of text want it: UTF-8 without a mark at its front, lines that end in `\n`.
+pub(crate) fn utf8_of(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let utf16 = |unit: fn([u8; 2]) -> u16| {
+        let units = bytes[2..].chunks_exact(2).map(|b| unit([b[0], b[1]]));
+        let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+        Cow::Owned(text.collect::<String>().into_bytes())
+    };
+    let text = match bytes {
+        [0xff, 0xfe, ..] => utf16(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => utf16(u16::from_be_bytes),
+        [0xef, 0xbb, 0xbf, ..] => Cow::Borrowed(&bytes[3..]),
+        _ => Cow::Borrowed(bytes),
+    };
+    // Old Macintosh files end their lines in `\r` alone.
+    if memchr::memchr(b'\n', &text).is_none() && memchr::memchr(b'\r', &text).is_some() {
+        return text.iter().map(|&b| if b == b'\r' { b'\n' } else { b }).collect();
+    }
+    text
+}
+
+/// Whether the line that ends behind these bytes is over: one with a backslash at its end goes on.
+pub(crate) fn ends_line(before: &[u8]) -> bool {
+    !matches!(before, [.., b'\\'] | [.., b'\\', b'\r'])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn utf16_and_old_line_ends_become_plain_text() {
+        let text = "v 1 2 3\nf 1 1 1\n";
+        let little: Vec<u8> =
+            [0xff, 0xfe].into_iter().chain(text.encode_utf16().flat_map(u16::to_le_bytes)).collect();
+        let big: Vec<u8> =
+            [0xfe, 0xff].into_iter().chain(text.encode_utf16().flat_map(u16::to_be_bytes)).collect();
+        assert_eq!(&*utf8_of(&little), text.as_bytes());
+        assert_eq!(&*utf8_of(&big), text.as_bytes());
+        assert_eq!(&*utf8_of(format!("\u{feff}{text}").as_bytes()), text.as_bytes());
+        assert_eq!(&*utf8_of(text.replace('\n', "\r").as_bytes()), text.as_bytes());
+    }
 
     #[test]
     fn lines_are_counted_across_continuations() {

@@ -9,15 +9,18 @@ mod plain;
 use std::path::Path;
 use std::sync::Arc;
 
-use lodsmith_core::model::TextureRef;
-use lodsmith_core::{Image, Model};
+use lodsmith_core::Model;
+
+pub use plain::BaseColor;
 
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::gltf::Scene;
 use crate::limits::Limits;
-use crate::obj::Regions;
-use crate::read::{Contents, Loaded, ReadOptions, read_bytes, read_path, read_scene_bytes, read_scene_path};
+use crate::loaded::{Contents, Loaded};
+use crate::material::Regions;
+use crate::options::ReadOptions;
+use crate::read::{read_bytes, read_path, read_scene_bytes, read_scene_path};
 
 pub(crate) use decode::Pictures;
 
@@ -46,9 +49,6 @@ pub enum ModelSource {
     /// One mesh: what its regions stand for, for [`WriteOptions::regions`](crate::WriteOptions::regions).
     Mesh(Arc<Regions>),
 }
-
-/// An image of colours, and how texture coordinates look into it. (The image's number in a model means nothing here.)
-pub type BaseColor = (Arc<Image>, TextureRef);
 
 impl Loaded {
     /// The images that give the regions of the mesh their colours (one, where it has none), as materials of its libraries

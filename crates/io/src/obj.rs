@@ -10,24 +10,13 @@
 //! Positions are kept in double precision where any coordinate of the file needs it: it has at least 8 significant
 //! digits, and the nearest `f32` printed with as many digits would be another number.
 
-mod image_sizes;
-mod looks;
-mod materials;
-mod packed;
 mod read;
-mod regions;
 mod stream;
-mod textures;
 mod wedges;
 mod write;
 
-pub(crate) use looks::{Look, Looks, Purpose, looks};
-pub use materials::Library;
-pub(crate) use materials::{Image, Made};
+pub use crate::material::{Library, Region, Regions, Textures};
 pub use read::read;
-pub use regions::{Region, Regions};
 pub(crate) use stream::read_file;
-pub use textures::Textures;
-pub(crate) use textures::write_beside;
 pub use write::write;
-pub(crate) use write::{drops_materials, write_naming};
+pub(crate) use write::write_naming;

@@ -15,8 +15,9 @@ use lodsmith_core::{Attribute, MeshError, Positions, Semantic, TriMesh, VertexId
 use crate::distinct::Distinct;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
-use crate::read::{Contents, Loaded, ReadOptions};
-use crate::write::WriteOptions;
+use crate::loaded::{Contents, Loaded};
+use crate::options::ReadOptions;
+use crate::options::WriteOptions;
 
 use body::{Body, Corners, Discrete, Faces};
 use header::Header;

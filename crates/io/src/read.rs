@@ -5,82 +5,15 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use lodsmith_core::TriMesh;
-
-use crate::assets::AssetScope;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::gltf::Scene;
 use crate::limits::{Limits, out_of_memory};
-use crate::obj::Regions;
+use crate::lines::utf8_of;
+pub use crate::loaded::{Contents, Loaded};
+pub use crate::options::ReadOptions;
+
 use crate::sniff::{self, hint_of, is_binary_stl, looks_like_text, sniff};
-
-/// How to read.
-#[derive(Clone, Debug, Default)]
-#[non_exhaustive]
-pub struct ReadOptions {
-    /// The format, where content should not decide.
-    pub format: Option<Format>,
-    /// What a file may ask of the machine.
-    pub limits: Limits,
-    /// Folder in which files named by the file are looked for (glTF buffers, libraries of OBJ materials); none are read
-    /// where it is `None`.
-    pub folder: Option<PathBuf>,
-    /// Which of the files named by the file may be read: those in the folder and below, unless this says otherwise.
-    pub assets: AssetScope,
-    /// Names of properties of vertices that are wanted beside the mesh; see [`Loaded::properties`].
-    pub properties: Vec<String>,
-}
-
-/// What a file holds beside the mesh: counts for reports.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct Contents {
-    /// Mesh objects: 1, or the placed meshes of a scene.
-    pub meshes: usize,
-    /// Faces as the file has them, n-gons counted once.
-    pub polygons: usize,
-    /// Materials; of an OBJ those that it or its libraries name.
-    pub materials: usize,
-    /// Textures or images; of an OBJ the paths that its libraries name.
-    pub textures: usize,
-    /// Skins.
-    pub skins: usize,
-    /// Animations.
-    pub animations: usize,
-    /// Morph targets.
-    pub morph_targets: usize,
-    /// Names of the attributes that the file carries, read or not: `normals`, `uvs`, `colors`, `tangents`, ...
-    pub attributes: Vec<String>,
-}
-
-/// A mesh from a file, and what was met on the way.
-#[derive(Clone, Debug)]
-pub struct Loaded {
-    /// The mesh: all meshes of a scene in one, placed by their nodes.
-    pub mesh: TriMesh,
-    /// The format that it was in.
-    pub format: Format,
-    /// What else the file holds.
-    pub contents: Contents,
-    /// What the user should know.
-    pub warnings: Vec<Warning>,
-    /// What the regions of the mesh stand for; empty where the format has none.
-    pub regions: Regions,
-    /// Those of the wanted properties that the file has and the mesh does not carry, with one number for each vertex of
-    /// the mesh. Only PLY has such properties; a list is none.
-    pub properties: Vec<(String, Vec<f32>)>,
-    /// Those that the file was read under.
-    pub(crate) limits: Limits,
-}
-
-impl Loaded {
-    /// A mesh from a format without regions.
-    pub(crate) fn new(mesh: TriMesh, format: Format, contents: Contents, warnings: Vec<Warning>) -> Self {
-        let (regions, properties, limits) = (Regions::default(), Vec::new(), Limits::default());
-        Self { mesh, format, contents, warnings, regions, properties, limits }
-    }
-}
 
 /// Reads a file; `.gz` opens by itself, content decides the format.
 ///
@@ -338,26 +271,6 @@ fn gunzip(bytes: &[u8], limits: Limits) -> Result<Vec<u8>, ReadError> {
     }
 }
 
-/// Text as the readers of text want it: UTF-8 without a mark at its front, lines that end in `\n`.
-pub(crate) fn utf8_of(bytes: &[u8]) -> Cow<'_, [u8]> {
-    let utf16 = |unit: fn([u8; 2]) -> u16| {
-        let units = bytes[2..].chunks_exact(2).map(|b| unit([b[0], b[1]]));
-        let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
-        Cow::Owned(text.collect::<String>().into_bytes())
-    };
-    let text = match bytes {
-        [0xff, 0xfe, ..] => utf16(u16::from_le_bytes),
-        [0xfe, 0xff, ..] => utf16(u16::from_be_bytes),
-        [0xef, 0xbb, 0xbf, ..] => Cow::Borrowed(&bytes[3..]),
-        _ => Cow::Borrowed(bytes),
-    };
-    // Old Macintosh files end their lines in `\r` alone.
-    if memchr::memchr(b'\n', &text).is_none() && memchr::memchr(b'\r', &text).is_some() {
-        return text.iter().map(|&b| if b == b'\r' { b'\n' } else { b }).collect();
-    }
-    text
-}
-
 fn unknown(text: &[u8]) -> ReadError {
     let what = if text.iter().all(u8::is_ascii_whitespace) {
         "it holds nothing but blanks"
@@ -380,19 +293,6 @@ fn folder_of(path: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn utf16_and_old_line_ends_become_plain_text() {
-        let text = "v 1 2 3\nf 1 1 1\n";
-        let little: Vec<u8> =
-            [0xff, 0xfe].into_iter().chain(text.encode_utf16().flat_map(u16::to_le_bytes)).collect();
-        let big: Vec<u8> =
-            [0xfe, 0xff].into_iter().chain(text.encode_utf16().flat_map(u16::to_be_bytes)).collect();
-        assert_eq!(&*utf8_of(&little), text.as_bytes());
-        assert_eq!(&*utf8_of(&big), text.as_bytes());
-        assert_eq!(&*utf8_of(format!("\u{feff}{text}").as_bytes()), text.as_bytes());
-        assert_eq!(&*utf8_of(text.replace('\n', "\r").as_bytes()), text.as_bytes());
-    }
 
     #[test]
     fn a_bare_name_lies_in_this_folder() {

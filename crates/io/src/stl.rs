@@ -2,6 +2,7 @@
 //!
 //! Facets name no vertices, so corners of equal position are made one vertex. That is exact: nothing moves.
 
+mod soup;
 mod text;
 mod write;
 
@@ -9,11 +10,11 @@ use std::io::{self, Write};
 
 use lodsmith_core::{MeshError, Positions, TriMesh};
 
-use crate::distinct::Distinct;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
-use crate::read::{Contents, Loaded, ReadOptions};
-use crate::write::WriteOptions;
+use crate::loaded::{Contents, Loaded};
+use crate::options::{ReadOptions, WriteOptions};
+use soup::Soup;
 
 /// Bytes before the first facet of a binary file, and of each facet.
 const HEADER: usize = 84;
@@ -60,30 +61,6 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
 /// What the stream answers.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
     write::write(mesh, options.ascii, out)
-}
-
-/// What both kinds of file give.
-struct Soup {
-    corners: Distinct,
-    triangles: Vec<[u32; 3]>,
-    solids: usize,
-    warnings: Vec<Warning>,
-}
-
-impl Soup {
-    /// Room for facets whose bytes have been seen to be there.
-    fn with_room_for(facets: usize) -> Self {
-        // A closed surface has half as many vertices as faces.
-        let corners = Distinct::with_room_for(facets / 2 + 2);
-        Self { corners, triangles: Vec::with_capacity(facets), solids: 0, warnings: Vec::new() }
-    }
-
-    /// The number of a corner.
-    #[inline]
-    fn corner(&mut self, position: [f32; 3]) -> u32 {
-        // Adding zero makes zero of minus zero.
-        self.corners.id_of(position.map(|x| (x + 0.0).to_bits()))
-    }
 }
 
 /// Number of facets that a binary file claims.

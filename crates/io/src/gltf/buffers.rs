@@ -16,7 +16,7 @@ use super::unpack;
 use crate::assets::{Assets, Refusal};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
-use crate::read::ReadOptions;
+use crate::options::ReadOptions;
 
 /// The buffers of a file, opened when they are asked for.
 pub(super) struct Buffers<'a> {
@@ -41,7 +41,7 @@ impl<'a> Buffers<'a> {
         Self {
             json: &document.json,
             bin: document.bin,
-            assets: Assets::of(options),
+            assets: options.files(),
             limit: options.limits.most_bytes(),
             loaded: list(&document.json, "buffers").iter().map(|_| OnceCell::new()).collect(),
             unpacked: 0,

@@ -7,7 +7,7 @@ use super::lod::nodes_of_levels;
 use super::placements::Placement;
 use crate::error::Warning;
 use crate::excerpt::excerpt;
-use crate::read::Contents;
+use crate::loaded::Contents;
 
 /// Names of attributes as reports give them.
 const NAMES: [(&str, &str); 6] = [

@@ -11,10 +11,9 @@ use serde_json::Value;
 
 use super::buffers::{Buffers, data_uri, path_of};
 use super::container::{list, number};
-use super::scene::image_type;
 use crate::assets::{Assets, Refusal};
 use crate::excerpt::excerpt;
-use crate::obj::{Image, Library, Made, Regions};
+use crate::material::{Image, Library, Made, Regions, image_type};
 
 /// Faces that follow each other and have the same material.
 pub(super) struct Run {

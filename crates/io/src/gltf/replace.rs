@@ -8,6 +8,7 @@
 //! what is still free goes, and all references are renumbered
 //! ```
 
+mod edit;
 mod finish;
 mod pieces;
 mod tidy;
@@ -27,21 +28,14 @@ use super::container::{emit, list, number};
 use super::encode::{Kind, encode, settle_weights, unit_directions};
 use super::lists::take_extension;
 use super::mesh::TYPES;
+use super::outside::relink;
 use super::primitive::Primitive;
-use super::scene::relink;
 use super::slot::Slot;
-use pieces::{Part, Piece, Spot};
+use edit::{Edit, OF_VERTICES, Part, Spot, VERTICES};
 
 use crate::attributes::rounding;
 use crate::error::Warning;
 use crate::format::Format;
-
-/// What views are for.
-const VERTICES: u32 = 34962;
-const INDICES: u32 = 34963;
-
-/// An extension of a primitive whose content depends on its vertices, and goes with them.
-const OF_VERTICES: &str = "CESIUM_primitive_outline";
 
 /// Extensions of a primitive that hold for any vertices.
 const OF_PRIMITIVES: [&str; 3] = ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
@@ -96,36 +90,7 @@ fn set_buffer(json: &mut Value, bytes: &[u8], glb: bool) {
     }
 }
 
-/// The scene as it changes.
-struct Edit<'s> {
-    source: &'s Value,
-    json: Value,
-    pieces: Vec<Piece>,
-    /// Pieces by the accessor that they replace and a hash of their bytes.
-    known: HashMap<(usize, u64), usize>,
-    /// Bytes of the pieces.
-    fresh: Vec<u8>,
-    /// Accessors that replaced primitives named.
-    let_go: BTreeSet<usize>,
-    /// Primitives that have no face any more.
-    emptied: Vec<String>,
-    warnings: Vec<Warning>,
-}
-
-impl<'s> Edit<'s> {
-    fn new(source: &'s Value) -> Self {
-        Self {
-            source,
-            json: source.clone(),
-            pieces: Vec::new(),
-            known: HashMap::new(),
-            fresh: Vec::new(),
-            let_go: BTreeSet::new(),
-            emptied: Vec::new(),
-            warnings: Vec::new(),
-        }
-    }
-
+impl Edit<'_> {
     /// Puts a mesh in the place of another.
     fn replace(&mut self, index: usize, mesh: &TriMesh) -> io::Result<()> {
         let name = format!("meshes[{index}]");

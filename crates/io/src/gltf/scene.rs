@@ -16,6 +16,7 @@ use super::lod::{self, SceneLevels};
 use super::mesh::{self, Budget};
 use super::moving::{self, SceneMotion};
 use super::names::MeshNames;
+use super::outside::{is_file, outside_uris};
 use super::placements;
 use super::{inventory, replace, unpack};
 use crate::assets::{Assets, MOST_IMAGE_BYTES, Refusal};
@@ -23,7 +24,9 @@ use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::format::Format;
 use crate::limits::Limits;
-use crate::read::{Contents, ReadOptions};
+use crate::loaded::Contents;
+use crate::material::image_type;
+use crate::options::ReadOptions;
 
 /// A glTF file as a whole: nodes, materials, animations and all else as they are, and its meshes one by one.
 ///
@@ -141,7 +144,7 @@ impl Scene {
         };
         let contents = contents(&json, &placed, &meshes);
         let bounds = bounds(&placed, &meshes);
-        let (assets, limits) = (Assets::of(options), options.limits);
+        let (assets, limits) = (options.files(), options.limits);
         Ok(Self { json, buffers, meshes, bounds, contents, warnings, format, unpacked, assets, limits, size })
     }
 
@@ -347,64 +350,6 @@ impl Scene {
         });
         found
     }
-}
-
-/// The type of an image, by its first bytes.
-pub(crate) fn image_type(bytes: &[u8]) -> Option<&'static str> {
-    match bytes {
-        [0x89, b'P', b'N', b'G', ..] => Some("image/png"),
-        [0xff, 0xd8, 0xff, ..] => Some("image/jpeg"),
-        [0xab, b'K', b'T', b'X', b' ', b'2', b'0', ..] => Some("image/ktx2"),
-        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Some("image/webp"),
-        _ => None,
-    }
-}
-
-/// Calls for the uri of each file outside.
-fn outside_uris<'v>(json: &'v Value, found: &mut dyn FnMut(&'v String)) {
-    let mut open = vec![(json, 0)];
-    while let Some((value, depth)) = open.pop() {
-        match value {
-            Value::Object(object) => {
-                for (key, inner) in object.iter().rev() {
-                    match inner {
-                        Value::String(uri) if key == "uri" && is_file(uri) => found(uri),
-                        // What extras mean is not known; the buffers are inside.
-                        _ if key == "extras" || (depth == 0 && key == "buffers") => {}
-                        _ => open.push((inner, depth + 1)),
-                    }
-                }
-            }
-            Value::Array(values) => open.extend(values.iter().rev().map(|v| (v, depth + 1))),
-            _ => {}
-        }
-    }
-}
-
-/// Gives the files outside other names.
-pub(super) fn relink(json: &mut Value, depth: usize, new: &dyn Fn(&str) -> Option<String>) {
-    match json {
-        Value::Object(object) => {
-            for (key, inner) in object.iter_mut() {
-                match inner {
-                    Value::String(uri) if key == "uri" && is_file(uri) => {
-                        if let Some(new) = new(uri) {
-                            *uri = new;
-                        }
-                    }
-                    _ if key == "extras" || (depth == 0 && key == "buffers") => {}
-                    _ => relink(inner, depth + 1, new),
-                }
-            }
-        }
-        Value::Array(values) => values.iter_mut().for_each(|v| relink(v, depth + 1, new)),
-        _ => {}
-    }
-}
-
-/// Whether a uri names a file, and not data or an address on the network.
-fn is_file(uri: &str) -> bool {
-    !uri.is_empty() && !uri.starts_with("data:") && !uri.contains("://")
 }
 
 /// What the file holds; meshes and faces as often as they are placed.

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::container::emit;
 use crate::attributes::rounding;
 use crate::error::Warning;
-use crate::obj::{Look, Looks};
+use crate::material::{Look, Looks};
 
 /// Numbers that the format gives to types and uses.
 const U8: u32 = 5121;

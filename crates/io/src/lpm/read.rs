@@ -7,14 +7,14 @@ use lodsmith_core::{Attribute, RegionId, TriMesh, VertexId, WedgeId};
 
 use super::checkpoint::{Checkpoints, read_original};
 use super::container::{self, AROUND, Chunks, Next};
+use super::file::{Lpm, LpmSizes};
 use super::head::{Head, Kind};
 use super::range::{Coded, Damaged, Decoder};
 use super::step::{Shape, Steps};
 use super::walk::{Step, Walk};
-use super::{Lpm, LpmSizes};
 use crate::error::{ReadError, Warning};
 use crate::limits::Limits;
-use crate::obj::Regions;
+use crate::material::Regions;
 
 /// Reads a file chunk by chunk: after each one there is a mesh.
 pub struct LpmReader<R> {

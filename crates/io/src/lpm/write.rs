@@ -17,7 +17,7 @@ use super::values::{PlaceCode, ValueCode};
 use super::walk::{Step, Walk};
 use super::{LEAST_BITS, LpmOptions, LpmWritten, MOST_BITS};
 use crate::error::WriteError;
-use crate::obj::Regions;
+use crate::material::Regions;
 use crate::write::write_file;
 
 /// Splits in a chunk. Guessed: a few kilobytes, so that a stream shows something new several times a second.

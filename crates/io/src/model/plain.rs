@@ -6,11 +6,10 @@ use std::sync::Arc;
 use lodsmith_core::model::{AlphaMode, Material, Sampler, TextureRef};
 use lodsmith_core::{Image, Model, TriMesh};
 
-use super::BaseColor;
 use super::decode::Pictures;
 use crate::error::Warning;
 use crate::limits::Limits;
-use crate::obj::{Look, Looks, Purpose, Regions, looks};
+use crate::material::{Look, Looks, Purpose, Regions, looks};
 
 /// The place of the map of normals in [`Material::textures_mut`].
 const NORMALS: usize = 2;
@@ -35,6 +34,9 @@ pub(super) fn model(mesh: TriMesh, regions: &Regions, limits: Limits) -> (Model,
     }
     (model, warnings)
 }
+
+/// An image of colours, and how texture coordinates look into it. (The image's number in a model means nothing here.)
+pub type BaseColor = (Arc<Image>, TextureRef);
 
 /// The base colours of the regions of a mesh; see [`Loaded::base_colors`](crate::Loaded::base_colors).
 pub(super) fn base_colors(mesh: &TriMesh, regions: &Regions, limits: Limits) -> Vec<Option<BaseColor>> {

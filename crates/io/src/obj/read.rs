@@ -9,18 +9,16 @@ use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{Positions, TriMesh, VertexId};
 use rayon::prelude::*;
 
-use super::materials::look_up;
-use super::regions::{Heading, Headings, Place};
-use super::stream::ends_line;
 use super::wedges::{Indices, NONE, number_wedges};
-use crate::assets::Assets;
 use crate::attributes::{NO_ALPHA, NO_COLOR, unit_colors, unit_normals};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt_of_bytes;
 use crate::format::Format;
-use crate::lines::Lines;
+use crate::lines::{Lines, ends_line};
+use crate::loaded::{Contents, Loaded};
+use crate::material::{Heading, Headings, Place, counts, look_up};
 use crate::numbers::short_whole;
-use crate::read::{Contents, Loaded, ReadOptions};
+use crate::options::ReadOptions;
 
 /// Reads the bytes of an OBJ file; UTF-8 or any other encoding in which ASCII is ASCII.
 ///
@@ -600,7 +598,9 @@ impl Section {
             ..Contents::default()
         };
         let mut loaded = Loaded { regions, ..Loaded::new(mesh, Format::Obj, contents, warnings) };
-        look_up(&mut loaded, &Assets::of(options), options.limits);
+        let libraries = &mut loaded.regions.libraries;
+        loaded.warnings.extend(look_up(libraries, &options.files(), options.limits));
+        (loaded.contents.materials, loaded.contents.textures) = counts(&loaded.regions);
         Ok(loaded)
     }
 }

@@ -12,7 +12,9 @@ use rayon::prelude::*;
 
 use super::read::{SMALL, Section, UNKNOWN};
 use crate::error::ReadError;
-use crate::read::{Loaded, ReadOptions};
+use crate::lines::ends_line;
+use crate::loaded::Loaded;
+use crate::options::ReadOptions;
 
 /// Bytes that are read at once. Guessed: enough for a call to the system, and within the cache of a core.
 const PIECE: usize = 1 << 18;
@@ -98,11 +100,6 @@ fn read_range(path: &Path, range: Range<u64>, mut section: Section, is_last: boo
     // Someone may be writing the file.
     let is_whole = taken == length && (!is_last || left.into_inner().read(&mut [0]).ok()? == 0);
     is_whole.then_some(section)
-}
-
-/// Whether the line that ends behind these bytes is over: one with a backslash at its end goes on.
-pub(super) fn ends_line(before: &[u8]) -> bool {
-    !matches!(before, [.., b'\\'] | [.., b'\\', b'\r'])
 }
 
 #[cfg(test)]

@@ -5,12 +5,10 @@ use std::io::{self, Write};
 
 use lodsmith_core::{Positions, TriMesh, WedgeId};
 
-use super::materials::Library;
-use super::regions::{Heading, Region, Regions, listed};
-use super::textures::{Textures, names_of};
 use crate::error::Warning;
+use crate::material::{Heading, Library, Region, Regions, Textures, drops_materials, listed, names_of};
 use crate::numbers::TextOut;
-use crate::write::WriteOptions;
+use crate::options::WriteOptions;
 
 /// Writes a mesh as OBJ; returns what the format could not carry.
 ///
@@ -118,11 +116,6 @@ pub(crate) fn write_naming(
     }
     out.finish()?;
     Ok(warnings)
-}
-
-/// Whether a mesh cannot say any more which of several materials its faces have.
-pub(crate) fn drops_materials(mesh: &TriMesh, regions: &Regions) -> bool {
-    mesh.regions().is_none() && regions.differing().any(|heading| heading == Heading::Material)
 }
 
 /// What stands over the faces.

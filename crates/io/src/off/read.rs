@@ -8,8 +8,9 @@ use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt_of_bytes;
 use crate::format::Format;
 use crate::lines::Lines;
+use crate::loaded::{Contents, Loaded};
 use crate::numbers::short_whole;
-use crate::read::{Contents, Loaded, ReadOptions};
+use crate::options::ReadOptions;
 use crate::sniff::off_prefix;
 
 /// Reads the bytes of an OFF file.

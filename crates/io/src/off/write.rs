@@ -6,7 +6,7 @@ use lodsmith_core::{Positions, TriMesh, WedgeId};
 
 use crate::error::Warning;
 use crate::numbers::TextOut;
-use crate::write::WriteOptions;
+use crate::options::WriteOptions;
 
 /// Writes a mesh as OFF, with the prefixes that its attributes need; returns what the format could not carry.
 ///

@@ -1,6 +1,6 @@
 //! STL as text: `facet`, `outer loop`, three times `vertex x y z`, `endloop`, `endfacet`.
 
-use super::Soup;
+use super::soup::Soup;
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt_of_bytes;
 

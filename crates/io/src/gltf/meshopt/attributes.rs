@@ -7,7 +7,7 @@
 //! group  = 16 differences of 0, 1, 2, 4 or 8 bits; one with all bits set is a byte behind them
 //! ```
 
-use super::{ENDS, Input, zigzag};
+use super::input::{ENDS, Input, zigzag};
 
 /// Elements of a group.
 const GROUP: usize = 16;
@@ -141,7 +141,7 @@ fn short(input: &mut Input<'_>, bits: u32, group: &mut [u8; GROUP]) -> Result<()
 
 #[cfg(test)]
 mod tests {
-    use super::super::GOES_ON;
+    use super::super::input::GOES_ON;
     use super::*;
 
     #[test]

@@ -1,6 +1,18 @@
 //! What is done with decoded elements, each in its place.
 
-use super::Filter;
+/// What is done with decoded elements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in super::super) enum Filter {
+    None,
+    /// Directions on an octahedron.
+    Octahedral,
+    /// Rotations without their largest component.
+    Quaternion,
+    /// Floats as whole numbers times powers of two.
+    Exponential,
+    /// Colours as brightness and two differences.
+    Color,
+}
 
 /// Turns elements into what they stand for.
 pub(super) fn apply(filter: Filter, stride: usize, elements: &mut [u8]) {

@@ -1,6 +1,6 @@
 //! Indices: of triangles that lie near one another, and of any kind.
 
-use super::{ENDS, Input, zigzag};
+use super::input::{ENDS, Input, zigzag};
 
 /// Entries that the last sixteen remember.
 const MEMORY: usize = 16;
@@ -159,7 +159,7 @@ fn after_header(stream: &[u8], header: u8) -> Result<&[u8], &'static str> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::GOES_ON;
+    use super::super::input::GOES_ON;
     use super::*;
 
     fn stream(codes: &[u8], data: &[u8]) -> Vec<u8> {

@@ -12,8 +12,8 @@ use crate::excerpt::excerpt;
 use crate::gltf::Scene;
 use crate::gltf::buffers::{Buffers, data_uri, path_of};
 use crate::gltf::container::{list, number};
-use crate::gltf::scene::image_type;
 use crate::limits::Limits;
+use crate::material::image_type;
 use crate::model::Pictures;
 
 pub(super) fn read(scene: &Scene, buffers: &Buffers<'_>) -> (Vec<Material>, Vec<Arc<Image>>, Vec<Warning>) {

@@ -10,8 +10,7 @@ use super::super::lists::{drop_nulls, forget_extensions, move_view, put, renumbe
 use super::super::mesh::TYPES;
 use super::super::references::{Named, each_reference, views_of};
 use super::super::repack::Repacked;
-use super::pieces::{Data, Part, Piece, Spot, Stretch};
-use super::{Edit, OF_VERTICES};
+use super::edit::{Data, Edit, OF_VERTICES, Part, Piece, Spot, Stretch};
 use crate::error::Warning;
 
 /// Numbers of accessors and views that may be taken.

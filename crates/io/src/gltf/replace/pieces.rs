@@ -8,61 +8,7 @@ use serde_json::Value;
 use super::super::accessors::Component;
 use super::super::container::list;
 use super::super::encode::{Encoded, Kind};
-use super::{Edit, INDICES, VERTICES};
-
-/// A new accessor.
-pub(super) struct Piece {
-    pub(super) spot: Spot,
-    /// The accessor that stood there.
-    pub(super) old: Option<usize>,
-    pub(super) kind: Kind,
-    pub(super) width: usize,
-    pub(super) count: usize,
-    pub(super) min: Vec<Value>,
-    pub(super) max: Vec<Value>,
-    pub(super) data: Data,
-}
-
-/// Where an accessor is named.
-pub(super) struct Spot {
-    pub(super) mesh: usize,
-    pub(super) primitive: usize,
-    pub(super) part: Part,
-}
-
-impl Spot {
-    /// The attribute that is named here.
-    pub(super) fn attribute(&self) -> Option<String> {
-        match &self.part {
-            Part::Attribute(name) => Some(name.clone()),
-            Part::Indices | Part::Target(..) => None,
-        }
-    }
-}
-
-pub(super) enum Part {
-    Indices,
-    Attribute(String),
-    Target(usize, String),
-}
-
-/// Where the numbers of an accessor are.
-pub(super) enum Data {
-    /// All are zero.
-    Nowhere,
-    /// In this earlier piece, which takes the place of the same accessor.
-    Shared(usize),
-    Dense(Stretch),
-    /// Those that are not zero: how many, the type of their indices, these, and the numbers.
-    Sparse(usize, Component, [Stretch; 2]),
-}
-
-/// Some of the new bytes: a view.
-pub(super) struct Stretch {
-    pub(super) bytes: Range<usize>,
-    pub(super) stride: Option<usize>,
-    pub(super) target: Option<u32>,
-}
+use super::edit::{Data, Edit, INDICES, Piece, Spot, Stretch, VERTICES};
 
 impl Edit<'_> {
     /// Appends bytes, on a step of 4.

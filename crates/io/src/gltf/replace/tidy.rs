@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::super::container::{list, list_mut, number};
 use super::super::lists::{drop_nulls, retain, take_extension};
-use super::Edit;
+use super::edit::Edit;
 use crate::error::Warning;
 
 /// Some of many names, and how many there are beside these.

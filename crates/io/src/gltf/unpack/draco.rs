@@ -13,7 +13,8 @@ use super::super::encode::{Encoded, Kind, encode, settle_weights};
 use super::super::lists::{append, put, renumber, span, take_extension};
 use super::super::mesh::TYPES;
 use super::super::references::{Named, each_reference, views_of};
-use super::{DRACO, Fresh, Room};
+use super::extensions::DRACO;
+use super::fresh::{Fresh, Room};
 use crate::error::ReadError;
 
 /// What views are for.

@@ -11,17 +11,10 @@ use super::super::container::{list, list_mut, number, whole};
 use super::super::lists::take_extension;
 use super::super::meshopt::{Filter, Layout, Mode, decode};
 use super::super::repack::Span;
-use super::{Fresh, Room};
+use super::extensions::{MESHOPT, extension};
+use super::fresh::{Fresh, Room};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
-
-/// The names of the extension: the ratified one says more, in the same way.
-pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
-
-/// The extension of a view or a buffer.
-pub(super) fn extension(element: &Value) -> Option<(&'static str, &Value)> {
-    MESHOPT.into_iter().map(|name| (name, &element["extensions"][name])).find(|(_, e)| !e.is_null())
-}
 
 /// Decodes the views that are compressed.
 pub(super) fn unpack(

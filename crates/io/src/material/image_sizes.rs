@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 use std::io::Read;
 
-use super::materials::{Library, Texture, lines_of, next_word, texture_in};
+use super::library::{Library, Texture, lines_of, next_word, texture_in};
 use super::regions::Regions;
 use crate::error::Warning;
 use crate::excerpt::excerpt_of_bytes;

@@ -4,17 +4,15 @@
 //! materials itself gets a library that was never a file, with its images inside ([`Library::made`]).
 
 use std::borrow::Cow;
-use std::collections::HashSet;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::regions::{Regions, unquoted};
 use crate::assets::{Asset, Assets, Refusal};
 use crate::error::Warning;
 use crate::excerpt::excerpt_of_bytes;
 use crate::limits::Limits;
-use crate::read::{Loaded, utf8_of};
+use crate::lines::utf8_of;
 
 /// Bytes of all libraries of one file. Guessed: some hundred thousand materials.
 const MOST_BYTES: u64 = 64 << 20;
@@ -54,13 +52,13 @@ pub(crate) struct Image {
 }
 
 /// Where a texture of a library is.
-pub(super) enum Texture<'l> {
+pub(crate) enum Texture<'l> {
     File(Asset),
     Inside(&'l Image),
 }
 
 impl Library {
-    pub(super) fn named(name: Arc<[u8]>) -> Self {
+    pub(crate) fn named(name: Arc<[u8]>) -> Self {
         Self { name, text: None, assets: Assets::default(), made: None }
     }
     /// One that is no file; its other textures are looked for among the files of the model.
@@ -68,7 +66,7 @@ impl Library {
         Self { assets, ..Self::packed(text.as_bytes(), made) }
     }
     /// One that is no file, and has all of its textures inside.
-    pub(super) fn packed(text: &[u8], mut made: Made) -> Self {
+    pub(crate) fn packed(text: &[u8], mut made: Made) -> Self {
         made.images.sort_by(|a, b| a.name.cmp(&b.name));
         Self {
             name: Arc::default(),
@@ -87,12 +85,12 @@ impl Library {
     }
 
     /// Whether it is no file.
-    pub(super) fn is_made(&self) -> bool {
+    pub(crate) fn is_made(&self) -> bool {
         self.made.is_some()
     }
 
     /// Whether its colours count where there is an image too: many programs write files in which they do not.
-    pub(super) fn is_tinted(&self) -> bool {
+    pub(crate) fn is_tinted(&self) -> bool {
         self.made.as_ref().is_some_and(|made| made.tints)
     }
 
@@ -111,7 +109,7 @@ impl Library {
     ///
     /// # Errors
     /// Why it is nowhere: a sentence's end for people.
-    pub(super) fn find_texture(&self, path: &[u8]) -> Result<Texture<'_>, &'static str> {
+    pub(crate) fn find_texture(&self, path: &[u8]) -> Result<Texture<'_>, &'static str> {
         if let Some(made) = &self.made
             && let Ok(at) = made.images.binary_search_by(|image| image.name.as_bytes().cmp(path))
         {
@@ -121,19 +119,18 @@ impl Library {
     }
 }
 
-/// Reads the libraries that an OBJ names, as far as they are there, and counts what is in them.
-pub(super) fn look_up(loaded: &mut Loaded, assets: &Assets, limits: Limits) {
-    if assets.has_folder() {
-        let mut left = limits.most_bytes().min(MOST_BYTES);
-        for library in &mut loaded.regions.libraries {
-            if let Err(why) = read_library(library, assets, &mut left) {
-                let name = excerpt_of_bytes(&library.name);
-                let text = format!("material library {name} {why}: its materials are not known");
-                loaded.warnings.push(Warning::note(text));
-            }
-        }
+/// Reads the libraries that an OBJ names, as far as they are there; says which are not known.
+pub(crate) fn look_up(libraries: &mut [Library], assets: &Assets, limits: Limits) -> Vec<Warning> {
+    if !assets.has_folder() {
+        return Vec::new();
     }
-    (loaded.contents.materials, loaded.contents.textures) = counts(&loaded.regions);
+    let mut left = limits.most_bytes().min(MOST_BYTES);
+    let mut read = |library: &mut Library| {
+        let why = read_library(library, assets, &mut left).err()?;
+        let name = excerpt_of_bytes(&library.name);
+        Some(Warning::note(format!("material library {name} {why}: its materials are not known")))
+    };
+    libraries.iter_mut().filter_map(&mut read).collect()
 }
 
 fn read_library(library: &mut Library, assets: &Assets, left: &mut u64) -> Result<(), String> {
@@ -150,24 +147,8 @@ fn read_library(library: &mut Library, assets: &Assets, left: &mut u64) -> Resul
     Ok(())
 }
 
-/// How many materials the file or its libraries name, and how many textures the libraries do.
-pub(super) fn counts(regions: &Regions) -> (usize, usize) {
-    let mut materials: HashSet<&[u8]> = regions.materials().collect();
-    let mut textures = HashSet::new();
-    for text in regions.libraries.iter().filter_map(Library::text) {
-        for line in lines_of(text) {
-            if let Some(path) = texture_in(line) {
-                textures.insert(with_slashes(&line[path]));
-            } else if let Some(name) = material_in(line) {
-                materials.insert(name);
-            }
-        }
-    }
-    (materials.len(), textures.len())
-}
-
 /// Says of textures that they do not go along; each text is a path and why.
-pub(super) fn left_out(textures: &[String]) -> Vec<Warning> {
+pub(crate) fn left_out(textures: &[String]) -> Vec<Warning> {
     // More would help nobody. Guessed.
     const SHOWN: usize = 16;
     let shown = textures.iter().take(SHOWN);
@@ -180,12 +161,12 @@ pub(super) fn left_out(textures: &[String]) -> Vec<Warning> {
 }
 
 /// Lines with the ends that they have.
-pub(super) fn lines_of(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+pub(crate) fn lines_of(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     text.split_inclusive(|&b| b == b'\n')
 }
 
 /// The material that begins in this line.
-fn material_in(line: &[u8]) -> Option<&[u8]> {
+pub(crate) fn material_in(line: &[u8]) -> Option<&[u8]> {
     let (word, rest) = next_word(line)?;
     line[word].eq_ignore_ascii_case(b"newmtl").then(|| line[rest..].trim_ascii())
 }
@@ -210,7 +191,7 @@ const OPTIONS: [(&[u8], usize); 14] = [
 ];
 
 /// Where in this line the path of a texture stands, without blanks and quotation marks round it.
-pub(super) fn texture_in(line: &[u8]) -> Option<Range<usize>> {
+pub(crate) fn texture_in(line: &[u8]) -> Option<Range<usize>> {
     let (word, mut at) = next_word(line)?;
     let keyword = line[word].to_ascii_lowercase();
     let is_texture = (keyword.starts_with(b"map_") && keyword != b"map_aat")
@@ -242,19 +223,19 @@ pub(super) fn texture_in(line: &[u8]) -> Option<Range<usize>> {
     Some(begin..begin + path.len())
 }
 
-pub(super) fn is_number(word: &[u8]) -> bool {
+pub(crate) fn is_number(word: &[u8]) -> bool {
     std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok())
 }
 
 /// Where the next word stands, and where it ends.
-pub(super) fn next_word(text: &[u8]) -> Option<(Range<usize>, usize)> {
+pub(crate) fn next_word(text: &[u8]) -> Option<(Range<usize>, usize)> {
     let begin = text.iter().position(|b| !b.is_ascii_whitespace())?;
     let length = text[begin..].iter().position(u8::is_ascii_whitespace).unwrap_or(text.len() - begin);
     Some((begin..begin + length, begin + length))
 }
 
 /// Windows writes paths with backslashes; everybody reads these.
-pub(super) fn with_slashes(path: &[u8]) -> Cow<'_, [u8]> {
+pub(crate) fn with_slashes(path: &[u8]) -> Cow<'_, [u8]> {
     if !path.contains(&b'\\') {
         return Cow::Borrowed(path);
     }
@@ -284,7 +265,7 @@ fn find(assets: &Assets, path: &[u8]) -> Result<Asset, Refusal> {
 }
 
 /// The path that bytes of a file mean: these very bytes where the system takes any, else as UTF-8.
-pub(super) fn path_of(bytes: &[u8]) -> PathBuf {
+pub(crate) fn path_of(bytes: &[u8]) -> PathBuf {
     #[cfg(unix)]
     {
         use std::os::unix::ffi::OsStrExt;
@@ -293,6 +274,14 @@ pub(super) fn path_of(bytes: &[u8]) -> PathBuf {
     #[cfg(not(unix))]
     {
         String::from_utf8_lossy(bytes).into_owned().into()
+    }
+}
+
+/// Without the quotation marks that some programs put round a name.
+pub(crate) fn unquoted(name: &[u8]) -> &[u8] {
+    match name {
+        [b'"', inner @ .., b'"'] => inner,
+        _ => name,
     }
 }
 

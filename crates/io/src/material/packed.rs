@@ -8,11 +8,11 @@ use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 
-use super::materials::{Image, Library, Made, Texture, counts, left_out, lines_of, texture_in};
-use super::regions::Regions;
+use super::image_type::image_type;
+use super::library::{Image, Library, Made, Texture, left_out, lines_of, texture_in};
+use super::regions::{Regions, counts};
 use crate::assets::MOST_IMAGE_BYTES;
 use crate::error::{ReadError, Warning};
-use crate::gltf::image_type;
 use crate::limits::Limits;
 use crate::read::most_unpacked;
 

@@ -5,13 +5,12 @@ use std::path::{Path, PathBuf};
 
 use lodsmith_core::TriMesh;
 
-use super::materials::{Image, Library, Texture, is_number, left_out, lines_of, next_word, texture_in};
-use super::regions::{Region, Regions};
-use super::write::drops_materials;
+use super::image_type::image_type;
+use super::library::{Image, Library, Texture, is_number, left_out, lines_of, next_word, texture_in};
+use super::regions::{Region, Regions, drops_materials};
 use crate::assets::MOST_IMAGE_BYTES;
 use crate::error::Warning;
 use crate::excerpt::excerpt_of_bytes;
-use crate::gltf::image_type;
 
 /// What materials are looked up for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

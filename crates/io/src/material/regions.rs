@@ -6,16 +6,16 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
-use lodsmith_core::RegionId;
+use lodsmith_core::{RegionId, TriMesh};
 
-use super::materials::Library;
+use super::library::{Library, lines_of, material_in, texture_in, unquoted, with_slashes};
 
 /// No name: no such line stands above.
-pub(super) const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// The lines that hold for the faces below them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Heading {
+pub(crate) enum Heading {
     Object,
     Groups,
     Material,
@@ -23,14 +23,14 @@ pub(super) enum Heading {
 }
 
 impl Heading {
-    pub(super) const ALL: [Self; 4] = [Self::Object, Self::Groups, Self::Material, Self::Smoothing];
+    pub(crate) const ALL: [Self; 4] = [Self::Object, Self::Groups, Self::Material, Self::Smoothing];
 
     /// The word that the line begins with.
-    pub(super) const fn keyword(self) -> &'static str {
+    pub(crate) const fn keyword(self) -> &'static str {
         ["o", "g", "usemtl", "s"][self as usize]
     }
     /// What it is called for people.
-    pub(super) const fn title(self) -> &'static str {
+    pub(crate) const fn title(self) -> &'static str {
         ["objects", "groups", "materials", "smoothing groups"][self as usize]
     }
 }
@@ -51,7 +51,7 @@ pub struct Region<'a> {
 }
 
 impl<'a> Region<'a> {
-    pub(super) fn name(&self, heading: Heading) -> Option<&'a [u8]> {
+    pub(crate) fn name(&self, heading: Heading) -> Option<&'a [u8]> {
         match heading {
             Heading::Object => self.object,
             Heading::Groups => self.groups,
@@ -67,12 +67,12 @@ impl<'a> Region<'a> {
 /// file only materials make regions, and those without one come first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Regions {
-    pub(super) names: Vec<Arc<[u8]>>,
+    pub(crate) names: Vec<Arc<[u8]>>,
     /// A name, or [`NONE`], for each [`Heading`].
-    pub(super) entries: Vec<[u32; 4]>,
+    pub(crate) entries: Vec<[u32; 4]>,
     /// The names of all materials that the file asks for, by their numbers.
-    pub(super) materials: Vec<u32>,
-    pub(super) libraries: Vec<Library>,
+    pub(crate) materials: Vec<u32>,
+    pub(crate) libraries: Vec<Library>,
 }
 
 impl Regions {
@@ -143,13 +143,13 @@ impl Regions {
     }
 
     /// What tells regions from each other.
-    pub(super) fn differing(&self) -> impl Iterator<Item = Heading> {
+    pub(crate) fn differing(&self) -> impl Iterator<Item = Heading> {
         let differs = |&h: &Heading| self.entries.windows(2).any(|w| w[0][h as usize] != w[1][h as usize]);
         Heading::ALL.into_iter().filter(differs)
     }
 
     /// What a mesh without regions can say all the same: that in which all regions agree.
-    pub(super) fn shared(&self) -> Region<'_> {
+    pub(crate) fn shared(&self) -> Region<'_> {
         let mut entry = self.entries.first().copied().unwrap_or([NONE; 4]);
         self.differing().for_each(|heading| entry[heading as usize] = NONE);
         self.region(entry)
@@ -177,14 +177,14 @@ impl Regions {
 }
 
 /// Titles with commas between them; `None` if there are none.
-pub(super) fn listed(headings: impl Iterator<Item = Heading>) -> Option<String> {
+pub(crate) fn listed(headings: impl Iterator<Item = Heading>) -> Option<String> {
     let titles: Vec<_> = headings.map(Heading::title).collect();
     (!titles.is_empty()).then(|| titles.join(", "))
 }
 
 /// Where a section of a file says under what its faces stand.
 #[derive(Debug, Default)]
-pub(super) struct Headings {
+pub(crate) struct Headings {
     names: Names,
     changes: Vec<Change>,
     materials: Materials,
@@ -201,11 +201,11 @@ struct Change {
 
 /// A place between faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(crate) struct Place {
     /// How many faces of three corners stand before it.
-    pub(super) triangles: usize,
+    pub(crate) triangles: usize,
     /// How many of more corners.
-    pub(super) polygons: usize,
+    pub(crate) polygons: usize,
 }
 
 /// Names of materials, once each, in the order of their appearance.
@@ -225,7 +225,7 @@ impl Materials {
 
 impl Headings {
     /// A line of this kind stands here.
-    pub(super) fn meet(&mut self, heading: Heading, name: &[u8], at: Place) {
+    pub(crate) fn meet(&mut self, heading: Heading, name: &[u8], at: Place) {
         let name = self.names.number_of(clean(name));
         if heading == Heading::Material {
             self.materials.meet(name);
@@ -234,7 +234,7 @@ impl Headings {
     }
 
     /// A line names libraries of materials.
-    pub(super) fn meet_libraries(&mut self, names: &[u8]) {
+    pub(crate) fn meet_libraries(&mut self, names: &[u8]) {
         for name in library_names(clean(names)) {
             // A file that names more than this describes nothing. Guessed.
             if self.libraries.len() < 256 && !self.libraries.iter().any(|l| **l == *name) {
@@ -244,7 +244,7 @@ impl Headings {
     }
 
     /// Puts the headings of the section that follows behind these; so many faces are before it.
-    pub(super) fn append(&mut self, next: Self, before: Place) {
+    pub(crate) fn append(&mut self, next: Self, before: Place) {
         let numbers: Vec<u32> = next.names.texts.iter().map(|text| self.names.number_of(text)).collect();
         for change in next.changes {
             let at = Place {
@@ -276,7 +276,7 @@ impl Headings {
     ///
     /// `polygon_sizes` are the corners of the larger faces in their order, each cut into two triangles fewer.
     /// Cost: O(faces + lines).
-    pub(super) fn resolve(
+    pub(crate) fn resolve(
         self,
         polygon_sizes: impl IntoIterator<Item = usize>,
         face_count: usize,
@@ -373,12 +373,25 @@ fn library_names(line: &[u8]) -> Vec<&[u8]> {
     names
 }
 
-/// Without the quotation marks that some programs put round a name.
-pub(super) fn unquoted(name: &[u8]) -> &[u8] {
-    match name {
-        [b'"', inner @ .., b'"'] => inner,
-        _ => name,
+/// Whether a mesh cannot say any more which of several materials its faces have.
+pub(crate) fn drops_materials(mesh: &TriMesh, regions: &Regions) -> bool {
+    mesh.regions().is_none() && regions.differing().any(|heading| heading == Heading::Material)
+}
+
+/// How many materials the file or its libraries name, and how many textures the libraries do.
+pub(crate) fn counts(regions: &Regions) -> (usize, usize) {
+    let mut materials: HashSet<&[u8]> = regions.materials().collect();
+    let mut textures = HashSet::new();
+    for text in regions.libraries.iter().filter_map(Library::text) {
+        for line in lines_of(text) {
+            if let Some(path) = texture_in(line) {
+                textures.insert(with_slashes(&line[path]));
+            } else if let Some(name) = material_in(line) {
+                materials.insert(name);
+            }
+        }
     }
+    (materials.len(), textures.len())
 }
 
 #[cfg(test)]

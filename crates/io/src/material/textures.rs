@@ -6,12 +6,12 @@ use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Component, Path, PathBuf};
 
-use super::materials::{Library, Texture, lines_of, path_of, texture_in, with_slashes};
+use super::library::{Library, Texture, lines_of, path_of, texture_in, with_slashes};
 use super::regions::Regions;
 use crate::assets::MOST_IMAGE_BYTES;
 use crate::error::{Warning, WriteError};
 use crate::excerpt::excerpt_of_bytes;
-use crate::write::{temporary_in, write_file};
+use crate::files::{temporary_in, write_file};
 
 /// What becomes of materials and their textures where these are files of their own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -86,7 +86,7 @@ pub(crate) fn write_beside(regions: &Regions, target: &Path, policy: Textures) -
 }
 
 /// The libraries by the names that the source has for them; those that are files.
-pub(super) fn names_of(regions: &Regions) -> Vec<Vec<u8>> {
+pub(crate) fn names_of(regions: &Regions) -> Vec<Vec<u8>> {
     regions.libraries.iter().filter(|l| !l.is_made()).map(|l| l.name().to_vec()).collect()
 }
 

@@ -1,0 +1,36 @@
+//! The extensions of compressed geometry, and what they leave spare.
+
+use std::collections::HashSet;
+
+use serde_json::Value;
+
+use super::super::container::{list, number};
+
+/// The extension of primitives.
+pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// The names of the extension of views: the ratified one says more, in the same way.
+pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+/// The extension of a view or a buffer.
+pub(super) fn extension(element: &Value) -> Option<(&'static str, &Value)> {
+    MESHOPT.into_iter().map(|name| (name, &element["extensions"][name])).find(|(_, e)| !e.is_null())
+}
+
+/// Buffers for readers without an extension, that nothing else needs; their bytes may be left out.
+pub(in super::super) fn fallbacks(json: &Value) -> HashSet<usize> {
+    let (mut plain, mut spare) = (HashSet::new(), HashSet::new());
+    for view in list(json, "bufferViews") {
+        match extension(view) {
+            Some((_, packed)) => {
+                plain.extend(number(&packed["buffer"]));
+                spare.extend(number(&view["buffer"]));
+            }
+            None => plain.extend(number(&view["buffer"])),
+        }
+    }
+    let marked = |b: &Value| extension(b).is_some_and(|(_, e)| e["fallback"] == true);
+    spare.extend(list(json, "buffers").iter().enumerate().filter(|(_, b)| marked(b)).map(|(i, _)| i));
+    spare.retain(|buffer| !plain.contains(buffer));
+    spare
+}

@@ -1,0 +1,89 @@
+//! Decoded bytes on their way into the file, and how many there may be.
+
+use std::collections::HashSet;
+use std::ops::Range;
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+
+use super::super::container::{list, list_mut};
+use super::super::lists::{move_view, span, take_extension};
+use super::super::repack::{Repacked, Span};
+use super::extensions::MESHOPT;
+use crate::error::ReadError;
+
+/// What may still be decoded.
+pub(super) struct Room {
+    pub(super) limit: u64,
+    pub(super) used: u64,
+}
+
+impl Room {
+    pub(super) fn left(&self) -> u64 {
+        self.limit - self.used
+    }
+
+    pub(super) fn take(&mut self, bytes: u64) -> Result<(), ReadError> {
+        let size = self.used.saturating_add(bytes);
+        if size > self.limit {
+            let what = "size of what is compressed, for a file of this size,";
+            return Err(ReadError::Limit { what, size, limit: self.limit });
+        }
+        self.used = size;
+        Ok(())
+    }
+}
+
+/// Decoded bytes until they have a place.
+#[derive(Default)]
+pub(super) struct Fresh {
+    pub(super) bytes: Vec<u8>,
+    /// Views and what they hold of these.
+    pub(super) placed: Vec<(usize, Range<usize>)>,
+    /// The streams.
+    pub(super) freed: Vec<Span>,
+}
+
+impl Fresh {
+    /// Appends the bytes of a view; they begin where numbers of any type may.
+    pub(super) fn push(&mut self, view: usize, bytes: &[u8]) {
+        let start = self.bytes.len().next_multiple_of(8);
+        self.bytes.resize(start, 0);
+        self.bytes.extend_from_slice(bytes);
+        self.placed.push((view, start..self.bytes.len()));
+    }
+
+    /// Makes one buffer of what stays and what is new.
+    pub(super) fn finish(self, json: &mut Value, buffers: &mut Vec<Arc<Vec<u8>>>) {
+        let new: HashSet<usize> = self.placed.iter().map(|(view, _)| *view).collect();
+        let views = || list(json, "bufferViews").iter().enumerate().filter(|(i, _)| !new.contains(i));
+        let kept: Vec<Span> = views().filter_map(|(_, view)| span(view)).collect();
+        let mut repacked = Repacked::new(buffers, &kept, &self.freed);
+        let mut bytes = std::mem::take(&mut repacked.bytes);
+        let base = bytes.len().next_multiple_of(8);
+        bytes.resize(base, 0);
+        bytes.extend_from_slice(&self.bytes);
+
+        let all = list_mut(json, "bufferViews");
+        for (_, view) in all.iter_mut().enumerate().filter(|(i, _)| !new.contains(i)) {
+            move_view(view, &repacked);
+        }
+        for (view, range) in self.placed {
+            let view = &mut all[view];
+            view["buffer"] = 0.into();
+            view["byteOffset"] = (base + range.start).into();
+            view["byteLength"] = range.len().into();
+        }
+        if let Some(list) = json.get_mut("buffers").and_then(Value::as_array_mut) {
+            list.truncate(1);
+            for buffer in list {
+                MESHOPT.iter().for_each(|extension| drop(take_extension(buffer, extension)));
+                if !buffer.is_object() {
+                    *buffer = json!({});
+                }
+                buffer["byteLength"] = bytes.len().into();
+            }
+        }
+        *buffers = vec![Arc::new(bytes)];
+    }
+}
