@@ -16,7 +16,7 @@ pub use channels::Channels;
 pub use track::{Curve, Keyframe, MOST_SECS, Track, moment};
 
 use super::Placement;
-use crate::viewport::Orbit;
+use crate::orbit::Orbit;
 
 /// Something that keyframes hold.
 pub trait Keyed: Copy + PartialEq {
