@@ -1,5 +1,6 @@
 //! What fuzz targets begin with, beside the files that are kept in `fuzz/seeds`: small shapes in every format that the
-//! command writes, the small files of `testdata`, and bytes by chance for the targets that make soups of them.
+//! command writes, sessions and layouts of the viewer, the small files of `testdata`, and bytes by chance for the targets
+//! that make soups of them.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -7,6 +8,13 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 use lodsmith::core::{TriMesh, shapes};
+use lodsmith::{Method, Stop};
+use lodsmith_viewer::playback::Playback;
+use lodsmith_viewer::session::Session;
+use lodsmith_viewer::settings::{Around, Backdrop, Pose, Settings};
+use lodsmith_viewer::stage::file::LayoutFile;
+use lodsmith_viewer::stage::motion::{Curve, Stand, Tracks};
+use lodsmith_viewer::stage::{Placement, Stage};
 
 use crate::faults::Chance;
 use crate::{release_command, root};
@@ -58,6 +66,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
             std::fs::copy(entry.path(), folder("read_gltf")?.join(&name))?;
         }
     }
+    sessions(&folder("read_session")?)?;
     let mut chance = Chance(47);
     for target in SOUPS {
         for number in 0..BYTES {
@@ -68,6 +77,48 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     }
     println!("{}", corpus.display());
     Ok(())
+}
+
+/// One session for each method, so that all words are among them, and the layout of the stage that they have.
+fn sessions(folder: &Path) -> Result<()> {
+    let stage = stage();
+    LayoutFile::new(Path::new("a.glb"), &stage).save(&folder.join("layout.json"))?;
+    for (number, method) in Method::ALL.into_iter().enumerate() {
+        let mut settings = Settings { files: vec![folder.join("a.glb")], ..Settings::default() };
+        settings.simplify.options.stop = Stop::faces(number);
+        settings.simplify.options.method = method;
+        // One has all that a session can hold, the others are short.
+        if method == Method::Memoryless {
+            settings.stage = stage.clone();
+            settings.look.backdrop = Backdrop::Color([0.1, 0.2, 0.3]);
+            settings.look.around = Around::Studio;
+            settings.look.look.heat_range = Some([0.0, 0.5]);
+            settings.playback = Playback { clip: None, seconds: 1.25, speed: 0.5, repeats: false };
+            settings.cameras[2] = Some(pose());
+        }
+        let session = Session::new(settings, [pose(); 2]).with_stage_camera(Some(pose()));
+        session.save(&folder.join(format!("{}.json", method.name())))?;
+    }
+    Ok(())
+}
+
+fn pose() -> Pose {
+    Pose { eye: [3.0, 2.0, 1.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 }
+}
+
+/// Two copies, one of which moves, as the camera does.
+fn stage() -> Stage {
+    let mut tracks = Tracks { length_secs: Some(8.0), ..Tracks::default() };
+    let stand = Stand { x: 1.0, y: 2.0, z: 3.0, yaw_deg: 10.0, pitch_deg: -5.0, distance: 4.0 };
+    tracks.camera.set(1.0, stand);
+    tracks.camera.set(3.0, Stand { x: 2.0, ..stand });
+    let track = tracks.copies.entry(1).or_default();
+    track.curve = Curve::Step;
+    for secs in [0.5, 2.0] {
+        track.set(secs, Placement { turn_deg: 33.0, scale: secs, ..Placement::at(secs, 0.0) });
+    }
+    let copies = vec![Placement::at(0.0, 0.0), Placement::at(2.0, -1.0)].into();
+    Stage { is_on: true, copies, motion: tracks.into(), ..Stage::default() }
 }
 
 fn call(command: &mut Command) -> Result<()> {
@@ -107,6 +158,8 @@ fn obj(mesh: &TriMesh) -> String {
 
 #[cfg(test)]
 mod tests {
+    use lodsmith_io::AssetScope;
+
     use super::*;
 
     #[test]
@@ -115,7 +168,7 @@ mod tests {
         let targets: Vec<&str> =
             manifest.lines().filter_map(|l| l.strip_prefix("path = \"fuzz_targets/")).collect();
         let gate = std::fs::read_to_string(root().join(".ci/run")).unwrap();
-        assert!(targets.len() >= 12, "{targets:?}");
+        assert!(targets.len() >= 13, "{targets:?}");
         for target in targets.iter().filter_map(|path| path.strip_suffix(".rs\"")) {
             assert!(gate.contains(&format!(" {target} ")), "{target} is not run in .ci/run");
             assert!(root().join(format!("fuzz/fuzz_targets/{target}.rs")).is_file(), "{target}");
@@ -129,5 +182,21 @@ mod tests {
                 assert!(file.metadata().unwrap().len() <= LARGEST, "{}", file.path().display());
             }
         }
+    }
+    #[test]
+    fn sessions_among_the_seeds_are_sessions_and_small() {
+        let folder = tempfile::tempdir().unwrap();
+        sessions(folder.path()).unwrap();
+        let mut opened = 0;
+        for file in std::fs::read_dir(folder.path()).unwrap() {
+            let path = file.unwrap().path();
+            assert!(path.metadata().unwrap().len() <= LARGEST, "{}", path.display());
+            if LayoutFile::is_one(&path) {
+                assert_eq!(LayoutFile::open(&path).unwrap().0.len(), 2);
+            } else {
+                opened += usize::from(Session::open(&path, &AssetScope::Folder).is_ok());
+            }
+        }
+        assert_eq!(opened, Method::ALL.len());
     }
 }

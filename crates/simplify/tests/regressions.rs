@@ -2,13 +2,15 @@
 
 mod support;
 
+use std::sync::Arc;
+
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::{Attribute, Positions, Semantic, TriMesh, VertexId, shapes};
 use lodsmith::{
     BorderPolicy, Control, Fit, Length, Method, NoControl, Placement, Preset, Simplified, SimplifyError,
     SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
-use support::laden::attribute_complaints;
+use support::laden::{attribute_complaints, laden, locked_complaints};
 use support::{complaints, counts, topology_complaints};
 
 const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
@@ -538,4 +540,23 @@ fn a_neck_at_a_vertex_of_two_fans_is_not_cut() {
             sound(&mesh, &options);
         }
     }
+}
+
+/// Where a seam left a locked vertex on its other side, a new face there had values that lie between others.
+#[test]
+fn a_locked_vertex_keeps_its_values_where_every_edge_is_a_seam() {
+    let mut all = support::Complaints::default();
+    for seed in 1..4 {
+        let mesh = laden(&shapes::blob(2, seed), &mut support::Random(seed));
+        let locked: Arc<[bool]> = (0..mesh.vertex_count()).map(|v| v % 5 == 0).collect();
+        for method in Method::ALL {
+            let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+            (options.method, options.locked) = (method, Some(Arc::clone(&locked)));
+            let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+            let may_go = method == Method::Cluster;
+            let found = locked_complaints(&mesh, &locked, (may_go, false), &done.mesh);
+            all.add(&format!("{}, seed {seed}", method.name()), found);
+        }
+    }
+    all.settle();
 }

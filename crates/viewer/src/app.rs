@@ -19,15 +19,15 @@ use crate::compare::{Pictures, Side};
 use crate::dialog::{Answer, Dialog, Purpose};
 use crate::document::Document;
 use crate::gpu::{Gpu, GpuError};
-use crate::keys::{self, Action};
+use crate::keys::{self, Action, by_key};
+use crate::orbit::Orbit;
 use crate::panel::target::{Unit, Whole};
 use crate::panel::{self, Dock, Facts, Panel, Say, Scope, export, look::SHADINGS, parts};
-use crate::playback::by_key;
 use crate::session::{Memory, Session};
 use crate::settings::{Around, Pose, Sides, Turn};
 use crate::stage::file::LayoutFile;
 use crate::theme;
-use crate::viewport::{KEY_TURN_RAD, Orbit};
+use crate::viewport::KEY_TURN_RAD;
 use empty::{empty, hovering};
 
 /// The window.

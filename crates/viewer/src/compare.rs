@@ -14,13 +14,14 @@ use crate::content::Lighter;
 use crate::document::{Document, Drawing, Shown};
 use crate::gpu::{Drawn, Frame, Gpu, Placed, Target};
 use crate::numbers::{grouped, percent, significant};
+use crate::orbit::{Orbit, moved_bounds, turn_matrix, turned_bounds};
 use crate::own_files::OwnFiles;
 use crate::panel::{Say, error};
 use crate::settings::{Layout, Sides};
 use crate::stage::picture::StageView;
 use crate::stand_in;
 use crate::theme::palette;
-use crate::viewport::{self, Orbit, moved_bounds, turn_matrix, turned_bounds};
+use crate::viewport;
 
 /// One of the two sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

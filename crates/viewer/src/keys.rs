@@ -1,8 +1,13 @@
 //! What keys do: a table, so that the cheat sheet, the tooltips and the menus say what is true.
 
 use eframe::egui::{InputState, Key, KeyboardShortcut, Modifiers};
+use lodsmith_core::Model;
 
 use crate::panel::Panel;
+use crate::playback::Playback;
+
+/// A step by a key: a picture of 24 a second.
+const STEP_SECS: f64 = 1.0 / 24.0;
 
 /// Something that a key does at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -379,6 +384,18 @@ pub fn pressed(input: &mut InputState) -> Vec<Action> {
         actions.push(Action::Redo);
     }
     actions
+}
+
+/// What a key makes of the moment that is shown; `None` for keys of other things.
+pub fn by_key(playback: Playback, model: &Model, length: f64, action: Action) -> Option<Playback> {
+    Some(match action {
+        Action::ToBegin => playback.at(length, 0.0),
+        Action::StepTime(by) => playback.at(length, playback.moment(length) + f64::from(by) * STEP_SECS),
+        Action::Speed(by) => playback.at_speed(playback.speed * 2f64.powi(i32::from(by))),
+        Action::Repeat => Playback { repeats: !playback.repeats, ..playback },
+        Action::NextClip => playback.next_clip(model),
+        _ => return None,
+    })
 }
 
 #[cfg(test)]

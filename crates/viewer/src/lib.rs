@@ -2,138 +2,56 @@
 //!
 //! A [`document`] changes by [`command`]s alone; long work is a [`job`] on one thread; [`panel`]s read the document and say
 //! what is to be done. [`app`] is the window itself, [`gpu`] draws.
+//!
+//! Without the feature `window` there is what it is all about as plain data: settings, commands, sessions, layouts.
 
+#[cfg(feature = "window")]
 pub mod app;
+#[cfg(feature = "window")]
 pub mod benchmark;
 pub mod command;
+#[cfg(feature = "window")]
 pub mod compare;
+#[cfg(feature = "window")]
 pub mod content;
+#[cfg(feature = "window")]
 mod dialog;
+#[cfg(feature = "window")]
 pub mod display;
+#[cfg(feature = "window")]
 pub mod document;
+#[cfg(feature = "window")]
 pub mod export;
+#[cfg(feature = "window")]
 pub mod gpu;
+#[cfg(feature = "window")]
 pub mod job;
+#[cfg(feature = "window")]
 pub mod keys;
+#[cfg(feature = "window")]
 pub mod log;
+#[cfg(feature = "window")]
 pub mod numbers;
+pub mod orbit;
+#[cfg(feature = "window")]
 mod own_files;
+#[cfg(feature = "window")]
 pub mod panel;
 pub mod playback;
+#[cfg(feature = "window")]
 pub mod road;
 pub mod session;
 pub mod settings;
 pub mod stage;
+#[cfg(feature = "window")]
 pub mod stand_in;
+#[cfg(feature = "window")]
 pub mod theme;
+#[cfg(feature = "window")]
 pub mod viewport;
+#[cfg(feature = "window")]
+mod window;
 pub mod words;
 
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::path::PathBuf;
-
-use eframe::egui;
-use lodsmith_io::AssetScope;
-
-/// What a window begins with.
-#[derive(Clone, Debug)]
-pub struct ViewOptions {
-    /// Files to open, or a session.
-    pub inputs: Vec<PathBuf>,
-    /// Which files a model or a session may name.
-    pub assets: AssetScope,
-    /// Whether recent files and the theme are kept for the next time.
-    pub remember: bool,
-    /// Whether files are chosen by the system's own dialog, where there is one.
-    pub use_system_dialogs: bool,
-    /// The theme; `None` takes the one of the last time.
-    pub is_light: Option<bool>,
-}
-
-impl Default for ViewOptions {
-    fn default() -> Self {
-        Self {
-            inputs: Vec::new(),
-            assets: AssetScope::Folder,
-            remember: true,
-            use_system_dialogs: true,
-            is_light: None,
-        }
-    }
-}
-
-/// Why there is no window.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ViewError {
-    /// There is no screen.
-    #[error(
-        "there is no display to open a window on ({reason}). On a server, `lodsmith render` makes pictures without one; \
-         a virtual display is `xvfb-run lodsmith view` (on Debian and Ubuntu: apt install xvfb libxkbcommon-x11-0 \
-         mesa-vulkan-drivers libvulkan1)"
-    )]
-    NoDisplay {
-        /// What the system says.
-        reason: String,
-    },
-    /// The system lacks a library that every window needs.
-    #[error("{library} is missing, and no window opens without it. Install it: {how}")]
-    NoLibrary {
-        /// Its name.
-        library: String,
-        /// How it is installed.
-        how: String,
-    },
-    /// There is nothing that draws.
-    #[error(transparent)]
-    NoGpu(#[from] gpu::GpuError),
-    /// Something else.
-    #[error("the window cannot be opened: {reason}")]
-    Window {
-        /// What the system says.
-        reason: String,
-    },
-}
-
-/// Opens the window; comes back when it is closed.
-///
-/// # Errors
-/// Each [`ViewError`].
-pub fn run(options: &ViewOptions) -> Result<(), ViewError> {
-    let mut native = eframe::NativeOptions {
-        viewport: egui::ViewportBuilder::default()
-            .with_title("Lodsmith")
-            .with_app_id("lodsmith")
-            .with_inner_size([1440.0, 900.0])
-            .with_min_inner_size([720.0, 480.0])
-            .with_drag_and_drop(true),
-        renderer: eframe::Renderer::Wgpu,
-        ..eframe::NativeOptions::default()
-    };
-    native.wgpu_options.wgpu_setup = gpu::Context::setup();
-    let create: eframe::AppCreator<'_> = Box::new(move |cc| Ok(Box::new(app::App::new(cc, options)?)));
-    // Where a library of the system is missing, the window library panics.
-    let opened = catch_unwind(AssertUnwindSafe(|| eframe::run_native("lodsmith", native, create)));
-    match opened {
-        Ok(ended) => ended.map_err(told),
-        Err(panic) => match display::missing_library(&display::words(&*panic)) {
-            Some((library, packages)) => Err(ViewError::NoLibrary { library, how: packages.how() }),
-            None => resume_unwind(panic),
-        },
-    }
-}
-
-fn told(error: eframe::Error) -> ViewError {
-    if let Some((library, packages)) = display::missing_library(&error.to_string()) {
-        return ViewError::NoLibrary { library, how: packages.how() };
-    }
-    match error {
-        eframe::Error::WinitEventLoop(e) => ViewError::NoDisplay { reason: display::reason(&e.to_string()) },
-        eframe::Error::Winit(e) => ViewError::NoDisplay { reason: display::reason(&e.to_string()) },
-        eframe::Error::AppCreation(e) => match e.downcast::<gpu::GpuError>() {
-            Ok(gpu) => ViewError::NoGpu(*gpu),
-            Err(e) => ViewError::Window { reason: e.to_string() },
-        },
-        eframe::Error::Wgpu(e) => ViewError::NoGpu(gpu::GpuError::NoAdapter { reason: e.to_string() }),
-    }
-}
+#[cfg(feature = "window")]
+pub use window::{ViewError, ViewOptions, run};

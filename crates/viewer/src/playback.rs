@@ -4,8 +4,6 @@ use lodsmith_core::Model;
 use lodsmith_core::model::Pose;
 use serde::{Deserialize, Serialize};
 
-use crate::keys::Action;
-
 /// The moment that is shown, and how it goes on from there.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -28,8 +26,6 @@ impl Default for Playback {
 
 /// Slowest and fastest.
 pub const SPEEDS: [f64; 2] = [0.05, 16.0];
-/// A step by a key: a picture of 24 a second.
-const STEP_SECS: f64 = 1.0 / 24.0;
 
 impl Playback {
     /// The begin of what another file has, at the same speed.
@@ -98,18 +94,6 @@ impl Playback {
         let count = model.animations.len().max(1);
         Self { clip: Some(self.clip.map_or(0, |c| (c + 1) % count)), seconds: 0.0, ..self }
     }
-}
-
-/// What a key makes of it; `None` for keys of other things.
-pub fn by_key(playback: Playback, model: &Model, length: f64, action: Action) -> Option<Playback> {
-    Some(match action {
-        Action::ToBegin => playback.at(length, 0.0),
-        Action::StepTime(by) => playback.at(length, playback.moment(length) + f64::from(by) * STEP_SECS),
-        Action::Speed(by) => playback.at_speed(playback.speed * 2f64.powi(i32::from(by))),
-        Action::Repeat => Playback { repeats: !playback.repeats, ..playback },
-        Action::NextClip => playback.next_clip(model),
-        _ => return None,
-    })
 }
 
 /// Names of the clips, as people tell them apart.

@@ -1,6 +1,6 @@
 //! What outlives the window: sessions by name, and by itself the recent files and the theme.
 
-use std::io;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use lodsmith_io::AssetScope;
@@ -104,8 +104,7 @@ impl Session {
     /// # Errors
     /// Each [`SessionError`].
     pub fn open(path: &Path, scope: &AssetScope) -> Result<Self, SessionError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| SessionError::Io { path: path.to_owned(), source })?;
+        let text = read(path).map_err(|source| SessionError::Io { path: path.to_owned(), source })?;
         let malformed = |reason: String| SessionError::Malformed { path: path.to_owned(), reason };
         let version = serde_json::from_str::<serde_json::Value>(&text)
             .map_err(|e| malformed(e.to_string()))?["version"]
@@ -138,6 +137,24 @@ fn absolute(path: &Path) -> PathBuf {
 
 fn folder_of(path: &Path) -> PathBuf {
     absolute(path).parent().map(Path::to_owned).unwrap_or_default()
+}
+
+/// Bytes of a session or a layout, at most: as many copies and keyframes as a stage holds take a quarter of them.
+const LARGEST: u64 = 256 << 20;
+
+/// The text of a session or a layout.
+pub(crate) fn read(path: &Path) -> io::Result<String> {
+    read_up_to(path, LARGEST)
+}
+
+fn read_up_to(path: &Path, most: u64) -> io::Result<String> {
+    let mut text = String::new();
+    std::fs::File::open(path)?.take(most + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > most {
+        let why = format!("has more than {most} bytes, which no session and no layout needs");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, why));
+    }
+    Ok(text)
 }
 
 /// Makes a file hold these bytes, or leaves it as it was.
@@ -246,6 +263,19 @@ mod tests {
         assert!(says(r#"{"version":99}"#).contains("newer"));
         std::fs::remove_file(&path).unwrap();
         assert!(matches!(Session::open(&path, &AssetScope::Folder), Err(SessionError::Io { .. })));
+    }
+
+    #[test]
+    fn a_file_that_goes_on_and_on_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("s.json");
+        std::fs::write(&path, "0123456789").unwrap();
+        assert_eq!(read_up_to(&path, 10).unwrap(), "0123456789");
+        assert!(read_up_to(&path, 9).unwrap_err().to_string().contains("more than 9 bytes"));
+        // One without an end.
+        if Path::new("/dev/zero").exists() {
+            assert!(Session::open(Path::new("/dev/zero"), &AssetScope::Anywhere).is_err());
+        }
     }
 
     #[test]

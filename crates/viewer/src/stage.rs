@@ -3,11 +3,14 @@
 //! The ground is the plane y = 0. A copy stands on it with the middle of its base at its place; lengths are those of the
 //! model. All of this is plain data that commands change; only [`picture`] knows a window.
 
+#[cfg(feature = "window")]
 pub mod export;
 pub mod file;
+#[cfg(feature = "window")]
 pub mod ground;
 pub mod levels;
 pub mod motion;
+#[cfg(feature = "window")]
 pub mod picture;
 pub mod scatter;
 pub mod walk;
@@ -18,7 +21,7 @@ use glam::{DMat4, DQuat, DVec3};
 use lodsmith_core::Bounds;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::viewport::{turn_matrix, turned_bounds};
+use crate::orbit::{turn_matrix, turned_bounds};
 use motion::{Motion, Track};
 use scatter::Scatter;
 

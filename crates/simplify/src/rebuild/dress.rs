@@ -4,6 +4,8 @@
 //! nearest points without stepping over a seam, so a face that lies over a seam takes all of its values from one side. Seams
 //! of shading are another matter than those of textures: each has its own neighbourhood.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 use lodsmith_core::geometry::triangle::{double_area_normal, nearest, weights_at};
 use lodsmith_core::spatial::Bvh;
@@ -26,6 +28,9 @@ const SLACK: f64 = 1e-9;
 const INWARDS: f64 = 0.1;
 /// Rows at one vertex whose values differ by less than this share of the largest of their kind are one.
 const ALIKE: f32 = 1e-5;
+/// Corners at a locked vertex among which one is looked for, so that the work at fans stays in proportion. Guessed: all
+/// but centres of fans have fewer.
+const MOST_CORNERS: usize = 64;
 
 /// Values at the corners of the old surface.
 pub(super) struct Clothes<'a> {
@@ -80,6 +85,7 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
     let mut patches =
         [false, true].map(|shading| has[usize::from(shading)].then(|| Patch::new(links(shading), ground)));
 
+    let locked_corners = Locked::new(ground);
     let largest = rows.largest();
     let mut values: Vec<f32> = Vec::new();
     let mut pulls: Vec<Pulls> = Vec::new();
@@ -112,9 +118,11 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
             let mut own_pulls = Pulls::new();
             let mut own_label = None;
             let mut wedge = None;
+            let kept = made.kept[v.index()];
+            let own_corner = locked_corners.corner(ground, kept, places[k].lerp(centre, INWARDS), &patches);
             for (patch, shading) in patches.iter().zip([false, true]) {
                 let Some(patch) = patch else { continue };
-                let at = patch.nearest(ground, places[k], centre, made.kept[v.index()]);
+                let at = own_corner.unwrap_or_else(|| patch.nearest(ground, places[k], centre, kept));
                 let at_corner = at.weights.iter().position(|w| *w >= 1.0);
                 let rows_there = clothes.corners[at.face];
                 for lane in (0..width).filter(|&lane| is_shading[lane] == shading) {
@@ -133,8 +141,7 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
                 if !shading && !attributes.labels.is_empty() {
                     own_label = Some(attributes.labels[rows_there[nearest_corner(&at.weights)].index()]);
                 }
-                let own =
-                    at_corner.filter(|_| made.kept[v.index()] != NONE).map(|c| clothes.wedges[at.face][c]);
+                let own = at_corner.filter(|_| kept != NONE).map(|c| clothes.wedges[at.face][c]);
                 exact &= own.is_some() && wedge.is_none_or(|w| Some(w) == own);
                 wedge = own;
             }
@@ -256,6 +263,7 @@ struct Patch {
 }
 
 /// The nearest point of a patch.
+#[derive(Clone, Copy)]
 struct Place {
     face: usize,
     weights: [f64; 3],
@@ -340,6 +348,44 @@ impl Patch {
             }
         };
         Place { face, weights }
+    }
+}
+
+/// The corners of the ground at each locked vertex, as face and corner: nothing else may stand there in the result, also
+/// where a new face lies on another side of a seam than all of them.
+struct Locked(HashMap<VertexId, Vec<(u32, usize)>>);
+
+impl Locked {
+    fn new(ground: &Ground) -> Self {
+        let mut at: HashMap<VertexId, Vec<(u32, usize)>> = HashMap::new();
+        if let Some(locked) = &ground.locked {
+            for (f, t) in ground.faces.iter().enumerate() {
+                for (c, v) in t.iter().enumerate().filter(|(_, v)| locked[v.index()]) {
+                    at.entry(*v).or_default().push((f as u32, c));
+                }
+            }
+        }
+        Self(at)
+    }
+
+    /// The corner at a locked vertex that a new face there has: of one in the patches if there is any, then of the nearest.
+    fn corner(
+        &self,
+        ground: &Ground,
+        kept: VertexId,
+        inwards: DVec3,
+        patches: &[Option<Patch>; 2],
+    ) -> Option<Place> {
+        let rank = |f: u32| {
+            let strange = patches.iter().flatten().filter(|p| p.seen[f as usize] != p.turn).count();
+            let away =
+                nearest(inwards, ground.faces[f as usize].map(|v| ground.points[v.index()])).distance_sq;
+            (strange, away)
+        };
+        let of = self.0.get(&kept)?.iter().take(MOST_CORNERS).map(|&(f, c)| (rank(f), f, c));
+        let (_, f, c) =
+            of.min_by(|(a, f, _), (b, g, _)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(f.cmp(g)))?;
+        Some(Place { face: f as usize, weights: [0, 1, 2].map(|k| f64::from(u8::from(k == c))) })
     }
 }
 

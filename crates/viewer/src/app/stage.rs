@@ -10,13 +10,14 @@ use super::App;
 use crate::command::Command;
 use crate::dialog::Purpose;
 use crate::keys::{Action, CopiesAction};
+use crate::orbit::Orbit;
 use crate::panel::{Panel, Say};
 use crate::settings::Pose;
 use crate::stage::file::LayoutFile;
 use crate::stage::picture::StageView;
 use crate::stage::scatter::Scatter;
 use crate::stage::{Placement, StageChange};
-use crate::viewport::{KEY_TURN_RAD, Orbit};
+use crate::viewport::KEY_TURN_RAD;
 
 /// Turn of a copy by a key.
 const TURN_STEP_DEG: f64 = 15.0;

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::motion::Motion;
 use super::{Copies, Placement, Stage};
+use crate::session;
 
 /// A layout as a file. Lengths are those of the model; the ground is y = 0, the middle of a copy's base stands on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -62,7 +63,7 @@ impl LayoutFile {
 
     /// Whether a file says that it is one.
     pub fn is_one(path: &Path) -> bool {
-        let text = std::fs::read_to_string(path).unwrap_or_default();
+        let text = session::read(path).unwrap_or_default();
         serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|json| json["program"] == PROGRAM)
     }
 
@@ -72,7 +73,7 @@ impl LayoutFile {
     /// [`LayoutError::Io`].
     pub fn save(&self, path: &Path) -> Result<(), LayoutError> {
         let text = serde_json::to_string_pretty(self).map_err(io::Error::from);
-        text.and_then(|text| crate::session::write(path, text.as_bytes()))
+        text.and_then(|text| session::write(path, text.as_bytes()))
             .map_err(|source| LayoutError::Io { path: path.to_owned(), source })
     }
 
@@ -82,8 +83,7 @@ impl LayoutFile {
     /// # Errors
     /// Each [`LayoutError`].
     pub fn open(path: &Path) -> Result<(Copies, Motion, usize), LayoutError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| LayoutError::Io { path: path.to_owned(), source })?;
+        let text = session::read(path).map_err(|source| LayoutError::Io { path: path.to_owned(), source })?;
         let malformed = |reason: String| LayoutError::Malformed { path: path.to_owned(), reason };
         let file: Self = serde_json::from_str(&text).map_err(|e| malformed(e.to_string()))?;
         if file.program != PROGRAM {

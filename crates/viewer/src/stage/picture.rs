@@ -22,11 +22,12 @@ use crate::document::{Document, StageLevel};
 use crate::gpu::{Frame, Gpu, Placed, TINTS, Target};
 use crate::keys::Action;
 use crate::numbers::{grouped, significant};
+use crate::orbit::Orbit;
 use crate::own_files::OwnFiles;
 use crate::panel::Say;
 use crate::settings::Pose;
 use crate::theme::{Palette, palette};
-use crate::viewport::{self, Orbit};
+use crate::viewport;
 
 /// What the window knows of the stage beside the document.
 pub struct StageView {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::viewport::Orbit;
+use crate::orbit::Orbit;
 
 /// Looks further right and up, from where one stands.
 pub fn look(orbit: &mut Orbit, right_rad: f64, up_rad: f64) {

@@ -1,0 +1,122 @@
+//! Where one looks from, and boxes round what was turned. No window: sessions and the stage are plain data.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use glam::{DMat4, DQuat, DVec3};
+use lodsmith_core::Bounds;
+use lodsmith_render::{Camera, Lens, StandardView};
+
+/// A camera on a ball round a place: it never rolls.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    /// What it looks at.
+    pub target: DVec3,
+    /// Round the upright axis; 0 looks along -z.
+    pub yaw_rad: f64,
+    /// How high; a quarter turn looks straight down.
+    pub pitch_rad: f64,
+    /// How far.
+    pub distance: f64,
+    /// Angle from the lower to the upper edge.
+    pub fov_y_rad: f64,
+}
+
+impl Orbit {
+    /// One from whose view a box just fits.
+    pub fn fitting(bounds: &Bounds, view: StandardView, aspect: f64) -> Self {
+        Self::of(&Camera::fitting(bounds, view, aspect))
+    }
+
+    /// The one that looks as this camera does; what it rolled is lost.
+    pub fn of(camera: &Camera) -> Self {
+        let away = camera.eye - camera.target;
+        let distance = away.length().max(1e-30);
+        let to_eye = away / distance;
+        let pitch_rad = to_eye.y.clamp(-1.0, 1.0).asin();
+        // Straight from above the yaw is that of the upper edge.
+        let flat = if to_eye.y.abs() > 0.99999 { -camera.up_square() * to_eye.y.signum() } else { to_eye };
+        let yaw_rad = flat.x.atan2(flat.z);
+        let fov_y_rad = match camera.lens {
+            Lens::Perspective { fov_y_rad } => fov_y_rad,
+            Lens::Parallel { height } => 2.0 * (0.5 * height / distance).atan(),
+        };
+        Self { target: camera.target, yaw_rad, pitch_rad, distance, fov_y_rad }
+    }
+
+    /// As a camera.
+    pub fn camera(&self) -> Camera {
+        let ((sin_yaw, cos_yaw), (sin_pitch, cos_pitch)) = (self.yaw_rad.sin_cos(), self.pitch_rad.sin_cos());
+        let to_eye = DVec3::new(cos_pitch * sin_yaw, sin_pitch, cos_pitch * cos_yaw);
+        // Square to the view everywhere, at the poles too.
+        let up = DVec3::new(-sin_pitch * sin_yaw, cos_pitch, -sin_pitch * cos_yaw);
+        let lens = Lens::Perspective { fov_y_rad: self.fov_y_rad };
+        Camera { eye: self.target + to_eye * self.distance, target: self.target, up, lens }
+    }
+
+    /// Turns round what it looks at.
+    pub fn turn(&mut self, right_rad: f64, up_rad: f64) {
+        self.yaw_rad = (self.yaw_rad + right_rad).rem_euclid(TAU);
+        self.pitch_rad = (self.pitch_rad + up_rad).clamp(-FRAC_PI_2, FRAC_PI_2);
+    }
+
+    /// The same direction, and all of the box in sight.
+    pub fn frame(&mut self, bounds: &Bounds, aspect: f64) {
+        *self = Self::of(&self.camera().framing(bounds, aspect));
+    }
+}
+
+/// The box round a model that was turned about the middle of its own box.
+pub fn turned_bounds(bounds: &Bounds, turn: DQuat) -> Bounds {
+    moved_bounds(bounds, &turn_matrix(bounds, turn))
+}
+
+/// The box round a box that was moved.
+pub fn moved_bounds(bounds: &Bounds, matrix: &DMat4) -> Bounds {
+    if *matrix == DMat4::IDENTITY {
+        return *bounds;
+    }
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for corner in 0..8 {
+        let pick = |k: usize| if corner >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] };
+        let p = matrix.transform_point3(DVec3::new(pick(0), pick(1), pick(2)));
+        (min, max) = (min.min(p), max.max(p));
+    }
+    Bounds { min: min.to_array(), max: max.to_array() }
+}
+
+/// A turn about the middle of a box.
+pub fn turn_matrix(bounds: &Bounds, turn: DQuat) -> DMat4 {
+    if turn == DQuat::IDENTITY {
+        return DMat4::IDENTITY;
+    }
+    let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
+    let middle = 0.5 * (min + max);
+    DMat4::from_translation(middle) * DMat4::from_quat(turn) * DMat4::from_translation(-middle)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube() -> Bounds {
+        Bounds { min: [-1.0; 3], max: [1.0; 3] }
+    }
+
+    #[test]
+    fn an_orbit_looks_as_the_camera_that_it_was_made_of() {
+        for view in StandardView::ALL {
+            let camera = Camera::fitting(&cube(), view, 1.5);
+            let back = Orbit::of(&camera).camera();
+            assert!(back.eye.distance(camera.eye) < 1e-9, "{view:?}");
+            assert!(back.up_square().distance(camera.up_square()) < 1e-9, "{view:?}");
+        }
+    }
+
+    #[test]
+    fn the_pitch_ends_at_the_poles() {
+        let mut orbit = Orbit::fitting(&cube(), StandardView::Front, 1.0);
+        orbit.turn(0.0, 10.0);
+        assert_eq!(orbit.pitch_rad, FRAC_PI_2);
+        assert!(orbit.camera().up_square().is_finite());
+    }
+}

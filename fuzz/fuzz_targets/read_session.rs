@@ -1,0 +1,108 @@
+//! Bytes of a stranger as a session of the viewer, as a layout of its stage and as what the window remembers: one of
+//! them or an error, never a panic. A session names no file outside of its folder, copies stand somewhere at every
+//! moment, and what was read is read again once it is saved.
+#![no_main]
+
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use lodsmith::{Method, NoControl, simplify};
+use lodsmith_core::{Bounds, shapes};
+use lodsmith_io::AssetScope;
+use lodsmith_viewer::orbit::Orbit;
+use lodsmith_viewer::session::{Memory, Session};
+use lodsmith_viewer::settings::{Pose, Turn};
+use lodsmith_viewer::stage::file::LayoutFile;
+use lodsmith_viewer::stage::levels::{Chooser, Eye, Level};
+use lodsmith_viewer::stage::scatter::Scatter;
+use lodsmith_viewer::stage::{Base, MOST, SCALES, Stage};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let folder = tempfile::tempdir().expect("there is room for a folder");
+    let path = folder.path().join("in.json");
+    let again = folder.path().join("out.json");
+    fs::write(&path, bytes).expect("there is room for a file");
+
+    Memory::load(&path).opened(&path);
+
+    let layout = LayoutFile::open(&path);
+    assert!(layout.is_err() || LayoutFile::is_one(&path));
+    if let Ok((copies, motion, _)) = layout {
+        assert!(motion.copies.keys().all(|n| *n < copies.len()), "keyframes of a copy that is none");
+        let stage = Stage { copies, motion, ..Stage::default() };
+        look_at(&stage, Turn::default(), None);
+        LayoutFile::new(&path, &stage).save(&again).expect("there is room for a file");
+        let (copies, motion, lost) = LayoutFile::open(&again).expect("what we write, we read");
+        assert_eq!(
+            (copies.len(), motion.copies.len(), lost),
+            (stage.copies.len(), stage.motion.copies.len(), 0)
+        );
+    }
+
+    // Nothing else says that a path of the session is allowed.
+    let Ok(session) = Session::open(&path, &AssetScope::Folder) else { return };
+    let settings = &session.settings;
+    for file in settings.files.iter().chain(settings.look.files()) {
+        assert!(straight(file).starts_with(folder.path()), "{} lies outside", file.display());
+    }
+    look_at(&settings.stage, settings.turn, session.stage_camera.as_ref());
+    for pose in session.cameras.iter().flatten() {
+        let _ = Orbit::of(&pose.camera()).camera();
+    }
+    let scatter = Scatter { count: settings.stage.scatter.count.min(50), ..settings.stage.scatter };
+    let few = &settings.stage.copies[..settings.stage.copies.len().min(50)];
+    assert!(scatter.scattered(few).len() <= 100);
+    let (then, _) = settings.playback.after(2.0, 0.1);
+    assert!((0.0..=2.0).contains(&then.seconds), "{then:?}");
+    let options = &settings.simplify.options;
+    // (A new mesh has as many faces as its edges say.)
+    if options.method != Method::Remesh {
+        let _ = simplify(&shapes::cube(2), options, &mut NoControl);
+    }
+
+    session.save(&again).expect("there is room for a file");
+    let back = Session::open(&again, &AssetScope::Folder).expect("what we write, we read").settings;
+    assert_eq!(back.files, settings.files);
+    assert_eq!(back.stage.copies.len(), settings.stage.copies.len());
+    assert_eq!(back.stage.motion.copies.len(), settings.stage.motion.copies.len());
+    assert_eq!(back.simplify.words().len(), settings.simplify.words().len());
+});
+
+/// A path without the ways up in it. (No link lies in the folder.)
+fn straight(path: &Path) -> PathBuf {
+    let mut straight = PathBuf::new();
+    for component in std::path::absolute(path).expect("it has a name").components() {
+        match component {
+            Component::ParentDir => _ = straight.pop(),
+            other => straight.push(other),
+        }
+    }
+    straight
+}
+
+/// What the window does with a stage: where everything is, from where it is seen, which level each copy has.
+fn look_at(stage: &Stage, turn: Turn, pose: Option<&Pose>) {
+    assert!(stage.copies.len() <= MOST, "more copies than a stage holds");
+    let base = Base::new(&Bounds { min: [-1.0; 3], max: [1.0; 3] }, turn.rotation());
+    let levels = [(0.0, 2000), (0.01, 300), (0.1, 12)].map(|(error, faces)| Level { error, faces });
+    let length = stage.motion.length(0.0);
+    let mut chooser = Chooser::default();
+    let mut orbit =
+        Orbit::of(&Pose { eye: [3.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 }.camera());
+    if let Some(pose) = pose {
+        orbit = Orbit::of(&pose.camera());
+    }
+    for part in [0.0, 0.3, 0.77, 1.0] {
+        let copies = stage.copies_at(part * length);
+        for copy in copies.iter() {
+            assert!(copy.x.is_finite() && copy.z.is_finite() && SCALES.contains(&copy.scale), "{copy:?}");
+        }
+        if let Some(stand) = stage.motion.camera.at(part * length) {
+            stand.put(&mut orbit);
+        }
+        let eye = Eye { camera: orbit.camera(), aspect: 1.5, height_px: 600.0 };
+        let chosen = chooser.choose(&copies, &base, &levels, &eye, &stage.view);
+        assert!(chosen.in_sight.len() + chosen.left_out <= copies.len());
+    }
+    base.bounds(stage.places());
+}
