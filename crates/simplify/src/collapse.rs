@@ -63,8 +63,8 @@ use crate::options::Placement;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 use attributes::{Attributes, Member};
+use bound::UNKNOWN;
 use check::Checks;
-pub(crate) use commit::TIE;
 use commit::{Candidate, Outcome};
 use crowds::Crowds;
 use details::Details;
@@ -81,8 +81,6 @@ pub(crate) use sweeps::{Pause, Sweeps};
 pub(crate) use wedges::Wedges;
 use wings::Wings;
 
-/// The bound of a vertex that was not looked at yet: below every threshold.
-const UNKNOWN: f32 = 0.0;
 /// Vertices from which it pays to ask the memory for those ahead: fewer fit into the caches. (Measured.)
 const BRINGS_FROM: usize = 32_768;
 /// How many times four faces ahead their vertices are asked for, where all are walked. (Guessed.)

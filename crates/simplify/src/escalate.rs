@@ -1,23 +1,11 @@
 //! Pairs and looser topology, step by step, while the target is out of reach.
 
+use crate::SimplifyError;
 use crate::care::Held;
 use crate::options::{SimplifyOptions, TopologyPolicy};
 use crate::proposal::Change;
-use crate::report::StoppedBy;
-use crate::{Simplified, SimplifyError};
+use crate::report::{Escalation, Simplified, StoppedBy};
 use lodsmith_core::{Topology, TriMesh};
-
-/// A step of an escalation, and what came of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Escalation {
-    /// What was changed.
-    pub change: Change,
-    /// Triangles of the run before.
-    pub before: usize,
-    /// Triangles of the run with the change.
-    pub after: usize,
-}
 
 /// What may be tried when these options do not reach their target, in turn. Seams give way by themselves, within a run;
 /// borders and guards are their owner's will, and stay. Pairs stay for the steps after them where they helped.

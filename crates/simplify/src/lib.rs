@@ -8,9 +8,12 @@ pub mod cluster_lod;
 mod collapse;
 pub mod control;
 mod deviation;
+mod error;
 mod escalate;
 mod fit;
+mod given;
 mod guard;
+mod input;
 mod lanes;
 pub mod lod;
 mod metric;
@@ -38,10 +41,10 @@ mod vertex_removal;
 pub use clean::{CleanOptions, CleanReport, Cleaned, NonManifold, clean};
 pub use cluster_lod::{BuiltClusterLod, ClusterLodOptions, ClusterLodReport, cluster_lod};
 pub use control::{Control, NoControl, Stage, Verdict};
-pub use escalate::Escalation;
+pub use error::SimplifyError;
 pub use lod::{Levels, LodChain, LodOptions, SceneChain, Screen, lod, lod_scene};
 pub use lodsmith_core as core;
-use lodsmith_core::{MeshError, Surface, TriMesh};
+use lodsmith_core::{Surface, TriMesh};
 pub use options::{
     AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodOptions, Placement,
     Preset, SimplifyOptions, Stop, TopologyPolicy,
@@ -49,83 +52,10 @@ pub use options::{
 pub use progressive::{Changed, Progressive, ProgressiveScene};
 pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
-pub use report::{Cleanup, Clustered, ErrorReport, Refusal, Report, StoppedBy};
+pub use report::{Cleanup, Clustered, ErrorReport, Escalation, Refusal, Report, Simplified, StoppedBy};
 
 pub use scene::{MeshCounts, Part, SimplifiedScene, simplify_scene};
 pub use textures::{Texture, Textures};
-
-/// Why a mesh could not be simplified.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SimplifyError {
-    /// The mesh has no face, or none that is left after cleaning.
-    #[error("the mesh has no face with an area ({faces} faces read)")]
-    NoFaces {
-        /// Faces of the input.
-        faces: usize,
-    },
-    /// An option is out of range.
-    #[error("{option} must be {wanted}, not {got}")]
-    BadOption {
-        /// The option.
-        option: &'static str,
-        /// What it may be.
-        wanted: &'static str,
-        /// What it was.
-        got: f64,
-    },
-    /// A list has not one entry for each vertex.
-    #[error("{option} has {got} entries for {wanted} vertices")]
-    WrongLength {
-        /// The option.
-        option: &'static str,
-        /// The number of vertices.
-        wanted: usize,
-        /// Its length.
-        got: usize,
-    },
-    /// An option that only other methods know.
-    #[error("{option} is for {takers}, not for {method}", method = method.name(), takers = names(takers))]
-    NotOfMethod {
-        /// The option.
-        option: &'static str,
-        /// The methods that take it.
-        takers: &'static [Method],
-        /// The method of the run.
-        method: Method,
-    },
-    /// Two options that do not go together.
-    #[error("{first} and {second} do not go together")]
-    NotTogether {
-        /// One of them.
-        first: &'static str,
-        /// The other.
-        second: &'static str,
-    },
-    /// The caller ended the run.
-    #[error("cancelled")]
-    Cancelled,
-    /// The buffers are no mesh.
-    #[error(transparent)]
-    Mesh(#[from] MeshError),
-}
-
-fn names(methods: &[Method]) -> String {
-    let names: Vec<_> = methods.iter().map(|m| m.name()).collect();
-    match names.split_last() {
-        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
-        _ => names.concat(),
-    }
-}
-
-/// A lighter mesh, and what was done.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Simplified {
-    /// The result.
-    pub mesh: TriMesh,
-    /// What was done, and why it ended.
-    pub report: Report,
-}
 
 /// Makes a mesh lighter.
 ///

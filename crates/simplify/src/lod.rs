@@ -5,9 +5,10 @@ mod geomorph;
 use lodsmith_core::{Positions, TriMesh};
 
 use crate::control::{Control, Share};
+use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::report::Report;
-use crate::run::{self, Input};
+use crate::run;
 use crate::scene::{self, Part, SimplifiedScene};
 use crate::{Simplified, SimplifyError, simplify};
 

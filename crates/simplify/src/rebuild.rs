@@ -2,101 +2,24 @@
 
 mod distinct;
 mod dress;
+mod ground;
 
 use glam::DVec3;
 use lodsmith_core::geometry::frame::UnitFrame;
 use lodsmith_core::spatial::Bvh;
-use lodsmith_core::{Bounds, FaceId, Positions, PositionsView, RegionId, Surface, TriMesh, VertexId};
+use lodsmith_core::{Bounds, FaceId, Positions, PositionsView, Surface, TriMesh, VertexId};
 
 use crate::attributes::Rows;
 use crate::care::Held;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::{End, Goal};
 use crate::control::{Control, Stage, Verdict};
-use crate::options::{Length, Method, SimplifyOptions};
-use crate::report::Refusal;
-use crate::run::{Input, Outcome, Run};
+use crate::input::Input;
+use crate::options::Method;
+use crate::run::{Outcome, Run};
 use crate::{SimplifyError, planar, recolor, remesh, unsubdivide, vertex_removal};
 use dress::{Clothes, Dressed, Shading};
-
-/// The input of such a method: equal places are one vertex, faces without three places and those that stand twice are left
-/// out. In double precision, in a frame from -1 to 1; vertices along a Morton curve, faces by their least vertex.
-pub(crate) struct Ground {
-    pub(crate) frame: UnitFrame,
-    pub(crate) points: Vec<DVec3>,
-    pub(crate) faces: Vec<[VertexId; 3]>,
-    /// The face of the input that each face is.
-    pub(crate) origin: Vec<FaceId>,
-    /// The region of each face, where there are several.
-    pub(crate) regions: Option<Vec<RegionId>>,
-    /// Whether each vertex is locked, where any is.
-    pub(crate) locked: Option<Vec<bool>>,
-    /// What a step costs times at each vertex, where places are not equally important.
-    pub(crate) prices: Option<Vec<f32>>,
-    /// Faces that were there already, left out.
-    pub(crate) duplicate_faces: usize,
-    /// Diagonal of the box, in user units.
-    pub(crate) diagonal: f64,
-    /// Whether positions leave in single precision.
-    pub(crate) is_single: bool,
-    /// A vertex of the input at each place.
-    first: Vec<VertexId>,
-}
-
-impl Ground {
-    /// A length of the options, in the frame.
-    pub(crate) fn length(&self, length: Length) -> f64 {
-        self.frame.unit_length(length.in_units(self.diagonal))
-    }
-}
-
-/// What such a method is told.
-pub(crate) struct Task<'a> {
-    pub(crate) ground: &'a Ground,
-    /// What the ground was made from, where attributes are kept: `origin` names its faces.
-    pub(crate) mesh: Option<&'a TriMesh>,
-    pub(crate) options: &'a SimplifyOptions,
-    /// Counts at which it may end; none where it goes on by itself.
-    pub(crate) goal: Goal,
-    /// In search of an error: the largest distance that a step may leave, in the frame.
-    pub(crate) step: Option<f64>,
-}
-
-/// What such a method makes.
-#[derive(Default)]
-pub(crate) struct Made {
-    /// In the frame; each is named by a face.
-    pub(crate) points: Vec<DVec3>,
-    /// The vertex of the ground that each point still is, bit by bit, or [`NONE`].
-    pub(crate) kept: Vec<VertexId>,
-    pub(crate) faces: Vec<[VertexId; 3]>,
-    /// For each face one of the ground that it stands for, where the method knows it; else it is found by place.
-    pub(crate) stands_for: Option<Vec<usize>>,
-    /// The region of each face, where that is settled already.
-    pub(crate) regions: Option<Vec<RegionId>>,
-    pub(crate) end: Ending,
-    /// Steps taken: what the report calls collapses.
-    pub(crate) steps: u64,
-    pub(crate) refusals: [u64; Refusal::ALL.len()],
-    pub(crate) parts_removed: usize,
-    pub(crate) necks_cut: usize,
-    /// RMS distance in the frame, where the method has a figure; else it is measured with few samples.
-    pub(crate) estimate: Option<f64>,
-}
-
-/// How such a method came to its end.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Ending {
-    /// The goal is met.
-    Goal,
-    /// It has nothing more to take away.
-    #[default]
-    Exhausted,
-    /// What is left was refused.
-    Stuck,
-    /// The caller wants the best so far.
-    Finish,
-}
+pub(crate) use ground::{Ending, Ground, Made, Task};
 
 /// Whether an error is kept by the steps of the method, and not by their number.
 pub(crate) fn goes_by_step(method: Method) -> bool {
@@ -321,6 +244,7 @@ mod tests {
 
     use super::*;
     use crate::control::NoControl;
+    use crate::options::SimplifyOptions;
     use crate::run;
 
     const SIDE: u32 = 8;

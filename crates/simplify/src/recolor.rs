@@ -15,8 +15,8 @@ use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{Attribute, FaceId, MeshError, Positions, RegionId, TriMesh, VertexId, WedgeId};
 
 use crate::care::Held;
+use crate::input::Input;
 use crate::options::SimplifyOptions;
-use crate::run::Input;
 use crate::textures::{Texture, Textures};
 
 /// Places of a face that are looked at: the middle, close to the corners, between both, beside the edges.

@@ -1,9 +1,9 @@
 //! What a run says of itself.
 
+use lodsmith_core::TriMesh;
 use lodsmith_core::measure::Comparison;
 
-use crate::escalate::Escalation;
-use crate::proposal::Proposal;
+use crate::proposal::{Change, Proposal};
 use crate::prune::Pruned;
 
 /// Why a collapse was not done. Each is counted.
@@ -213,4 +213,25 @@ pub struct Report {
     /// that collapse no edges.
     #[doc(hidden)]
     pub faces_visited: u64,
+}
+
+/// A step of an escalation, and what came of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Escalation {
+    /// What was changed.
+    pub change: Change,
+    /// Triangles of the run before.
+    pub before: usize,
+    /// Triangles of the run with the change.
+    pub after: usize,
+}
+
+/// A lighter mesh, and what was done.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simplified {
+    /// The result.
+    pub mesh: TriMesh,
+    /// What was done, and why it ended.
+    pub report: Report,
 }

@@ -21,6 +21,7 @@ use crate::collapse::store::Store;
 use crate::collapse::{End, Goal, Look, Original};
 use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, Judge, ROUNDING};
+pub(crate) use crate::input::Input;
 use crate::metric::{Judged, Memory, Memoryless, Metric, Quadric};
 use crate::options::{Length, Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
@@ -31,21 +32,6 @@ pub(crate) use chain::{is_chained, run_chain};
 use copies::Copies;
 pub(crate) use start::Started;
 use trunk::Trace;
-
-/// The input of a run; attributes where they are kept.
-pub(crate) struct Input<'a> {
-    pub(crate) surface: Surface<'a>,
-    pub(crate) mesh: Option<&'a TriMesh>,
-    /// The vertex that each one was joined with, where a weld came first.
-    pub(crate) joined: Option<Vec<VertexId>>,
-}
-
-impl Input<'_> {
-    /// The vertex of the surface that a vertex of the mesh became.
-    pub(crate) fn joined(&self, v: VertexId) -> VertexId {
-        self.joined.as_ref().map_or(v, |joined| joined[v.index()])
-    }
-}
 
 /// The ordered input, kept or made again.
 pub(crate) struct Source<'a> {

@@ -16,9 +16,10 @@ use lodsmith_core::{
 use crate::attributes::ranges::{has_ranges, ranges, within};
 use crate::care::{self, Held};
 use crate::control::Control;
+use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::report::{Report, StoppedBy};
-use crate::run::{self, Input};
+use crate::run;
 use crate::textures::Textures;
 use crate::{Simplified, SimplifyError, prune};
 

@@ -4,7 +4,7 @@ use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::{MeshError, Positions, PositionsView, TriMesh};
 
-use crate::run::Input;
+use crate::input::Input;
 
 /// The mesh of an input with the normals of its places; `None` where it has normals of its own.
 pub(crate) fn shaded(input: &Input<'_>) -> Result<Option<TriMesh>, MeshError> {

@@ -8,8 +8,9 @@ use crate::SimplifyOptions;
 use crate::care::Care;
 use crate::collapse::Engine;
 use crate::control::NoControl;
+use crate::input::Input;
 use crate::metric::Metric;
-use crate::run::{Input, Run, goal, ordered, pass_of};
+use crate::run::{Run, goal, ordered, pass_of};
 
 /// A coordinate: few values are likely, so that vectors coincide, lie in one plane or are zero.
 fn coordinate() -> impl Strategy<Value = f32> {

@@ -8,9 +8,10 @@ use crate::care::Held;
 use crate::collapse::Goal;
 use crate::control::{Control, Stage};
 use crate::deviation::{self, Deviation};
+use crate::input::Input;
 use crate::options::{Bound, Length, Measure, Method, MethodOptions, SimplifyOptions, Stop};
 use crate::report::{Clustered, Report, StoppedBy};
-use crate::run::{self, Input};
+use crate::run;
 use crate::{Simplified, SimplifyError};
 
 /// How many times the goal the first stage leaves. (Measured in docs/methods/cluster.md.)

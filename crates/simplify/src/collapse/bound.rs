@@ -1,5 +1,7 @@
 //! The threshold of the next sweep: a quantile of the bounds, by a histogram.
 
+/// The bound of a vertex that was not looked at yet: below every threshold.
+pub(super) const UNKNOWN: f32 = 0.0;
 /// Bounds that are counted one by one: a table of them all takes longer to make and to walk. (Measured.)
 const FEW: usize = 2048;
 /// Bins that are summed at once.

@@ -8,7 +8,7 @@ use super::kind::distinct;
 use super::order::NONE;
 use super::store::{Ring, Vertex};
 use super::wings::{End, Verdict, Wing};
-use crate::metric::{Form, Judge, Metric};
+use crate::metric::{Form, Judge, Metric, TIE};
 use crate::options::BorderPolicy;
 use crate::report::Refusal;
 use crate::triangle;
@@ -16,17 +16,10 @@ use crate::triangle;
 /// Weight of the largest squared distance, times the mean area of a triangle: protects small features. (Measured on 12 cases:
 /// 0.1, 0.2 and 0.3 have equal means within a percent; from 0.2 on the largest distances are a third lower.)
 const PEAK: f32 = 0.2;
-/// Cost of length, a share of area · length²: decides among flat collapses only. (docs/decisions/0003)
-pub(crate) const TIE: f32 = 1e-11;
 /// Most that the largest squared distance from a plane counts, a share of the star's own area: on meshes with faces of all
 /// sizes the mean triangle is far larger than those of a fillet. Bare places have no such limit: tips often end in tiny faces.
 /// (Measured: docs/decisions/0001.)
 pub(super) const PEAK_OF_STAR: f32 = 0.3;
-/// Square of the shape under which a new triangle counts as having no area, unless it was as bad before: just above what
-/// single precision can tell. (Measured: at 1e-7 fans of slivers block each other, and brain588k to 100 is four times worse.)
-pub(super) const NO_AREA: f32 = 1e-11;
-/// Squared cosine of a turn above which folds with the faces beyond are looked for: 45 degrees.
-pub(super) const SUSPECT_TURN: f32 = 0.5;
 /// Cosine between two faces at an edge below which they lie back to back.
 pub(super) const FOLD: f32 = -0.8;
 

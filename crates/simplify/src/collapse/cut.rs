@@ -207,7 +207,7 @@ impl<M: Metric> Engine<M> {
         }
         for end in [u, v, w, other_w] {
             self.refresh(end, &mut ring);
-            self.store.bound[end.index()] = super::UNKNOWN;
+            self.store.bound[end.index()] = super::bound::UNKNOWN;
         }
         self.collapses += 1;
         self.necks_cut += 1;

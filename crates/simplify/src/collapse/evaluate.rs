@@ -6,9 +6,10 @@ use wide::f32x4;
 
 use super::Engine;
 use super::attributes::Member;
-use super::commit::{Candidate, PEAK_OF_STAR, TIE};
+use super::commit::{Candidate, PEAK_OF_STAR};
 use super::store::Ring;
 use crate::lanes::{self, Four, dot, splat, sub};
+use crate::metric::TIE;
 use crate::metric::{Form, Judge, Metric};
 use crate::options::Placement;
 

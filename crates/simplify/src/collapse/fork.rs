@@ -10,8 +10,9 @@
 //! are seen early: the sweeps get less done, at higher and higher thresholds. The copy is made when the first of them does.
 
 use super::attributes::Kept;
+use super::bound::UNKNOWN;
 use super::sweeps::{LAST_SHARE, QUANTILE};
-use super::{Engine, Goal, Original, Sweeps, UNKNOWN, late};
+use super::{Engine, Goal, Original, Sweeps, late};
 use crate::metric::Metric;
 
 /// Collapses of a sweep, a share of those that it was to bring nearer, under which a run is not at ease. (Measured: .27 to .34

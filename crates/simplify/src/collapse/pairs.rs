@@ -7,17 +7,20 @@
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
+use super::bound::UNKNOWN;
 use super::bundle::{Bundle, Changed, Effect};
 use super::check::need;
-use super::commit::{FOLD, NO_AREA, Outcome, PEAK_OF_STAR, SUSPECT_TURN, TIE, merged_position};
+use super::commit::{FOLD, Outcome, PEAK_OF_STAR, merged_position};
 use super::evaluate::best_place;
 use super::kind::{Kind, distinct, faces_at};
 use super::near::{Site, near_pairs};
 use super::order::NONE;
 use super::store::{Facing, Ring, Store, Vertex};
 use super::sweeps::ASK_EVERY;
-use super::{Engine, Goal, UNKNOWN};
+use super::wings::{NO_AREA, SUSPECT_TURN};
+use super::{Engine, Goal};
 use crate::control::Verdict;
+use crate::metric::TIE;
 use crate::metric::{Form, Memory, Metric};
 use crate::options::{BorderPolicy, Placement, TopologyPolicy};
 use crate::report::Refusal;

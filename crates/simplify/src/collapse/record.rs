@@ -399,7 +399,7 @@ impl<M: Metric> Engine<M> {
 
     /// Makes a stuck engine ready for more sweeps, in which whole parts may go.
     pub(crate) fn resume(&mut self, cuts_necks: bool) {
-        self.store.bound = vec![super::UNKNOWN; self.store.v.len()];
+        self.store.bound = vec![super::bound::UNKNOWN; self.store.v.len()];
         self.store.link();
         self.cuts_necks = cuts_necks;
         self.keeps_parts = false;

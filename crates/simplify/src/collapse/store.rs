@@ -309,7 +309,7 @@ impl<Q: Memory> Store<Q> {
         };
         let v: Vec<_> = points.iter().enumerate().map(vertex).collect();
         Self {
-            bound: vec![super::UNKNOWN; v.len()],
+            bound: vec![super::bound::UNKNOWN; v.len()],
             live_faces: faces.len(),
             live_vertices: v.len(),
             merged_into: (0..v.len() as u32).map(VertexId).collect(),
@@ -404,7 +404,7 @@ impl<Q: Memory> Store<Q> {
         };
         let closed = ends.0.into_iter().map(is_closed).collect();
         self.bound = cast_vec(first_of);
-        self.bound.fill(super::UNKNOWN);
+        self.bound.fill(super::bound::UNKNOWN);
         closed
     }
 
@@ -492,7 +492,7 @@ impl<Q: Memory> Store<Q> {
 
     /// Lets sweeps go on after [`Store::finish`]: every vertex is looked at again.
     pub(crate) fn reopen(&mut self) {
-        self.bound = vec![super::UNKNOWN; self.v.len()];
+        self.bound = vec![super::bound::UNKNOWN; self.v.len()];
         self.link();
     }
 
@@ -629,7 +629,7 @@ impl<Q: Memory> Store<Q> {
         let x = self.v[u.index()];
         let (twin, origin) = (VertexId(self.v.len() as u32), VertexId(self.merged_into.len() as u32));
         self.v.push(Vertex { origin, head: 0, count: 0, room: 0, ..x });
-        self.bound.push(super::UNKNOWN);
+        self.bound.push(super::bound::UNKNOWN);
         self.first_wedge.extend(self.first_wedge.get(u.index()).copied());
         self.merged_into.push(origin);
         self.stands_for(origin, x.origin);

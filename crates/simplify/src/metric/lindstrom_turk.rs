@@ -10,8 +10,8 @@
 
 use glam::{DMat3, DVec3, Vec3};
 
+use super::TIE;
 use super::{Around, At, Place};
-use crate::collapse::TIE;
 use crate::tensor::Tensor;
 
 /// Sine of the angle, one degree, that a plane keeps from the others. [Lindstrom-Turk 1998]

@@ -18,10 +18,11 @@ use crate::collapse::store::{Facing, Store};
 use crate::collapse::{End, Goal};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::Originals;
+use crate::input::Input;
 use crate::metric::{Dimension, Judged, Memory, Memoryless, Metric, Quadric};
 use crate::options::{Length, Method, Placement, SimplifyOptions, TopologyPolicy};
 use crate::prune;
-use crate::run::{self, Input, Run, Source, Started};
+use crate::run::{self, Run, Source, Started};
 use crate::shading;
 
 /// The run of a method.

@@ -13,6 +13,7 @@ use crate::collapse::record::Log;
 use crate::collapse::store::{Facing, Ring, Store};
 use crate::control::{Control, Verdict};
 use crate::fit::{self, Guards};
+use crate::given::Kept;
 use crate::guard::Rules;
 use crate::run::Run;
 use crate::tensor::Tensor;
@@ -171,7 +172,7 @@ impl Recorded<'_> {
             x.facing = self.facings.get(origin.index()).copied().unwrap_or_default();
         }
         let before: Vec<Vec3> = store.v.iter().map(|x| x.p).collect();
-        let mut given = fit::Kept { points: &run.ordered.points, faces: &run.ordered.faces };
+        let mut given = Kept { points: &run.ordered.points, faces: &run.ordered.faces };
         let home = store.homes();
         let mut values = dresser.as_deref_mut().map(|dresser| {
             let places = store.t.iter().map(|t| t.map(|v| before[v.index()]));

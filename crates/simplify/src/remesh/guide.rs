@@ -10,9 +10,10 @@ use lodsmith_core::{HalfEdgeId, Positions, PositionsView, Surface, TriMesh, Vert
 use super::half_edges::{HalfEdges, Line, OPEN, picked};
 use crate::collapse::order::NONE;
 use crate::control::{Control, Stage, Verdict};
+use crate::input::Input;
 use crate::options::{BorderPolicy, Fit, Length, SimplifyOptions, Stop, TopologyPolicy};
 use crate::rebuild::{Ground, Task};
-use crate::run::{Input, run};
+use crate::run::run;
 use crate::{Simplified, SimplifyError, StoppedBy};
 
 /// A bend beyond this is a crease, in degrees. (A guess.)

@@ -177,9 +177,10 @@ mod tests {
     use super::*;
     use crate::care::Care;
     use crate::control::NoControl;
+    use crate::input::Input;
     use crate::metric::Memoryless;
     use crate::options::{SimplifyOptions, Stop};
-    use crate::run::{Input, goal, ordered, pass_of};
+    use crate::run::{goal, ordered, pass_of};
 
     /// Calls back with a run on a mesh to so many faces.
     fn with_run(mesh: &TriMesh, faces: usize, act: &mut dyn FnMut(&mut Run<'_, '_>)) {

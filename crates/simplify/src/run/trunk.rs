@@ -18,6 +18,7 @@ use crate::collapse::store::{Store, Vertex};
 use crate::collapse::{End, Engine, Goal, Original as _, Sweeps};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::{self, Guards};
+use crate::given::Kept;
 use crate::guard::Rules;
 use crate::metric::Metric;
 use crate::normals;
@@ -233,7 +234,7 @@ impl Run<'_, '_> {
             fitted = Some(fit::fit(store, given, home, away, values.as_mut(), guards, M::tensor).rms);
         } else {
             self.source(root).with(&mut |points, faces| {
-                let mut kept = fit::Kept { points, faces };
+                let mut kept = Kept { points, faces };
                 fitted = Some(fit::fit(store, &mut kept, home, away, values.as_mut(), guards, M::tensor).rms);
             });
         }

@@ -10,9 +10,8 @@ use super::{MeshCounts, Part, SimplifiedScene, simplify_scene};
 use crate::SimplifyError;
 use crate::care;
 use crate::control::{Control, Share};
-use crate::escalate::Escalation;
 use crate::options::SimplifyOptions;
-use crate::report::{Refusal, Report, StoppedBy};
+use crate::report::{Escalation, Refusal, Report, StoppedBy};
 
 /// A run in the sum of all.
 struct Run {
