@@ -47,7 +47,9 @@ pub(super) fn told_to_end(ground: &Ground) -> Result<Tried> {
         wait(job.time.as_secs_f64() * 1.1 * chance.part());
         if child.try_wait()?.is_none() {
             let id = child.id().to_string();
-            let told = Command::new("kill").args(["-TERM", &id]).stderr(Stdio::null()).status()?;
+            // The word of the shell: a program of that name is not everywhere.
+            let told =
+                Command::new("sh").args(["-c", "kill -TERM \"$0\"", &id]).stderr(Stdio::null()).status()?;
             ensure!(told.success() || child.try_wait()?.is_some(), "kill -TERM {id} ended with {told}");
         }
         Ok(())
