@@ -46,37 +46,37 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Make it lighter
+    /// Reduce the number of triangles
     Simplify(Box<SimplifyArgs>),
-    /// A chain of levels of detail
+    /// Make levels of detail
     Lod(Box<LodArgs>),
-    /// What is in this file, and what is wrong with it
+    /// Show what a file contains and what is wrong with it
     Info(InfoArgs),
-    /// How far is one from the other
+    /// Measure the distance between two meshes
     Compare(CompareArgs),
-    /// Change the format, lose nothing that fits
+    /// Convert between formats
     Convert(ConvertArgs),
-    /// Weld, orient, drop what is broken, and say what was done
+    /// Repair a mesh: merge vertices, orient faces, remove broken ones
     Clean(Box<CleanArgs>),
-    /// Every method on one model: time, error, validity
+    /// Compare all methods on one model: time, error, validity
     Methods(Box<MethodsArgs>),
-    /// A mesh that runs between all levels, in one file
+    /// Store all levels of a mesh in one file, and extract any of them
     #[command(subcommand)]
     Progressive(Progressive),
-    /// A picture, without a window
+    /// Render a picture without opening a window
     Render(Box<RenderArgs>),
-    /// A window: original and result side by side, live while you drag
+    /// Open a window with the original and the result side by side
     View(ViewArgs),
-    /// Versions, adapters, the display, and what is missing
+    /// Check the system: versions, graphics adapters, display, missing libraries
     Doctor(DoctorArgs),
-    /// Print what a shell needs to complete commands
+    /// Print the completion script of a shell
     Completions {
         /// The shell
         shell: clap_complete::Shell,
     },
     /// Print a manual page
     Man {
-        /// The page of this command, such as simplify or "progressive build"; without it, the one that lists them all
+        /// Command to describe, such as simplify or "progressive build" [default: the overview]
         command: Option<String>,
     },
 }
@@ -114,21 +114,21 @@ impl Command {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Run")]
 pub(crate) struct Run {
-    /// Threads; the result is the same with any number [default: all cores]
+    /// Number of threads; the result is the same with any number [default: all cores]
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroU16>,
-    /// Stop after S seconds: simplify, lod and methods keep the best they have by then, for each input; all others end with
-    /// an error and write nothing
+    /// Stop after S seconds: simplify, lod and methods write the best result so far for each input; all other commands
+    /// fail and write nothing
     #[arg(long, value_name = "S", value_parser = values::seconds)]
     pub(crate) time_limit: Option<f64>,
-    /// Memory that the process may take, such as 512M or 2G (by 1024): what would take more is refused [default: three
-    /// quarters of what the machine or the container has]
+    /// Limit the memory of the process, such as 512M or 2G (powers of 1024); refuse what would take more [default:
+    /// three quarters of what the machine or the container has]
     #[arg(long, value_name = "SIZE", value_parser = values::memory)]
     pub(crate) max_memory: Option<u64>,
-    /// Print nothing but errors
+    /// Print errors only
     #[arg(short, long)]
     pub(crate) quiet: bool,
-    /// Print more
+    /// Print details
     #[arg(short, long, conflicts_with = "quiet")]
     pub(crate) verbose: bool,
 }
@@ -143,7 +143,7 @@ impl Run {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Reading")]
 pub(crate) struct Reading {
-    /// Format of the inputs, whatever their content
+    /// Format of the inputs [default: detected from the content]
     #[arg(long, value_name = "FORMAT", value_parser = values::format())]
     pub(crate) from: Option<Format>,
     #[command(flatten)]
@@ -165,10 +165,10 @@ impl Reading {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Reading")]
 pub(crate) struct AssetArgs {
-    /// Let models name files in DIR and below (materials, textures, buffers), not only in their own folder and below
+    /// Allow models to refer to files in DIR and below, not only in their own folder and below
     #[arg(long, value_name = "DIR")]
     asset_root: Option<PathBuf>,
-    /// Let models name any file; only for models that you trust
+    /// Allow models to refer to any file; use it only for models that you trust
     #[arg(long, conflicts_with = "asset_root")]
     allow_outside: bool,
 }
@@ -187,22 +187,22 @@ impl AssetArgs {
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Writing")]
 pub(crate) struct Writing {
-    /// Format of the output, whatever its ending
+    /// Format of the output [default: from its file name]
     #[arg(long, value_name = "FORMAT", value_parser = values::written_format())]
     pub(crate) to: Option<Format>,
-    /// Text instead of binary (PLY, STL)
+    /// Write text instead of binary (PLY, STL)
     #[arg(long)]
     pub(crate) ascii: bool,
-    /// Files of materials and textures (OBJ): copied beside the output, linked from there, or dropped
+    /// What to do with material and texture files (OBJ): copy them beside the output, link to them, or drop them
     #[arg(long, value_name = "WHAT", value_enum, default_value_t)]
     pub(crate) textures: TexturesChoice,
     /// Multiply every coordinate of the output
     #[arg(long, value_name = "F", value_parser = values::above_zero)]
     pub(crate) scale: Option<f64>,
-    /// Turn the output about x so that this axis is up, where the other one was
+    /// Rotate the output about x so that this axis points up
     #[arg(long, value_name = "AXIS")]
     pub(crate) up: Option<Up>,
-    /// Write over an input or a write-protected file; a folder is never overwritten
+    /// Overwrite inputs and write-protected files (never folders)
     #[arg(long)]
     pub(crate) force: bool,
 }
@@ -211,10 +211,10 @@ pub(crate) struct Writing {
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Run")]
 pub(crate) struct Ending {
-    /// One JSON object for each input, on a line
+    /// Print one line of JSON for each input
     #[arg(long)]
     pub(crate) json: bool,
-    /// End with status 3 if a target is not reached or data are dropped
+    /// Exit with status 3 if a target is not reached or data are dropped
     #[arg(long)]
     pub(crate) strict: bool,
 }
@@ -228,12 +228,12 @@ pub(crate) enum Up {
 
 #[derive(Args, Debug)]
 pub(crate) struct InfoArgs {
-    /// Files to look into; `-` is standard input
+    /// Files to inspect; `-` is standard input
     #[arg(value_name = "IN", required = true)]
     pub(crate) inputs: Vec<Source>,
     #[command(flatten)]
     pub(crate) reading: Reading,
-    /// One JSON object a line for each input
+    /// Print one line of JSON for each input
     #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,
     #[command(flatten)]
@@ -242,37 +242,37 @@ pub(crate) struct InfoArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct CompareArgs {
-    /// What it should look like
+    /// The reference, such as the original
     #[arg(value_name = "REFERENCE")]
     pub(crate) reference: Source,
-    /// What it does look like
+    /// The mesh to compare with it
     #[arg(value_name = "CANDIDATE")]
     pub(crate) candidate: Source,
-    /// Write the reference with its distance to the candidate as colours, blue for none and red for the largest: as a mesh
-    /// (.ply), or as a picture (.png, .jpg, .webp)
+    /// Write a heat map of the distances on the reference, from blue (none) to red (largest), as a mesh (.ply) or a
+    /// picture (.png, .jpg, .webp)
     #[arg(long, value_name = "OUT")]
     pub(crate) heatmap: Option<PathBuf>,
-    /// Draw both from so many sides, the same every time, and measure how much the pictures differ to the eye
+    /// Also render both from N sides and measure how different the pictures look
     #[arg(long, value_name = "N", value_parser = values::count)]
     pub(crate) views: Option<usize>,
-    /// Pixels of these pictures
+    /// Size of these pictures
     #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "512x512", requires = "views")]
     pub(crate) size: [usize; 2],
-    /// Write these pictures in pairs, the reference first (.png, .jpg, .webp)
+    /// Write these pictures, the reference first in each pair (.png, .jpg, .webp)
     #[arg(long, value_name = "OUT", requires = "views")]
     pub(crate) views_sheet: Option<PathBuf>,
-    /// Write over an input or a write-protected file; a folder is never overwritten
+    /// Overwrite inputs and write-protected files (never folders)
     #[arg(long)]
     pub(crate) force: bool,
-    /// Samples each way, spread by area; all vertices come on top
+    /// Number of samples in each direction, spread by area, in addition to all vertices
     #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
     pub(crate) samples: usize,
-    /// Equal seeds give equal figures
+    /// Seed of the samples; equal seeds give equal figures
     #[arg(long, value_name = "N", default_value_t = lodsmith::core::measure::CompareOptions::default().seed)]
     pub(crate) seed: u64,
     #[command(flatten)]
     pub(crate) reading: Reading,
-    /// One JSON object
+    /// Print one JSON object
     #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,
     #[command(flatten)]
@@ -281,7 +281,7 @@ pub(crate) struct CompareArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct ViewArgs {
-    /// Files to open, or a session; without any, the window says what to do
+    /// Files to open, or a session; without any, the window opens empty
     #[arg(value_name = "IN")]
     pub(crate) inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -290,24 +290,24 @@ pub(crate) struct ViewArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct DoctorArgs {
-    /// One JSON object
+    /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
 }
 
 #[derive(Args, Debug)]
 pub(crate) struct ConvertArgs {
-    /// The file to read; `-` is standard input
+    /// File to read; `-` is standard input
     #[arg(value_name = "IN")]
     pub(crate) input: Source,
-    /// The file to write; `-` is standard output
+    /// File to write; `-` is standard output
     #[arg(value_name = "OUT")]
     pub(crate) output: Sink,
     #[command(flatten)]
     pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
-    /// End with status 3 if data are dropped
+    /// Exit with status 3 if data are dropped
     #[arg(long)]
     pub(crate) strict: bool,
     #[command(flatten)]

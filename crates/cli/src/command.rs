@@ -61,6 +61,11 @@ fn show_warnings(out: &Output, path: &str, warnings: &[Warning], strict: bool) -
     is_fault
 }
 
+/// The warnings that matter to whoever only looks at a mesh, and writes none.
+fn to_looker(warnings: &[Warning]) -> Vec<Warning> {
+    warnings.iter().filter(|warning| !warning.of_scene).cloned().collect()
+}
+
 /// Texts of warnings, for reports.
 fn texts(warnings: &[Warning]) -> Vec<&str> {
     warnings.iter().map(|w| w.text.as_str()).collect()

@@ -186,6 +186,9 @@ pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Forma
         (Some(Format::Lpm), _) => Err(exit::usage(WriteError::NeedsSplits.to_string())),
         (Some(format), _) => Ok(format),
         (None, Sink::Stdout) => Err(exit::usage("standard output has no ending: say the format with --to")),
+        (None, Sink::Path(path)) if path.is_dir() => {
+            Err(exit::usage(format!("{}: is a folder: name a file in it", path.display())))
+        }
         (None, Sink::Path(path)) => {
             Err(exit::usage(WriteError::UnknownFormat { path: path.clone() }.to_string()))
         }

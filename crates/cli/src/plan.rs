@@ -47,6 +47,7 @@ pub(crate) fn jobs(wanted: &Wanted<'_>) -> anyhow::Result<Vec<Job>> {
             if *sink == Sink::Stdout && wanted.json && !wanted.dry_run {
                 return Err(usage("the mesh and --json both want standard output: give the mesh a file"));
             }
+            file::refuse_folder(sink, ": use -O to write into it")?;
             let format = file::format_of(sink, wanted.to)?;
             vec![Job { source: wanted.inputs[0].clone(), output: Some((sink.clone(), format)) }]
         }

@@ -402,7 +402,7 @@ fn info_names_defects() {
     assert_eq!(info["degenerate_faces"], 1);
     assert_eq!(info["unused_vertices"], 1);
     let ran = desk.run("info bad.ply").with_status(0);
-    for line in ["  duplicate faces  1", "  surface          not closed, not manifold"] {
+    for line in ["  duplicate faces   1", "  surface           not closed, not manifold"] {
         assert!(ran.text().contains(line), "{}", ran.text());
     }
 }

@@ -160,20 +160,23 @@ pub struct Warning {
     pub text: String,
     /// Whether data of the input are lost by it; `--strict` makes that a failure.
     pub data_lost: bool,
+    /// Whether what is lost is of the scene round the mesh, so that nothing is where the mesh is only looked at.
+    pub of_scene: bool,
 }
 
 impl Warning {
     /// Nothing is lost.
     pub fn note(text: impl Into<String>) -> Self {
-        Self { text: text.into(), data_lost: false }
+        Self { text: text.into(), data_lost: false, of_scene: false }
     }
     /// The mesh that was read of a scene lacks this; whatever is made of the mesh lacks it too.
     pub(crate) fn not_of_a_mesh(what: &str) -> Self {
-        Self::lost(format!("{what} are not carried: only a scene that goes from glTF to glTF keeps them"))
+        let text = format!("{what} are not carried: only a scene that goes from glTF to glTF keeps them");
+        Self { of_scene: true, ..Self::lost(text) }
     }
     /// Data are lost.
     pub fn lost(text: impl Into<String>) -> Self {
-        Self { text: text.into(), data_lost: true }
+        Self { text: text.into(), data_lost: true, of_scene: false }
     }
 }
 

@@ -272,6 +272,9 @@ fn gunzip(bytes: &[u8], limits: Limits) -> Result<Vec<u8>, ReadError> {
 }
 
 fn unknown(text: &[u8]) -> ReadError {
+    if let Some((name, way_out)) = sniff::foreign(text) {
+        return ReadError::Unknown(format!("it is {name}, which is not read; {way_out}"));
+    }
     let what = if text.iter().all(u8::is_ascii_whitespace) {
         "it holds nothing but blanks"
     } else if looks_like_text(text) {

@@ -29,6 +29,34 @@ pub fn sniff(bytes: &[u8], hint: Option<Format>) -> Option<Format> {
     text_format(bytes, hint)
 }
 
+/// What to do with a file that Blender reads.
+const BY_BLENDER: &str = "open it in Blender and export glTF";
+/// What to do with a file of a CAD program.
+const BY_CAD: &str = "open it in FreeCAD or another CAD program and export a mesh as STL, OBJ or glTF";
+
+/// The name of a format that is known and not read, and the way out.
+pub(crate) fn foreign(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
+    let front = front(bytes);
+    let has = |word: &[u8]| memchr::memmem::find(front, word).is_some();
+    let begins = |word: &[u8]| front.trim_ascii_start().starts_with(word);
+    Some(match () {
+        () if begins(b"Kaydara FBX Binary") || begins(b"; FBX") => ("FBX", BY_BLENDER),
+        () if begins(b"<") && has(b"<COLLADA") => ("COLLADA (DAE)", BY_BLENDER),
+        () if begins(b"<") && has(b"<X3D") => ("X3D", BY_BLENDER),
+        () if begins(b"#VRML") => ("VRML", "open it in MeshLab and export PLY or OBJ"),
+        () if begins(b"PXR-USDC") || begins(b"#usda") => ("USD", BY_BLENDER),
+        () if begins(b"BLENDER") => ("a Blender project", BY_BLENDER),
+        () if begins(b"Ogawa") => ("Alembic", BY_BLENDER),
+        () if begins(b"ISO-10303-21") => ("STEP", BY_CAD),
+        () if begins(b"PK") && has(b"3D/") => {
+            ("3MF", "save it as STL or PLY in a slicer, or as glTF in Blender")
+        }
+        () if begins(b"PK") && has(b".usd") => ("USDZ", BY_BLENDER),
+        () if begins(b"PK") => ("a ZIP archive", "unpack it and name the model in it"),
+        () => return None,
+    })
+}
+
 /// The format that the ending of a path names, `.gz` set aside.
 pub fn hint_of(path: &Path) -> Option<Format> {
     let ending = |p: &Path| p.extension().map(|e| e.to_string_lossy().into_owned());

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use lodsmith::CleanOptions;
 
 use super::choice::NonManifoldChoice;
@@ -32,34 +32,34 @@ Examples:
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
+#[command(group(ArgGroup::new("result").args(["output", "out_dir", "dry_run"]).required(true).multiple(true)))]
 pub(crate) struct CleanArgs {
     /// Files to clean; `-` is standard input
     #[arg(value_name = "IN", required = true)]
     pub(crate) inputs: Vec<Source>,
-    /// Where the result goes; `-` is standard output
-    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir",
-          required_unless_present_any = ["out_dir", "dry_run"])]
+    /// File to write; `-` is standard output
+    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir")]
     output: Option<Sink>,
-    /// Folder for the results of several inputs; it is made if need be
+    /// Folder for the results of several inputs; created if missing
     #[arg(short = 'O', long, value_name = "DIR")]
     pub(crate) out_dir: Option<PathBuf>,
-    /// Names of the results in the folder
+    /// File names in the folder
     #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_clean.{ext}", requires = "out_dir")]
     name: String,
-    /// Join vertices closer than this, in units of the file or of the diagonal (0.1%); equal ones always are
+    /// Merge vertices closer than D, in units of the file or as a share of the diagonal (0.1%); coincident ones always are
     #[arg(long, value_name = "D", value_parser = values::some_length, help_heading = "How")]
     weld: Option<TypedLength>,
-    /// What becomes of edges with more than two faces, and of vertices where a surface touches itself; see below
+    /// How to treat edges with more than two faces, and vertices where a surface touches itself; see below
     #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "How")]
     non_manifold: NonManifoldChoice,
-    /// Remove connected parts smaller than this: the diagonal of their box, in units or of the whole's (0.1%)
+    /// Remove connected parts smaller than this (diagonal of their box, in units or as a share: 0.1%)
     #[arg(long, value_name = "SIZE", value_parser = values::some_length, help_heading = "How")]
     prune: Option<TypedLength>,
     #[command(flatten)]
     pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
-    /// Report without writing
+    /// Print the report without writing a file
     #[arg(long, help_heading = "Writing")]
     pub(crate) dry_run: bool,
     #[command(flatten)]

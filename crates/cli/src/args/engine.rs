@@ -12,16 +12,16 @@ use super::{TypedLength, values};
 /// When to stop.
 #[derive(Args, Debug)]
 pub(crate) struct Target {
-    /// So many triangles
+    /// Stop at N triangles
     #[arg(long, value_name = "N", value_parser = values::count)]
     faces: Option<usize>,
-    /// So many vertices
+    /// Stop at N vertices
     #[arg(long, value_name = "N", value_parser = values::count)]
     vertices: Option<usize>,
-    /// This part of the triangles, above 0 and up to 1
+    /// Keep this fraction of the triangles (0.1 or 10%)
     #[arg(long, value_name = "R", value_parser = values::ratio)]
     ratio: Option<f64>,
-    /// Largest deviation, in the units of the file or of the diagonal (0.1%)
+    /// Keep the deviation below D, in units of the file or as a share of the diagonal (0.1%)
     #[arg(long, value_name = "D")]
     error: Option<TypedLength>,
 }
@@ -65,7 +65,7 @@ pub(crate) struct EngineArgs {
     scope: Scope,
     #[command(flatten)]
     guards: GuardArgs,
-    /// Equal seeds give equal results
+    /// Seed of the samples; equal seeds give equal results
     #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "How")]
     seed: u64,
 }
@@ -73,33 +73,34 @@ pub(crate) struct EngineArgs {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "How")]
 pub(crate) struct How {
-    /// Options for a purpose, see below; what is typed beside it goes before it
+    /// Set several options for a purpose, see below; explicit options override it
     #[arg(long, value_name = "PURPOSE", value_enum, default_value_t)]
     preset: PresetChoice,
-    /// Method, see below
+    /// Simplification method, see below
     #[arg(long, value_name = "METHOD", value_enum, default_value_t)]
     method: MethodChoice,
-    /// Last least-squares step towards the original
+    /// Fit the result to the original by least squares at the end
     #[arg(long, value_name = "WHEN", value_enum, default_value_t)]
     fit: FitChoice,
-    /// Where a merged vertex goes; `endpoint` keeps a subset of the vertices
+    /// Where to place a merged vertex; `endpoint` keeps a subset of the vertices
     #[arg(long, value_name = "WHERE", value_enum, default_value_t)]
     placement: PlacementChoice,
-    /// Open borders: held in place, moved along themselves, untouched, no care [default: keep, or by preset]
+    /// How to treat open borders: keep their shape, slide along them, lock them, or ignore them [default: keep, or by
+    /// preset]
     #[arg(long, value_name = "CARE", value_enum)]
     border: Option<BorderChoice>,
-    /// Topology: no new defects; nothing changes at all; handles are cut and parts go where that is cheapest [default:
-    /// relaxed, or by preset]
+    /// What may change in the topology: parts and handles if the target needs it (relaxed), nothing (preserve), or
+    /// whatever costs least (free) [default: relaxed, or by preset]
     #[arg(long, value_name = "CARE", value_enum)]
     topology: Option<TopologyChoice>,
-    /// Keep edges whose faces meet at more than this angle as features [default: off]
+    /// Preserve edges whose faces meet at more than DEG degrees [default: off]
     #[arg(long, value_name = "DEG", value_parser = values::sharp_deg)]
     sharp: Option<f64>,
     /// Multiply the weight of an attribute in the cost (normal, uv, color, morph, skin, other), or of the lines of
     /// open borders (border), by W; may be repeated
     #[arg(long, value_name = "NAME=W", value_parser = values::weight)]
     weight: Vec<(AttributeName, f64)>,
-    /// Leave this alone, to the bit: a material, group, object, mesh or node, or the vertices where this attribute is
+    /// Keep this unchanged, bit for bit: a material, group, object, mesh or node, or the vertices where this attribute is
     /// not zero; may be repeated
     #[arg(long, value_name = "NAME")]
     pub(crate) lock: Vec<String>,
@@ -107,7 +108,7 @@ pub(crate) struct How {
     /// STRENGTH times as many per area as at 0 [default STRENGTH: 4]
     #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = values::importance)]
     pub(crate) importance: Option<Importance>,
-    /// Join vertices closer than this first; equal ones always are
+    /// Merge vertices closer than D first (coincident vertices are always merged)
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     weld: Option<TypedLength>,
 }
@@ -115,16 +116,16 @@ pub(crate) struct How {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Guards of the result")]
 struct GuardArgs {
-    /// Largest turn of a face in one step; the fit of the result is one step
+    /// Reject steps that turn a face by more than DEG degrees; the final fit is one step
     #[arg(long, value_name = "DEG", value_parser = values::turn_deg)]
     max_normal: Option<f64>,
-    /// Least shape of a face, from 0 to 1 (equilateral); worse ones get no worse
+    /// Reject faces of lower quality than this, from 0 to 1 (equilateral), unless they were worse before
     #[arg(long, value_name = "Q", value_parser = values::quality)]
     min_quality: Option<f64>,
-    /// Most edges at a vertex; one that has more gets no more
+    /// Reject vertices with more edges than this, unless they had more before
     #[arg(long, value_name = "N", value_parser = values::valence)]
     max_valence: Option<usize>,
-    /// Longest edge; one that is longer gets no longer
+    /// Reject longer edges than this, unless they were longer before
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     max_edge: Option<TypedLength>,
 }

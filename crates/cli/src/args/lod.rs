@@ -32,33 +32,33 @@ Examples:
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
 pub(crate) struct LodArgs {
-    /// The file to make levels of; `-` is standard input
+    /// File to make levels of; `-` is standard input
     #[arg(value_name = "IN")]
     pub(crate) input: Source,
-    /// One GLB or glTF file with all levels (extension MSFT_lod); `-` is standard output
+    /// Write all levels to one GLB or glTF file (extension MSFT_lod); `-` is standard output
     #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir",
           required_unless_present_any = ["out_dir", "dry_run"])]
     pub(crate) output: Option<Sink>,
-    /// Folder for one file of each level, and lods.json; it is made if need be
+    /// Folder for one file per level, and lods.json; created if missing
     #[arg(short = 'O', long, value_name = "DIR")]
     pub(crate) out_dir: Option<PathBuf>,
-    /// Names of the files in the folder, instead of those of --naming
+    /// File names in the folder, instead of those of --naming
     #[arg(long, value_name = "TEMPLATE", requires = "out_dir")]
     pub(crate) name: Option<String>,
-    /// How files, meshes and nodes of levels are called, see below
+    /// Naming of files, meshes and nodes, see below
     #[arg(long, value_name = "STYLE", value_enum, default_value_t = Naming::Plain, help_heading = "Writing")]
     pub(crate) naming: Naming,
     #[command(flatten)]
     pub(crate) levels: LevelArgs,
-    /// With --count, part of the triangles of the level before
+    /// With --count, the fraction of the triangles of the previous level that each level keeps
     #[arg(long, value_name = "F", value_parser = values::below_one, default_value_t = HALF, requires = "count",
           conflicts_with_all = ["levels", "faces", "errors"],
           help_heading = "Levels (one of these)")]
     factor: f64,
-    /// Say of each vertex where it is in the next coarser level: `_GEOMORPH` in GLB, `geomorph_x` and so on in PLY
+    /// Store the position of each vertex in the next coarser level: `_GEOMORPH` in GLB, `geomorph_x` and so on in PLY
     #[arg(long, help_heading = "Writing")]
     pub(crate) geomorph: bool,
-    /// Largest deviation that may be seen, in pixels
+    /// Largest visible deviation, in pixels
     #[arg(long, value_name = "N", value_parser = values::above_zero, default_value_t = Screen::default().pixels,
           help_heading = "Switching")]
     pixels: f64,
@@ -76,10 +76,10 @@ pub(crate) struct LodArgs {
     pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
-    /// Normals of the levels: the input's, blended with their vertices; new ones; or none
+    /// Normals of the levels: carried over from the input, computed anew, or none
     #[arg(long, value_name = "NORMALS", value_enum, default_value = "keep", help_heading = "Writing")]
     pub(crate) normals: Normals,
-    /// Report without writing
+    /// Print the report without writing files
     #[arg(long, help_heading = "Writing")]
     pub(crate) dry_run: bool,
     #[command(flatten)]
@@ -93,16 +93,16 @@ pub(crate) struct LodArgs {
 #[command(next_help_heading = "Levels (one of these)")]
 #[group(required = true, multiple = false)]
 pub(crate) struct LevelArgs {
-    /// These parts of the triangles, falling
+    /// Fractions of the triangles to keep, in falling order (0.5,0.25 or 50%,25%)
     #[arg(long, value_name = "R,...", value_delimiter = ',', value_parser = values::ratio)]
     levels: Vec<f64>,
-    /// So many triangles, falling
+    /// Numbers of triangles, in falling order
     #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = values::count)]
     faces: Vec<usize>,
-    /// So many levels, each with the part --factor of the one before
+    /// Number of levels; each keeps --factor of the previous one
     #[arg(long, value_name = "N", value_parser = values::count)]
     count: Option<usize>,
-    /// Largest deviations, rising, in the units of the file or of the diagonal (0.1%)
+    /// Largest deviations, in rising order, in units of the file or as shares of the diagonal (0.1%)
     #[arg(long, value_name = "D,...", value_delimiter = ',')]
     errors: Vec<TypedLength>,
 }

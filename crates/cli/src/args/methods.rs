@@ -24,7 +24,7 @@ Examples:
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
 pub(crate) struct MethodsArgs {
-    /// The file to make lighter; `-` is standard input
+    /// File to simplify; `-` is standard input
     #[arg(value_name = "IN")]
     pub(crate) input: Source,
     #[command(
@@ -32,27 +32,27 @@ pub(crate) struct MethodsArgs {
         next_help_heading = "Target (the first one met stops; one at least, unless the method ends by itself)"
     )]
     pub(crate) target: Target,
-    /// Only this one; may be repeated [default: all]
+    /// Run only this method; may be repeated [default: all]
     #[arg(long, value_name = "METHOD", value_enum, help_heading = "How")]
     method: Vec<MethodChoice>,
-    /// Samples each way of a measure, spread by area; all vertices come on top
+    /// Number of samples in each direction, spread by area, in addition to all vertices
     #[arg(long, value_name = "N", help_heading = "How",
           default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
     pub(crate) samples: usize,
-    /// Folder for the results, each as STEM_METHOD.EXT; it is made if need be
+    /// Folder for the results, as STEM_METHOD.EXT; created if missing
     #[arg(short = 'O', long, value_name = "DIR", help_heading = "Writing")]
     pub(crate) out_dir: Option<PathBuf>,
-    /// A picture of all results side by side: .png, .jpg or .webp
+    /// Write a picture of all results side by side: .png, .jpg or .webp
     #[arg(long, value_name = "OUT", help_heading = "Writing")]
     pub(crate) sheet: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
-    /// One JSON object
+    /// Print one JSON object
     #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,
-    /// Equal seeds give equal results and figures
+    /// Seed of the samples; equal seeds give equal results and figures
     #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Run")]
     pub(crate) seed: u64,
     #[command(flatten)]

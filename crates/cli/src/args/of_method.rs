@@ -8,16 +8,16 @@ use super::{TypedLength, values};
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Of single methods")]
 pub(super) struct OfMethod {
-    /// memoryless, quadric: contract vertices closer than this too where no edge joins them, so that parts grow together
+    /// memoryless, quadric: also merge vertices closer than D that share no edge, so that parts can grow together
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     pairs: Option<TypedLength>,
-    /// cluster: edge of a cell
+    /// cluster: size of a cell
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     cell: Option<TypedLength>,
-    /// cluster: only to a multiple of the target, and on with memoryless
+    /// cluster: cluster to a multiple of the target first, then continue with memoryless
     #[arg(long)]
     two_stage: bool,
-    /// shortest-edge: edges up to this length go; remesh: length of the new edges
+    /// shortest-edge: collapse edges up to this length; remesh: length of the new edges
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     edge_length: Option<TypedLength>,
     /// planar: largest angle between a face and the plane of its region [default: 5]; vertex-removal, remesh: edges bent
@@ -27,16 +27,16 @@ pub(super) struct OfMethod {
     /// planar: largest distance from the plane of a region [default: 0.00002%, or --error]
     #[arg(long, value_name = "D")]
     flat: Option<TypedLength>,
-    /// unsubdivide: levels to undo, at most; remesh: rounds
+    /// unsubdivide: maximum number of levels to undo; remesh: number of rounds
     #[arg(long, value_name = "N", value_parser = values::count)]
     iterations: Option<usize>,
-    /// remesh: edge of a voxel, for a closed surface around the input, whatever state it is in
+    /// remesh: size of a voxel; makes a closed surface around any input
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     voxel: Option<TypedLength>,
-    /// remesh: a base mesh, subdivided so many times
+    /// remesh: subdivide a base mesh N times
     #[arg(long, value_name = "N", value_parser = values::count)]
     subdivisions: Option<usize>,
-    /// remesh: short edges where the surface is curved
+    /// remesh: use shorter edges where the surface is curved
     #[arg(long)]
     adaptive: bool,
 }

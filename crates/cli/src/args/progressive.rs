@@ -30,24 +30,24 @@ Examples:
 /// What is done with progressive meshes.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Progressive {
-    /// Simplify as far as it goes, and keep every step back
+    /// Simplify as far as possible and store every step
     Build(Box<LpmBuildArgs>),
-    /// Take one level out
+    /// Extract one level
     Extract(Box<ExtractArgs>),
-    /// What is in the file
+    /// Show what a file contains
     Info(LpmInfoArgs),
 }
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER_BUILD)]
 pub(crate) struct LpmBuildArgs {
-    /// The mesh to begin with; `-` is standard input
+    /// File to read; `-` is standard input
     #[arg(value_name = "IN")]
     pub(crate) input: Source,
-    /// The file to write; `-` is standard output
+    /// File to write; `-` is standard output
     #[arg(short, long, value_name = "OUT.lpm")]
     pub(crate) output: Sink,
-    /// Bits of a coordinate, on a grid; without it every bit is kept
+    /// Quantize coordinates to this many bits [default: exact]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8)
           .range(i64::from(LEAST_BITS)..=i64::from(MOST_BITS)), help_heading = "Writing")]
     pub(crate) bits: Option<u8>,
@@ -57,10 +57,10 @@ pub(crate) struct LpmBuildArgs {
     pub(crate) engine: EngineArgs,
     #[command(flatten)]
     pub(crate) reading: Reading,
-    /// Images of materials go into the file (copy, link), or stay away (none)
+    /// Store the images of materials in the file (copy, link), or leave them out (none)
     #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "Writing")]
     textures: TexturesChoice,
-    /// Write over an input or a write-protected file; a folder is never overwritten
+    /// Overwrite inputs and write-protected files (never folders)
     #[arg(long, help_heading = "Writing")]
     pub(crate) force: bool,
     #[command(flatten)]
@@ -87,10 +87,10 @@ impl LpmBuildArgs {
 #[derive(Args, Debug)]
 #[command(after_help = AFTER_EXTRACT)]
 pub(crate) struct ExtractArgs {
-    /// The file to read; `-` is standard input
+    /// File to read; `-` is standard input
     #[arg(value_name = "IN.lpm")]
     pub(crate) input: Source,
-    /// The file to write; `-` is standard output
+    /// File to write; `-` is standard output
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: Sink,
     #[command(
@@ -98,7 +98,7 @@ pub(crate) struct ExtractArgs {
         next_help_heading = "Level (the first one met on the way down; without any, the finest)"
     )]
     pub(crate) target: Target,
-    /// The level as it stands on the road, without the fit that checkpoints hold
+    /// Extract the level as recorded, without the fit stored at checkpoints
     #[arg(long)]
     pub(crate) no_fit: bool,
     #[command(flatten)]
@@ -122,10 +122,10 @@ impl ExtractArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct LpmInfoArgs {
-    /// The file to look into; `-` is standard input
+    /// File to inspect; `-` is standard input
     #[arg(value_name = "IN.lpm")]
     pub(crate) input: Source,
-    /// One JSON object
+    /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]

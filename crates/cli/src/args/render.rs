@@ -39,19 +39,19 @@ Examples:
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
 pub(crate) struct RenderArgs {
-    /// Files to draw, side by side if several; `-` is standard input
+    /// Files to render, side by side if several; `-` is standard input
     #[arg(value_name = "IN", required = true)]
     pub(crate) inputs: Vec<Source>,
-    /// Where the picture goes: .png, .jpg or .webp; `-` is standard output, as PNG
+    /// Picture to write: .png, .jpg or .webp; `-` is standard output, as PNG
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: Sink,
-    /// Draw this one first, from the same place
+    /// Render this file first, with the same camera
     #[arg(long, value_name = "REFERENCE")]
     pub(crate) compare: Option<Source>,
-    /// Draw the model, and what is left of it at so many faces, side by side
+    /// Render the model and its simplifications to N faces side by side
     #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = values::count, conflicts_with = "compare")]
     pub(crate) levels: Vec<usize>,
-    /// Method that makes the levels; see lodsmith simplify --help
+    /// Method for --levels; see lodsmith simplify --help
     #[arg(long, value_name = "METHOD", value_enum, default_value_t, requires = "levels")]
     pub(crate) method: MethodChoice,
     #[command(flatten)]
@@ -64,10 +64,10 @@ pub(crate) struct RenderArgs {
     pub(crate) sheet: SheetArgs,
     #[command(flatten)]
     pub(crate) reading: Reading,
-    /// Write over an input or a write-protected file; a folder is never overwritten
+    /// Overwrite inputs and write-protected files (never folders)
     #[arg(long, help_heading = "Run")]
     pub(crate) force: bool,
-    /// One JSON object
+    /// Print one JSON object
     #[arg(long, help_heading = "Run")]
     pub(crate) json: bool,
     #[command(flatten)]
@@ -78,32 +78,32 @@ pub(crate) struct RenderArgs {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Look")]
 pub(crate) struct LookArgs {
-    /// What colours surfaces, see below [default: textured where there are materials, vertex-colors where
-    /// there are colours, else smooth]
+    /// Colouring of surfaces, see below [default: textured if there are materials, vertex-colors if there
+    /// are colours, else smooth]
     #[arg(long, value_name = "SHADING", value_parser = shading())]
     pub(crate) shading: Option<Shading>,
     /// Colour of the surface, as #rrggbb
     #[arg(long, value_name = "COLOR", value_parser = values::color)]
     pub(crate) color: Option<[f32; 3]>,
-    /// Lines along the edges of all faces
+    /// Draw the edges of all faces
     #[arg(long)]
     pub(crate) wireframe: bool,
-    /// Width of the lines
+    /// Width of these lines
     #[arg(long, value_name = "PX", value_parser = values::above_zero)]
     pub(crate) wire_width: Option<f64>,
-    /// Open borders in red
+    /// Draw open borders in red
     #[arg(long)]
     pub(crate) borders: bool,
-    /// Non-manifold edges in violet, faces without area in yellow, faces that stand twice in blue
+    /// Draw non-manifold edges in violet, faces without area in yellow, duplicate faces in blue
     #[arg(long)]
     pub(crate) defects: bool,
-    /// Leave out faces seen from behind
+    /// Hide faces seen from behind
     #[arg(long)]
     pub(crate) cull: bool,
     /// Picture of a lit ball for --shading matcap [default: clay]
     #[arg(long, value_name = "FILE")]
     pub(crate) matcap: Option<PathBuf>,
-    /// Values at the ends of the colours of --shading heat, in the units of the file [default: 0 to the largest]
+    /// Range of the colours of --shading heat, in units of the file [default: 0 to the largest]
     #[arg(long, value_name = "LOW,HIGH", value_parser = values::range)]
     pub(crate) range: Option<[f32; 2]>,
     /// Colours of --shading heat
@@ -112,20 +112,20 @@ pub(crate) struct LookArgs {
     /// A light, see below; may be repeated
     #[arg(long, value_name = "LIGHT", value_parser = light, allow_hyphen_values = true)]
     pub(crate) light: Vec<Light>,
-    /// What materials mirror and are lit by beside the lights: studio, none, or a picture of all directions (.hdr,
-    /// .png, .jpg), twice as wide as high; auto: studio for models with metal, or with it behind
+    /// Environment that lights and reflects in materials: studio, none, or a panorama (.hdr, .png, .jpg), twice as
+    /// wide as high; auto: studio for models with metal, or if it is the background
     #[arg(long, value_name = "ENVIRONMENT", default_value = "auto")]
     pub(crate) environment: Surroundings,
-    /// Darken creases, as if less light came into them
+    /// Darken creases (ambient occlusion)
     #[arg(long)]
     pub(crate) occlusion: bool,
-    /// Let the model darken the ground where it stands
+    /// Draw a shadow on the ground
     #[arg(long)]
     pub(crate) shadow: bool,
-    /// Lines on the ground
+    /// Draw a grid on the ground
     #[arg(long)]
     pub(crate) grid: bool,
-    /// What lies behind, see below
+    /// Background, see below
     #[arg(long, value_name = "BACKGROUND", value_parser = background, default_value = "gradient")]
     pub(crate) background: Background,
 }
@@ -154,22 +154,22 @@ impl From<OsString> for Surroundings {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "View")]
 pub(crate) struct PlaceArgs {
-    /// From where
+    /// Direction of the camera
     #[arg(long, value_name = "VIEW", value_parser = standard_view(), default_value = StandardView::default().name())]
     pub(crate) view: StandardView,
-    /// Degrees round the model from the front to the right, instead of --view
+    /// Camera angle around the model from the front to the right, in degrees, instead of --view
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = values::finite, conflicts_with = "view")]
     pub(crate) azimuth: Option<f64>,
-    /// Degrees above the horizon, instead of --view
+    /// Camera angle above the horizon, in degrees, instead of --view
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = values::elevation_deg, conflicts_with = "view")]
     pub(crate) elevation: Option<f64>,
-    /// The axis of the files that is up
+    /// Axis that points up in the files
     #[arg(long, value_name = "AXIS", value_enum, default_value = "y")]
     pub(crate) up: Up,
-    /// Angle of the lens from the lower to the upper edge [default: 35]
+    /// Vertical field of view, in degrees [default: 35]
     #[arg(long, value_name = "DEG", value_parser = values::fov_deg, conflicts_with = "parallel")]
     pub(crate) fov: Option<f64>,
-    /// What is far is as large as what is near
+    /// Use a parallel projection
     #[arg(long)]
     pub(crate) parallel: bool,
 }
@@ -178,10 +178,10 @@ pub(crate) struct PlaceArgs {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Animation")]
 pub(crate) struct MomentArgs {
-    /// The animation of a glTF file, by name or by number from 1 [default: with --time the first, else at rest]
+    /// Animation of a glTF file, by name or by number from 1 [default: the first with --time, else none]
     #[arg(long, value_name = "NAME")]
     pub(crate) clip: Option<String>,
-    /// Seconds from its begin [default: 0]
+    /// Time in the animation, in seconds [default: 0]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = values::not_negative)]
     pub(crate) time: Option<f64>,
 }
@@ -190,16 +190,16 @@ pub(crate) struct MomentArgs {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct SheetArgs {
-    /// Pixels of the picture; of each, where several stand together [default: 1200x800, each 480x480]
+    /// Size of the picture, or of each if there are several [default: 1200x800, several 480x480]
     #[arg(long, value_name = "WxH", value_parser = values::size)]
     pub(crate) size: Option<[usize; 2]>,
-    /// Pictures in a row [default: up to 4]
+    /// Pictures per row [default: up to 4]
     #[arg(long, value_name = "N", value_parser = values::count)]
     pub(crate) columns: Option<usize>,
-    /// No text below pictures
+    /// Leave out the captions
     #[arg(long)]
     pub(crate) no_captions: bool,
-    /// Sixteen samples a pixel instead of four
+    /// Use sixteen samples per pixel instead of four
     #[arg(long)]
     pub(crate) fine: bool,
 }

@@ -8,13 +8,13 @@ use super::{TypedLength, values};
 #[derive(Args, Debug)]
 #[command(next_help_heading = "How")]
 pub(super) struct Scope {
-    /// Remove connected parts smaller than this first: the diagonal of their box, in units or of the whole's (0.1%)
+    /// Remove connected parts smaller than this first (diagonal of their box, in units or as a share: 0.1%)
     #[arg(long, value_name = "SIZE", value_parser = values::some_length)]
     prune: Option<TypedLength>,
-    /// The target is for each mesh of a scene by itself, not for all together
+    /// Apply the target to each mesh of a scene instead of the whole scene
     #[arg(long)]
     pub(super) per_mesh: bool,
-    /// Where the target is out of reach, try looser topology in turn: relaxed, then free
+    /// If the target is not reached, try looser topology: relaxed, then free
     #[arg(long)]
     escalate: bool,
 }

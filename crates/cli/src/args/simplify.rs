@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::{ArgGroup, Args, ValueEnum};
 use lodsmith::{Bound, Measure, SimplifyOptions};
 
 use super::engine::{EngineArgs, Target};
@@ -24,11 +24,11 @@ Methods:
   remesh          a new, even mesh on the old surface; closed with --voxel [Botsch-Kobbelt 2004]
 
 Presets:
-  auto        the least distance
-  scan        noisy surfaces: normals have no say, vertices that rounding parted are joined
+  auto        smallest distance
+  scan        noisy surfaces: normals are ignored, vertices parted by rounding are merged
   cad         machine parts: --border slide --topology preserve
-  visual      for the eye: normals count more, also where the file has none
-  print       --topology preserve, attributes have no say
+  visual      best appearance: normals count more, even if the file has none
+  print       --topology preserve, attributes are ignored
 
 Examples:
   lodsmith simplify bunny.obj -o small.glb --ratio 0.1
@@ -37,18 +37,18 @@ Examples:
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
+#[command(group(ArgGroup::new("result").args(["output", "out_dir", "dry_run"]).required(true).multiple(true)))]
 pub(crate) struct SimplifyArgs {
-    /// Files to make lighter; `-` is standard input
+    /// Files to simplify; `-` is standard input
     #[arg(value_name = "IN", required = true)]
     pub(crate) inputs: Vec<Source>,
-    /// Where the result goes; `-` is standard output
-    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir",
-          required_unless_present_any = ["out_dir", "dry_run"])]
+    /// File to write; `-` is standard output
+    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir")]
     pub(crate) output: Option<Sink>,
-    /// Folder for the results of several inputs; it is made if need be
+    /// Folder for the results of several inputs; created if missing
     #[arg(short = 'O', long, value_name = "DIR")]
     pub(crate) out_dir: Option<PathBuf>,
-    /// Names of the results in the folder
+    /// File names in the folder
     #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_low.{ext}", requires = "out_dir")]
     pub(crate) name: String,
     #[command(
@@ -64,10 +64,10 @@ pub(crate) struct SimplifyArgs {
     pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) writing: Writing,
-    /// Normals of the result: the input's, blended with their vertices; new ones; or none
+    /// Normals of the result: carried over from the input, computed anew, or none
     #[arg(long, value_name = "NORMALS", value_enum, default_value = "keep", help_heading = "Writing")]
     pub(crate) normals: Normals,
-    /// Report without writing
+    /// Print the report without writing a file
     #[arg(long, help_heading = "Writing")]
     pub(crate) dry_run: bool,
     #[command(flatten)]
@@ -79,11 +79,11 @@ pub(crate) struct SimplifyArgs {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Deviation")]
 struct Deviation {
-    /// Measure the result against the input, both ways; always done with --error
+    /// Measure the distance between the result and the input in both directions; always on with --error
     #[arg(long)]
     measure: bool,
-    /// Proven largest distance: both ways, or of the result from the input alone [default: two-sided with --error, else
-    /// estimate]
+    /// Prove the largest distance: in both directions, or from the result to the input only [default: two-sided with
+    /// --error, else estimate]
     #[arg(long, value_name = "BOUND", value_enum)]
     bound: Option<BoundChoice>,
 }

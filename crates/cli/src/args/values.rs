@@ -108,9 +108,9 @@ pub(crate) fn written_format() -> impl TypedValueParser<Value = Format> {
         .map(|name| Format::from_name(&name).expect("the words are the names of formats"))
 }
 
-/// A part of a whole: above 0, up to 1.
+/// A fraction, as `0.1` or as `10%`: above 0, up to 1.
 pub(crate) fn ratio(text: &str) -> Result<f64, String> {
-    number(text, |x| x > 0.0 && x <= 1.0, "it must be above 0 and not above 1")
+    fraction(text, |x| x > 0.0 && x <= 1.0, "it must be above 0 and not above 1 (100%)")
 }
 
 /// A finite number above 0.
@@ -123,9 +123,9 @@ pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
     number(text, |x| x >= 0.0, "it must not be below 0")
 }
 
-/// A part of a whole that is not all of it.
+/// A fraction, as `0.1` or as `10%`, that is not all of the whole.
 pub(crate) fn below_one(text: &str) -> Result<f64, String> {
-    number(text, |x| x > 0.0 && x < 1.0, "it must be above 0 and below 1")
+    fraction(text, |x| x > 0.0 && x < 1.0, "it must be above 0 and below 1 (100%)")
 }
 
 /// A field of view: between 0 and 180 degrees.
@@ -233,6 +233,13 @@ fn number(text: &str, is_good: impl Fn(f64) -> bool, wanted: &str) -> Result<f64
         Err(_) => Err("it is not a number".to_owned()),
         Ok(x) if x.is_finite() && is_good(x) => Ok(x),
         Ok(_) => Err(wanted.to_owned()),
+    }
+}
+
+fn fraction(text: &str, is_good: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {
+    match text.strip_suffix('%') {
+        Some(percent) => number(percent.trim_end(), |x| is_good(x / 100.0), wanted).map(|x| x / 100.0),
+        None => number(text, is_good, wanted),
     }
 }
 

@@ -15,8 +15,8 @@ use lodsmith_render::{Background, Legend, Panel, Shading, Subject, View, render,
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
-use super::show_warnings;
 use super::simplify::both_ways;
+use super::{show_warnings, to_looker};
 use crate::args::CompareArgs;
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink};
@@ -96,7 +96,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
 
     let mut warnings = Vec::new();
     for (source, loaded) in [(&args.reference, &reference), (&args.candidate, &candidate)] {
-        show_warnings(&out, &source.to_string(), &loaded.warnings, false);
+        show_warnings(&out, &source.to_string(), &to_looker(&loaded.warnings), false);
         warnings.extend(loaded.warnings.iter().map(|warning| format!("{source}: {warning}")));
     }
     let mut object = to_json(&comparison, &attributes, &warnings);
@@ -145,9 +145,9 @@ fn to_json(c: &Comparison, attributes: &AttributeErrors, warnings: &[String]) ->
 /// The attributes that were compared: name, unit, errors.
 fn named(errors: &AttributeErrors) -> Vec<(&'static str, &'static str, AttributeError)> {
     let all = [
-        ("normals", "°", errors.normals_deg),
+        ("vertex normals", "°", errors.normals_deg),
         ("uvs", "", errors.uvs),
-        ("uvs", " texels", errors.uvs_texels),
+        ("uvs, in pixels", " texels", errors.uvs_texels),
         ("colors", "", errors.colors),
     ];
     all.into_iter().filter_map(|(name, unit, error)| Some((name, unit, error?))).collect()
@@ -191,7 +191,7 @@ fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> 
     }
     lines.push(format!("diagonal        {}", figure(c.diagonal)));
     lines.push(format!(
-        "normals         mean {}°, 95 % below {}°",
+        "face normals    mean {}°, 95 % below {}°",
         significant(c.normal_mean_deg, 3),
         significant(c.normal_p95_deg, 3)
     ));

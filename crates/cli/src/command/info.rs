@@ -8,7 +8,7 @@ use lodsmith::core::{Bounds, Surface, VertexId};
 use lodsmith_io::Loaded;
 use serde_json::{Value, json};
 
-use super::{show_warnings, texts};
+use super::{show_warnings, texts, to_looker};
 use crate::args::InfoArgs;
 use crate::exit::{self, Status};
 use crate::file::{self, Source};
@@ -37,7 +37,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
                         out.line(&line);
                     }
                     out.detail(&format!("  time             {}", seconds(facts.secs)));
-                    show_warnings(&out, &path, &facts.loaded.warnings, false);
+                    show_warnings(&out, &path, &to_looker(&facts.loaded.warnings), false);
                 }
                 Err(e) => {
                     out.failure(&path, &format!("{e:#}"));
@@ -158,7 +158,7 @@ impl Facts {
     fn table(&self, path: &str) -> Vec<String> {
         let (t, c) = (&self.topology, &self.loaded.contents);
         let mut lines = vec![format!("{path}")];
-        let mut row = |name: &str, value: String| lines.push(format!("  {name:<17}{value}"));
+        let mut row = |name: &str, value: String| lines.push(format!("  {name:<18}{value}"));
         row("format", self.loaded.format.name().to_owned());
         let faces = self.loaded.mesh.face_count();
         if c.polygons == faces {

@@ -15,7 +15,7 @@ use lodsmith_render::{
 };
 use serde_json::{Value, json};
 
-use super::{show_warnings, simplify::parts_of};
+use super::{show_warnings, simplify::parts_of, to_looker};
 use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings, Up};
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink, Source};
@@ -60,7 +60,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
     let total = begin.elapsed().as_secs_f64();
 
     for (path, warnings) in &drawn.warnings {
-        show_warnings(&out, path, warnings, false);
+        show_warnings(&out, path, &to_looker(warnings), false);
     }
     let (width, height) = (drawn.picture.width(), drawn.picture.height());
     out.object(&json!({

@@ -1,0 +1,88 @@
+//! What a user meets in the first minutes: options as people type them, and errors that say the way out. Faults that were, by
+//! name.
+
+mod desk;
+
+use std::fs;
+
+use desk::{Desk, hills};
+
+/// C1: `--ratio 50%` was refused as no number.
+#[test]
+fn fractions_may_be_typed_in_percent() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(8));
+    desk.run("simplify a.ply -o by_number.ply --ratio 0.5").with_status(0);
+    desk.run("simplify a.ply -o by_percent.ply --ratio 50%").with_status(0);
+    assert_eq!(fs::read(desk.path("by_number.ply")).unwrap(), fs::read(desk.path("by_percent.ply")).unwrap());
+    desk.run("lod a.ply -O levels --levels 50%,0.25").with_status(0);
+    assert!(desk.path("levels/a_lod2.ply").exists());
+    for wrong in ["0%", "101%", "%", "50%%"] {
+        let ran = desk.run(&format!("simplify a.ply -o b.ply --ratio {wrong}")).with_status(2);
+        assert!(ran.stderr.contains("--ratio"), "{}", ran.stderr);
+    }
+}
+
+/// C2: a folder as output was said to have an ending that names no format, and without an output nothing named `-O`.
+#[test]
+fn a_folder_as_output_names_the_option_for_folders() {
+    let desk = Desk::new();
+    desk.put("a.ply", &hills(4));
+    fs::create_dir(desk.path("folder")).unwrap();
+    for command in ["simplify a.ply -o folder --ratio 0.5", "clean a.ply -o folder"] {
+        let ran = desk.run(command).with_status(2).with_one_error();
+        assert!(ran.stderr.contains("is a folder") && ran.stderr.contains("-O"), "{}", ran.stderr);
+    }
+    let ran = desk.run("convert a.ply folder").with_status(2).with_one_error();
+    assert!(ran.stderr.contains("is a folder"), "{}", ran.stderr);
+    for command in ["simplify a.ply --ratio 0.5", "clean a.ply"] {
+        let ran = desk.run(command).with_status(2);
+        assert!(ran.stderr.contains("--out-dir"), "{}", ran.stderr);
+    }
+}
+
+/// C3: formats that other programs write were told as "its first bytes are of none of them".
+#[test]
+fn formats_that_are_not_read_are_named_with_a_way_out() {
+    let desk = Desk::new();
+    let files = [
+        ("a.fbx", "Kaydara FBX Binary  \0\u{1a}\0", "FBX", "Blender"),
+        ("a.dae", "<?xml version=\"1.0\"?>\n<COLLADA version=\"1.4.1\">", "COLLADA", "Blender"),
+        ("a.3mf", "PK\u{3}\u{4}\u{14}\0\0\0 3D/3dmodel.model", "3MF", "slicer"),
+        ("a.usda", "#usda 1.0\n", "USD", "Blender"),
+        ("a.blend", "BLENDER-v300", "Blender project", "glTF"),
+        ("a.step", "ISO-10303-21;\nHEADER;\n", "STEP", "CAD"),
+        ("a.zip", "PK\u{3}\u{4}\u{14}\0", "ZIP", "unpack"),
+    ];
+    for (name, content, format, way_out) in files {
+        desk.put(name, content);
+        let ran = desk.run(&format!("info {name}")).with_status(1);
+        assert!(ran.stderr.contains(format) && ran.stderr.contains(way_out), "{name}: {}", ran.stderr);
+    }
+}
+
+/// C6: labels of `info` ran into their numbers.
+#[test]
+fn labels_of_info_stand_apart_from_their_numbers() {
+    let desk = Desk::new();
+    // Two triangles that share a corner and no edge.
+    desk.put("bow.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv -1 0 0\nv 0 -1 0\nf 1 2 3\nf 1 4 5\n");
+    let ran = desk.run("info bow.obj").with_status(0);
+    assert!(ran.text().contains("non-man. vertices 1"), "{}", ran.text());
+}
+
+/// C6 and C8: `info` spoke of skins that "are not carried" where nothing is written, and `compare` had two rows of the same
+/// name.
+#[test]
+fn rows_of_compare_have_names_of_their_own() {
+    let desk = Desk::new();
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nf 1/1/1 2/2/1 3/3/1\n";
+    desk.put("a.obj", text);
+    let ran = desk.run("compare a.obj a.obj").with_status(0);
+    let names: Vec<&str> = ran.text().lines().filter_map(|line| line.get(..16)).map(str::trim).collect();
+    let mut single = names.clone();
+    single.sort_unstable();
+    single.dedup();
+    assert_eq!(single.len(), names.len(), "{names:?}");
+    assert!(names.contains(&"face normals") && names.contains(&"vertex normals"), "{names:?}");
+}
