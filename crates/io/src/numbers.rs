@@ -61,7 +61,17 @@ impl Decimal {
             None => 10f64.powi(exponent),
         };
         let printed_alike = off <= 0.500_001 * unit;
-        digits >= SURE_DIGITS && off > 1e-9 * self.value.abs() && !printed_alike
+        digits >= SURE_DIGITS
+            && off > 1e-9 * self.value.abs()
+            && !printed_alike
+            && !self.is_shortest_of(single)
+    }
+
+    /// Whether the number is the shortest that tells this `f32` from its neighbours: at a few powers of two, whose neighbours
+    /// below are nearer than those above, that is not the nearest one with so many digits.
+    #[cold]
+    fn is_shortest_of(&self, single: f32) -> bool {
+        format!("{single:e}").parse() == Ok(self.value)
     }
 }
 
@@ -388,6 +398,13 @@ mod tests {
             "123456789.000000000000000000000",
         ] {
             assert!(needs(text), "{text}");
+        }
+        // Found by fuzzing: 1.2379401e27 is 2^90, of which 1.2379400e27 is nearer.
+        for exponent in 1u32..255 {
+            let number = f32::from_bits(exponent << 23);
+            for text in [format!("{number}"), format!("{number:e}")] {
+                assert!(!needs(&text), "{text}");
+            }
         }
         // Whatever was an f32, however it was printed.
         for bits in (0x3000_0000u32..0x5000_0000).step_by(104_729) {
