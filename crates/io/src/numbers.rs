@@ -19,7 +19,8 @@ impl Decimal {
     /// Whether single precision would lose something that the file says.
     ///
     /// That is so if the nearest `f32`, printed with as many digits as the number has, is another number. It needs at
-    /// least 8 digits (zeros that fill up a whole number are none), and a relative difference above 1e-9; so an `f32` that was printed with 9 digits, or with 6
+    /// least 8 digits (zeros that fill up a whole number are none; a subnormal `f32` has fewer of its own, so there any
+    /// count will do), and a relative difference above 1e-9; so an `f32` that was printed with 9 digits, or with 6
     /// decimals, is no loss. A number too large or too small for an `f32` always is.
     #[inline]
     pub(crate) fn needs_f64(&self) -> bool {
@@ -39,7 +40,7 @@ impl Decimal {
             return false;
         }
         let single = self.value as f32;
-        if !single.is_normal() {
+        if single == 0.0 || !single.is_finite() {
             return true;
         }
         let off = (self.value - f64::from(single)).abs();
@@ -61,7 +62,7 @@ impl Decimal {
             None => 10f64.powi(exponent),
         };
         let printed_alike = off <= 0.500_001 * unit;
-        digits >= SURE_DIGITS
+        (digits >= SURE_DIGITS || single.is_subnormal())
             && off > 1e-9 * self.value.abs()
             && !printed_alike
             && !self.is_shortest_of(single)
@@ -381,9 +382,19 @@ mod tests {
     #[test]
     fn only_digits_that_an_f32_cannot_hold_need_f64() {
         let needs = |text: &str| decimal(text.as_bytes()).unwrap().0.needs_f64();
-        for text in
-            ["0.1", "1.234567", "100000", "1e20", "0", "-0.0", "nan", "inf", "0.5000000000", "16777216"]
-        {
+        for text in [
+            "0.1",
+            "1.234567",
+            "100000",
+            "1e20",
+            "0",
+            "-0.0",
+            "nan",
+            "inf",
+            "0.5000000000",
+            "16777216",
+            "1e-42",
+        ] {
             assert!(!needs(text), "{text}");
         }
         for text in [
@@ -392,17 +403,19 @@ mod tests {
             "16777217",
             "1e300",
             "1e-300",
-            "1e-42",
+            "1.2345678e-42",
+            "1e-46",
             "123456789.5",
             "123456789.0",
             "123456789.000000000000000000000",
         ] {
             assert!(needs(text), "{text}");
         }
-        // Found by fuzzing: 1.2379401e27 is 2^90, of which 1.2379400e27 is nearer.
-        for exponent in 1u32..255 {
-            let number = f32::from_bits(exponent << 23);
-            for text in [format!("{number}"), format!("{number:e}")] {
+        // Found by fuzzing: 1.2379401e27 is 2^90, of which 1.2379400e27 is nearer; and subnormal numbers, which are few.
+        let powers = (1u32..255).map(|exponent| exponent << 23);
+        for bits in powers.chain((1..1 << 23).step_by(1009)).chain((0..23).map(|bit| 1 << bit)) {
+            let number = f32::from_bits(bits);
+            for text in [format!("{number}"), format!("{number:e}"), format!("{number:.8e}")] {
                 assert!(!needs(&text), "{text}");
             }
         }
