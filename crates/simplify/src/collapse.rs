@@ -124,67 +124,122 @@ pub(crate) trait Original {
     fn with(&self, look: &mut Look<'_>);
 }
 
+/// A run of the engine: each field is a value of its own, and none but `store` grows with the mesh by much.
 #[derive(Clone)]
 pub(crate) struct Engine<M: Metric> {
-    pub(crate) metric: M,
     pub(crate) store: Store<M::Memory>,
-    rules: Rules,
-    /// Mean over the live triangles, as the tensors count it.
-    area: f32,
-    total_area: f64,
-    /// Faces that the first sweep begins with.
-    first_faces: usize,
-    /// The same over the input, for metrics that measure by it.
-    mean_face: f32,
+    pub(crate) cost: Cost<M>,
+    pub(crate) constraints: Constraints,
+    pub(crate) values: Values,
+    /// Samples of the input at the vertices, in the last phase of a run to few faces.
     late: Option<Late>,
-    /// The parts, where they go in the order of costs.
-    parts: Option<Parts>,
+    pub(crate) topology: Topology,
+    /// Log of all changes, for progressive meshes.
+    pub(crate) record: Option<Box<Record>>,
+    pub(crate) tally: Tally,
+    scratch: Scratch,
+    /// State of the checks that walk every invariant after each sweep (debug builds).
+    pub(crate) checks: Option<Checks>,
+}
+
+/// The metric, and what costs are measured by.
+#[derive(Clone)]
+pub(crate) struct Cost<M: Metric> {
+    pub(crate) metric: M,
+    /// Mean of twice the area of a live face.
+    area: f32,
+    /// Twice the area of the input.
+    total_area: f64,
+    /// Mean of twice the area of a face of the input, for metrics that measure by it.
+    mean_face: f32,
+    /// The part of each vertex' memory that is of lines, by number in the ordered input: with pairs and a metric with
+    /// memory; else empty.
+    lines: Vec<M::Memory>,
+}
+
+/// What a collapse must not do, and what it counts where.
+#[derive(Clone)]
+pub(crate) struct Constraints {
+    rules: Rules,
+    /// Which feature lines have given way.
+    looseness: Looseness,
+    /// Factors of the cost at vertices, by number in the ordered input; `None` if all are 1.
+    prices: Option<Vec<f32>>,
     /// Small parts that keep their area because they stand out.
     details: Option<Box<Details>>,
-    wedge_data: Option<Wedges>,
+    /// Budget of work at vertices of many faces.
+    crowds: Crowds,
+    /// True if a collapse that would pinch the surface may cut it there instead.
+    pub(crate) cuts_necks: bool,
+    /// True if whole parts stay even when nothing else can go.
+    pub(crate) keeps_parts: bool,
+}
+
+/// Values that stand on the wedges.
+#[derive(Clone)]
+pub(crate) struct Values {
+    /// Values that collapses blend.
     pub(crate) attributes: Option<Attributes>,
-    /// What costs count times, by number in the ordered input, where that differs.
-    prices: Option<Vec<f32>>,
+    /// Values that collapses onto endpoints match instead of blending.
+    wedge_data: Option<Wedges>,
+}
+
+/// Parts and pairs: what changes the topology besides edge collapses.
+#[derive(Clone, Default)]
+pub(crate) struct Topology {
+    /// The parts, where they go in the order of costs.
+    parts: Option<Parts>,
+    /// Pairs of vertices that share no edge and are merged too.
+    pub(crate) pairs: Option<Pairs>,
+}
+
+/// Counts and sums of a run.
+#[derive(Clone, Default)]
+pub(crate) struct Tally {
+    /// Collapses that were refused, by reason.
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
-    /// What may still be looked at round vertices of many faces.
-    crowds: Crowds,
     /// Faces of rings that were looked at, each as often as it was.
     pub(crate) faces_visited: u64,
     pub(crate) parts_removed: usize,
-    /// Whether a collapse that would pinch the surface may cut it there instead.
-    pub(crate) cuts_necks: bool,
     pub(crate) necks_cut: usize,
-    /// Where vertices that share no edge are contracted too.
-    pub(crate) pairs: Option<Pairs>,
     pub(crate) pairs_contracted: usize,
-    /// Whether whole parts stay, even when nothing else can go.
-    pub(crate) keeps_parts: bool,
-    /// What is done, so that it can be taken back.
-    pub(crate) record: Option<Box<Record>>,
-    /// With pairs and a metric with memory: the part of it that is of lines, by number in the ordered input; else empty.
-    lines: Vec<M::Memory>,
     /// Sum of the costs paid: twice an area times a squared distance.
     spent: f64,
     /// Sum of the costs of parts that went, in the same measure.
     lost: f64,
     /// The highest threshold of a sweep that collapsed anything.
     paid: f32,
-    /// Whether a sweep collapsed anything after sweeps were no longer at ease.
+    /// True if a sweep collapsed anything after sweeps were no longer at ease.
     is_strained: bool,
+    /// Faces that the first sweep begins with.
+    first_faces: usize,
+}
+
+impl Tally {
+    /// Refusals of all reasons.
+    fn refused(&self) -> u64 {
+        self.refusals.iter().sum()
+    }
+
+    fn refuse(&mut self, why: Refusal) {
+        self.refusals[why as usize] += 1;
+    }
+}
+
+/// Buffers of one look at an edge, used again and again.
+#[derive(Clone, Default)]
+struct Scratch {
     wings: Wings,
-    /// Of the removed end, those that stay.
+    /// Spokes of the removed end that stay.
     spokes: Ring,
     around: Around,
     other_ring: Ring,
-    looseness: Looseness,
     merge: Merge,
-    /// Ends of lines around the edge that goes: whether at the kept end, and the line's weight.
+    /// Feature edges around the edge that goes: the far end, whether it hangs on the kept end, and the weight of the line.
     rim: Vec<(VertexId, bool, f32)>,
     /// Edges of the star that is looked at.
     edges: Vec<Edge>,
-    /// What checks remember, where every invariant is walked after each sweep.
-    pub(crate) checks: Option<Checks>,
 }
 
 impl<M: Metric> Engine<M> {
@@ -197,44 +252,25 @@ impl<M: Metric> Engine<M> {
         wedge_data: Option<Wedges>,
         attributes: Option<Attributes>,
     ) -> (Self, usize) {
+        let crowds = Crowds::default();
         let mut engine = Self {
-            metric,
             store,
-            rules,
-            area: 0.0,
-            total_area: 0.0,
-            first_faces: 0,
-            mean_face: 1.0,
+            cost: Cost { metric, area: 0.0, total_area: 0.0, mean_face: 1.0, lines: Vec::new() },
+            constraints: Constraints {
+                rules,
+                looseness: Looseness::None,
+                prices: None,
+                details: None,
+                crowds,
+                cuts_necks: false,
+                keeps_parts: false,
+            },
+            values: Values { attributes, wedge_data },
             late: None,
-            parts: None,
-            details: None,
-            wedge_data,
-            attributes,
-            prices: None,
-            refusals: [0; Refusal::ALL.len()],
-            collapses: 0,
-            crowds: Crowds::default(),
-            faces_visited: 0,
-            parts_removed: 0,
-            cuts_necks: false,
-            necks_cut: 0,
-            pairs: None,
-            pairs_contracted: 0,
-            keeps_parts: false,
+            topology: Topology::default(),
             record: None,
-            lines: Vec::new(),
-            spent: 0.0,
-            lost: 0.0,
-            paid: 0.0,
-            is_strained: false,
-            wings: Wings::default(),
-            spokes: Ring::default(),
-            around: Around::default(),
-            other_ring: Ring::default(),
-            looseness: Looseness::None,
-            merge: Merge::default(),
-            rim: Vec::new(),
-            edges: Vec::new(),
+            tally: Tally::default(),
+            scratch: Scratch::default(),
             checks: None,
         };
         if cfg!(debug_assertions) && engine.store.t.len() < check::CHECKED_BELOW {
@@ -251,11 +287,11 @@ impl<M: Metric> Engine<M> {
             let ends = engine.weigh();
             (special, _) = engine.classify(ends);
         }
-        engine.crowds = Crowds::of(engine.store.live_faces);
+        engine.constraints.crowds = Crowds::of(engine.store.live_faces);
         engine.leave_out_unused(&special);
         engine.weigh_attributes();
         engine.weigh_lines(special);
-        engine.first_faces = engine.store.live_faces;
+        engine.tally.first_faces = engine.store.live_faces;
         (engine, duplicates)
     }
 
@@ -276,7 +312,7 @@ impl<M: Metric> Engine<M> {
             }
             special.push(u);
             self.store.ring(u, &mut ring);
-            let kind = Kind::of(&ring, self.rules.border);
+            let kind = Kind::of(&ring, self.constraints.rules.border);
             if !kind.is_regular() {
                 by_ends.clear();
                 by_ends.extend(ring.iter().enumerate().map(|(i, r)| (r.a, r.b, i)));
@@ -314,8 +350,8 @@ impl<M: Metric> Engine<M> {
     /// Facings of all vertices, tensors of the planes around them, and their corner lists, where none of them was weighed
     /// yet. Says where the lists end.
     fn weigh(&mut self) -> Ends {
-        if matches!(self.metric.decides(), Judge::FormThenStars) {
-            self.mean_face = self.mean_face();
+        if matches!(self.cost.metric.decides(), Judge::FormThenStars) {
+            self.cost.mean_face = self.mean_face();
         }
         let mut normals = Normals::zero(self.store.v.len());
         let Store { v, t, .. } = &mut self.store;
@@ -328,10 +364,10 @@ impl<M: Metric> Engine<M> {
             if let (true, Some(ahead)) = (brings, fours.get(i + FOURS_AHEAD)) {
                 ahead.as_flattened().iter().for_each(|w| prefetch_index(&*v, w.index()));
             }
-            let lengths = weigh_faces(&self.metric, self.mean_face, (faces, count), v, sums);
+            let lengths = weigh_faces(&self.cost.metric, self.cost.mean_face, (faces, count), v, sums);
             lengths[..count].iter().for_each(|&length| total_area += f64::from(length));
         }
-        self.total_area = total_area;
+        self.cost.total_area = total_area;
         self.store.link_counted(normals)
     }
 
@@ -373,7 +409,11 @@ impl<M: Metric> Engine<M> {
         for edge in edges {
             let weight = self.weight_of(edge, seams);
             if weight > 0.0 {
-                sum.add(&self.metric.line(self.store.p(edge.to) - self.store.p(u), weight, self.mean_face));
+                sum.add(&self.cost.metric.line(
+                    self.store.p(edge.to) - self.store.p(u),
+                    weight,
+                    self.cost.mean_face,
+                ));
             }
         }
     }
@@ -391,7 +431,7 @@ impl<M: Metric> Engine<M> {
     fn kind_now(&self, u: VertexId, ring: &Ring) -> Kind {
         let old = self.store.v[u.index()].kind;
         self.with_seams(
-            Kind::of(ring, self.rules.border).moved(old.is_moved()).locked(old.is_locked()),
+            Kind::of(ring, self.constraints.rules.border).moved(old.is_moved()).locked(old.is_locked()),
             u,
             ring,
             &mut Vec::new(),
@@ -402,7 +442,7 @@ impl<M: Metric> Engine<M> {
     fn refresh(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
         self.store.v[u.index()].kind = self.kind_now(u, ring);
-        if self.metric.is_memoryless() {
+        if self.cost.metric.is_memoryless() {
             let mut q = M::Memory::default();
             *M::tensor(&mut q) = self.tensor_now(u, ring);
             self.store.v[u.index()].q = q;
@@ -423,7 +463,7 @@ impl<M: Metric> Engine<M> {
         let (p, mut sum) = (self.store.p(u), Tensor::default());
         for r in ring.iter() {
             let normal = (self.store.p(r.a) - p).cross(self.store.p(r.b) - p);
-            let weight = self.metric.plane_weight(normal.length(), self.mean_face);
+            let weight = self.cost.metric.plane_weight(normal.length(), self.cost.mean_face);
             sum.add(&Tensor::outer(normal, weight));
         }
         sum.add(&self.attribute_tensor(u, ring));
@@ -432,26 +472,18 @@ impl<M: Metric> Engine<M> {
 
     /// Whether there may be seams or sharp edges.
     fn has_seams(&self) -> bool {
-        self.attributes.is_some() || self.store.regions.is_some() || self.store.creases.is_some()
+        self.values.attributes.is_some() || self.store.regions.is_some() || self.store.creases.is_some()
     }
 
     /// Whether any attribute counts in the cost.
     fn counts_attributes(&self) -> bool {
-        self.attributes.as_ref().is_some_and(Attributes::counts)
-    }
-
-    fn refused(&self) -> u64 {
-        self.refusals.iter().sum()
-    }
-
-    fn refuse(&mut self, why: Refusal) {
-        self.refusals[why as usize] += 1;
+        self.values.attributes.as_ref().is_some_and(Attributes::counts)
     }
 
     /// Evaluates all edges that `u` owns; leaves its ring.
     #[inline(never)]
-    fn evaluate_at_any_cost(&mut self, u: VertexId, scratch: &mut Scratch) {
-        let Scratch { ru, owned, found, members, .. } = scratch;
+    fn evaluate_at_any_cost(&mut self, u: VertexId, scratch: &mut VisitScratch) {
+        let VisitScratch { ru, owned, found, members, .. } = scratch;
         self.store.ring(u, ru);
         self.store.list_owned(u, ru, owned);
         found.clear();
@@ -459,11 +491,11 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Evaluates the edges that u owns, collapses the cheapest that costs at most tau and can, renews `bound[u]`.
-    fn visit(&mut self, u: VertexId, tau: f32, probe: bool, scratch: &mut Scratch) {
-        let Scratch { ru, rv, owned, found, members } = scratch;
+    fn visit(&mut self, u: VertexId, tau: f32, probe: bool, scratch: &mut VisitScratch) {
+        let VisitScratch { ru, rv, owned, found, members } = scratch;
         self.store.ring(u, ru);
         found.clear();
-        self.faces_visited += ru.len() as u64;
+        self.tally.faces_visited += ru.len() as u64;
         let owned = if self.store.v[u.index()].kind.is_regular() {
             // Inside closed fans every neighbour comes first in one of the triangles: no need to look at the second.
             // (Written all, kept some: a branch on the order could not be foretold.)
@@ -488,15 +520,15 @@ impl<M: Metric> Engine<M> {
             () if kind.is_border() => Refusal::Border,
             () => Refusal::NonManifold,
         };
-        self.refusals[why as usize] += stuck;
+        self.tally.refusals[why as usize] += stuck;
         while let Some(candidate) = found.take_cheapest() {
             // A vertex that was not looked at yet owns edges of unknown cost; they are looked at in the next sweep.
             let inherited = match self.store.bound[candidate.removed.index()] {
                 UNKNOWN => tau,
                 bound => bound,
             };
-            if !self.crowds.admit(ru.len() + self.store.listed(candidate.removed).len()) {
-                self.refuse(Refusal::Valence);
+            if !self.constraints.crowds.admit(ru.len() + self.store.listed(candidate.removed).len()) {
+                self.tally.refuse(Refusal::Valence);
                 if !probe {
                     least = least.min(4.0 * tau + 1e-20);
                 }
@@ -514,7 +546,7 @@ impl<M: Metric> Engine<M> {
                 }
                 Outcome::Later(cost) => least = least.min(cost),
                 Outcome::Refused(why) => {
-                    self.refuse(why);
+                    self.tally.refuse(why);
                     if let Some(other) = self.at_an_end(u, &candidate, why, tau, ru, members) {
                         found.within.push(other);
                     } else if !probe {
@@ -541,7 +573,8 @@ impl<M: Metric> Engine<M> {
         let v = refused.removed;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let turned = matches!(why, Refusal::NormalFlip | Refusal::Quality);
-        let is_open = self.rules.placement == Placement::Optimal && !self.metric.decides().is_metric();
+        let is_open =
+            self.constraints.rules.placement == Placement::Optimal && !self.cost.metric.decides().is_metric();
         if !(turned && is_open && x.kind.is_free() && z.kind.is_free()) {
             return None;
         }
@@ -558,44 +591,45 @@ impl<M: Metric> Engine<M> {
 
     /// Twice the area of the present input, in the unit frame; above 0.
     pub(crate) fn area_of_input(&self) -> f64 {
-        self.total_area.max(f64::MIN_POSITIVE)
+        self.cost.total_area.max(f64::MIN_POSITIVE)
     }
 
     /// Lets seams give way at once, at what their lines and attributes cost, instead of when nothing else is left.
     pub(crate) fn loosen_seams(&mut self) {
-        if self.attributes.is_some() {
-            self.looseness = Looseness::Seams;
+        if self.values.attributes.is_some() {
+            self.constraints.looseness = Looseness::Seams;
         }
     }
 
     /// Whether a sweep collapsed anything after sweeps were no longer at ease.
     pub(crate) fn is_strained(&self) -> bool {
-        self.is_strained
+        self.tally.is_strained
     }
 
     /// Whether a run that kept seams on their lines paid for it, and seams refused collapses.
     pub(crate) fn has_seams_in_the_way(&self) -> bool {
-        self.is_strained && !self.has_relaxed_seams() && self.refusals[Refusal::Seam as usize] > 0
+        self.tally.is_strained && !self.has_relaxed_seams() && self.tally.refusals[Refusal::Seam as usize] > 0
     }
 
     /// Whether seams had to give way.
     pub(crate) fn has_relaxed_seams(&self) -> bool {
-        matches!(self.looseness, Looseness::Seams | Looseness::Regions)
+        matches!(self.constraints.looseness, Looseness::Seams | Looseness::Regions)
     }
 
     /// Whether sharp edges had to give way that the options make features of.
     pub(crate) fn has_relaxed_creases(&self) -> bool {
-        self.store.creases.is_some() && self.looseness != Looseness::None
+        self.store.creases.is_some() && self.constraints.looseness != Looseness::None
     }
 
     /// The RMS distance of the result, in the unit frame: from that of the fit, or from the costs paid. A collapse that
     /// lifts the tip of a star by h over triangles of area A adds A h² / 6 to the integral of the squared distance, and
     /// costs 2 A h².
     pub(crate) fn estimate(&self, fitted: Option<f64>) -> f64 {
-        let area = self.total_area.max(f64::MIN_POSITIVE);
-        let kept = fitted.map_or(self.metric.kept_loss() * self.spent / 6.0 / area, |rms| rms * rms);
+        let area = self.cost.total_area.max(f64::MIN_POSITIVE);
+        let kept =
+            fitted.map_or(self.cost.metric.kept_loss() * self.tally.spent / 6.0 / area, |rms| rms * rms);
         // Not all of a part is as far from the rest as it is large: a quarter, in squares. (Guessed.)
-        (kept + 0.25 * self.lost / area).sqrt()
+        (kept + 0.25 * self.tally.lost / area).sqrt()
     }
 }
 
@@ -632,7 +666,7 @@ fn weigh_faces<M: Metric>(
 
 /// What a visit works with; made once.
 #[derive(Default)]
-struct Scratch {
+struct VisitScratch {
     ru: Ring,
     rv: Ring,
     owned: Vec<VertexId>,

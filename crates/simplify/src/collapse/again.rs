@@ -22,7 +22,7 @@ impl<M: Metric> Engine<M> {
 
     /// Lets sweeps that forked go on to a lower goal, with attributes that count `weights` from here on.
     pub(crate) fn go_on_to(&mut self, sweeps: &mut Sweeps, goal: &Goal, weights: Option<&[f32]>) {
-        if self.attributes.is_some() && weights.is_some() {
+        if self.values.attributes.is_some() && weights.is_some() {
             // Tensors are made of what lives.
             self.store.compact();
             if self.count(weights) && sweeps.next.is_some() {
@@ -38,14 +38,14 @@ impl<M: Metric> Engine<M> {
 
     /// Lets attributes of a compact store count differently; whether that changed anything.
     fn count(&mut self, weights: Option<&[f32]>) -> bool {
-        let Some((attributes, weights)) = self.attributes.as_mut().zip(weights) else { return false };
+        let Some((attributes, weights)) = self.values.attributes.as_mut().zip(weights) else { return false };
         let own = attributes.weights_mut();
         let is_other = *own != *weights;
         own.copy_from_slice(weights);
         if is_other {
             attributes.forget();
         }
-        if is_other && self.metric.is_memoryless() {
+        if is_other && self.cost.metric.is_memoryless() {
             self.weigh_again();
         }
         is_other
@@ -54,14 +54,14 @@ impl<M: Metric> Engine<M> {
     /// Tensors of all vertices from the present surface; what is known of the input's stays.
     fn weigh_again(&mut self) {
         let facings: Vec<_> = self.store.v.iter().map(|x| x.facing).collect();
-        let of_input = (self.total_area, self.mean_face);
+        let of_input = (self.cost.total_area, self.cost.mean_face);
         self.store.unweigh();
         self.weigh();
-        (self.total_area, self.mean_face) = of_input;
+        (self.cost.total_area, self.cost.mean_face) = of_input;
         for (x, facing) in self.store.v.iter_mut().zip(facings) {
             x.facing = facing;
         }
-        if let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) {
+        if let (Some(attributes), Some(wedges)) = (&self.values.attributes, &self.store.wedges) {
             for (t, w) in self.store.t.iter().zip(wedges) {
                 let s = Slopes::new(t.map(|v| self.store.v[v.index()].p));
                 let sum = attributes.tensor(attributes.lanes(), &s, w.map(|w| attributes.values(w)));

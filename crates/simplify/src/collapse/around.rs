@@ -17,7 +17,7 @@ impl<M: Metric> Engine<M> {
     pub(super) fn place(&self, u: VertexId, v: VertexId) -> Option<Place> {
         let [x, z] = [u, v].map(|w| self.store.v[w.index()].kind);
         Some(match (x, z) {
-            (k, l) if k.is_free() && l.is_free() => match self.rules.placement {
+            (k, l) if k.is_free() && l.is_free() => match self.constraints.rules.placement {
                 Placement::Optimal => Place::Anywhere,
                 Placement::Endpoint => Place::Ends,
                 Placement::Midpoint => Place::Middle,
@@ -42,46 +42,46 @@ impl<M: Metric> Engine<M> {
         most: f32,
         found: &mut Found,
     ) -> u64 {
-        let mut rv = std::mem::take(&mut self.other_ring);
+        let mut rv = std::mem::take(&mut self.scratch.other_ring);
         let mut stuck = 0;
         for &v in owned {
-            if !matches!(self.metric.decides(), Judge::Ends)
-                && !self.crowds.admit(ru.len() + self.store.listed(v).len())
+            if !matches!(self.cost.metric.decides(), Judge::Ends)
+                && !self.constraints.crowds.admit(ru.len() + self.store.listed(v).len())
             {
-                self.refuse(Refusal::Valence);
+                self.tally.refuse(Refusal::Valence);
                 continue;
             }
-            match self.metric.decides() {
+            match self.cost.metric.decides() {
                 Judge::Ends => rv.clear(),
                 _ => self.store.ring(v, &mut rv),
             }
             match self.judged(u, v, ru, &rv) {
-                Some(c) if c.cost <= self.rules.max_cost => found.add(c, most),
+                Some(c) if c.cost <= self.constraints.rules.max_cost => found.add(c, most),
                 Some(_) => {}
                 // What is beyond the limit anyway is not refused.
                 None => stuck += u64::from(self.is_within_limit(u, v)),
             }
         }
-        self.other_ring = rv;
+        self.scratch.other_ring = rv;
         stuck
     }
 
     /// Whether the squared length of an edge is no more than costs may be, where they have a limit.
     fn is_within_limit(&self, u: VertexId, v: VertexId) -> bool {
-        (self.store.p(v) - self.store.p(u)).length_squared() <= self.rules.max_cost
+        (self.store.p(v) - self.store.p(u)).length_squared() <= self.constraints.rules.max_cost
     }
 
     /// What the metric says of the edge u-v; `None` if it may not go.
     #[inline(never)]
     pub(super) fn judged(&mut self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Option<Candidate> {
         let place = self.place(u, v)?;
-        self.faces_visited += (ru.len() + rv.len()) as u64;
-        let mut around = std::mem::take(&mut self.around);
-        let mut edges = std::mem::take(&mut self.edges);
+        self.tally.faces_visited += (ru.len() + rv.len()) as u64;
+        let mut around = std::mem::take(&mut self.scratch.around);
+        let mut edges = std::mem::take(&mut self.scratch.edges);
         self.look_around([u, v], place, [ru, rv], &mut around, &mut edges);
-        self.edges = edges;
-        let judged = self.metric.judge(&around, self.mean_face);
-        self.around = around;
+        self.scratch.edges = edges;
+        let judged = self.cost.metric.judge(&around, self.cost.mean_face);
+        self.scratch.around = around;
         // (A cost without bound, on input of extreme sizes, would look like one that is not known.)
         judged.map(|(cost, step)| Candidate { cost: cost.clamp(0.0, f32::MAX), removed: v, step, sure: 0.0 })
     }
@@ -100,7 +100,7 @@ impl<M: Metric> Engine<M> {
         around.place = place;
         around.walls.clear();
         around.lines.clear();
-        let stars = !matches!(self.metric.decides(), Judge::Ends);
+        let stars = !matches!(self.cost.metric.decides(), Judge::Ends);
         if stars {
             let wall = |r: &Spoke, side: At| Wall { at: side, a: at(r.a), b: at(r.b) };
             let of_u = |r: &Spoke| wall(r, if r.has(v) { At::Both } else { At::Kept });

@@ -72,14 +72,14 @@ impl<M: Metric> Engine<M> {
         self.store.check()?;
         self.check_companions()?;
         self.remember(checks);
-        if let Some(attributes) = &self.attributes {
+        if let Some(attributes) = &self.values.attributes {
             attributes.check(&self.store, checks)?;
         }
         let mut ring = Ring::default();
         for u in self.store.living() {
             self.store.ring_as_listed(u, &mut ring);
             self.check_kind(u, &ring)?;
-            if self.metric.is_memoryless() {
+            if self.cost.metric.is_memoryless() {
                 self.check_tensor(u, &ring, checks)?;
             }
         }
@@ -102,19 +102,19 @@ impl<M: Metric> Engine<M> {
     /// What is kept beside the store fits it.
     fn check_companions(&self) -> Result<(), String> {
         let numbers = self.store.merged_into.len();
-        if let Some(prices) = &self.prices {
+        if let Some(prices) = &self.constraints.prices {
             need(prices.len() == numbers, || format!("{numbers} numbers have {} prices", prices.len()))?;
         }
-        for (name, cost) in [("spent", self.spent), ("lost", self.lost)] {
+        for (name, cost) in [("spent", self.tally.spent), ("lost", self.tally.lost)] {
             need(cost >= 0.0, || format!("the costs {name} are {cost}"))?;
         }
-        if let Some(parts) = &self.parts {
+        if let Some(parts) = &self.topology.parts {
             self.check_parts(parts)?;
         }
         if let Some(late) = &self.late {
             late.check(self.store.living().map(|u| self.store.v[u.index()].origin))?;
         }
-        if let Some(pairs) = &self.pairs {
+        if let Some(pairs) = &self.topology.pairs {
             pairs.check(&self.store)?;
         }
         Ok(())
@@ -161,7 +161,7 @@ impl<M: Metric> Engine<M> {
                 })?;
             }
         }
-        if self.parts_removed > 0 || self.pairs_contracted > 0 {
+        if self.tally.parts_removed > 0 || self.tally.pairs_contracted > 0 {
             return Ok(());
         }
         let mut homes = vec![NONE; self.store.merged_into.len()];
@@ -202,8 +202,8 @@ mod tests {
                 "its star Tensor",
             ),
             (true, |e, u| e.store.v[u.index()].q = Tensor::default(), "less than its planes"),
-            (false, |e, u| e.prices = Some(vec![1.0; u.index()]), "numbers have"),
-            (false, |e, _| e.spent = -1.0, "the costs spent are -1"),
+            (false, |e, u| e.constraints.prices = Some(vec![1.0; u.index()]), "numbers have"),
+            (false, |e, _| e.tally.spent = -1.0, "the costs spent are -1"),
             (false, |e, u| e.store.first_wedge[u.index()] = e.store.first_wedge[0], "is in the chains of"),
             (true, |e, u| first_head(e, u).faces += 1, "its head says"),
             (true, |e, u| first_head(e, u).area *= 1.1, "its head says"),
@@ -226,7 +226,7 @@ mod tests {
     /// What is known of the first wedge of a vertex.
     fn first_head(engine: &mut Engine<Memoryless>, u: VertexId) -> &mut crate::collapse::attributes::Head {
         let first = engine.store.first_wedge[u.index()];
-        &mut engine.attributes.as_mut().expect("there are some").heads[first.index()]
+        &mut engine.values.attributes.as_mut().expect("there are some").heads[first.index()]
     }
 
     #[test]

@@ -68,7 +68,7 @@ impl<M: Metric> Engine<M> {
         rv: &Ring,
     ) -> Outcome {
         let (v, mut y) = (candidate.removed, candidate.step);
-        self.faces_visited += (ru.len() + rv.len()) as u64;
+        self.tally.faces_visited += (ru.len() + rv.len()) as u64;
         // (Not as a pair: that would be copied twice.)
         let x = self.store.v[u.index()];
         let z = self.store.v[v.index()];
@@ -96,7 +96,7 @@ impl<M: Metric> Engine<M> {
         }
         let d = z.p - x.p;
         let mut judged = candidate.cost;
-        if matches!(self.metric.decides(), Judge::FormThenStars) {
+        if matches!(self.cost.metric.decides(), Judge::FormThenStars) {
             let Some(Candidate { cost, step, .. }) = self.judged(u, v, ru, rv) else {
                 return Outcome::Refused(Refusal::Locked);
             };
@@ -111,12 +111,12 @@ impl<M: Metric> Engine<M> {
         // Exact cost and normals. A triangle at both ends counts twice, as in the evaluation.
         let mut verdict = Verdict::default();
         let mut bare = [false; 2];
-        self.wings.clear();
-        self.spokes.take_without(u, rv);
+        self.scratch.wings.clear();
+        self.scratch.spokes.take_without(u, rv);
         let kept = End { from: x.p, step: y, other: Some(v) };
         let removed = End { from: z.p, step: off, other: None };
-        for (k, (spokes, end)) in [(ru, kept), (&self.spokes, removed)].into_iter().enumerate() {
-            let (wings, turn) = (&mut self.wings, self.rules.max_turn);
+        for (k, (spokes, end)) in [(ru, kept), (&self.scratch.spokes, removed)].into_iter().enumerate() {
+            let (wings, turn) = (&mut self.scratch.wings, self.constraints.rules.max_turn);
             match self.store.look_at_wings(spokes, &end, at, turn, wings, &mut verdict) {
                 Ok(behind) => bare[k] = behind > BEHIND * end.step.length_squared(),
                 Err(why) => return Outcome::Refused(why),
@@ -126,30 +126,34 @@ impl<M: Metric> Engine<M> {
         if verdict.turns_far && self.folds(x.facing.direction() + z.facing.direction()) {
             return Outcome::Refused(Refusal::NormalFlip);
         }
-        let is_exact = matches!(self.metric.decides(), Judge::Engine);
+        let is_exact = matches!(self.cost.metric.decides(), Judge::Engine);
         // What the form and the triangles say already may be too dear, before lines and attributes are looked at. (Where
         // lines change with what lies beside them, the form does not know all of it.)
         let on_lines = x.kind.has_lines() || z.kind.has_lines();
         let is_sure = is_exact && !on_lines && candidate.sure > 0.0;
-        if is_exact && self.attributes.is_some() && !probe && peak <= self.rules.max_step_sq {
+        if is_exact
+            && self.values.attributes.is_some()
+            && !probe
+            && peak <= self.constraints.rules.max_step_sq
+        {
             let known = if is_sure { candidate.sure + self.peak_weight() * peak } else { candidate.cost };
             if known > tau {
                 return Outcome::Later(known * price);
             }
         }
-        if self.rules.has_extra_guards()
+        if self.constraints.rules.has_extra_guards()
             && let Err(why) = self.ask_guards(at, x.p, z.p, shared, ru, rv)
         {
             return Outcome::Refused(why);
         }
         // Feature edges of the star, by the end that stays; the edge u-v, if it is one, is listed with v.
-        self.rim.clear();
+        self.scratch.rim.clear();
         if (x.kind.has_lines() || z.kind.has_lines()) && self.has_lines() {
             for (ring, other, at_u, end, step) in [(ru, v, true, &x, y), (rv, u, false, &z, off)] {
                 if !end.kind.has_lines() {
                     continue;
                 }
-                let mut edges = std::mem::take(&mut self.edges);
+                let mut edges = std::mem::take(&mut self.scratch.edges);
                 self.store.edges(ring, end.kind, &mut edges);
                 for e in &edges {
                     let (w, line) = (e.to, self.weight_of(e, end.kind.is_seam()));
@@ -161,15 +165,15 @@ impl<M: Metric> Engine<M> {
                     let weight = if w == v { 2.0 } else { 1.0 };
                     cost += line * weight * c.length_squared();
                     peak = peak.max(c.length_squared() / edge.length_squared().max(1e-37));
-                    self.rim.push((w, at_u, line));
+                    self.scratch.rim.push((w, at_u, line));
                 }
-                self.edges = edges;
+                self.scratch.edges = edges;
             }
         }
         // What is too dear already need not be known to the last digit.
         if is_sure {
             cost = cost.max(candidate.sure);
-        } else if is_exact && self.attributes.is_some() && (cost <= tau || probe) {
+        } else if is_exact && self.values.attributes.is_some() && (cost <= tau || probe) {
             self.prepare_merge(u, v, y, ru);
             cost += self.attribute_cost(u, v, y, ru.len());
         }
@@ -190,10 +194,10 @@ impl<M: Metric> Engine<M> {
         } else {
             cost = judged;
         }
-        if peak > self.rules.max_step_sq {
+        if peak > self.constraints.rules.max_step_sq {
             return Outcome::Refused(Refusal::Cost);
         }
-        if !self.metric.decides().is_metric() {
+        if !self.cost.metric.decides().is_metric() {
             plain = cost;
         }
         let mut change = None;
@@ -224,7 +228,7 @@ impl<M: Metric> Engine<M> {
         if !is_exact || is_sure {
             self.prepare_merge(u, v, y, ru);
         }
-        self.spent += f64::from(plain);
+        self.tally.spent += f64::from(plain);
         match &neck {
             None => {
                 self.change(u, v, y, shared, ru, rv);
@@ -246,14 +250,15 @@ impl<M: Metric> Engine<M> {
         let at = merged_position(x.p, z.p, y);
         let kind = x.kind.union(z.kind);
         let own = self.merge_wedges(u, v, y, at, ru);
-        let q = if self.metric.is_memoryless() {
+        let q = if self.cost.metric.is_memoryless() {
             // The vertices around swap old planes for new ones; u starts afresh.
             let mut q = self.swap_planes();
             M::tensor(&mut q).add(&own);
-            for &(w, at_u, line) in self.rim.iter().filter(|r| r.0 != v) {
+            for &(w, at_u, line) in self.scratch.rim.iter().filter(|r| r.0 != v) {
                 let o = &mut self.store.v[w.index()];
                 let from = if at_u { x.p } else { z.p };
-                let [old, new] = [from, at].map(|p| self.metric.line(p - o.p, line, self.mean_face));
+                let [old, new] =
+                    [from, at].map(|p| self.cost.metric.line(p - o.p, line, self.cost.mean_face));
                 let s = M::tensor(&mut o.q);
                 s.sub(&old);
                 s.add(&new);
@@ -261,11 +266,11 @@ impl<M: Metric> Engine<M> {
             }
             q
         } else {
-            let form: Form = self.metric.form(&x.q, &z.q, z.p - x.p);
-            if !self.lines.is_empty() {
+            let form: Form = self.cost.metric.form(&x.q, &z.q, z.p - x.p);
+            if !self.cost.lines.is_empty() {
                 self.merge_lines([x.origin, z.origin], z.p - x.p, y);
             }
-            self.metric.merged(&form, y)
+            self.cost.metric.merged(&form, y)
         };
         for spoke in rv {
             // (By selection: which two triangles go could not be foretold.)
@@ -284,7 +289,7 @@ impl<M: Metric> Engine<M> {
             }
             n += usize::from(!r.has(v));
         }
-        for (slot, r) in slots[n.min(count)..].iter_mut().zip(&self.spokes) {
+        for (slot, r) in slots[n.min(count)..].iter_mut().zip(&self.scratch.spokes) {
             *slot = r.corner;
         }
         // Whose place was kept gives its number: the result then has that vertex of the input.
@@ -306,7 +311,7 @@ impl<M: Metric> Engine<M> {
         removed.kind = removed.kind.gone();
         self.store.bound[v.index()] = f32::INFINITY;
         self.store.live_vertices -= 1;
-        self.collapses += 1;
+        self.tally.collapses += 1;
         if kind.is_complex() {
             self.refresh_around(u);
         }
@@ -315,9 +320,9 @@ impl<M: Metric> Engine<M> {
     /// Lets the vertices around the collapse swap old planes for new ones; returns the new ones of the merged vertex.
     #[inline(always)]
     pub(super) fn swap_planes(&mut self) -> M::Memory {
-        let (metric, mean, mut q) = (self.metric, self.mean_face, M::Memory::default());
+        let (metric, mean, mut q) = (self.cost.metric, self.cost.mean_face, M::Memory::default());
         let vertices = &mut self.store.v;
-        self.wings.swaps(
+        self.scratch.wings.swaps(
             |lengths| metric.plane_weights(lengths, mean),
             |rim, change, new| {
                 M::tensor(&mut q).add(new);
@@ -333,19 +338,23 @@ impl<M: Metric> Engine<M> {
     /// Weight of a largest squared distance. In the late phase true distances are charged instead.
     #[inline(always)]
     pub(crate) fn peak_weight(&self) -> f32 {
-        if self.late.is_some() || self.metric.decides().is_metric() { 0.0 } else { PEAK * self.area }
+        if self.late.is_some() || self.cost.metric.decides().is_metric() {
+            0.0
+        } else {
+            PEAK * self.cost.area
+        }
     }
 
     /// Squared distance from `q` to the star that the wings become.
     #[inline(never)]
     fn distance_to_star(&self, q: Vec3, at: Vec3) -> f32 {
         let to = |w: Wing| triangle::closest(q, at, self.store.p(w.a), self.store.p(w.b)).0;
-        self.wings.iter().filter(|w| !w.both).map(to).fold(f32::INFINITY, f32::min)
+        self.scratch.wings.iter().filter(|w| !w.both).map(to).fold(f32::INFINITY, f32::min)
     }
 
     /// Whether any edges carry lines: borders and curves, unless they are free, or sharp edges.
     pub(crate) fn has_lines(&self) -> bool {
-        self.rules.border != BorderPolicy::Free || self.store.creases.is_some()
+        self.constraints.rules.border != BorderPolicy::Free || self.store.creases.is_some()
     }
 
     /// Kinds and tensors of `u` and of the vertices around it, afresh: after a change on a non-manifold curve, where
@@ -365,7 +374,7 @@ impl<M: Metric> Engine<M> {
     #[inline(never)]
     fn folds(&self, facing: Vec3) -> bool {
         let unit = |n: Vec3| n / n.length().max(1e-30);
-        let kept = || self.wings.iter().filter(|w: &Wing| !w.both);
+        let kept = || self.scratch.wings.iter().filter(|w: &Wing| !w.both);
         for (i, w) in kept().enumerate() {
             let n = unit(w.after);
             let around = [w.a, w.b].map(|o| self.store.v[o.index()].facing.direction());
@@ -406,14 +415,14 @@ impl<M: Metric> Engine<M> {
         ru: &Ring,
         rv: &Ring,
     ) -> Result<(), Refusal> {
-        let rules = &self.rules;
+        let rules = &self.constraints.rules;
         let shape = |a: Vec3, b: Vec3, c: Vec3| {
             let around = (b - a).length_squared() + (c - b).length_squared() + (a - c).length_squared();
             12.0 * (b - a).cross(c - a).length_squared() / (around * around).max(1e-37)
         };
         if rules.min_shape > 0.0 {
             let (mut before, mut after) = (1f32, 1f32);
-            for (i, w) in self.wings.iter().enumerate() {
+            for (i, w) in self.scratch.wings.iter().enumerate() {
                 let from = if i < ru.len() { pu } else { pv };
                 let (a, b) = (self.store.p(w.a), self.store.p(w.b));
                 before = before.min(shape(from, a, b));
@@ -434,7 +443,7 @@ impl<M: Metric> Engine<M> {
             }
         }
         if rules.max_edge_sq.is_finite() {
-            for (i, w) in self.wings.iter().enumerate().filter(|w| !w.1.both) {
+            for (i, w) in self.scratch.wings.iter().enumerate().filter(|w| !w.1.both) {
                 let from = if i < ru.len() { pu } else { pv };
                 for o in [w.a, w.b] {
                     let length_sq = (self.store.p(o) - at).length_squared();

@@ -50,10 +50,10 @@ const FACES_OF_A_PART: usize = 100;
 impl<M: Metric> Engine<M> {
     /// Whether necks stand in the way of many collapses, in a run that could not cut them.
     pub(crate) fn has_necks_in_the_way(&self) -> bool {
-        let refused = self.refusals[Refusal::LinkCondition as usize];
-        !self.cuts_necks
-            && refused as f64 > REFUSED * self.collapses as f64
-            && self.first_faces >= FACES_OF_A_PART * self.part_count()
+        let refused = self.tally.refusals[Refusal::LinkCondition as usize];
+        !self.constraints.cuts_necks
+            && refused as f64 > REFUSED * self.tally.collapses as f64
+            && self.tally.first_faces >= FACES_OF_A_PART * self.part_count()
     }
 }
 
@@ -126,7 +126,7 @@ impl<M: Metric> Engine<M> {
     #[inline(never)]
     pub(crate) fn neck(&mut self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Option<Neck> {
         let has_few = |ring: &Ring| ring.len() <= MOST_FACES;
-        if !self.cuts_necks || !has_few(ru) || !has_few(rv) {
+        if !self.constraints.cuts_necks || !has_few(ru) || !has_few(rv) {
             return None;
         }
         let is_plain = |engine: &Self, w: VertexId| {
@@ -148,7 +148,7 @@ impl<M: Metric> Engine<M> {
             if !has_few(&rw) {
                 continue;
             }
-            self.faces_visited +=
+            self.tally.faces_visited +=
                 [ru, rv, &rw].map(|ring| (ring.len() * ring.len()) as u64).iter().sum::<u64>();
             let neck = Neck::new(w, u, v, [ru, rv, &rw]);
             if let Some(neck) = neck.filter(|n| n.is_sound(&common, ru, rv)) {
@@ -165,11 +165,11 @@ impl<M: Metric> Engine<M> {
         let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
         let at = merged_position(x.p, z.p, y);
         self.merge_wedges(u, v, y, at, ru);
-        if self.metric.is_memoryless() {
+        if self.cost.metric.is_memoryless() {
             self.swap_planes();
         } else {
-            let form: Form = self.metric.form(&x.q, &z.q, z.p - x.p);
-            let q = self.metric.merged(&form, y);
+            let form: Form = self.cost.metric.form(&x.q, &z.q, z.p - x.p);
+            let q = self.cost.metric.merged(&form, y);
             (self.store.v[u.index()].q, self.store.v[v.index()].q) = (q, q);
         }
         // Who stands at whose place, to the bit.
@@ -209,8 +209,8 @@ impl<M: Metric> Engine<M> {
             self.refresh(end, &mut ring);
             self.store.bound[end.index()] = super::bound::UNKNOWN;
         }
-        self.collapses += 1;
-        self.necks_cut += 1;
+        self.tally.collapses += 1;
+        self.tally.necks_cut += 1;
     }
 
     /// Moves vertices that stand at one place apart, each a little into its own star, as far as the guards let it. The store
@@ -226,7 +226,7 @@ impl<M: Metric> Engine<M> {
             .copied()
             .filter(|x| self.store.v[x.index()].kind.is_free())
             .collect();
-        let guards = Guards::new(&self.rules, &self.store);
+        let guards = Guards::new(&self.constraints.rules, &self.store);
         let mut ring = Ring::default();
         for x in touching {
             self.store.ring(x, &mut ring);

@@ -97,12 +97,13 @@ impl<M: Metric> Engine<M> {
         }
         let area: Vec<f32> = extents.iter().map(|part| part.area).collect();
         let is_detail = vec![false; parts];
-        self.details = Some(Box::new(Details { part_of, left: area.clone(), area, stands_out, is_detail }));
+        self.constraints.details =
+            Some(Box::new(Details { part_of, left: area.clone(), area, stands_out, is_detail }));
     }
 
     /// Finds out which parts are details for a goal.
     pub(super) fn find_details(&mut self, goal: &Goal) {
-        let Some(details) = &mut self.details else { return };
+        let Some(details) = &mut self.constraints.details else { return };
         let faces = goal.faces.or(goal.vertices.map(|n| 2 * n)).unwrap_or(usize::MAX);
         let total: f32 = details.area.iter().sum();
         let face = total / faces as f32;
@@ -123,7 +124,7 @@ impl<M: Metric> Engine<M> {
         at: Vec3,
         [ru, rv]: [&Ring; 2],
     ) -> Option<(usize, f32)> {
-        let details = self.details.as_ref()?;
+        let details = self.constraints.details.as_ref()?;
         let part = *details.part_of.get(self.store.v[u.index()].origin.index())? as usize;
         if !*details.is_detail.get(part)? {
             return None;
@@ -142,12 +143,12 @@ impl<M: Metric> Engine<M> {
     /// Whether a detail keeps enough of its area with this change.
     pub(super) fn keeps_detail(&self, (part, change): (usize, f32)) -> bool {
         let keeps = |d: &Details| change >= 0.0 || d.left[part] + change >= KEPT * d.area[part];
-        self.details.as_deref().is_none_or(keeps)
+        self.constraints.details.as_deref().is_none_or(keeps)
     }
 
     /// Notes a change that was made.
     pub(super) fn change_detail(&mut self, (part, change): (usize, f32)) {
-        if let Some(details) = &mut self.details {
+        if let Some(details) = &mut self.constraints.details {
             details.left[part] += change;
         }
     }

@@ -90,16 +90,21 @@ impl<M: Metric> Engine<M> {
         most: f32,
         found: &mut Found,
     ) -> u64 {
-        if matches!(self.metric.decides(), Judge::Stars | Judge::Ends) {
+        if matches!(self.cost.metric.decides(), Judge::Stars | Judge::Ends) {
             return self.judge_owned(u, owned, ru, most, found);
         }
         // (Where all are, there is no need to look at each four.)
-        let are_lone = self.attributes.is_none() || self.know_wedges(u, owned);
+        let are_lone = self.values.attributes.is_none() || self.know_wedges(u, owned);
         let mut stuck = 0;
         let is_plain = |w: VertexId| self.store.v[w.index()].kind.is_free();
-        let plain = self.metric.is_memoryless() && self.rules.placement == Placement::Optimal && is_plain(u);
+        let plain = self.cost.metric.is_memoryless()
+            && self.constraints.rules.placement == Placement::Optimal
+            && is_plain(u);
         for four in owned.chunks(4) {
-            if plain && (four.len() > 1 || self.attributes.is_some()) && four.iter().all(|&w| is_plain(w)) {
+            if plain
+                && (four.len() > 1 || self.values.attributes.is_some())
+                && four.iter().all(|&w| is_plain(w))
+            {
                 let Evaluated { cost, step, sure, solved } =
                     self.evaluate_four(u, four, are_lone || self.are_lone(u, four), ru, members);
                 let within = solved & cost.simd_le(f32x4::splat(most));
@@ -156,7 +161,7 @@ impl<M: Metric> Engine<M> {
         let mut h = times(&t, &d);
         let mut c = dot(&d, &h);
         let mut a: [f32x4; 6] = std::array::from_fn(|k| s[k] + t[k]);
-        if self.attributes.is_some() {
+        if self.values.attributes.is_some() {
             self.add_attributes_to_four((u, ends, are_lone), &d, (&mut a, &mut h, &mut c), ru, members);
         }
         // (What large values of attributes leave behind when they go may be less than nothing.)
@@ -182,7 +187,7 @@ impl<M: Metric> Engine<M> {
         let peak = f32x4::ONE + peak.fast_min(f32x4::splat(PEAK_GUESS * PEAK_OF_STAR));
         let q = c - dot(&h, &y) * 2.0 + dot(&times(&a, &y), &y);
         let size = trace * d_sq;
-        let sure = match self.attributes {
+        let sure = match self.values.attributes {
             Some(_) => q.simd_gt(size * SURE) & q,
             None => f32x4::ZERO,
         };
@@ -202,7 +207,7 @@ impl<M: Metric> Engine<M> {
         let off = y - d;
         let q = c - 2.0 * h.dot(y) + a.times(y).dot(y);
         let tie = 0.5 * TIE * trace * (y.length_squared() + off.length_squared());
-        if !self.metric.is_memoryless() {
+        if !self.cost.metric.is_memoryless() {
             return q.max(0.0) + tie;
         }
         let peak = 1.0 + PEAK_GUESS * (self.peak_weight() / trace.max(1e-37)).min(PEAK_OF_STAR);
@@ -228,13 +233,13 @@ impl<M: Metric> Engine<M> {
     fn form(&self, u: VertexId, v: VertexId, ru: &Ring, members: &mut Vec<Member>) -> (Form, Vec3) {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let d = z.p - x.p;
-        if self.attributes.is_none() {
-            return (self.metric.form(&x.q, &z.q, d), d);
+        if self.values.attributes.is_none() {
+            return (self.cost.metric.form(&x.q, &z.q, d), d);
         }
         let (mut own, mut other) = (x.q, z.q);
         *M::tensor(&mut own) = self.tensor_alone(u);
         *M::tensor(&mut other) = self.tensor_alone(v);
-        let mut form = self.metric.form(&own, &other, d);
+        let mut form = self.cost.metric.form(&own, &other, d);
         self.add_attributes(u, v, d, ru, members, &mut form);
         (form, d)
     }
@@ -265,7 +270,7 @@ impl<M: Metric> Engine<M> {
                 _ => at(d),
             };
         }
-        match self.rules.placement {
+        match self.constraints.rules.placement {
             Placement::Optimal => {}
             Placement::Endpoint => return ends(),
             Placement::Midpoint => return at(d * 0.5),

@@ -39,9 +39,9 @@ impl<M: Metric> Fork<M> {
     /// one that this gave before.
     pub(crate) fn again(&self, spent: &mut Engine<M>) -> (Engine<M>, Sweeps) {
         let mut engine = self.engine.clone();
-        engine.wedge_data = spent.wedge_data.take();
-        engine.attributes = spent.attributes.take();
-        if let Some((attributes, kept)) = engine.attributes.as_mut().zip(self.kept.as_ref()) {
+        engine.values.wedge_data = spent.values.wedge_data.take();
+        engine.values.attributes = spent.values.attributes.take();
+        if let Some((attributes, kept)) = engine.values.attributes.as_mut().zip(self.kept.as_ref()) {
             attributes.put_back(kept);
         }
         (engine, self.sweeps.clone())
@@ -56,10 +56,10 @@ impl<M: Metric> Engine<M> {
         self.store.bound.shrink_to_fit();
         self.store.t.shrink_to_fit();
         self.store.v.shrink_to_fit();
-        let (attributes, wedge_data) = (self.attributes.take(), self.wedge_data.take());
+        let (attributes, wedge_data) = (self.values.attributes.take(), self.values.wedge_data.take());
         let engine = self.clone();
-        (self.attributes, self.wedge_data) = (attributes, wedge_data);
-        let kept = self.attributes.as_ref().map(|attributes| {
+        (self.values.attributes, self.values.wedge_data) = (attributes, wedge_data);
+        let kept = self.values.attributes.as_ref().map(|attributes| {
             let (faces, wedges) = (self.store.t.iter(), self.store.wedges.iter().flatten());
             let living = faces.zip(wedges).filter(|(t, _)| t[0] != super::order::NONE);
             attributes.kept(living.flat_map(|(_, w)| *w))
@@ -75,7 +75,7 @@ impl<M: Metric> Engine<M> {
     /// From here on parts go in the order of costs, and necks are cut in it if `cuts`. What was refused is looked at again.
     pub(crate) fn let_go(&mut self, sweeps: &mut Sweeps, cuts: bool, original: &dyn Original) {
         self.store.compact();
-        self.cuts_necks = cuts;
+        self.constraints.cuts_necks = cuts;
         original.with(&mut |points, faces| self.watch_parts_of(points, faces));
         sweeps.next = Some(self.bounds());
         if cuts {
@@ -86,7 +86,8 @@ impl<M: Metric> Engine<M> {
     /// Notes whether the last sweeps got as much done as where nothing stands in the way.
     pub(super) fn watch_ease(&self, sweeps: &mut Sweeps) {
         if sweeps.swept && sweeps.wanted * FEW >= self.store.live_vertices as f64 {
-            sweeps.is_at_ease &= (self.collapses - sweeps.at_threshold) as f64 >= AT_EASE * sweeps.wanted;
+            sweeps.is_at_ease &=
+                (self.tally.collapses - sweeps.at_threshold) as f64 >= AT_EASE * sweeps.wanted;
         }
     }
 
@@ -101,7 +102,7 @@ impl<M: Metric> Engine<M> {
 
     /// Whether so few faces live that a late phase, if one comes, is near.
     pub(crate) fn is_near_late_phase(&self) -> bool {
-        self.store.live_faces <= 2 * late::begin(self.first_faces, self.counts_attributes())
+        self.store.live_faces <= 2 * late::begin(self.tally.first_faces, self.counts_attributes())
     }
 
     /// Of how many vertices a sweep is to look at the edges, if nothing stands in the way.
@@ -117,6 +118,6 @@ impl<M: Metric> Engine<M> {
 
     /// Whether no more than a share of the input lives.
     fn is_within(&self, share: usize) -> bool {
-        self.store.live_faces * share <= self.first_faces
+        self.store.live_faces * share <= self.tally.first_faces
     }
 }

@@ -193,16 +193,16 @@ impl<M: Metric> Engine<M> {
         let Some(late) = &mut self.late else { return cost };
         let [u, v] = [kept, removed].map(|x| late.bag_of[x.index()] as usize);
         // (A table of samples times faces: too much round a hub of a thousand, where nothing is charged.)
-        let is_measured = 4 * self.wings.fours().len() <= MEASURED_STAR;
+        let is_measured = 4 * self.scratch.wings.fours().len() <= MEASURED_STAR;
         if is_measured {
             let rim = |w: Wing| [w.a, w.b].map(|o| (o, self.store.v[o.index()].p));
-            late.star.set(at, self.wings.iter().filter(|w| !w.both).map(rim));
+            late.star.set(at, self.scratch.wings.iter().filter(|w| !w.both).map(rim));
         }
         late.merged.clear();
         late.merged.extend_from_slice(&late.bags[u].samples);
         late.merged.extend_from_slice(&late.bags[v].samples);
         if is_measured {
-            self.faces_visited += (late.star.len() * late.merged.len().div_ceil(4)) as u64;
+            self.tally.faces_visited += (late.star.len() * late.merged.len().div_ceil(4)) as u64;
         }
         let before = late.bags[u].loss + late.bags[v].loss;
         let most = if probe { f32::INFINITY } else { before + (tau - cost) / CHARGE };
@@ -210,7 +210,7 @@ impl<M: Metric> Engine<M> {
             true => measure(&late.merged, &late.star, most),
             false => (before, 0, 0.0),
         };
-        let cost = cost + CHARGE * (loss - before).max(0.0) + FARTHEST * self.area * worst;
+        let cost = cost + CHARGE * (loss - before).max(0.0) + FARTHEST * self.cost.area * worst;
         if cost > tau || probe {
             return cost;
         }

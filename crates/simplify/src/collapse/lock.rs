@@ -19,16 +19,20 @@ impl<Q: Memory> Store<Q> {
 impl<M: Metric> Engine<M> {
     /// Prices of vertices, by number in the ordered input, as they are for the method that is without memory.
     pub(crate) fn set_prices(&mut self, prices: Option<Vec<f32>>) {
-        self.prices = prices;
-        if self.metric.price_power() != 1.0 {
-            self.prices.iter_mut().flatten().for_each(|p| *p = p.powf(self.metric.price_power()));
+        self.constraints.prices = prices;
+        if self.cost.metric.price_power() != 1.0 {
+            self.constraints
+                .prices
+                .iter_mut()
+                .flatten()
+                .for_each(|p| *p = p.powf(self.cost.metric.price_power()));
         }
     }
 
     /// What the cost of merging two vertices, by number in the ordered input, counts times.
     #[inline(always)]
     pub(crate) fn price(&self, kept: VertexId, removed: VertexId) -> f32 {
-        match &self.prices {
+        match &self.constraints.prices {
             None => 1.0,
             Some(prices) => prices[kept.index()].max(prices[removed.index()]),
         }
@@ -37,14 +41,14 @@ impl<M: Metric> Engine<M> {
     /// The merged vertex is as important as the more important end.
     #[inline(always)]
     pub(crate) fn merge_prices(&mut self, origin: VertexId, merged: VertexId) {
-        if let Some(prices) = &mut self.prices {
+        if let Some(prices) = &mut self.constraints.prices {
             prices[origin.index()] = prices[origin.index()].max(prices[merged.index()]);
         }
     }
 
     /// A vertex cut off from another is as important.
     pub(crate) fn copy_price(&mut self, of: VertexId) {
-        if let Some(prices) = &mut self.prices {
+        if let Some(prices) = &mut self.constraints.prices {
             prices.push(prices[of.index()]);
         }
     }

@@ -49,7 +49,9 @@ macro_rules! of_lanes {
 impl<M: Metric> Engine<M> {
     /// Makes the chains of wedges of all vertices.
     pub(super) fn chain_wedges(&mut self) {
-        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
+        let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
+            return;
+        };
         attributes.heads.fill(Head::default());
         self.store.first_wedge = vec![NO_WEDGE; self.store.v.len()];
         for (v, w) in self.store.t.as_flattened().iter().zip(wedges.as_flattened()) {
@@ -77,14 +79,16 @@ impl<M: Metric> Engine<M> {
     /// Whether a vertex and its neighbours have one wedge each.
     #[inline(always)]
     fn is_among_lone(&self, u: VertexId, mut around: impl Iterator<Item = VertexId>) -> bool {
-        let Some(attributes) = &self.attributes else { return false };
+        let Some(attributes) = &self.values.attributes else { return false };
         let is_alone = |w: VertexId| attributes.is_alone(self.store.first_wedge[w.index()]);
         is_alone(u) && around.all(is_alone)
     }
 
     /// Sums of all wedges, and what attributes add to the tensors.
     pub(super) fn weigh_attributes(&mut self) {
-        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
+        let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
+            return;
+        };
         for (t, w) in self.store.t.chunks(4).zip(wedges.chunks(4)) {
             let corner = |k: usize| {
                 let of = |i: usize| t[i.min(t.len() - 1)][k];
@@ -103,7 +107,9 @@ impl<M: Metric> Engine<M> {
     /// What attributes add to the tensor of a vertex.
     pub(super) fn attribute_tensor(&self, u: VertexId, ring: &[Spoke]) -> Tensor {
         let mut tensor = Tensor::default();
-        let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) else { return tensor };
+        let (Some(attributes), Some(wedges)) = (&self.values.attributes, &self.store.wedges) else {
+            return tensor;
+        };
         for r in ring {
             let s = Slopes::new([self.store.p(u), self.store.p(r.a), self.store.p(r.b)]);
             let corners = from_corner(wedges[r.corner.face()], r.corner.k());
@@ -115,13 +121,16 @@ impl<M: Metric> Engine<M> {
     /// Attributes that have a say in the forms of edges.
     #[inline(always)]
     fn weighed(&self) -> Option<&Attributes> {
-        self.attributes.as_ref().filter(|a| a.lanes() > 0 && matches!(self.metric.decides(), Judge::Engine))
+        self.values
+            .attributes
+            .as_ref()
+            .filter(|a| a.lanes() > 0 && matches!(self.cost.metric.decides(), Judge::Engine))
     }
 
     /// Whether each of these has one wedge only.
     #[inline(always)]
     pub(super) fn are_lone(&self, u: VertexId, others: &[VertexId]) -> bool {
-        let Some(attributes) = &self.attributes else { return true };
+        let Some(attributes) = &self.values.attributes else { return true };
         let is_alone = |w: VertexId| attributes.is_alone(self.store.first_wedge[w.index()]);
         is_alone(u) && others.iter().all(|&w| is_alone(w))
     }
@@ -134,7 +143,7 @@ impl<M: Metric> Engine<M> {
         if self.weighed().is_none() || are_lone {
             return are_lone;
         }
-        if let Some(attributes) = &mut self.attributes {
+        if let Some(attributes) = &mut self.values.attributes {
             attributes.know(self.store.first_wedge[u.index()]);
             others.iter().for_each(|w| attributes.know(self.store.first_wedge[w.index()]));
         }
@@ -290,7 +299,7 @@ impl<M: Metric> Engine<M> {
     /// Whether each wedge of an end that is locked stays by itself through the merger of `u` and `v`, with no new one
     /// beside it.
     pub(super) fn keeps_wedges(&self, u: VertexId, v: VertexId, ru: &[Spoke]) -> bool {
-        let Some(attributes) = &self.attributes else { return true };
+        let Some(attributes) = &self.values.attributes else { return true };
         let mut members = Vec::new();
         self.gather(attributes, u, v, ru, true, &mut members);
         let locked_v = self.store.v[v.index()].kind.is_locked();
@@ -300,9 +309,9 @@ impl<M: Metric> Engine<M> {
 
     /// Finds which wedges of `u` and `v` become one, and their best values at `u` + `y`.
     pub(super) fn prepare_merge(&mut self, u: VertexId, v: VertexId, y: Vec3, ru: &[Spoke]) {
-        let mut merge = std::mem::take(&mut self.merge);
+        let mut merge = std::mem::take(&mut self.scratch.merge);
         merge.slopes.clear();
-        if let Some(attributes) = &self.attributes {
+        if let Some(attributes) = &self.values.attributes {
             self.gather(attributes, u, v, ru, true, &mut merge.members);
             let (members, lanes) = (&merge.members, attributes.lanes());
             let d = self.store.p(v) - self.store.p(u);
@@ -318,24 +327,26 @@ impl<M: Metric> Engine<M> {
                 of_lanes!(lanes, N => attributes.best::<N>(members, d, y, &mut merge.best));
             }
         }
-        self.merge = merge;
+        self.scratch.merge = merge;
     }
 
     /// What the attributes lose by the merger that was prepared, from the triangles of the wings, `at_u` of which are the
     /// kept end's: squares of small numbers, not small differences of squares.
     pub(super) fn attribute_cost(&mut self, u: VertexId, v: VertexId, y: Vec3, at_u: usize) -> f32 {
-        let (Some(attributes), Some(wedges)) = (&self.attributes, &self.store.wedges) else { return 0.0 };
+        let (Some(attributes), Some(wedges)) = (&self.values.attributes, &self.store.wedges) else {
+            return 0.0;
+        };
         if !attributes.counts() {
             return 0.0;
         }
         let lanes = attributes.lanes();
         of_lanes!(lanes, N => Self::cost_of_wings::<N>(
             (attributes, &self.store, wedges),
-            &self.wings,
+            &self.scratch.wings,
             [self.store.p(u), self.store.p(v)],
             y,
             at_u,
-            &mut self.merge
+            &mut self.scratch.merge
         ))
     }
 
@@ -378,7 +389,9 @@ impl<M: Metric> Engine<M> {
     pub(super) fn share_wedges(&mut self, u: VertexId, v: VertexId, ring: &mut Ring) {
         self.store.ring(v, ring);
         let is_locked = self.is_either_locked(u, v);
-        let (Some(attributes), Some(wedges)) = (&self.attributes, &mut self.store.wedges) else { return };
+        let (Some(attributes), Some(wedges)) = (&self.values.attributes, &mut self.store.wedges) else {
+            return;
+        };
         if is_locked {
             return;
         }
@@ -392,7 +405,9 @@ impl<M: Metric> Engine<M> {
     /// The chain of the wedges of a vertex, and their sums, afresh from its star.
     #[inline(never)]
     pub(super) fn chain_wedges_of(&mut self, u: VertexId, ring: &[Spoke]) {
-        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
+        let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
+            return;
+        };
         let mut all: Vec<WedgeId> = ring.iter().map(|r| wedges[r.corner.face()][r.corner.k()]).collect();
         all.sort_unstable();
         all.dedup();
@@ -411,7 +426,9 @@ impl<M: Metric> Engine<M> {
     /// Gives a vertex whose triangles share one wedge a wedge of its own, with the same values.
     pub(super) fn split_wedge(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
-        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else { return };
+        let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &mut self.store.wedges) else {
+            return;
+        };
         let Some(first) = ring.first().map(|r| wedges[r.corner.face()][r.corner.k()]) else { return };
         let own = attributes.copy_of(first);
         for r in ring.iter() {
@@ -425,7 +442,7 @@ impl<M: Metric> Engine<M> {
     /// Merges the wedges as prepared, before the triangles change; the merged vertex goes to the kept end + `y`, the
     /// place `at`. Says what the new triangles add to its tensor.
     pub(super) fn merge_wedges(&mut self, u: VertexId, v: VertexId, y: Vec3, at: Vec3, ru: &Ring) -> Tensor {
-        let lanes = self.attributes.as_ref().map_or(0, Attributes::lanes);
+        let lanes = self.values.attributes.as_ref().map_or(0, Attributes::lanes);
         of_lanes!(lanes, N => self.merge_wedges_of::<N>([u, v], y, at, ru.len()))
     }
 
@@ -438,12 +455,12 @@ impl<M: Metric> Engine<M> {
         at_u: usize,
     ) -> Tensor {
         let is_locked = self.is_either_locked(u, v);
-        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &mut self.store.wedges) else {
+        let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &mut self.store.wedges) else {
             return Tensor::default();
         };
         let lanes = attributes.lanes_of::<N>();
         let mut added = [f32x4::ZERO; 6];
-        let Merge { members, best, own, heads, slopes } = &mut self.merge;
+        let Merge { members, best, own, heads, slopes } = &mut self.scratch.merge;
         let only = only_group(members);
         let (x, z) = (self.store.v[u.index()].p, self.store.v[v.index()].p);
         let room = members.len() * 3 * lanes;
@@ -467,7 +484,7 @@ impl<M: Metric> Engine<M> {
         let mut tables = attributes.tables();
         let (wedges, vertices) = (&mut wedges[..], &mut self.store.v[..]);
         let (own, best, heads) = (&mut own[..], &best[..], &mut heads[..]);
-        for (k, four) in self.wings.fours().iter().enumerate() {
+        for (k, four) in self.scratch.wings.fours().iter().enumerate() {
             let end = usize::from(4 * k >= at_u);
             let (a, b) = (four.spokes.map(|s| s.a), four.spokes.map(|s| s.b));
             let (pa, pb) = (store::four(vertices, a), store::four(vertices, b));

@@ -113,11 +113,11 @@ impl<M: Metric> Engine<M> {
         probe: bool,
         mut ask: impl FnMut(&Self) -> Verdict,
     ) -> Verdict {
-        let Some(mut pairs) = self.pairs.take() else { return Verdict::Continue };
+        let Some(mut pairs) = self.topology.pairs.take() else { return Verdict::Continue };
         let is_current = |engine: &Self, at: (u32, usize, u64)| {
             at.0 == engine.store.generation
                 && engine.store.live_vertices * 100 >= at.1 * RENEW_PERCENT
-                && (at.2 == engine.collapses || !probe && engine.store.live_vertices >= RENEW_BELOW)
+                && (at.2 == engine.tally.collapses || !probe && engine.store.live_vertices >= RENEW_BELOW)
         };
         let mut verdict = Verdict::Continue;
         if !pairs.found_at.is_some_and(|at| is_current(self, at)) {
@@ -137,7 +137,7 @@ impl<M: Metric> Engine<M> {
                     Outcome::Done => f32::INFINITY,
                     Outcome::Later(cost) => cost,
                     Outcome::Refused(why) => {
-                        self.refuse(why);
+                        self.tally.refuse(why);
                         // Asked again when the sweeps have come this far; things change around here.
                         if probe { f32::INFINITY } else { 4.0 * tau + 1e-20 }
                     }
@@ -147,18 +147,18 @@ impl<M: Metric> Engine<M> {
         pairs.list = list;
         // (Without them the sweeps go on by edges alone.)
         if pairs.looks_left > 0 {
-            self.pairs = Some(pairs);
+            self.topology.pairs = Some(pairs);
         }
         verdict
     }
 
     /// Lets pairs nearer than `reach` be contracted; before anything was merged.
     pub(crate) fn watch_pairs(&mut self, reach: f32) {
-        self.pairs = Some(Pairs::new(reach, self.store.live_vertices));
-        if self.metric.is_memoryless() || !self.has_lines() {
+        self.topology.pairs = Some(Pairs::new(reach, self.store.live_vertices));
+        if self.cost.metric.is_memoryless() || !self.has_lines() {
             return;
         }
-        self.lines = vec![M::Memory::default(); self.store.merged_into.len()];
+        self.cost.lines = vec![M::Memory::default(); self.store.merged_into.len()];
         let (mut ring, mut edges) = (Ring::default(), Vec::new());
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             let x = self.store.v[u.index()];
@@ -166,16 +166,16 @@ impl<M: Metric> Engine<M> {
                 self.store.ring(u, &mut ring);
                 let mut sum = Tensor::default();
                 self.add_lines_to(&mut sum, u, &ring, &mut edges);
-                *M::tensor(&mut self.lines[x.origin.index()]) = sum;
+                *M::tensor(&mut self.cost.lines[x.origin.index()]) = sum;
             }
         }
     }
 
     /// Merges what lines say at two vertices, by number in the ordered input, `d` apart; the first goes by `y`.
     pub(super) fn merge_lines(&mut self, origins: [VertexId; 2], d: Vec3, y: Vec3) {
-        let merged = self.metric.merged(&self.form_of_lines(origins, d), y);
+        let merged = self.cost.metric.merged(&self.form_of_lines(origins, d), y);
         for origin in origins {
-            if let Some(lines) = self.lines.get_mut(origin.index()) {
+            if let Some(lines) = self.cost.lines.get_mut(origin.index()) {
                 *lines = merged;
             }
         }
@@ -184,19 +184,19 @@ impl<M: Metric> Engine<M> {
     /// Takes away what a vertex remembers of lines if its borders have closed.
     fn forget_lines(&mut self, w: VertexId) {
         let x = self.store.v[w.index()];
-        let Some(lines) = self.lines.get_mut(x.origin.index()).filter(|_| !x.kind.is_feature()) else {
+        let Some(lines) = self.cost.lines.get_mut(x.origin.index()).filter(|_| !x.kind.is_feature()) else {
             return;
         };
         let (own, none) = (std::mem::take(lines), M::Memory::default());
         let (form, lines) =
-            (self.metric.form(&x.q, &none, Vec3::ZERO), self.metric.form(&own, &none, Vec3::ZERO));
+            (self.cost.metric.form(&x.q, &none, Vec3::ZERO), self.cost.metric.form(&own, &none, Vec3::ZERO));
         let planes = Form { a: form.a.less(&lines.a), h: form.h - lines.h, c: form.c - lines.c };
-        self.store.v[w.index()].q = self.metric.merged(&planes, Vec3::ZERO);
+        self.store.v[w.index()].q = self.cost.metric.merged(&planes, Vec3::ZERO);
     }
 
     fn form_of_lines(&self, origins: [VertexId; 2], d: Vec3) -> Form {
-        let of = |origin: VertexId| self.lines.get(origin.index()).copied().unwrap_or_default();
-        self.metric.form(&of(origins[0]), &of(origins[1]), d)
+        let of = |origin: VertexId| self.cost.lines.get(origin.index()).copied().unwrap_or_default();
+        self.cost.metric.form(&of(origins[0]), &of(origins[1]), d)
     }
 
     /// How many pairs within `reach` could be contracted at some cost. Nothing is changed.
@@ -233,7 +233,7 @@ impl<M: Metric> Engine<M> {
         all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         pairs.list.clear();
         pairs.list.extend(all.into_iter().map(|(_, ends)| Pair { ends, bound: UNKNOWN }));
-        pairs.found_at = Some((self.store.generation, self.store.live_vertices, self.collapses));
+        pairs.found_at = Some((self.store.generation, self.store.live_vertices, self.tally.collapses));
         verdict
     }
 
@@ -358,7 +358,7 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        let may = match self.rules.topology {
+        let may = match self.constraints.rules.topology {
             TopologyPolicy::Preserve => false,
             // A point where borders meet would be held there, and keep others from going.
             TopologyPolicy::Relaxed => {
@@ -446,7 +446,7 @@ impl<M: Metric> Engine<M> {
             Ok(loss) => loss,
             Err(why) => return Outcome::Refused(why),
         };
-        let plain = if self.metric.is_memoryless() { loss } else { remembered } + gaps;
+        let plain = if self.cost.metric.is_memoryless() { loss } else { remembered } + gaps;
         let mut cost = plain;
         let tau = tau / price;
         for joint in &bundle.joints {
@@ -458,7 +458,7 @@ impl<M: Metric> Engine<M> {
         if cost > tau || probe {
             return Outcome::Later(cost * price);
         }
-        self.spent += f64::from(plain);
+        self.tally.spent += f64::from(plain);
         self.join(bundle, &mut work.ring);
         let moved: Vec<VertexId> = bundle.joints.iter().map(|j| j.u).collect();
         self.note(bundle.faces.iter().map(|c| c.face), &moved, cost * price);
@@ -467,7 +467,7 @@ impl<M: Metric> Engine<M> {
 
     /// What the way between two vertices costs.
     fn gap(&self, u: VertexId, v: VertexId) -> f32 {
-        GAP * self.area * (self.store.p(v) - self.store.p(u)).length_squared()
+        GAP * self.cost.area * (self.store.p(v) - self.store.p(u)).length_squared()
     }
 
     fn price_of(&self, u: VertexId, v: VertexId) -> f32 {
@@ -482,7 +482,7 @@ impl<M: Metric> Engine<M> {
             return Err(Refusal::Locked);
         }
         // Of the planes alone: the line of a border that closes is no loss.
-        let form = if self.metric.is_memoryless() {
+        let form = if self.cost.metric.is_memoryless() {
             let (own, other) = (self.planes(u, ring), self.planes(v, ring));
             let mut a = own;
             a.add(&other);
@@ -493,14 +493,14 @@ impl<M: Metric> Engine<M> {
         };
         let cost = |y: Vec3| self.cost_of(&form, d, y);
         let better = |a: Vec3, b: Vec3| if cost(b) < cost(a) { b } else { a };
-        let holds = matches!(self.rules.border, BorderPolicy::Slide | BorderPolicy::Lock);
+        let holds = matches!(self.constraints.rules.border, BorderPolicy::Slide | BorderPolicy::Lock);
         let stays = |k: Kind| k.is_locked() || holds && k.is_feature();
         let y = match [x.kind, z.kind].map(|k| (stays(k), k.is_complex())) {
             [(true, _), (true, _)] => return Err(Refusal::Border),
             [(true, _), _] | [(_, true), (false, false)] => Vec3::ZERO,
             [_, (true, _)] | [(_, false), (_, true)] => d,
             [(_, true), (_, true)] => better(Vec3::ZERO, d),
-            _ => match self.rules.placement {
+            _ => match self.constraints.rules.placement {
                 Placement::Endpoint => better(Vec3::ZERO, d),
                 Placement::Midpoint => d * 0.5,
                 Placement::Optimal => {
@@ -514,7 +514,8 @@ impl<M: Metric> Engine<M> {
     /// What a metric with memory holds of planes at two vertices.
     fn form_of_planes(&self, x: &Vertex<M::Memory>, z: &Vertex<M::Memory>) -> Form {
         let d = z.p - x.p;
-        let (form, lines) = (self.metric.form(&x.q, &z.q, d), self.form_of_lines([x.origin, z.origin], d));
+        let (form, lines) =
+            (self.cost.metric.form(&x.q, &z.q, d), self.form_of_lines([x.origin, z.origin], d));
         Form { a: form.a.less(&lines.a), h: form.h - lines.h, c: form.c - lines.c }
     }
 
@@ -525,7 +526,10 @@ impl<M: Metric> Engine<M> {
         let mut sum = Tensor::default();
         for r in ring.iter() {
             let normal = (self.store.p(r.a) - p).cross(self.store.p(r.b) - p);
-            sum.add(&Tensor::outer(normal, self.metric.plane_weight(normal.length(), self.mean_face)));
+            sum.add(&Tensor::outer(
+                normal,
+                self.cost.metric.plane_weight(normal.length(), self.cost.mean_face),
+            ));
         }
         sum
     }
@@ -536,7 +540,7 @@ impl<M: Metric> Engine<M> {
         for joint in &bundle.joints {
             for w in [joint.u, joint.v] {
                 let step_sq = (joint.at - self.store.p(w)).length_squared();
-                if step_sq > self.rules.max_step_sq {
+                if step_sq > self.constraints.rules.max_step_sq {
                     return Err(Refusal::Cost);
                 }
             }
@@ -568,7 +572,7 @@ impl<M: Metric> Engine<M> {
             };
             let shape = |area_sq: f32, p: [Vec3; 3]| 12.0 * area_sq / (around(p) * around(p)).max(1e-37);
             let (old_shape, new_shape) = (shape(before_sq, p), shape(after_sq, q));
-            let turns = !((dot > 0.0) & (dot * dot > self.rules.max_turn * before_sq * after_sq));
+            let turns = !((dot > 0.0) & (dot * dot > self.constraints.rules.max_turn * before_sq * after_sq));
             // A face without area has no normal that could turn.
             if turns && (old_shape > NO_AREA || after_sq == 0.0) {
                 return Err(Refusal::NormalFlip);
@@ -576,21 +580,21 @@ impl<M: Metric> Engine<M> {
             if new_shape < NO_AREA && old_shape > new_shape {
                 return Err(Refusal::Quality);
             }
-            if new_shape < self.rules.min_shape && new_shape < old_shape {
+            if new_shape < self.constraints.rules.min_shape && new_shape < old_shape {
                 return Err(Refusal::Quality);
             }
             turned |= dot * dot < SUSPECT_TURN * before_sq * after_sq;
             for k in 0..3 {
                 let sides = [p, q].map(|p| (p[(k + 1) % 3] - p[k]).length_squared());
-                if sides[1] > self.rules.max_edge_sq && sides[1] > sides[0] {
+                if sides[1] > self.constraints.rules.max_edge_sq && sides[1] > sides[0] {
                     return Err(Refusal::EdgeLength);
                 }
             }
         }
-        if self.metric.is_memoryless() {
+        if self.cost.metric.is_memoryless() {
             cost += self.peak_weight().min(PEAK_OF_STAR * area) * peak;
         }
-        if peak > self.rules.max_step_sq {
+        if peak > self.constraints.rules.max_step_sq {
             return Err(Refusal::Cost);
         }
         self.ask_valence(bundle)?;
@@ -602,7 +606,7 @@ impl<M: Metric> Engine<M> {
     }
 
     fn ask_valence(&self, bundle: &Bundle) -> Result<(), Refusal> {
-        if self.rules.max_valence == usize::MAX {
+        if self.constraints.rules.max_valence == usize::MAX {
             return Ok(());
         }
         for joint in &bundle.joints {
@@ -611,7 +615,7 @@ impl<M: Metric> Engine<M> {
             around.extend(stays.flat_map(|c| c.after).filter(|w| *w != joint.u));
             around.sort_unstable();
             around.dedup();
-            if around.len() > self.rules.max_valence {
+            if around.len() > self.constraints.rules.max_valence {
                 return Err(Refusal::Valence);
             }
         }
@@ -675,10 +679,10 @@ impl<M: Metric> Engine<M> {
         if self.late.is_none() {
             return cost;
         }
-        self.wings.clear();
+        self.scratch.wings.clear();
         for end in [u, v] {
             self.store.ring(end, ring);
-            self.wings.add_rim(ring, |r| r.has(u) || r.has(v));
+            self.scratch.wings.add_rim(ring, |r| r.has(u) || r.has(v));
         }
         let [x, z] = [u, v].map(|w| self.store.v[w.index()].origin);
         self.charge(x, z, at, cost, tau, probe)
@@ -714,7 +718,7 @@ impl<M: Metric> Engine<M> {
             self.refresh(w, ring);
             self.forget_lines(w);
         }
-        self.pairs_contracted += bundle.joints.len();
+        self.tally.pairs_contracted += bundle.joints.len();
     }
 
     /// Gives all corners of `v` to `u`, at the place `at`.
@@ -740,9 +744,9 @@ impl<M: Metric> Engine<M> {
             record.merge(merged, origin);
         }
         self.merge_prices(origin, merged);
-        if !self.metric.is_memoryless() {
+        if !self.cost.metric.is_memoryless() {
             let (d, y) = (z.p - x.p, at - x.p);
-            self.store.v[u.index()].q = self.metric.merged(&self.metric.form(&x.q, &z.q, d), y);
+            self.store.v[u.index()].q = self.cost.metric.merged(&self.cost.metric.form(&x.q, &z.q, d), y);
             self.merge_lines([x.origin, z.origin], d, y);
         }
         let kept = &mut self.store.v[u.index()];
@@ -755,6 +759,6 @@ impl<M: Metric> Engine<M> {
         removed.kind = removed.kind.gone();
         self.store.bound[v.index()] = f32::INFINITY;
         self.store.live_vertices -= 1;
-        self.collapses += 1;
+        self.tally.collapses += 1;
     }
 }

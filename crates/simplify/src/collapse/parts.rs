@@ -91,7 +91,8 @@ fn all_but_the_dearest(mut order: Vec<usize>, cost: &[f32]) -> Vec<usize> {
 impl<M: Metric> Engine<M> {
     /// Removes whole parts, the cheapest first, until the goal is met or one part is left. Says whether it is met.
     pub(crate) fn remove_parts(&mut self, goal: &Goal) -> bool {
-        let stay = self.keeps_parts || self.rules.topology == TopologyPolicy::Preserve;
+        let stay =
+            self.constraints.keeps_parts || self.constraints.rules.topology == TopologyPolicy::Preserve;
         if stay || self.needed(goal).is_none() {
             return false;
         }
@@ -113,22 +114,22 @@ impl<M: Metric> Engine<M> {
     /// remove than some collapses were. `cuts` is whether necks could be cut as well. Cost: O(n), but only for a run that
     /// was not at ease or is small.
     pub(crate) fn has_parts_in_the_way(&self, cuts: bool) -> bool {
-        let is_asked = self.is_strained || self.store.live_faces < ALWAYS_ASKED;
-        if !is_asked || self.parts.is_some() {
+        let is_asked = self.tally.is_strained || self.store.live_faces < ALWAYS_ASKED;
+        if !is_asked || self.topology.parts.is_some() {
             return false;
         }
         let parts = self.find_parts().1;
         let weight = if cuts { IN_TURN } else { 1.0 };
         let rates: Vec<f32> = parts.iter().map(|p| self.rate(p, weight * p.worth(), p.faces)).collect();
         let all = (0..parts.len()).filter(|&i| parts[i].faces > 0).collect();
-        let cheap = all_but_the_dearest(all, &rates).into_iter().filter(|&i| rates[i] <= self.paid);
+        let cheap = all_but_the_dearest(all, &rates).into_iter().filter(|&i| rates[i] <= self.tally.paid);
         let faces: usize = cheap.map(|i| parts[i].faces).sum();
         faces as f64 > IN_THE_WAY * self.store.live_faces as f64
     }
 
     /// What two faces cost of a part that is worth so much and has so many faces left.
     fn rate(&self, part: &Part, worth: f32, faces: usize) -> f32 {
-        self.metric.part_rate(2.0 * worth / faces as f32, &part.size(faces), self.mean_face)
+        self.cost.metric.part_rate(2.0 * worth / faces as f32, &part.size(faces), self.cost.mean_face)
     }
 
     /// Lets parts go in the order of costs from here on. The store is compact.
@@ -158,20 +159,21 @@ impl<M: Metric> Engine<M> {
     }
 
     fn watch(&mut self, part_of: Vec<u32>, parts: Vec<Part>) {
-        let weight = if self.cuts_necks { IN_TURN } else { 1.0 };
+        let weight = if self.constraints.cuts_necks { IN_TURN } else { 1.0 };
         let cost = parts.iter().map(|p| p.cost() * weight).collect();
         let worth = parts.iter().map(|p| p.worth() * weight).collect();
-        self.parts = Some(Parts { part_of, of_input: parts, cost, worth, changes: self.changes_of_parts() });
+        self.topology.parts =
+            Some(Parts { part_of, of_input: parts, cost, worth, changes: self.changes_of_parts() });
     }
 
     /// Drops the parts of which a face is not dearer than `tau` for a collapse, which takes two.
     pub(crate) fn drop_cheap_parts(&mut self, goal: &Goal, tau: f32) {
-        if self.parts.as_ref().is_some_and(|p| p.changes != self.changes_of_parts()) {
+        if self.topology.parts.as_ref().is_some_and(|p| p.changes != self.changes_of_parts()) {
             // What was cut off is a part of its own now, and what grew together no longer.
             self.store.compact();
             self.watch_parts();
         }
-        let Some(parts) = self.parts.take() else { return };
+        let Some(parts) = self.topology.parts.take() else { return };
         let mut faces = vec![0usize; parts.cost.len()];
         for t in self.store.t.iter().filter(|t| t[0] != NONE) {
             faces[parts.part_of[self.store.v[t[0].index()].origin.index()] as usize] += 1;
@@ -184,7 +186,7 @@ impl<M: Metric> Engine<M> {
             let part_of: Vec<u32> = self.store.v.iter().map(|x| parts.part_of[x.origin.index()]).collect();
             self.drop_parts(goal, &order, false, &faces, &parts.cost, &part_of);
         }
-        self.parts = Some(parts);
+        self.topology.parts = Some(parts);
     }
 
     /// Says what is wrong with the parts that are watched: each number has one, which there is, and faces lie in one each.
@@ -206,7 +208,7 @@ impl<M: Metric> Engine<M> {
     }
 
     fn changes_of_parts(&self) -> [usize; 2] {
-        [self.necks_cut, self.pairs_contracted]
+        [self.tally.necks_cut, self.tally.pairs_contracted]
     }
 
     /// Drops these parts, in this order, until the goal is met, but for those that would leave the result far below it;
@@ -249,10 +251,10 @@ impl<M: Metric> Engine<M> {
             };
             at += 1;
             gone[i] = true;
-            self.lost += f64::from(cost[i]);
+            self.tally.lost += f64::from(cost[i]);
             self.store.live_faces -= faces[i];
             self.store.live_vertices -= vertices[i];
-            self.parts_removed += 1;
+            self.tally.parts_removed += 1;
             if let Some(faces_of) = &faces_of {
                 faces_of[i].iter().for_each(|&f| self.store.t[f][0] = NONE);
                 let face = 2.0 * cost[i] / faces[i].max(1) as f32;
@@ -295,7 +297,7 @@ impl<M: Metric> Engine<M> {
 
     /// Where borders are locked, parts with a border must stay. Cost: O(n log n), there alone.
     fn keep_locked_borders(&self, part_of: &[u32], faces: &[[VertexId; 3]], parts: &mut [Part]) {
-        if self.rules.border != BorderPolicy::Lock {
+        if self.constraints.rules.border != BorderPolicy::Lock {
             return;
         }
         let living = faces.iter().filter(|t| t[0] != NONE);

@@ -371,7 +371,7 @@ impl<M: Metric> Engine<M> {
             record.log.dead.push((FaceId::new(f), *t));
         }
         let all: Vec<usize> = (0..self.store.t.len()).collect();
-        record.note(&self.store, self.attributes.as_ref(), (&all, &[]), (f32::NEG_INFINITY, 0.0, 0.0));
+        record.note(&self.store, self.values.attributes.as_ref(), (&all, &[]), (f32::NEG_INFINITY, 0.0, 0.0));
         record.keys.fill(f32::NEG_INFINITY);
         self.record = Some(record);
     }
@@ -392,8 +392,8 @@ impl<M: Metric> Engine<M> {
         let Some(mut record) = self.record.take() else { return };
         let moved: Vec<VertexId> =
             moved.iter().copied().filter(|w| !self.store.v[w.index()].kind.is_locked()).collect();
-        let paid = (cost, self.spent, self.lost);
-        record.note(&self.store, self.attributes.as_ref(), (faces, &moved), paid);
+        let paid = (cost, self.tally.spent, self.tally.lost);
+        record.note(&self.store, self.values.attributes.as_ref(), (faces, &moved), paid);
         self.record = Some(record);
     }
 
@@ -401,8 +401,8 @@ impl<M: Metric> Engine<M> {
     pub(crate) fn resume(&mut self, cuts_necks: bool) {
         self.store.bound = vec![super::bound::UNKNOWN; self.store.v.len()];
         self.store.link();
-        self.cuts_necks = cuts_necks;
-        self.keeps_parts = false;
+        self.constraints.cuts_necks = cuts_necks;
+        self.constraints.keeps_parts = false;
         self.watch_parts();
         if let Some(record) = &mut self.record {
             record.bar();

@@ -227,7 +227,7 @@ impl<M: Metric> Engine<M> {
     #[inline(always)]
     pub(super) fn weight_of(&self, edge: &Edge, seams: bool) -> f32 {
         if edge.faces != 2 {
-            return self.rules.border_weight;
+            return self.constraints.rules.border_weight;
         }
         if seams && edge.is_sharp() {
             return CREASE;
@@ -250,7 +250,7 @@ impl<M: Metric> Engine<M> {
         if s.region != t.region && self.store.class(s.region) != self.store.class(t.region) {
             return true;
         }
-        let Some(attributes) = &self.attributes else { return s.region == t.region };
+        let Some(attributes) = &self.values.attributes else { return s.region == t.region };
         let here = |s: &Side| attributes.heads[s.here.index()].hard[usize::from(s.ends)];
         let there = |s: &Side| attributes.heads[s.there.index()].hard[usize::from(!s.ends)];
         (here(s) || here(t)) && (there(s) || there(t))
@@ -260,7 +260,9 @@ impl<M: Metric> Engine<M> {
     /// reach, what lies beyond is another piece of the texture. A smaller jump is one between faces with the same
     /// piece each, as in palettes.
     pub(super) fn mark_hard_seams(&mut self, u: VertexId, edges: &[Edge]) {
-        let (Some(attributes), Some(wedges)) = (&mut self.attributes, &self.store.wedges) else { return };
+        let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
+            return;
+        };
         if attributes.textures.is_empty() {
             return;
         }
@@ -285,13 +287,13 @@ impl<M: Metric> Engine<M> {
     /// cost. Refusing that too cost CesiumMan its limbs at 10 %, for nothing else was left.)
     pub(crate) fn ask_seams(&self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Result<(), Refusal> {
         let (ku, kv) = (self.store.v[u.index()].kind, self.store.v[v.index()].kind);
-        if self.looseness == Looseness::Regions
+        if self.constraints.looseness == Looseness::Regions
             || !(ku.is_seam() || kv.is_seam())
             || !(ku.has_lines() && kv.has_lines())
         {
             return Ok(());
         }
-        let is_line = |ring: &Ring, w| match self.looseness {
+        let is_line = |ring: &Ring, w| match self.constraints.looseness {
             Looseness::None => self.line_weight(ring, w, true) > SOFT,
             Looseness::Creases => self.store.edge(ring, w).is_some_and(|edge| self.is_hard_edge(&edge)),
             _ => faces_at(ring, w) != 2 || self.store.is_region_edge(ring, w),
@@ -299,7 +301,7 @@ impl<M: Metric> Engine<M> {
         if !is_line(ru, v) {
             let both = self.store.meets_classes(ru) && self.store.meets_classes(rv);
             let creases = || self.store.meets_creases(ru) && self.store.meets_creases(rv);
-            let refuses = both || self.looseness == Looseness::None && creases();
+            let refuses = both || self.constraints.looseness == Looseness::None && creases();
             return if refuses { Err(Refusal::Seam) } else { Ok(()) };
         }
         for r in ru.iter().filter(|r| r.has(v)) {

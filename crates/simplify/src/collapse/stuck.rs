@@ -5,7 +5,7 @@ use lodsmith_core::VertexId;
 use super::attributes::Member;
 use super::cut::may_cut;
 use super::kind::Kind;
-use super::{Candidate, Engine, Outcome, Scratch};
+use super::{Candidate, Engine, Outcome, VisitScratch};
 use crate::guard::Rules;
 use crate::metric::Metric;
 use crate::options::{Length, SimplifyOptions, TopologyPolicy};
@@ -33,13 +33,13 @@ impl<M: Metric> Engine<M> {
             return Vec::new();
         }
         let kinds: Vec<Kind> = self.store.v.iter().map(|x| x.kind).collect();
-        let (own, cuts_necks) = (self.rules, self.cuts_necks);
+        let (own, cuts_necks) = (self.constraints.rules, self.constraints.cuts_necks);
         // Some look possible as it is, until their wedges are handed over.
         let base = self.possible();
         best(&open, &mut |changes| {
             let changed = changes.iter().fold(options.clone(), |o, c| c.applied(&o));
-            self.rules = rules(&changed);
-            self.cuts_necks = may_cut(&changed);
+            self.constraints.rules = rules(&changed);
+            self.constraints.cuts_necks = may_cut(&changed);
             if changed.locked.is_none() {
                 self.store.v.iter_mut().for_each(|x| x.kind = x.kind.locked(false));
             }
@@ -55,7 +55,7 @@ impl<M: Metric> Engine<M> {
                 _ => 0,
             };
             let gain = self.possible().saturating_sub(base) + parts + pairs;
-            (self.rules, self.cuts_necks) = (own, cuts_necks);
+            (self.constraints.rules, self.constraints.cuts_necks) = (own, cuts_necks);
             for (x, &kind) in self.store.v.iter_mut().zip(&kinds) {
                 x.kind = kind;
             }
@@ -65,10 +65,10 @@ impl<M: Metric> Engine<M> {
 
     /// Edges that could be collapsed at some cost.
     fn possible(&mut self) -> usize {
-        let (mut scratch, mut count) = (Scratch::default(), 0);
+        let (mut scratch, mut count) = (VisitScratch::default(), 0);
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             self.evaluate_at_any_cost(u, &mut scratch);
-            let Scratch { ru, rv, found, members, .. } = &mut scratch;
+            let VisitScratch { ru, rv, found, members, .. } = &mut scratch;
             for candidate in &found.within {
                 count += usize::from(self.is_possible(u, candidate, ru, rv, members));
             }

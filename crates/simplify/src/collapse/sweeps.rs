@@ -5,7 +5,7 @@ use wide::f32x8;
 
 use super::bound::Histogram;
 use super::commit::Outcome;
-use super::{BRINGS_FROM, End, Engine, Goal, Original, Scratch, late, record};
+use super::{BRINGS_FROM, End, Engine, Goal, Original, VisitScratch, late, record};
 use crate::control::{Control, Verdict};
 use crate::metric::Metric;
 
@@ -102,8 +102,8 @@ impl<M: Metric> Engine<M> {
 
     /// Looks around before the first sweep.
     pub(crate) fn begin_sweeps(&mut self, goal: &Goal) -> Sweeps {
-        let mut scratch = Scratch::default();
-        self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
+        let mut scratch = VisitScratch::default();
+        self.cost.area = (self.cost.total_area / self.store.live_faces.max(1) as f64) as f32;
         let first = self.first_bounds(&mut scratch);
         let begun_with = self.needed(goal).unwrap_or(self.store.live_faces / 2).max(1);
         Sweeps {
@@ -126,7 +126,7 @@ impl<M: Metric> Engine<M> {
 
     /// The bounds of some vertices spread over the mesh, for the first threshold: the exact cost of the edge that looks
     /// cheapest, because an evaluation cannot tell flat from nearly flat. Of a small mesh, all.
-    fn first_bounds(&mut self, scratch: &mut Scratch) -> Vec<f32> {
+    fn first_bounds(&mut self, scratch: &mut VisitScratch) -> Vec<f32> {
         let most = if self.counts_attributes() { FIRST_LOOK_AT_WEDGES } else { FIRST_LOOK };
         let count = self.store.v.len();
         let looks = if count <= most { most } else { (count / LOOK_SHARE).clamp(FEWEST_LOOKS, most) };
@@ -134,10 +134,10 @@ impl<M: Metric> Engine<M> {
         let mut bounds = Vec::with_capacity(looks);
         for u in (0..count).step_by(step).map(|i| VertexId(i as u32)) {
             self.evaluate_at_any_cost(u, scratch);
-            let Scratch { ru, rv, found, .. } = &mut *scratch;
+            let VisitScratch { ru, rv, found, .. } = &mut *scratch;
             let best = found.take_cheapest();
             bounds.push(best.map_or(f32::INFINITY, |best| {
-                if !self.crowds.admit(ru.len() + self.store.listed(best.removed).len()) {
+                if !self.constraints.crowds.admit(ru.len() + self.store.listed(best.removed).len()) {
                     return best.cost;
                 }
                 self.store.ring(best.removed, rv);
@@ -176,7 +176,7 @@ impl<M: Metric> Engine<M> {
     ) -> Option<End> {
         let extreme = self.is_extreme(goal);
         self.find_details(goal);
-        let (mut scratch, mut visits) = (Scratch::default(), Vec::new());
+        let (mut scratch, mut visits) = (VisitScratch::default(), Vec::new());
         'sweeps: for _ in 0..MOST_SWEEPS {
             self.check_if_asked(original);
             // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
@@ -208,8 +208,9 @@ impl<M: Metric> Engine<M> {
                 let mut next = self.threshold(&histogram, looked_at, goal);
                 if sweeps.probe {
                     // What a probe finds is exact; an evaluation may see more, and needs a higher threshold to be tried.
-                    sweeps.lift = if self.collapses == sweeps.at_probe { sweeps.lift * 16.0 } else { 1.0 };
-                    sweeps.at_probe = self.collapses;
+                    sweeps.lift =
+                        if self.tally.collapses == sweeps.at_probe { sweeps.lift * 16.0 } else { 1.0 };
+                    sweeps.at_probe = self.tally.collapses;
                     next = (next * sweeps.lift).min(f32::MAX);
                     (sweeps.highest, sweeps.idle) = (next, 0);
                 }
@@ -217,14 +218,14 @@ impl<M: Metric> Engine<M> {
                 sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
                 sweeps.highest = sweeps.highest.max(sweeps.tau);
                 (sweeps.probe, sweeps.probed) = (false, sweeps.probe);
-                (sweeps.at_threshold, sweeps.wanted) = (self.collapses, self.wanted(goal));
+                (sweeps.at_threshold, sweeps.wanted) = (self.tally.collapses, self.wanted(goal));
             }
             let (tau, probe) = (sweeps.tau, sweeps.probe);
-            self.area = (self.total_area / self.store.live_faces.max(1) as f64) as f32;
-            let before = self.collapses;
-            let refused = self.refused();
+            self.cost.area = (self.cost.total_area / self.store.live_faces.max(1) as f64) as f32;
+            let before = self.tally.collapses;
+            let refused = self.tally.refused();
             let done = |engine: &Self| engine.done(goal, sweeps.begun_with, sweeps.start_faces);
-            if self.pairs.is_some() {
+            if self.topology.pairs.is_some() {
                 let mut ask = |engine: &Self| control.progress(done(engine));
                 match self.contract_pairs(goal, tau, probe, &mut ask) {
                     Verdict::Continue => {}
@@ -236,7 +237,7 @@ impl<M: Metric> Engine<M> {
             let goal_vertices = goal.vertices.unwrap_or(0);
             let count = self.store.v.len();
             let brings = count >= BRINGS_FROM;
-            self.crowds.begin_sweep();
+            self.constraints.crowds.begin_sweep();
             'vertices: for start in (0..count).step_by(ASK_EVERY) {
                 match control.progress(done(self)) {
                     Verdict::Continue => {}
@@ -267,12 +268,12 @@ impl<M: Metric> Engine<M> {
                 return Some(End::Goal);
             }
             sweeps.swept = true;
-            sweeps.idle = if self.collapses == before { sweeps.idle + 1 } else { 0 };
+            sweeps.idle = if self.tally.collapses == before { sweeps.idle + 1 } else { 0 };
             if sweeps.idle == 0 {
-                self.paid = self.paid.max(tau);
-                self.is_strained |= !sweeps.is_at_ease;
+                self.tally.paid = self.tally.paid.max(tau);
+                self.tally.is_strained |= !sweeps.is_at_ease;
             }
-            if self.parts.is_some() && !probe {
+            if self.topology.parts.is_some() && !probe {
                 self.drop_cheap_parts(goal, tau);
                 if self.needed(goal) == Some(0) {
                     return Some(End::Goal);
@@ -297,24 +298,27 @@ impl<M: Metric> Engine<M> {
             }
             let (histogram, looked_at) = self.bounds();
             if histogram.known() == 0 {
-                if sweeps.probed && !probe && self.rules.max_cost.is_finite() {
+                if sweeps.probed && !probe && self.constraints.rules.max_cost.is_finite() {
                     // Collapses since the last probe may have made room for edges that it saw refused: probe again.
                     sweeps.probe = true;
                     continue;
                 }
-                if sweeps.probed && self.rules.max_cost.is_finite() {
+                if sweeps.probed && self.constraints.rules.max_cost.is_finite() {
                     // Nothing but what is refused stays below the limit.
-                    return Some(if self.refused() == refused { End::Exhausted } else { End::Stuck });
+                    return Some(if self.tally.refused() == refused { End::Exhausted } else { End::Stuck });
                 }
-                if sweeps.probed && self.details.take().is_some() {
+                if sweeps.probed && self.constraints.details.take().is_some() {
                     // The target comes first.
                     (sweeps.probe, sweeps.probed) = (true, true);
                     continue;
                 }
-                let looser = self.looseness.looser(self.store.creases.is_some(), self.attributes.is_some());
+                let looser = self
+                    .constraints
+                    .looseness
+                    .looser(self.store.creases.is_some(), self.values.attributes.is_some());
                 if let (true, Some(looser)) = (sweeps.probed, looser) {
                     // Better a seam out of place than a whole part gone.
-                    self.looseness = looser;
+                    self.constraints.looseness = looser;
                     (sweeps.probe, sweeps.probed) = (true, true);
                     continue;
                 }
@@ -353,7 +357,7 @@ impl<M: Metric> Engine<M> {
     /// The bounds of all vertices, and of pairs.
     pub(super) fn bounds(&self) -> (Histogram, usize) {
         let mut histogram = Histogram::of(&self.store.bound);
-        if let Some(pairs) = &self.pairs {
+        if let Some(pairs) = &self.topology.pairs {
             histogram.add(pairs.bounds());
         }
         (histogram, self.store.v.len())
@@ -368,15 +372,15 @@ impl<M: Metric> Engine<M> {
 
     /// Whether a goal has a late phase.
     pub(super) fn is_extreme(&self, goal: &Goal) -> bool {
-        !self.metric.decides().is_metric()
-            && goal.faces.is_some_and(|n| late::is_extreme(n, self.first_faces))
+        !self.cost.metric.decides().is_metric()
+            && goal.faces.is_some_and(|n| late::is_extreme(n, self.tally.first_faces))
     }
 
     /// Whether the late phase is to begin.
     fn is_late(&self, extreme: bool) -> bool {
         let begin = match self.record {
-            Some(_) => late::begin_of_record(self.first_faces),
-            None => late::begin(self.first_faces, self.counts_attributes()),
+            Some(_) => late::begin_of_record(self.tally.first_faces),
+            None => late::begin(self.tally.first_faces, self.counts_attributes()),
         };
         extreme && self.late.is_none() && self.store.live_faces < begin
     }

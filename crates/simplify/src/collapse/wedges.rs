@@ -53,7 +53,7 @@ impl<M: Metric> Engine<M> {
         ru: &Ring,
         rv: &Ring,
     ) -> Result<HandedOver, Refusal> {
-        match (&self.wedge_data, &self.store.wedges) {
+        match (&self.values.wedge_data, &self.store.wedges) {
             (Some(data), Some(_)) => self.exchange_wedges(data, u, v, step, off, ru, rv),
             _ => Ok(Vec::new()),
         }

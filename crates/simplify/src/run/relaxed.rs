@@ -88,7 +88,7 @@ impl Run<'_, '_> {
         let mut ways = Vec::new();
         let seams_stand_in_way = trunk.engine.has_relaxed_seams() || trunk.engine.has_seams_in_the_way();
         let mut parts = true;
-        if trunk.engine.parts_removed == 0 || end == End::Finish {
+        if trunk.engine.tally.parts_removed == 0 || end == End::Finish {
             parts = end == End::Stuck || trunk.engine.part_count() > 1;
             let outcome = self.finish(&mut trunk.engine, &trunk.root, end, false, control)?;
             parts |= outcome.spares_necks;
@@ -232,7 +232,7 @@ mod tests {
                     other.let_go(&mut its, true, &run.source(&trunk.root));
                     trunk.engine = other;
                     run.go_on(&mut trunk, &mut its, &goal, Pause::Never, &mut NoControl).unwrap();
-                    assert!(trunk.engine.necks_cut > 0);
+                    assert!(trunk.engine.tally.necks_cut > 0);
                 }
                 (trunk.engine, sweeps) = fork.again(&mut trunk.engine);
                 let end = run.go_on(&mut trunk, &mut sweeps, &goal, Pause::Never, &mut NoControl).unwrap();

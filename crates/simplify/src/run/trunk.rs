@@ -75,7 +75,7 @@ impl Run<'_, '_> {
 
         control.stage(Stage::Collapse);
         if leave.parts {
-            engine.cuts_necks = leave.cuts;
+            engine.constraints.cuts_necks = leave.cuts;
             engine.watch_parts();
         }
         if leave.seams {
@@ -123,7 +123,7 @@ impl Run<'_, '_> {
         let spares_parts = may_relax && engine.has_parts_in_the_way(may_cut);
         let spares_necks = may_relax && may_cut && engine.has_necks_in_the_way();
         let mut fitted = None;
-        let wants_fit = self.wants_fit(engine.metric.decides()) && engine.collapses > 0;
+        let wants_fit = self.wants_fit(engine.cost.metric.decides()) && engine.tally.collapses > 0;
         if wants_fit {
             control.stage(Stage::Fit);
             if control.progress(0.0) == Verdict::Cancel {
@@ -131,23 +131,23 @@ impl Run<'_, '_> {
             }
             let away = engine.estimate(None);
             // What comes after the fit asks who went where only to tell it, or where necks are parted again.
-            let is_last = !self.is_traced && engine.necks_cut == 0;
+            let is_last = !self.is_traced && engine.tally.necks_cut == 0;
             let home = if is_last { engine.store.take_homes() } else { engine.store.homes() };
-            fitted = self.fit::<M>(&mut engine.store, &mut engine.attributes, root, &home, away);
+            fitted = self.fit::<M>(&mut engine.store, &mut engine.values.attributes, root, &home, away);
         }
-        if engine.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
+        if engine.tally.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
             engine.part_touching();
         }
         let rows = root.rows.as_ref();
         if !self.options.keeps_blended_normals
             && let (Some(attributes), Some(rows), Some(input)) =
-                (&mut engine.attributes, rows, self.input.mesh)
+                (&mut engine.values.attributes, rows, self.input.mesh)
         {
             normals::repair(&mut engine.store, attributes, rows, input);
         }
-        let mut mesh = self.result(&engine.store, engine.attributes.as_ref(), rows)?;
+        let mut mesh = self.result(&engine.store, engine.values.attributes.as_ref(), rows)?;
         if let (true, Some(attributes), Some(wedges)) =
-            (engine.has_relaxed_seams(), &engine.attributes, &engine.store.wedges)
+            (engine.has_relaxed_seams(), &engine.values.attributes, &engine.store.wedges)
         {
             mesh = rebuild::dressed_again(self, &mesh, (attributes, wedges))?;
         }
@@ -166,13 +166,13 @@ impl Run<'_, '_> {
             estimate: frame.user_length(engine.estimate(fitted)),
             end,
             fitted: wants_fit,
-            refusals: engine.refusals,
-            collapses: engine.collapses,
-            faces_visited: engine.faces_visited,
-            parts_removed: engine.parts_removed,
-            necks_cut: engine.necks_cut,
-            pairs_contracted: engine.pairs_contracted,
-            touches: engine.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0,
+            refusals: engine.tally.refusals,
+            collapses: engine.tally.collapses,
+            faces_visited: engine.tally.faces_visited,
+            parts_removed: engine.tally.parts_removed,
+            necks_cut: engine.tally.necks_cut,
+            pairs_contracted: engine.tally.pairs_contracted,
+            touches: engine.tally.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0,
             seams_relaxed: engine.has_relaxed_seams(),
             spares_seams: engine.has_seams_in_the_way(),
             is_strained: engine.is_strained(),
@@ -190,8 +190,10 @@ impl Run<'_, '_> {
     /// Which part of the input each vertex of it and of the result belongs to, where colours are looked at and parts did
     /// not grow together. Cost: O(n).
     fn own_parts<M: Metric>(&self, engine: &Engine<M>, root: &Root) -> Option<OwnParts> {
-        let mesh =
-            self.input.mesh.filter(|_| self.options.textures.is_some() && engine.pairs_contracted == 0)?;
+        let mesh = self
+            .input
+            .mesh
+            .filter(|_| self.options.textures.is_some() && engine.tally.pairs_contracted == 0)?;
         let mut of = Vec::new();
         self.source(root).with(&mut |points, faces| of = parts::labels(points.len(), faces));
         let of_vertex = |v: VertexId| {
