@@ -77,7 +77,7 @@ impl<M: Metric> Engine<M> {
         }
         let mut ring = Ring::default();
         for u in self.store.living() {
-            self.store.ring_as_listed(u, &mut ring);
+            self.store.ring(u, &mut ring);
             self.check_kind(u, &ring)?;
             if self.cost.metric.is_memoryless() {
                 self.check_tensor(u, &ring, checks)?;

@@ -273,11 +273,16 @@ impl<M: Metric> Engine<M> {
             self.cost.metric.merged(&form, y)
         };
         for spoke in rv {
-            // (By selection: which two triangles go could not be foretold.)
+            let face = spoke.corner.face();
+            // (By selection: which triangles go is unpredictable.)
             let goes = spoke.has(u);
-            let t = &mut self.store.t[spoke.corner.face()];
+            let t = &mut self.store.t[face];
             t[if goes { 0 } else { spoke.corner.k() }] = if goes { NONE } else { u };
             self.store.live_faces -= usize::from(goes);
+            if goes {
+                // (The lists of the two ends are made anew below.)
+                self.store.unlist(if spoke.a == u { spoke.b } else { spoke.a }, face);
+            }
         }
         let count = ru.len() + rv.len() - 2 * shared;
         let slots = self.store.relist(u, v, count);
@@ -392,7 +397,7 @@ impl<M: Metric> Engine<M> {
             let [here, there] = [w.a, w.b].map(|o| self.store.listed(o));
             for &c in if here.len() <= there.len() { here } else { there } {
                 let t = &self.store.t[c.face()];
-                if t[0] == NONE || c.face() == w.corner.face() || ![w.a, w.b].iter().all(|o| t.contains(o)) {
+                if c.face() == w.corner.face() || ![w.a, w.b].iter().all(|o| t.contains(o)) {
                     continue;
                 }
                 let [p, q, r] = t.map(|o| self.store.p(o));

@@ -266,12 +266,8 @@ impl<M: Metric> Engine<M> {
         if !store.v[u.index()].kind.is_feature() {
             return None;
         }
-        let ring: Vec<[VertexId; 2]> = store
-            .listed(u)
-            .iter()
-            .filter(|c| store.t[c.face()][0] != NONE)
-            .map(|c| [1, 2].map(|i| store.t[c.face()][(c.k() + i) % 3]))
-            .collect();
+        let ring: Vec<[VertexId; 2]> =
+            store.listed(u).iter().map(|c| [1, 2].map(|i| store.t[c.face()][(c.k() + i) % 3])).collect();
         let (mut out, mut length) = (Vec3::ZERO, 0f32);
         for &[a, b] in &ring {
             let (to_a, to_b) = (store.p(a) - store.p(u), store.p(b) - store.p(u));

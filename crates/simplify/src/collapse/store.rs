@@ -138,7 +138,7 @@ pub(crate) struct Vertex<Q> {
     /// Its number in the ordered input.
     pub(crate) origin: VertexId,
     head: u32,
-    /// Length of its list, dead triangles included until the next walk.
+    /// Length of its list of corners.
     count: u32,
     room: u32,
     pub(crate) kind: Kind,
@@ -550,31 +550,20 @@ impl<Q: Memory> Store<Q> {
         }
     }
 
-    /// The live corners of `u`, in the order of the list; tidies the list on the way.
+    /// Fills a ring with the corners of `u`, in the order of the list.
     #[inline(always)]
-    pub(crate) fn ring(&mut self, u: VertexId, out: &mut Ring) {
-        let x = &mut self.v[u.index()];
-        let head = x.head as usize;
-        let list = &mut self.corners[head..head + x.count as usize];
+    pub(crate) fn ring(&self, u: VertexId, out: &mut Ring) {
+        let list = self.listed(u);
         let slots = &mut out.room(list.len())[..list.len()];
         let t = &self.t[..];
-        // (Written all, kept those that live: a branch on it could not be foretold.)
-        let mut alive = 0;
-        for &corner in list.iter() {
+        for (slot, &corner) in slots.iter_mut().zip(list) {
             let (t, k) = (&t[corner.face()], corner.k());
-            slots[alive] = Spoke { corner, a: t[NEXT[k]], b: t[PREV[k]] };
-            alive += usize::from(t[0] != NONE);
+            *slot = Spoke { corner, a: t[NEXT[k]], b: t[PREV[k]] };
         }
-        if alive < list.len() {
-            for (slot, r) in list.iter_mut().zip(&slots[..alive]) {
-                *slot = r.corner;
-            }
-            x.count = alive as u32;
-        }
-        out.end(alive);
+        out.end(list.len());
     }
 
-    /// The corners of `u` as listed; all alive right after a compaction.
+    /// The corners of `u`, all of live triangles.
     #[inline(always)]
     pub(crate) fn listed(&self, u: VertexId) -> &[Corner] {
         let x = &self.v[u.index()];
@@ -648,10 +637,24 @@ impl<Q: Memory> Store<Q> {
         self.places.get(&origin).copied().unwrap_or(origin)
     }
 
-    /// Takes a triangle away.
+    /// Removes a triangle, from the lists of its vertices too.
     pub(crate) fn remove_face(&mut self, face: usize) {
+        for w in self.t[face] {
+            self.unlist(w, face);
+        }
         self.t[face][0] = NONE;
         self.live_faces -= 1;
+    }
+
+    /// Removes a triangle from the list of a vertex; the others keep their order.
+    #[inline(always)]
+    pub(super) fn unlist(&mut self, w: VertexId, face: usize) {
+        let x = &mut self.v[w.index()];
+        let list = &mut self.corners[x.head as usize..(x.head + x.count) as usize];
+        if let Some(i) = list.iter().position(|corner| corner.face() == face) {
+            list.copy_within(i + 1.., i);
+            x.count -= 1;
+        }
     }
 
     /// Lists the neighbours of `u` that come after it, each once.

@@ -2,7 +2,7 @@
 
 use lodsmith_core::VertexId;
 
-use super::{NONE, Ring, Store};
+use super::{NONE, Store};
 use crate::collapse::check::need;
 use crate::metric::Memory;
 
@@ -26,17 +26,6 @@ impl<Q: Memory> Store<Q> {
     /// The vertices that are not gone.
     pub(in crate::collapse) fn living(&self) -> impl Iterator<Item = VertexId> + '_ {
         (0..self.v.len()).map(VertexId::new).filter(|u| !self.v[u.index()].kind.is_gone())
-    }
-
-    /// The live corners of `u`, in the order of the list, which stays as it is; of a store that was checked.
-    pub(in crate::collapse) fn ring_as_listed(&self, u: VertexId, out: &mut Ring) {
-        let (mut alive, slots) = (0, out.room(self.listed(u).len()));
-        for &corner in self.listed(u).iter().filter(|c| self.t[c.face()][0] != NONE) {
-            let (a, b) = self.others_at(corner);
-            slots[alive] = super::Spoke { corner, a, b };
-            alive += 1;
-        }
-        out.end(alive);
     }
 
     fn check_lengths(&self) -> Result<(), String> {
@@ -99,7 +88,7 @@ impl<Q: Memory> Store<Q> {
         need(live == told, || format!("{live} vertices live, the count says {told}"))
     }
 
-    /// Each corner of a live face is in the list of its vertex, and no corner is in two lists or twice in one.
+    /// The list of each vertex has the corners of its live faces, each once, and nothing else.
     fn check_lists(&self, faces_at: &[u32]) -> Result<(), String> {
         let mut listed = vec![0u8; self.t.len()];
         let end = self.corners.len();
@@ -111,7 +100,6 @@ impl<Q: Memory> Store<Q> {
                     "vertex {u} has a list of {count} in a room of {room} from {head} on, of {end} corners"
                 )
             })?;
-            let mut live = 0;
             for &corner in &self.corners[head..head + count] {
                 let (f, k) = (corner.face(), corner.k());
                 let Some(&t) = self.t.get(f).filter(|_| k < 3) else {
@@ -120,15 +108,15 @@ impl<Q: Memory> Store<Q> {
                 let is_new = listed[f] & 1 << k == 0;
                 need(is_new, || format!("the corner {k} of face {f} is listed twice, last at {u}"))?;
                 listed[f] |= 1 << k;
-                if t[0] != NONE {
-                    live += 1;
-                    need(t[k] == u, || {
-                        format!("vertex {u} lists the corner {k} of face {f}, which is of {}", t[k])
-                    })?;
-                }
+                need(t[0] != NONE, || format!("vertex {u} lists face {f}, which is gone"))?;
+                need(t[k] == u, || {
+                    format!("vertex {u} lists the corner {k} of face {f}, which is of {}", t[k])
+                })?;
             }
             let wanted = faces_at[u.index()];
-            need(live == wanted, || format!("vertex {u} has {wanted} live faces and lists {live}"))?;
+            need(count == wanted as usize, || {
+                format!("vertex {u} has {wanted} live faces and lists {count}")
+            })?;
         }
         Ok(())
     }
@@ -200,7 +188,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::collapse::store::Corner;
+    use crate::collapse::store::{Corner, Ring};
     use crate::tensor::Tensor;
 
     /// A tetrahedron beside a square of two faces, one vertex of which was merged into another.
@@ -222,7 +210,7 @@ mod tests {
     fn each_broken_invariant_is_told() {
         assert_eq!(sound().check(), Ok(()));
         type Breaks = fn(&mut Store<Tensor>);
-        let cases: [(Breaks, &str); 21] = [
+        let cases: [(Breaks, &str); 22] = [
             (|s| s.bound.truncate(8), "9 vertices have 8 bounds"),
             (|s| s.regions = Some(Vec::new()), "7 faces have 0 regions"),
             (|s| s.first_wedge = vec![lodsmith_core::WedgeId(0)], "9 vertices have 1 first wedges"),
@@ -238,6 +226,7 @@ mod tests {
             (|s| s.v[3].p.x = f32::NAN, "vertex 3 stands at"),
             (|s| s.v[3].count += 1, "has a list of 4 in a room of 3"),
             (|s| s.v[3].count -= 1, "vertex 3 has 3 live faces and lists 2"),
+            (|s| (s.t[3][0], s.live_faces) = (NONE, 5), "lists face 3, which is gone"),
             (|s| s.v[8].kind = s.v[7].kind, "vertex 8 lives without a face"),
             (|s| s.v[3].head = s.v[0].head, "is listed twice, last at 3"),
             (|s| s.corners[0] = Corner::new(3, 1), "lists the corner 1 of face 3, which is of 2"),
@@ -262,15 +251,18 @@ mod tests {
     }
 
     #[test]
-    fn dead_corners_may_stay_listed_until_the_next_walk() {
+    fn a_face_that_goes_leaves_the_lists_in_order() {
         let mut store = sound();
-        let listed = |store: &Store<Tensor>| store.listed(VertexId(7)).len();
-        assert_eq!((store.check(), listed(&store)), (Ok(()), 2));
-        let (mut ring, mut tidied) = (Ring::default(), Ring::default());
-        store.ring_as_listed(VertexId(7), &mut ring);
-        assert_eq!(listed(&store), 2);
-        store.ring(VertexId(7), &mut tidied);
-        assert_eq!((store.check(), listed(&store)), (Ok(()), 1));
-        assert_eq!((ring[0].corner, ring.len()), (tidied[0].corner, tidied.len()));
+        let faces = |store: &Store<Tensor>, u| -> Vec<usize> {
+            store.listed(VertexId(u)).iter().map(|c| c.face()).collect()
+        };
+        assert_eq!([0, 1, 2, 3, 7].map(|u| faces(&store, u).len()), [3, 3, 3, 3, 1]);
+        assert_eq!(faces(&store, 0), [0, 1, 2]);
+        store.remove_face(1);
+        assert_eq!([0, 2, 3].map(|u| faces(&store, u)), [vec![0, 2], vec![0, 3], vec![2, 3]]);
+        assert_eq!(store.check(), Ok(()));
+        let mut ring = Ring::default();
+        store.ring(VertexId(3), &mut ring);
+        assert_eq!(ring.iter().map(|r| (r.a.0, r.b.0)).collect::<Vec<_>>(), [(1, 0), (2, 1)]);
     }
 }
