@@ -37,6 +37,7 @@ pub(crate) mod kind;
 mod late;
 mod link_condition;
 mod lock;
+mod marks;
 mod merge;
 mod near;
 pub(crate) mod order;
@@ -65,12 +66,13 @@ use crate::tensor::Tensor;
 use attributes::{Attributes, Member};
 use bound::UNKNOWN;
 use check::Checks;
-use commit::{Candidate, Outcome};
+use commit::{Attempt, Candidate, Outcome};
 use crowds::Crowds;
 use details::Details;
-use evaluate::Found;
+use evaluate::{Found, OwnedEdges};
 use kind::Kind;
-use late::Late;
+use late::{Late, LateScratch};
+use marks::Marks;
 use merge::Merge;
 use pairs::Pairs;
 use parts::Parts;
@@ -124,9 +126,21 @@ pub(crate) trait Original {
     fn with(&self, look: &mut Look<'_>);
 }
 
-/// A run of the engine: each field is a value of its own, and none but `store` grows with the mesh by much.
+/// The engine: a mesh, what was done to it, and buffers. Nothing is shared, so two engines can run side by side.
 #[derive(Clone)]
 pub(crate) struct Engine<M: Metric> {
+    pub(crate) mesh: LiveMesh<M>,
+    /// Log of all changes, for progressive meshes.
+    pub(crate) record: Option<Box<Record>>,
+    pub(crate) tally: Tally,
+    scratch: Scratch,
+    /// State of the checks that walk every invariant after each sweep (debug builds).
+    pub(crate) checks: Option<Checks>,
+}
+
+/// The mesh that is being collapsed, with all that collapses are judged by. What only looks at it takes `&self`.
+#[derive(Clone)]
+pub(crate) struct LiveMesh<M: Metric> {
     pub(crate) store: Store<M::Memory>,
     pub(crate) cost: Cost<M>,
     pub(crate) constraints: Constraints,
@@ -134,12 +148,6 @@ pub(crate) struct Engine<M: Metric> {
     /// Samples of the input at the vertices, in the last phase of a run to few faces.
     late: Option<Late>,
     pub(crate) topology: Topology,
-    /// Log of all changes, for progressive meshes.
-    pub(crate) record: Option<Box<Record>>,
-    pub(crate) tally: Tally,
-    scratch: Scratch,
-    /// State of the checks that walk every invariant after each sweep (debug builds).
-    pub(crate) checks: Option<Checks>,
 }
 
 /// The metric, and what costs are measured by.
@@ -167,8 +175,6 @@ pub(crate) struct Constraints {
     prices: Option<Vec<f32>>,
     /// Small parts that keep their area because they stand out.
     details: Option<Box<Details>>,
-    /// Budget of work at vertices of many faces.
-    crowds: Crowds,
     /// True if a collapse that would pinch the surface may cut it there instead.
     pub(crate) cuts_necks: bool,
     /// True if whole parts stay even when nothing else can go.
@@ -214,6 +220,8 @@ pub(crate) struct Tally {
     is_strained: bool,
     /// Faces that the first sweep begins with.
     first_faces: usize,
+    /// What is left of the budget of work at vertices of many faces.
+    crowds: Crowds,
 }
 
 impl Tally {
@@ -240,6 +248,8 @@ struct Scratch {
     rim: Vec<(VertexId, bool, f32)>,
     /// Edges of the star that is looked at.
     edges: Vec<Edge>,
+    late: LateScratch,
+    marks: Marks,
 }
 
 impl<M: Metric> Engine<M> {
@@ -252,8 +262,7 @@ impl<M: Metric> Engine<M> {
         wedge_data: Option<Wedges>,
         attributes: Option<Attributes>,
     ) -> (Self, usize) {
-        let crowds = Crowds::default();
-        let mut engine = Self {
+        let mesh = LiveMesh {
             store,
             cost: Cost { metric, area: 0.0, total_area: 0.0, mean_face: 1.0, lines: Vec::new() },
             constraints: Constraints {
@@ -261,40 +270,39 @@ impl<M: Metric> Engine<M> {
                 looseness: Looseness::None,
                 prices: None,
                 details: None,
-                crowds,
                 cuts_necks: false,
                 keeps_parts: false,
             },
             values: Values { attributes, wedge_data },
             late: None,
             topology: Topology::default(),
-            record: None,
-            tally: Tally::default(),
-            scratch: Scratch::default(),
-            checks: None,
         };
-        if cfg!(debug_assertions) && engine.store.t.len() < check::CHECKED_BELOW {
+        let (record, tally, scratch) = (None, Tally::default(), Scratch::default());
+        let mut engine = Self { mesh, record, tally, scratch, checks: None };
+        if cfg!(debug_assertions) && engine.mesh.store.t.len() < check::CHECKED_BELOW {
             engine.checks = Some(Checks::default());
         }
-        let ends = engine.weigh();
-        let (mut special, duplicates) = engine.classify(ends);
+        let ends = engine.mesh.weigh();
+        let (mut special, duplicates) = engine.mesh.classify(ends);
         if duplicates > 0 {
-            engine.store.compact();
-            engine.store.unweigh();
-            for x in &mut engine.store.v {
+            engine.mesh.store.compact();
+            engine.mesh.store.unweigh();
+            for x in &mut engine.mesh.store.v {
                 x.kind = Kind::default().locked(x.kind.is_locked());
             }
-            let ends = engine.weigh();
-            (special, _) = engine.classify(ends);
+            let ends = engine.mesh.weigh();
+            (special, _) = engine.mesh.classify(ends);
         }
-        engine.constraints.crowds = Crowds::of(engine.store.live_faces);
-        engine.leave_out_unused(&special);
-        engine.weigh_attributes();
-        engine.weigh_lines(special);
-        engine.tally.first_faces = engine.store.live_faces;
+        engine.tally.crowds = Crowds::of(engine.mesh.store.live_faces);
+        engine.mesh.leave_out_unused(&special);
+        engine.mesh.weigh_attributes();
+        engine.mesh.weigh_lines(special);
+        engine.tally.first_faces = engine.mesh.store.live_faces;
         (engine, duplicates)
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// Kinds of all vertices, where none but locks is known, right after the corner lists were filled up to these ends;
     /// drops faces that stand twice. Says which vertices may be more than one inside a closed fan, and how many faces are
     /// gone.
@@ -479,24 +487,29 @@ impl<M: Metric> Engine<M> {
     fn counts_attributes(&self) -> bool {
         self.values.attributes.as_ref().is_some_and(Attributes::counts)
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// Evaluates all edges that `u` owns; leaves its ring.
     #[inline(never)]
     fn evaluate_at_any_cost(&mut self, u: VertexId, scratch: &mut VisitScratch) {
         let VisitScratch { ru, owned, found, members, .. } = scratch;
-        self.store.ring(u, ru);
-        self.store.list_owned(u, ru, owned);
+        self.mesh.store.ring(u, ru);
+        let Self { mesh, scratch, tally, .. } = self;
+        mesh.store.list_owned(u, ru, owned, &mut scratch.marks);
         found.clear();
-        self.evaluate_owned(u, owned, ru, members, f32::INFINITY, found);
+        let are_lone = mesh.know_wedges(u, owned);
+        let edges = OwnedEdges { u, owned, ring: ru, most: f32::INFINITY, are_lone };
+        mesh.evaluate_owned(&edges, members, found, scratch, tally);
     }
 
     /// Evaluates the edges that u owns, collapses the cheapest that costs at most tau and can, renews `bound[u]`.
     fn visit(&mut self, u: VertexId, tau: f32, probe: bool, scratch: &mut VisitScratch) {
         let VisitScratch { ru, rv, owned, found, members } = scratch;
-        self.store.ring(u, ru);
+        self.mesh.store.ring(u, ru);
         found.clear();
         self.tally.faces_visited += ru.len() as u64;
-        let owned = if self.store.v[u.index()].kind.is_regular() {
+        let owned = if self.mesh.store.v[u.index()].kind.is_regular() {
             // Inside closed fans every neighbour comes first in one of the triangles: no need to look at the second.
             // (Written all, kept some: a branch on the order could not be foretold.)
             if owned.len() < ru.len() {
@@ -509,12 +522,15 @@ impl<M: Metric> Engine<M> {
             }
             &owned[..n]
         } else {
-            self.store.list_owned(u, ru, owned);
+            self.mesh.store.list_owned(u, ru, owned, &mut self.scratch.marks);
             &owned[..]
         };
-        let stuck = self.evaluate_owned(u, owned, ru, members, tau, found);
+        let Self { mesh, scratch, tally, .. } = self;
+        let are_lone = mesh.know_wedges(u, owned);
+        let edges = OwnedEdges { u, owned, ring: ru, most: tau, are_lone };
+        let stuck = mesh.evaluate_owned(&edges, members, found, scratch, tally);
         let mut least = found.beyond();
-        let kind = self.store.v[u.index()].kind;
+        let kind = self.mesh.store.v[u.index()].kind;
         let why = match () {
             () if kind.is_locked() => Refusal::Locked,
             () if kind.is_border() => Refusal::Border,
@@ -523,11 +539,11 @@ impl<M: Metric> Engine<M> {
         self.tally.refusals[why as usize] += stuck;
         while let Some(candidate) = found.take_cheapest() {
             // A vertex that was not looked at yet owns edges of unknown cost; they are looked at in the next sweep.
-            let inherited = match self.store.bound[candidate.removed.index()] {
+            let inherited = match self.mesh.store.bound[candidate.removed.index()] {
                 UNKNOWN => tau,
                 bound => bound,
             };
-            if !self.constraints.crowds.admit(ru.len() + self.store.listed(candidate.removed).len()) {
+            if !self.tally.crowds.admit(ru.len() + self.mesh.store.listed(candidate.removed).len()) {
                 self.tally.refuse(Refusal::Valence);
                 if !probe {
                     least = least.min(4.0 * tau + 1e-20);
@@ -538,8 +554,14 @@ impl<M: Metric> Engine<M> {
                 }
                 continue;
             }
-            self.store.ring(candidate.removed, rv);
-            match self.collapse(u, &candidate, tau, probe, ru, rv) {
+            self.mesh.store.ring(candidate.removed, rv);
+            match self.collapse(&Attempt {
+                kept: u,
+                candidate: &candidate,
+                tau,
+                is_probe: probe,
+                rings: [&*ru, &*rv],
+            }) {
                 Outcome::Done => {
                     least = found.within.iter().fold(least.min(inherited), |l, f| l.min(f.cost));
                     break;
@@ -547,7 +569,7 @@ impl<M: Metric> Engine<M> {
                 Outcome::Later(cost) => least = least.min(cost),
                 Outcome::Refused(why) => {
                     self.tally.refuse(why);
-                    if let Some(other) = self.at_an_end(u, &candidate, why, tau, ru, members) {
+                    if let Some(other) = self.mesh.at_an_end(u, &candidate, why, tau, ru, members) {
                         found.within.push(other);
                     } else if !probe {
                         // Asked again when the sweeps have come this far; things change around here.
@@ -556,9 +578,11 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        self.store.bound[u.index()] = least;
+        self.mesh.store.bound[u.index()] = least;
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// Where faces would turn or vanish at the best place, one of the ends may do, the kept one first, if it does
     /// not cost too much.
     fn at_an_end(
@@ -600,7 +624,9 @@ impl<M: Metric> Engine<M> {
             self.constraints.looseness = Looseness::Seams;
         }
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// Whether a sweep collapsed anything after sweeps were no longer at ease.
     pub(crate) fn is_strained(&self) -> bool {
         self.tally.is_strained
@@ -608,9 +634,13 @@ impl<M: Metric> Engine<M> {
 
     /// Whether a run that kept seams on their lines paid for it, and seams refused collapses.
     pub(crate) fn has_seams_in_the_way(&self) -> bool {
-        self.tally.is_strained && !self.has_relaxed_seams() && self.tally.refusals[Refusal::Seam as usize] > 0
+        self.tally.is_strained
+            && !self.mesh.has_relaxed_seams()
+            && self.tally.refusals[Refusal::Seam as usize] > 0
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// Whether seams had to give way.
     pub(crate) fn has_relaxed_seams(&self) -> bool {
         matches!(self.constraints.looseness, Looseness::Seams | Looseness::Regions)
@@ -620,14 +650,16 @@ impl<M: Metric> Engine<M> {
     pub(crate) fn has_relaxed_creases(&self) -> bool {
         self.store.creases.is_some() && self.constraints.looseness != Looseness::None
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// The RMS distance of the result, in the unit frame: from that of the fit, or from the costs paid. A collapse that
     /// lifts the tip of a star by h over triangles of area A adds A h² / 6 to the integral of the squared distance, and
     /// costs 2 A h².
     pub(crate) fn estimate(&self, fitted: Option<f64>) -> f64 {
-        let area = self.cost.total_area.max(f64::MIN_POSITIVE);
+        let area = self.mesh.cost.total_area.max(f64::MIN_POSITIVE);
         let kept =
-            fitted.map_or(self.cost.metric.kept_loss() * self.tally.spent / 6.0 / area, |rms| rms * rms);
+            fitted.map_or(self.mesh.cost.metric.kept_loss() * self.tally.spent / 6.0 / area, |rms| rms * rms);
         // Not all of a part is as far from the rest as it is large: a quarter, in squares. (Guessed.)
         (kept + 0.25 * self.tally.lost / area).sqrt()
     }

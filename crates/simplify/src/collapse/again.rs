@@ -3,39 +3,41 @@
 use lodsmith_core::VertexId;
 
 use super::attributes::Slopes;
-use super::{Engine, Goal, Sweeps};
+use super::{Engine, Goal, LiveMesh, Sweeps};
 use crate::metric::Metric;
 
 impl<M: Metric> Engine<M> {
     /// A copy that goes on just as this one would.
     pub(crate) fn branch(&self) -> Self {
         let mut copy = self.clone();
-        copy.store.make_room_of(&self.store);
+        copy.mesh.store.make_room_of(&self.mesh.store);
         copy
     }
 
     /// Makes a finished engine ready for more sweeps, with attributes that count `weights` from here on.
     pub(crate) fn reopen(&mut self, weights: Option<&[f32]>) {
-        self.store.reopen();
-        self.count(weights);
+        self.mesh.store.reopen();
+        self.mesh.count(weights);
     }
 
     /// Lets sweeps that forked go on to a lower goal, with attributes that count `weights` from here on.
     pub(crate) fn go_on_to(&mut self, sweeps: &mut Sweeps, goal: &Goal, weights: Option<&[f32]>) {
-        if self.values.attributes.is_some() && weights.is_some() {
+        if self.mesh.values.attributes.is_some() && weights.is_some() {
             // Tensors are made of what lives.
-            self.store.compact();
-            if self.count(weights) && sweeps.next.is_some() {
+            self.mesh.store.compact();
+            if self.mesh.count(weights) && sweeps.next.is_some() {
                 if sweeps.swept {
-                    sweeps.next = Some(self.bounds());
+                    sweeps.next = Some(self.mesh.bounds());
                 } else {
                     *sweeps = self.begin_sweeps(goal);
                 }
             }
         }
-        sweeps.begun_with = self.needed(goal).unwrap_or(self.store.live_faces / 2).max(1);
+        sweeps.begun_with = self.mesh.needed(goal).unwrap_or(self.mesh.store.live_faces / 2).max(1);
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// Lets attributes of a compact store count differently; whether that changed anything.
     fn count(&mut self, weights: Option<&[f32]>) -> bool {
         let Some((attributes, weights)) = self.values.attributes.as_mut().zip(weights) else { return false };

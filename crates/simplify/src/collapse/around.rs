@@ -2,17 +2,17 @@
 
 use lodsmith_core::VertexId;
 
-use super::Engine;
 use super::commit::Candidate;
-use super::evaluate::Found;
+use super::evaluate::{Found, OwnedEdges};
 use super::seams::Edge;
 use super::store::{Ring, Spoke};
+use super::{LiveMesh, Scratch, Tally};
 use crate::guard::BORDER;
 use crate::metric::{Around, At, Judge, Line, Metric, Place, Wall};
 use crate::options::Placement;
 use crate::report::Refusal;
 
-impl<M: Metric> Engine<M> {
+impl<M: Metric> LiveMesh<M> {
     /// Where kinds and options let the merged vertex of u-v go; `None` if neither end may move.
     pub(super) fn place(&self, u: VertexId, v: VertexId) -> Option<Place> {
         let [x, z] = [u, v].map(|w| self.store.v[w.index()].kind);
@@ -35,34 +35,33 @@ impl<M: Metric> Engine<M> {
     /// Adds what the metric says of the edges from `u` to `owned`, each by itself. Says how many may not go.
     #[inline(never)]
     pub(super) fn judge_owned(
-        &mut self,
-        u: VertexId,
-        owned: &[VertexId],
-        ru: &Ring,
-        most: f32,
+        &self,
+        &OwnedEdges { u, owned, ring: ru, most, .. }: &OwnedEdges<'_>,
         found: &mut Found,
+        scratch: &mut Scratch,
+        tally: &mut Tally,
     ) -> u64 {
-        let mut rv = std::mem::take(&mut self.scratch.other_ring);
+        let mut rv = std::mem::take(&mut scratch.other_ring);
         let mut stuck = 0;
         for &v in owned {
             if !matches!(self.cost.metric.decides(), Judge::Ends)
-                && !self.constraints.crowds.admit(ru.len() + self.store.listed(v).len())
+                && !tally.crowds.admit(ru.len() + self.store.listed(v).len())
             {
-                self.tally.refuse(Refusal::Valence);
+                tally.refuse(Refusal::Valence);
                 continue;
             }
             match self.cost.metric.decides() {
                 Judge::Ends => rv.clear(),
                 _ => self.store.ring(v, &mut rv),
             }
-            match self.judged(u, v, ru, &rv) {
+            match self.judged(u, v, ru, &rv, scratch, tally) {
                 Some(c) if c.cost <= self.constraints.rules.max_cost => found.add(c, most),
                 Some(_) => {}
                 // What is beyond the limit anyway is not refused.
                 None => stuck += u64::from(self.is_within_limit(u, v)),
             }
         }
-        self.scratch.other_ring = rv;
+        scratch.other_ring = rv;
         stuck
     }
 
@@ -73,15 +72,20 @@ impl<M: Metric> Engine<M> {
 
     /// What the metric says of the edge u-v; `None` if it may not go.
     #[inline(never)]
-    pub(super) fn judged(&mut self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Option<Candidate> {
+    pub(super) fn judged(
+        &self,
+        u: VertexId,
+        v: VertexId,
+        ru: &Ring,
+        rv: &Ring,
+        scratch: &mut Scratch,
+        tally: &mut Tally,
+    ) -> Option<Candidate> {
         let place = self.place(u, v)?;
-        self.tally.faces_visited += (ru.len() + rv.len()) as u64;
-        let mut around = std::mem::take(&mut self.scratch.around);
-        let mut edges = std::mem::take(&mut self.scratch.edges);
-        self.look_around([u, v], place, [ru, rv], &mut around, &mut edges);
-        self.scratch.edges = edges;
-        let judged = self.cost.metric.judge(&around, self.cost.mean_face);
-        self.scratch.around = around;
+        tally.faces_visited += (ru.len() + rv.len()) as u64;
+        let Scratch { around, edges, .. } = scratch;
+        self.look_around([u, v], place, [ru, rv], around, edges);
+        let judged = self.cost.metric.judge(around, self.cost.mean_face);
         // (A cost without bound, on input of extreme sizes, would look like one that is not known.)
         judged.map(|(cost, step)| Candidate { cost: cost.clamp(0.0, f32::MAX), removed: v, step, sure: 0.0 })
     }

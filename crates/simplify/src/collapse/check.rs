@@ -14,7 +14,7 @@ use wide::f32x4;
 
 use super::order::NONE;
 use super::store::Ring;
-use super::{Engine, Original};
+use super::{Engine, LiveMesh, Original};
 use crate::metric::Metric;
 
 /// Debug builds check meshes of fewer faces than this after each sweep: nearly all of those in the tests. (On larger ones
@@ -69,23 +69,25 @@ impl<M: Metric> Engine<M> {
     ///
     /// Cost: O(n log n).
     pub(crate) fn check(&self, checks: &mut Checks) -> Result<(), String> {
-        self.store.check()?;
+        self.mesh.store.check()?;
         self.check_companions()?;
-        self.remember(checks);
-        if let Some(attributes) = &self.values.attributes {
-            attributes.check(&self.store, checks)?;
+        self.mesh.remember(checks);
+        if let Some(attributes) = &self.mesh.values.attributes {
+            attributes.check(&self.mesh.store, checks)?;
         }
         let mut ring = Ring::default();
-        for u in self.store.living() {
-            self.store.ring(u, &mut ring);
-            self.check_kind(u, &ring)?;
-            if self.cost.metric.is_memoryless() {
-                self.check_tensor(u, &ring, checks)?;
+        for u in self.mesh.store.living() {
+            self.mesh.store.ring(u, &mut ring);
+            self.mesh.check_kind(u, &ring)?;
+            if self.mesh.cost.metric.is_memoryless() {
+                self.mesh.check_tensor(u, &ring, checks)?;
             }
         }
         Ok(())
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// Notes how large things are by now.
     fn remember(&self, checks: &mut Checks) {
         let traces = self.store.living().map(|u| M::tensor_of(&self.store.v[u.index()].q).trace());
@@ -98,28 +100,32 @@ impl<M: Metric> Engine<M> {
             checks.has_thin |= (b - a).cross(c - a).length() < THIN * longest;
         }
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// What is kept beside the store fits it.
     fn check_companions(&self) -> Result<(), String> {
-        let numbers = self.store.merged_into.len();
-        if let Some(prices) = &self.constraints.prices {
+        let numbers = self.mesh.store.merged_into.len();
+        if let Some(prices) = &self.mesh.constraints.prices {
             need(prices.len() == numbers, || format!("{numbers} numbers have {} prices", prices.len()))?;
         }
         for (name, cost) in [("spent", self.tally.spent), ("lost", self.tally.lost)] {
             need(cost >= 0.0, || format!("the costs {name} are {cost}"))?;
         }
-        if let Some(parts) = &self.topology.parts {
+        if let Some(parts) = &self.mesh.topology.parts {
             self.check_parts(parts)?;
         }
-        if let Some(late) = &self.late {
-            late.check(self.store.living().map(|u| self.store.v[u.index()].origin))?;
+        if let Some(late) = &self.mesh.late {
+            late.check(self.mesh.store.living().map(|u| self.mesh.store.v[u.index()].origin))?;
         }
-        if let Some(pairs) = &self.topology.pairs {
-            pairs.check(&self.store)?;
+        if let Some(pairs) = &self.mesh.topology.pairs {
+            pairs.check(&self.mesh.store)?;
         }
         Ok(())
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// The kind is that of the present star, but for what may stay of an earlier one.
     fn check_kind(&self, u: VertexId, ring: &Ring) -> Result<(), String> {
         let (told, now) = (self.store.v[u.index()].kind, self.kind_now(u, ring));
@@ -147,13 +153,15 @@ impl<M: Metric> Engine<M> {
         let most = told.less(&now).0.into_iter().fold(0f32, |most, x| most.max(x.abs()));
         need(most <= within, || format!("vertex {u} has {told:?}, its star {now:?} (within {within:e})"))
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// A vertex that did not move stands where that of the input does whose number it has; and as long as no part is gone,
     /// each vertex of the input that a face has became one that lives.
     fn check_against(&self, points: &[Vec3], faces: &[[VertexId; 3]]) -> Result<(), String> {
-        for u in self.store.living() {
-            let x = &self.store.v[u.index()];
-            let place = self.store.place_of(x.origin);
+        for u in self.mesh.store.living() {
+            let x = &self.mesh.store.v[u.index()];
+            let place = self.mesh.store.place_of(x.origin);
             if !x.kind.is_moved() {
                 let given = points.get(place.index()).copied();
                 need(given == Some(x.p), || {
@@ -164,12 +172,12 @@ impl<M: Metric> Engine<M> {
         if self.tally.parts_removed > 0 || self.tally.pairs_contracted > 0 {
             return Ok(());
         }
-        let mut homes = vec![NONE; self.store.merged_into.len()];
-        self.store.living().for_each(|u| homes[self.store.v[u.index()].origin.index()] = u);
+        let mut homes = vec![NONE; self.mesh.store.merged_into.len()];
+        self.mesh.store.living().for_each(|u| homes[self.mesh.store.v[u.index()].origin.index()] = u);
         for &w in faces.as_flattened() {
             let mut root = w;
-            while self.store.merged_into[root.index()] != root {
-                root = self.store.merged_into[root.index()];
+            while self.mesh.store.merged_into[root.index()] != root {
+                root = self.mesh.store.merged_into[root.index()];
             }
             need(homes[root.index()] != NONE, || format!("number {w} became {root}, which does not live"))?;
         }
@@ -195,16 +203,24 @@ mod tests {
         type Breaks = fn(&mut Engine<Memoryless>, VertexId);
         // Of a vertex on the seam and of one off it.
         let cases: [(bool, Breaks, &str); 9] = [
-            (true, |e, u| e.store.v[u.index()].kind = e.store.v[u.index()].kind.on_seam(false), "is of Kind"),
+            (
+                true,
+                |e, u| e.mesh.store.v[u.index()].kind = e.mesh.store.v[u.index()].kind.on_seam(false),
+                "is of Kind",
+            ),
             (
                 false,
-                |e, u| e.store.v[u.index()].q.0[0] += 0.01 * e.store.v[u.index()].q.trace(),
+                |e, u| e.mesh.store.v[u.index()].q.0[0] += 0.01 * e.mesh.store.v[u.index()].q.trace(),
                 "its star Tensor",
             ),
-            (true, |e, u| e.store.v[u.index()].q = Tensor::default(), "less than its planes"),
-            (false, |e, u| e.constraints.prices = Some(vec![1.0; u.index()]), "numbers have"),
+            (true, |e, u| e.mesh.store.v[u.index()].q = Tensor::default(), "less than its planes"),
+            (false, |e, u| e.mesh.constraints.prices = Some(vec![1.0; u.index()]), "numbers have"),
             (false, |e, _| e.tally.spent = -1.0, "the costs spent are -1"),
-            (false, |e, u| e.store.first_wedge[u.index()] = e.store.first_wedge[0], "is in the chains of"),
+            (
+                false,
+                |e, u| e.mesh.store.first_wedge[u.index()] = e.mesh.store.first_wedge[0],
+                "is in the chains of",
+            ),
             (true, |e, u| first_head(e, u).faces += 1, "its head says"),
             (true, |e, u| first_head(e, u).area *= 1.1, "its head says"),
             (true, |e, u| first_head(e, u).next = lodsmith_core::WedgeId(u32::MAX), "in no chain"),
@@ -214,8 +230,9 @@ mod tests {
             assert_eq!(engine.check(&mut Checks::default()), Ok(()));
             for (on_seam, breaks, told) in cases {
                 let mut broken = engine.clone();
-                let is_wanted = |u: &VertexId| u.0 > 0 && broken.store.v[u.index()].kind.is_seam() == on_seam;
-                let u = broken.store.living().find(is_wanted).expect("there is one");
+                let is_wanted =
+                    |u: &VertexId| u.0 > 0 && broken.mesh.store.v[u.index()].kind.is_seam() == on_seam;
+                let u = broken.mesh.store.living().find(is_wanted).expect("there is one");
                 breaks(&mut broken, u);
                 let why = broken.check(&mut Checks::default()).expect_err(told);
                 assert!(why.contains(told), "{why}; not: {told}");
@@ -225,8 +242,8 @@ mod tests {
 
     /// What is known of the first wedge of a vertex.
     fn first_head(engine: &mut Engine<Memoryless>, u: VertexId) -> &mut crate::collapse::attributes::Head {
-        let first = engine.store.first_wedge[u.index()];
-        &mut engine.values.attributes.as_mut().expect("there are some").heads[first.index()]
+        let first = engine.mesh.store.first_wedge[u.index()];
+        &mut engine.mesh.values.attributes.as_mut().expect("there are some").heads[first.index()]
     }
 
     #[test]
@@ -235,11 +252,11 @@ mod tests {
         with_engine(Memoryless, &mesh, &SimplifyOptions::new(Stop::ratio(0.5)), &mut |engine, run| {
             let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept: true };
             let mut told = Ok(());
-            let points: Vec<Vec3> = engine.store.v.iter().map(|x| x.p).collect();
+            let points: Vec<Vec3> = engine.mesh.store.v.iter().map(|x| x.p).collect();
             source.with(&mut |points, faces| told = engine.check_against(points, faces));
             assert_eq!(told, Ok(()));
-            engine.store.v[3].p.x += 1e-6;
-            let faces = engine.store.t.clone();
+            engine.mesh.store.v[3].p.x += 1e-6;
+            let faces = engine.mesh.store.t.clone();
             let why = engine.check_against(&points, &faces).expect_err("vertex 3 moved");
             assert!(why.contains("vertex 3 has not moved"), "{why}");
         });

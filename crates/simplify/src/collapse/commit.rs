@@ -1,13 +1,16 @@
-//! One collapse: the last checks, the exact cost, and the change itself.
+//! One collapse in three steps: `check` asks topology and guards, `price` finds the exact cost, `apply` makes the change.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
-use super::Engine;
+use super::cut::Neck;
 use super::kind::distinct;
+use super::late::Charge;
 use super::order::NONE;
 use super::store::{Ring, Vertex};
-use super::wings::{End, Verdict, Wing};
+use super::wedges::HandedOver;
+use super::wings::{End, StarStats, Wing, Wings};
+use super::{Engine, LiveMesh, Scratch, Tally};
 use crate::metric::{Form, Judge, Metric, TIE};
 use crate::options::BorderPolicy;
 use crate::report::Refusal;
@@ -23,19 +26,26 @@ pub(super) const PEAK_OF_STAR: f32 = 0.3;
 /// Cosine between two faces at an edge below which they lie back to back.
 pub(super) const FOLD: f32 = -0.8;
 
-/// No neighbour lies farther behind a vertex than this share of its step, both along the step: then it is a tip, or on a
-/// rim, and its old place may be left bare.
+/// If no neighbour lies farther behind a vertex than this share of its displacement, along the displacement, the collapse
+/// shortens a tip or leaves a rim. Distances to planes do not see that, so the distance of the old position to the new star
+/// counts as well.
 const BEHIND: f32 = -0.5;
-/// What the squared distance of a bare place counts against that of a plane. (Measured on horse, horse400k, horse1.5m,
+/// Weight of that squared distance against one to a plane. (Measured on horse, horse400k, horse1.5m,
 /// nefertiti, brain_mri, bunny: the largest distances fall by up to ten, the means stay within a percent.)
 const BARE: f32 = 4.0;
 
-/// What came of a try.
+/// Result of trying a collapse.
 pub(crate) enum Outcome {
     Done,
     /// It costs this much, which is more than allowed now.
     Later(f32),
     Refused(Refusal),
+}
+
+impl From<Refusal> for Outcome {
+    fn from(why: Refusal) -> Self {
+        Self::Refused(why)
+    }
 }
 
 /// A collapse as it was evaluated: the merged vertex goes to the kept one's position + `step`.
@@ -44,64 +54,133 @@ pub(crate) struct Candidate {
     pub(crate) cost: f32,
     pub(crate) removed: VertexId,
     pub(crate) step: Vec3,
-    /// What its form says there, where that is known to a few digits; else 0.
+    /// The quadratic form at the new place, if it is not cancelled below a relative 1e-5; else 0. (Four are computed side
+    /// by side, with 0 as the lane that says nothing.)
     pub(crate) sure: f32,
 }
 
-/// Where the merged vertex goes: exactly onto the removed end where the step leads there.
+/// An edge to be collapsed, and how far the run goes now.
+#[derive(Clone, Copy)]
+pub(crate) struct Attempt<'a> {
+    pub(crate) kept: VertexId,
+    pub(crate) candidate: &'a Candidate,
+    /// Highest cost that is allowed now.
+    pub(crate) tau: f32,
+    /// True if only the cost is wanted: nothing is changed.
+    pub(crate) is_probe: bool,
+    /// Rings of the kept and the removed end.
+    pub(crate) rings: [&'a Ring; 2],
+}
+
+/// A collapse that topology and guards allow. The triangles of the star are in the scratch.
+pub(super) struct Checked {
+    /// Displacements of the kept and of the removed end.
+    steps: [Vec3; 2],
+    /// Position of the merged vertex.
+    at: Vec3,
+    /// Faces on the edge.
+    shared: usize,
+    /// The neck that is cut, where the collapse would pinch the surface.
+    neck: Option<Neck>,
+    /// True for an end that leaves its old place bare.
+    is_bare: [bool; 2],
+    /// Sum of the squared distances to the planes of the star, twice its area, and the largest squared distance.
+    planes: [f32; 3],
+    /// Cost by the metric, where that has the last word.
+    judged: f32,
+    /// Weight of the costs at these vertices, and the highest cost allowed now without it.
+    weight: f32,
+    tau: f32,
+    /// True if the form at the new place stands for the planes and values of the star.
+    is_sure: bool,
+}
+
+/// A collapse that may be done now.
+pub(super) struct Priced {
+    cost: f32,
+    /// Cost that adds up to the error of the result.
+    spent: f32,
+    /// Change of the area of a small detail.
+    detail: Option<(usize, f32)>,
+    handed_over: HandedOver,
+    charge: Option<Charge>,
+}
+
+/// Position of the merged vertex: exactly that of the removed end if the step leads there.
 #[inline(always)]
 pub(crate) fn merged_position(kept: Vec3, removed: Vec3, step: Vec3) -> Vec3 {
     if step == removed - kept { removed } else { kept + step }
 }
 
 impl<M: Metric> Engine<M> {
-    /// Merges `v` into `u` if topology, guards and exact cost allow it. With `probe` nothing is changed and the cost is
-    /// said.
+    /// Merges the candidate's end into the kept one if topology, guards and exact cost allow it. A probe changes nothing
+    /// and returns the cost.
     #[inline(never)]
-    pub(crate) fn collapse(
-        &mut self,
-        u: VertexId,
-        candidate: &Candidate,
-        tau: f32,
-        probe: bool,
-        ru: &Ring,
-        rv: &Ring,
-    ) -> Outcome {
+    pub(crate) fn collapse(&mut self, attempt: &Attempt<'_>) -> Outcome {
+        let Self { mesh, scratch, tally, .. } = self;
+        let checked = match mesh.check(attempt, scratch, tally) {
+            Ok(checked) => checked,
+            Err(outcome) => return outcome,
+        };
+        let priced = match mesh.price(attempt, &checked, scratch, tally) {
+            Ok(priced) => priced,
+            Err(outcome) => return outcome,
+        };
+        let (u, v, [ru, rv]) = (attempt.kept, attempt.candidate.removed, attempt.rings);
+        let cost = priced.cost * checked.weight;
+        let [into, from] = mesh.apply(attempt, &checked, &priced, scratch, tally);
+        match &checked.neck {
+            None => {
+                if let Some(record) = &mut self.record {
+                    record.merge(from, into);
+                }
+                self.note(ru.iter().chain(rv).map(|r| r.corner.face()), &[u], cost);
+            }
+            Some(neck) => self.note_cut(u, v, neck, [ru, rv], cost),
+        }
+        Outcome::Done
+    }
+}
+
+impl<M: Metric> LiveMesh<M> {
+    /// Checks topology, seams, locks and guards of a collapse, and fills the scratch with the triangles of the star.
+    #[inline(always)]
+    fn check(
+        &self,
+        attempt: &Attempt<'_>,
+        scratch: &mut Scratch,
+        tally: &mut Tally,
+    ) -> Result<Checked, Outcome> {
+        let &Attempt { kept: u, candidate, tau, is_probe, rings: [ru, rv] } = attempt;
         let (v, mut y) = (candidate.removed, candidate.step);
-        self.tally.faces_visited += (ru.len() + rv.len()) as u64;
-        // (Not as a pair: that would be copied twice.)
-        let x = self.store.v[u.index()];
-        let z = self.store.v[v.index()];
-        let price = self.price(x.origin, z.origin);
-        let tau = tau / price;
+        tally.faces_visited += (ru.len() + rv.len()) as u64;
+        let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
+        let weight = self.price_weight(x.origin, z.origin);
+        let tau = tau / weight;
         let mut neck = None;
-        let shared = match self.store.link_condition(u, v, ru, rv) {
+        let shared = match self.store.link_condition(u, v, ru, rv, &mut scratch.marks) {
             Ok(shared) => shared,
             Err(why) => {
-                neck = self.neck(u, v, ru, rv);
+                neck = self.neck(u, v, ru, rv, tally);
                 if neck.is_none() {
-                    return Outcome::Refused(why);
+                    return Err(why.into());
                 }
                 2
             }
         };
         if ru.len() + rv.len() == 2 * shared {
-            return Outcome::Refused(Refusal::Component);
+            return Err(Refusal::Component.into());
         }
-        if let Err(why) = self.ask_seams(u, v, ru, rv) {
-            return Outcome::Refused(why);
-        }
-        if let Err(why) = self.ask_locked(u, v, ru) {
-            return Outcome::Refused(why);
-        }
+        self.check_seams(u, v, ru, rv)?;
+        self.check_locked(u, v, ru)?;
         let d = z.p - x.p;
         let mut judged = candidate.cost;
         if matches!(self.cost.metric.decides(), Judge::FormThenStars) {
-            let Some(Candidate { cost, step, .. }) = self.judged(u, v, ru, rv) else {
-                return Outcome::Refused(Refusal::Locked);
+            let Some(Candidate { cost, step, .. }) = self.judged(u, v, ru, rv, scratch, tally) else {
+                return Err(Refusal::Locked.into());
             };
             if cost > tau {
-                return Outcome::Later(cost * price);
+                return Err(Outcome::Later(cost * weight));
             }
             (judged, y) = (cost, if step == d { d } else { step });
         }
@@ -109,53 +188,69 @@ impl<M: Metric> Engine<M> {
         let at = merged_position(x.p, z.p, y);
 
         // Exact cost and normals. A triangle at both ends counts twice, as in the evaluation.
-        let mut verdict = Verdict::default();
-        let mut bare = [false; 2];
-        self.scratch.wings.clear();
-        self.scratch.spokes.take_without(u, rv);
+        let mut stats = StarStats::default();
+        let mut is_bare = [false; 2];
+        scratch.wings.clear();
+        scratch.spokes.take_without(u, rv);
         let kept = End { from: x.p, step: y, other: Some(v) };
         let removed = End { from: z.p, step: off, other: None };
-        for (k, (spokes, end)) in [(ru, kept), (&self.scratch.spokes, removed)].into_iter().enumerate() {
-            let (wings, turn) = (&mut self.scratch.wings, self.constraints.rules.max_turn);
-            match self.store.look_at_wings(spokes, &end, at, turn, wings, &mut verdict) {
-                Ok(behind) => bare[k] = behind > BEHIND * end.step.length_squared(),
-                Err(why) => return Outcome::Refused(why),
-            }
+        for (k, (spokes, end)) in [(ru, kept), (&scratch.spokes, removed)].into_iter().enumerate() {
+            let (wings, turn) = (&mut scratch.wings, self.constraints.rules.max_turn);
+            let behind = self.store.look_at_wings(spokes, &end, at, turn, wings, &mut stats)?;
+            is_bare[k] = behind > BEHIND * end.step.length_squared();
         }
-        let (mut cost, area, mut peak) = verdict.sum();
-        if verdict.turns_far && self.folds(x.facing.direction() + z.facing.direction()) {
-            return Outcome::Refused(Refusal::NormalFlip);
+        let (cost, area, peak) = stats.sum();
+        let facing = || x.facing.direction() + z.facing.direction();
+        if stats.turns_far && self.folds(&scratch.wings, facing()) {
+            return Err(Refusal::NormalFlip.into());
         }
         let is_exact = matches!(self.cost.metric.decides(), Judge::Engine);
-        // What the form and the triangles say already may be too dear, before lines and attributes are looked at. (Where
-        // lines change with what lies beside them, the form does not know all of it.)
-        let on_lines = x.kind.has_lines() || z.kind.has_lines();
-        let is_sure = is_exact && !on_lines && candidate.sure > 0.0;
+        // The form and the triangles may cost too much already, before lines and attributes are looked at. (Where lines
+        // change with what lies beside them, the form does not know all of it.)
+        let is_on_lines = x.kind.has_lines() || z.kind.has_lines();
+        let is_sure = is_exact && !is_on_lines && candidate.sure > 0.0;
         if is_exact
             && self.values.attributes.is_some()
-            && !probe
+            && !is_probe
             && peak <= self.constraints.rules.max_step_sq
         {
             let known = if is_sure { candidate.sure + self.peak_weight() * peak } else { candidate.cost };
             if known > tau {
-                return Outcome::Later(known * price);
+                return Err(Outcome::Later(known * weight));
             }
         }
-        if self.constraints.rules.has_extra_guards()
-            && let Err(why) = self.ask_guards(at, x.p, z.p, shared, ru, rv)
-        {
-            return Outcome::Refused(why);
+        if self.constraints.rules.has_extra_guards() {
+            self.check_guards(&scratch.wings, at, [x.p, z.p], shared, [ru, rv])?;
         }
+        let planes = [cost, area, peak];
+        Ok(Checked { steps: [y, off], at, shared, neck, is_bare, planes, judged, weight, tau, is_sure })
+    }
+
+    /// The exact cost of a collapse that was checked, if it is no more than allowed; the scratch then holds the lines and
+    /// merged values that go with it.
+    #[inline(always)]
+    fn price(
+        &self,
+        attempt: &Attempt<'_>,
+        checked: &Checked,
+        scratch: &mut Scratch,
+        tally: &mut Tally,
+    ) -> Result<Priced, Outcome> {
+        let &Attempt { kept: u, candidate, is_probe, rings: [ru, rv], .. } = attempt;
+        let &Checked { steps: [y, off], at, is_bare, weight, tau, is_sure, .. } = checked;
+        let [mut cost, area, mut peak] = checked.planes;
+        let v = candidate.removed;
+        let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
+        let is_exact = matches!(self.cost.metric.decides(), Judge::Engine);
         // Feature edges of the star, by the end that stays; the edge u-v, if it is one, is listed with v.
-        self.scratch.rim.clear();
+        scratch.rim.clear();
         if (x.kind.has_lines() || z.kind.has_lines()) && self.has_lines() {
-            for (ring, other, at_u, end, step) in [(ru, v, true, &x, y), (rv, u, false, &z, off)] {
+            for (ring, other, at_u, end, step) in [(ru, v, true, x, y), (rv, u, false, z, off)] {
                 if !end.kind.has_lines() {
                     continue;
                 }
-                let mut edges = std::mem::take(&mut self.scratch.edges);
-                self.store.edges(ring, end.kind, &mut edges);
-                for e in &edges {
+                self.store.edges(ring, end.kind, &mut scratch.edges);
+                for e in &scratch.edges {
                     let (w, line) = (e.to, self.weight_of(e, end.kind.is_seam()));
                     if line == 0.0 || (w == other && !at_u) {
                         continue;
@@ -165,26 +260,25 @@ impl<M: Metric> Engine<M> {
                     let weight = if w == v { 2.0 } else { 1.0 };
                     cost += line * weight * c.length_squared();
                     peak = peak.max(c.length_squared() / edge.length_squared().max(1e-37));
-                    self.scratch.rim.push((w, at_u, line));
+                    scratch.rim.push((w, at_u, line));
                 }
-                self.scratch.edges = edges;
             }
         }
-        // What is too dear already need not be known to the last digit.
+        // What costs too much already need not be known to the last digit.
         if is_sure {
             cost = cost.max(candidate.sure);
-        } else if is_exact && self.values.attributes.is_some() && (cost <= tau || probe) {
-            self.prepare_merge(u, v, y, ru);
-            cost += self.attribute_cost(u, v, y, ru.len());
+        } else if is_exact && self.values.attributes.is_some() && (cost <= tau || is_probe) {
+            self.prepare_merge(u, v, y, ru, &mut scratch.merge);
+            cost += self.attribute_cost(u, v, y, ru.len(), &scratch.wings, &mut scratch.merge);
         }
-        let mut plain = cost;
+        let mut spent = cost;
         if is_exact {
             let peak_weight = self.peak_weight();
             let mut weighted = peak_weight.min(PEAK_OF_STAR * area) * peak;
             // A tip that draws back along its own planes leaves none of them, but its place.
-            for (from, step, bare) in [(x.p, y, bare[0]), (z.p, off, bare[1])] {
-                if bare && peak_weight * step.length_squared() > 0.5 * cost {
-                    let distance = BARE * self.distance_to_star(from, at);
+            for (from, step, is_bare) in [(x.p, y, is_bare[0]), (z.p, off, is_bare[1])] {
+                if is_bare && peak_weight * step.length_squared() > 0.5 * cost {
+                    let distance = BARE * self.distance_to_star(&scratch.wings, from, at);
                     peak = peak.max(distance);
                     weighted = weighted.max(peak_weight * distance);
                 }
@@ -192,69 +286,96 @@ impl<M: Metric> Engine<M> {
             cost += weighted;
             cost += 0.5 * TIE * area * (y.length_squared() + off.length_squared());
         } else {
-            cost = judged;
+            cost = checked.judged;
         }
         if peak > self.constraints.rules.max_step_sq {
-            return Outcome::Refused(Refusal::Cost);
+            return Err(Refusal::Cost.into());
         }
         if !self.cost.metric.decides().is_metric() {
-            plain = cost;
+            spent = cost;
         }
-        let mut change = None;
-        if cost <= tau || probe {
-            change = self.change_of_detail(u, v, at, [ru, rv]);
-            if change.is_some_and(|change| !self.keeps_detail(change)) {
-                return Outcome::Refused(Refusal::Component);
-            }
+        if cost > tau && !is_probe {
+            return Err(Outcome::Later(cost * weight));
+        }
+        let detail = self.change_of_detail(u, v, at, [ru, rv]);
+        if detail.is_some_and(|change| !self.keeps_detail(change)) {
+            return Err(Refusal::Component.into());
         }
         let mut handed_over = Vec::new();
-        if cost <= tau && !probe {
-            // (Before samples change hands, which cannot be taken back.)
-            match self.wedges_to_hand_over(u, v, y, off, ru, rv) {
-                Ok(changes) => handed_over = changes,
-                Err(why) => return Outcome::Refused(why),
-            }
+        if !is_probe {
+            handed_over = self.wedges_to_hand_over(u, v, y, off, ru, rv)?;
         }
-        if cost <= tau || probe {
-            cost = self.charge(x.origin, z.origin, at, cost, tau, probe);
+        let mut charge = None;
+        if let Some(late) = &self.late {
+            let most = if is_probe { f32::INFINITY } else { tau };
+            let found = self.charge(late, [x.origin, z.origin], at, [cost, most], scratch, tally);
+            cost = found.cost;
+            charge = Some(found);
         }
-        if cost > tau || probe {
-            return Outcome::Later(cost * price);
+        if cost > tau || is_probe {
+            return Err(Outcome::Later(cost * weight));
         }
-        self.hand_over_wedges(&handed_over);
-        if let Some(change) = change {
-            self.change_detail(change);
-        }
-        if !is_exact || is_sure {
-            self.prepare_merge(u, v, y, ru);
-        }
-        self.tally.spent += f64::from(plain);
-        match &neck {
-            None => {
-                self.change(u, v, y, shared, ru, rv);
-                self.note(ru.iter().chain(rv).map(|r| r.corner.face()), &[u], cost * price);
-            }
-            Some(neck) => {
-                self.cut(u, v, y, neck, ru, rv);
-                self.note_cut(u, v, neck, [ru, rv], cost * price);
-            }
-        }
-        Outcome::Done
+        Ok(Priced { cost, spent, detail, handed_over, charge })
     }
 
-    /// Does the collapse that was checked; wings and rim are at hand.
+    /// Does the collapse that was checked and priced. Returns the numbers in the ordered input that the merged vertex has,
+    /// and that went into it.
     #[inline(always)]
-    fn change(&mut self, u: VertexId, v: VertexId, y: Vec3, shared: usize, ru: &Ring, rv: &Ring) {
+    fn apply(
+        &mut self,
+        attempt: &Attempt<'_>,
+        checked: &Checked,
+        priced: &Priced,
+        scratch: &mut Scratch,
+        tally: &mut Tally,
+    ) -> [VertexId; 2] {
+        let &Attempt { kept: u, candidate, rings: [ru, rv], .. } = attempt;
+        let (v, y) = (candidate.removed, checked.steps[0]);
+        let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
+        let origins = [x.origin, z.origin];
+        if let Some(charge) = &priced.charge {
+            self.hand_over_samples(origins, charge, &mut scratch.late);
+        }
+        self.hand_over_wedges(&priced.handed_over);
+        if let Some(change) = priced.detail {
+            self.change_detail(change);
+        }
+        if !matches!(self.cost.metric.decides(), Judge::Engine) || checked.is_sure {
+            self.prepare_merge(u, v, y, ru, &mut scratch.merge);
+        }
+        tally.spent += f64::from(priced.spent);
+        match &checked.neck {
+            None => self.change(u, v, y, checked.shared, [ru, rv], scratch, tally),
+            Some(neck) => {
+                self.cut(u, v, y, neck, [ru, rv], scratch, tally);
+                origins
+            }
+        }
+    }
+
+    /// Does a collapse that cuts no neck. Returns as [`Self::apply`] does.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "those of a collapse, apart")]
+    fn change(
+        &mut self,
+        u: VertexId,
+        v: VertexId,
+        y: Vec3,
+        shared: usize,
+        [ru, rv]: [&Ring; 2],
+        scratch: &mut Scratch,
+        tally: &mut Tally,
+    ) -> [VertexId; 2] {
         let x = self.store.v[u.index()];
         let z = self.store.v[v.index()];
         let at = merged_position(x.p, z.p, y);
         let kind = x.kind.union(z.kind);
-        let own = self.merge_wedges(u, v, y, at, ru);
+        let own = self.merge_wedges(u, v, y, at, ru, &scratch.wings, &mut scratch.merge);
         let q = if self.cost.metric.is_memoryless() {
             // The vertices around swap old planes for new ones; u starts afresh.
-            let mut q = self.swap_planes();
+            let mut q = self.swap_planes(&scratch.wings);
             M::tensor(&mut q).add(&own);
-            for &(w, at_u, line) in self.scratch.rim.iter().filter(|r| r.0 != v) {
+            for &(w, at_u, line) in scratch.rim.iter().filter(|r| r.0 != v) {
                 let o = &mut self.store.v[w.index()];
                 let from = if at_u { x.p } else { z.p };
                 let [old, new] =
@@ -294,7 +415,7 @@ impl<M: Metric> Engine<M> {
             }
             n += usize::from(!r.has(v));
         }
-        for (slot, r) in slots[n.min(count)..].iter_mut().zip(&self.scratch.spokes) {
+        for (slot, r) in slots[n.min(count)..].iter_mut().zip(&scratch.spokes) {
             *slot = r.corner;
         }
         // Whose place was kept gives its number: the result then has that vertex of the input.
@@ -302,9 +423,6 @@ impl<M: Metric> Engine<M> {
         let kept_v = is_place_of(&z) && !is_place_of(&x);
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
         self.store.merged_into[merged.index()] = origin;
-        if let Some(record) = &mut self.record {
-            record.merge(merged, origin);
-        }
         self.merge_prices(origin, merged);
         let unmoved = kept_v || (y == Vec3::ZERO && !x.kind.is_moved());
         let kept = &mut self.store.v[u.index()];
@@ -316,18 +434,19 @@ impl<M: Metric> Engine<M> {
         removed.kind = removed.kind.gone();
         self.store.bound[v.index()] = f32::INFINITY;
         self.store.live_vertices -= 1;
-        self.tally.collapses += 1;
+        tally.collapses += 1;
         if kind.is_complex() {
             self.refresh_around(u);
         }
+        [origin, merged]
     }
 
     /// Lets the vertices around the collapse swap old planes for new ones; returns the new ones of the merged vertex.
     #[inline(always)]
-    pub(super) fn swap_planes(&mut self) -> M::Memory {
+    pub(super) fn swap_planes(&mut self, wings: &Wings) -> M::Memory {
         let (metric, mean, mut q) = (self.cost.metric, self.cost.mean_face, M::Memory::default());
         let vertices = &mut self.store.v;
-        self.scratch.wings.swaps(
+        wings.swaps(
             |lengths| metric.plane_weights(lengths, mean),
             |rim, change, new| {
                 M::tensor(&mut q).add(new);
@@ -352,9 +471,9 @@ impl<M: Metric> Engine<M> {
 
     /// Squared distance from `q` to the star that the wings become.
     #[inline(never)]
-    fn distance_to_star(&self, q: Vec3, at: Vec3) -> f32 {
+    fn distance_to_star(&self, wings: &Wings, q: Vec3, at: Vec3) -> f32 {
         let to = |w: Wing| triangle::closest(q, at, self.store.p(w.a), self.store.p(w.b)).0;
-        self.scratch.wings.iter().filter(|w| !w.both).map(to).fold(f32::INFINITY, f32::min)
+        wings.iter().filter(|w| !w.both).map(to).fold(f32::INFINITY, f32::min)
     }
 
     /// Whether any edges carry lines: borders and curves, unless they are free, or sharp edges.
@@ -377,9 +496,9 @@ impl<M: Metric> Engine<M> {
     /// Whether a new triangle of the star would turn its back to where the input faced (`facing` at the ends), or lie back
     /// to back with another, within the star or beyond its rim.
     #[inline(never)]
-    fn folds(&self, facing: Vec3) -> bool {
+    fn folds(&self, wings: &Wings, facing: Vec3) -> bool {
         let unit = |n: Vec3| n / n.length().max(1e-30);
-        let kept = || self.scratch.wings.iter().filter(|w: &Wing| !w.both);
+        let kept = || wings.iter().filter(|w: &Wing| !w.both);
         for (i, w) in kept().enumerate() {
             let n = unit(w.after);
             let around = [w.a, w.b].map(|o| self.store.v[o.index()].facing.direction());
@@ -411,14 +530,13 @@ impl<M: Metric> Engine<M> {
 
     /// The guards that options turn on.
     #[inline(never)]
-    fn ask_guards(
+    fn check_guards(
         &self,
+        wings: &Wings,
         at: Vec3,
-        pu: Vec3,
-        pv: Vec3,
+        [pu, pv]: [Vec3; 2],
         shared: usize,
-        ru: &Ring,
-        rv: &Ring,
+        [ru, rv]: [&Ring; 2],
     ) -> Result<(), Refusal> {
         let rules = &self.constraints.rules;
         let shape = |a: Vec3, b: Vec3, c: Vec3| {
@@ -427,7 +545,7 @@ impl<M: Metric> Engine<M> {
         };
         if rules.min_shape > 0.0 {
             let (mut before, mut after) = (1f32, 1f32);
-            for (i, w) in self.scratch.wings.iter().enumerate() {
+            for (i, w) in wings.iter().enumerate() {
                 let from = if i < ru.len() { pu } else { pv };
                 let (a, b) = (self.store.p(w.a), self.store.p(w.b));
                 before = before.min(shape(from, a, b));
@@ -448,7 +566,7 @@ impl<M: Metric> Engine<M> {
             }
         }
         if rules.max_edge_sq.is_finite() {
-            for (i, w) in self.scratch.wings.iter().enumerate().filter(|w| !w.1.both) {
+            for (i, w) in wings.iter().enumerate().filter(|w| !w.1.both) {
                 let from = if i < ru.len() { pu } else { pv };
                 for o in [w.a, w.b] {
                     let length_sq = (self.store.p(o) - at).length_squared();

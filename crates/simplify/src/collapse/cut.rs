@@ -13,11 +13,11 @@
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
-use super::Engine;
 use super::commit::merged_position;
 use super::kind::distinct;
 use super::star::Star;
 use super::store::{Corner, Ring};
+use super::{Engine, LiveMesh, Scratch, Tally};
 use crate::fit::Guards;
 use crate::metric::{Form, Metric};
 use crate::options::{Placement, SimplifyOptions, TopologyPolicy};
@@ -51,9 +51,9 @@ impl<M: Metric> Engine<M> {
     /// Whether necks stand in the way of many collapses, in a run that could not cut them.
     pub(crate) fn has_necks_in_the_way(&self) -> bool {
         let refused = self.tally.refusals[Refusal::LinkCondition as usize];
-        !self.constraints.cuts_necks
+        !self.mesh.constraints.cuts_necks
             && refused as f64 > REFUSED * self.tally.collapses as f64
-            && self.tally.first_faces >= FACES_OF_A_PART * self.part_count()
+            && self.tally.first_faces >= FACES_OF_A_PART * self.mesh.part_count()
     }
 }
 
@@ -120,17 +120,24 @@ fn arc(ring: &Ring, from: VertexId, to: VertexId, not: VertexId) -> Option<Vec<C
     None
 }
 
-impl<M: Metric> Engine<M> {
+impl<M: Metric> LiveMesh<M> {
     /// The neck that refuses the collapse of u-v, if the surface may be cut there: closed fans all round, and at least
     /// three faces left at each end of each side.
     #[inline(never)]
-    pub(crate) fn neck(&mut self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Option<Neck> {
+    pub(crate) fn neck(
+        &self,
+        u: VertexId,
+        v: VertexId,
+        ru: &Ring,
+        rv: &Ring,
+        tally: &mut Tally,
+    ) -> Option<Neck> {
         let has_few = |ring: &Ring| ring.len() <= MOST_FACES;
         if !self.constraints.cuts_necks || !has_few(ru) || !has_few(rv) {
             return None;
         }
-        let is_plain = |engine: &Self, w: VertexId| {
-            let kind = engine.store.v[w.index()].kind;
+        let is_plain = |mesh: &Self, w: VertexId| {
+            let kind = mesh.store.v[w.index()].kind;
             kind.is_regular() && !kind.is_seam() && kind.is_free()
         };
         if !is_plain(self, u) || !is_plain(self, v) || ru.iter().filter(|r| r.has(v)).count() != 2 {
@@ -148,7 +155,7 @@ impl<M: Metric> Engine<M> {
             if !has_few(&rw) {
                 continue;
             }
-            self.tally.faces_visited +=
+            tally.faces_visited +=
                 [ru, rv, &rw].map(|ring| (ring.len() * ring.len()) as u64).iter().sum::<u64>();
             let neck = Neck::new(w, u, v, [ru, rv, &rw]);
             if let Some(neck) = neck.filter(|n| n.is_sound(&common, ru, rv)) {
@@ -160,13 +167,23 @@ impl<M: Metric> Engine<M> {
 
     /// Collapses u-v and cuts the surface at the neck; the merged vertices go to the kept end + `y`. Wings
     /// are at hand. On the second side `v` lives on.
-    pub(crate) fn cut(&mut self, u: VertexId, v: VertexId, y: Vec3, neck: &Neck, ru: &Ring, rv: &Ring) {
+    #[expect(clippy::too_many_arguments, reason = "those of a collapse, apart")]
+    pub(super) fn cut(
+        &mut self,
+        u: VertexId,
+        v: VertexId,
+        y: Vec3,
+        neck: &Neck,
+        [ru, rv]: [&Ring; 2],
+        scratch: &mut Scratch,
+        tally: &mut Tally,
+    ) {
         let w = neck.w;
         let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
         let at = merged_position(x.p, z.p, y);
-        self.merge_wedges(u, v, y, at, ru);
+        self.merge_wedges(u, v, y, at, ru, &scratch.wings, &mut scratch.merge);
         if self.cost.metric.is_memoryless() {
-            self.swap_planes();
+            self.swap_planes(&scratch.wings);
         } else {
             let form: Form = self.cost.metric.form(&x.q, &z.q, z.p - x.p);
             let q = self.cost.metric.merged(&form, y);
@@ -209,8 +226,8 @@ impl<M: Metric> Engine<M> {
             self.refresh(end, &mut ring);
             self.store.bound[end.index()] = super::bound::UNKNOWN;
         }
-        self.tally.collapses += 1;
-        self.tally.necks_cut += 1;
+        tally.collapses += 1;
+        tally.necks_cut += 1;
     }
 
     /// Moves vertices that stand at one place apart, each a little into its own star, as far as the guards let it. The store
@@ -243,16 +260,20 @@ impl<M: Metric> Engine<M> {
             }
         }
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// Notes a cut that was just made.
     #[inline(never)]
     pub(super) fn note_cut(&mut self, u: VertexId, v: VertexId, neck: &Neck, rings: [&Ring; 2], cost: f32) {
-        let other_w = VertexId::new(self.store.v.len() - 1);
+        let other_w = VertexId::new(self.mesh.store.v.len() - 1);
         let beside = neck.of_w.iter().flatten().map(|c| c.face());
         let faces = rings.into_iter().flatten().map(|r| r.corner.face()).chain(beside);
         self.note(faces, &[u, v, neck.w, other_w], cost);
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// Deals the samples of the first of two vertices at one place to both.
     fn share_samples(&mut self, ends: [VertexId; 2]) {
         let Some(mut late) = self.late.take() else { return };

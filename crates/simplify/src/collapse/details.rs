@@ -8,7 +8,7 @@ use lodsmith_core::VertexId;
 
 use super::order::NONE;
 use super::store::Ring;
-use super::{Engine, Goal};
+use super::{Goal, LiveMesh};
 use crate::metric::Metric;
 
 /// A detail is at least this share of a face of the result, on average, ...
@@ -61,7 +61,7 @@ impl Extent {
     }
 }
 
-impl<M: Metric> Engine<M> {
+impl<M: Metric> LiveMesh<M> {
     /// Lets details keep their area from here on. `colors` says the mean colour of each part, where it has one, by the part of
     /// each number in the ordered input and how many parts there are. Before the first sweep. Cost: O(n).
     pub(crate) fn watch_details(&mut self, colors: impl FnOnce(&[u32], usize) -> Vec<Option<Vec3>>) {

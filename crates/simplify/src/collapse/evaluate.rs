@@ -4,10 +4,10 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 use wide::f32x4;
 
-use super::Engine;
 use super::attributes::Member;
 use super::commit::{Candidate, PEAK_OF_STAR};
 use super::store::Ring;
+use super::{LiveMesh, Scratch, Tally};
 use crate::lanes::{self, Four, dot, splat, sub};
 use crate::metric::TIE;
 use crate::metric::{Form, Judge, Metric};
@@ -67,6 +67,17 @@ impl Found {
     }
 }
 
+/// The edges from a vertex to those of its neighbours that come after it.
+pub(super) struct OwnedEdges<'a> {
+    pub(super) u: VertexId,
+    pub(super) owned: &'a [VertexId],
+    pub(super) ring: &'a Ring,
+    /// Edges of higher cost are not listed one by one.
+    pub(super) most: f32,
+    /// True if each end has one wedge alone ([`LiveMesh::know_wedges`]).
+    pub(super) are_lone: bool,
+}
+
 /// Up to four edges side by side.
 struct Evaluated {
     cost: f32x4,
@@ -77,24 +88,22 @@ struct Evaluated {
     solved: f32x4,
 }
 
-impl<M: Metric> Engine<M> {
+impl<M: Metric> LiveMesh<M> {
     /// Evaluates the edges from `u` to `owned` and adds them to what is found, those that cost up to `most` one by one. Says
     /// how many have two ends that may not move.
     #[inline(always)]
-    pub(crate) fn evaluate_owned(
-        &mut self,
-        u: VertexId,
-        owned: &[VertexId],
-        ru: &Ring,
+    pub(super) fn evaluate_owned(
+        &self,
+        edges: &OwnedEdges<'_>,
         members: &mut Vec<Member>,
-        most: f32,
         found: &mut Found,
+        scratch: &mut Scratch,
+        tally: &mut Tally,
     ) -> u64 {
+        let &OwnedEdges { u, owned, ring: ru, most, are_lone } = edges;
         if matches!(self.cost.metric.decides(), Judge::Stars | Judge::Ends) {
-            return self.judge_owned(u, owned, ru, most, found);
+            return self.judge_owned(edges, found, scratch, tally);
         }
-        // (Where all are, there is no need to look at each four.)
-        let are_lone = self.values.attributes.is_none() || self.know_wedges(u, owned);
         let mut stuck = 0;
         let is_plain = |w: VertexId| self.store.v[w.index()].kind.is_free();
         let plain = self.cost.metric.is_memoryless()
@@ -316,6 +325,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::collapse::Engine;
     use crate::metric::Memoryless;
     use crate::options::{SimplifyOptions, Stop};
     use crate::trial::{in_two_charts, with_engine};
@@ -326,14 +336,17 @@ mod tests {
         let options = SimplifyOptions::new(Stop::ratio(0.5));
         with_engine(Memoryless, mesh, &options, &mut |engine, _| {
             let (mut ring, mut owned, mut members) = (Ring::default(), Vec::new(), Vec::new());
-            for u in (0..engine.store.v.len()).map(VertexId::new) {
-                engine.store.ring(u, &mut ring);
-                engine.store.list_owned(u, &ring, &mut owned);
+            for u in (0..engine.mesh.store.v.len()).map(VertexId::new) {
+                engine.mesh.store.ring(u, &mut ring);
+                let Engine { mesh, scratch, tally, .. } = &mut *engine;
+                mesh.store.list_owned(u, &ring, &mut owned, &mut scratch.marks);
                 let mut found = Found::default();
                 found.clear();
-                let stuck = engine.evaluate_owned(u, &owned, &ring, &mut members, f32::INFINITY, &mut found);
+                let are_lone = mesh.know_wedges(u, &owned);
+                let edges = OwnedEdges { u, owned: &owned, ring: &ring, most: f32::INFINITY, are_lone };
+                let stuck = mesh.evaluate_owned(&edges, &mut members, &mut found, scratch, tally);
                 let alone: Vec<Option<Candidate>> =
-                    owned.iter().map(|&w| engine.evaluate_edge(u, w, &ring, &mut members)).collect();
+                    owned.iter().map(|&w| engine.mesh.evaluate_edge(u, w, &ring, &mut members)).collect();
                 if stuck as usize != alone.iter().filter(|c| c.is_none()).count() {
                     wrong.push(format!("{u}: {stuck} of {alone:?} are stuck"));
                 }
@@ -346,10 +359,10 @@ mod tests {
                     count += 1;
                     // Differences of squares in single precision: to a share of what is subtracted, as often as the farthest
                     // place is away. The place itself is as good as what it costs, by the form of one edge.
-                    let (form, d) = engine.form(u, w, &ring, &mut members);
-                    let peak = 1.0 + PEAK_GUESS * engine.peak_weight() / form.a.trace().max(1e-37);
+                    let (form, d) = engine.mesh.form(u, w, &ring, &mut members);
+                    let peak = 1.0 + PEAK_GUESS * engine.mesh.peak_weight() / form.a.trace().max(1e-37);
                     let within = 1e-4 * of_one.cost + 1e-5 * form.a.trace() * d.length_squared() * peak;
-                    let there = engine.cost_of(&form, d, of_four.step);
+                    let there = engine.mesh.cost_of(&form, d, of_four.step);
                     for (name, cost) in [("cost", of_four.cost), ("cost of the place", there)] {
                         let is_near = (cost - of_one.cost).abs() <= within;
                         if !is_near {

@@ -39,9 +39,9 @@ impl<M: Metric> Fork<M> {
     /// one that this gave before.
     pub(crate) fn again(&self, spent: &mut Engine<M>) -> (Engine<M>, Sweeps) {
         let mut engine = self.engine.clone();
-        engine.values.wedge_data = spent.values.wedge_data.take();
-        engine.values.attributes = spent.values.attributes.take();
-        if let Some((attributes, kept)) = engine.values.attributes.as_mut().zip(self.kept.as_ref()) {
+        engine.mesh.values.wedge_data = spent.mesh.values.wedge_data.take();
+        engine.mesh.values.attributes = spent.mesh.values.attributes.take();
+        if let Some((attributes, kept)) = engine.mesh.values.attributes.as_mut().zip(self.kept.as_ref()) {
             attributes.put_back(kept);
         }
         (engine, self.sweeps.clone())
@@ -53,14 +53,15 @@ impl<M: Metric> Engine<M> {
     pub(crate) fn fork(&mut self, sweeps: &Sweeps) -> Fork<M> {
         // What was given back makes room for the copy. (Room for lists of corners is needed, and full lists compact.) The
         // vertices come last, because they are copied for it.
-        self.store.bound.shrink_to_fit();
-        self.store.t.shrink_to_fit();
-        self.store.v.shrink_to_fit();
-        let (attributes, wedge_data) = (self.values.attributes.take(), self.values.wedge_data.take());
+        self.mesh.store.bound.shrink_to_fit();
+        self.mesh.store.t.shrink_to_fit();
+        self.mesh.store.v.shrink_to_fit();
+        let (attributes, wedge_data) =
+            (self.mesh.values.attributes.take(), self.mesh.values.wedge_data.take());
         let engine = self.clone();
-        (self.values.attributes, self.values.wedge_data) = (attributes, wedge_data);
-        let kept = self.values.attributes.as_ref().map(|attributes| {
-            let (faces, wedges) = (self.store.t.iter(), self.store.wedges.iter().flatten());
+        (self.mesh.values.attributes, self.mesh.values.wedge_data) = (attributes, wedge_data);
+        let kept = self.mesh.values.attributes.as_ref().map(|attributes| {
+            let (faces, wedges) = (self.mesh.store.t.iter(), self.mesh.store.wedges.iter().flatten());
             let living = faces.zip(wedges).filter(|(t, _)| t[0] != super::order::NONE);
             attributes.kept(living.flat_map(|(_, w)| *w))
         });
@@ -69,23 +70,23 @@ impl<M: Metric> Engine<M> {
 
     /// Whether a copy would begin with damage that parts or seams would have been cheaper than.
     pub(crate) fn is_past_parts(&self, cuts: bool) -> bool {
-        self.has_relaxed_seams() || self.has_parts_in_the_way(cuts)
+        self.mesh.has_relaxed_seams() || self.has_parts_in_the_way(cuts)
     }
 
     /// From here on parts go in the order of costs, and necks are cut in it if `cuts`. What was refused is looked at again.
     pub(crate) fn let_go(&mut self, sweeps: &mut Sweeps, cuts: bool, original: &dyn Original) {
-        self.store.compact();
-        self.constraints.cuts_necks = cuts;
+        self.mesh.store.compact();
+        self.mesh.constraints.cuts_necks = cuts;
         original.with(&mut |points, faces| self.watch_parts_of(points, faces));
-        sweeps.next = Some(self.bounds());
+        sweeps.next = Some(self.mesh.bounds());
         if cuts {
-            self.store.bound.fill(UNKNOWN);
+            self.mesh.store.bound.fill(UNKNOWN);
         }
     }
 
     /// Notes whether the last sweeps got as much done as where nothing stands in the way.
     pub(super) fn watch_ease(&self, sweeps: &mut Sweeps) {
-        if sweeps.swept && sweeps.wanted * FEW >= self.store.live_vertices as f64 {
+        if sweeps.swept && sweeps.wanted * FEW >= self.mesh.store.live_vertices as f64 {
             sweeps.is_at_ease &=
                 (self.tally.collapses - sweeps.at_threshold) as f64 >= AT_EASE * sweeps.wanted;
         }
@@ -102,13 +103,13 @@ impl<M: Metric> Engine<M> {
 
     /// Whether so few faces live that a late phase, if one comes, is near.
     pub(crate) fn is_near_late_phase(&self) -> bool {
-        self.store.live_faces <= 2 * late::begin(self.tally.first_faces, self.counts_attributes())
+        self.mesh.store.live_faces <= 2 * late::begin(self.tally.first_faces, self.mesh.counts_attributes())
     }
 
     /// Of how many vertices a sweep is to look at the edges, if nothing stands in the way.
     pub(super) fn wanted(&self, goal: &Goal) -> f64 {
-        let most = QUANTILE * self.store.live_vertices as f64;
-        self.needed(goal).map_or(most, |n| most.min(LAST_SHARE * n as f64))
+        let most = QUANTILE * self.mesh.store.live_vertices as f64;
+        self.mesh.needed(goal).map_or(most, |n| most.min(LAST_SHARE * n as f64))
     }
 
     /// Whether a copy may be made before the late phase begins.
@@ -118,6 +119,6 @@ impl<M: Metric> Engine<M> {
 
     /// Whether no more than a share of the input lives.
     fn is_within(&self, share: usize) -> bool {
-        self.store.live_faces * share <= self.tally.first_faces
+        self.mesh.store.live_faces * share <= self.tally.first_faces
     }
 }

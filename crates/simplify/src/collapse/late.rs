@@ -8,10 +8,10 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 use wide::f32x4;
 
-use super::Engine;
 use super::check::need;
 use super::star::Star;
 use super::wings::Wing;
+use super::{LiveMesh, Scratch, Tally};
 use crate::metric::Metric;
 
 /// Live triangles under which the phase begins ...
@@ -77,8 +77,24 @@ struct Bag {
 pub(crate) struct Late {
     bag_of: Vec<u32>,
     bags: Vec<Bag>,
+}
+
+/// Buffers of a charge.
+#[derive(Clone, Default)]
+pub(super) struct LateScratch {
+    /// Samples of both ends.
     merged: Vec<Sample>,
+    /// Star of the merged vertex.
     star: Star,
+}
+
+/// Cost of a merger with what its samples lose.
+pub(super) struct Charge {
+    pub(super) cost: f32,
+    /// Loss of all samples of the merged vertex.
+    loss: f32,
+    /// The sample farthest from the star.
+    farthest: usize,
 }
 
 /// What samples lose against a star, which one is farthest, and its squared distance. Stops once the loss passes `most`.
@@ -142,7 +158,7 @@ impl Late {
     }
 }
 
-impl<M: Metric> Engine<M> {
+impl<M: Metric> LiveMesh<M> {
     /// Gives every vertex its samples: centres of the original faces (3/4 of the weight) and vertices.
     pub(crate) fn begin_late(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
         self.store.compact();
@@ -176,63 +192,70 @@ impl<M: Metric> Engine<M> {
         for (i, x) in self.store.v.iter().enumerate() {
             bag_of[x.origin.index()] = i as u32;
         }
-        self.late = Some(Late { bag_of, bags, merged: Vec::new(), star });
+        self.late = Some(Late { bag_of, bags });
     }
 
-    /// Adds to the cost what the merger of two vertices (by number in the ordered input) at `at`, with the wings at
-    /// hand, loses beyond what is lost already. Up to `tau` the samples change hands, unless it is a `probe`.
-    pub(crate) fn charge(
-        &mut self,
-        kept: VertexId,
-        removed: VertexId,
+    /// Adds to a cost what the merger of two vertices (by number in the ordered input) at `at`, with the triangles of the
+    /// star in the scratch, loses beyond what is lost already. The samples are measured until the cost passes `most`.
+    pub(super) fn charge(
+        &self,
+        late: &Late,
+        origins: [VertexId; 2],
         at: Vec3,
-        cost: f32,
-        tau: f32,
-        probe: bool,
-    ) -> f32 {
-        let Some(late) = &mut self.late else { return cost };
-        let [u, v] = [kept, removed].map(|x| late.bag_of[x.index()] as usize);
+        [cost, most]: [f32; 2],
+        scratch: &mut Scratch,
+        tally: &mut Tally,
+    ) -> Charge {
+        let [u, v] = origins.map(|x| &late.bags[late.bag_of[x.index()] as usize]);
+        let (wings, LateScratch { merged, star }) = (&scratch.wings, &mut scratch.late);
         // (A table of samples times faces: too much round a hub of a thousand, where nothing is charged.)
-        let is_measured = 4 * self.scratch.wings.fours().len() <= MEASURED_STAR;
+        let is_measured = 4 * wings.fours().len() <= MEASURED_STAR;
         if is_measured {
             let rim = |w: Wing| [w.a, w.b].map(|o| (o, self.store.v[o.index()].p));
-            late.star.set(at, self.scratch.wings.iter().filter(|w| !w.both).map(rim));
+            star.set(at, wings.iter().filter(|w| !w.both).map(rim));
         }
-        late.merged.clear();
-        late.merged.extend_from_slice(&late.bags[u].samples);
-        late.merged.extend_from_slice(&late.bags[v].samples);
+        merged.clear();
+        merged.extend_from_slice(&u.samples);
+        merged.extend_from_slice(&v.samples);
         if is_measured {
-            self.tally.faces_visited += (late.star.len() * late.merged.len().div_ceil(4)) as u64;
+            tally.faces_visited += (star.len() * merged.len().div_ceil(4)) as u64;
         }
-        let before = late.bags[u].loss + late.bags[v].loss;
-        let most = if probe { f32::INFINITY } else { before + (tau - cost) / CHARGE };
-        let (loss, far, worst) = match is_measured {
-            true => measure(&late.merged, &late.star, most),
+        let before = u.loss + v.loss;
+        let (loss, farthest, worst) = match is_measured {
+            true => measure(merged, star, before + (most - cost) / CHARGE),
             false => (before, 0, 0.0),
         };
         let cost = cost + CHARGE * (loss - before).max(0.0) + FARTHEST * self.cost.area * worst;
-        if cost > tau || probe {
-            return cost;
-        }
-        if late.merged.len() > MOST {
+        Charge { cost, loss, farthest }
+    }
+
+    /// Gives the merged vertex the samples of both, which were just charged.
+    pub(super) fn hand_over_samples(
+        &mut self,
+        [kept, removed]: [VertexId; 2],
+        charge: &Charge,
+        LateScratch { merged, .. }: &mut LateScratch,
+    ) {
+        let Some(late) = &mut self.late else { return };
+        let [u, v] = [kept, removed].map(|x| late.bag_of[x.index()] as usize);
+        if merged.len() > MOST {
             let weigh = |samples: &[Sample]| samples.iter().map(|s| s.weight).sum::<f32>();
-            let (whole, farthest) = (weigh(&late.merged), late.merged[far]);
+            let (whole, farthest) = (weigh(merged), merged[charge.farthest]);
             let mut i = 0;
-            late.merged.retain(|_| {
+            merged.retain(|_| {
                 i += 1;
                 i % 2 == 0
             });
-            late.merged.push(farthest);
-            let scale = whole / weigh(&late.merged);
-            late.merged.iter_mut().for_each(|s| s.weight *= scale);
+            merged.push(farthest);
+            let scale = whole / weigh(merged);
+            merged.iter_mut().for_each(|s| s.weight *= scale);
         }
         late.bags[v].samples = Vec::new();
         let bag = &mut late.bags[u];
         bag.samples.clear();
-        bag.samples.extend_from_slice(&late.merged);
-        bag.loss = loss;
+        bag.samples.extend_from_slice(merged);
+        bag.loss = charge.loss;
         // Either number may be the merged vertex' later.
         late.bag_of[removed.index()] = u as u32;
-        cost
     }
 }

@@ -10,6 +10,7 @@ use lodsmith_core::VertexId;
 use wide::u32x4;
 
 use super::kind::faces_at;
+use super::marks::Marks;
 use super::order::NONE;
 use super::store::{Ring, Store};
 use crate::metric::Memory;
@@ -18,25 +19,26 @@ use crate::report::Refusal;
 impl<Q: Memory> Store<Q> {
     /// Asks the link condition for the edge u-v with the rings of both; says how many triangles hang on it.
     #[inline(always)]
-    pub(crate) fn link_condition(
-        &mut self,
+    pub(super) fn link_condition(
+        &self,
         u: VertexId,
         v: VertexId,
         ru: &Ring,
         rv: &Ring,
+        marks: &mut Marks,
     ) -> Result<usize, Refusal> {
         let (ku, kv) = (self.v[u.index()].kind, self.v[v.index()].kind);
         if !(ku.is_regular() && kv.is_regular()) {
-            return self.link_condition_irregular(u, v, ru, rv);
+            return self.link_condition_irregular(u, v, ru, rv, marks);
         }
         // Inside closed fans every neighbour comes first in just one triangle, and second in just one.
         let (1..=2, [first, rest @ ..]) = (ru.fours().len(), rv.fours()) else {
-            return self.link_condition_marked(u, v, ru, rv);
+            return link_condition_marked(u, v, ru, rv, marks);
         };
         let second = match rest {
             [] => first,
             [second] => second,
-            _ => return self.link_condition_marked(u, v, ru, rv),
+            _ => return link_condition_marked(u, v, ru, rv, marks),
         };
         let around_v: [u32x4; 2] = [first, second].map(|four| u32x4::new(four.each_ref().map(|r| r.a.0)));
         let (mut common, mut apex) = ([u32x4::ZERO; 2], NONE);
@@ -62,57 +64,28 @@ impl<Q: Memory> Store<Q> {
         Ok(2)
     }
 
-    /// The same for closed fans of any size.
-    #[inline(never)]
-    fn link_condition_marked(
-        &mut self,
-        u: VertexId,
-        v: VertexId,
-        ru: &Ring,
-        rv: &Ring,
-    ) -> Result<usize, Refusal> {
-        let stamp = self.next_stamp();
-        let (mut shared, mut common, mut opposite) = (0, 0, false);
-        let mut apexes = [NONE; 2];
-        for r in ru {
-            self.v[r.a.index()].mark = stamp;
-            shared += usize::from(r.has(v));
-            if r.a == v {
-                apexes[0] = r.b;
-            } else if r.b == v {
-                apexes[1] = r.a;
-            }
-        }
-        for r in rv {
-            let is_common = (r.a != u) & (self.v[r.a.index()].mark == stamp);
-            common += usize::from(is_common);
-            opposite |= is_common & (r.b != u) & (self.v[r.b.index()].mark == stamp);
-        }
-        // (Two triangles back to back have one apex.)
-        let pinched =
-            common != shared || apexes[0] == apexes[1] || opposite && is_opposite_to_both(u, v, ru, rv);
-        if pinched { Err(Refusal::LinkCondition) } else { Ok(shared) }
-    }
-
     #[inline(never)]
     fn link_condition_irregular(
-        &mut self,
+        &self,
         u: VertexId,
         v: VertexId,
         ru: &Ring,
         rv: &Ring,
+        marks: &mut Marks,
     ) -> Result<usize, Refusal> {
+        /// Marks of a neighbour of u, of one of both that was counted, and of an apex.
+        const OF_U: u32 = 0;
+        const COUNTED: u32 = 1;
+        const APEX: u32 = 2;
         let (ku, kv) = (self.v[u.index()].kind, self.v[v.index()].kind);
-        // One stamp for the neighbours of u, the next for those that are counted already.
-        let stamp = self.next_stamp();
+        marks.clear(2 * ru.len());
         for w in ru.iter().flat_map(|r| [r.a, r.b]) {
-            self.v[w.index()].mark = stamp;
+            marks.set(w, OF_U);
         }
         let mut common = 0;
         for w in rv.iter().flat_map(|r| [r.a, r.b]) {
-            let mark = &mut self.v[w.index()].mark;
-            if *mark == stamp && w != u {
-                *mark = stamp + 1;
+            if w != u && marks.get(w) == Some(OF_U) {
+                marks.set(w, COUNTED);
                 common += 1;
             }
         }
@@ -120,11 +93,10 @@ impl<Q: Memory> Store<Q> {
         let (mut shared, mut apexes) = (0, 0);
         for r in ru.iter().filter(|r| r.has(v)) {
             shared += 1;
-            let mark = &mut self.v[if r.a == v { r.b } else { r.a }.index()].mark;
-            apexes += usize::from(*mark == stamp + 1);
-            *mark = stamp;
+            let apex = if r.a == v { r.b } else { r.a };
+            apexes += usize::from(marks.set(apex, APEX) == Some(COUNTED));
         }
-        let by_u = |w: VertexId| self.v[w.index()].mark >= stamp;
+        let by_u = |w: VertexId| marks.get(w).is_some();
         let opposite = rv.iter().any(|r| !r.has(u) && by_u(r.a) && by_u(r.b));
         if shared == 0 || common != apexes || opposite && is_opposite_to_both(u, v, ru, rv) {
             return Err(Refusal::LinkCondition);
@@ -144,6 +116,37 @@ impl<Q: Memory> Store<Q> {
         }
         Ok(shared)
     }
+}
+
+/// Link condition for closed fans of any size.
+#[inline(never)]
+fn link_condition_marked(
+    u: VertexId,
+    v: VertexId,
+    ru: &Ring,
+    rv: &Ring,
+    marks: &mut Marks,
+) -> Result<usize, Refusal> {
+    marks.clear(ru.len());
+    let (mut shared, mut common, mut opposite) = (0, 0, false);
+    let mut apexes = [NONE; 2];
+    for r in ru {
+        marks.set(r.a, 0);
+        shared += usize::from(r.has(v));
+        if r.a == v {
+            apexes[0] = r.b;
+        } else if r.b == v {
+            apexes[1] = r.a;
+        }
+    }
+    for r in rv {
+        let is_common = r.a != u && marks.get(r.a).is_some();
+        common += usize::from(is_common);
+        opposite |= is_common && r.b != u && marks.get(r.b).is_some();
+    }
+    // (Two triangles back to back have one apex.)
+    let pinched = common != shared || apexes[0] == apexes[1] || opposite && is_opposite_to_both(u, v, ru, rv);
+    if pinched { Err(Refusal::LinkCondition) } else { Ok(shared) }
 }
 
 /// Whether an edge is opposite to both ends: its two triangles would become one twice.
@@ -249,7 +252,7 @@ mod tests {
         }
     }
 
-    fn rings(store: &mut Store<Tensor>, [u, v]: [VertexId; 2]) -> [Ring; 2] {
+    fn rings(store: &Store<Tensor>, [u, v]: [VertexId; 2]) -> [Ring; 2] {
         [u, v].map(|w| {
             let mut ring = Ring::default();
             store.ring(w, &mut ring);
@@ -260,23 +263,24 @@ mod tests {
     /// Compares the ways that are for closed fans with the one for any, and with the paper. Returns how many edges both may
     /// and may not go.
     fn closed_fans_agree(faces: impl IntoIterator<Item = [u32; 3]>) -> Result<[usize; 2], String> {
-        let mut store = store(faces);
+        let store = store(faces);
         let (complex, mut counts) = (Complex::new(&store), [0; 2]);
         for [u, v] in edges(&store) {
             if ![u, v].iter().all(|w| store.v[w.index()].kind.is_regular()) {
                 continue;
             }
-            let [ru, rv] = rings(&mut store, [u, v]);
+            let [ru, rv] = rings(&store, [u, v]);
             // Of two faces back to back, which the paper counts as one, nothing would be left.
             let apexes: Vec<VertexId> =
                 ru.iter().filter(|r| r.has(v)).map(|r| if r.a == v { r.b } else { r.a }).collect();
             let is_sound = complex.too_much(u, v).is_empty() && apexes[0] != apexes[1];
             let wanted = if is_sound { Ok(2) } else { Err(Refusal::LinkCondition) };
+            let mut marks = Marks::default();
             let ways = [
-                store.link_condition(u, v, &ru, &rv),
-                store.link_condition(v, u, &rv, &ru),
-                store.link_condition_marked(u, v, &ru, &rv),
-                store.link_condition_irregular(u, v, &ru, &rv),
+                store.link_condition(u, v, &ru, &rv, &mut marks),
+                store.link_condition(v, u, &rv, &ru, &mut marks),
+                link_condition_marked(u, v, &ru, &rv, &mut marks),
+                store.link_condition_irregular(u, v, &ru, &rv, &mut marks),
             ];
             if ways != [wanted; 4] {
                 return Err(format!(
@@ -355,12 +359,14 @@ mod tests {
                 mesh.triangles().iter().map(|t| t.map(|w| mesh.vertex_of(w).0)).collect();
             let found = closed_fans_agree(faces.iter().copied());
             prop_assert!(found.is_ok(), "{found:?}");
-            let mut store = store(faces);
+            let store = store(faces);
             let complex = Complex::new(&store);
             for [u, v] in edges(&store) {
-                let [ru, rv] = rings(&mut store, [u, v]);
-                let told = store.link_condition(u, v, &ru, &rv);
-                prop_assert_eq!(told, store.link_condition(v, u, &rv, &ru), "{}-{}, either way", u, v);
+                let [ru, rv] = rings(&store, [u, v]);
+                let mut marks = Marks::default();
+                let told = store.link_condition(u, v, &ru, &rv, &mut marks);
+                let other_way = store.link_condition(v, u, &rv, &ru, &mut marks);
+                prop_assert_eq!(told, other_way, "{}-{}, either way", u, v);
                 let found = complex.too_much(u, v);
                 let is_feature = |a: VertexId, b: u32| complex.features.contains(&[a.0, b].into());
                 // Where both edges to a common neighbour are features, the paper keeps the face between them. Here it may go,

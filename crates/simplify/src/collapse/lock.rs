@@ -2,7 +2,7 @@
 
 use lodsmith_core::VertexId;
 
-use super::Engine;
+use super::LiveMesh;
 use super::store::{Spoke, Store};
 use crate::metric::{Memory, Metric};
 use crate::report::Refusal;
@@ -16,7 +16,7 @@ impl<Q: Memory> Store<Q> {
     }
 }
 
-impl<M: Metric> Engine<M> {
+impl<M: Metric> LiveMesh<M> {
     /// Prices of vertices, by number in the ordered input, as they are for the method that is without memory.
     pub(crate) fn set_prices(&mut self, prices: Option<Vec<f32>>) {
         self.constraints.prices = prices;
@@ -31,7 +31,7 @@ impl<M: Metric> Engine<M> {
 
     /// What the cost of merging two vertices, by number in the ordered input, counts times.
     #[inline(always)]
-    pub(crate) fn price(&self, kept: VertexId, removed: VertexId) -> f32 {
+    pub(crate) fn price_weight(&self, kept: VertexId, removed: VertexId) -> f32 {
         match &self.constraints.prices {
             None => 1.0,
             Some(prices) => prices[kept.index()].max(prices[removed.index()]),
@@ -60,7 +60,7 @@ impl<M: Metric> Engine<M> {
 
     /// Whether an end that is locked keeps its place and each of its wedges.
     #[inline(always)]
-    pub(crate) fn ask_locked(&self, u: VertexId, v: VertexId, ru: &[Spoke]) -> Result<(), Refusal> {
+    pub(crate) fn check_locked(&self, u: VertexId, v: VertexId, ru: &[Spoke]) -> Result<(), Refusal> {
         if !self.is_either_locked(u, v) {
             return Ok(());
         }

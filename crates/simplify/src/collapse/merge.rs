@@ -7,7 +7,7 @@ use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
 
-use super::Engine;
+use super::LiveMesh;
 use super::attributes::{Attributes, FourSlopes, Head, Member, NO_WEDGE, Slopes, Sum, firsts};
 use super::store::{self, Ring, Spoke, Store};
 use super::wings::Wings;
@@ -46,7 +46,7 @@ macro_rules! of_lanes {
     };
 }
 
-impl<M: Metric> Engine<M> {
+impl<M: Metric> LiveMesh<M> {
     /// Makes the chains of wedges of all vertices.
     pub(super) fn chain_wedges(&mut self) {
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
@@ -139,8 +139,8 @@ impl<M: Metric> Engine<M> {
     /// Says whether each of them has one wedge only.
     #[inline(always)]
     pub(super) fn know_wedges(&mut self, u: VertexId, others: &[VertexId]) -> bool {
-        let are_lone = self.are_lone(u, others);
-        if self.weighed().is_none() || are_lone {
+        let are_lone = self.values.attributes.is_none() || self.are_lone(u, others);
+        if are_lone || self.weighed().is_none() {
             return are_lone;
         }
         if let Some(attributes) = &mut self.values.attributes {
@@ -308,8 +308,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Finds which wedges of `u` and `v` become one, and their best values at `u` + `y`.
-    pub(super) fn prepare_merge(&mut self, u: VertexId, v: VertexId, y: Vec3, ru: &[Spoke]) {
-        let mut merge = std::mem::take(&mut self.scratch.merge);
+    pub(super) fn prepare_merge(&self, u: VertexId, v: VertexId, y: Vec3, ru: &[Spoke], merge: &mut Merge) {
         merge.slopes.clear();
         if let Some(attributes) = &self.values.attributes {
             self.gather(attributes, u, v, ru, true, &mut merge.members);
@@ -327,12 +326,19 @@ impl<M: Metric> Engine<M> {
                 of_lanes!(lanes, N => attributes.best::<N>(members, d, y, &mut merge.best));
             }
         }
-        self.scratch.merge = merge;
     }
 
     /// What the attributes lose by the merger that was prepared, from the triangles of the wings, `at_u` of which are the
     /// kept end's: squares of small numbers, not small differences of squares.
-    pub(super) fn attribute_cost(&mut self, u: VertexId, v: VertexId, y: Vec3, at_u: usize) -> f32 {
+    pub(super) fn attribute_cost(
+        &self,
+        u: VertexId,
+        v: VertexId,
+        y: Vec3,
+        at_u: usize,
+        wings: &Wings,
+        merge: &mut Merge,
+    ) -> f32 {
         let (Some(attributes), Some(wedges)) = (&self.values.attributes, &self.store.wedges) else {
             return 0.0;
         };
@@ -342,11 +348,11 @@ impl<M: Metric> Engine<M> {
         let lanes = attributes.lanes();
         of_lanes!(lanes, N => Self::cost_of_wings::<N>(
             (attributes, &self.store, wedges),
-            &self.scratch.wings,
+            wings,
             [self.store.p(u), self.store.p(v)],
             y,
             at_u,
-            &mut self.scratch.merge
+            merge
         ))
     }
 
@@ -441,9 +447,19 @@ impl<M: Metric> Engine<M> {
 
     /// Merges the wedges as prepared, before the triangles change; the merged vertex goes to the kept end + `y`, the
     /// place `at`. Says what the new triangles add to its tensor.
-    pub(super) fn merge_wedges(&mut self, u: VertexId, v: VertexId, y: Vec3, at: Vec3, ru: &Ring) -> Tensor {
+    #[expect(clippy::too_many_arguments, reason = "those of a collapse, and buffers")]
+    pub(super) fn merge_wedges(
+        &mut self,
+        u: VertexId,
+        v: VertexId,
+        y: Vec3,
+        at: Vec3,
+        ru: &Ring,
+        wings: &Wings,
+        merge: &mut Merge,
+    ) -> Tensor {
         let lanes = self.values.attributes.as_ref().map_or(0, Attributes::lanes);
-        of_lanes!(lanes, N => self.merge_wedges_of::<N>([u, v], y, at, ru.len()))
+        of_lanes!(lanes, N => self.merge_wedges_of::<N>([u, v], y, at, ru.len(), wings, merge))
     }
 
     #[inline(always)]
@@ -453,6 +469,8 @@ impl<M: Metric> Engine<M> {
         y: Vec3,
         at: Vec3,
         at_u: usize,
+        wings: &Wings,
+        merge: &mut Merge,
     ) -> Tensor {
         let is_locked = self.is_either_locked(u, v);
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &mut self.store.wedges) else {
@@ -460,7 +478,7 @@ impl<M: Metric> Engine<M> {
         };
         let lanes = attributes.lanes_of::<N>();
         let mut added = [f32x4::ZERO; 6];
-        let Merge { members, best, own, heads, slopes } = &mut self.scratch.merge;
+        let Merge { members, best, own, heads, slopes } = merge;
         let only = only_group(members);
         let (x, z) = (self.store.v[u.index()].p, self.store.v[v.index()].p);
         let room = members.len() * 3 * lanes;
@@ -484,7 +502,7 @@ impl<M: Metric> Engine<M> {
         let mut tables = attributes.tables();
         let (wedges, vertices) = (&mut wedges[..], &mut self.store.v[..]);
         let (own, best, heads) = (&mut own[..], &best[..], &mut heads[..]);
-        for (k, four) in self.scratch.wings.fours().iter().enumerate() {
+        for (k, four) in wings.fours().iter().enumerate() {
             let end = usize::from(4 * k >= at_u);
             let (a, b) = (four.spokes.map(|s| s.a), four.spokes.map(|s| s.b));
             let (pa, pb) = (store::four(vertices, a), store::four(vertices, b));

@@ -8,17 +8,18 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use super::bound::UNKNOWN;
-use super::bundle::{Bundle, Changed, Effect};
+use super::bundle::{Bundle, Changed, Effect, Joint};
 use super::check::need;
 use super::commit::{FOLD, Outcome, PEAK_OF_STAR, merged_position};
 use super::evaluate::best_place;
 use super::kind::{Kind, distinct, faces_at};
+use super::late::Charge;
 use super::near::{Site, near_pairs};
 use super::order::NONE;
 use super::store::{Facing, Ring, Store, Vertex};
 use super::sweeps::ASK_EVERY;
 use super::wings::{NO_AREA, SUSPECT_TURN};
-use super::{Engine, Goal};
+use super::{Engine, Goal, LiveMesh, Scratch, Tally};
 use crate::control::Verdict;
 use crate::metric::TIE;
 use crate::metric::{Form, Memory, Metric};
@@ -113,11 +114,12 @@ impl<M: Metric> Engine<M> {
         probe: bool,
         mut ask: impl FnMut(&Self) -> Verdict,
     ) -> Verdict {
-        let Some(mut pairs) = self.topology.pairs.take() else { return Verdict::Continue };
+        let Some(mut pairs) = self.mesh.topology.pairs.take() else { return Verdict::Continue };
         let is_current = |engine: &Self, at: (u32, usize, u64)| {
-            at.0 == engine.store.generation
-                && engine.store.live_vertices * 100 >= at.1 * RENEW_PERCENT
-                && (at.2 == engine.tally.collapses || !probe && engine.store.live_vertices >= RENEW_BELOW)
+            at.0 == engine.mesh.store.generation
+                && engine.mesh.store.live_vertices * 100 >= at.1 * RENEW_PERCENT
+                && (at.2 == engine.tally.collapses
+                    || !probe && engine.mesh.store.live_vertices >= RENEW_BELOW)
         };
         let mut verdict = Verdict::Continue;
         if !pairs.found_at.is_some_and(|at| is_current(self, at)) {
@@ -126,7 +128,7 @@ impl<M: Metric> Engine<M> {
         let mut list = std::mem::take(&mut pairs.list);
         let tau = if probe { f32::MAX } else { tau };
         for (i, pair) in list.iter_mut().enumerate() {
-            if verdict != Verdict::Continue || self.needed(goal) == Some(0) || pairs.looks_left == 0 {
+            if verdict != Verdict::Continue || self.mesh.needed(goal) == Some(0) || pairs.looks_left == 0 {
                 break;
             }
             if i % ASK_EVERY == ASK_EVERY - 1 {
@@ -147,11 +149,13 @@ impl<M: Metric> Engine<M> {
         pairs.list = list;
         // (Without them the sweeps go on by edges alone.)
         if pairs.looks_left > 0 {
-            self.topology.pairs = Some(pairs);
+            self.mesh.topology.pairs = Some(pairs);
         }
         verdict
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// Lets pairs nearer than `reach` be contracted; before anything was merged.
     pub(crate) fn watch_pairs(&mut self, reach: f32) {
         self.topology.pairs = Some(Pairs::new(reach, self.store.live_vertices));
@@ -198,10 +202,12 @@ impl<M: Metric> Engine<M> {
         let of = |origin: VertexId| self.cost.lines.get(origin.index()).copied().unwrap_or_default();
         self.cost.metric.form(&of(origins[0]), &of(origins[1]), d)
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// How many pairs within `reach` could be contracted at some cost. Nothing is changed.
     pub(super) fn possible_pairs(&mut self, reach: f32) -> usize {
-        let mut pairs = Pairs::new(reach, self.store.live_vertices);
+        let mut pairs = Pairs::new(reach, self.mesh.store.live_vertices);
         self.find_pairs(&mut pairs, &mut |_: &Self| Verdict::Continue);
         let list = std::mem::take(&mut pairs.list);
         let mut is_possible = |pair: &&Pair| {
@@ -213,7 +219,7 @@ impl<M: Metric> Engine<M> {
 
     /// Looks for pairs afresh.
     fn find_pairs(&mut self, pairs: &mut Pairs, ask: &mut impl FnMut(&Self) -> Verdict) -> Verdict {
-        let (alive, sites) = self.sites();
+        let (alive, sites) = self.mesh.sites();
         pairs.looks_left = pairs.looks_left.saturating_sub(alive.len());
         let (mut verdict, mut asked) = (Verdict::Continue, 0usize);
         let found = near_pairs(&sites, pairs.reach, || {
@@ -228,15 +234,18 @@ impl<M: Metric> Engine<M> {
             found.unwrap_or_default().iter().map(|n| (n.distance_sq, n.ends.map(|i| alive[i as usize]))),
         );
         let mut ring = Ring::default();
-        all.retain(|&(_, [u, v])| !self.store.is_edge(u, v, &mut ring));
-        self.find_slits(&alive, pairs.reach, &mut all);
+        all.retain(|&(_, [u, v])| !self.mesh.store.is_edge(u, v, &mut ring));
+        self.mesh.find_slits(&alive, pairs.reach, &mut all);
         all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         pairs.list.clear();
         pairs.list.extend(all.into_iter().map(|(_, ends)| Pair { ends, bound: UNKNOWN }));
-        pairs.found_at = Some((self.store.generation, self.store.live_vertices, self.tally.collapses));
+        pairs.found_at =
+            Some((self.mesh.store.generation, self.mesh.store.live_vertices, self.tally.collapses));
         verdict
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// The live vertices, and how each stands.
     fn sites(&self) -> (Vec<VertexId>, Vec<Site>) {
         let store = &self.store;
@@ -309,43 +318,48 @@ impl<M: Metric> Engine<M> {
             }
         }
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// Contracts a pair, with those beside it where that is better, if topology, guards and cost allow it. With `probe`
     /// nothing is changed and the cost is said.
     fn contract(&mut self, [u, v]: [VertexId; 2], tau: f32, probe: bool, pairs: &mut Pairs) -> Outcome {
         let (reach, work) = (pairs.reach, &mut pairs.work);
-        let is_gone = |w: VertexId| self.store.v[w.index()].kind.is_gone();
-        if is_gone(u) || is_gone(v) || (self.store.p(v) - self.store.p(u)).length_squared() >= reach * reach {
+        let is_gone = |w: VertexId| self.mesh.store.v[w.index()].kind.is_gone();
+        if is_gone(u)
+            || is_gone(v)
+            || (self.mesh.store.p(v) - self.mesh.store.p(u)).length_squared() >= reach * reach
+        {
             return Outcome::Later(f32::INFINITY);
         }
         // Those beside it cost more on top, so this is the least; most pairs are too dear at any time.
-        let least = match self.place_pair(u, v, &mut work.ring) {
-            Ok((_, cost)) => (cost + self.gap(u, v)) * self.price_of(u, v),
+        let least = match self.mesh.place_pair(u, v, &mut work.ring) {
+            Ok((_, cost)) => (cost + self.mesh.gap(u, v)) * self.mesh.price_of(u, v),
             Err(why) => return Outcome::Refused(why),
         };
         if least > tau && !probe {
             return Outcome::Later(least);
         }
         pairs.looks_left = pairs.looks_left.saturating_sub(1);
-        self.store.ring(u, &mut work.ru);
-        self.store.ring(v, &mut work.rv);
-        let is_large = |w: VertexId| self.store.listed(w).len() > MOST_FACES;
+        self.mesh.store.ring(u, &mut work.ru);
+        self.mesh.store.ring(v, &mut work.rv);
+        let is_large = |w: VertexId| self.mesh.store.listed(w).len() > MOST_FACES;
         if work.ru.len() + work.rv.len() > MOST_FACES
             || work.ru.iter().chain(&work.rv).any(|r| is_large(r.a) || is_large(r.b))
         {
             return Outcome::Refused(Refusal::Valence);
         }
-        work.bundle.set(&mut self.store, &[[u, v]]);
-        let alone = work.bundle.effect(&mut self.store);
+        work.bundle.set(&mut self.mesh.store, &[[u, v]]);
+        let alone = work.bundle.effect(&mut self.mesh.store);
         if alone == Effect::Manifold {
             return self.try_bundle(tau, probe, work);
         }
         let mut why = Refusal::LinkCondition;
         if faces_at(&work.ru, v) == 0 {
-            self.find_ways(u, v, reach, work);
+            self.mesh.find_ways(u, v, reach, work);
             for i in 0..work.ways.len() {
-                work.bundle.set(&mut self.store, &work.ways[i].1);
-                if work.bundle.effect(&mut self.store) != Effect::Manifold {
+                work.bundle.set(&mut self.mesh.store, &work.ways[i].1);
+                if work.bundle.effect(&mut self.mesh.store) != Effect::Manifold {
                     continue;
                 }
                 match self.try_bundle(tau, probe, work) {
@@ -354,11 +368,11 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        let may = match self.constraints.rules.topology {
+        let may = match self.mesh.constraints.rules.topology {
             TopologyPolicy::Preserve => false,
             // A point where borders meet would be held there, and keep others from going.
             TopologyPolicy::Relaxed => {
-                let is_open = |w: VertexId| self.store.v[w.index()].kind.is_feature();
+                let is_open = |w: VertexId| self.mesh.store.v[w.index()].kind.is_feature();
                 alone == Effect::Singular && !is_open(u) && !is_open(v)
             }
             TopologyPolicy::Free => true,
@@ -366,17 +380,18 @@ impl<M: Metric> Engine<M> {
         if !may {
             return Outcome::Refused(why);
         }
-        work.bundle.set(&mut self.store, &[[u, v]]);
+        work.bundle.set(&mut self.mesh.store, &[[u, v]]);
         self.try_bundle(tau, probe, work)
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// The pairs beside one that may join the surfaces along an edge or by two faces: nearest first.
     fn find_ways(&mut self, u: VertexId, v: VertexId, reach: f32, work: &mut Work) {
         let Work { ru, rv, ring, ways, .. } = work;
         ways.clear();
-        let apart = |engine: &Self, x: VertexId, y: VertexId| {
-            (engine.store.p(x) - engine.store.p(y)).length_squared()
-        };
+        let apart =
+            |mesh: &Self, x: VertexId, y: VertexId| (mesh.store.p(x) - mesh.store.p(y)).length_squared();
         let is_end = |w: VertexId| w == u || w == v;
         let side_of = |ring: &Ring| -> Vec<VertexId> {
             distinct(ring).filter(|&w| faces_at(ring, w) == 1 && !is_end(w)).collect()
@@ -415,41 +430,50 @@ impl<M: Metric> Engine<M> {
         }
         keep_nearest(ways);
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// Places the pairs of a bundle, asks the guards, and contracts them if they cost at most `tau`.
     fn try_bundle(&mut self, tau: f32, probe: bool, work: &mut Work) -> Outcome {
         let bundle = &mut work.bundle;
-        if bundle.faces.iter().filter(|c| c.is_gone).count() >= self.store.live_faces {
+        if bundle.faces.iter().filter(|c| c.is_gone).count() >= self.mesh.store.live_faces {
             return Outcome::Refused(Refusal::Component);
         }
-        if bundle.loses_locked(&mut self.store) {
+        if bundle.loses_locked(&mut self.mesh.store) {
             return Outcome::Refused(Refusal::Locked);
         }
         let (mut price, mut remembered, mut gaps) = (0f32, 0f32, 0f32);
         for i in 0..bundle.joints.len() {
             let joint = bundle.joints[i];
-            match self.place_pair(joint.u, joint.v, &mut work.ring) {
+            match self.mesh.place_pair(joint.u, joint.v, &mut work.ring) {
                 Ok((at, cost)) => {
                     bundle.joints[i].at = at;
                     remembered += cost;
                 }
                 Err(why) => return Outcome::Refused(why),
             }
-            price = price.max(self.price_of(joint.u, joint.v));
-            gaps += self.gap(joint.u, joint.v);
+            price = price.max(self.mesh.price_of(joint.u, joint.v));
+            gaps += self.mesh.gap(joint.u, joint.v);
         }
-        let loss = match self.loss(bundle, &mut work.ring) {
+        let loss = match self.mesh.loss(bundle, &mut work.ring) {
             Ok(loss) => loss,
             Err(why) => return Outcome::Refused(why),
         };
-        let plain = if self.cost.metric.is_memoryless() { loss } else { remembered } + gaps;
+        let plain = if self.mesh.cost.metric.is_memoryless() { loss } else { remembered } + gaps;
         let mut cost = plain;
         let tau = tau / price;
         for joint in &bundle.joints {
             if cost > tau && !probe {
                 break;
             }
-            cost = self.charge_pair(joint.u, joint.v, joint.at, cost, tau, true, &mut work.ring);
+            let charge = self.mesh.charge_pair(
+                joint,
+                [cost, f32::INFINITY],
+                &mut work.ring,
+                &mut self.scratch,
+                &mut self.tally,
+            );
+            cost = charge.map_or(cost, |charge| charge.cost);
         }
         if cost > tau || probe {
             return Outcome::Later(cost * price);
@@ -460,14 +484,16 @@ impl<M: Metric> Engine<M> {
         self.note(bundle.faces.iter().map(|c| c.face), &moved, cost * price);
         Outcome::Done
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// What the way between two vertices costs.
     fn gap(&self, u: VertexId, v: VertexId) -> f32 {
         GAP * self.cost.area * (self.store.p(v) - self.store.p(u)).length_squared()
     }
 
     fn price_of(&self, u: VertexId, v: VertexId) -> f32 {
-        self.price(self.store.v[u.index()].origin, self.store.v[v.index()].origin)
+        self.price_weight(self.store.v[u.index()].origin, self.store.v[v.index()].origin)
     }
 
     /// Where two vertices meet, and what the metric remembers of that.
@@ -618,6 +644,26 @@ impl<M: Metric> Engine<M> {
         Ok(())
     }
 
+    /// In the late phase: the cost of contracting a pair with what its samples lose.
+    fn charge_pair(
+        &self,
+        joint: &Joint,
+        [cost, most]: [f32; 2],
+        ring: &mut Ring,
+        scratch: &mut Scratch,
+        tally: &mut Tally,
+    ) -> Option<Charge> {
+        let late = self.late.as_ref()?;
+        let ends = [joint.u, joint.v];
+        scratch.wings.clear();
+        for end in ends {
+            self.store.ring(end, ring);
+            scratch.wings.add_rim(ring, |r| r.has(joint.u) || r.has(joint.v));
+        }
+        let origins = ends.map(|w| self.store.v[w.index()].origin);
+        Some(self.charge(late, origins, joint.at, [cost, most], scratch, tally))
+    }
+
     /// Whether faces come to lie back to back at an edge that was not there before, or, where one `turned` far, at any.
     fn bundle_folds(&mut self, bundle: &Bundle, turned: bool, ring: &mut Ring) -> bool {
         let mut sides: Vec<([VertexId; 2], Vec3, usize)> = Vec::new();
@@ -659,102 +705,87 @@ impl<M: Metric> Engine<M> {
         }
         false
     }
+}
 
-    /// In the late phase: the cost with what the samples of the two lose. Without `probe` they change hands.
-    #[expect(clippy::too_many_arguments, reason = "those of a charge, by name of the vertex")]
-    fn charge_pair(
-        &mut self,
-        u: VertexId,
-        v: VertexId,
-        at: Vec3,
-        cost: f32,
-        tau: f32,
-        probe: bool,
-        ring: &mut Ring,
-    ) -> f32 {
-        if self.late.is_none() {
-            return cost;
-        }
-        self.scratch.wings.clear();
-        for end in [u, v] {
-            self.store.ring(end, ring);
-            self.scratch.wings.add_rim(ring, |r| r.has(u) || r.has(v));
-        }
-        let [x, z] = [u, v].map(|w| self.store.v[w.index()].origin);
-        self.charge(x, z, at, cost, tau, probe)
-    }
-
+impl<M: Metric> Engine<M> {
     /// Does what was asked: all pairs of the bundle become one each.
     fn join(&mut self, bundle: &Bundle, ring: &mut Ring) {
         let mut touched: Vec<VertexId> = bundle.faces.iter().flat_map(|c| c.before).collect();
         touched.sort_unstable();
         touched.dedup();
         for &joint in &bundle.joints {
-            self.charge_pair(joint.u, joint.v, joint.at, 0.0, f32::MAX, false, ring);
+            let Self { mesh, scratch, tally, .. } = self;
+            if let Some(charge) = mesh.charge_pair(&joint, [0.0, f32::MAX], ring, scratch, tally)
+                && charge.cost <= f32::MAX
+            {
+                let origins = [joint.u, joint.v].map(|w| mesh.store.v[w.index()].origin);
+                mesh.hand_over_samples(origins, &charge, &mut scratch.late);
+            }
             self.merge_ends(joint.u, joint.v, joint.at, ring);
         }
         for c in bundle.faces.iter().filter(|c| c.is_gone) {
-            self.store.remove_face(c.face);
+            self.mesh.store.remove_face(c.face);
         }
         touched.retain(|&w| bundle.now(w) == w);
         for &w in &touched {
-            self.store.ring(w, ring);
+            self.mesh.store.ring(w, ring);
             if ring.is_empty() {
-                let x = &mut self.store.v[w.index()];
+                let x = &mut self.mesh.store.v[w.index()];
                 x.kind = x.kind.gone();
-                self.store.bound[w.index()] = f32::INFINITY;
-                self.store.live_vertices -= 1;
+                self.mesh.store.bound[w.index()] = f32::INFINITY;
+                self.mesh.store.live_vertices -= 1;
             } else {
-                self.chain_wedges_of(w, ring);
-                self.store.bound[w.index()] = UNKNOWN;
+                self.mesh.chain_wedges_of(w, ring);
+                self.mesh.store.bound[w.index()] = UNKNOWN;
             }
         }
-        touched.retain(|w| !self.store.v[w.index()].kind.is_gone());
+        touched.retain(|w| !self.mesh.store.v[w.index()].kind.is_gone());
         for &w in &touched {
-            self.refresh(w, ring);
-            self.forget_lines(w);
+            self.mesh.refresh(w, ring);
+            self.mesh.forget_lines(w);
         }
         self.tally.pairs_contracted += bundle.joints.len();
     }
 
     /// Gives all corners of `v` to `u`, at the place `at`.
     fn merge_ends(&mut self, u: VertexId, v: VertexId, at: Vec3, ring: &mut Ring) {
-        let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
-        self.share_wedges(u, v, ring);
-        self.store.ring(u, ring);
+        let (x, z) = (self.mesh.store.v[u.index()], self.mesh.store.v[v.index()]);
+        self.mesh.share_wedges(u, v, ring);
+        self.mesh.store.ring(u, ring);
         let mut corners: Vec<_> = ring.iter().map(|r| r.corner).collect();
-        self.store.ring(v, ring);
+        self.mesh.store.ring(v, ring);
         for r in ring.iter() {
             // A face that has both goes with the bundle.
             if !r.has(u) {
                 corners.push(r.corner);
             }
         }
-        self.store.hang(u, &corners);
+        self.mesh.store.hang(u, &corners);
         // Whose place was kept gives its number: the result then has that vertex of the input.
         let [own, other] = [&x, &z].map(|end| end.p == at && !end.kind.is_moved());
         let kept_v = other && !own;
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
-        self.store.merged_into[merged.index()] = origin;
+        self.mesh.store.merged_into[merged.index()] = origin;
         if let Some(record) = &mut self.record {
             record.merge(merged, origin);
         }
-        self.merge_prices(origin, merged);
-        if !self.cost.metric.is_memoryless() {
+        self.mesh.merge_prices(origin, merged);
+        if !self.mesh.cost.metric.is_memoryless() {
             let (d, y) = (z.p - x.p, at - x.p);
-            self.store.v[u.index()].q = self.cost.metric.merged(&self.cost.metric.form(&x.q, &z.q, d), y);
-            self.merge_lines([x.origin, z.origin], d, y);
+            self.mesh.store.v[u.index()].q =
+                self.mesh.cost.metric.merged(&self.mesh.cost.metric.form(&x.q, &z.q, d), y);
+            self.mesh.merge_lines([x.origin, z.origin], d, y);
         }
-        let kept = &mut self.store.v[u.index()];
+        let kept = &mut self.mesh.store.v[u.index()];
         let facing = x.facing.direction() + z.facing.direction();
         let agree = x.facing.direction().dot(z.facing.direction()) > 0.0;
         (kept.p, kept.origin, kept.kind) = (at, origin, x.kind.union(z.kind).moved(!(own || other)));
         // Surfaces that face each other have no direction in common.
         kept.facing = if agree { Facing::of(facing) } else { Facing::default() };
-        let removed = &mut self.store.v[v.index()];
+        let removed = &mut self.mesh.store.v[v.index()];
         removed.kind = removed.kind.gone();
-        self.store.bound[v.index()] = f32::INFINITY;
-        self.store.live_vertices -= 1;
+        self.mesh.store.bound[v.index()] = f32::INFINITY;
+        self.mesh.store.live_vertices -= 1;
         self.tally.collapses += 1;
     }
 }

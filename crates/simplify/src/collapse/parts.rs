@@ -10,7 +10,7 @@ use lodsmith_core::VertexId;
 use super::check::need;
 use super::order::NONE;
 use super::store::Vertex;
-use super::{Engine, Goal};
+use super::{Engine, Goal, LiveMesh};
 use crate::metric::{Metric, PartSize};
 use crate::options::{BorderPolicy, TopologyPolicy};
 
@@ -91,13 +91,13 @@ fn all_but_the_dearest(mut order: Vec<usize>, cost: &[f32]) -> Vec<usize> {
 impl<M: Metric> Engine<M> {
     /// Removes whole parts, the cheapest first, until the goal is met or one part is left. Says whether it is met.
     pub(crate) fn remove_parts(&mut self, goal: &Goal) -> bool {
-        let stay =
-            self.constraints.keeps_parts || self.constraints.rules.topology == TopologyPolicy::Preserve;
-        if stay || self.needed(goal).is_none() {
+        let stay = self.mesh.constraints.keeps_parts
+            || self.mesh.constraints.rules.topology == TopologyPolicy::Preserve;
+        if stay || self.mesh.needed(goal).is_none() {
             return false;
         }
-        self.store.compact();
-        let (part_of, parts) = self.find_parts();
+        self.mesh.store.compact();
+        let (part_of, parts) = self.mesh.find_parts();
         let worth: Vec<f32> = parts.iter().map(Part::worth).collect();
         let mut order = all_but_the_dearest((0..parts.len()).collect(), &worth);
         order.retain(|&i| parts[i].price < f32::INFINITY);
@@ -107,36 +107,40 @@ impl<M: Metric> Engine<M> {
             record.bar();
         }
         self.drop_parts(goal, &order, true, &faces, &cost, &part_of);
-        self.needed(goal) == Some(0)
+        self.mesh.needed(goal) == Some(0)
     }
 
     /// Whether a run that left all parts in place paid for it: parts that hold many of the faces would have been cheaper to
     /// remove than some collapses were. `cuts` is whether necks could be cut as well. Cost: O(n), but only for a run that
     /// was not at ease or is small.
     pub(crate) fn has_parts_in_the_way(&self, cuts: bool) -> bool {
-        let is_asked = self.tally.is_strained || self.store.live_faces < ALWAYS_ASKED;
-        if !is_asked || self.topology.parts.is_some() {
+        let is_asked = self.tally.is_strained || self.mesh.store.live_faces < ALWAYS_ASKED;
+        if !is_asked || self.mesh.topology.parts.is_some() {
             return false;
         }
-        let parts = self.find_parts().1;
+        let parts = self.mesh.find_parts().1;
         let weight = if cuts { IN_TURN } else { 1.0 };
-        let rates: Vec<f32> = parts.iter().map(|p| self.rate(p, weight * p.worth(), p.faces)).collect();
+        let rates: Vec<f32> = parts.iter().map(|p| self.mesh.rate(p, weight * p.worth(), p.faces)).collect();
         let all = (0..parts.len()).filter(|&i| parts[i].faces > 0).collect();
         let cheap = all_but_the_dearest(all, &rates).into_iter().filter(|&i| rates[i] <= self.tally.paid);
         let faces: usize = cheap.map(|i| parts[i].faces).sum();
-        faces as f64 > IN_THE_WAY * self.store.live_faces as f64
+        faces as f64 > IN_THE_WAY * self.mesh.store.live_faces as f64
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// What two faces cost of a part that is worth so much and has so many faces left.
     fn rate(&self, part: &Part, worth: f32, faces: usize) -> f32 {
         self.cost.metric.part_rate(2.0 * worth / faces as f32, &part.size(faces), self.cost.mean_face)
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// Lets parts go in the order of costs from here on. The store is compact.
     pub(crate) fn watch_parts(&mut self) {
-        let (label, parts) = self.find_parts();
-        let mut part_of = vec![0; self.store.merged_into.len()];
-        for (x, &l) in self.store.v.iter().zip(&label) {
+        let (label, parts) = self.mesh.find_parts();
+        let mut part_of = vec![0; self.mesh.store.merged_into.len()];
+        for (x, &l) in self.mesh.store.v.iter().zip(&label) {
             part_of[x.origin.index()] = l;
         }
         self.watch(part_of, parts);
@@ -150,43 +154,44 @@ impl<M: Metric> Engine<M> {
         }
         let part_of = labels(points.len(), faces);
         let mut parts = measured(&part_of, |w| points[w.index()], faces);
-        for x in &self.store.v {
+        for x in &self.mesh.store.v {
             let part = &mut parts[part_of[x.origin.index()] as usize];
-            part.price = part.price.max(self.absence_price(x));
+            part.price = part.price.max(self.mesh.absence_price(x));
         }
-        self.keep_locked_borders(&part_of, faces, &mut parts);
+        self.mesh.keep_locked_borders(&part_of, faces, &mut parts);
         self.watch(part_of, parts);
     }
 
     fn watch(&mut self, part_of: Vec<u32>, parts: Vec<Part>) {
-        let weight = if self.constraints.cuts_necks { IN_TURN } else { 1.0 };
+        let weight = if self.mesh.constraints.cuts_necks { IN_TURN } else { 1.0 };
         let cost = parts.iter().map(|p| p.cost() * weight).collect();
         let worth = parts.iter().map(|p| p.worth() * weight).collect();
-        self.topology.parts =
+        self.mesh.topology.parts =
             Some(Parts { part_of, of_input: parts, cost, worth, changes: self.changes_of_parts() });
     }
 
     /// Drops the parts of which a face is not dearer than `tau` for a collapse, which takes two.
     pub(crate) fn drop_cheap_parts(&mut self, goal: &Goal, tau: f32) {
-        if self.topology.parts.as_ref().is_some_and(|p| p.changes != self.changes_of_parts()) {
+        if self.mesh.topology.parts.as_ref().is_some_and(|p| p.changes != self.changes_of_parts()) {
             // What was cut off is a part of its own now, and what grew together no longer.
-            self.store.compact();
+            self.mesh.store.compact();
             self.watch_parts();
         }
-        let Some(parts) = self.topology.parts.take() else { return };
+        let Some(parts) = self.mesh.topology.parts.take() else { return };
         let mut faces = vec![0usize; parts.cost.len()];
-        for t in self.store.t.iter().filter(|t| t[0] != NONE) {
-            faces[parts.part_of[self.store.v[t[0].index()].origin.index()] as usize] += 1;
+        for t in self.mesh.store.t.iter().filter(|t| t[0] != NONE) {
+            faces[parts.part_of[self.mesh.store.v[t[0].index()].origin.index()] as usize] += 1;
         }
-        let rate = |i: usize| self.rate(&parts.of_input[i], parts.worth[i], faces[i]);
+        let rate = |i: usize| self.mesh.rate(&parts.of_input[i], parts.worth[i], faces[i]);
         let rates: Vec<f32> = (0..faces.len()).map(rate).collect();
         let mut order = all_but_the_dearest((0..faces.len()).filter(|&i| faces[i] > 0).collect(), &rates);
         order.retain(|&i| rates[i] <= tau);
         if !order.is_empty() {
-            let part_of: Vec<u32> = self.store.v.iter().map(|x| parts.part_of[x.origin.index()]).collect();
+            let part_of: Vec<u32> =
+                self.mesh.store.v.iter().map(|x| parts.part_of[x.origin.index()]).collect();
             self.drop_parts(goal, &order, false, &faces, &parts.cost, &part_of);
         }
-        self.topology.parts = Some(parts);
+        self.mesh.topology.parts = Some(parts);
     }
 
     /// Says what is wrong with the parts that are watched: each number has one, which there is, and faces lie in one each.
@@ -196,10 +201,10 @@ impl<M: Metric> Engine<M> {
         if parts.changes != self.changes_of_parts() {
             return Ok(());
         }
-        let numbers = self.store.merged_into.len();
+        let numbers = self.mesh.store.merged_into.len();
         need(of.len() == numbers, || format!("{numbers} numbers have parts for {}", of.len()))?;
-        for (f, t) in self.store.t.iter().enumerate().filter(|t| t.1[0] != NONE) {
-            let [a, b, c] = t.map(|w| of[self.store.v[w.index()].origin.index()] as usize);
+        for (f, t) in self.mesh.store.t.iter().enumerate().filter(|t| t.1[0] != NONE) {
+            let [a, b, c] = t.map(|w| of[self.mesh.store.v[w.index()].origin.index()] as usize);
             need(a == b && b == c && c < count, || {
                 format!("face {f} lies in parts {a}, {b}, {c} of {count}")
             })?;
@@ -225,12 +230,12 @@ impl<M: Metric> Engine<M> {
         let mut gone = vec![false; faces.len()];
         let faces_of = self.record.as_ref().map(|_| self.faces_of_parts(part_of, faces.len()));
         let mut vertices = vec![0usize; faces.len()];
-        for (_, &p) in self.store.v.iter().zip(part_of).filter(|x| !x.0.kind.is_gone()) {
+        for (_, &p) in self.mesh.store.v.iter().zip(part_of).filter(|x| !x.0.kind.is_gone()) {
             vertices[p as usize] += 1;
         }
         let (mut at, mut too_large) = (0, Vec::new());
-        while self.needed(goal) != Some(0) {
-            let (faces_left, vertices_left) = (self.store.live_faces, self.store.live_vertices);
+        while self.mesh.needed(goal) != Some(0) {
+            let (faces_left, vertices_left) = (self.mesh.store.live_faces, self.mesh.store.live_vertices);
             let left = |i: usize| (faces_left - faces[i], vertices_left - vertices[i]);
             let i = match order.get(at) {
                 Some(&i) if !is_far_below(goal, left(i), BELOW) => i,
@@ -252,32 +257,34 @@ impl<M: Metric> Engine<M> {
             at += 1;
             gone[i] = true;
             self.tally.lost += f64::from(cost[i]);
-            self.store.live_faces -= faces[i];
-            self.store.live_vertices -= vertices[i];
+            self.mesh.store.live_faces -= faces[i];
+            self.mesh.store.live_vertices -= vertices[i];
             self.tally.parts_removed += 1;
             if let Some(faces_of) = &faces_of {
-                faces_of[i].iter().for_each(|&f| self.store.t[f][0] = NONE);
+                faces_of[i].iter().for_each(|&f| self.mesh.store.t[f][0] = NONE);
                 let face = 2.0 * cost[i] / faces[i].max(1) as f32;
                 self.note(faces_of[i].iter().copied(), &[], face);
             }
         }
-        for t in self.store.t.iter_mut().filter(|t| t[0] != NONE) {
+        for t in self.mesh.store.t.iter_mut().filter(|t| t[0] != NONE) {
             if gone[part_of[t[0].index()] as usize] {
                 t[0] = NONE;
             }
         }
-        self.store.compact();
+        self.mesh.store.compact();
     }
 
     /// The living faces of each part.
     fn faces_of_parts(&self, part_of: &[u32], parts: usize) -> Vec<Vec<usize>> {
         let mut faces = vec![Vec::new(); parts];
-        for (f, t) in self.store.t.iter().enumerate().filter(|t| t.1[0] != NONE) {
+        for (f, t) in self.mesh.store.t.iter().enumerate().filter(|t| t.1[0] != NONE) {
             faces[part_of[t[0].index()] as usize].push(f);
         }
         faces
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// How many parts there are in a compact store.
     pub(crate) fn part_count(&self) -> usize {
         self.label_parts().into_iter().max().map_or(0, |m| m as usize + 1)
@@ -311,7 +318,7 @@ impl<M: Metric> Engine<M> {
 
     /// What the absence of a vertex counts times.
     fn absence_price(&self, x: &Vertex<M::Memory>) -> f32 {
-        if x.kind.is_locked() { f32::INFINITY } else { self.price(x.origin, x.origin) }
+        if x.kind.is_locked() { f32::INFINITY } else { self.price_weight(x.origin, x.origin) }
     }
 
     /// The number of the part of each vertex, parts counted in the order of their first vertex.

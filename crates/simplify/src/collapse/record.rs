@@ -364,14 +364,19 @@ impl<M: Metric> Engine<M> {
     /// Notes how the mesh that the engine begins with differs from the input, as the first change of all.
     pub(crate) fn note_start(&mut self, mut record: Box<Record>) {
         let mut is_alive = vec![false; record.copy.faces.len()];
-        for &n in self.store.names.iter().flatten() {
+        for &n in self.mesh.store.names.iter().flatten() {
             is_alive[record.names.faces[n as usize].index()] = true;
         }
         for (f, t) in record.copy.faces.iter().enumerate().filter(|f| !is_alive[f.0]) {
             record.log.dead.push((FaceId::new(f), *t));
         }
-        let all: Vec<usize> = (0..self.store.t.len()).collect();
-        record.note(&self.store, self.values.attributes.as_ref(), (&all, &[]), (f32::NEG_INFINITY, 0.0, 0.0));
+        let all: Vec<usize> = (0..self.mesh.store.t.len()).collect();
+        record.note(
+            &self.mesh.store,
+            self.mesh.values.attributes.as_ref(),
+            (&all, &[]),
+            (f32::NEG_INFINITY, 0.0, 0.0),
+        );
         record.keys.fill(f32::NEG_INFINITY);
         self.record = Some(record);
     }
@@ -391,18 +396,18 @@ impl<M: Metric> Engine<M> {
     fn note_faces(&mut self, faces: &[usize], moved: &[VertexId], cost: f32) {
         let Some(mut record) = self.record.take() else { return };
         let moved: Vec<VertexId> =
-            moved.iter().copied().filter(|w| !self.store.v[w.index()].kind.is_locked()).collect();
+            moved.iter().copied().filter(|w| !self.mesh.store.v[w.index()].kind.is_locked()).collect();
         let paid = (cost, self.tally.spent, self.tally.lost);
-        record.note(&self.store, self.values.attributes.as_ref(), (faces, &moved), paid);
+        record.note(&self.mesh.store, self.mesh.values.attributes.as_ref(), (faces, &moved), paid);
         self.record = Some(record);
     }
 
     /// Makes a stuck engine ready for more sweeps, in which whole parts may go.
     pub(crate) fn resume(&mut self, cuts_necks: bool) {
-        self.store.bound = vec![super::bound::UNKNOWN; self.store.v.len()];
-        self.store.link();
-        self.constraints.cuts_necks = cuts_necks;
-        self.constraints.keeps_parts = false;
+        self.mesh.store.bound = vec![super::bound::UNKNOWN; self.mesh.store.v.len()];
+        self.mesh.store.link();
+        self.mesh.constraints.cuts_necks = cuts_necks;
+        self.mesh.constraints.keeps_parts = false;
         self.watch_parts();
         if let Some(record) = &mut self.record {
             record.bar();

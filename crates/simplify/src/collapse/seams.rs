@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 
-use super::Engine;
+use super::LiveMesh;
 use super::attributes::NO_WEDGE;
 use super::kind::{Kind, SHORT_RING, faces_at};
 use super::store::{Ring, Spoke, Store};
@@ -217,7 +217,7 @@ impl Edge {
     }
 }
 
-impl<M: Metric> Engine<M> {
+impl<M: Metric> LiveMesh<M> {
     /// Weight of the line along the edge from the centre of a star to `w`; 0 for an edge inside.
     pub(crate) fn line_weight(&self, ring: &[Spoke], w: VertexId, seams: bool) -> f32 {
         self.store.edge(ring, w).map_or(0.0, |edge| self.weight_of(&edge, seams))
@@ -285,7 +285,7 @@ impl<M: Metric> Engine<M> {
     /// Whether seams and regions allow the collapse: two vertices on the borders of regions merge along one only, and no
     /// face goes that has lines on all sides. (Two vertices on other seams may merge across: their lines say at what
     /// cost. Refusing that too cost CesiumMan its limbs at 10 %, for nothing else was left.)
-    pub(crate) fn ask_seams(&self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Result<(), Refusal> {
+    pub(crate) fn check_seams(&self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Result<(), Refusal> {
         let (ku, kv) = (self.store.v[u.index()].kind, self.store.v[v.index()].kind);
         if self.constraints.looseness == Looseness::Regions
             || !(ku.is_seam() || kv.is_seam())

@@ -12,6 +12,7 @@ use prefetch_index::prefetch_index;
 use wide::{f32x4, i32x4, u32x4};
 
 use super::kind::Kind;
+use super::marks::Marks;
 use super::order::{MEMORY_FREE_UP_TO, NONE};
 use crate::lanes::{Four, dot};
 use crate::metric::Memory;
@@ -152,7 +153,7 @@ pub(crate) struct Vertex<Q> {
 pub(crate) struct Place {
     /// Position in the unit frame.
     pub(crate) p: Vec3,
-    /// Scratch of whoever walks: compared with [`Store::stamp`].
+    /// Scratch of the fit: numbers of outliers.
     pub(crate) mark: u32,
 }
 
@@ -268,7 +269,6 @@ pub(crate) struct Store<Q: Memory> {
     pub(crate) merged_into: Vec<VertexId>,
     /// At which vertex' place of the ordered input others stand that were cut off from it.
     places: BTreeMap<VertexId, VertexId>,
-    pub(crate) stamp: u32,
     /// How often vertices were numbered anew.
     pub(super) generation: u32,
     faces_at_compaction: usize,
@@ -324,7 +324,6 @@ impl<Q: Memory> Store<Q> {
             creases: None,
             names: None,
             classes: Vec::new(),
-            stamp: 0,
             generation: 0,
         }
     }
@@ -658,21 +657,14 @@ impl<Q: Memory> Store<Q> {
     }
 
     /// Lists the neighbours of `u` that come after it, each once.
-    pub(super) fn list_owned(&mut self, u: VertexId, ring: &Ring, owned: &mut Vec<VertexId>) {
-        let stamp = self.next_stamp();
+    pub(super) fn list_owned(&self, u: VertexId, ring: &Ring, owned: &mut Vec<VertexId>, marks: &mut Marks) {
+        marks.clear(2 * ring.len());
         owned.clear();
         for w in ring.iter().flat_map(|r| [r.a, r.b]).filter(|&w| w > u) {
-            if std::mem::replace(&mut self.v[w.index()].mark, stamp) != stamp {
+            if marks.set(w, 0).is_none() {
                 owned.push(w);
             }
         }
-    }
-
-    /// A fresh stamp; the one after it is free as well.
-    #[inline(always)]
-    pub(crate) fn next_stamp(&mut self) -> u32 {
-        self.stamp += 2;
-        self.stamp
     }
 
     /// The final vertex of every vertex of the ordered input, or [`NONE`] where its part is gone; only after a compaction.

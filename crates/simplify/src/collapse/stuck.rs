@@ -5,7 +5,7 @@ use lodsmith_core::VertexId;
 use super::attributes::Member;
 use super::cut::may_cut;
 use super::kind::Kind;
-use super::{Candidate, Engine, Outcome, VisitScratch};
+use super::{Attempt, Candidate, Engine, LiveMesh, Outcome, VisitScratch};
 use crate::guard::Rules;
 use crate::metric::Metric;
 use crate::options::{Length, SimplifyOptions, TopologyPolicy};
@@ -25,26 +25,26 @@ impl<M: Metric> Engine<M> {
         rules: impl Fn(&SimplifyOptions) -> Rules,
         reach: impl Fn(Length) -> f32,
     ) -> Vec<Proposal> {
-        let part_count = self.part_count();
+        let part_count = self.mesh.part_count();
         let mut open = Change::open_to(options);
         // What is one part already has nothing to grow together with.
         open.extend(Change::to_pairs(options).filter(|_| part_count > 1).map(|change| vec![change]));
         if open.is_empty() {
             return Vec::new();
         }
-        let kinds: Vec<Kind> = self.store.v.iter().map(|x| x.kind).collect();
-        let (own, cuts_necks) = (self.constraints.rules, self.constraints.cuts_necks);
+        let kinds: Vec<Kind> = self.mesh.store.v.iter().map(|x| x.kind).collect();
+        let (own, cuts_necks) = (self.mesh.constraints.rules, self.mesh.constraints.cuts_necks);
         // Some look possible as it is, until their wedges are handed over.
         let base = self.possible();
         best(&open, &mut |changes| {
             let changed = changes.iter().fold(options.clone(), |o, c| c.applied(&o));
-            self.constraints.rules = rules(&changed);
-            self.constraints.cuts_necks = may_cut(&changed);
+            self.mesh.constraints.rules = rules(&changed);
+            self.mesh.constraints.cuts_necks = may_cut(&changed);
             if changed.locked.is_none() {
-                self.store.v.iter_mut().for_each(|x| x.kind = x.kind.locked(false));
+                self.mesh.store.v.iter_mut().for_each(|x| x.kind = x.kind.locked(false));
             }
             if changed.border != options.border {
-                self.classify_again();
+                self.mesh.classify_again();
             }
             let base = if changed.placement == options.placement { base } else { 0 };
             let parts_go =
@@ -55,8 +55,8 @@ impl<M: Metric> Engine<M> {
                 _ => 0,
             };
             let gain = self.possible().saturating_sub(base) + parts + pairs;
-            (self.constraints.rules, self.constraints.cuts_necks) = (own, cuts_necks);
-            for (x, &kind) in self.store.v.iter_mut().zip(&kinds) {
+            (self.mesh.constraints.rules, self.mesh.constraints.cuts_necks) = (own, cuts_necks);
+            for (x, &kind) in self.mesh.store.v.iter_mut().zip(&kinds) {
                 x.kind = kind;
             }
             gain
@@ -66,7 +66,7 @@ impl<M: Metric> Engine<M> {
     /// Edges that could be collapsed at some cost.
     fn possible(&mut self) -> usize {
         let (mut scratch, mut count) = (VisitScratch::default(), 0);
-        for u in (0..self.store.v.len() as u32).map(VertexId) {
+        for u in (0..self.mesh.store.v.len() as u32).map(VertexId) {
             self.evaluate_at_any_cost(u, &mut scratch);
             let VisitScratch { ru, rv, found, members, .. } = &mut scratch;
             for candidate in &found.within {
@@ -84,17 +84,22 @@ impl<M: Metric> Engine<M> {
         rv: &mut super::Ring,
         members: &mut Vec<Member>,
     ) -> bool {
-        self.store.ring(candidate.removed, rv);
+        self.mesh.store.ring(candidate.removed, rv);
         let mut next = Some(*candidate);
         while let Some(candidate) = next {
-            match self.collapse(u, &candidate, f32::MAX, true, ru, rv) {
+            let (tau, rings) = (f32::MAX, [ru, &*rv]);
+            match self.collapse(&Attempt { kept: u, candidate: &candidate, tau, is_probe: true, rings }) {
                 Outcome::Done | Outcome::Later(_) => return true,
-                Outcome::Refused(why) => next = self.at_an_end(u, &candidate, why, f32::MAX, ru, members),
+                Outcome::Refused(why) => {
+                    next = self.mesh.at_an_end(u, &candidate, why, f32::MAX, ru, members)
+                }
             }
         }
         false
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// Kinds of all vertices under other rules.
     fn classify_again(&mut self) {
         let mut ring = super::Ring::default();

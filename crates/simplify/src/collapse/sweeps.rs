@@ -4,8 +4,8 @@ use lodsmith_core::VertexId;
 use wide::f32x8;
 
 use super::bound::Histogram;
-use super::commit::Outcome;
-use super::{BRINGS_FROM, End, Engine, Goal, Original, VisitScratch, late, record};
+use super::commit::{Attempt, Outcome};
+use super::{BRINGS_FROM, End, Engine, Goal, LiveMesh, Original, VisitScratch, late, record};
 use crate::control::{Control, Verdict};
 use crate::metric::Metric;
 
@@ -69,7 +69,7 @@ pub(crate) enum Pause {
     BeforeEither,
 }
 
-impl<M: Metric> Engine<M> {
+impl<M: Metric> LiveMesh<M> {
     /// Collapses still to be done for the goal; `None` if there is no end to it.
     pub(super) fn needed(&self, goal: &Goal) -> Option<usize> {
         let faces = goal.faces.map(|n| self.store.live_faces.saturating_sub(n).div_ceil(2));
@@ -79,12 +79,14 @@ impl<M: Metric> Engine<M> {
             (a, b) => a.or(b),
         }
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// How much of a run is done, from 0 to 1: of the collapses that it began with, or without a goal of the faces.
     fn done(&self, goal: &Goal, begun_with: usize, start_faces: usize) -> f64 {
-        let done = match self.needed(goal) {
+        let done = match self.mesh.needed(goal) {
             Some(n) => 1.0 - n as f64 / begun_with as f64,
-            None => 1.0 - self.store.live_faces as f64 / start_faces.max(1) as f64,
+            None => 1.0 - self.mesh.store.live_faces as f64 / start_faces.max(1) as f64,
         };
         done.clamp(0.0, 1.0)
     }
@@ -95,7 +97,7 @@ impl<M: Metric> Engine<M> {
         let mut sweeps = self.begin_sweeps(goal);
         let end = self.go_on(&mut sweeps, goal, Pause::Never, original, control).unwrap_or(End::Stuck);
         if end != End::Cancel {
-            self.store.finish();
+            self.mesh.store.finish();
         }
         end
     }
@@ -103,13 +105,13 @@ impl<M: Metric> Engine<M> {
     /// Looks around before the first sweep.
     pub(crate) fn begin_sweeps(&mut self, goal: &Goal) -> Sweeps {
         let mut scratch = VisitScratch::default();
-        self.cost.area = (self.cost.total_area / self.store.live_faces.max(1) as f64) as f32;
+        self.mesh.cost.area = (self.mesh.cost.total_area / self.mesh.store.live_faces.max(1) as f64) as f32;
         let first = self.first_bounds(&mut scratch);
-        let begun_with = self.needed(goal).unwrap_or(self.store.live_faces / 2).max(1);
+        let begun_with = self.mesh.needed(goal).unwrap_or(self.mesh.store.live_faces / 2).max(1);
         Sweeps {
             next: Some((Histogram::of(&first), first.len())),
             begun_with,
-            start_faces: self.store.live_faces,
+            start_faces: self.mesh.store.live_faces,
             swept: false,
             tau: 0.0,
             highest: 0.0,
@@ -127,8 +129,8 @@ impl<M: Metric> Engine<M> {
     /// The bounds of some vertices spread over the mesh, for the first threshold: the exact cost of the edge that looks
     /// cheapest, because an evaluation cannot tell flat from nearly flat. Of a small mesh, all.
     fn first_bounds(&mut self, scratch: &mut VisitScratch) -> Vec<f32> {
-        let most = if self.counts_attributes() { FIRST_LOOK_AT_WEDGES } else { FIRST_LOOK };
-        let count = self.store.v.len();
+        let most = if self.mesh.counts_attributes() { FIRST_LOOK_AT_WEDGES } else { FIRST_LOOK };
+        let count = self.mesh.store.v.len();
         let looks = if count <= most { most } else { (count / LOOK_SHARE).clamp(FEWEST_LOOKS, most) };
         let step = count.div_ceil(looks).max(1);
         let mut bounds = Vec::with_capacity(looks);
@@ -137,11 +139,12 @@ impl<M: Metric> Engine<M> {
             let VisitScratch { ru, rv, found, .. } = &mut *scratch;
             let best = found.take_cheapest();
             bounds.push(best.map_or(f32::INFINITY, |best| {
-                if !self.constraints.crowds.admit(ru.len() + self.store.listed(best.removed).len()) {
+                if !self.tally.crowds.admit(ru.len() + self.mesh.store.listed(best.removed).len()) {
                     return best.cost;
                 }
-                self.store.ring(best.removed, rv);
-                match self.collapse(u, &best, f32::MAX, true, ru, rv) {
+                self.mesh.store.ring(best.removed, rv);
+                let (tau, rings) = (f32::MAX, [&*ru, &*rv]);
+                match self.collapse(&Attempt { kept: u, candidate: &best, tau, is_probe: true, rings }) {
                     Outcome::Later(cost) => cost,
                     Outcome::Done | Outcome::Refused(_) => f32::INFINITY,
                 }
@@ -175,19 +178,19 @@ impl<M: Metric> Engine<M> {
         control: &mut dyn Control,
     ) -> Option<End> {
         let extreme = self.is_extreme(goal);
-        self.find_details(goal);
+        self.mesh.find_details(goal);
         let (mut scratch, mut visits) = (VisitScratch::default(), Vec::new());
         'sweeps: for _ in 0..MOST_SWEEPS {
             self.check_if_asked(original);
             // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
             if sweeps.swept && sweeps.next.is_some() {
-                if self.store.wants_compaction(self.needed(goal)) {
-                    self.store.compact();
-                    sweeps.next = Some(self.bounds());
+                if self.mesh.store.wants_compaction(self.mesh.needed(goal)) {
+                    self.mesh.store.compact();
+                    sweeps.next = Some(self.mesh.bounds());
                 }
                 if self.is_late(extreme) {
-                    original.with(&mut |points, faces| self.begin_late(points, faces));
-                    sweeps.next = Some(self.bounds());
+                    original.with(&mut |points, faces| self.mesh.begin_late(points, faces));
+                    sweeps.next = Some(self.mesh.bounds());
                 }
             }
             if let Some((histogram, looked_at)) = sweeps.next.take() {
@@ -221,11 +224,12 @@ impl<M: Metric> Engine<M> {
                 (sweeps.at_threshold, sweeps.wanted) = (self.tally.collapses, self.wanted(goal));
             }
             let (tau, probe) = (sweeps.tau, sweeps.probe);
-            self.cost.area = (self.cost.total_area / self.store.live_faces.max(1) as f64) as f32;
+            self.mesh.cost.area =
+                (self.mesh.cost.total_area / self.mesh.store.live_faces.max(1) as f64) as f32;
             let before = self.tally.collapses;
             let refused = self.tally.refused();
             let done = |engine: &Self| engine.done(goal, sweeps.begun_with, sweeps.start_faces);
-            if self.topology.pairs.is_some() {
+            if self.mesh.topology.pairs.is_some() {
                 let mut ask = |engine: &Self| control.progress(done(engine));
                 match self.contract_pairs(goal, tau, probe, &mut ask) {
                     Verdict::Continue => {}
@@ -235,36 +239,38 @@ impl<M: Metric> Engine<M> {
             }
             let goal_faces = goal.faces.unwrap_or(0);
             let goal_vertices = goal.vertices.unwrap_or(0);
-            let count = self.store.v.len();
+            let count = self.mesh.store.v.len();
             let brings = count >= BRINGS_FROM;
-            self.constraints.crowds.begin_sweep();
+            self.tally.crowds.begin_sweep();
             'vertices: for start in (0..count).step_by(ASK_EVERY) {
                 match control.progress(done(self)) {
                     Verdict::Continue => {}
                     Verdict::Finish => return Some(End::Finish),
                     Verdict::Cancel => return Some(End::Cancel),
                 }
-                let bounds = &self.store.bound[start..count.min(start + ASK_EVERY)];
+                let bounds = &self.mesh.store.bound[start..count.min(start + ASK_EVERY)];
                 list_visits(bounds, start, tau, probe, &mut visits);
                 for (at, &u) in visits.iter().enumerate() {
                     if brings {
-                        self.store.bring(&visits, at);
+                        self.mesh.store.bring(&visits, at);
                     }
-                    if self.store.live_faces <= goal_faces || self.store.live_vertices <= goal_vertices {
+                    if self.mesh.store.live_faces <= goal_faces
+                        || self.mesh.store.live_vertices <= goal_vertices
+                    {
                         break 'vertices;
                     }
-                    if self.store.v[u.index()].kind.is_gone() {
+                    if self.mesh.store.v[u.index()].kind.is_gone() {
                         continue;
                     }
                     self.visit(u, if probe { f32::MAX } else { tau }, probe, &mut scratch);
-                    if self.store.is_full() {
+                    if self.mesh.store.is_full() {
                         // The rest of the sweep follows after a compaction, with the same threshold.
-                        self.store.compact();
+                        self.mesh.store.compact();
                         continue 'sweeps;
                     }
                 }
             }
-            if self.needed(goal) == Some(0) {
+            if self.mesh.needed(goal) == Some(0) {
                 return Some(End::Goal);
             }
             sweeps.swept = true;
@@ -273,52 +279,53 @@ impl<M: Metric> Engine<M> {
                 self.tally.paid = self.tally.paid.max(tau);
                 self.tally.is_strained |= !sweeps.is_at_ease;
             }
-            if self.topology.parts.is_some() && !probe {
+            if self.mesh.topology.parts.is_some() && !probe {
                 self.drop_cheap_parts(goal, tau);
-                if self.needed(goal) == Some(0) {
+                if self.mesh.needed(goal) == Some(0) {
                     return Some(End::Goal);
                 }
             }
-            if self.store.wants_compaction(self.needed(goal)) {
-                self.store.compact();
+            if self.mesh.store.wants_compaction(self.mesh.needed(goal)) {
+                self.mesh.store.compact();
             }
             if self.is_late(extreme) {
                 if sweeps.idle < PATIENCE
                     && matches!(pause, Pause::BeforeNeed | Pause::BeforeEither)
                     && self.may_fork_late()
                 {
-                    let next = self.bounds();
+                    let next = self.mesh.bounds();
                     if next.0.known() > 0 {
                         // It begins when they go on.
                         sweeps.next = Some(next);
                         return None;
                     }
                 }
-                original.with(&mut |points, faces| self.begin_late(points, faces));
+                original.with(&mut |points, faces| self.mesh.begin_late(points, faces));
             }
-            let (histogram, looked_at) = self.bounds();
+            let (histogram, looked_at) = self.mesh.bounds();
             if histogram.known() == 0 {
-                if sweeps.probed && !probe && self.constraints.rules.max_cost.is_finite() {
+                if sweeps.probed && !probe && self.mesh.constraints.rules.max_cost.is_finite() {
                     // Collapses since the last probe may have made room for edges that it saw refused: probe again.
                     sweeps.probe = true;
                     continue;
                 }
-                if sweeps.probed && self.constraints.rules.max_cost.is_finite() {
+                if sweeps.probed && self.mesh.constraints.rules.max_cost.is_finite() {
                     // Nothing but what is refused stays below the limit.
                     return Some(if self.tally.refused() == refused { End::Exhausted } else { End::Stuck });
                 }
-                if sweeps.probed && self.constraints.details.take().is_some() {
+                if sweeps.probed && self.mesh.constraints.details.take().is_some() {
                     // The target comes first.
                     (sweeps.probe, sweeps.probed) = (true, true);
                     continue;
                 }
                 let looser = self
+                    .mesh
                     .constraints
                     .looseness
-                    .looser(self.store.creases.is_some(), self.values.attributes.is_some());
+                    .looser(self.mesh.store.creases.is_some(), self.mesh.values.attributes.is_some());
                 if let (true, Some(looser)) = (sweeps.probed, looser) {
                     // Better a seam out of place than a whole part gone.
-                    self.constraints.looseness = looser;
+                    self.mesh.constraints.looseness = looser;
                     (sweeps.probe, sweeps.probed) = (true, true);
                     continue;
                 }
@@ -342,18 +349,20 @@ impl<M: Metric> Engine<M> {
     fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
         let quantile = match () {
             () if self.record.is_some() => record::QUANTILE,
-            () if self.late.is_some() && !self.counts_attributes() => late::QUANTILE,
+            () if self.mesh.late.is_some() && !self.mesh.counts_attributes() => late::QUANTILE,
             () => QUANTILE,
         };
         let mut want = histogram.known() as f64 * quantile;
-        if let Some(needed) = self.needed(goal) {
+        if let Some(needed) = self.mesh.needed(goal) {
             // The last sweeps take only most of what is left, so that the cheapest go.
-            let share = looked_at as f64 / self.store.v.len().max(1) as f64;
+            let share = looked_at as f64 / self.mesh.store.v.len().max(1) as f64;
             want = want.min(needed as f64 * LAST_SHARE * share);
         }
         histogram.threshold((want as usize).max(1))
     }
+}
 
+impl<M: Metric> LiveMesh<M> {
     /// The bounds of all vertices, and of pairs.
     pub(super) fn bounds(&self) -> (Histogram, usize) {
         let mut histogram = Histogram::of(&self.store.bound);
@@ -362,17 +371,20 @@ impl<M: Metric> Engine<M> {
         }
         (histogram, self.store.v.len())
     }
+}
 
+impl<M: Metric> Engine<M> {
     /// Whether the next sweep would be cut short for the goal, or might meet it.
     fn is_last_stretch(&self, histogram: &Histogram, looked_at: usize, goal: &Goal, ahead: f64) -> bool {
-        let share = looked_at as f64 / self.store.v.len().max(1) as f64;
-        self.needed(goal)
+        let share = looked_at as f64 / self.mesh.store.v.len().max(1) as f64;
+        self.mesh
+            .needed(goal)
             .is_some_and(|n| n as f64 * LAST_SHARE * share < ahead * QUANTILE * histogram.known() as f64)
     }
 
     /// Whether a goal has a late phase.
     pub(super) fn is_extreme(&self, goal: &Goal) -> bool {
-        !self.cost.metric.decides().is_metric()
+        !self.mesh.cost.metric.decides().is_metric()
             && goal.faces.is_some_and(|n| late::is_extreme(n, self.tally.first_faces))
     }
 
@@ -380,9 +392,9 @@ impl<M: Metric> Engine<M> {
     fn is_late(&self, extreme: bool) -> bool {
         let begin = match self.record {
             Some(_) => late::begin_of_record(self.tally.first_faces),
-            None => late::begin(self.tally.first_faces, self.counts_attributes()),
+            None => late::begin(self.tally.first_faces, self.mesh.counts_attributes()),
         };
-        extreme && self.late.is_none() && self.store.live_faces < begin
+        extreme && self.mesh.late.is_none() && self.mesh.store.live_faces < begin
     }
 }
 

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 
-use super::Engine;
+use super::LiveMesh;
 use super::store::{Corner, Ring, Spoke, Store};
 use crate::metric::{Memory, Metric};
 use crate::report::Refusal;
@@ -40,7 +40,7 @@ impl<Q: Memory> Store<Q> {
 /// Corners of the end whose place is given up, and the wedges that they get.
 pub(crate) type HandedOver = Vec<(Corner, WedgeId)>;
 
-impl<M: Metric> Engine<M> {
+impl<M: Metric> LiveMesh<M> {
     /// Which corners of the end whose place is given up get which wedges of the other end. Pairs are found where a triangle
     /// has both; a wedge without a pair would be torn off its side of a seam, and refuses.
     #[inline(always)]

@@ -132,7 +132,7 @@ pub(super) struct End {
 
 /// What the triangles say of a collapse, each lane of its own.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Verdict {
+pub(super) struct StarStats {
     /// Twice the areas times the squared heights over the old planes, summed.
     cost: f32x4,
     /// Twice the areas, summed.
@@ -143,14 +143,14 @@ pub(super) struct Verdict {
     pub(super) turns_far: bool,
 }
 
-impl Default for Verdict {
+impl Default for StarStats {
     fn default() -> Self {
         let zero = f32x4::ZERO;
         Self { cost: zero, area: zero, peak: zero, turns_far: false }
     }
 }
 
-impl Verdict {
+impl StarStats {
     /// Cost, area and largest squared height of all.
     #[inline(always)]
     pub(super) fn sum(&self) -> (f32, f32, f32) {
@@ -160,7 +160,7 @@ impl Verdict {
 }
 
 impl<Q: Memory> Store<Q> {
-    /// Looks at the triangles of one end as they are when it has gone to `at`: adds them to the wings and to the verdict.
+    /// Looks at the triangles of one end as they are when it has gone to `at`: adds them to the wings and to the stats.
     /// Says how far the farthest neighbour lies ahead of the end, along its step.
     #[inline(always)]
     pub(super) fn look_at_wings(
@@ -170,7 +170,7 @@ impl<Q: Memory> Store<Q> {
         at: Vec3,
         max_turn: f32,
         wings: &mut Wings,
-        verdict: &mut Verdict,
+        stats: &mut StarStats,
     ) -> Result<f32, Refusal> {
         let (from, step, at) = (lanes::splat(end.from), lanes::splat(end.step), lanes::splat(at));
         let mut behind = f32x4::splat(f32::INFINITY);
@@ -194,7 +194,7 @@ impl<Q: Memory> Store<Q> {
             let height = dot(&normal, &step) / length.fast_max(f32x4::splat(1e-30));
             let weight = both.bitselect(length + length, length);
             let loss = weight * height * height;
-            verdict.peak = verdict.peak.fast_max(height * height);
+            stats.peak = stats.peak.fast_max(height * height);
 
             let (s, o) = (sub(&at, &pa), sub(&at, &pb));
             let after = cross(&e, &s);
@@ -206,7 +206,7 @@ impl<Q: Memory> Store<Q> {
             let far = along_sq.simd_lt(both_sq * SUSPECT_TURN);
             let is_thin = new_shape.simd_lt(f32x4::splat(NO_AREA));
             let stays = !both.to_bitmask();
-            verdict.turns_far |= far.to_bitmask() & stays != 0;
+            stats.turns_far |= far.to_bitmask() & stays != 0;
             let wrong = (!keeps_side.to_bitmask() | is_thin.to_bitmask()) & stays & 0xf;
             if wrong != 0 {
                 let turned = !keeps_side.to_bitmask();
@@ -214,8 +214,8 @@ impl<Q: Memory> Store<Q> {
             }
             // What repeats adds nothing.
             let counts: f32x4 = cast(i32x4::new([0, 1, 2, 3]).simd_lt(i32x4::splat(left as i32)));
-            verdict.cost += loss & counts;
-            verdict.area += weight & counts;
+            stats.cost += loss & counts;
+            stats.area += weight & counts;
             let after = after.map(|x| both.bitselect(f32x4::ZERO, x));
             let slot = wings.slot();
             (slot.spokes, slot.count, slot.stays) = (*four, left.min(4), stays);
@@ -334,8 +334,8 @@ mod tests {
             let (store, ring) = fan(centre, &rim, is_closed);
             let other = other.filter(|&w| (w as usize) <= rim.len()).map(VertexId);
             let (end, at) = (End { from: centre, step, other }, centre + step);
-            let (mut wings, mut verdict) = (Wings::default(), Verdict::default());
-            let found = store.look_at_wings(&ring, &end, at, max_turn, &mut wings, &mut verdict);
+            let (mut wings, mut stats) = (Wings::default(), StarStats::default());
+            let found = store.look_at_wings(&ring, &end, at, max_turn, &mut wings, &mut stats);
 
             let each: Vec<Told> = ring
                 .iter()
@@ -350,7 +350,7 @@ mod tests {
             }
             let behind = each.iter().map(|t| t.behind).fold(f32::INFINITY, f32::min);
             prop_assert_eq!(found.map(f32::to_bits), Ok(behind.to_bits()));
-            let (cost, area, peak) = verdict.sum();
+            let (cost, area, peak) = stats.sum();
             let losses = || each.iter().map(|t| t.weight * t.height * t.height);
             // Sums are of the same numbers in another order.
             let is_near = |a: f32, b: f32| a == b || (a - b).abs() <= 1e-5 * b;
@@ -358,7 +358,7 @@ mod tests {
             prop_assert!(is_near(area, each.iter().map(|t| t.weight).sum()));
             let most = each.iter().map(|t| t.height * t.height).fold(0.0, f32::max);
             prop_assert_eq!(peak.to_bits(), most.to_bits());
-            prop_assert_eq!(verdict.turns_far, each.iter().any(|t| t.turns_far));
+            prop_assert_eq!(stats.turns_far, each.iter().any(|t| t.turns_far));
 
             let all: Vec<Wing> = wings.iter().collect();
             prop_assert_eq!(all.len(), each.len());

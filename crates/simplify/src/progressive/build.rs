@@ -166,16 +166,16 @@ fn walk<M: Metric>(
     goals.push(run.goal);
     let Started { mut engine, rows, originals, is_kept, weights: weights_of_attributes, .. } =
         run.start(metric, None, true, (&goals, goals.len() - 1))?;
-    let record = record(run, mesh, &engine.store, engine.values.attributes.as_ref(), rows);
+    let record = record(run, mesh, &engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows);
     let by_place = record.names.faces.clone();
     engine.note_start(Box::new(record));
-    let facings: Vec<Facing> = engine.store.v.iter().map(|x| x.facing).collect();
+    let facings: Vec<Facing> = engine.mesh.store.v.iter().map(|x| x.facing).collect();
 
     control.stage(Stage::Collapse);
     let topology = run.options.topology;
-    engine.constraints.keeps_parts = topology != TopologyPolicy::Free;
+    engine.mesh.constraints.keeps_parts = topology != TopologyPolicy::Free;
     if topology == TopologyPolicy::Free {
-        engine.constraints.cuts_necks = true;
+        engine.mesh.constraints.cuts_necks = true;
         engine.watch_parts();
     }
     let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept };
@@ -190,10 +190,10 @@ fn walk<M: Metric>(
     let Some(record) = engine.record.take().filter(|_| end != End::Cancel) else {
         return Err(SimplifyError::Cancelled);
     };
-    let area = engine.area_of_input();
+    let area = engine.mesh.area_of_input();
     let weights = Weights { kept: metric.kept_loss() / 6.0 / area, lost: 0.25 / area };
     let counted = goals.iter().filter_map(|g| g.faces).zip(weights_of_attributes).collect();
-    let values = originals.zip(engine.values.attributes.take());
+    let values = originals.zip(engine.mesh.values.attributes.take());
     drop(engine);
     let fits = run.wants_fit(metric.decides());
     let dimension = metric.dimension();

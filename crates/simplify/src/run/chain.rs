@@ -195,7 +195,7 @@ impl Run<'_, '_> {
                 if end == End::Cancel {
                     return Err(SimplifyError::Cancelled);
                 }
-                branch.store.finish();
+                branch.mesh.store.finish();
                 (branch, end)
             }
         };

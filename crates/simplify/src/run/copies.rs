@@ -61,7 +61,9 @@ impl<M: Metric> Copies<M> {
     /// Keeps a copy of an engine on its way to a goal of so many faces; a copy of the start is of use for all goals.
     pub(super) fn keep(&mut self, trunk: &Trunk<M>, sweeps: &Sweeps, faces: usize) {
         // Runs to few faces look back at the input from a certain count on, and may be copied before.
-        if !self.is_wanted || trunk.engine.store.live_faces > COPY_UP_TO || trunk.engine.is_near_late_phase()
+        if !self.is_wanted
+            || trunk.engine.mesh.store.live_faces > COPY_UP_TO
+            || trunk.engine.is_near_late_phase()
         {
             return;
         }

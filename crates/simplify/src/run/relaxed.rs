@@ -83,13 +83,13 @@ impl Run<'_, '_> {
             }
             end = self.go_on(&mut trunk, &mut sweeps, &goal, Pause::Never, control)?;
         }
-        trunk.engine.store.finish();
+        trunk.engine.mesh.store.finish();
         let end = end.unwrap_or(End::Stuck);
         let mut ways = Vec::new();
-        let seams_stand_in_way = trunk.engine.has_relaxed_seams() || trunk.engine.has_seams_in_the_way();
+        let seams_stand_in_way = trunk.engine.mesh.has_relaxed_seams() || trunk.engine.has_seams_in_the_way();
         let mut parts = true;
         if trunk.engine.tally.parts_removed == 0 || end == End::Finish {
-            parts = end == End::Stuck || trunk.engine.part_count() > 1;
+            parts = end == End::Stuck || trunk.engine.mesh.part_count() > 1;
             let outcome = self.finish(&mut trunk.engine, &trunk.root, end, false, control)?;
             parts |= outcome.spares_necks;
             let competes = end == End::Goal && outcome.has_rivals();
@@ -142,7 +142,7 @@ impl Run<'_, '_> {
                     trunk.engine.let_go(&mut sweeps, leave.cuts, &self.source(&trunk.root));
                 }
                 if leave.seams {
-                    trunk.engine.loosen_seams();
+                    trunk.engine.mesh.loosen_seams();
                 }
                 (trunk, sweeps)
             }
@@ -153,7 +153,7 @@ impl Run<'_, '_> {
             }
         };
         let end = self.go_on(trunk, &mut sweeps, goal, Pause::Never, control)?.unwrap_or(End::Stuck);
-        trunk.engine.store.finish();
+        trunk.engine.mesh.store.finish();
         self.finish(&mut trunk.engine, &trunk.root, end, end == End::Stuck && step.is_none(), control)
     }
 
@@ -236,7 +236,7 @@ mod tests {
                 }
                 (trunk.engine, sweeps) = fork.again(&mut trunk.engine);
                 let end = run.go_on(&mut trunk, &mut sweeps, &goal, Pause::Never, &mut NoControl).unwrap();
-                trunk.engine.store.finish();
+                trunk.engine.mesh.store.finish();
                 let done =
                     run.finish(&mut trunk.engine, &trunk.root, end.unwrap(), false, &mut NoControl).unwrap();
                 results.push((done.end, done.collapses, done.mesh));
@@ -270,7 +270,7 @@ mod tests {
             with_run(&tori(), faces, &mut |run| {
                 let goal = run.goal;
                 let (trunk, _, end) = paused(run, &goal);
-                let live = trunk.engine.store.live_faces;
+                let live = trunk.engine.mesh.store.live_faces;
                 match share {
                     Some(share) => {
                         assert!(end.is_none() && live * share <= 5120 && live > 3 * faces, "{live}")
@@ -285,12 +285,12 @@ mod tests {
     fn vertices_that_touch_are_moved_apart_and_others_are_not() {
         with_run(&shapes::torus(12, 8), 4, &mut |run| {
             let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
-            let store = &mut trunk.engine.store;
+            let store = &mut trunk.engine.mesh.store;
             let last = store.v.len() - 1;
             store.v[0].p = store.v[last].p;
             let before: Vec<_> = store.v.iter().map(|x| x.p).collect();
-            trunk.engine.part_touching();
-            let after: Vec<_> = trunk.engine.store.v.iter().map(|x| x.p).collect();
+            trunk.engine.mesh.part_touching();
+            let after: Vec<_> = trunk.engine.mesh.store.v.iter().map(|x| x.p).collect();
             assert!(after[0].distance(after[last]) > 1e-5, "{} {}", after[0], after[last]);
             assert!(after[0].distance(before[0]) < 0.01 && after[last].distance(before[last]) < 0.01);
             assert_eq!(after[1..last], before[1..last]);

@@ -74,7 +74,7 @@ impl Run<'_, '_> {
             && step.is_none()
             && self.options.stop.error.is_none()
         {
-            engine.watch_details(|part_of, parts| {
+            engine.mesh.watch_details(|part_of, parts| {
                 let part_of_face = |f: usize| {
                     let number = self.place(mesh, mesh.triangles()[f][0]);
                     part_of.get(number.index()).map(|&part| part as usize)
@@ -82,9 +82,9 @@ impl Run<'_, '_> {
                 recolor::mean_colors(mesh, textures, part_of_face, parts)
             });
         }
-        engine.set_prices(self.care.prices());
+        engine.mesh.set_prices(self.care.prices());
         if let Some(distance) = self.options.of_method.pairs {
-            engine.watch_pairs(pairs_reach(distance, self.ordered.frame, self.ordered.diagonal));
+            engine.mesh.watch_pairs(pairs_reach(distance, self.ordered.frame, self.ordered.diagonal));
         }
         Ok(Started { engine, rows, originals, duplicate_faces, is_kept, weights })
     }

@@ -75,11 +75,11 @@ impl Run<'_, '_> {
 
         control.stage(Stage::Collapse);
         if leave.parts {
-            engine.constraints.cuts_necks = leave.cuts;
+            engine.mesh.constraints.cuts_necks = leave.cuts;
             engine.watch_parts();
         }
         if leave.seams {
-            engine.loosen_seams();
+            engine.mesh.loosen_seams();
         }
         let root = Root { rows, originals, duplicate_faces, is_kept, weights };
         Ok(Trunk { engine, sweeps: None, root: Rc::new(root) })
@@ -123,7 +123,7 @@ impl Run<'_, '_> {
         let spares_parts = may_relax && engine.has_parts_in_the_way(may_cut);
         let spares_necks = may_relax && may_cut && engine.has_necks_in_the_way();
         let mut fitted = None;
-        let wants_fit = self.wants_fit(engine.cost.metric.decides()) && engine.tally.collapses > 0;
+        let wants_fit = self.wants_fit(engine.mesh.cost.metric.decides()) && engine.tally.collapses > 0;
         if wants_fit {
             control.stage(Stage::Fit);
             if control.progress(0.0) == Verdict::Cancel {
@@ -132,35 +132,36 @@ impl Run<'_, '_> {
             let away = engine.estimate(None);
             // What comes after the fit asks who went where only to tell it, or where necks are parted again.
             let is_last = !self.is_traced && engine.tally.necks_cut == 0;
-            let home = if is_last { engine.store.take_homes() } else { engine.store.homes() };
-            fitted = self.fit::<M>(&mut engine.store, &mut engine.values.attributes, root, &home, away);
+            let home = if is_last { engine.mesh.store.take_homes() } else { engine.mesh.store.homes() };
+            fitted =
+                self.fit::<M>(&mut engine.mesh.store, &mut engine.mesh.values.attributes, root, &home, away);
         }
         if engine.tally.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
-            engine.part_touching();
+            engine.mesh.part_touching();
         }
         let rows = root.rows.as_ref();
         if !self.options.keeps_blended_normals
             && let (Some(attributes), Some(rows), Some(input)) =
-                (&mut engine.values.attributes, rows, self.input.mesh)
+                (&mut engine.mesh.values.attributes, rows, self.input.mesh)
         {
-            normals::repair(&mut engine.store, attributes, rows, input);
+            normals::repair(&mut engine.mesh.store, attributes, rows, input);
         }
-        let mut mesh = self.result(&engine.store, engine.values.attributes.as_ref(), rows)?;
+        let mut mesh = self.result(&engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows)?;
         if let (true, Some(attributes), Some(wedges)) =
-            (engine.has_relaxed_seams(), &engine.values.attributes, &engine.store.wedges)
+            (engine.mesh.has_relaxed_seams(), &engine.mesh.values.attributes, &engine.mesh.store.wedges)
         {
             mesh = rebuild::dressed_again(self, &mesh, (attributes, wedges))?;
         }
-        let held = self.held(&engine.store, rows);
+        let held = self.held(&engine.mesh.store, rows);
         let own_parts = self.own_parts(engine, root);
         mesh = recolor::recolored(mesh, self.input, self.options, &held, own_parts.as_ref())?;
         if let Some(input) = self.input.mesh {
             held.restore(&mut mesh, input);
         }
         let trace = self.is_traced.then(|| Trace {
-            origins: engine.store.v.iter().map(|x| x.origin).collect(),
-            places: engine.store.v.iter().map(|x| engine.store.place_of(x.origin)).collect(),
-            homes: engine.store.homes(),
+            origins: engine.mesh.store.v.iter().map(|x| x.origin).collect(),
+            places: engine.mesh.store.v.iter().map(|x| engine.mesh.store.place_of(x.origin)).collect(),
+            homes: engine.mesh.store.homes(),
         });
         Ok(Outcome {
             estimate: frame.user_length(engine.estimate(fitted)),
@@ -173,17 +174,17 @@ impl Run<'_, '_> {
             necks_cut: engine.tally.necks_cut,
             pairs_contracted: engine.tally.pairs_contracted,
             touches: engine.tally.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0,
-            seams_relaxed: engine.has_relaxed_seams(),
+            seams_relaxed: engine.mesh.has_relaxed_seams(),
             spares_seams: engine.has_seams_in_the_way(),
             is_strained: engine.is_strained(),
             spares_parts,
             spares_necks,
-            sharp_relaxed: engine.has_relaxed_creases(),
+            sharp_relaxed: engine.mesh.has_relaxed_creases(),
             duplicate_faces: root.duplicate_faces,
             proposals,
             mesh,
             held,
-            trace: trace.filter(|t| t.origins.len() == engine.store.v.len()),
+            trace: trace.filter(|t| t.origins.len() == engine.mesh.store.v.len()),
         })
     }
 
@@ -201,8 +202,8 @@ impl Run<'_, '_> {
             of.get(place.index()).copied()
         };
         let of_input = (0..mesh.vertex_count()).map(|v| of_vertex(VertexId::new(v))).collect();
-        let place_of = |v: &Vertex<M::Memory>| engine.store.place_of(v.origin);
-        let of_result = engine.store.v.iter().map(|v| of.get(place_of(v).index()).copied()).collect();
+        let place_of = |v: &Vertex<M::Memory>| engine.mesh.store.place_of(v.origin);
+        let of_result = engine.mesh.store.v.iter().map(|v| of.get(place_of(v).index()).copied()).collect();
         Some(OwnParts { of_input, of_result })
     }
 
