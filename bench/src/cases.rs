@@ -1,4 +1,4 @@
-//! Which meshes and which targets.
+//! The meshes and targets of the benchmarks.
 
 use std::path::{Path, PathBuf};
 
@@ -7,21 +7,21 @@ use lodsmith_io::Format;
 
 use crate::Soup;
 
-/// How many triangles are wanted.
+/// A triangle count to reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
-    /// A share of the input, in percent.
+    /// A percentage of the input.
     Percent(f64),
-    /// A number.
+    /// An absolute number.
     Faces(usize),
 }
 
 impl Target {
-    /// The targets of the product's table.
+    /// The targets of the published table.
     pub const DEFAULT: [Self; 5] =
         [Self::Percent(50.0), Self::Percent(10.0), Self::Percent(1.0), Self::Faces(1000), Self::Faces(100)];
 
-    /// `10%` or `1000`.
+    /// Parses `10%` or `1000`.
     ///
     /// # Errors
     /// If it is neither.
@@ -48,7 +48,7 @@ impl Target {
         }
     }
 
-    /// The word for it in tables.
+    /// Its name in tables.
     pub fn name(self) -> String {
         match self {
             Self::Percent(p) => format!("{p}%"),
@@ -57,7 +57,8 @@ impl Target {
     }
 }
 
-/// Stems of the models that the tables are made of, where a folder has them: scans, parts, terrain, art, small and large.
+/// Names of the models in the tables, used if the folder has them: scans, parts, terrain, art, small and
+/// large.
 pub const MODELS: &[&str] = &[
     "cow",
     "suzanne",
@@ -81,21 +82,21 @@ pub const MODELS: &[&str] = &[
     "horse1.5m",
 ];
 
-/// The name of a model: its file without endings.
+/// Returns the name of a model: its file name without extensions.
 pub fn stem(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let name = name.strip_suffix(".gz").unwrap_or(&name);
     name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_owned()
 }
 
-/// Whether the ending names a format that is read here, compressed or not.
+/// Returns true if the extension names a readable format, compressed or not.
 pub fn is_model(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let name = name.strip_suffix(".gz").unwrap_or(&name);
     name.rsplit_once('.').is_some_and(|(_, ending)| Format::from_name(ending).is_some())
 }
 
-/// All models under a folder, in the order of their paths; the file itself where it is one.
+/// Returns all models under a folder, sorted by path; a file returns itself.
 ///
 /// # Errors
 /// If there is no such file or folder.
@@ -117,7 +118,7 @@ pub fn find_models(path: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// A wavy torus of `around` × `across` vertices and twice as many triangles.
+/// Returns a wavy torus of `around` × `across` vertices and twice as many triangles.
 pub fn torus(around: usize, across: usize) -> Soup {
     let angle = |i: usize, n: usize| i as f64 / n as f64 * std::f64::consts::TAU;
     let mut soup = Soup::default();

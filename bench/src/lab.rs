@@ -1,4 +1,5 @@
-//! The exchange file of a peer lab: `i64` vertices, `i64` faces, `f64` positions, `i32` indices, little endian.
+//! The exchange file of a benchmark lab: `i64` vertices, `i64` faces, `f64` positions, `i32` indices, little
+//! endian.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
@@ -7,7 +8,7 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use lodsmith_core::{Positions, Surface};
 
-/// A mesh from an exchange file: positions are single precision where that holds every coordinate exactly.
+/// A mesh from an exchange file; positions are single precision if that holds every coordinate exactly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exchange {
     /// One for each vertex.
@@ -17,7 +18,7 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    /// The surface, borrowed.
+    /// Borrows the surface.
     ///
     /// # Errors
     /// If an index is out of range.
@@ -26,7 +27,8 @@ impl Exchange {
     }
 }
 
-/// Reads an exchange file straight into its buffers, so that no freed memory is left over that would hide a later peak.
+/// Reads an exchange file directly into its buffers, so that no freed memory is left that would hide a later
+/// peak.
 ///
 /// # Errors
 /// If the file cannot be read or is short.

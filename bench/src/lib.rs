@@ -1,4 +1,4 @@
-//! Lodsmith beside its rivals: what the programs of this package share.
+//! Shared code of the programs that compare Lodsmith with other simplifiers.
 //!
 //! Nothing here is part of the product. Times are of this machine and this run; compare only within a table.
 

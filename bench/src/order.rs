@@ -1,25 +1,26 @@
-//! The order of vertices and faces in memory, which alone changes times by a factor of two and more on large meshes.
+//! Orders of vertices and faces in memory, which alone change times by a factor of two and more on large
+//! meshes.
 
 use lodsmith_core::sampling::Random;
 
 use crate::Soup;
 
-/// How vertices and faces are laid out.
+/// A memory order of vertices and faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// As the file has them.
+    /// The order of the file.
     File,
     /// Vertices along a Morton curve, faces by their first vertex.
     Morton,
-    /// By chance, with a fixed seed.
+    /// Random, with a fixed seed.
     Shuffled,
 }
 
 impl Order {
-    /// All of them.
+    /// All orders.
     pub const ALL: [Self; 3] = [Self::File, Self::Morton, Self::Shuffled];
 
-    /// The word for it in tables and options.
+    /// Its name in tables and options.
     pub const fn name(self) -> &'static str {
         match self {
             Self::File => "file",
@@ -28,7 +29,7 @@ impl Order {
         }
     }
 
-    /// The same surface in this order.
+    /// Returns the same surface in this order.
     pub fn apply(self, soup: &Soup) -> Soup {
         match self {
             Self::File => soup.clone(),
@@ -56,7 +57,7 @@ impl Order {
     }
 }
 
-/// `order[new]` is the old number of a vertex.
+/// Returns the surface with its vertices permuted; `order[new]` is the old number of a vertex.
 fn renumbered(soup: &Soup, order: &[u32]) -> Soup {
     let mut new = vec![0u32; order.len()];
     for (n, &old) in order.iter().enumerate() {
@@ -68,7 +69,7 @@ fn renumbered(soup: &Soup, order: &[u32]) -> Soup {
     }
 }
 
-/// Interleaved bits of the coordinates, 21 for each axis, in a cube round all positions.
+/// Returns Morton codes of the positions, 21 bits per axis, in a cube round all positions.
 fn morton_codes(positions: &[[f32; 3]]) -> Vec<u64> {
     let mut low = [f32::INFINITY; 3];
     let mut high = [f32::NEG_INFINITY; 3];
@@ -100,7 +101,7 @@ fn shuffle<T>(items: &mut [T], random: &mut Random) {
 mod tests {
     use super::*;
 
-    /// The corners' positions of each face, in an order that does not depend on any numbering.
+    /// Returns the corner positions of each face, in an order that does not depend on the numbering.
     fn faces(soup: &Soup) -> Vec<[[u32; 3]; 3]> {
         let corner = |&i: &u32| soup.positions[i as usize].map(f32::to_bits);
         let mut all: Vec<[[u32; 3]; 3]> =

@@ -1,8 +1,8 @@
-//! What this process has used: memory and processor time.
+//! Memory and processor time of this process.
 
 use anyhow::{Context, Result};
 
-/// Has all parallel work run on the calling thread alone. To be called first in a program that times one thread.
+/// Runs all parallel work on the calling thread. To be called first in a program that times one thread.
 ///
 /// # Errors
 /// If a pool has been set up before.
@@ -11,30 +11,30 @@ pub fn one_thread() -> Result<()> {
     Ok(())
 }
 
-/// A pool of all cores, for what is not timed.
+/// Returns a thread pool of all cores, for work that is not timed.
 ///
 /// # Errors
-/// If the system gives no threads.
+/// If the system cannot start threads.
 pub fn all_cores() -> Result<rayon::ThreadPool> {
     let cores = std::thread::available_parallelism()?.get();
     Ok(rayon::ThreadPoolBuilder::new().num_threads(cores).build()?)
 }
 
-/// Seconds of processor time that this process has used, over all its threads.
+/// Returns the processor time of this process in seconds, over all its threads.
 #[cfg(unix)]
 pub fn cpu_seconds() -> f64 {
     let t = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     t.tv_sec as f64 + t.tv_nsec as f64 * 1e-9
 }
 
-/// Seconds since the first call: other systems have no figure for the process here.
+/// Returns seconds since the first call: processor time is not available on this system.
 #[cfg(not(unix))]
 pub fn cpu_seconds() -> f64 {
     static FIRST: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
     FIRST.get_or_init(std::time::Instant::now).elapsed().as_secs_f64()
 }
 
-/// Starts the peak of resident memory afresh and returns what is resident now, in kibibytes. Linux alone has this.
+/// Resets the peak of resident memory and returns the memory resident now, in kibibytes. Linux only.
 ///
 /// # Errors
 /// If the system has no such figures.
@@ -43,7 +43,7 @@ pub fn reset_peak_kb() -> Result<u64> {
     status_kb("VmRSS:")
 }
 
-/// Peak of resident memory since it was reset, in kibibytes.
+/// Returns the peak of resident memory since the reset, in kibibytes.
 ///
 /// # Errors
 /// If the system has no such figure.

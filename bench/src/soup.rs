@@ -1,4 +1,4 @@
-//! A mesh as engines take it: single precision positions and three indices for each face.
+//! A mesh as simplifiers take it: single-precision positions and three indices per face.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::{MeshError, Positions, PositionsView, Surface, TriMesh, VertexId};
 use lodsmith_io::{ReadOptions, read_path};
 
-/// Positions and triangles, nothing else.
+/// Positions and triangles only.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Soup {
     /// One for each vertex.
@@ -17,10 +17,10 @@ pub struct Soup {
 }
 
 impl Soup {
-    /// Reads a file in any format that Lodsmith reads and welds it, so that all rivals start from the same mesh.
+    /// Reads a file in any supported format and welds it, so that all contestants start from the same mesh.
     ///
     /// # Errors
-    /// What the reader says.
+    /// The errors of the reader.
     pub fn read(path: &Path) -> Result<Self> {
         let mut options = ReadOptions::default();
         options.folder = path.parent().map(Path::to_owned);
@@ -28,7 +28,7 @@ impl Soup {
         Ok(Self::of_mesh(&loaded.mesh).welded())
     }
 
-    /// The surface of a mesh in single precision.
+    /// Returns the surface of a mesh in single precision.
     pub fn of_mesh(mesh: &TriMesh) -> Self {
         let surface = mesh.surface();
         let positions = match mesh.positions() {
@@ -38,8 +38,8 @@ impl Soup {
         Self { positions, indices: bytemuck::cast_slice(surface.triangles()).to_vec() }
     }
 
-    /// The same surface with equal positions joined, and without degenerate faces, unused vertices and what is not
-    /// finite. The vertices that stay keep their order.
+    /// Returns the same surface with equal positions merged, without degenerate faces, non-finite faces and
+    /// unused vertices. The remaining vertices keep their order.
     #[must_use]
     pub fn welded(&self) -> Self {
         let weld = weld(PositionsView::F32(&self.positions));
@@ -54,7 +54,7 @@ impl Soup {
         Self { positions: self.positions.clone(), indices }.compacted()
     }
 
-    /// The same surface without the vertices that no face names; the others keep their order.
+    /// Returns the same surface without unreferenced vertices; the others keep their order.
     #[must_use]
     pub fn compacted(&self) -> Self {
         let mut new = vec![u32::MAX; self.positions.len()];
@@ -71,7 +71,7 @@ impl Soup {
         Self { positions, indices: self.indices.iter().map(|&i| new[i as usize]).collect() }
     }
 
-    /// The surface, borrowed.
+    /// Borrows the surface.
     ///
     /// # Errors
     /// [`MeshError`] if an index is out of range.
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn welding_joins_equal_places_and_drops_what_is_no_face() {
-        // Two triangles with their own corners, one of them with -0, and one face that names a place twice.
+        // Two triangles with separate corners, one of them with -0, and one face that names a position twice.
         let soup = Soup {
             positions: vec![
                 [9.0; 3],

@@ -1,11 +1,11 @@
-//! Few numbers out of many.
+//! Summary statistics.
 
-/// The smallest; infinite if there is none.
+/// Returns the minimum; infinity if there are no values.
 pub fn min(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// The middle one, or the mean of the two in the middle; not a number if there is none.
+/// Returns the median (the mean of the middle two for an even count); NaN if there are no values.
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -16,7 +16,7 @@ pub fn median(values: &[f64]) -> f64 {
     }
 }
 
-/// Geometric mean of positive numbers; `None` if there is none.
+/// Returns the geometric mean of positive numbers; `None` if there are none.
 pub fn geometric_mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let (sum, count) =
         values.into_iter().fold((0.0, 0usize), |(sum, n), x| (sum + x.max(1e-300).ln(), n + 1));

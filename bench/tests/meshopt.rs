@@ -1,4 +1,4 @@
-//! What meshoptimizer encodes, our reader of glTF decodes.
+//! Round trips from meshoptimizer's encoders to our glTF reader.
 
 use lodsmith_core::mesh::Semantic;
 use lodsmith_io::ReadOptions;
@@ -6,7 +6,7 @@ use lodsmith_io::gltf::Scene;
 use meshopt::EncodeExpMode;
 use serde_json::{Value, json};
 
-/// Numbers that are the same on every machine.
+/// A random generator that gives the same numbers on every machine.
 struct Xorshift(u64);
 
 impl Xorshift {
@@ -17,13 +17,13 @@ impl Xorshift {
         self.0
     }
 
-    /// From -1 to 1.
+    /// Returns a number from -1 to 1.
     fn unit(&mut self) -> f32 {
         (self.next() >> 40) as f32 / (1u64 << 23) as f32 - 1.0
     }
 }
 
-/// A stream and what the extension says of it.
+/// A compressed stream and its fields in the extension.
 struct Stream {
     bytes: Vec<u8>,
     mode: &'static str,
@@ -32,8 +32,8 @@ struct Stream {
     stride: usize,
 }
 
-/// A GLB of one mesh over `vertices`: their indices and one more view are streams; the latter is read as attributes
-/// `_0`, `_1` and so on, of four components each. What the reader makes of it: the corners and the attributes.
+/// Reads a GLB of one mesh over `vertices`: the indices and one more view are streams; the latter is read as
+/// attributes `_0`, `_1` and so on, of four components each. Returns the corners and the attributes.
 fn read(
     vertices: usize,
     indices: &Stream,
@@ -42,7 +42,7 @@ fn read(
     size: usize,
 ) -> (Vec<u32>, Vec<Vec<f32>>) {
     let mut bin = vec![0u8; 12 * vertices];
-    // All vertices lie apart, so that none are joined.
+    // All positions differ, so that none are merged.
     for (i, position) in bin.as_chunks_mut::<12>().0.iter_mut().enumerate() {
         position[..4].copy_from_slice(&(i as f32).to_le_bytes());
     }
@@ -86,7 +86,7 @@ fn read(
     let mesh = &scene.meshes()[0].mesh;
     let corners = mesh.triangles().as_flattened().iter().map(|w| w.index() as u32).collect();
     let values = (0..data.stride / (4 * size)).map(|k| {
-        // Integers that are not normalized come as ids.
+        // Integers that are not normalized are read as discrete attributes.
         let found = mesh.further_attributes().iter().find(|a| match &a.semantic {
             Semantic::Custom(name) | Semantic::Discrete { name, .. } => *name == format!("_{k}"),
             _ => false,
@@ -113,11 +113,11 @@ fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     out
 }
 
-/// A stream of indices that use all vertices, and these indices: three for each triangle.
+/// Returns a stream of indices that use all vertices, and the indices: three per triangle.
 fn indices(vertices: usize, random: &mut Xorshift) -> (Stream, Vec<u32>) {
     let mut all: Vec<u32> = (0..vertices as u32).collect();
     for _ in 0..vertices {
-        // Some near the last one, some anywhere.
+        // Some near the previous index, some anywhere.
         let last = all[all.len() - 1];
         let near = (last + (random.next() % 7) as u32).saturating_sub(3).min(vertices as u32 - 1);
         all.push(if !random.next().is_multiple_of(4) {
@@ -136,7 +136,7 @@ fn indices(vertices: usize, random: &mut Xorshift) -> (Stream, Vec<u32>) {
         (meshopt::encode_index_sequence(&all, vertices).unwrap(), "INDICES")
     };
     if is_list {
-        // The encoder turns triangles, which their decoder says best.
+        // The encoder rotates the corners of triangles; the crate's own decoder gives the result.
         let turned = meshopt::decode_index_buffer::<u32>(&bytes, all.len()).unwrap();
         all.copy_from_slice(&turned);
     }
@@ -147,14 +147,14 @@ fn indices(vertices: usize, random: &mut Xorshift) -> (Stream, Vec<u32>) {
 fn elements<const STRIDE: usize>(random: &mut Xorshift) {
     for vertices in [1, 2, 15, 16, 17, 33, 129, 257, 600] {
         for version in [0, 1] {
-            // The highest level alone turns the bits of a channel.
+            // Only the highest level rotates the bits of a channel.
             for level in [0, 2, 3] {
                 let mut data: Vec<[u8; STRIDE]> = Vec::with_capacity(vertices);
                 for i in 0..vertices {
                     let before = data.last().copied().unwrap_or([7; STRIDE]);
                     data.push(std::array::from_fn(|k| {
                         let before = before[k];
-                        // Bytes that stay, that move a little, and any.
+                        // Constant bytes, slowly changing bytes, and random bytes.
                         match (k / 4 + i / 40) % 5 {
                             0 => before,
                             1 => before.wrapping_add((random.next() % 3) as u8),
@@ -190,7 +190,7 @@ fn elements_and_indices() {
     elements::<252>(&mut random);
 }
 
-/// Smooth floats, whose bits differ in few places: the encoder turns these.
+/// Smooth floats, whose bits differ in few places: the encoder rotates these.
 #[test]
 fn floats_without_loss() {
     let data: Vec<[f32; 4]> =

@@ -1,5 +1,5 @@
-//! A small soup of triangles by chance, cleaned: it ends, and what comes out has nothing left of what goes in any case;
-//! cleaned again it stays as it is.
+//! Cleans a small random triangle soup: it terminates, the result has none of the defects that are always
+//! removed, and cleaning it again changes nothing.
 #![no_main]
 
 use lodsmith::{CleanOptions, Length, NoControl, NonManifold, clean};
@@ -23,7 +23,8 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     if options.non_manifold == NonManifold::Cut {
         assert_eq!((report.left.non_manifold_edges, report.left.non_manifold_vertices), (0, 0));
     }
-    // Parts may fall below the size only when faces between them have gone, and welds bring others near.
+    // A component can fall below the size limit only when faces between components are removed, and welding
+    // moves others together.
     if options.weld.is_none() && options.prune.is_none() {
         let again = clean(out, &options, &mut NoControl).expect("it has faces").report;
         assert_eq!((again.non_finite_faces, again.degenerate_faces, again.duplicate_faces), (0, 0, 0));

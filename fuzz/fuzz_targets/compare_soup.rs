@@ -1,4 +1,5 @@
-//! Two small soups of triangles by chance, compared: figures are figures, and the other way round they change sides.
+//! Compares two small random triangle soups: distances are not negative, and swapping the meshes swaps the
+//! directions.
 #![no_main]
 
 use lodsmith_core::measure::{CompareOptions, compare};

@@ -1,5 +1,5 @@
-//! A small soup as a progressive mesh, walked up and down by a script: every level is a mesh, the full one is the input
-//! to the last bit, and a file of it gives the same.
+//! Records a small soup as a progressive mesh and moves through its levels by a script: every level is a
+//! valid mesh, the full one is bit-identical to the input, and a file of it gives the same.
 #![no_main]
 
 use lodsmith::{NoControl, Progressive, Stop};

@@ -1,11 +1,11 @@
-//! Bytes of a stranger as LPM: a mesh after every chunk or an error, never a panic; with the checksums mended, or hardly
-//! anything would get beyond them.
+//! Reads untrusted bytes as LPM: a mesh after every chunk or an error, never a panic. The checksums are
+//! corrected first, since otherwise hardly any input would get past them.
 #![no_main]
 
 use lodsmith_core::Topology;
 use lodsmith_io::{Limits, LpmReader};
 
-/// The bytes with checksums that are right.
+/// Returns the bytes with correct checksums.
 fn mended(bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     let mut at = 8;

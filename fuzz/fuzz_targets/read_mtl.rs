@@ -1,5 +1,5 @@
-//! An OBJ with libraries and images in files beside it, all of them by strangers: a mesh or an error, never a panic, and
-//! written again nothing comes to lie outside of the folder that it goes to.
+//! Reads an OBJ with untrusted libraries and images in files beside it: a mesh or an error, never a panic,
+//! and writing it again creates no file outside the target folder.
 #![no_main]
 
 use std::fs;
@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 use lodsmith_io::{Format, WriteOptions, read_path, write_path};
 
-/// What stands between the files.
+/// Separator between the files.
 const BETWEEN: &[u8] = b"\n====\n";
-/// In this order; what follows the last one is more of it.
+/// The files in order; the last one gets the rest.
 const FILES: [&str; 4] = ["a.obj", "a.mtl", "a.png", "b.mtl"];
 const SECRET: &str = "what nobody else may read";
 

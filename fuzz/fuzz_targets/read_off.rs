@@ -1,4 +1,4 @@
-//! Bytes of a stranger as OFF: a mesh or an error, never a panic, and what is read can be written.
+//! Reads untrusted bytes as OFF: a mesh or an error, never a panic, and the mesh can be written.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| lodsmith_fuzz::reading::check(bytes, lodsmith_io::Format::Off));

@@ -1,6 +1,6 @@
-//! Bytes of a stranger as a session of the viewer, as a layout of its stage and as what the window remembers: one of
-//! them or an error, never a panic. A session names no file outside of its folder, copies stand somewhere at every
-//! moment, and what was read is read again once it is saved.
+//! Reads untrusted bytes as a session of the viewer, as a layout of its stage and as its saved window state:
+//! one of them or an error, never a panic. A session refers to no file outside its folder, all copies have
+//! finite positions at all times, and a saved session can be read again.
 #![no_main]
 
 use std::fs;
@@ -39,7 +39,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         );
     }
 
-    // Nothing else says that a path of the session is allowed.
+    // This is the only check that a path of the session is allowed.
     let Ok(session) = Session::open(&path, &AssetScope::Folder) else { return };
     let settings = &session.settings;
     for file in settings.files.iter().chain(settings.look.files()) {
@@ -55,7 +55,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let (then, _) = settings.playback.after(2.0, 0.1);
     assert!((0.0..=2.0).contains(&then.seconds), "{then:?}");
     let options = &settings.simplify.options;
-    // (A new mesh has as many faces as its edges say.)
+    // (The face count of a new mesh depends on its edge length only.)
     if options.method != Method::Remesh {
         let _ = simplify(&shapes::cube(2), options, &mut NoControl);
     }
@@ -68,7 +68,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     assert_eq!(back.simplify.words().len(), settings.simplify.words().len());
 });
 
-/// A path without the ways up in it. (No link lies in the folder.)
+/// Returns a path without parent components. (There are no links in the folder.)
 fn straight(path: &Path) -> PathBuf {
     let mut straight = PathBuf::new();
     for component in std::path::absolute(path).expect("it has a name").components() {
@@ -80,7 +80,7 @@ fn straight(path: &Path) -> PathBuf {
     straight
 }
 
-/// What the window does with a stage: where everything is, from where it is seen, which level each copy has.
+/// Does what the window does with a stage: placement of everything, camera, level of each copy.
 fn look_at(stage: &Stage, turn: Turn, pose: Option<&Pose>) {
     assert!(stage.copies.len() <= MOST, "more copies than a stage holds");
     let base = Base::new(&Bounds { min: [-1.0; 3], max: [1.0; 3] }, turn.rotation());

@@ -1,5 +1,5 @@
-//! A small soup of triangles by chance through any method with options by chance: an answer or an error, never a panic;
-//! and an answer holds what every answer promises.
+//! Simplifies a small random triangle soup by any method with random options: a result or an error, never a
+//! panic; and a result keeps its guarantees.
 #![no_main]
 
 use lodsmith::{Method, NoControl, simplify};
@@ -11,7 +11,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let options = soup::options(&mut bytes, &mesh);
     let Ok(result) = simplify(&mesh, &options, &mut NoControl) else { return };
     let (out, report) = (&result.mesh, &result.report);
-    // A new mesh on the old surface has as many faces as its edges say.
+    // The face count of a new mesh depends on its edge length only.
     if options.method != Method::Remesh {
         assert!(out.face_count() <= mesh.face_count(), "more faces than before");
     }
@@ -26,6 +26,6 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         assert!(t[0] != t[1] && t[1] != t[2] && t[2] != t[0], "a face names a vertex twice");
     }
     let again = simplify(&mesh, &options, &mut NoControl).expect("it was done before");
-    // (Bits, not values: attributes may be no numbers.)
+    // (Compared as text: attributes may be NaN.)
     assert_eq!(format!("{result:?}"), format!("{again:?}"), "the same bytes again");
 });

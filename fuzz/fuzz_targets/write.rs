@@ -1,4 +1,4 @@
-//! A small soup with attributes through every writer and the reader behind it: as many faces, at the same places.
+//! Round trips of a small soup with attributes through every format: as many faces, at the same positions.
 #![no_main]
 
 use lodsmith_core::Positions;
@@ -14,7 +14,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let is_finite = mesh.positions().view().iter().flatten().all(f64::is_finite);
     for format in [Format::Obj, Format::Off, Format::Ply, Format::Stl, Format::Gltf, Format::Glb] {
         let mut out = Vec::new();
-        // A format may say that it cannot hold the mesh.
+        // A format may be unable to hold the mesh.
         if write_to(&mesh, format, &options, &mut out).is_err() {
             continue;
         }
@@ -25,7 +25,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
             Err(_) if mesh.face_count() == 0 || !is_finite => continue,
             Err(e) => panic!("what we write as {format:?}, we read: {e}"),
         };
-        // (What is not finite is left out by some readers.)
+        // (Some readers drop non-finite values.)
         if !is_finite {
             continue;
         }
@@ -33,7 +33,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         if !is_single {
             continue;
         }
-        // Vertices may be welded or stand in another order: corners stay where they are.
+        // Vertices may be merged or reordered: corner positions stay.
         let corners = |mesh: &lodsmith_core::TriMesh| -> Vec<[u64; 3]> {
             let places = mesh.positions().view();
             let all = mesh.surface().triangles().iter().flatten().map(|&v| places.get(v)).collect::<Vec<_>>();

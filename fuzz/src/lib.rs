@@ -1,4 +1,4 @@
-//! What fuzz targets share: what is held of every reader, and meshes and options made of bytes.
+//! Shared code of the fuzz targets: checks of every reader, and random meshes and options.
 
 pub mod reading;
 pub mod soup;

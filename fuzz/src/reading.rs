@@ -1,32 +1,34 @@
-//! What is held of every reader, and of every writer behind it.
+//! Checks of every reader and writer.
 
 use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Limits, ReadOptions, WriteOptions, read_bytes, write_to};
 
-/// How strangers' bytes are read here.
+/// Returns the options for reading untrusted bytes.
 pub fn options(format: Format) -> ReadOptions {
     let mut options = ReadOptions::default();
     options.format = Some(format);
     let mut limits = Limits::default();
-    // What a compressed stranger may unpack to.
+    // The limit on unpacked data.
     limits.bytes = 16 << 20;
     limits.pixels = 1 << 20;
     options.limits = limits;
     options
 }
 
-/// Reads the bytes as a format. Whatever is read is a mesh by its own constructors; it must be no larger than bytes can
-/// make it, and go through the writer of this format and that of PLY, and the reader again, with as many faces.
+/// Reads the bytes as a format. The constructors check that the result is a valid mesh; besides, its size
+/// must be plausible for the bytes, and writing it in this format and in PLY and reading it again must give
+/// as many faces.
 pub fn check(bytes: &[u8], format: Format) {
     let options = options(format);
-    // Four bytes name a face at the least, in a strip one byte does. A glTF scene may place one mesh many times.
+    // A face takes at least four bytes, or one byte in a strip. A glTF scene may instantiate one mesh many
+    // times.
     let most = bytes.len().saturating_mul(2);
     if matches!(format, Format::Gltf | Format::Glb)
         && let Ok(scene) = Scene::read(bytes, &options)
     {
         let _ = scene.model();
-        // Whatever becomes of its meshes, a scene that is read is written and read again.
+        // A scene with any meshes can be written and read again.
         let same: Vec<_> = scene.meshes().iter().map(|m| Some(TriMesh::clone(&m.mesh))).collect();
         let mut out = Vec::new();
         scene.write(&same, format, &|_| None, &mut out).expect("memory takes all bytes");
@@ -45,7 +47,7 @@ pub fn check(bytes: &[u8], format: Format) {
     }
     for format in [Format::Ply, format] {
         let mut out = Vec::new();
-        // A format may say that it cannot hold the mesh.
+        // A format may be unable to hold the mesh.
         if write_to(&loaded.mesh, format, &WriteOptions::default(), &mut out).is_err() {
             assert!(format != Format::Ply, "PLY holds every mesh");
             continue;

@@ -1,4 +1,4 @@
-//! Small soups of triangles by chance, with options by chance.
+//! Small random triangle soups, with random options.
 
 use std::sync::Arc;
 
@@ -7,28 +7,29 @@ use lodsmith::{
 };
 use lodsmith_core::{Positions, RegionId, TriMesh, VertexId, WedgeId};
 
-/// Takes bytes one after another; where none are left, zeros.
+/// An iterator over bytes that continues with zeros.
 pub struct Bytes<'a>(pub &'a [u8]);
 
 impl Bytes<'_> {
-    /// The next byte.
+    /// Returns the next byte.
     pub fn next(&mut self) -> u8 {
         let Some((&first, rest)) = self.0.split_first() else { return 0 };
         self.0 = rest;
         first
     }
 
-    /// One of these.
+    /// Returns one of the values.
     pub fn one_of<T: Copy>(&mut self, values: &[T]) -> T {
         values[usize::from(self.next()) % values.len()]
     }
 
-    /// From 0 to 1.
+    /// Returns a number from 0 to 1.
     pub fn part(&mut self) -> f64 {
         f64::from(self.next()) / 255.0
     }
 
-    /// Mostly points of a coarse lattice, where places meet, faces are flat and areas nothing; sometimes any number.
+    /// Returns a coordinate: mostly of a coarse lattice, where positions coincide, faces are coplanar and
+    /// areas are zero; sometimes any number.
     fn coordinate(&mut self) -> f64 {
         match self.next() {
             255 => f64::from_bits(u64::from_le_bytes(std::array::from_fn(|_| self.next()))),
@@ -37,7 +38,7 @@ impl Bytes<'_> {
         }
     }
 
-    /// A value of an attribute: mostly within 0 and 1.
+    /// Returns an attribute value: mostly from 0 to 1.
     fn value(&mut self) -> f32 {
         match self.next() {
             255 => f32::from_bits(u32::from_le_bytes(std::array::from_fn(|_| self.next()))),
@@ -46,13 +47,14 @@ impl Bytes<'_> {
     }
 }
 
-/// Up to 63 vertices and 127 faces, in single or double precision, with or without seams, attributes and regions.
+/// Returns a mesh with up to 64 vertices and 127 faces, in single or double precision, with or without seams,
+/// attributes and regions.
 pub fn mesh(bytes: &mut Bytes<'_>) -> TriMesh {
     let vertices = usize::from(bytes.next()) % 64 + 1;
     let faces = usize::from(bytes.next()) % 128;
     let kind = bytes.next();
     let double = kind & 1 != 0;
-    // Some vertices twice, so that attributes jump there.
+    // Some vertices have two wedges, so that attributes are discontinuous there.
     let wedges = if kind & 2 != 0 { vertices + usize::from(bytes.next()) % 32 } else { vertices };
     let triangles: Vec<[WedgeId; 3]> = (0..faces)
         .map(|_| std::array::from_fn(|_| WedgeId(u32::from(bytes.next()) % wedges as u32)))
@@ -90,7 +92,7 @@ pub fn mesh(bytes: &mut Bytes<'_>) -> TriMesh {
     mesh
 }
 
-/// Options of any method, most of them such as it takes.
+/// Returns options of any method, most of them valid for it.
 pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> SimplifyOptions {
     let amount = usize::from(bytes.next());
     let stop = match bytes.next() % 8 {
@@ -123,7 +125,7 @@ pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> SimplifyOptions {
         Method::Unsubdivide if of_method & 1 != 0 => {
             options.of_method.iterations = Some(usize::from(of_method % 4) + 1);
         }
-        // No finer than a twentieth: the new mesh has as many faces as its edges say.
+        // At least a twentieth of the diagonal: the face count of the new mesh depends on its edge length.
         Method::Remesh => {
             let longer = |bytes: &mut Bytes<'_>| Some(Length::OfDiagonal(0.05 + bytes.part()));
             options.of_method.edge_length = if of_method & 1 != 0 { longer(bytes) } else { None };

@@ -1,14 +1,16 @@
-//! Every model of a folder through the release command: read, simplified to 50, 10 and 1 %, and its results read again.
+//! Runs every model of a folder through the release command: reads it, simplifies it to 50, 10 and 1 %, and
+//! reads the results again.
 //!
-//! What is held of each file hangs on where it lies:
-//! * anywhere: no crash, no hang, no more memory than the limit, at most the triangles asked for where the report says
-//!   `reached`, and a result that reads back;
-//! * clean manifold input: no more non-manifold or border edges, degenerate or duplicate faces than it had;
-//! * `dirty/` and `broken/`: done, or refused with status 1 and one line of error, each in under a second and 200 MB;
-//!   [`WANTED`] says which, where there is one right answer;
-//! * formats that are not read: refused.
+//! The checks depend on the folder of a file:
+//! * anywhere: no crash, no hang, no more memory than the limit, at most the requested triangles if the
+//!   report says `reached`, and a readable result;
+//! * clean manifold input: no more non-manifold or border edges, degenerate or duplicate faces than in the
+//!   input;
+//! * `dirty/` and `broken/`: success, or exit status 1 with one line of error, each in under a second and 200
+//!   MB; [`WANTED`] lists the expected outcome if there is only one;
+//! * unsupported formats: refused.
 //!
-//! With `--methods` every method instead, see [`methods`].
+//! With `--methods`, runs every method instead, see [`methods`].
 
 mod methods;
 
@@ -21,18 +23,18 @@ use serde_json::Value;
 
 use crate::release_command;
 
-/// What a good answer to a damaged file is.
+/// The expected outcome for a damaged file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Wanted {
-    /// It is simplified.
+    /// Success.
     Done,
-    /// It is refused, and the line says all of these.
+    /// An error whose line contains all of these words.
     Refused(&'static [&'static str]),
-    /// Either will do.
+    /// Either.
     Either,
 }
 
-/// Files by name whose answer is not left open; all others in `dirty/` are to be done.
+/// Files, by name, with a fixed outcome; all others in `dirty/` must succeed.
 const WANTED: &[(&str, Wanted)] = &[
     ("all_degenerate.off", Wanted::Either),
     ("bad_magic.glb", Wanted::Refused(&[])),
@@ -57,12 +59,12 @@ const WANTED: &[(&str, Wanted)] = &[
     ("number_formats.obj", Wanted::Either),
 ];
 
-/// Endings of mesh formats that are read, and of those that are known and refused.
+/// Extensions of supported formats, and of known but unsupported ones.
 const READ: &[&str] = &["obj", "off", "ply", "stl", "gltf", "glb"];
 const REFUSED: &[&str] = &["3mf", "fbx", "dae"];
-/// Parts of the triangles that are kept.
+/// Fractions of the triangles to keep.
 const RATIOS: [f64; 3] = [0.5, 0.1, 0.01];
-/// For files that are damaged on purpose.
+/// Limits for files that are damaged on purpose.
 const DAMAGED_LIMIT: Limits = Limits { seconds: 1.0, megabytes: 200 };
 
 #[derive(Clone, Copy)]
@@ -71,9 +73,9 @@ struct Limits {
     megabytes: u64,
 }
 
-/// How a run of the command ended.
+/// The outcome of a command.
 struct Outcome {
-    /// `None` where it was ended by a signal or by us.
+    /// Exit status; `None` if it was killed by a signal or by this program.
     status: Option<i32>,
     seconds: f64,
     peak_kb: u64,
@@ -81,7 +83,7 @@ struct Outcome {
     stderr: String,
 }
 
-/// What is checked of one file.
+/// The checks of one file.
 struct Row {
     name: String,
     faces: Option<u64>,
@@ -194,7 +196,7 @@ fn check(command: &Path, file: &Path, limits: Limits, row: &mut Row) -> Result<(
     let wanted = if REFUSED.contains(&&*ending(file)) {
         Wanted::Refused(&[])
     } else if row.name.contains("/compressed/") {
-        // An extension that needs a decoder: done with one, or refused by its name.
+        // An extension that needs a decoder: either decoded, or refused by name.
         Wanted::Either
     } else {
         let listed = WANTED.iter().find(|(name, _)| damaged && *name == file_name);
@@ -214,7 +216,7 @@ fn check(command: &Path, file: &Path, limits: Limits, row: &mut Row) -> Result<(
 
     let out_folder = tempfile::tempdir()?;
     for ratio in RATIOS {
-        // The format of the input, where it is one that holds everything in one file.
+        // The format of the input, if it holds everything in one file.
         let ending = ending(file);
         let ending = if READ.contains(&&*ending) { ending.replace("gltf", "glb") } else { "ply".into() };
         let out = out_folder.path().join(format!("out {ratio}.{ending}"));
@@ -242,14 +244,14 @@ fn check(command: &Path, file: &Path, limits: Limits, row: &mut Row) -> Result<(
                 row.remark = one_line(&outcome);
             }
             (Some(1), Wanted::Either) => row.remark = one_line(&outcome),
-            // Any other end has been noted.
+            // Other exit statuses have been noted.
             _ => {}
         }
         if outcome.status != Some(0) {
             if out.exists() {
                 row.problem(format!("{what}: failed and left a file"));
             }
-            // The other ratios would say the same.
+            // The other ratios would fail in the same way.
             break;
         }
     }
@@ -258,7 +260,7 @@ fn check(command: &Path, file: &Path, limits: Limits, row: &mut Row) -> Result<(
 }
 
 impl Row {
-    /// Takes time and memory of a run over, and what no run may do.
+    /// Records time and memory of a run, and its violations of general rules.
     fn note(&mut self, outcome: &Outcome, what: &str, limits: Limits) {
         self.seconds = self.seconds.max(outcome.seconds);
         self.peak_kb = self.peak_kb.max(outcome.peak_kb);
@@ -284,7 +286,7 @@ impl Row {
     }
 }
 
-/// Checks what a run that succeeded has written.
+/// Checks the output of a successful run.
 fn result(
     command: &Path,
     before: &Option<Value>,
@@ -338,7 +340,7 @@ fn result(
     Ok(())
 }
 
-/// The object on standard output.
+/// Returns the object on standard output.
 fn value(outcome: &Outcome) -> Option<Value> {
     serde_json::from_str(outcome.stdout.trim()).ok().filter(Value::is_object)
 }
@@ -348,9 +350,10 @@ fn one_line(outcome: &Outcome) -> String {
     line.chars().take(160).collect()
 }
 
-/// Runs the command and watches it: its time, and its peak of memory where the system tells it.
+/// Runs the command and measures its time, and its peak memory if the system reports it.
 fn call(command: &Path, args: &[&std::ffi::OsStr], limits: Limits) -> Result<Outcome> {
-    // A run that hangs is given some time more than it may take, so that the table shows by how much it fails.
+    // A hanging run is given more time than allowed, so that the table shows by how much it exceeds the
+    // limit.
     let patience = Duration::from_secs_f64(limits.seconds * 2.0 + 1.0);
     let (stdout, stderr) = (tempfile::tempfile()?, tempfile::tempfile()?);
     let began = Instant::now();
@@ -373,7 +376,7 @@ fn call(command: &Path, args: &[&std::ffi::OsStr], limits: Limits) -> Result<Out
             child.wait()?;
             break None;
         }
-        // Memory grows by a few megabytes at most between two looks.
+        // Memory grows by a few megabytes at most between two samples.
         std::thread::sleep(Duration::from_millis(1));
     };
     let seconds = began.elapsed().as_secs_f64();
@@ -388,7 +391,7 @@ fn text(mut file: std::fs::File) -> Result<String> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Peak of resident memory of a process that still runs. Linux alone tells it.
+/// Returns the peak of resident memory of a running process. Linux only.
 fn resident_peak_kb(id: u32) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
     status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?.split_whitespace().next()?.parse().ok()

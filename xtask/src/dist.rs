@@ -1,8 +1,8 @@
-//! The archive that is given away: the command with its window, manual, completions, documentation, licences,
-//! the list of its parts and a sample.
+//! The release archive: the command with its window, manual, completions, documentation, licences, software
+//! bill of materials and a sample.
 //!
-//! Made for the platform that it runs on. The same sources and tools give the same bytes: files stand in the order of their
-//! names, and all have the time of the last commit, or that of `SOURCE_DATE_EPOCH`.
+//! Built for the current platform. The same sources and tools give the same bytes: files are sorted by name,
+//! and all have the time of the last commit, or of `SOURCE_DATE_EPOCH`.
 
 mod archive;
 mod licences;
@@ -19,7 +19,7 @@ use sha2::{Digest as _, Sha256};
 use crate::{cargo, root};
 use archive::Entry;
 
-/// Shells, and what their scripts are called.
+/// Shells, and the names of their completion scripts.
 const SHELLS: [(&str, &str); 5] = [
     ("bash", "lodsmith.bash"),
     ("elvish", "lodsmith.elv"),
@@ -28,7 +28,7 @@ const SHELLS: [(&str, &str); 5] = [
     ("zsh", "_lodsmith"),
 ];
 
-/// Files and folders of the repository that go along, where they are: so the links between the pages hold.
+/// Files and folders of the repository to include at the same paths, so that links between the pages work.
 const ALONG: [&str; 11] = [
     "README.md",
     "ARCHITECTURE.md",
@@ -43,10 +43,10 @@ const ALONG: [&str; 11] = [
     "testdata/finial.ply",
 ];
 
-/// The time of a file where nobody knows a better one: the first that zip can say.
+/// The default time of files: the earliest that zip can represent.
 const OLDEST: u64 = 315_532_800;
 
-/// Builds, packs, and says where it lies.
+/// Builds the program, packs the archive, and prints its path.
 pub(crate) fn run(args: &[String]) -> Result<()> {
     let (mut folder, mut binary) = (None, None);
     let mut words = args.iter();
@@ -88,7 +88,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     write(&folder.join(&file), &bytes)?;
     let sum = hex(&Sha256::digest(&bytes));
-    // As `sha256sum --check` reads it.
+    // The format of `sha256sum --check`.
     write(&folder.join(format!("{file}.sha256")), format!("{sum}  {file}\n").as_bytes())?;
     println!("{}: {} files, {:.1} MB", folder.join(&file).display(), entries.len(), bytes.len() as f64 / 1e6);
     println!("sha256 {sum}");
@@ -103,10 +103,10 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     std::fs::write(path, bytes).with_context(|| path.display().to_string())
 }
 
-/// Builds the command with its window; where the program lies then.
+/// Builds the command with its window; returns the path of the program.
 fn build() -> Result<PathBuf> {
     let what = ["rustc", "--release", "--locked", "--package", "lodsmith-cli", "--bin", "lodsmith"];
-    // Names of functions are a third of the size, and of no use without the sources.
+    // Function names are a third of the size, and useless without the sources.
     let how =
         ["--features", "view", "--message-format", "json-render-diagnostics", "--", "-C", "strip=symbols"];
     let output = cargo().args(what).args(how).stderr(Stdio::inherit()).output().context("starting cargo")?;
@@ -117,7 +117,7 @@ fn build() -> Result<PathBuf> {
     program.context("cargo names no program that it built")
 }
 
-/// Everything that goes in, by its name within the folder of the archive.
+/// Returns all entries, by their paths within the folder of the archive.
 fn contents(binary: &Path, program: &str, metadata: &Value, time: u64) -> Result<Vec<Entry>> {
     let read = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
     let entry = |name: String, bytes| Entry { name, bytes, is_program: false };
@@ -155,7 +155,7 @@ fn contents(binary: &Path, program: &str, metadata: &Value, time: u64) -> Result
     Ok(entries)
 }
 
-/// Files of the repository that go along, by their names in it.
+/// Returns the files of the repository to include, by their paths in it.
 fn along() -> Result<Vec<String>> {
     let mut open: Vec<String> = ALONG.map(str::to_owned).into();
     let mut files = Vec::new();
@@ -172,7 +172,7 @@ fn along() -> Result<Vec<String>> {
     Ok(files)
 }
 
-/// The commands that a page of the manual refers to: `lodsmith\-lod(1)` on that of `lodsmith` is `lod`.
+/// Returns the commands that a manual page refers to: `lodsmith\-lod(1)` on the page of `lodsmith` is `lod`.
 fn pages_below(page: &str, name: &str) -> Vec<String> {
     let head = format!("{}\\-", name.replace('-', "\\-"));
     let words = page.lines().filter_map(|line| line.strip_prefix(&head)?.strip_suffix("(1)"));
@@ -180,7 +180,7 @@ fn pages_below(page: &str, name: &str) -> Vec<String> {
     plain.filter(|word| word != "help" && !word.starts_with("help-")).collect()
 }
 
-/// What a run of the program prints.
+/// Returns the output of a run of the program.
 fn said(binary: &Path, words: &[&str]) -> Result<Vec<u8>> {
     let output = Command::new(binary).args(words).output().with_context(|| binary.display().to_string())?;
     let text = words.join(" ");
@@ -189,7 +189,7 @@ fn said(binary: &Path, words: &[&str]) -> Result<Vec<u8>> {
     Ok(output.stdout)
 }
 
-/// What cargo knows of the packages, as they are built for a platform.
+/// Returns cargo's metadata of the packages, as built for a platform.
 fn metadata(target: &str) -> Result<Value> {
     let manifest = root().join("crates/cli/Cargo.toml");
     let mut command = cargo();
@@ -199,7 +199,7 @@ fn metadata(target: &str) -> Result<Value> {
     Ok(serde_json::from_slice(&output.stdout)?)
 }
 
-/// The platform that this runs on, as the compiler calls it.
+/// Returns the target triple of this platform.
 fn host() -> Result<String> {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let output = Command::new(rustc).arg("-vV").current_dir(root()).output().context("starting rustc")?;
@@ -208,7 +208,7 @@ fn host() -> Result<String> {
     Ok(host.context("rustc -vV names no host")?.to_owned())
 }
 
-/// Seconds since 1970 that all files get.
+/// Returns the time stamp of all files, in seconds since 1970.
 fn time() -> Result<u64> {
     if let Ok(text) = std::env::var("SOURCE_DATE_EPOCH") {
         return text.trim().parse().with_context(|| format!("SOURCE_DATE_EPOCH is {text}"));
@@ -253,7 +253,7 @@ mod tests {
                     }
                 }
                 let place = steps.join("/");
-                // The sources stay at home.
+                // The sources are not included.
                 let is_source = place.starts_with("crates/") && root().join(&place).exists();
                 let inside =
                     files.iter().any(|name| *name == place || name.starts_with(&format!("{place}/")));

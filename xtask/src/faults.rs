@@ -1,13 +1,14 @@
-//! What the command leaves behind when the world is against it: disks that fill up, folders that are read-only or go
-//! away, runs that are killed, inputs that change while they are read, pipes that close.
+//! Fault injection: the command on disks that fill up, with folders that are read-only or removed, killed
+//! runs, inputs that change while they are read, pipes that close.
 //!
-//! Every fault is done many times to runs of all commands that write. Whatever happens:
-//! * an output is what was there before, or the whole of what the run was to write;
-//! * a run that fails says so in one line and ends with status 1, and no run ends by a panic or a signal of its own;
-//! * inputs are as they were;
-//! * the next run into the same folder does all its work, and no temporary file is left after it.
+//! Every fault is injected many times into runs of all commands that write. In every case:
+//! * an output has either its old content or the complete new content;
+//! * a run that fails prints one line and exits with status 1, and no run panics or dies from a signal of its
+//!   own;
+//! * inputs are unchanged;
+//! * the next run into the same folder succeeds, and no temporary file is left after it.
 //!
-//! Moments by chance come from fixed seeds, though what a run is doing at such a moment hangs on the machine.
+//! Random moments come from fixed seeds, though the state of a run at such a moment depends on the machine.
 
 mod changed;
 mod disk;
@@ -23,15 +24,15 @@ use tempfile::TempDir;
 use crate::release_command;
 use job::{Ended, Job};
 
-/// Runs of a plain round; `--quick` makes a tenth of them.
+/// Number of runs of a kill fault; `--quick` makes a tenth of them.
 const KILLS: usize = 200;
 
-/// What all faults work with.
+/// The shared setup of all faults.
 struct Ground {
     program: PathBuf,
     folder: TempDir,
     jobs: Vec<Job>,
-    /// How many runs of each thousand are made.
+    /// Number of runs to make out of every thousand.
     share: usize,
 }
 
@@ -40,12 +41,12 @@ impl Ground {
         self.folder.path().join("in")
     }
 
-    /// How many of so many runs are made, one at least.
+    /// Returns the number of runs to make out of `runs`, at least one.
     fn part_of(&self, runs: usize) -> usize {
         (runs * self.share / 1000).max(1)
     }
 
-    /// An empty folder of this name, which takes the place of one that was there.
+    /// Creates an empty folder of this name; an existing one is removed first.
     fn empty(&self, name: &str) -> Result<PathBuf> {
         let folder = self.folder.path().join(name);
         if folder.exists() {
@@ -56,14 +57,14 @@ impl Ground {
     }
 }
 
-/// One fault, and what became of the runs.
+/// The results of one fault.
 struct Row {
     fault: &'static str,
     runs: usize,
     done: usize,
     failed: usize,
     ended: usize,
-    /// Temporary files that runs left and the next ones removed.
+    /// Temporary files that runs left behind and the next ones removed.
     swept: usize,
     breaches: Vec<String>,
 }
@@ -73,7 +74,7 @@ impl Row {
         Self { fault, runs: 0, done: 0, failed: 0, ended: 0, swept: 0, breaches: Vec::new() }
     }
 
-    /// Counts how a run ended.
+    /// Counts the outcome of a run.
     fn count(&mut self, ended: &Ended) {
         self.runs += 1;
         *match ended.status {
@@ -101,7 +102,7 @@ impl Row {
     }
 }
 
-/// The fault was done, or why it could not be.
+/// The result of a fault, or the reason why it was skipped.
 enum Tried {
     Done(Row),
     Skipped(&'static str, String),
@@ -126,7 +127,7 @@ const FAULTS: &[(&str, Fault)] = &[
     ("no-errors", stream::nobody_reads_errors),
 ];
 
-/// Does every fault, prints the table, and fails where something does not hold.
+/// Injects every fault, prints the table, and fails if a check fails.
 pub(crate) fn run(args: &[String]) -> Result<()> {
     let (mut binary, mut only, mut share, mut is_strict) = (None::<PathBuf>, None::<&str>, 1000, false);
     let mut words = args.iter();
@@ -188,7 +189,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// Numbers by chance, the same from the same seed (SplitMix64).
+/// A random generator that gives the same numbers for the same seed (SplitMix64).
 pub(crate) struct Chance(pub(crate) u64);
 
 impl Chance {
@@ -200,12 +201,12 @@ impl Chance {
         z ^ (z >> 31)
     }
 
-    /// Below a number above zero.
+    /// Returns a number below `end`, which is above zero.
     pub(crate) fn below(&mut self, end: usize) -> usize {
         (self.next() % end as u64) as usize
     }
 
-    /// From 0 up to 1.
+    /// Returns a number from 0 up to 1.
     fn part(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }

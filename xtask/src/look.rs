@@ -1,4 +1,5 @@
-//! How much of the look of models is kept: simplified to 50, 25, 10, 5 and 1 %, and compared from many sides.
+//! Measures the preserved appearance of models: simplified to 50, 25, 10, 5 and 1 %, and compared from many
+//! sides.
 
 use std::path::Path;
 
@@ -7,9 +8,9 @@ use serde_json::Value;
 
 use crate::{cargo, root, sample, succeed};
 
-/// Parts of the triangles that are kept.
+/// Fractions of the triangles to keep.
 const RATIOS: [f64; 5] = [0.5, 0.25, 0.1, 0.05, 0.01];
-/// Sides from which models are seen: a picture for each 40 degrees or so.
+/// Number of views: one for about every 40 degrees.
 const VIEWS: &str = "24";
 
 /// Prints a table for each model: `FILE`, or `TITLE=FILE`; without any, for the sample model.
@@ -26,7 +27,7 @@ pub(crate) fn run(models: &[String]) -> Result<()> {
 
 fn table(title: &str, file: &Path) -> Result<()> {
     let folder = tempfile::tempdir()?;
-    // What keeps materials, for whatever had some.
+    // A format that keeps materials, if the input may have some.
     let ending =
         if file.extension().is_some_and(|e| e == "gltf" || e == "glb" || e == "obj") { "glb" } else { "ply" };
     let mut rows = Vec::new();
@@ -40,7 +41,7 @@ fn table(title: &str, file: &Path) -> Result<()> {
         let compared = object(&["compare", "--json", "--views", VIEWS], &[file, &lighter])?;
         let (image, stages) = (&compared["image"], &report["seconds"]);
         let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
-        // What the engine did: files are read and written at any level.
+        // The engine's time only, since files are read and written at every level.
         let seconds: f64 = ["prepare", "simplify", "fit"].iter().filter_map(|s| stages[*s].as_f64()).sum();
         let pair = |key: &str, factor: f64, digits: usize| {
             let [mean, worst] = ["mean", "worst"].map(|w| factor * number(&image[key][w]));
@@ -77,14 +78,14 @@ fn table(title: &str, file: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What the release command answers.
+/// Runs the release command and returns its JSON output.
 fn object(words: &[&str], files: &[&Path]) -> Result<Value> {
     let out = program().args(words).args(files).output()?;
     ensure!(out.status.success(), "{}: {}", words[0], String::from_utf8_lossy(&out.stderr).trim());
     Ok(serde_json::from_slice(&out.stdout)?)
 }
 
-/// The release command.
+/// Returns the release command.
 pub(crate) fn program() -> std::process::Command {
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), Into::into);
     let name = format!("lodsmith{}", std::env::consts::EXE_SUFFIX);

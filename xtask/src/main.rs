@@ -1,4 +1,4 @@
-//! Chores of the workspace.
+//! Developer tasks of the workspace.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
 
 mod corpus;
@@ -62,30 +62,30 @@ fn main() -> ExitCode {
     }
 }
 
-/// Programs of the benchmark.
+/// Benchmark programs.
 const BENCHES: &[&str] =
     &["rivals", "attributes", "cluster", "cluster_lod", "io_speed", "memory", "render", "progressive"];
 
-/// The folder of the workspace.
+/// Returns the root folder of the workspace.
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask lies in the workspace")
 }
 
-/// Cargo as it was called, in the folder of the workspace.
+/// Returns a cargo command in the root folder of the workspace.
 fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root());
     command
 }
 
-/// Where Cargo puts what it builds.
+/// Returns Cargo's target folder.
 fn target_folder() -> Result<PathBuf> {
     let out = cargo().args(["metadata", "--no-deps", "--offline", "--format-version", "1"]).output()?;
     let all: Value = serde_json::from_slice(&out.stdout).context("cargo metadata")?;
     Ok(all["target_directory"].as_str().context("no target folder")?.into())
 }
 
-/// The command, built as it is given away.
+/// Builds the command with the release profile; returns its path.
 fn release_command() -> Result<PathBuf> {
     let what =
         ["build", "--quiet", "--release", "--locked", "--package", "lodsmith-cli", "--bin", "lodsmith"];
@@ -99,7 +99,7 @@ fn succeed(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// The shared test models, where a checkout has them beside it.
+/// Returns the folder of shared test models, if it is beside the checkout.
 fn shared_models() -> Option<PathBuf> {
     let folder = root().join("../shared/models");
     folder.is_dir().then_some(folder)
@@ -119,7 +119,7 @@ fn bench(args: &[String]) -> Result<()> {
     for &name in names {
         let mut command = cargo();
         command.args(["run", "--quiet", "--release", "--package", "lodsmith-bench", "--bin", name, "--"]);
-        // Options of `all` are those of the table.
+        // Options of `all` apply to the table only.
         if which != "all" || name == "rivals" {
             command.args(rest.iter().map(|word| from_here(word)));
         }
@@ -134,7 +134,7 @@ fn bench(args: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// Whether files or folders are among the options of the table.
+/// Returns true if there are files or folders among the options of the table.
 fn names_a_place(args: &[String]) -> bool {
     let mut words = args.iter();
     while let Some(word) = words.next() {
@@ -150,7 +150,7 @@ fn names_a_place(args: &[String]) -> bool {
     false
 }
 
-/// A path that exists where the caller stands, told so that it holds in the folder of the workspace too.
+/// Makes an existing path absolute, so that it is also valid in the root folder of the workspace.
 fn from_here(word: &str) -> PathBuf {
     std::path::absolute(word).ok().filter(|p| !word.is_empty() && p.exists()).unwrap_or_else(|| word.into())
 }
@@ -159,7 +159,7 @@ fn goldens(args: &[String]) -> Result<()> {
     let filter = args.first().map_or("golden", String::as_str);
     let mut tests = cargo();
     tests.args(["test", "--quiet", filter]);
-    // Our own recorded answers obey the first, those of the insta crate the second.
+    // The first variable updates our own recorded outputs, the second those of the insta crate.
     succeed(tests.env("LODSMITH_GOLDENS", "write").env("INSTA_UPDATE", "always"))?;
     succeed(Command::new("git").args(["status", "--short"]).current_dir(root()))
 }

@@ -1,6 +1,5 @@
-//! The sample model in pictures: at falling counts of faces for the README, as a chain of levels, by each method at one
-//! count, in every shading.
-//! Drawn on the CPU: the same everywhere, no driver needed.
+//! Renders the pictures of the sample model: at falling face counts for the README, as a chain of levels, by
+//! each method at one count, in every shading. Rendered on the CPU: the same everywhere, no driver needed.
 
 mod palette;
 
@@ -25,27 +24,28 @@ const FINIAL: &str = "docs/pictures/finial.png";
 const SHADINGS: &str = "docs/pictures/shadings.png";
 /// A chain of levels of detail.
 const LOD: &str = "docs/pictures/lod.png";
-/// How many levels it has below the original.
+/// Number of levels below the original.
 const LEVELS: usize = 6;
-/// The folder of the pictures of methods.
+/// The folder for the pictures of methods.
 const METHODS: &str = "docs/pictures/methods";
-/// Faces of each of those: few enough to see each, many enough for the shape.
+/// Face count of these: few enough to see each face, enough for the shape.
 const METHOD_COUNT: usize = 1500;
-/// Faces of the panels after the first, which is the whole model.
+/// Face counts of the panels after the first, which is the whole model.
 const COUNTS: [usize; 6] = [5000, 2500, 1500, 750, 300, 100];
-/// Faces of the lighter model that the heat map shows.
+/// Face count of the simplified model in the heat map.
 const HEAT_COUNT: usize = 750;
-/// Colours of a file that shows one surface: a third of the bytes of all of them, and nobody sees it. (By eye.)
+/// Palette size of pictures that show one surface: a third of the full size, without visible difference. (By
+/// eye.)
 const COLOURS: usize = 256;
 
 /// Pixels of a panel.
 const PANEL: [usize; 2] = [212, 378];
-/// The same where many colours take room.
+/// Pixels of a panel in pictures with many colours, whose files are larger.
 const SMALL_PANEL: [usize; 2] = [152, 268];
-/// A quiet wall, lighter towards the ground.
+/// A neutral background, lighter towards the ground.
 const WALL: Background = Background::Gradient([0.135, 0.160, 0.190], [0.270, 0.300, 0.335]);
 
-/// Draws what is named: nothing for all, `finial`, `shadings`, `lod`, `methods`, or single methods.
+/// Renders the named pictures: all without a name, `finial`, `shadings`, `lod`, `methods`, or single methods.
 pub(crate) fn run(names: &[String]) -> Result<()> {
     let sample = sample::finial();
     let triangles = sample.triangles.iter().map(|t| t.map(|v| VertexId(v.into()))).collect();
@@ -77,7 +77,7 @@ fn method(name: &str) -> Option<Method> {
     Method::ALL.into_iter().find(|m| m.name() == name)
 }
 
-/// The picture of the README.
+/// Renders the picture of the README.
 fn finial(whole: &TriMesh) -> Result<()> {
     let mut panels = vec![panel(whole, vec!["original".to_owned()])?];
     for count in COUNTS {
@@ -89,7 +89,7 @@ fn finial(whole: &TriMesh) -> Result<()> {
     Ok(())
 }
 
-/// The levels that `lodsmith lod` makes, each with the distance from which it can be shown.
+/// Renders the levels that `lodsmith lod` makes, each with its switching distance.
 fn levels(whole: &TriMesh) -> Result<()> {
     let mut options = LodOptions::new(Levels::Steps { count: LEVELS, factor: 0.5 });
     options.simplify.measure = Measure::Always;
@@ -108,7 +108,7 @@ fn levels(whole: &TriMesh) -> Result<()> {
     Ok(())
 }
 
-/// The picture of a method.
+/// Renders the picture of a method.
 fn of_method(whole: &TriMesh, method: Method) -> Result<()> {
     let (mesh, below) = simplified(whole, method, METHOD_COUNT).with_context(|| method.name())?;
     let panel = panel(&mesh, vec![below])?;
@@ -116,7 +116,7 @@ fn of_method(whole: &TriMesh, method: Method) -> Result<()> {
     write(&sheet(&[panel], 1, WALL, None), &format!("{METHODS}/{}.png", method.name()))
 }
 
-/// One model in every shading, with a legend for the last.
+/// Renders one model in every shading, with a legend for the last.
 fn shadings(whole: &TriMesh) -> Result<()> {
     let (lighter, _) = simplified(whole, Method::default(), HEAT_COUNT)?;
     let distances = vertex_distances(&lighter.surface(), &Prepared::new(&whole.surface())?);
@@ -142,7 +142,7 @@ fn shadings(whole: &TriMesh) -> Result<()> {
     write_in_full(&sheet(&panels, panels.len(), WALL, Some(&legend)), SHADINGS)
 }
 
-/// How high a place of the sample lies, from 0 to 1.
+/// Returns the relative height of each vertex of the sample, from 0 to 1.
 fn heights(mesh: &TriMesh) -> Result<Vec<f32>> {
     let positions = mesh.positions().view();
     let bounds = positions.bounds().context("the sample has vertices")?;
@@ -150,7 +150,7 @@ fn heights(mesh: &TriMesh) -> Result<Vec<f32>> {
     Ok(positions.iter().map(|p| ((p[1] - low) / (high - low)) as f32).collect())
 }
 
-/// The sample with colours that rise with height.
+/// Returns the sample with colours by height.
 fn colored(whole: &TriMesh) -> Result<TriMesh> {
     let color = |height: f32| {
         let [r, g, b] = ColorMap::Viridis.color(height);
@@ -161,9 +161,9 @@ fn colored(whole: &TriMesh) -> Result<TriMesh> {
     Ok(mesh)
 }
 
-/// The sample with an image wound round it.
+/// Returns the sample with a texture wrapped round it.
 fn glazed(whole: &TriMesh) -> Result<Model> {
-    // Round and round: a mirrored image has no seam where the turn ends.
+    // A mirrored texture has no seam where the turn closes.
     let turn = |p: [f64; 3]| (p[0].atan2(p[2]) / std::f64::consts::PI) as f32;
     let places = whole.positions().view();
     let uvs = places.iter().zip(heights(whole)?).map(|(p, height)| [turn(p) * 4.0, height * 8.0]).collect();
@@ -184,7 +184,7 @@ fn glazed(whole: &TriMesh) -> Result<Model> {
     Ok(model)
 }
 
-/// Rings of two glazes on clay.
+/// Returns a texture of concentric rings in two glazes on clay.
 fn glaze() -> Image {
     const SIDE: usize = 64;
     let pixel = |i: usize| {
@@ -199,7 +199,7 @@ fn glaze() -> Image {
     Image::new(SIDE, SIDE, (0..SIDE * SIDE).map(pixel).collect())
 }
 
-/// A lighter mesh, and the largest distance of it in words.
+/// Returns a simplified mesh, and its maximum distance as text.
 fn simplified(whole: &TriMesh, method: Method, faces: usize) -> Result<(TriMesh, String)> {
     let mut options = SimplifyOptions::new(Stop::faces(faces));
     options.method = method;
@@ -211,7 +211,7 @@ fn simplified(whole: &TriMesh, method: Method, faces: usize) -> Result<(TriMesh,
     Ok((done.mesh, below))
 }
 
-/// A mesh with lines along its edges, its count and lines below.
+/// Renders a mesh with wireframe, its face count and a caption.
 fn panel(mesh: &TriMesh, below: Vec<String>) -> Result<Panel> {
     let mut view = view(PANEL);
     view.look.shading = Shading::Flat;
@@ -223,7 +223,7 @@ fn panel(mesh: &TriMesh, below: Vec<String>) -> Result<Panel> {
     Ok(Panel { picture, caption })
 }
 
-/// How all of them are seen: a warm lamp from the upper left, a cool one from behind on the right.
+/// Returns the view of all pictures: a warm light from the upper left, a cool one from behind on the right.
 fn view([width, height]: [usize; 2]) -> View {
     let target = DVec3::new(0.0, 1.31, 0.0);
     let (sin, cos) = 16f64.to_radians().sin_cos();
@@ -256,7 +256,7 @@ fn grouped(n: usize) -> String {
     if n < 1000 { n.to_string() } else { format!("{},{:03}", n / 1000, n % 1000) }
 }
 
-/// Two digits that say something.
+/// Formats a number with two significant digits.
 fn figure(x: f64) -> String {
     let places = if x >= 10.0 {
         0
@@ -270,17 +270,18 @@ fn figure(x: f64) -> String {
     format!("{x:.places$}")
 }
 
-/// The colours of a picture without see-through parts. Even numbers alone: a sixth smaller, and nobody sees it.
+/// Returns the colours of an opaque picture. Rounded to even numbers: a sixth smaller, without visible
+/// difference.
 fn opaque(picture: &Image) -> Vec<[u8; 3]> {
     picture.pixels().iter().map(|&[r, g, b, _]| [r, g, b].map(|c| c & !1)).collect()
 }
 
-/// Writes a picture to a path from the root, in few colours, and says so.
+/// Writes a picture to a path from the root, with a palette, and prints a line about it.
 fn write(picture: &Image, path: &str) -> Result<()> {
     let (colours, index) = palette::indexed(&opaque(picture), COLOURS);
     let mut bytes = Vec::new();
     let mut encoder = encoder(picture, &mut bytes);
-    // Flat colours repeat: differences of neighbours would hide that.
+    // Flat colours repeat: filtering by differences of neighbours would hide that.
     encoder.set_filter(png::Filter::NoFilter);
     encoder.set_color(png::ColorType::Indexed);
     encoder.set_palette(colours.as_flattened().to_vec());
@@ -288,7 +289,7 @@ fn write(picture: &Image, path: &str) -> Result<()> {
     put(picture, &bytes, path)
 }
 
-/// The same in all its colours, where there are many.
+/// Writes a picture in full colour, for pictures with many colours.
 fn write_in_full(picture: &Image, path: &str) -> Result<()> {
     let mut bytes = Vec::new();
     let mut encoder = encoder(picture, &mut bytes);

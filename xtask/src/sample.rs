@@ -1,17 +1,18 @@
-//! The sample model of the README: a turned finial by formula, ours to give away.
+//! The sample model of the README: a turned finial computed by formula, free to distribute.
 //!
-//! A stepped foot with crisp edges, a hollow stem, a bead, an onion of eight twisted lobes that meet in sharp valleys, a
-//! collar and a ball: smooth and sharp, flat and round in one closed surface.
+//! A stepped foot with crisp edges, a concave stem, a bead, an onion of eight twisted lobes that meet in
+//! sharp valleys, a collar and a ball: smooth and sharp, flat and round in one closed surface.
 
 use std::f64::consts::{PI, TAU};
 
-/// Its file, from the root of the repository.
+/// The path of its file from the root of the repository.
 pub(crate) const PATH: &str = "testdata/finial.ply";
-/// The same file for the window, within the folder of its crate: nothing else is in the package of a crate.
+/// A copy of the file for the window, within the folder of its crate: a published crate includes only its own
+/// folder.
 pub(crate) const PATH_IN_VIEWER: &str = "crates/viewer/assets/finial.ply";
 
 const LOBES: usize = 8;
-/// Columns of a lobe; valleys lie on columns, which follow the twist, so they stay sharp.
+/// Number of columns; valleys lie on columns, which follow the twist, so they stay sharp.
 const COLUMNS: usize = LOBES * 11;
 
 /// A closed surface in single precision.
@@ -21,17 +22,17 @@ pub(crate) struct Sample {
     pub(crate) triangles: Vec<[u16; 3]>,
 }
 
-/// One circle of the lathe.
+/// One ring of the surface of revolution.
 struct Ring {
     radius: f64,
     height: f64,
-    /// How deep the valleys are, as a share of the radius.
+    /// Depth of the valleys as a fraction of the radius.
     depth: f64,
-    /// Turn of the columns, in radians.
+    /// Rotation of the columns, in radians.
     twist: f64,
 }
 
-/// The outline from the foot to the top, without the two points on the axis.
+/// Returns the profile from the foot to the top, without the two points on the axis.
 fn outline() -> Vec<Ring> {
     let mut rings: Vec<Ring> = Vec::new();
     let mut plain = |radius, height| rings.push(Ring { radius, height, depth: 0.0, twist: 0.0 });
@@ -49,7 +50,7 @@ fn outline() -> Vec<Ring> {
     for t in span(1) {
         plain(0.60, 0.12 + 0.06 * t);
     }
-    // The stem, a hollow curve.
+    // The stem, a concave curve.
     for t in span(16) {
         plain(0.60 - 0.42 * (t * PI / 2.0).sin(), 0.72 - 0.54 * (t * PI / 2.0).cos());
     }
@@ -87,7 +88,8 @@ fn outline() -> Vec<Ring> {
     rings
 }
 
-/// Makes the sample. Coordinates are whole multiples of 1/4096, so the last bits of a system's sine do not show.
+/// Builds the sample. Coordinates are multiples of 1/4096, so that the last bits of the system's sine do not
+/// matter.
 pub(crate) fn finial() -> Sample {
     let round = |x: f64| ((x * 4096.0).round() / 4096.0) as f32;
     let rings = outline();
@@ -132,7 +134,8 @@ pub(crate) fn finial() -> Sample {
     sample
 }
 
-/// The sample as a binary PLY, little endian, with 16-bit indices: small, and read by everything that knows PLY.
+/// Encodes the sample as binary PLY, little endian, with 16-bit indices: small, and readable by every PLY
+/// reader.
 pub(crate) fn ply(sample: &Sample) -> Vec<u8> {
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\ncomment CC0: made by `cargo xtask sample`\n\
@@ -173,10 +176,10 @@ mod tests {
             }
         }
         assert!(sides.iter().all(|(&(a, b), &n)| n == 1 && sides.contains_key(&(b, a))));
-        // Euler's number of a ball.
+        // The Euler characteristic of a sphere.
         let (v, f) = (sample.positions.len() as i64, sample.triangles.len() as i64);
         assert_eq!(v - sides.len() as i64 / 2 + f, 2);
-        // Six times the volume: positive where faces look out.
+        // Six times the volume: positive if faces point outwards.
         let p = |i: u16| sample.positions[usize::from(i)].map(f64::from);
         let volume: f64 = sample
             .triangles

@@ -1,6 +1,6 @@
-//! What fuzz targets begin with, beside the files that are kept in `fuzz/seeds`: small shapes in every format that the
-//! command writes, sessions and layouts of the viewer, the small files of `testdata`, and bytes by chance for the targets
-//! that make soups of them.
+//! Initial corpus of the fuzz targets, in addition to the files in `fuzz/seeds`: small shapes in every format
+//! that the command writes, sessions and layouts of the viewer, the small files of `testdata`, and random
+//! bytes for the targets that make soups of them.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -19,14 +19,14 @@ use lodsmith_viewer::stage::{Placement, Stage};
 use crate::faults::Chance;
 use crate::{release_command, root};
 
-/// Larger files only slow the search down.
+/// Larger files only slow the fuzzing down.
 const LARGEST: u64 = 8192;
 /// Targets that make meshes out of any bytes.
 const SOUPS: [&str; 5] = ["simplify_soup", "clean_soup", "compare_soup", "progressive_soup", "write"];
-/// Files of bytes for each of them.
+/// Number of random files for each of them.
 const BYTES: usize = 16;
 
-/// Fills `fuzz/corpus`, beside what is there already.
+/// Adds the seeds to `fuzz/corpus`.
 pub(crate) fn run(args: &[String]) -> Result<()> {
     let program = match args {
         [] => release_command()?,
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// One session for each method, so that all words are among them, and the layout of the stage that they have.
+/// Writes one session for each method, so that all method names occur, and their stage layout.
 fn sessions(folder: &Path) -> Result<()> {
     let stage = stage();
     LayoutFile::new(Path::new("a.glb"), &stage).save(&folder.join("layout.json"))?;
@@ -87,7 +87,7 @@ fn sessions(folder: &Path) -> Result<()> {
         let mut settings = Settings { files: vec![folder.join("a.glb")], ..Settings::default() };
         settings.simplify.options.stop = Stop::faces(number);
         settings.simplify.options.method = method;
-        // One has all that a session can hold, the others are short.
+        // One session has everything that a session can hold, the others are short.
         if method == Method::Memoryless {
             settings.stage = stage.clone();
             settings.look.backdrop = Backdrop::Color([0.1, 0.2, 0.3]);
@@ -106,7 +106,7 @@ fn pose() -> Pose {
     Pose { eye: [3.0, 2.0, 1.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 }
 }
 
-/// Two copies, one of which moves, as the camera does.
+/// Returns a stage with two copies, one of which moves, as the camera does.
 fn stage() -> Stage {
     let mut tracks = Tracks { length_secs: Some(8.0), ..Tracks::default() };
     let stand = Stand { x: 1.0, y: 2.0, z: 3.0, yaw_deg: 10.0, pitch_deg: -5.0, distance: 4.0 };
@@ -127,7 +127,7 @@ fn call(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// Closed, open, non-manifold, and in pieces.
+/// Returns small shapes: closed, open, non-manifold, and with several components.
 fn small_shapes() -> Vec<(&'static str, TriMesh)> {
     vec![
         ("cube", shapes::cube(1)),
@@ -140,7 +140,8 @@ fn small_shapes() -> Vec<(&'static str, TriMesh)> {
     ]
 }
 
-/// A mesh as OBJ with texture coordinates and two materials, so that other formats have seams and regions to carry.
+/// Returns a mesh as OBJ with texture coordinates and two materials, so that other formats get seams and
+/// regions.
 fn obj(mesh: &TriMesh) -> String {
     let mut text = String::from("vt 0 0\nvt 1 0\nvt 0 1\nusemtl a\n");
     for [x, y, z] in mesh.positions().view().iter() {

@@ -1,5 +1,6 @@
-//! The rules of the house that a compiler does not hold: who may depend on whom, which doors a crate may use, what lies
-//! in the tree. Each is a test here, so `cargo test` is the whole gate; `cargo xtask tidy` prints them all at once.
+//! Repository rules that the compiler does not check: dependencies between packages, forbidden words in
+//! sources, files in the tree. Each is a test here, so `cargo test` checks them all; `cargo xtask tidy`
+//! prints them all at once.
 
 mod circles;
 
@@ -12,7 +13,8 @@ use serde_json::Value;
 
 use crate::{cargo, root};
 
-/// A package, which packages of this workspace it may use, and which crates it must never see, not even through another.
+/// A package, the packages of this workspace that it may use, and crates that it must never depend on, even
+/// indirectly.
 struct Room {
     package: &'static str,
     /// Its folder, from the root.
@@ -21,9 +23,9 @@ struct Room {
     never: &'static [&'static str],
 }
 
-/// Windows, drivers and what stands on them.
+/// Windowing, graphics drivers and crates on top of them.
 const GPU: &[&str] = &["wgpu", "winit", "egui", "eframe", "glow", "ash"];
-/// Files, clocks, logs, arguments: what a caller owns. And formats, which stand on files.
+/// Files, clocks, logs, arguments, which belong to the caller; and file formats, which need files.
 const OUTSIDE: &[&str] = &[
     "tempfile",
     "walkdir",
@@ -71,12 +73,13 @@ const ROOMS: &[Room] = &[
         package: "lodsmith-viewer",
         folder: "crates/viewer",
         uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render"],
-        // (The lock file has tokio for windows in browsers, which nothing here builds.)
+        // (The lock file has tokio for windows in browsers, which is never built here.)
         never: &["clap"],
     },
 ];
 
-/// What sources of a folder may not say, and why. Comments and string contents are not told apart: the words are rare.
+/// Words that sources of a folder must not contain, and the reason. Strings are not distinguished from code:
+/// the words are rare.
 struct Door {
     folders: &'static [&'static str],
     words: &'static [&'static str],
@@ -109,16 +112,16 @@ const DOORS: &[Door] = &[
     },
 ];
 
-/// Names that say nothing of what is inside.
+/// File names without meaning.
 const VAGUE: &[&str] = &["utils", "util", "helpers", "helper", "common", "misc"];
-/// Bytes of `testdata` together.
+/// Maximum bytes of `testdata` in total.
 const TESTDATA_MAX: u64 = 300_000;
-/// Long before this a file holds two ideas.
+/// Maximum lines of a file; one that is nearly as long already holds two concepts.
 const LINES_MAX: usize = 2000;
 
 type Rule = fn() -> Result<Vec<String>>;
 
-/// Every rule: its name, and what breaks it now.
+/// Every rule: its name, and the function that returns its violations.
 const RULES: &[(&str, Rule)] = &[
     ("packages use only those below them", directions),
     ("each dependency has its reason in docs/dependencies.md", reasons),
@@ -148,7 +151,7 @@ pub(crate) fn run() -> Result<()> {
     Ok(())
 }
 
-/// The workspace's own packages as Cargo sees them. Needs no network: nothing is resolved.
+/// Returns the packages of the workspace as Cargo reports them. Needs no network: nothing is resolved.
 fn packages() -> Result<Vec<Value>> {
     let out = cargo().args(["metadata", "--no-deps", "--offline", "--format-version", "1"]).output()?;
     ensure!(out.status.success(), "cargo metadata: {}", String::from_utf8_lossy(&out.stderr));
@@ -156,8 +159,8 @@ fn packages() -> Result<Vec<Value>> {
     Ok(all["packages"].as_array().context("no packages")?.clone())
 }
 
-/// What a package names as dependencies, without those of tests and build scripts, and without the feature `proptest`,
-/// which tests alone turn on.
+/// Returns the dependencies of a package, without those of tests and build scripts, and without the feature
+/// `proptest`, which only tests enable.
 fn direct(package: &Value) -> impl Iterator<Item = &str> {
     let all = package["dependencies"].as_array().into_iter().flatten();
     let kept = |d: &&Value| d["kind"].is_null() && !(d["optional"] == true && d["name"] == "proptest");
@@ -190,7 +193,8 @@ fn directions() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// What the manifests name from elsewhere, each with the packages that use it, as the page writes them.
+/// Returns the external dependencies in the manifests, each with the packages that use it, named as on the
+/// page.
 fn dependencies(packages: &[Value]) -> BTreeMap<&str, BTreeSet<String>> {
     let ours: BTreeSet<&str> = packages.iter().filter_map(|p| p["name"].as_str()).collect();
     let mut all: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
@@ -206,7 +210,7 @@ fn dependencies(packages: &[Value]) -> BTreeMap<&str, BTreeSet<String>> {
     all
 }
 
-/// The rows of the page: a crate, those who use it, without what is said beside them in brackets.
+/// Parses the rows of the page: a crate and its users, without remarks in brackets.
 fn reasoned(page: &str) -> BTreeMap<&str, BTreeSet<String>> {
     let mut rows = BTreeMap::new();
     for line in page.lines() {
@@ -244,7 +248,8 @@ fn unreasoned(
     findings
 }
 
-/// Each package of the lock file with all that it may pull in, on any system and with any feature.
+/// Returns each package of the lock file with all its possible dependencies, on any system and with any
+/// feature.
 fn locked(text: &str) -> BTreeMap<&str, Vec<&str>> {
     let mut packages: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     let mut name = "";
@@ -253,7 +258,7 @@ fn locked(text: &str) -> BTreeMap<&str, Vec<&str>> {
             name = quoted.trim_matches('"');
             packages.entry(name).or_default();
         } else if let Some(item) = line.strip_prefix(" \"") {
-            // "name", or "name version" where there are several.
+            // "name", or "name version" if there are several.
             let used = item.split(['"', ' ']).next().unwrap_or_default();
             packages.entry(name).or_default().push(used);
         }
@@ -270,7 +275,7 @@ fn forbidden_crates() -> Result<Vec<String>> {
     let mut findings = Vec::new();
     for room in ROOMS {
         let Some(package) = ours.get(room.package) else { continue };
-        // The lock file mixes dependencies of tests in for our own packages, so those come from their manifests.
+        // For our own packages the lock file includes test dependencies, so these come from the manifests.
         let mut from: BTreeMap<&str, &str> = direct(package).map(|d| (d, room.package)).collect();
         let mut todo: Vec<&str> = from.keys().copied().collect();
         while let Some(name) = todo.pop() {
@@ -299,7 +304,8 @@ fn forbidden_crates() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// Every file under a folder that belongs to the tree, in order: no build outputs, nothing hidden by Git itself.
+/// Returns every file under a folder that belongs to the tree, sorted: without build outputs and Git's own
+/// files.
 fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     if !folder.is_dir() {
@@ -320,7 +326,7 @@ fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// All files that Git keeps or would keep; without Git, all that lie there.
+/// Returns all files that Git tracks or would track; without Git, all files.
 fn tree() -> Result<Vec<PathBuf>> {
     let git = Command::new("git")
         .args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"])
@@ -345,7 +351,7 @@ fn shown(path: &Path) -> String {
     path.strip_prefix(root()).unwrap_or(path).display().to_string().replace('\\', "/")
 }
 
-/// Whether a word stands in a line by itself: not as the tail of a longer word.
+/// Returns true if a line contains a word that is not the tail of a longer word.
 fn says(line: &str, word: &str) -> bool {
     line.match_indices(word).any(|(at, _)| {
         !word.starts_with(char::is_alphanumeric)
@@ -358,7 +364,7 @@ fn doors() -> Result<Vec<String>> {
     for door in DOORS {
         for folder in door.folders {
             for path in sources(folder)? {
-                // The table of words above is no use of them.
+                // The list of words above is not a use of them.
                 if path == root().join("xtask/src/tidy.rs") {
                     continue;
                 }
@@ -378,7 +384,7 @@ fn doors() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// Files that a crate is built from and that its package would lack.
+/// Finds files that a crate includes at build time and that its package would lack.
 fn foreign_files() -> Result<Vec<String>> {
     let mut findings = Vec::new();
     for room in ROOMS {
@@ -396,7 +402,7 @@ fn foreign_files() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// The files that a source takes in as it is built.
+/// Returns the files that a source includes at build time.
 fn included(text: &str) -> impl Iterator<Item = &str> {
     text.split("include_").skip(1).filter_map(|rest| {
         let (macro_name, rest) = rest.split_once("!(\"")?;
@@ -457,7 +463,7 @@ fn testdata() -> Result<Vec<String>> {
 }
 
 fn machine_paths() -> Result<Vec<String>> {
-    // Put together here, so that this file does not say them.
+    // Composed here, so that this file does not contain them.
     let paths: Vec<String> =
         ["home", "root", "Users", "work", "mnt"].iter().map(|d| format!("/{d}/")).collect();
     let mut findings = Vec::new();
@@ -466,7 +472,7 @@ fn machine_paths() -> Result<Vec<String>> {
         for (number, line) in text.lines().enumerate() {
             for machine in &paths {
                 let starts = |at: usize| {
-                    // Where a path begins: not in the middle of a longer, relative one or of an address.
+                    // Only at the beginning of a path: not in the middle of a relative one or of a URL.
                     !line[..at].ends_with(|c: char| c.is_alphanumeric() || "._-/}".contains(c))
                 };
                 if line.match_indices(machine.as_str()).any(|(at, _)| starts(at)) {
@@ -478,8 +484,8 @@ fn machine_paths() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// Circles of files that are still there, by folder: how many files each has, the largest first. A new one is a fault, and so
-/// is one that is gone and still stands here.
+/// Known dependency cycles of files, by folder: the number of files in each, the largest first. A new one is
+/// a violation, and so is one that is gone and still listed here.
 const CIRCLES: &[(&str, &[usize])] = &[
     ("crates/simplify", &[13, 13, 4, 3, 2, 2, 2, 2]),
     ("crates/cli", &[16, 11]),
@@ -506,7 +512,7 @@ fn circles_of_files() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// Keys such as `[Name 1999]` or `[Name-Other 1999]` in a line.
+/// Returns the keys in a line, such as `[Name 1999]` or `[Name-Other 1999]`.
 fn keys(line: &str) -> impl Iterator<Item = &str> {
     line.split('[').skip(1).filter_map(|rest| rest.split_once(']')).map(|(key, _)| key).filter(|key| {
         key.split_once(' ').is_some_and(|(names, year)| {

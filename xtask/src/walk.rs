@@ -1,8 +1,9 @@
-//! Whether errors grow steadily: models lighter and lighter, from 90 % of their triangles to 200, in steps of 0.85.
+//! Checks that errors grow steadily: each model is simplified ever further, from 90 % of its triangles to
+//! 200, in steps of 0.85.
 //!
-//! A step is a *spike* if its RMS distance is more than [`SPIKE`] times that of any lighter step: then asking for fewer
-//! triangles gives a mesh that is closer, and the run chose a bad way to its target. Distances below [`FLOOR`] of the
-//! diagonal count as that much. Growth as such is no fault.
+//! A step is a *spike* if its RMS distance is more than [`SPIKE`] times that of any step with fewer
+//! triangles: then asking for fewer triangles gives a closer mesh, so the run took a bad path to its target.
+//! Distances below [`FLOOR`] of the diagonal count as [`FLOOR`]. Growth as such is not a violation.
 
 use std::path::{Path, PathBuf};
 
@@ -11,36 +12,37 @@ use serde_json::Value;
 
 use crate::{cargo, shared_models, succeed};
 
-/// The part of the triangles that a step keeps of those of the step before; the first keeps [`FIRST`] of the model.
+/// The ratio of triangles between a step and the one before; the first keeps [`FIRST`] of the model.
 const STEP: f64 = 0.85;
 const FIRST: f64 = 0.9;
-/// No step asks for fewer triangles.
+/// Minimum number of triangles of a step.
 const FEWEST: usize = 200;
-/// How many times as far off as a lighter step a step may be. (Measured: ways to a target differ by less where either will
-/// do, and runs whose steps fall out by chance stay below it.)
+/// Maximum ratio of the distance of a step to that of a step with fewer triangles. (Measured: equally good
+/// paths to a target differ by less, and runs with random variation stay below it.)
 const SPIKE: f64 = 1.5;
-/// A share of the diagonal: sixteen roundings of a coordinate in single precision.
+/// A fraction of the diagonal: sixteen roundings of a coordinate in single precision.
 const FLOOR: f64 = 1e-6;
-/// Models of a folder with fewer or more triangles are left out: below, 200 are no reduction; above, a walk takes minutes.
+/// Models of a folder with fewer or more triangles are skipped: fewer leave no reduction down to 200; more
+/// take minutes.
 const WALKED: std::ops::RangeInclusive<u64> = 400..=60_000;
 const PRESETS: &[&str] = &["auto", "scan", "cad", "visual", "print"];
-/// Endings of files that are models.
+/// Extensions of model files.
 const MODELS: &[&str] = &["obj", "off", "ply", "stl", "gltf", "glb"];
 
-/// One step: the triangles that were left, and the RMS distance, a share of the diagonal.
+/// One step: the remaining triangles, and the RMS distance as a fraction of the diagonal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Walked {
     faces: u64,
     rms: f64,
 }
 
-/// The triangles to ask for, one step after the other.
+/// Returns the triangle counts to ask for, in order.
 fn targets(faces: u64) -> Vec<usize> {
     let sizes = std::iter::successors(Some(FIRST * faces as f64), |n| Some(n * STEP));
     sizes.map(|n| n.round() as usize).take_while(|n| *n >= FEWEST).collect()
 }
 
-/// The steps that are spikes, by their index.
+/// Returns the indices of the steps that are spikes.
 fn spikes(steps: &[Walked]) -> Vec<usize> {
     let of = |step: &Walked| step.rms.max(FLOOR);
     let is_spike = |&i: &usize| {
@@ -50,7 +52,7 @@ fn spikes(steps: &[Walked]) -> Vec<usize> {
     (0..steps.len()).filter(is_spike).collect()
 }
 
-/// Walks `MODEL...` (the shared models without any) with each `--preset NAME` (all of them without any).
+/// Checks `MODEL...` (the shared models if none) with each `--preset NAME` (all of them if none).
 pub(crate) fn run(args: &[String]) -> Result<()> {
     let (mut models, mut presets) = (Vec::new(), Vec::new());
     let mut words = args.iter();
@@ -92,7 +94,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// All models of a folder, in the order of their paths.
+/// Returns all models of a folder, sorted by path.
 fn list(folder: &Path, models: &mut Vec<PathBuf>) -> Result<()> {
     let mut entries: Vec<PathBuf> =
         std::fs::read_dir(folder)?.map(|e| Ok(e?.path())).collect::<Result<_>>()?;
@@ -107,7 +109,7 @@ fn list(folder: &Path, models: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-/// The steps of a model; `None` where it cannot be read or has too few or too many triangles.
+/// Returns the steps of a model; `None` if it cannot be read or has too few or too many triangles.
 fn walk(model: &Path, preset: &str) -> Result<Option<Vec<Walked>>> {
     let folder = tempfile::tempdir()?;
     let lighter = folder.path().join("lighter.ply");
@@ -142,7 +144,7 @@ mod tests {
 
     use super::*;
 
-    /// Walks a mesh without files.
+    /// Runs all steps on a mesh in memory.
     fn walked(mesh: &TriMesh, preset: Preset) -> Vec<Walked> {
         let mut options = CompareOptions::default();
         options.samples = 10_000;
@@ -173,7 +175,7 @@ mod tests {
         assert_eq!(spikes(&steps(&[(900, 1e-4), (700, 2e-2), (500, 3e-2), (300, 3e-4)])), [1, 2]);
         // Rounding.
         assert_eq!(spikes(&steps(&[(900, 9e-7), (700, 1e-7), (500, 1e-5)])), [0usize; 0]);
-        // Runs that end at one count.
+        // Runs with the same final count.
         assert_eq!(spikes(&steps(&[(300, 4e-3), (300, 1e-3)])), [0usize; 0]);
     }
 

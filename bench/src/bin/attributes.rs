@@ -1,4 +1,5 @@
-//! Attributes beside meshoptimizer: time, and errors of shape, normals, texture coordinates and colours, in one run.
+//! Comparison with meshoptimizer on meshes with attributes: time, and errors of shape, normals, texture
+//! coordinates and colours.
 
 #![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
 
@@ -13,7 +14,8 @@ use lodsmith::{NoControl, SimplifyOptions, Stop};
 use lodsmith_io::{ReadOptions, read_path};
 use meshopt::{SimplifyOptions as MeshoptOptions, VertexDataAdapter};
 
-/// Weights that meshoptimizer's documentation proposes: normals and colours, texture coordinates by their scale.
+/// Attribute weights that meshoptimizer's documentation proposes for normals and colours; those of texture
+/// coordinates follow from their scale.
 const NORMAL: f32 = 0.5;
 const COLOR: f32 = 1.0;
 
@@ -29,9 +31,9 @@ fn main() -> anyhow::Result<()> {
     );
     for path in &paths {
         let loaded = read_path(path, &ReadOptions::default()).with_context(|| path.display().to_string())?;
-        // Equal wedges are one for both.
+        // Both simplifiers get the same welded mesh.
         let mut mesh = weld::weld_mesh(&loaded.mesh, None).mesh;
-        // The rival knows nothing of materials.
+        // meshoptimizer does not support materials.
         mesh.set_regions(None)?;
         for percent in [50, 25, 10] {
             let target = (mesh.face_count() * percent / 100).max(4);
@@ -68,7 +70,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The last result, and the least time in seconds.
+/// Returns the last result and the minimum time in seconds.
 fn best_of(times: usize, run: impl Fn() -> anyhow::Result<TriMesh>) -> anyhow::Result<(TriMesh, f64)> {
     let mut best = f64::INFINITY;
     let mut result = None;
@@ -80,7 +82,7 @@ fn best_of(times: usize, run: impl Fn() -> anyhow::Result<TriMesh>) -> anyhow::R
     Ok((result.context("no run")?, best))
 }
 
-/// meshoptimizer's attribute-aware simplification; its vertices are our wedges.
+/// Runs meshoptimizer's attribute-aware simplification; its vertices are our wedges.
 fn rival(mesh: &TriMesh, target: usize) -> anyhow::Result<TriMesh> {
     let positions: Vec<[f32; 3]> = (0..mesh.wedge_count() as u32)
         .map(|w| mesh.positions().view().get(mesh.vertex_of(lodsmith::core::WedgeId(w))).map(|x| x as f32))
@@ -96,7 +98,8 @@ fn rival(mesh: &TriMesh, target: usize) -> anyhow::Result<TriMesh> {
             ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
         };
         let area = mesh.triangles().iter().map(doubled).sum::<f32>() / 2.0 / mesh.face_count() as f32;
-        // Its own proposal: 1 / sqrt(mean area in texture space), kept sane for tiny ones.
+        // The weight that meshoptimizer's documentation proposes: 1 / sqrt(mean area in texture space),
+        // bounded for tiny areas.
         weights.extend([1.0 / area.max(1e-8).sqrt() * 0.01; 2]);
     }
     if mesh.colors().is_some() {

@@ -1,14 +1,15 @@
-//! Vertex clustering beside meshoptimizer's: same meshes, same process, the same number of triangles.
+//! Vertex clustering compared with meshoptimizer's: same meshes, same process, same number of triangles.
 //!
 //! ```text
 //! cluster FILE|FOLDER... [--targets 50%,10%,1%] [--reps N] [--samples N] [--no-errors] [--two-stage]
 //! ```
-//! meshoptimizer runs first, once, for the count that it comes to; ours is asked for that count. Times are the least of the
-//! repetitions, which take turns, in millions of triangles of the input a second, from buffers in memory to buffers in
-//! memory: of one thread by the processor's clock, of two by the wall's, which wants a machine at rest; the ratios of two
-//! threads are of speeds by the wall's clock, over our own one and over meshoptimizer's. Their means are over meshes from
-//! 60,000 triangles on: smaller ones have one thread. Errors are two-way, in percent of the diagonal; ratios are ours over theirs. With `--two-stage` our own
-//! `memoryless` takes the place of meshoptimizer.
+//! meshoptimizer runs first, once; its triangle count is our target. Times are the minimum of the
+//! repetitions, which alternate, in millions of input triangles per second, from buffers in memory to buffers
+//! in memory. One thread is measured in processor time, two threads in wall-clock time, which needs an idle
+//! machine. The speedups with two threads are wall-clock ratios against our single thread and against
+//! meshoptimizer. Their means cover meshes of 60,000 triangles or more: smaller ones use one thread. Errors
+//! are two-way, in percent of the diagonal; ratios are ours over theirs. With `--two-stage` our own
+//! `memoryless` replaces meshoptimizer.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
 
 use std::path::PathBuf;
@@ -20,7 +21,7 @@ use lodsmith_bench::cases::{self, Target};
 use lodsmith_bench::{Soup, process, stats};
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
 
-/// Faces from which on two threads are looked at in the mean.
+/// Minimum number of faces for a mesh to count in the two-thread means.
 const SHARED: usize = 60_000;
 
 struct Args {
@@ -61,7 +62,7 @@ fn parse() -> Result<Args> {
     Ok(args)
 }
 
-/// By the processor's clock, and by the wall's.
+/// Processor time and wall-clock time.
 type Seconds = [f64; 2];
 
 struct Clock {
@@ -127,7 +128,7 @@ fn main() -> Result<()> {
                 continue;
             }
             let mine = || ours(&mesh, count, Method::Cluster, args.two_stage);
-            // Theirs and ours by the processor's clock; theirs, ours on one and on two threads by the wall's.
+            // Processor time: theirs, ours. Wall-clock time: ours on one thread, ours on two threads, theirs.
             let mut times: [Vec<f64>; 5] = Default::default();
             let mut result = Soup::default();
             for _ in 0..args.reps {

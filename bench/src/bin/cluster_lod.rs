@@ -1,10 +1,9 @@
-//! Cuts of cluster levels: how far they are from the mesh, beside what they say of themselves.
+//! Cuts of cluster levels of detail: measured distance to the mesh against the recorded error.
 //!
 //! ```text
 //! cluster_lod FILE...
 //! ```
-//! Distances are the largest ones, measured (`compare`, with a million samples), from the cut and from the mesh; in percent
-//! of the diagonal.
+//! Distances are two-way maxima, measured (`compare`, with a million samples), in percent of the diagonal.
 #![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
 
 use std::path::Path;
@@ -15,7 +14,7 @@ use lodsmith::{ClusterLodOptions, NoControl, cluster_lod};
 use lodsmith_core::TriMesh;
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
 
-/// Errors that are asked for, in percent of the diagonal.
+/// Requested errors, in percent of the diagonal.
 const ASKED: [f64; 7] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 /// Samples on each side.
 const SAMPLES: usize = 1_000_000;

@@ -1,5 +1,5 @@
-//! Reading beside other readers of Rust: a torus of a million vertices as OBJ, in the forms that faces have, and as
-//! binary PLY.
+//! Reading speed compared with other Rust readers: a torus of a million vertices as OBJ, with every form of
+//! face, and as binary PLY.
 //!
 //! ```text
 //! io_speed [--side N] [--reps N] [--threads N] [--only NAME] [--cpu]
@@ -9,7 +9,8 @@
 //!     --only NAME    those rows whose name contains this
 //!     --cpu          processor time of all threads instead of the clock's
 //! ```
-//! All read the same file from the same folder in turn, from a path to positions and indices in memory.
+//! All readers read the same file from the same folder in turn, from a path to positions and indices in
+//! memory.
 #![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
 
 use std::fs::File;
@@ -23,8 +24,8 @@ use lodsmith_io::{ReadOptions, read_path};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{PropertyAccess, PropertyAccessResult};
 
-/// What the corners of an OBJ name: the row's name, and whether texture coordinates, normals, and a seam where the
-/// texture coordinates begin and end are there.
+/// The forms of OBJ corners: name of the row, and whether they have texture coordinates, normals, and a seam
+/// where the texture coordinates wrap round.
 const FORMS: [(&str, Form); 4] = [
     ("obj v", Form { uvs: false, normals: false, seam: false }),
     ("obj v//vn", Form { uvs: false, normals: true, seam: false }),
@@ -87,7 +88,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// How it is run.
+/// The settings of a run.
 struct Race {
     side: usize,
     reps: usize,
@@ -95,7 +96,8 @@ struct Race {
 }
 
 impl Race {
-    /// Prints the row of a file; all must find so many vertices (with their attributes) and faces.
+    /// Prints the row of a file; all readers must find these numbers of vertices (with their attributes) and
+    /// faces.
     fn run(
         &self,
         name: &str,
@@ -147,7 +149,7 @@ fn write_obj(mesh: &Soup, side: usize, form: Form, path: &Path) -> Result<()> {
     for [x, y, z] in &mesh.positions {
         writeln!(out, "v {x} {y} {z}")?;
     }
-    // One row and column more where the ends of the map are apart.
+    // With a seam, the map has one row and one column more.
     let row = side + usize::from(form.seam);
     if form.uvs {
         for i in 0..row * row {
@@ -164,7 +166,8 @@ fn write_obj(mesh: &Soup, side: usize, form: Form, path: &Path) -> Result<()> {
     for (face, t) in mesh.indices.chunks_exact(3).enumerate() {
         write!(out, "f")?;
         for &v in t {
-            // The square of a face; its corners beyond the last row are those of the first, one turn on.
+            // The grid square of the face; corners past the last row wrap round to the first row, one turn
+            // on.
             let (i, j) = (face / 2 / side, face / 2 % side);
             let (a, b) = (v as usize / side, v as usize % side);
             let turned = |at: usize, from: usize| if at < from { side } else { at };
@@ -201,7 +204,7 @@ fn write_ply(mesh: &Soup, path: &Path) -> Result<()> {
     Ok(out.flush()?)
 }
 
-/// As its documentation shows it for drawing: one index for each corner, polygons cut into triangles.
+/// Reads by tobj as its documentation shows for rendering: one index per corner, polygons triangulated.
 fn by_tobj(path: &Path) -> Result<Soup> {
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ..Default::default() };
     let (models, _) = tobj::load_obj(path, &options)?;
@@ -210,7 +213,7 @@ fn by_tobj(path: &Path) -> Result<Soup> {
     Ok(Soup { positions, indices: mesh.indices })
 }
 
-/// As its documentation shows it for speed: straight into structures of the caller.
+/// Reads by ply-rs as its documentation shows for speed: directly into structures of the caller.
 fn by_ply_rs(path: &Path) -> Result<Soup> {
     struct Vertex([f32; 3]);
     impl PropertyAccess for Vertex {

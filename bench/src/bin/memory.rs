@@ -1,11 +1,11 @@
-//! Peak memory of a simplification, in bytes for each triangle beyond the mesh that it is given.
+//! Peak memory of a simplification, in bytes per triangle, not counting the input mesh.
 //!
 //! ```text
 //! memory FILE [--target 10%] [--no-fit] [--threads N]
 //! ```
-//! The file is read and welded, handed over to a second process as plain buffers and simplified there, so that nothing
-//! that reading has left behind hides the peak. The figure is the peak of resident memory during the run less what was
-//! resident with the mesh loaded; the result is part of it. Linux only.
+//! The file is read and welded, passed to a second process as plain buffers and simplified there, so that
+//! memory freed by the reader cannot hide the peak. The figure is the peak resident memory during the run
+//! minus the resident memory with the mesh loaded; it includes the result. Linux only.
 #![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
 
 use std::path::Path;
@@ -21,7 +21,7 @@ struct Args {
     target: Target,
     fit: bool,
     threads: usize,
-    /// The file is an exchange file: this is the second process.
+    /// True in the second process; the file is then an exchange file.
     second: bool,
 }
 

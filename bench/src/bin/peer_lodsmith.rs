@@ -1,11 +1,12 @@
-//! Lodsmith as a peer of a lab that times simplifiers, each in a process of its own.
+//! Lodsmith as a peer of a benchmark lab that times simplifiers, each in its own process.
 //!
 //! ```text
 //! peer-lodsmith --modes                          prints the modes, one a line
 //! peer-lodsmith MODE IN OUT TARGET REPS SECONDS  simplifies IN to TARGET triangles up to REPS times (none is begun after
 //!                                                SECONDS), writes the last result to OUT and prints one line of JSON
 //! ```
-//! IN and OUT are exchange files (see `lab.rs`). One thread. All work from buffers to buffers counts as `run`.
+//! IN and OUT are exchange files (see `lab.rs`). One thread. Everything from buffers to buffers counts as
+//! `run`.
 #![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
 
 use std::path::Path;
@@ -20,7 +21,7 @@ use serde_json::json;
 
 type Change = fn(&mut SimplifyOptions);
 
-/// Every mode: the default with one thing changed.
+/// The modes: each is the default with one change.
 const MODES: &[(&str, Change)] = &[
     ("memoryless", |_| ()),
     ("nofit", |o| o.fit = Fit::Off),
@@ -68,7 +69,7 @@ fn main() -> Result<()> {
     let mut rows = Vec::new();
     let mut last = None;
     while rows.len() < reps && (rows.is_empty() || began.elapsed().as_secs_f64() <= seconds) {
-        drop(last.take()); // The result before this one is no part of the peak.
+        drop(last.take()); // The previous result must not count in the peak.
         let (cpu, wall) = (process::cpu_seconds(), Instant::now());
         let result = simplify_surface(&surface, &options, &mut NoControl)?;
         let (run, run_cpu) = (wall.elapsed().as_secs_f64(), process::cpu_seconds() - cpu);
@@ -85,7 +86,7 @@ fn main() -> Result<()> {
     for (reason, count) in &report.refusals {
         note += &format!(", {} {count}", reason.name());
     }
-    // Whoever reads this looks for a line that begins with the repeats, so the object is put together in that order.
+    // The lab looks for a line that begins with `reps`, so the keys are written in this order.
     println!(
         "{{\"reps\":{},\"base_kb\":{base_kb},\"peak_kb\":{peak_kb},\"dropped_faces\":{},\"note\":{}}}",
         serde_json::Value::from(rows),

@@ -1,12 +1,14 @@
-//! Levels of a progressive mesh beside single runs of the same size: errors, times, speed of the walk.
+//! Levels of a progressive mesh compared with single runs of the same size: errors, times, speed of collapses
+//! and splits.
 //!
 //! ```text
 //! progressive FILE... [--method NAME] [--between] [--scrub]
 //! ```
-//! RMS is two-way and measured (`compare`, the same seed for both), in percent of the diagonal. With `--between`, levels
-//! lie halfway between checkpoints, where corrections are blended. Where errors differ by less than a rounding of single
-//! precision, the ratio stands in brackets: it says nothing. With `--scrub` nothing is compared with single runs: the mesh
-//! goes down to 1 % and back, split by split, and must be to the bit on the way up what it was on the way down.
+//! RMS is two-way and measured (`compare`, the same seed for both), in percent of the diagonal. With
+//! `--between`, levels lie halfway between checkpoints, where the moves of the fit are blended. Ratios are in
+//! brackets where the errors differ by less than single-precision rounding: they mean nothing there. With
+//! `--scrub` there are no single runs: the mesh goes down to 1 % and back, split by split, and must be
+//! bit-identical on the way up and on the way down.
 #![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
 
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -18,13 +20,13 @@ use lodsmith::{Method, NoControl, Progressive, SimplifyOptions, Stop, simplify};
 use lodsmith_core::TriMesh;
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_attributes, compare_prepared};
 
-/// Shares of the faces, in percent.
+/// Fractions of the faces, in percent.
 const SHARES: [f64; 8] = [70.0, 50.0, 35.0, 20.0, 10.0, 5.0, 2.0, 1.0];
-/// Contractions and splits of a timing, at least.
+/// Minimum number of collapses and splits in a timing.
 const ENOUGH: usize = 20_000_000;
-/// Levels that are compared as a whole.
+/// Number of levels that are compared in full.
 const LOOKS: usize = 200;
-/// Differences in percent of the diagonal that are rounding.
+/// Differences below this, in percent of the diagonal, are rounding.
 const ROUNDING: f64 = 1e-5;
 
 fn main() -> Result<()> {
@@ -119,7 +121,7 @@ fn report(name: &str, mesh: &TriMesh, options: &SimplifyOptions, between: bool) 
     Ok(())
 }
 
-/// Down to 1 % and back in steps of one split. Whole buffers are compared at many levels on the way.
+/// Goes down to 1 % and back in steps of one split; compares whole buffers at many levels on the way.
 fn scrub(name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Result<()> {
     let mut road = Progressive::build(mesh, options, &mut NoControl)?;
     let lowest = road.level_of_faces(mesh.face_count() / 100);
@@ -151,7 +153,7 @@ fn scrub(name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Result<()> {
     Ok(())
 }
 
-/// A sum over all that a level is, and its fit.
+/// Returns a hash of everything in the current level, including its fit.
 fn sum(road: &Progressive) -> u64 {
     let mut sum = DefaultHasher::new();
     let bits = |p: [f64; 3]| p.map(f64::to_bits);
@@ -169,14 +171,14 @@ fn ratio(error: f64, of_single: f64) -> String {
     if (error - of_single).abs() < ROUNDING { format!("({ratio:.3})") } else { format!("{ratio:.3}") }
 }
 
-/// The same options with a number of faces as their stop.
+/// Returns the same options with a face count as the stop.
 fn to(options: &SimplifyOptions, faces: usize) -> SimplifyOptions {
     let mut options = options.clone();
     options.stop = Stop::faces(faces);
     options
 }
 
-/// Shares of the faces: round ones, or halfway between checkpoints.
+/// Returns fractions of the faces: round ones, or halfway between checkpoints.
 fn shares(road: &Progressive, between: bool) -> Vec<f64> {
     if !between {
         return SHARES.to_vec();
@@ -188,7 +190,7 @@ fn shares(road: &Progressive, between: bool) -> Vec<f64> {
     pairs.map(|c| 100.0 * (faces(c[0].level) * faces(c[1].level)).sqrt() / all).step_by(2).collect()
 }
 
-/// Contractions and splits a second, over the whole road.
+/// Returns collapses and splits per second, over the whole sequence.
 fn walk(road: &mut Progressive) -> (f64, f64) {
     let rounds = ENOUGH.div_ceil(road.top().max(1)).min(200);
     let (mut down, mut up) = (0.0, 0.0);

@@ -1,11 +1,11 @@
-//! How long a picture takes on the processor.
+//! Benchmark of software rendering.
 //!
 //! ```text
 //! render [FILE...] [--faces 70000,1000000] [--size 1024x768] [--reps N] [--threads N]
 //! ```
-//! Files as they are read; `--faces` are wavy balls of about so many. The usual view and light, four samples a pixel. Times
-//! are of the processor, over all threads: the least and the middle one of the repetitions. What is made once for a subject
-//! (normals of its shape) is not counted.
+//! Files are rendered as they are read; `--faces` adds wavy spheres of about these sizes. Default view and
+//! light, four samples per pixel. Times are processor times over all threads: minimum and median of the
+//! repetitions. What is computed once per subject (its normals) is not counted.
 #![allow(clippy::print_stdout, reason = "a program speaks on its standard streams")]
 
 use std::f32::consts::{PI, TAU};
@@ -48,7 +48,7 @@ fn parse() -> Result<Args> {
     Ok(args)
 }
 
-/// A wavy ball of about so many faces.
+/// Returns a wavy sphere of about this many faces.
 fn ball(faces: usize) -> Result<TriMesh> {
     let rows = ((faces as f32 / 4.0).sqrt() as u32).max(3);
     let columns = rows * 2;
@@ -93,7 +93,7 @@ fn measure(name: &str, subject: Subject, args: &Args, pool: &rayon::ThreadPool) 
     let mut view = View::of(&bounds, StandardView::Iso, width, height);
     for (shading, wireframe) in [(Shading::Smooth, false), (Shading::Flat, false), (Shading::Smooth, true)] {
         (view.look.shading, view.look.wireframe) = (shading, wireframe);
-        // The first makes the normals.
+        // The first run computes the normals.
         pool.install(|| render(&subject, &view))?;
         let mut times = Vec::new();
         for _ in 0..args.reps {

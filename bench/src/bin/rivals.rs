@@ -1,16 +1,17 @@
-//! Lodsmith beside meshoptimizer: same meshes, same process, same run, one thread.
+//! Lodsmith compared with meshoptimizer: same meshes, same process, same run, one thread.
 //!
 //! ```text
 //! rivals [FILE|FOLDER]... [--models FOLDER] [--all] [--quick] [--only TEXT] [--targets 50%,10%,1%,1000,100]
 //!        [--orders file,morton,shuffled] [--clock wall|cpu] [--reps N] [--samples N] [--no-errors] [--json FILE]
 //! ```
-//! Of a folder the models of `cases::MODELS` are taken, with `--all` every file; `--only` keeps models whose name holds
-//! TEXT. Every mesh is welded first, the same for all. A time runs from positions and indices in memory to positions and
-//! indices in memory, preparation included, by the wall clock or, where other work shares the machine, by the processor's
-//! (`--clock cpu`); the repetitions of the three take turns. meshoptimizer is taken in its plain
-//! mode (which keeps to the given positions) and the one that moves them (`update`), whose copy of the input is made
-//! outside its time. Errors are two-way, in percent of the diagonal, and the same for every order but for chance, so
-//! they are measured once, in the order of the file. A rival's result above 1.02 × the target counts in no comparison.
+//! From a folder, the models of `cases::MODELS` are used, with `--all` every file; `--only` keeps models
+//! whose name contains TEXT. Every mesh is welded first, the same for all. A time runs from positions and
+//! indices in memory to positions and indices in memory, preparation included, in wall-clock time or, on a
+//! shared machine, in processor time (`--clock cpu`); the repetitions of the three alternate. meshoptimizer
+//! runs in its plain mode (which keeps the given positions) and in the mode that moves them (`update`), whose
+//! copy of the input is not timed. Errors are two-way, in percent of the diagonal. They are the same for
+//! every order up to noise, so they are measured once, in the order of the file. A meshoptimizer result above
+//! 1.02 × the target counts in no comparison.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
 
 use std::path::PathBuf;
@@ -25,7 +26,7 @@ use lodsmith_bench::{Soup, process, stats};
 use lodsmith_core::measure::{CompareOptions, compare};
 use serde_json::{Value, json};
 
-/// From this number of triangles on a mesh counts as large in the product's figures.
+/// A mesh of this many triangles or more counts as large in the published figures.
 const LARGE: usize = 250_000;
 
 struct Args {
@@ -87,7 +88,7 @@ fn parse() -> Result<Args> {
         }));
     }
     if quick {
-        // A glance: two small models of different kinds, or whatever was asked for by name.
+        // Quick mode: two small models of different kinds, or whatever was given by name.
         models.retain(|p| {
             !only.is_empty() || places.contains(p) || matches!(&*cases::stem(p), "bunny" | "fandisk")
         });
@@ -109,7 +110,7 @@ fn parse() -> Result<Args> {
     })
 }
 
-/// Repetitions for a mesh of this size: more where a run is short and noise is large beside it.
+/// Returns the repetitions for a mesh of this size: more for short runs, which are noisier.
 fn default_reps(faces: usize) -> usize {
     match faces {
         0..20_000 => 25,
@@ -120,10 +121,10 @@ fn default_reps(faces: usize) -> usize {
     }
 }
 
-/// Who takes part, in the order of columns.
+/// The contestants, in the order of columns.
 const NAMES: [&str; 3] = ["lodsmith", "meshopt plain", "meshopt update"];
 
-/// The count alone ends a run of meshoptimizer: far above any error, and its square still a number.
+/// An error bound that never stops meshoptimizer, so that the count alone does; its square is still finite.
 const ANY_ERROR: f32 = 1e10;
 
 fn lodsmith_run(mesh: &Soup, target: usize) -> Result<(f64, Soup)> {
@@ -163,13 +164,13 @@ fn update_run(mesh: &Soup, target: usize) -> (f64, Soup) {
     (seconds, out.compacted())
 }
 
-/// Seconds, by the clock that the whole run goes by.
+/// A timer that uses the clock of the whole run.
 struct Clock {
     wall: Instant,
     cpu: f64,
 }
 
-/// Whether times are those of the processor.
+/// True if times are processor times.
 static BY_CPU: OnceLock<bool> = OnceLock::new();
 
 impl Clock {
@@ -182,7 +183,7 @@ impl Clock {
     }
 }
 
-/// Mean, RMS and largest distance, in percent of the diagonal of the original.
+/// Mean, RMS and maximum distance, in percent of the diagonal of the original.
 type Errors = [f64; 3];
 
 fn errors(original: &Soup, result: &Soup, samples: usize) -> Result<Errors> {
@@ -214,7 +215,7 @@ impl Case {
         let most = (self.wanted as f64 * 1.02) as usize + 2;
         (1..NAMES.len()).filter(move |&who| self.left[who] <= most)
     }
-    /// Our time over that of the faster rival; both of them where none reached the target.
+    /// Our time over that of the faster rival; over the faster of all rivals if none reached the target.
     fn ratio(&self) -> f64 {
         let faster =
             |all: &mut dyn Iterator<Item = usize>| all.map(|who| self.least(who)).fold(f64::MAX, f64::min);
@@ -224,7 +225,7 @@ impl Case {
         }
         self.least(0) / rivals
     }
-    /// The least error of the rivals, each measure for itself; `None` where nobody reached the target.
+    /// The minimum of each error measure over the rivals that reached the target; `None` if none did.
     fn best_rival(&self) -> Option<Errors> {
         let errors = self.errors?;
         self.rivals_that_reached().map(|who| errors[who]).reduce(|a, b| [0, 1, 2].map(|k| a[k].min(b[k])))
@@ -265,7 +266,7 @@ impl Case {
     }
 }
 
-/// Digits after the point that show four significant ones.
+/// Number of decimals that shows four significant digits.
 fn digits(x: f64) -> usize {
     (3 - x.abs().log10().floor() as i32).clamp(0, 9) as usize
 }
@@ -303,7 +304,7 @@ fn main() -> Result<()> {
                 let mut results: [Soup; 3] = Default::default();
                 let reps = args.reps.unwrap_or_else(|| default_reps(faces));
                 for rep in 0..reps {
-                    // Who begins changes, so that nobody always runs behind the same neighbour.
+                    // The starting contestant rotates, so that nobody always runs after the same one.
                     for turn in 0..NAMES.len() {
                         let who = (rep + turn) % NAMES.len();
                         let (seconds, result) = match who {
@@ -374,13 +375,13 @@ fn summary(cases: &[Case]) -> Summary {
             json.insert(key.into(), json!({"cases": ratios.len(), "ratio": mean, "worst": worst}));
         }
     }
-    // Orders share their errors: each model and target counts once.
+    // All orders share their errors: each model and target counts once.
     let mut seen = std::collections::HashSet::new();
     let once: Vec<&Case> = cases.iter().filter(|c| seen.insert((&c.model, &c.target))).collect();
     for (k, measure) in ["mean", "rms", "max"].into_iter().enumerate() {
         let pairs: Vec<(f64, f64)> =
             once.iter().filter_map(|c| Some((c.errors?[0][k], c.best_rival()?[k]))).collect();
-        // Two errors of nothing are equal; a ratio says nothing there.
+        // Two zero errors are equal; their ratio is undefined.
         let real = pairs.iter().filter(|(_, theirs)| *theirs > 0.0 && theirs.is_finite());
         if let Some(mean) = stats::geometric_mean(real.map(|(ours, theirs)| ours / theirs)) {
             let won = pairs.iter().filter(|(ours, theirs)| ours <= theirs).count();

@@ -1,7 +1,7 @@
 //! Nearest-point queries and whole comparisons, per second: `cargo bench -p lodsmith-core --bench measure`.
 //!
-//! The mesh is a bumpy sphere of about 100,000 faces, held against one of a tenth of them. Set `LODSMITH_BENCH_STRIPS`
-//! (default 224) for other sizes: faces are about twice its square.
+//! The mesh is a bumpy sphere of about 100,000 faces, compared with one of a tenth as many. Set
+//! `LODSMITH_BENCH_STRIPS` (default 224) for other sizes: the face count is about twice its square.
 #![allow(clippy::print_stdout, reason = "a bench tells its figures")]
 #![allow(missing_docs, reason = "a bench has no readers of its interface")]
 
@@ -14,7 +14,7 @@ use lodsmith_core::{PositionsView, Surface, VertexId};
 
 type Buffers = (Vec<[f64; 3]>, Vec<[VertexId; 3]>);
 
-/// A sphere of strips with bumps on it, closed but for its poles.
+/// Bumpy sphere of latitude strips, closed except at its poles.
 fn bumpy_sphere(strips: u32) -> Buffers {
     let mut positions = Vec::new();
     let mut triangles = Vec::new();
@@ -41,7 +41,7 @@ fn surface(buffers: &Buffers) -> Surface<'_> {
     Surface::new(PositionsView::F64(&buffers.0), &buffers.1).expect("the sphere names its own vertices")
 }
 
-/// Shortest of several runs, in seconds; just one where that takes long.
+/// Returns the shortest of several runs, in seconds; does not repeat runs of 3 s or more.
 fn shortest<T>(runs: usize, mut work: impl FnMut() -> T) -> (f64, T) {
     let mut timed = || {
         let start = Instant::now();

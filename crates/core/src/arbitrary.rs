@@ -7,7 +7,7 @@ use crate::ids::VertexId;
 use crate::mesh::{Positions, TriMesh};
 use crate::shapes;
 
-/// What random soups may hold.
+/// Coordinates that random soups may contain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Coordinates {
@@ -15,11 +15,11 @@ pub enum Coordinates {
     Tame,
     /// Numbers from 1e-30 to 1e30 of both signs, many of them equal.
     Wild,
-    /// As wild, and infinities and NaN.
+    /// As `Wild`, plus infinities and NaN.
     NotFinite,
 }
 
-/// One coordinate. Few values are likely, so that places coincide.
+/// Strategy for one coordinate. A few values are likely, so that positions coincide.
 pub fn coordinate(coordinates: Coordinates) -> BoxedStrategy<f64> {
     let tame = prop_oneof![
         4 => (-2i8..=2).prop_map(f64::from),
@@ -39,8 +39,8 @@ pub fn coordinate(coordinates: Coordinates) -> BoxedStrategy<f64> {
     }
 }
 
-/// Up to `faces` triangles over up to 24 vertices: any indices, so also degenerate, doubled and non-manifold ones;
-/// single or double precision.
+/// Strategy for up to `faces` triangles over up to 24 vertices: any indices, so also degenerate, duplicate
+/// and non-manifold ones; single or double precision.
 pub fn soup(faces: usize, coordinates: Coordinates) -> impl Strategy<Value = TriMesh> {
     let points = vec([coordinate(coordinates), coordinate(coordinates), coordinate(coordinates)], 1..24);
     (points, any::<bool>()).prop_flat_map(move |(points, is_double)| {
@@ -57,8 +57,8 @@ pub fn soup(faces: usize, coordinates: Coordinates) -> impl Strategy<Value = Tri
     })
 }
 
-/// One of [`shapes::all`], scaled by a power of ten between 1e-12 and 1e12, with its vertices shaken by up to `noise`
-/// of their size, and some faces turned or left out.
+/// Strategy for one of [`shapes::all`], scaled by a power of ten between 1e-12 and 1e12, with its vertices
+/// displaced by up to `noise` of their size, and some faces flipped or left out.
 pub fn perturbed_shape(noise: f64) -> impl Strategy<Value = TriMesh> {
     let damage = prop_oneof![2 => Just(0u64), 1 => 1..20u64];
     (0..shapes::all().len(), -12..=12i32, any::<u64>(), damage.clone(), damage).prop_map(
@@ -79,7 +79,7 @@ pub fn perturbed_shape(noise: f64) -> impl Strategy<Value = TriMesh> {
                 .collect();
             let mut triangles = Vec::new();
             for &[a, b, c] in mesh.triangles() {
-                // Damage is a chance in percent.
+                // `dropped` and `turned` are probabilities in percent.
                 if roll(100) >= dropped {
                     let (b, c) = if roll(100) < turned { (c, b) } else { (b, c) };
                     triangles.push([a, b, c].map(|w| VertexId(w.0)));

@@ -1,4 +1,5 @@
-//! Clusters of many levels of detail: which few triangles stand for which, and how far off they are.
+//! Hierarchical clusters for levels of detail: which coarser triangles replace which finer ones, and at what
+//! error.
 //!
 //! ```text
 //! level 2        [ a ]                     drawn where group 2 is good enough
@@ -8,29 +9,29 @@
 //! level 0   [e][f][g]  [h][i]              the original triangles
 //! ```
 //!
-//! The clusters that go into a group and those that come out of it have the same border, vertex by vertex, so one set
-//! can stand for the other whatever is drawn around. A *cut* is a choice of groups; where a group is taken, all groups
-//! below it are, so no two clusters of a cut cover the same place and none leaves a crack.
+//! The clusters that go into a group and those that come out of it have the same border, vertex by vertex, so
+//! one set can replace the other whatever is drawn around it. A *cut* is a choice of groups; if a group is
+//! taken, all groups below it are, so no two clusters of a cut cover the same place and none leaves a crack.
 
 use crate::ids::{ClusterId, FaceId, GroupId};
 use crate::mesh::part::part;
 use crate::mesh::{MeshError, TriMesh};
 
-/// Triangles and wedges that one cluster may have at most: so many a byte can number.
+/// Maximum number of triangles, and of wedges, of one cluster: what an 8-bit index can address.
 pub const MOST: usize = 256;
-/// How much larger than what lies inside a sphere may be for rounding, as a share.
+/// Relative tolerance for rounding when testing that one sphere contains another.
 const ROUNDING: f64 = 1e-6;
 
-/// Why numbers do not make levels of clusters.
+/// Reasons why data do not form a valid cluster hierarchy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ClusterError {
-    /// A cluster has no face, or too many.
+    /// A cluster has no faces, or too many.
     #[error("cluster {cluster} has {faces} faces; it may have 1 to {MOST}")]
     FaceCount {
         /// The cluster.
         cluster: usize,
-        /// Its faces.
+        /// Its number of faces.
         faces: usize,
     },
     /// A cluster uses too many wedges.
@@ -38,38 +39,39 @@ pub enum ClusterError {
     WedgeCount {
         /// The cluster.
         cluster: usize,
-        /// Its wedges.
+        /// Its number of wedges.
         wedges: usize,
     },
-    /// The faces of the clusters are not those of the mesh.
+    /// The face counts of the clusters do not add up to that of the mesh.
     #[error("the clusters have {got} faces, their mesh has {wanted}")]
     Faces {
-        /// Faces of all clusters.
+        /// Number of faces of all clusters.
         got: usize,
-        /// Faces of the mesh.
+        /// Number of faces of the mesh.
         wanted: usize,
     },
-    /// A cluster names a group that is not there, or goes into one that is not above that which it comes from.
+    /// A cluster names a group that does not exist, or goes into a group that is not above the one it comes
+    /// from.
     #[error("cluster {cluster} names group {group}, but there are {count}, and a cluster goes up")]
     Order {
         /// The cluster.
         cluster: usize,
         /// The group.
         group: u32,
-        /// How many groups there are.
+        /// Number of groups.
         count: usize,
     },
-    /// An error or a sphere is no number, below zero, or smaller than one below it.
+    /// The error or sphere of a group is not finite, is negative, or is smaller than one below it.
     #[error("{what} of group {group} is {problem}")]
     Group {
         /// The group.
         group: usize,
-        /// What is wrong: its error, its sphere.
+        /// The wrong property: its error or its sphere.
         what: &'static str,
-        /// How.
+        /// Description of the problem.
         problem: &'static str,
     },
-    /// The sphere of a cluster is no sphere.
+    /// The sphere of a cluster is not finite, or has a negative radius.
     #[error("the sphere of cluster {cluster} is no number")]
     Sphere {
         /// The cluster.
@@ -81,7 +83,7 @@ pub enum ClusterError {
         /// The group.
         group: usize,
     },
-    /// The mesh is none.
+    /// The mesh is not valid.
     #[error(transparent)]
     Mesh(#[from] MeshError),
 }
@@ -96,7 +98,7 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// A sphere round others: about the middle of their box.
+    /// Returns a sphere that contains all of `spheres`, centred on the middle of their bounding box.
     pub fn around(spheres: impl Iterator<Item = Sphere> + Clone) -> Self {
         let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for s in spheres.clone() {
@@ -109,7 +111,7 @@ impl Sphere {
         }
         let center = [0, 1, 2].map(|k| min[k] + 0.5 * (max[k] - min[k]));
         let radius = spheres.map(|s| distance(center, s.center) + s.radius).fold(0.0, f64::max);
-        // Rounding must not let what touches the sphere from inside stick out.
+        // Rounding must not let a sphere that touches from inside stick out.
         Self { center, radius: radius * (1.0 + 1e-9) }
     }
 
@@ -127,10 +129,10 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     largest * d.iter().map(|x| (x / largest) * (x / largest)).sum::<f64>().sqrt()
 }
 
-/// How far off a choice is, and where: what is asked of when one chooses.
+/// Error of a cluster or group and the sphere it holds in: what a level-of-detail choice is based on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bound {
-    /// All that is chosen together, and all that it stands for, lies in here.
+    /// Contains everything chosen together and everything that it replaces.
     pub sphere: Sphere,
     /// Largest distance from the original, in the units of the mesh.
     pub error: f64,
@@ -139,81 +141,81 @@ pub struct Bound {
 /// A few neighbouring triangles of one level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cluster {
-    /// How many faces of the mesh are its own; they follow those of the cluster before.
+    /// Number of faces of the mesh that belong to it; they follow those of the previous cluster.
     pub face_count: usize,
-    /// Round its triangles.
+    /// Bounding sphere of its triangles.
     pub sphere: Sphere,
-    /// The group that it came out of; `None` for one of original triangles.
+    /// The group that it came out of; `None` for a cluster of original triangles.
     pub from: Option<GroupId>,
-    /// The group that it went into; `None` for one of the coarsest.
+    /// The group that it went into; `None` for a cluster of the coarsest ones.
     pub into: Option<GroupId>,
 }
 
-/// An eye, and how fine it sees.
+/// Camera position and resolution for a level-of-detail choice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eye {
-    /// Where it is, in the space of the mesh.
+    /// Position in the space of the mesh.
     pub position: [f64; 3],
-    /// Pixels that a length of one unit fills at a distance of one unit: `height_px / (2 tan(fov_y / 2))`.
+    /// Size in pixels of one unit of length at a distance of one unit: `height_px / (2 tan(fov_y / 2))`.
     pub pixels_per_unit: f64,
-    /// Nothing is nearer than this; above 0.
+    /// Near distance, the smallest that is used; above 0.
     pub near: f64,
 }
 
 impl Eye {
-    /// How many pixels the error of a bound fills at most: `error · pixels_per_unit / max(near, d - r)`, where `d` is the
-    /// distance from the eye to the centre of the sphere and `r` its radius.
+    /// Returns the largest size in pixels of the error of a bound: `error · pixels_per_unit / max(near, d -
+    /// r)`, where `d` is the distance from the eye to the centre of the sphere and `r` its radius.
     pub fn pixels(&self, bound: &Bound) -> f64 {
         let distance = distance(self.position, bound.sphere.center) - bound.sphere.radius;
         bound.error * self.pixels_per_unit / distance.max(self.near)
     }
 }
 
-/// The vertices and triangles of a cluster as graphics cards like them.
+/// The vertices and triangles of a cluster in the layout of GPU meshlets.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Meshlet {
     /// Wedges of the mesh, in the order of their first use.
     pub wedges: Vec<crate::WedgeId>,
-    /// Three numbers in that list for each triangle.
+    /// Three indices into that list for each triangle.
     pub triangles: Vec<[u8; 3]>,
 }
 
-/// What there is of one level.
+/// Counts and errors of one level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LevelCounts {
-    /// Its clusters.
+    /// Number of clusters.
     pub clusters: usize,
-    /// Those that nothing coarser stands for.
+    /// Number of clusters without a coarser replacement.
     pub coarsest_clusters: usize,
-    /// Their triangles.
+    /// Number of triangles.
     pub faces: usize,
-    /// Their vertices, those of several clusters once for each.
+    /// Number of wedges; those shared by several clusters count once for each.
     pub wedges: usize,
-    /// The least error among them.
+    /// The smallest error among them.
     pub least_error: f64,
-    /// The largest.
+    /// The largest error among them.
     pub largest_error: f64,
 }
 
-/// A mesh at many levels of detail: clusters, and the groups through which they follow each other.
+/// A mesh at many levels of detail: clusters, and the groups that link finer to coarser ones.
 ///
-/// Groups are numbered so that what comes out of one goes into a later one only.
+/// Groups are numbered so that a cluster comes out of a group with a lower number than the one it goes into.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClusterLod {
     mesh: TriMesh,
     clusters: Vec<Cluster>,
     groups: Vec<Bound>,
-    /// The first face of each cluster, and the number of all.
+    /// The first face of each cluster, then the total number of faces.
     first_face: Vec<usize>,
-    /// The level of each group's result, from 1.
+    /// The level of the clusters that come out of each group, from 1.
     levels: Vec<u32>,
 }
 
 impl ClusterLod {
-    /// Levels of a mesh that holds the triangles of all clusters, cluster after cluster.
+    /// Checks and builds a hierarchy; `mesh` holds the triangles of all clusters, cluster after cluster.
     ///
     /// # Errors
-    /// [`ClusterError`] where counts, order, errors or spheres are not what they must be.
+    /// [`ClusterError`] if counts, order, errors or spheres are not valid.
     pub fn new(mesh: TriMesh, clusters: Vec<Cluster>, groups: Vec<Bound>) -> Result<Self, ClusterError> {
         let mut first_face = Vec::with_capacity(clusters.len() + 1);
         first_face.push(0);
@@ -282,15 +284,15 @@ impl ClusterLod {
         Ok(lod)
     }
 
-    /// The triangles of all clusters, one cluster after the other, with all that stands on them.
+    /// The triangles of all clusters, one cluster after the other, with all their attributes.
     pub fn mesh(&self) -> &TriMesh {
         &self.mesh
     }
-    /// All clusters: those of the original first, then by the groups that they came out of.
+    /// All clusters: those of the original first, then ordered by the group that they came out of.
     pub fn clusters(&self) -> &[Cluster] {
         &self.clusters
     }
-    /// What each group promises of the clusters that come out of it.
+    /// Error and sphere of the clusters that come out of each group.
     pub fn groups(&self) -> &[Bound] {
         &self.groups
     }
@@ -312,7 +314,8 @@ impl ClusterLod {
     pub fn level(&self, id: ClusterId) -> u32 {
         self.clusters[id.index()].from.map_or(0, |g| self.levels[g.index()])
     }
-    /// How far off a cluster is: 0 for one of original triangles. It is good enough to be drawn where this is.
+    /// Returns the error and sphere of a cluster; the error is 0 for original triangles. The cluster may be
+    /// drawn where this is good enough.
     ///
     /// # Panics
     /// If there is no such cluster.
@@ -320,20 +323,20 @@ impl ClusterLod {
         let c = &self.clusters[id.index()];
         c.from.map_or(Bound { sphere: c.sphere, error: 0.0 }, |g| self.groups[g.index()])
     }
-    /// How far off that is which takes its place; `None` for one of the coarsest. It is drawn only where this is not good
-    /// enough.
+    /// Returns the error and sphere of the clusters that replace a cluster; `None` for one of the coarsest.
+    /// The cluster is drawn only where these are not good enough.
     ///
     /// # Panics
     /// If there is no such cluster.
     pub fn parent(&self, id: ClusterId) -> Option<Bound> {
         self.clusters[id.index()].into.map(|g| self.groups[g.index()])
     }
-    /// The largest error that any group has: a cut there is the coarsest.
+    /// The largest error of any group: a cut at this error is the coarsest.
     pub fn coarsest_error(&self) -> f64 {
         self.groups.iter().fold(0.0, |most, g| most.max(g.error))
     }
 
-    /// What there is of each level, the original first.
+    /// Returns the counts of each level, the original first.
     pub fn level_counts(&self) -> Vec<LevelCounts> {
         let mut all: Vec<LevelCounts> = Vec::new();
         for id in self.ids() {
@@ -351,24 +354,24 @@ impl ClusterLod {
         all
     }
 
-    /// The clusters whose error is at most `error` and whose parents' is above: the lightest surface that is nowhere
-    /// farther off. Ids ascend. Cost: O(clusters).
+    /// Returns the clusters whose error is at most `error` and whose parents' error is above it: the lightest
+    /// surface within that error everywhere. Ids ascend. Cost: O(clusters).
     pub fn cut(&self, error: f64) -> Vec<ClusterId> {
         self.cut_where(|bound| bound.error <= error)
     }
 
-    /// The clusters whose error fills at most `pixels` for an eye, and whose parents' fills more.
+    /// Returns the clusters whose error covers at most `pixels` for an eye, and whose parents' error covers
+    /// more.
     pub fn cut_for_view(&self, eye: &Eye, pixels: f64) -> Vec<ClusterId> {
         self.cut_where(|bound| eye.pixels(bound) <= pixels)
     }
 
-    /// The clusters that are good enough and whose parents are not, as the caller sees it.
+    /// Returns the clusters for which `is_good` is true and whose parents' bounds are not good.
     ///
-    /// A group is taken only if all groups below it are, so that every answer of the caller makes a surface without
-    /// cracks.
+    /// A group is taken only if all groups below it are, so every `is_good` gives a surface without cracks.
     pub fn cut_where(&self, is_good: impl Fn(&Bound) -> bool) -> Vec<ClusterId> {
         let mut taken: Vec<bool> = self.groups.iter().map(&is_good).collect();
-        // What comes out of a group that is not taken keeps those above from being taken; groups ascend.
+        // A group that is not taken keeps those above it from being taken; groups ascend.
         let mut links: Vec<(GroupId, GroupId)> =
             self.clusters.iter().filter_map(|c| Some((c.into?, c.from?))).collect();
         links.sort_unstable();
@@ -384,7 +387,8 @@ impl ClusterLod {
             .collect()
     }
 
-    /// The surface of some clusters as a mesh, with attributes and regions; faces in the order of the clusters.
+    /// Returns the surface of some clusters as a mesh, with attributes and regions; faces in the order of the
+    /// clusters.
     ///
     /// # Panics
     /// If there is no such cluster.
@@ -393,7 +397,7 @@ impl ClusterLod {
         part(&self.mesh, &faces).mesh
     }
 
-    /// A cluster with its own short list of wedges.
+    /// Returns a cluster with its own short list of wedges.
     ///
     /// # Panics
     /// If there is no such cluster.
@@ -428,7 +432,7 @@ mod tests {
         Sphere { center: [0.0; 3], radius }
     }
 
-    /// Two triangles of a square, each a cluster, and one triangle of a half that stands for both.
+    /// Two triangles of a square, each a cluster, and one triangle of half its area that replaces both.
     fn square() -> (TriMesh, Vec<Cluster>, Vec<Bound>) {
         let p = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| [x, y, 0.0f32]);
         let t = [[0, 1, 2], [0, 2, 3], [0, 1, 3]].map(|t: [u32; 3]| t.map(VertexId));
@@ -453,7 +457,7 @@ mod tests {
         assert_eq!((counts[0].largest_error, counts[1].largest_error), (0.0, 0.5));
         assert_eq!((counts[0].coarsest_clusters, counts[1].coarsest_clusters), (0, 1));
         let eye = |x| Eye { position: [x, 0.0, 0.0], pixels_per_unit: 100.0, near: 0.1 };
-        // 0.5 units fill 50 pixels at a distance of 1 from the sphere, 5 at 10.
+        // 0.5 units cover 50 pixels at a distance of 1 from the sphere, 5 at 10.
         assert_eq!(lod.cut_for_view(&eye(3.0), 5.0), [0, 1].map(ClusterId));
         assert_eq!(lod.cut_for_view(&eye(12.0), 5.0), [2].map(ClusterId));
         assert_eq!(lod.mesh_of(&lod.cut(1.0)).vertex_count(), 3);

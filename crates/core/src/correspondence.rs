@@ -1,8 +1,9 @@
-//! Where each wedge of a lighter mesh comes from on its original, so that any data can be carried over.
+//! Source of each wedge of a simplified mesh on its original, for transferring any per-wedge data.
 //!
-//! Nothing is asked of the way from one to the other: collapses, a fit, clusters or a new mesh altogether, the answer is
-//! found on the two surfaces. It is not simply the nearest point. Where sheets touch, or a seam runs, a wedge belongs to
-//! one side, and what tells the side is told apart by how much it may be outweighed by distance:
+//! The method does not depend on how the result was made (collapses, a fit, clusters, a new mesh): it looks
+//! at the two surfaces only. The source is not simply the nearest point. Where sheets touch or a seam runs, a
+//! wedge belongs to one side. The side is decided by the properties below; all but the last can be outweighed
+//! by a distance:
 //!
 //! ```text
 //! side told by                          outweighed by a distance of (in reaches of the wedge)
@@ -20,39 +21,40 @@ use crate::measure::{MeasureError, chunks};
 use crate::mesh::{MeshError, TriMesh};
 use crate::spatial::{Bvh, Hint};
 
-/// Where a wedge comes from. Ids are those of the original.
+/// The source of a wedge. Ids are those of the original.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Source {
-    /// It stands exactly where this wedge of the original stands, on the same side of every seam.
+    /// At exactly this wedge of the original, on the same side of every seam.
     Wedge(WedgeId),
-    /// It stands nearest to a point of this face.
+    /// Nearest to a point of this face.
     Face {
         /// The face.
         face: FaceId,
-        /// How much each of its corners weighs; none negative, together 1.
+        /// Barycentric weights of its corners; none negative, sum 1.
         weights: [f32; 3],
     },
-    /// Its position is not finite, or too far away to be measured.
+    /// The position is not finite, or too far away to be measured.
     Nowhere,
 }
 
-/// Where all wedges of a mesh come from: the answer of [`correspondence`].
+/// The sources of all wedges of a mesh: the result of [`correspondence`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Correspondence<'a> {
     original: &'a TriMesh,
     sources: Vec<Source>,
 }
 
-/// Finds where each wedge of `result` comes from on `original`.
+/// Finds the source of each wedge of `result` on `original`.
 ///
-/// The original is the mesh as it was given to the run, before any welding or mending, and the ids are its own. A wedge at
-/// the place of a vertex of the original is that vertex's, bit by bit; others get the nearest point of the surface, on the
-/// side of sheets and seams that regions, texture coordinates and normals of the wedge tell, where both meshes have them.
-/// Sides are not told by other attributes; a wedge of a mesh whose seams were given up gets one of them. Faces of the
-/// original with a corner that is not finite are no source. Same meshes, same answer, at any number of threads.
-/// Cost: O(n log n) for n faces of the original, then O(log n) for each wedge; 0.6 s for 588,000 faces and 147,000
-/// wedges on two cores (measured).
+/// The original is the mesh as it was given to the run, before any welding or repair, and the ids are its
+/// own. A wedge whose position is bit for bit that of a vertex of the original gets a wedge of that vertex;
+/// others get the nearest point of the surface, on the side of sheets and seams that the wedge's regions,
+/// texture coordinates and normals decide, if both meshes have them. Other attributes do not decide sides; a
+/// wedge of a mesh without the original's seams gets one of the sides. Faces of the original with a
+/// non-finite corner are not used. Deterministic at any number of threads. Cost: O(n log n) for n faces of
+/// the original, then O(log n) for each wedge; 0.6 s for 588,000 faces and 147,000 wedges on two cores
+/// (measured).
 ///
 /// ```
 /// use lodsmith_core::{TriMesh, correspondence, mesh::compact, shapes};
@@ -98,12 +100,12 @@ impl Correspondence<'_> {
     pub fn sources(&self) -> &[Source] {
         &self.sources
     }
-    /// The same, to keep.
+    /// Consumes the correspondence and returns the source of each wedge of the result.
     pub fn into_sources(self) -> Vec<Source> {
         self.sources
     }
-    /// The wedges of the original that a wedge of the result is blended from, and how much each weighs; `None` where it
-    /// comes from nowhere.
+    /// Returns the wedges of the original that a wedge of the result is blended from, with their weights;
+    /// `None` if it has no source.
     ///
     /// # Panics
     /// If there is no such wedge.
@@ -117,11 +119,11 @@ impl Correspondence<'_> {
             Source::Nowhere => None,
         }
     }
-    /// Carries values over, blended: `width` of them for each wedge of the original give `width` for each wedge of the
-    /// result. What comes from nowhere is NaN. Directions want to be made unit again.
+    /// Transfers values by blending: `width` values for each wedge of the original give `width` for each
+    /// wedge of the result. Wedges without a source get NaN. Directions have to be normalized afterwards.
     ///
     /// # Errors
-    /// [`MeshError::WrongLength`] if there are not `width` for each wedge of the original.
+    /// [`MeshError::WrongLength`] if there are not `width` values for each wedge of the original.
     pub fn carry(&self, values: &[f32], width: usize) -> Result<Vec<f32>, MeshError> {
         let wanted = width * self.original.wedge_count();
         if values.len() != wanted {
@@ -132,7 +134,7 @@ impl Correspondence<'_> {
             let blend = self.blend(WedgeId::new(w));
             carried.extend((0..width).map(|k| {
                 blend.map_or(f32::NAN, |blend| {
-                    // What weighs nothing has no say, not even if it is no number.
+                    // Skip zero weights: their values may be NaN.
                     let parts = blend.iter().filter(|part| part.1 > 0.0);
                     parts.map(|&(w, weight)| values[w.index() * width + k] * weight).sum()
                 })
@@ -140,11 +142,11 @@ impl Correspondence<'_> {
         }
         Ok(carried)
     }
-    /// Carries over what cannot be blended, such as names or numbers of joints: each wedge of the result takes the value of
-    /// the wedge that weighs most; `None` where it comes from nowhere.
+    /// Transfers values that cannot be blended, such as names or joint numbers: each wedge of the result
+    /// takes the value of the wedge with the largest weight; `None` if it has no source.
     ///
     /// # Errors
-    /// [`MeshError::WrongLength`] if there is not one for each wedge of the original.
+    /// [`MeshError::WrongLength`] if there is not one value for each wedge of the original.
     pub fn carry_whole<T: Clone>(&self, values: &[T]) -> Result<Vec<Option<T>>, MeshError> {
         let wanted = self.original.wedge_count();
         if values.len() != wanted {
@@ -160,14 +162,15 @@ impl Correspondence<'_> {
     }
 }
 
-/// What tells on which side of sheets and seams a wedge of the result lies. Lengths in the frame of the original's tree.
+/// Properties that decide on which side of sheets and seams a wedge of the result lies. Lengths in the frame
+/// of the original's tree.
 #[derive(Clone, Copy, Debug, Default)]
 struct Side {
     /// The sum of the normals of its faces.
     normal: DVec3,
-    /// The mean of the centres of its faces, seen from its position.
+    /// The mean of the centres of its faces, relative to its position.
     inward: DVec3,
-    /// The mean distance of those centres, and of the texture coordinates there.
+    /// The mean distance to those centres, and of the texture coordinates to those at the centres.
     reach: f64,
     uv_reach: f64,
     region: Option<RegionId>,
@@ -205,20 +208,23 @@ fn sides(result: &TriMesh, tree: &Bvh) -> Vec<Side> {
     sides
 }
 
-/// Squared distances, in reaches of a wedge, that a source on the wrong side must be nearer by to be taken all the same.
-/// (Guessed. A fit moves vertices by less than a tenth of an edge, mostly; noisy normals must not draw a source away.)
+/// Penalties for a source on the wrong side, added to its squared distance, in squared reaches of the wedge.
+/// (Guessed. A fit moves vertices by less than a tenth of an edge, mostly; noisy normals must not draw a
+/// source away.)
 const OTHER_SHEET: f64 = 1.0;
 const OTHER_CHART: f64 = 1.0;
 const OTHER_SHADE: f64 = 0.01;
-/// Texture coordinates that differ by less than this share of what they change over a reach are as good as equal; from all
-/// of it they are of another chart, and rising between. (Coordinates that a run has blended are off by up to a third of a
-/// reach at the ends of seams, as measured on a model of 5,856 faces at 20 %.)
+/// Texture coordinates count as equal if they differ by less than this share of their change over a reach;
+/// from the whole change on they are of another chart, with a linear ramp between. (Coordinates that a run
+/// has blended are off by up to a third of a reach at the ends of seams, as measured on a model of 5,856
+/// faces at 20 %.)
 const SAME_CHART: f64 = 0.5;
-/// Normals that differ by more than 25° are of another side of a crease: the cosine. (Guessed.)
+/// Cosine of 25°: normals that differ by more are of another side of a crease. (Guessed.)
 const SAME_SHADE: f64 = 0.906;
-/// Places whose squared distances, in reaches, differ by less are equally near.
+/// Positions whose squared distances, in squared reaches, differ by less are equally near.
 const EQUAL: f64 = 1e-12;
-/// How far from the wedge, towards its faces, the side is looked for: a share of the reach.
+/// Length of the step from the wedge towards its faces that decides between equally near faces, as a share of
+/// the reach.
 const STEP: f64 = 0.05;
 
 struct Search<'a> {
@@ -227,7 +233,7 @@ struct Search<'a> {
     tree: Bvh,
 }
 
-/// A candidate: the squared distance with what the wrong side adds to it, and how badly it fits among equals.
+/// A candidate: its squared distance plus penalties, and a misfit that decides among equals.
 #[derive(Clone, Copy)]
 struct Candidate {
     slot: u32,
@@ -239,10 +245,10 @@ impl Search<'_> {
     fn source(&self, wedge: WedgeId, side: &Side, hint: &mut Hint) -> Source {
         let place = self.result.positions().view().get(self.result.vertex_of(wedge));
         let p = self.tree.frame().unit_from_user(place);
-        // Also where the position is not finite.
+        // Also `None` if the position is not finite.
         let Some(nearest) = self.tree.closest_slot(p, f64::INFINITY, hint) else { return Source::Nowhere };
         let kept = self.corner_at(nearest.slot, place).is_some();
-        // Among faces at a kept vertex there is no distance to weigh against: only they are looked at.
+        // At a kept vertex all distances are 0: only the faces at that vertex are compared.
         let equal = EQUAL * side.reach * side.reach + f64::MIN_POSITIVE;
         let mut best = self.judge(nearest.slot, wedge, side, p);
         let bound = if kept { equal } else { best.cost + equal };
@@ -274,14 +280,14 @@ impl Search<'_> {
         }
     }
 
-    /// The wedge of a face that stands exactly here.
+    /// Returns the wedge of a face whose position is exactly `place`.
     fn corner_at(&self, slot: u32, place: [f64; 3]) -> Option<WedgeId> {
         let wedges = self.original.triangles()[self.tree.slot_face(slot).index()];
         let view = self.original.positions().view();
         wedges.into_iter().find(|w| view.get(self.original.vertex_of(*w)) == place)
     }
 
-    /// Weights of the corners of a face at its nearest point.
+    /// Returns the barycentric weights of the point of a face nearest to `p`.
     fn weights(&self, slot: u32, p: DVec3) -> [f64; 3] {
         let corners = self.tree.slot_corners(slot);
         let weights = weights_at(triangle::nearest(p, corners).point, corners);
@@ -304,7 +310,7 @@ impl Search<'_> {
             cost += OTHER_SHEET * unit_sq;
         }
         if normal == DVec3::ZERO {
-            // A face without area says little about the place.
+            // A face without area determines the side poorly.
             misfit += 1.0;
         }
         let mut known = None;
@@ -312,9 +318,9 @@ impl Search<'_> {
         if let (Some(own), Some(all)) = (self.result.uvs(), self.original.uvs()) {
             let there = blended(all, wedges, weights());
             let off = [0, 1].map(|k| there[k] - f64::from(own[w][k]));
-            // In reaches; not below what single precision alone does to coordinates of an image.
+            // In reaches; at least the rounding error of texture coordinates in single precision.
             let off = off[0].hypot(off[1]) / side.uv_reach.max(1e-5);
-            // A coordinate that is no number is of another chart.
+            // NaN counts as another chart.
             let share = (off - SAME_CHART) / (1.0 - SAME_CHART);
             cost += OTHER_CHART * unit_sq * if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) };
         }
@@ -325,7 +331,8 @@ impl Search<'_> {
                 cost += OTHER_SHADE * unit_sq;
             }
         }
-        // From a step towards its own faces the faces of the same side are nearer than those across an edge.
+        // After a step towards the wedge's own faces, faces on the same side are nearer than those across an
+        // edge.
         let step = p + side.inward * STEP;
         let beside = triangle::nearest(step, corners).point.distance(nearest.point + side.inward * STEP);
         if side.reach > 0.0 {
@@ -347,7 +354,7 @@ mod tests {
     use crate::mesh::Positions;
     use crate::{VertexId, shapes};
 
-    /// Two squares of two triangles, with vertices of their own; the second lies over the first, `gap` higher.
+    /// Two squares of two triangles, with separate vertices; the second lies above the first by `gap`.
     fn sheets(gap: f64, is_turned: bool) -> TriMesh {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let at = |z: f64| square.map(|[x, y]| [x, y, z]);
@@ -396,7 +403,7 @@ mod tests {
         assert!(is_of(correspondence(&mesh, &up).unwrap().sources(), [0, 1]));
         let down = triangle([low[0], low[2], low[1]].map(at));
         assert!(is_of(correspondence(&mesh, &down).unwrap().sources(), [2, 3]));
-        // Both look up: the nearer one.
+        // Both face up: the nearer one.
         assert!(is_of(correspondence(&sheets(0.02, false), &up).unwrap().sources(), [2, 3]));
     }
 
@@ -429,7 +436,7 @@ mod tests {
 
     #[test]
     fn on_a_seam_without_any_attribute_the_side_is_that_of_the_faces() {
-        // Two wedges stand at vertices 1 and 2:
+        // Vertices 1 and 2 have two wedges each:
         //
         //   2|4 ── 5        0: wedges 0 1 2
         //    | \ 1 |        1: wedges 3 5 4

@@ -1,7 +1,7 @@
-//! Ids: numbers that know what they count.
+//! Typed ids: indices that differ in type by the element they name.
 //!
-//! Each id is a transparent `u32`, so a slice of ids is a slice of numbers for free (`bytemuck::cast_slice`), and a
-//! vertex can never stand where a face belongs.
+//! Each id is a transparent `u32`, so a slice of ids converts to a slice of numbers at no cost
+//! (`bytemuck::cast_slice`), and a vertex cannot be used in place of a face.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -16,12 +16,12 @@ macro_rules! define_id {
             /// The id of the element at `index` of its buffer.
             ///
             /// # Panics
-            /// If `index` does not fit 32 bits; buffers of that length are refused where meshes are made.
+            /// If `index` does not fit 32 bits; constructors of meshes reject buffers of that length.
             #[inline]
             pub fn new(index: usize) -> Self {
                 Self(u32::try_from(index).expect("a mesh has fewer than 2^32 elements of a kind"))
             }
-            /// Where the element stands in its buffer.
+            /// Index of the element in its buffer.
             #[inline]
             pub const fn index(self) -> usize {
                 self.0 as usize
@@ -37,7 +37,7 @@ macro_rules! define_id {
 }
 
 define_id!(
-    /// Where faces meet, whatever their attributes: one position.
+    /// A place where faces meet, whatever their attributes: one position.
     VertexId
 );
 define_id!(
@@ -57,7 +57,7 @@ define_id!(
     ClusterId
 );
 define_id!(
-    /// Clusters that become lighter together.
+    /// Clusters that are simplified together.
     GroupId
 );
 define_id!(
@@ -66,27 +66,27 @@ define_id!(
 );
 
 impl HalfEdgeId {
-    /// The half-edge that leaves corner `corner` (0, 1 or 2) of `face`.
+    /// Returns the half-edge that leaves corner `corner` (0, 1 or 2) of `face`.
     #[inline]
     pub const fn of(face: FaceId, corner: u32) -> Self {
         Self(face.0 * 3 + corner)
     }
-    /// The face that this is a side of.
+    /// The face that the half-edge belongs to.
     #[inline]
     pub const fn face(self) -> FaceId {
         FaceId(self.0 / 3)
     }
-    /// Which corner of its face it leaves: 0, 1 or 2.
+    /// The corner of the face that it leaves: 0, 1 or 2.
     #[inline]
     pub const fn corner(self) -> usize {
         (self.0 % 3) as usize
     }
-    /// Next half-edge around the same face: three consecutive ids make a triangle.
+    /// The next half-edge around the same face: three consecutive ids make a triangle.
     #[inline]
     pub const fn next(self) -> Self {
         Self(if self.0 % 3 == 2 { self.0 - 2 } else { self.0 + 1 })
     }
-    /// The half-edge before this one around the same face.
+    /// The previous half-edge around the same face.
     #[inline]
     pub const fn prev(self) -> Self {
         Self(if self.0.is_multiple_of(3) { self.0 + 2 } else { self.0 - 1 })

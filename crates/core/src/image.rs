@@ -1,6 +1,6 @@
-//! Plain pixels, shared by whoever reads, draws or compares pictures.
+//! Images of plain pixels, shared by readers, rendering and comparison.
 
-/// A picture in memory: eight bits a channel, rows from the top.
+/// An image in memory: eight bits per channel, rows from the top.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Image {
     width: usize,
@@ -9,25 +9,26 @@ pub struct Image {
 }
 
 impl Image {
-    /// A picture from red, green, blue and alpha (not multiplied in), row after row from the top.
+    /// Makes an image from red, green, blue and straight (not premultiplied) alpha, row after row from the
+    /// top.
     ///
     /// # Panics
-    /// If there is not one pixel for each place.
+    /// If there are not `width * height` pixels.
     pub fn new(width: usize, height: usize, pixels: Vec<[u8; 4]>) -> Self {
         assert_eq!(pixels.len(), width * height, "one pixel for each place");
         Self { width, height, pixels }
     }
 
-    /// A picture of one colour.
+    /// Makes an image of one colour.
     pub fn filled(width: usize, height: usize, color: [u8; 4]) -> Self {
         Self { width, height, pixels: vec![color; width * height] }
     }
 
-    /// Pixels in a row.
+    /// Number of pixels in a row.
     pub fn width(&self) -> usize {
         self.width
     }
-    /// Rows.
+    /// Number of rows.
     pub fn height(&self) -> usize {
         self.height
     }
@@ -35,11 +36,11 @@ impl Image {
     pub fn pixels(&self) -> &[[u8; 4]] {
         &self.pixels
     }
-    /// The same, to be drawn on.
+    /// All pixels for writing, row after row from the top.
     pub fn pixels_mut(&mut self) -> &mut [[u8; 4]] {
         &mut self.pixels
     }
-    /// The pixel at a place, from the upper left corner.
+    /// The pixel at column `x` and row `y`, counted from the upper left corner.
     ///
     /// # Panics
     /// If it lies outside.

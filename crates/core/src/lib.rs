@@ -1,6 +1,6 @@
-//! What a triangle mesh is, how far two of them differ, and where one comes from on the other.
+//! Triangle meshes, distances between them, and correspondence of one mesh to another.
 //!
-//! Nouns only: data, queries and measures. No files, no clocks, no printing, no simplification.
+//! Data, queries and measures only. No files, no clocks, no printing, no simplification.
 
 #[cfg(feature = "proptest")]
 pub mod arbitrary;

@@ -1,7 +1,7 @@
-//! How far two surfaces lie apart.
+//! Distances between two surfaces.
 //!
-//! [`compare`] measures two surfaces once. Whoever measures many candidates against one reference makes it
-//! [`Prepared`] and calls [`compare_prepared`].
+//! [`compare`] measures two surfaces once. To measure many candidates against one reference, make it
+//! [`Prepared`] and call [`compare_prepared`].
 
 mod attributes;
 pub mod chunks;
@@ -19,7 +19,7 @@ use crate::mesh::Surface;
 use crate::spatial::Hint;
 use one_way::OneWay;
 
-/// One figure, each way and together.
+/// One measure, in each direction and for both together.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TwoWay {
     /// Reference to candidate.
@@ -30,36 +30,36 @@ pub struct TwoWay {
     pub symmetric: f64,
 }
 
-/// How far two surfaces lie apart, in the units of their positions.
+/// Distances between two surfaces, in the units of their positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Comparison {
-    /// Largest distance seen.
+    /// Largest distance found.
     pub hausdorff: TwoWay,
     /// Mean distance over the area.
     pub mean: TwoWay,
     /// Root of the mean squared distance over the area.
     pub rms: TwoWay,
-    /// Distance that 99 % of the area stay below.
+    /// Distance not exceeded on 99 % of the area.
     pub p99: TwoWay,
-    /// Mean angle between the face normals at a sample and at its nearest point, in degrees; both ways together,
-    /// without samples where one of the two faces has no area.
+    /// Mean angle between the face normals at a sample and at its nearest point, in degrees; both directions
+    /// together, without samples where one of the two faces has no area.
     pub normal_mean_deg: f64,
-    /// Angle that 95 % of the samples stay below, in degrees.
+    /// Angle not exceeded by 95 % of the samples, in degrees.
     pub normal_p95_deg: f64,
-    /// Diagonal of the box round the reference's faces, in the units of the positions.
+    /// Diagonal of the bounding box of the reference's faces, in the units of the positions.
     pub diagonal: f64,
-    /// Samples taken each way, vertices not counted.
+    /// Samples taken in each direction, vertices not counted.
     pub samples: usize,
     /// Seed of the samples.
     pub seed: u64,
 }
 
-/// How samples are taken.
+/// Options of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CompareOptions {
-    /// Samples each way, spread by area; all vertices come on top.
+    /// Samples in each direction, spread by area; all vertices are measured in addition.
     pub samples: usize,
     /// Seed of the samples.
     pub seed: u64,
@@ -67,18 +67,19 @@ pub struct CompareOptions {
 
 impl Default for CompareOptions {
     fn default() -> Self {
-        // 200,000 samples hold the mean within 0.5 % (measured against 2 M samples on scans).
+        // 200,000 samples keep the mean within 0.5 % (measured against 2 M samples on scans).
         Self { samples: 200_000, seed: 0 }
     }
 }
 
-/// Measures how far `candidate` lies from `reference`, both ways.
+/// Measures the distance between `candidate` and `reference` in both directions.
 ///
-/// Mean, RMS, p99 and normals come from samples spread evenly by area; the largest distance also from all vertices of
-/// faces, and from places round the farthest samples. It is the largest seen: a place elsewhere may lie farther. Distances are in the units of the positions.
-/// Faces with a corner that is not finite are left out. A mesh whose faces have no area is sampled by the perimeter of
-/// its faces. Equal seeds give equal numbers, at any number of threads.
-/// Cost: O(n log n) to build two trees of n faces, then O(log n) for each sample and vertex.
+/// Mean, RMS, p99 and normals come from samples spread evenly by area; the largest distance also from all
+/// vertices of faces, and from places around the farthest samples. It is the largest one found: a place
+/// elsewhere may be farther away. Distances are in the units of the positions. Faces with a non-finite corner
+/// are left out. A mesh whose faces have no area is sampled by the perimeter of its faces. Equal seeds give
+/// equal numbers, at any number of threads. Cost: O(n log n) to build two trees of n faces, then O(log n) for
+/// each sample and vertex.
 ///
 /// # Errors
 /// [`MeasureError::Empty`] if either mesh has no face with finite corners.
@@ -94,7 +95,7 @@ pub fn compare(
     Ok(compare_prepared(&reference, &candidate, options))
 }
 
-/// The same as [`compare`], for surfaces that were made ready before.
+/// Compares like [`compare`], but takes prepared surfaces.
 pub fn compare_prepared(reference: &Prepared, candidate: &Prepared, options: &CompareOptions) -> Comparison {
     let samples = options.samples.max(1);
     let mut forward = OneWay::measure(reference, candidate, samples, options.seed);
@@ -108,7 +109,7 @@ pub fn compare_prepared(reference: &Prepared, candidate: &Prepared, options: &Co
     Comparison {
         hausdorff: two(|d| d.max, f64::max),
         mean: two(|d| d.mean, |a, b| a * 0.5 + b * 0.5),
-        // By hypot: the square of 1e200 is not a number that a double holds.
+        // By `hypot`: the square of 1e200 overflows a double.
         rms: two(|d| d.rms, |a, b| a.hypot(b) * std::f64::consts::FRAC_1_SQRT_2),
         p99: two(|d| d.p99, f64::max),
         normal_mean_deg: chunks::mean(&angles),
@@ -119,10 +120,11 @@ pub fn compare_prepared(reference: &Prepared, candidate: &Prepared, options: &Co
     }
 }
 
-/// Measures how far each vertex of `surface` lies from `to`, in the units of the positions, in the order of the vertices.
+/// Measures the distance of each vertex of `surface` to `to`, in the units of the positions, in the order of
+/// the vertices.
 ///
-/// For colouring a mesh by its error. A vertex that is not finite has no distance: its entry is NaN.
-/// Cost: O(log n) a vertex for n faces of `to`.
+/// For colouring a mesh by its error. The entry of a non-finite vertex is NaN. Cost: O(log n) per vertex for
+/// n faces of `to`.
 pub fn vertex_distances(surface: &Surface<'_>, to: &Prepared) -> Vec<f64> {
     let positions = surface.positions();
     let parts = chunks::map(positions.len(), |range| {

@@ -1,11 +1,11 @@
-//! The check of a step's need of memory against a limit, before the step begins.
+//! Check of the memory that a step needs against a limit, before the step starts.
 //!
-//! What a step takes is a sum of counts times bytes, measured (docs/decisions/0022). It is the peak of the process during the
-//! step, meshes that stay in memory meanwhile included.
+//! The need of a step is a sum of counts times bytes, measured (docs/decisions/0022). It is the peak of the
+//! process during the step, including meshes that stay in memory meanwhile.
 
 use crate::mesh::{Positions, TriMesh};
 
-/// A step that would take more memory than it may.
+/// A step that needs more memory than allowed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{step} would take about {} of memory, above the limit of {} (--max-memory)",
@@ -13,23 +13,23 @@ use crate::mesh::{Positions, TriMesh};
     in_words(*limit)
 )]
 pub struct TooMuchMemory {
-    /// What was to be done: `reading an OBJ file`.
+    /// The step: `reading an OBJ file`.
     pub step: String,
-    /// Bytes that it would take.
+    /// Bytes that it needs.
     pub need: u64,
-    /// Bytes that it may take.
+    /// Bytes that are allowed.
     pub limit: u64,
 }
 
-/// Refuses a step that needs more than the limit.
+/// Rejects a step that needs more than the limit.
 ///
 /// # Errors
-/// [`TooMuchMemory`], which says all three.
+/// [`TooMuchMemory`], which contains step, need and limit.
 pub fn check(step: impl Into<String>, need: u64, limit: u64) -> Result<(), TooMuchMemory> {
     if need > limit { Err(TooMuchMemory { step: step.into(), need, limit }) } else { Ok(()) }
 }
 
-/// Bytes as people read them, in powers of 1024: `1.5 GiB`.
+/// Formats a number of bytes in powers of 1024: `1.5 GiB`.
 pub fn in_words(bytes: u64) -> String {
     const UNITS: [&str; 5] = ["bytes", "KiB", "MiB", "GiB", "TiB"];
     let mut scaled = (bytes as f64, 0);
@@ -45,7 +45,7 @@ pub fn in_words(bytes: u64) -> String {
 }
 
 impl TriMesh {
-    /// Bytes of memory that its buffers take.
+    /// Number of bytes that its buffers take.
     pub fn bytes(&self) -> u64 {
         let (wedges, faces) = (self.wedge_count() as u64, self.face_count() as u64);
         let position = match self.positions() {

@@ -1,4 +1,4 @@
-//! The triangle mesh: flat buffers, checked when made, plain values ever after.
+//! The triangle mesh: flat buffers, validated on construction, plain values afterwards.
 
 use std::borrow::Cow;
 
@@ -13,31 +13,31 @@ pub mod weld;
 
 pub use attributes::{Attribute, Integer, Morphed, Semantic};
 
-/// Why buffers do not make a mesh.
+/// Reasons why buffers do not form a valid mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshError {
-    /// A triangle names a wedge or vertex that is not there.
+    /// A triangle names a wedge or vertex that does not exist.
     #[error("face {face} uses vertex {index}, but the mesh has {count}")]
     IndexOutOfRange {
         /// Index of the triangle.
         face: usize,
         /// The index that it uses.
         index: u32,
-        /// How many there are.
+        /// Number of wedges or vertices.
         count: usize,
     },
-    /// A wedge names a vertex that is not there.
+    /// A wedge names a vertex that does not exist.
     #[error("wedge {wedge} belongs to vertex {index}, but the mesh has {count}")]
     WedgeOutOfRange {
         /// Index of the wedge.
         wedge: usize,
         /// The vertex that it names.
         index: u32,
-        /// How many vertices there are.
+        /// Number of vertices.
         count: usize,
     },
-    /// A buffer has not one entry for each wedge, or of regions for each face.
+    /// A buffer does not have one entry for each wedge (regions: for each face).
     #[error("{name} has {got} entries for {wanted}")]
     WrongLength {
         /// Name of the buffer.
@@ -50,32 +50,32 @@ pub enum MeshError {
     /// More elements than 32-bit ids can name.
     #[error("{count} {what} are more than 32-bit ids can name")]
     TooLarge {
-        /// Which elements.
+        /// Name of the elements.
         what: &'static str,
-        /// How many.
+        /// Number of elements.
         count: usize,
     },
 }
 
-/// Positions in the units of the user: as precise as their source.
+/// Positions in the user's units, in the precision of their source.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Positions {
-    /// Single precision, as most files hold them.
+    /// Single precision, as in most files.
     F32(Vec<[f32; 3]>),
-    /// Double precision, where the source had it.
+    /// Double precision, if the source had it.
     F64(Vec<[f64; 3]>),
 }
 
 impl Positions {
-    /// How many there are.
+    /// Number of positions.
     pub fn len(&self) -> usize {
         self.view().len()
     }
-    /// Whether there are none.
+    /// True if there are no positions.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    /// The same, borrowed.
+    /// Borrows the positions.
     pub fn view(&self) -> PositionsView<'_> {
         match self {
             Self::F32(p) => PositionsView::F32(p),
@@ -94,7 +94,7 @@ pub enum PositionsView<'a> {
 }
 
 impl PositionsView<'_> {
-    /// How many there are.
+    /// Number of positions.
     #[inline]
     pub fn len(&self) -> usize {
         match self {
@@ -102,7 +102,7 @@ impl PositionsView<'_> {
             Self::F64(p) => p.len(),
         }
     }
-    /// Whether there are none.
+    /// True if there are no positions.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -121,7 +121,7 @@ impl PositionsView<'_> {
     pub fn iter(&self) -> impl ExactSizeIterator<Item = [f64; 3]> + '_ {
         (0..self.len()).map(|i| self.get(VertexId(i as u32)))
     }
-    /// Least and greatest coordinates over the finite positions; `None` if there are none.
+    /// Returns the bounding box of the finite positions; `None` if there are none.
     pub fn bounds(&self) -> Option<Bounds> {
         let mut bounds: Option<Bounds> = None;
         for p in self.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
@@ -140,9 +140,9 @@ impl PositionsView<'_> {
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Least coordinates.
+    /// Smallest coordinates.
     pub min: [f64; 3],
-    /// Greatest coordinates.
+    /// Largest coordinates.
     pub max: [f64; 3],
 }
 
@@ -150,7 +150,7 @@ impl Bounds {
     /// Length of the diagonal, in the units of the positions.
     pub fn diagonal(&self) -> f64 {
         let d = [0, 1, 2].map(|k| self.max[k] - self.min[k]);
-        // Scaled first: the square of 1e200 is not a number that a double holds.
+        // Scaled first: the square of 1e200 overflows a double.
         let largest = d.iter().fold(0f64, |a, &b| a.max(b));
         if largest > 0.0 {
             largest * d.iter().map(|x| (x / largest) * (x / largest)).sum::<f64>().sqrt()
@@ -160,7 +160,7 @@ impl Bounds {
     }
 }
 
-/// A borrowed surface: positions and triangles, nothing else. What measures and engines work on.
+/// A borrowed surface: positions and triangles, nothing else. Measures and engines work on it.
 #[derive(Clone, Debug)]
 pub struct Surface<'a> {
     positions: PositionsView<'a>,
@@ -168,7 +168,7 @@ pub struct Surface<'a> {
 }
 
 impl<'a> Surface<'a> {
-    /// A surface over borrowed buffers; vertices of a triangle counter-clockwise seen from outside.
+    /// Makes a surface over borrowed buffers; vertices of a triangle counter-clockwise seen from outside.
     ///
     /// # Errors
     /// [`MeshError::IndexOutOfRange`] if a triangle names a vertex beyond the positions, [`MeshError::TooLarge`].
@@ -177,7 +177,7 @@ impl<'a> Surface<'a> {
         check_triangles(bytemuck::cast_slice(triangles), positions.len())?;
         Ok(Self { positions, triangles: Cow::Borrowed(triangles) })
     }
-    /// A surface over borrowed positions and triangles of its own.
+    /// Makes a surface over borrowed positions and owned triangles.
     ///
     /// # Errors
     /// As [`Surface::new`].
@@ -218,7 +218,7 @@ pub struct TriMesh {
 }
 
 impl TriMesh {
-    /// A mesh without attributes: wedge i is vertex i.
+    /// Makes a mesh without attributes: wedge i is vertex i.
     ///
     /// # Errors
     /// [`MeshError::IndexOutOfRange`], [`MeshError::TooLarge`].
@@ -230,7 +230,7 @@ impl TriMesh {
         Ok(Self::bare(positions, None, triangles))
     }
 
-    /// A mesh whose wedges are spread over the vertices: `vertex_of[w]` is the vertex of wedge w.
+    /// Makes a mesh with several wedges per vertex: `vertex_of[w]` is the vertex of wedge w.
     ///
     /// # Errors
     /// [`MeshError::IndexOutOfRange`], [`MeshError::WedgeOutOfRange`], [`MeshError::TooLarge`].
@@ -263,7 +263,7 @@ impl TriMesh {
         }
     }
 
-    /// Puts normals on the wedges, unit length.
+    /// Sets or removes the normals of the wedges, unit length.
     ///
     /// # Errors
     /// [`MeshError::WrongLength`] if there is not one for each wedge.
@@ -271,7 +271,7 @@ impl TriMesh {
         self.normals = self.checked("normals", normals)?;
         Ok(())
     }
-    /// Puts texture coordinates on the wedges; (0, 0) is the lower left corner of the image.
+    /// Sets or removes the texture coordinates of the wedges; (0, 0) is the lower left corner of the image.
     ///
     /// # Errors
     /// [`MeshError::WrongLength`] if there is not one for each wedge.
@@ -279,7 +279,7 @@ impl TriMesh {
         self.uvs = self.checked("texture coordinates", uvs)?;
         Ok(())
     }
-    /// Puts colours on the wedges: red, green, blue, alpha from 0 to 1, as the file had them.
+    /// Sets or removes the colours of the wedges: red, green, blue, alpha from 0 to 1, as the file had them.
     ///
     /// # Errors
     /// [`MeshError::WrongLength`] if there is not one for each wedge.
@@ -288,10 +288,10 @@ impl TriMesh {
         Ok(())
     }
 
-    /// Adds an attribute beside normals, the first texture coordinates and the first colours.
+    /// Adds an attribute other than normals, the first texture coordinates and the first colours.
     ///
     /// # Errors
-    /// [`MeshError::WrongLength`] if it has not `width` values for each wedge.
+    /// [`MeshError::WrongLength`] if it does not have `width` values for each wedge.
     pub fn add_attribute(&mut self, attribute: Attribute) -> Result<(), MeshError> {
         let (got, wanted) = (attribute.values.len(), attribute.width * self.wedge_count());
         if attribute.width == 0 || got != wanted {
@@ -300,7 +300,8 @@ impl TriMesh {
         self.further.push(attribute);
         Ok(())
     }
-    /// Says which region each face belongs to: a material, a group, a primitive. Regions keep their borders.
+    /// Sets or removes the region of each face: a material, a group, a primitive. Borders of regions are
+    /// kept.
     ///
     /// # Errors
     /// [`MeshError::WrongLength`] if there is not one for each face.
@@ -351,24 +352,24 @@ impl TriMesh {
     pub fn colors(&self) -> Option<&[[f32; 4]]> {
         self.colors.as_deref()
     }
-    /// The attributes beside normals, the first texture coordinates and the first colours.
+    /// The attributes other than normals, the first texture coordinates and the first colours.
     pub fn further_attributes(&self) -> &[Attribute] {
         &self.further
     }
-    /// The same mesh without some of [`TriMesh::further_attributes`].
+    /// Removes the [`TriMesh::further_attributes`] for which `is_left_out` is true.
     #[must_use]
     pub fn without_further(mut self, is_left_out: impl Fn(&Semantic) -> bool) -> Self {
         self.further.retain(|a| !is_left_out(&a.semantic));
         self
     }
-    /// The values of one of [`TriMesh::further_attributes`], to be changed.
+    /// Mutable values of one of [`TriMesh::further_attributes`].
     ///
     /// # Panics
     /// If there is no such attribute.
     pub fn further_values_mut(&mut self, index: usize) -> &mut [f32] {
         &mut self.further[index].values
     }
-    /// The region of each face; `None` where all are one.
+    /// The region of each face; `None` if there is only one.
     pub fn regions(&self) -> Option<&[RegionId]> {
         self.regions.as_deref()
     }
@@ -384,12 +385,12 @@ impl TriMesh {
     pub fn wedge_count(&self) -> usize {
         self.vertex_of.as_ref().map_or(self.positions.len(), Vec::len)
     }
-    /// Whether any attribute stands on the wedges.
+    /// True if the wedges have any attribute.
     pub fn has_attributes(&self) -> bool {
         self.normals.is_some() || self.uvs.is_some() || self.colors.is_some() || !self.further.is_empty()
     }
 
-    /// Positions and triangles alone, borrowed where wedges and vertices have the same numbers.
+    /// Returns positions and triangles alone, borrowed if wedges and vertices have the same numbers.
     pub fn surface(&self) -> Surface<'_> {
         let triangles = match &self.vertex_of {
             None => Cow::Borrowed(bytemuck::cast_slice(&self.triangles)),
@@ -398,7 +399,7 @@ impl TriMesh {
         Surface { positions: self.positions.view(), triangles }
     }
 
-    /// Moves every position by a function of the position; the precision stays.
+    /// Replaces every position by a function of it; the precision stays.
     pub fn map_positions(&mut self, map: impl Fn([f64; 3]) -> [f64; 3]) {
         match &mut self.positions {
             Positions::F32(p) => p.iter_mut().for_each(|p| *p = map(p.map(f64::from)).map(|x| x as f32)),
@@ -406,13 +407,13 @@ impl TriMesh {
         }
     }
 
-    /// Puts every wedge in a place of its own. Wedges of one vertex that go to different places become vertices after
-    /// all others, one for each after the first; a vertex without wedges stays.
+    /// Gives every wedge its own position. If wedges of one vertex get different positions, each one after
+    /// the first that differs becomes a new vertex after all others; a vertex without wedges stays.
     ///
     /// Cost: O(vertices + wedges).
     ///
     /// # Errors
-    /// [`MeshError::WrongLength`] if there is not one place for each wedge, [`MeshError::TooLarge`].
+    /// [`MeshError::WrongLength`] if there is not one position for each wedge, [`MeshError::TooLarge`].
     pub fn set_wedge_positions(&mut self, places: Vec<[f32; 3]>) -> Result<(), MeshError> {
         if places.len() != self.wedge_count() {
             let (got, wanted) = (places.len(), self.wedge_count());
@@ -449,13 +450,13 @@ impl TriMesh {
 }
 
 fn check_size(what: &'static str, count: usize) -> Result<(), MeshError> {
-    // The last number is kept free: it marks "none" in many a table.
+    // The largest number is reserved: many tables use it for "none".
     if count >= u32::MAX as usize { Err(MeshError::TooLarge { what, count }) } else { Ok(()) }
 }
 
 fn check_triangles(triangles: &[[u32; 3]], count: usize) -> Result<(), MeshError> {
     let bad = |t: &[u32; 3]| t.iter().any(|&i| i as usize >= count);
-    // Some at a time and to the end: a loop without an early way out works on several side by side.
+    // By chunks without an early exit, so that the loop is vectorized.
     let limit = u32::try_from(count).unwrap_or(u32::MAX);
     let is_bad = |some: &[[u32; 3]]| some.as_flattened().iter().fold(false, |any, i| any | (*i >= limit));
     const SOME: usize = 1 << 10;

@@ -1,6 +1,6 @@
-//! What is to be seen: meshes placed by nodes, with what they look like and how they move.
+//! Models: meshes placed by nodes, with materials and animations.
 //!
-//! Plain data, the same for every format: whoever reads fills it, whoever draws walks it. A mesh without a scene around it
+//! Plain data, the same for every format, filled by readers and walked by renderers. A mesh without a scene
 //! is a model of one node.
 
 pub mod animation;
@@ -19,82 +19,83 @@ pub use animation::{Animation, Channel, Interpolation, Pose, Skin, Track, Transf
 pub use deform::{Deformed, deform};
 pub use material::{AlphaMode, Material, Sampler, TextureRef, Wrap};
 
-/// Meshes, where they stand, what they look like, and how they move.
+/// Meshes, the nodes that place them, materials and animations.
 ///
-/// Indices name places in the lists of the same model and are in range: whoever makes a model sees to it.
+/// Indices refer to the lists of the same model and are in range: the creator of a model ensures it.
 #[derive(Clone, Debug, Default)]
 pub struct Model {
-    /// The meshes, each once however often it stands somewhere.
+    /// The meshes, each stored once however often it is placed.
     pub meshes: Vec<ModelMesh>,
-    /// Who stands where. Children come by number; roots are those of [`Model::roots`].
+    /// Nodes that place meshes. Children are given by index; roots are those of [`Model::roots`].
     pub nodes: Vec<Node>,
-    /// Nodes without a parent that are to be seen.
+    /// Nodes without a parent that are drawn.
     pub roots: Vec<usize>,
-    /// What surfaces look like.
+    /// Materials of surfaces.
     pub materials: Vec<Material>,
-    /// Pictures on surfaces, decoded.
+    /// Decoded texture images.
     pub images: Vec<Arc<Image>>,
-    /// Joints that pull meshes.
+    /// Skins with the joints that deform meshes.
     pub skins: Vec<Skin>,
-    /// What moves.
+    /// Animations of nodes and morph targets.
     pub animations: Vec<Animation>,
-    /// What the colours of vertices mean.
+    /// Colour space of the vertex colours.
     pub vertex_colors: VertexColors,
 }
 
-/// What the numbers of [`TriMesh::colors`] mean.
+/// Colour space of [`TriMesh::colors`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VertexColors {
-    /// As screens take them (sRGB): in all formats that do not say.
+    /// sRGB, as displayed: in all formats that do not specify it.
     #[default]
     Srgb,
-    /// Amounts of light: in glTF, where they are factors of the base colour.
+    /// Linear: in glTF, where they are factors of the base colour.
     Linear,
 }
 
 /// A mesh of a model.
 #[derive(Clone, Debug)]
 pub struct ModelMesh {
-    /// Its name, for people.
+    /// Display name.
     pub name: String,
-    /// Its triangles, in its own coordinates.
+    /// Its triangles, in mesh coordinates.
     pub mesh: Arc<TriMesh>,
-    /// The material of each region of the mesh, by number; one entry for a mesh without regions. `None` is a plain one.
+    /// The material index of each region of the mesh; one entry for a mesh without regions. `None` is a plain
+    /// material.
     pub materials: Vec<Option<usize>>,
-    /// How strong each morph target is at rest.
+    /// Weight of each morph target at rest.
     pub morph_weights: Vec<f32>,
 }
 
-/// A place, and what stands there.
+/// A node: a transform, and the mesh placed there.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Node {
-    /// Its name, for people; empty without one.
+    /// Display name; empty if it has none.
     pub name: String,
-    /// Where it stands as seen from its parent.
+    /// Transform to the parent's coordinates.
     pub transform: Transform,
-    /// Who moves with it.
+    /// Indices of the child nodes.
     pub children: Vec<usize>,
-    /// The mesh that stands here.
+    /// Index of the mesh placed here.
     pub mesh: Option<usize>,
-    /// The skin that pulls the mesh.
+    /// Index of the skin that deforms the mesh.
     pub skin: Option<usize>,
-    /// Strengths of the morph targets here, where they are not those of the mesh.
+    /// Weights of the morph targets here, if they differ from those of the mesh.
     pub morph_weights: Option<Vec<f32>>,
 }
 
-/// A mesh where it is to be drawn.
+/// A mesh placed by a node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Instance {
-    /// The node.
+    /// Index of the node.
     pub node: usize,
-    /// The mesh.
+    /// Index of the mesh.
     pub mesh: usize,
-    /// From the coordinates of the mesh to those of the model. A skinned mesh does not heed it: its joints place it.
+    /// Transform from mesh to model coordinates. Ignored by skinned meshes: their joints place them.
     pub world_from_mesh: DMat4,
 }
 
 impl Model {
-    /// A model of one mesh, with a plain material.
+    /// Makes a model of one mesh, with a plain material.
     pub fn of_mesh(mesh: impl Into<Arc<TriMesh>>) -> Self {
         let mesh = mesh.into();
         let regions = mesh.regions().and_then(|r| r.iter().map(|r| r.index() + 1).max()).unwrap_or(1);
@@ -108,11 +109,12 @@ impl Model {
         Self { meshes: vec![mesh], nodes: vec![node], roots: vec![0], ..Self::default() }
     }
 
-    /// The same with other meshes in the places of its own, in their order: lighter ones, say. Nodes, materials, skins and
-    /// animations stay, so the meshes must have the regions, joints and morph targets of those before them.
+    /// Returns the model with its meshes replaced by others in the same order, such as simplified ones.
+    /// Nodes, materials, skins and animations stay, so the meshes must have the regions, joints and morph
+    /// targets of those before them.
     ///
     /// # Panics
-    /// If there is not one for each mesh.
+    /// If the number of meshes differs.
     #[must_use]
     pub fn with_meshes(&self, meshes: Vec<Arc<TriMesh>>) -> Self {
         assert_eq!(meshes.len(), self.meshes.len(), "one mesh for each place");
@@ -120,12 +122,12 @@ impl Model {
         Self { meshes: meshes.collect(), ..self.clone() }
     }
 
-    /// Whether a material is more metal than not: it mirrors what is around it, and shows little else.
+    /// True if any material is more metallic than not: it reflects its environment and shows little else.
     pub fn has_metal(&self) -> bool {
         self.materials.iter().any(|m| m.metallic > 0.5)
     }
 
-    /// Every mesh that is placed, in the order in which the nodes are reached from the roots.
+    /// Returns every placed mesh, in the order in which the nodes are reached from the roots.
     ///
     /// Cost: O(nodes).
     pub fn instances(&self, pose: &Pose) -> Vec<Instance> {
@@ -141,7 +143,7 @@ impl Model {
         instances
     }
 
-    /// From the coordinates of each node to those of the model; of nodes that no root reaches, as if they were roots.
+    /// Returns the transform of each node to model coordinates; nodes that no root reaches count as roots.
     ///
     /// Cost: O(nodes).
     pub fn world_from_nodes(&self, pose: &Pose) -> Vec<DMat4> {
@@ -157,7 +159,7 @@ impl Model {
         world
     }
 
-    /// Triangles as they are drawn: those of a mesh as often as nodes place it.
+    /// Number of triangles drawn: those of a mesh count once for each node that places it.
     pub fn face_count(&self) -> usize {
         self.instances(&Pose::default()).iter().map(|i| self.meshes[i.mesh].mesh.face_count()).sum()
     }

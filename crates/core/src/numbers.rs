@@ -1,6 +1,6 @@
-//! Numbers as people read them.
+//! Number formatting for display.
 
-/// A count in groups of three: `69,451`.
+/// Formats a count with thousands separators: `69,451`.
 pub fn grouped(count: usize) -> String {
     let digits = count.to_string();
     let mut text = String::with_capacity(digits.len() + digits.len() / 3);
@@ -13,13 +13,13 @@ pub fn grouped(count: usize) -> String {
     text
 }
 
-/// As many leading digits as asked, at least one, more only before the point: `0.017`, `1.7`, `170`. Very small and very
-/// large ones have an exponent.
+/// Formats a number with `digits` significant digits, at least one; digits before the point are never
+/// dropped: `0.017`, `1.7`, `170`. Very small and very large numbers have an exponent.
 pub fn significant(x: f64, digits: usize) -> String {
     if x == 0.0 {
         return "0".to_owned();
     }
-    // Below this a row of zeros is harder to read than an exponent.
+    // Below this, leading zeros are harder to read than an exponent.
     if !x.is_finite() || x.abs() < 1e-4 || x.abs() >= 1e15 {
         return format!("{x:.*e}", digits.saturating_sub(1));
     }

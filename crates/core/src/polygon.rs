@@ -1,6 +1,6 @@
-//! Polygons into triangles: what readers do with quads and n-gons.
+//! Triangulation of polygons: quads and n-gons in files.
 
-/// Cuts polygons into triangles; keeps its scratch memory between polygons.
+/// Triangulates polygons; reuses its scratch buffers between polygons.
 ///
 /// ```
 /// use lodsmith_core::polygon::Triangulator;
@@ -11,12 +11,12 @@
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Triangulator {
-    /// Corners in the plane, counter-clockwise as a whole.
+    /// Corners projected to a plane, counter-clockwise overall.
     flat: Vec<[f64; 2]>,
-    /// The corners that are still there, as a ring.
+    /// The remaining corners, as a linked ring.
     before: Vec<u32>,
     after: Vec<u32>,
-    /// Whether a corner may lie in somebody's ear: it turns right or not at all, and is still there.
+    /// True if a corner may lie inside another corner's ear: it is not convex, and still in the ring.
     blocks: Vec<bool>,
     grid: Grid,
 }
@@ -24,20 +24,20 @@ pub struct Triangulator {
 impl Triangulator {
     /// Cuts a polygon of n corners into n - 2 triangles of indices into `points`; `out` is cleared first.
     ///
-    /// Fewer than three corners make no triangle. Triangles turn the way of the polygon. A quad is split along the
-    /// diagonal that turns both halves the way of the whole (so concave quads come out right), along the shorter one
-    /// if both do. Larger polygons are cut in the plane of their average normal; holes joined to the rim by a bridge
-    /// walked both ways are understood. Polygons that cross themselves, or are not finite, get as many triangles, which
-    /// may overlap. The sum of the signed areas is always that of the polygon. Repeated and needless corners are used
-    /// too, by triangles without area where nothing else is possible.
-    /// Cost: O(n) for convex polygons, else about O(n log n), O(n²) at worst; work is limited, and what is left then is cut
-    /// as a fan.
+    /// Fewer than three corners make no triangle. Triangles have the winding of the polygon. A quad is split
+    /// along the diagonal that gives both halves the winding of the whole (so concave quads come out right),
+    /// along the shorter one if both do. Larger polygons are cut in the plane of their average normal; holes
+    /// connected to the outer boundary by a bridge edge used in both directions are supported.
+    /// Self-intersecting or non-finite polygons get the same number of triangles, which may overlap. The sum
+    /// of the signed areas is always that of the polygon. Repeated and collinear corners are used too, in
+    /// triangles without area if nothing else is possible. Cost: O(n) for convex polygons, else about O(n log
+    /// n), O(n²) in the worst case; the work is limited, and what remains then is cut as a fan.
     ///
     /// # Panics
-    /// If there are more corners than 32 bits count.
+    /// If the number of corners does not fit 32 bits.
     ///
-    /// Source: ear clipping after [Meisters 1975], the normal after Newell in [Sutherland 1974]; the grid, the order of
-    /// the ears and the way out of bad input are ours.
+    /// Source: ear clipping after [Meisters 1975], the normal after Newell in [Sutherland 1974]; the grid,
+    /// the order of the ears and the handling of bad input are ours.
     pub fn triangulate(&mut self, points: &[[f64; 3]], out: &mut Vec<[u32; 3]>) {
         out.clear();
         let n = u32::try_from(points.len()).expect("a polygon has fewer than 2^32 corners");
@@ -58,9 +58,10 @@ impl Triangulator {
         }
     }
 
-    /// Puts the corners into a plane, counter-clockwise; false if they have no plane.
+    /// Projects the corners to a plane, counter-clockwise; returns false if they have no plane.
     ///
-    /// The plane is that of two axes: dropping a coordinate keeps the others exact, and ears are ears in any shadow.
+    /// The plane is that of two axes: dropping a coordinate keeps the others exact, and ears stay ears in any
+    /// projection.
     fn flatten(&mut self, points: &[[f64; 3]]) -> bool {
         let Some(scale) = scale_of(points) else { return false };
         let at = |i: usize| [0, 1, 2].map(|k| (points[i][k] - points[0][k]) * scale);
@@ -74,7 +75,7 @@ impl Triangulator {
             }
         }
         let axis = (0..3).fold(0, |a, b| if normal[b].abs() > normal[a].abs() { b } else { a });
-        // What is left of a sum of opposite terms is rounding.
+        // A sum of opposite terms leaves only rounding errors.
         if normal[axis].abs() <= 1e-14 * size {
             return false;
         }
@@ -85,7 +86,7 @@ impl Triangulator {
         true
     }
 
-    /// Whether every corner turns left and the walk goes round once.
+    /// True if every corner is convex and the polygon winds around once.
     fn is_convex(&self) -> bool {
         let p = &self.flat;
         let n = p.len();
@@ -111,7 +112,7 @@ impl Triangulator {
         self.after.clear();
         self.after.extend((0..n).map(|i| if i + 1 == n { 0 } else { i + 1 }));
         let mut left = n;
-        // Corners that repeat their neighbour give triangles without area whatever is done: now they are out of the way.
+        // Corners that repeat their neighbour give triangles without area in any case: cut them off first.
         let mut at = 0;
         for _ in 0..n {
             let next = self.after[at as usize];
@@ -134,7 +135,7 @@ impl Triangulator {
         }
         self.grid.build(&self.flat, &self.blocks);
 
-        // A second of work at worst; reached by polygons of ten thousand corners only if they are made to reach it.
+        // A second of work at most; polygons of ten thousand corners reach it only if constructed to.
         let mut budget = 100_000_000u64 + 100 * u64::from(n);
         let mut patience = Patience::Strict;
         let mut tried = 0;
@@ -159,7 +160,7 @@ impl Triangulator {
                 }
                 patience = Patience::Strict;
                 tried = 0;
-                // Leaving out the next corner cuts better shapes than a fan around one.
+                // Skipping the next corner gives better shapes than a fan around one.
                 at = self.after[a as usize];
             } else {
                 tried += 1;
@@ -175,7 +176,7 @@ impl Triangulator {
                 }
             }
         }
-        // The last three, or the fan of what would not be cut.
+        // The last triangle, or a fan over what could not be cut.
         let hub = at;
         let mut a = self.after[hub as usize];
         let mut b = self.after[a as usize];
@@ -208,7 +209,7 @@ impl Triangulator {
         }
     }
 
-    /// Whether a corner, or a chain through the tip, lies in the triangle at `at`.
+    /// True if a corner, or another part of the outline through the tip, lies in the triangle at `at`.
     fn is_blocked(&self, at: u32, touching_is_fine: bool, budget: &mut u64) -> bool {
         let (before, after) = (self.before[at as usize], self.after[at as usize]);
         let p = |i: u32| self.flat[i as usize];
@@ -223,7 +224,8 @@ impl Triangulator {
                 return false;
             }
             if x == b {
-                // Another visit of the same place: it matters if it comes from inside the ear.
+                // Another corner at the position of the tip: it matters if its outline comes from inside the
+                // ear.
                 return [self.before[q as usize], self.after[q as usize]]
                     .into_iter()
                     .any(|r| turn(a, b, p(r)) > 0.0 && turn(p(r), b, c) < 0.0 && turn(b, c, p(r)) > 0.0);
@@ -234,28 +236,28 @@ impl Triangulator {
     }
 }
 
-/// What counts as an ear. Each time a whole round finds none, more does.
+/// Criterion for ears. Relaxed each time a full round finds none.
 #[derive(Clone, Copy, PartialEq)]
 enum Patience {
-    /// Turns left, and nothing lies in it or on its rim.
+    /// Convex, with no corner inside or on its boundary.
     Strict,
-    /// Turns left, and nothing lies inside.
+    /// Convex, with no corner inside.
     Touching,
-    /// Does not turn: a triangle without area.
+    /// Collinear: a triangle without area.
     Straight,
-    /// Turns left.
+    /// Convex.
     Any,
 }
 
-/// The corners that may block ears, by place.
+/// Uniform grid of the corners that may block ears.
 #[derive(Clone, Debug, Default)]
 struct Grid {
     low: [f64; 2],
     /// Cells per unit, along each axis.
     per_unit: [f64; 2],
-    /// Cells along each axis.
+    /// Number of cells along each axis.
     side: usize,
-    /// Where each cell's corners begin; one more entry than cells.
+    /// Start of each cell in `corners`; one more entry than cells.
     start: Vec<u32>,
     corners: Vec<u32>,
     live: usize,
@@ -272,7 +274,7 @@ impl Grid {
                 high[k] = high[k].max(points[i][k]);
             }
         }
-        // About two corners a cell, and no more cells than a million.
+        // About two corners per cell, and at most a million cells.
         self.side = ((self.live as f64 / 2.0).sqrt() as usize).clamp(1, 1000);
         self.low = low;
         self.per_unit = [0, 1].map(|k| {
@@ -290,7 +292,7 @@ impl Grid {
         }
         self.corners.clear();
         self.corners.resize(self.live, 0);
-        // Filled from the back: each start ends where it should begin.
+        // Filled from the back: each `end` finishes at the start of its cell.
         let mut end: Vec<u32> = self.start[1..].to_vec();
         for i in of() {
             let slot = &mut end[self.cell(points[i])];
@@ -300,7 +302,7 @@ impl Grid {
     }
 
     fn column(&self, x: f64, k: usize) -> usize {
-        // Casts of floats saturate, so what lies outside comes to the rim.
+        // Float casts saturate, so outside points fall into the outermost cells.
         (((x - self.low[k]) * self.per_unit[k]) as usize).min(self.side - 1)
     }
 
@@ -314,12 +316,12 @@ impl Grid {
         }
     }
 
-    /// Whether most of the corners in it are gone.
+    /// True if most of its corners are no longer in the ring.
     fn is_stale(&self) -> bool {
         self.corners.len() > 16 && self.live < self.corners.len() / 2
     }
 
-    /// Whether `test` holds for a corner whose cell touches the box of a triangle.
+    /// True if `test` holds for a corner whose cell overlaps the bounding box of a triangle.
     fn any_in(&self, triangle: [[f64; 2]; 3], mut test: impl FnMut(u32) -> bool) -> bool {
         let [a, b, c] = triangle;
         let low = [0, 1].map(|k| self.column(a[k].min(b[k]).min(c[k]), k));
@@ -332,7 +334,8 @@ impl Grid {
     }
 }
 
-/// Cuts the convex chain from corner `first` to corner `last` by halves, which makes better shapes than a fan.
+/// Cuts the convex chain from corner `first` to corner `last` by halving, which gives better shapes than a
+/// fan.
 fn halve(first: u32, last: u32, out: &mut Vec<[u32; 3]>) {
     if last - first >= 2 {
         let middle = first + (last - first) / 2;
@@ -349,7 +352,7 @@ fn split_quad(p: [[f64; 3]; 4]) -> [[u32; 3]; 2] {
     let to = |a: usize, b: usize| [0, 1, 2].map(|k| (p[b][k] - p[a][k]) * scale);
     let (d02, d13) = (to(0, 2), to(1, 3));
     let normal = cross(d02, d13);
-    // Four times the product of the areas of the whole and its lesser half.
+    // Four times the product of the areas of the whole and its smaller half.
     let worst = |halves: [[u32; 3]; 2]| {
         let area = halves.map(|t| {
             let [a, b, c] = t.map(|i| i as usize);
@@ -358,12 +361,12 @@ fn split_quad(p: [[f64; 3]; 4]) -> [[u32; 3]; 2] {
         area[0].min(area[1])
     };
     let (even_worst, odd_worst) = (worst(even), worst(odd));
-    // Halves thinner than this part of the whole do not count as turned the right way. Guessed.
+    // Halves thinner than this fraction of the whole do not count as correctly wound. Guessed.
     let least = 1e-6 * dot(normal, normal);
     match (even_worst > least, odd_worst > least) {
         (true, false) => even,
         (false, true) => odd,
-        // The rounding of single precision must not choose between equal diagonals.
+        // Rounding in single precision must not decide between equal diagonals.
         (true, true) if dot(d02, d02) <= dot(d13, d13) * (1.0 + 1e-6) => even,
         (true, true) => odd,
         (false, false) if odd_worst > even_worst => odd,
@@ -371,7 +374,8 @@ fn split_quad(p: [[f64; 3]; 4]) -> [[u32; 3]; 2] {
     }
 }
 
-/// A power of two that brings the polygon near size one without rounding; `None` if it has no finite size.
+/// Returns a power of two that scales the polygon to about size one without rounding; `None` if its size is
+/// not finite.
 fn scale_of(points: &[[f64; 3]]) -> Option<f64> {
     let mut size = 0f64;
     for p in points {
@@ -382,11 +386,11 @@ fn scale_of(points: &[[f64; 3]]) -> Option<f64> {
             size = size.max(x.abs());
         }
     }
-    // Below or above these the scale itself would overflow; products do only then.
+    // Beyond these sizes the scale itself would overflow.
     (1e-290..1e290).contains(&size).then(|| (-size.log2().round()).exp2())
 }
 
-/// Twice the signed area of a triangle, zero if rounding may have made its sign.
+/// Returns twice the signed area of a triangle, or zero if its sign may come from rounding.
 #[inline]
 fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     let left = (b[0] - a[0]) * (c[1] - a[1]);
@@ -486,7 +490,7 @@ mod tests {
 
     #[test]
     fn a_ring_cut_open_by_a_bridge_is_tiled() {
-        // Twelve corners outside, twelve inside the other way round; the bridge's two ends come twice.
+        // Twelve outer corners, twelve inner ones in reverse; the bridge's two ends come twice.
         let circle = |r: f64, i: f64| [r * (i * PI / 6.0).cos(), r * (i * PI / 6.0).sin()];
         let mut p: Vec<[f64; 2]> = (0..12).map(|i| circle(2.0, f64::from(i))).collect();
         p.push(p[0]);
@@ -542,7 +546,7 @@ mod tests {
         cut(&[[f64::INFINITY, 0.0, 0.0]; 5]);
         let line: Vec<[f64; 3]> = (0..50).map(|i| [f64::from(i % 7), 0.0, 0.0]).collect();
         cut(&line);
-        // A pentagram crosses itself; a bow tie of six corners has no plane.
+        // A pentagram intersects itself; a bow tie of six corners has no plane.
         let star: Vec<[f64; 2]> =
             (0..5).map(|i| [(f64::from(i) * 2.5133).cos(), (f64::from(i) * 2.5133).sin()]).collect();
         cut(&tilted(&star));

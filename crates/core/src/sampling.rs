@@ -1,9 +1,10 @@
-//! Seeded points on a surface, spread evenly by area.
+//! Seeded samples of a surface, distributed evenly by area.
 //!
-//! The faces are laid side by side on a line, each as long as it is large, and the line is cut into as many equal
-//! pieces as there shall be samples; each piece gives one. Within a face the line is folded into a curve that fills the
-//! triangle (each half of the line is one half of the triangle, again and again), so neighbours on the line are
-//! neighbours on the surface, and even pieces of the line are even patches of the face:
+//! The faces are laid out on a line, with lengths proportional to their areas, and the line is cut into as
+//! many equal intervals as there are samples; each interval gives one. Within a face the line is folded into
+//! a space-filling curve of the triangle (each half of the line is one half of the triangle, recursively), so
+//! neighbours on the line are neighbours on the surface, and equal intervals of the line are patches of equal
+//! area:
 //!
 //! ```text
 //!        c                   c
@@ -13,7 +14,8 @@
 //!    a ───── b           a ──m── b
 //! ```
 //!
-//! Every sample is a function of seed, number and count alone: any part can be drawn alone, in any order, by any thread.
+//! Every sample is a function of seed, number and count alone: any subset can be drawn in any order, by any
+//! thread.
 
 use std::ops::Range;
 
@@ -29,59 +31,59 @@ use crate::mesh::{Bounds, Surface};
 pub struct Sample {
     /// The face.
     pub face: FaceId,
-    /// How much each corner weighs; none negative, together 1.
+    /// Barycentric weight of each corner; none negative, sum 1.
     pub weights: [f64; 3],
 }
 
 impl Sample {
-    /// The place between three corners.
+    /// Returns the position of the sample on a face with these corners.
     #[inline]
     pub fn point(&self, corners: [DVec3; 3]) -> DVec3 {
         corners[0] * self.weights[0] + corners[1] * self.weights[1] + corners[2] * self.weights[2]
     }
 }
 
-/// A small seeded generator: the same numbers on every machine.
+/// A small seeded random generator: the same numbers on every machine.
 ///
 /// Source: SplitMix64 [Steele 2014].
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
-/// What SplitMix64 counts by.
+/// Increment of SplitMix64.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
 impl Random {
-    /// Equal seeds give equal numbers.
+    /// Makes a generator. Equal seeds give equal numbers.
     pub const fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// Any number, all as likely.
+    /// Returns a random number, uniform over all values.
     #[inline]
     pub fn next_u64(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(STEP);
         mix(self.0)
     }
 
-    /// Evenly spread from zero to below one.
+    /// Returns a random number, uniform from zero to below one.
     #[inline]
     pub fn unit(&mut self) -> f64 {
         unit(self.next_u64())
     }
 }
 
-/// Faces laid side by side, ready to be sampled.
+/// Faces laid out on a line, ready to be sampled.
 #[derive(Clone, Debug)]
 pub struct Sampler {
-    /// Where each face ends on the line.
+    /// End of each face on the line.
     ends: Vec<f64>,
 }
 
 impl Sampler {
     /// Lays out the faces of a surface in their order; `None` if no face has finite corners.
     ///
-    /// Faces with a corner that is not finite get no samples. If no face has an area, each gets samples by its
-    /// perimeter; if all are single points, by their number. Cost: O(n) for n faces.
+    /// Faces with a non-finite corner get no samples. If no face has an area, faces are weighted by their
+    /// perimeter; if all are single points, equally. Cost: O(n) for n faces.
     pub fn new(surface: &Surface<'_>) -> Option<Self> {
         let positions = surface.positions();
         let of_faces = || surface.triangles().iter().map(|t| t.map(|v| positions.get(v)));
@@ -100,7 +102,7 @@ impl Sampler {
         }))
     }
 
-    /// Lays out triangles of a unit frame; `None` stands for a face to leave out. At least one is not left out.
+    /// Lays out triangles of a unit frame; `None` leaves a face out. At least one is not left out.
     pub(crate) fn over<I: Iterator<Item = Option<[DVec3; 3]>>>(faces: impl Fn() -> I) -> Self {
         let perimeter = |[a, b, c]: [DVec3; 3]| a.distance(b) + b.distance(c) + c.distance(a);
         let mut sampler = Self::by(faces(), |t| double_area_normal(t).length());
@@ -134,7 +136,8 @@ impl Sampler {
         let mut face = None;
         range.map(move |number| {
             let at = (number as f64 + random(seed, number, 0)) / count as f64 * total;
-            // The first face is sought, the others follow it; faces without weight end where they begin.
+            // The first face is found by binary search, the next ones by stepping; faces without weight end
+            // where they begin.
             let mut f = face.unwrap_or_else(|| self.ends.partition_point(|&end| end <= at));
             while f + 1 < self.ends.len() && self.ends[f] <= at {
                 f += 1;
@@ -143,7 +146,7 @@ impl Sampler {
             face = Some(f);
             let start = if f == 0 { 0.0 } else { self.ends[f - 1] };
             let length = self.ends[f] - start;
-            // Rounding may put the last sample on a last face without weight; any place is as good there.
+            // Rounding may put the last sample on a last face without weight; any position is fine there.
             let along = if length > 0.0 { ((at - start) / length).clamp(0.0, 1.0) } else { 0.5 };
             let in_face = length / total * count as f64;
             Sample { face: FaceId(f as u32), weights: fold(along, in_face, seed, number) }
@@ -151,14 +154,15 @@ impl Sampler {
     }
 }
 
-/// The place in a triangle for a place on the line, 0 to 1, folded until each piece holds about one sample of `in_face`.
+/// Maps a position on the line, 0 to 1, to a point in a triangle, by folding until each patch holds about one
+/// of `in_face` samples.
 #[inline]
 fn fold(along: f64, in_face: f64, seed: u64, number: usize) -> [f64; 3] {
     // Weights of the second and third corner; the first has the rest.
     let (mut enter, mut leave, mut apex) = ([0.0, 0.0], [1.0, 0.0], [0.0, 1.0]);
     let mut along = along;
     let mut patches = 1.0;
-    // 2^40 patches in a face are more than anybody draws.
+    // More than 2^40 patches per face are never needed.
     while patches < in_face && patches < (1u64 << 40) as f64 {
         let middle = [(enter[0] + leave[0]) * 0.5, (enter[1] + leave[1]) * 0.5];
         along *= 2.0;
@@ -170,7 +174,7 @@ fn fold(along: f64, in_face: f64, seed: u64, number: usize) -> [f64; 3] {
         }
         patches *= 2.0;
     }
-    // Anywhere in the patch: a point of the parallelogram, turned back if it lies in the wrong half.
+    // A random point of the patch: a point of the parallelogram, reflected if it lies in the wrong half.
     let (mut u, mut v) = (random(seed, number, 1), random(seed, number, 2));
     if u + v > 1.0 {
         (u, v) = (1.0 - u, 1.0 - v);
@@ -181,7 +185,7 @@ fn fold(along: f64, in_face: f64, seed: u64, number: usize) -> [f64; 3] {
     [(1.0 - second - third).max(0.0), second, third]
 }
 
-/// A number from 0 to below 1 that depends on nothing but these three.
+/// Returns a number from 0 to below 1 that depends on these three only.
 ///
 /// Source: the mixing steps of SplitMix64 [Steele 2014], over a counter.
 #[inline]
@@ -190,7 +194,7 @@ fn random(seed: u64, number: usize, stream: u64) -> f64 {
     unit(mix(x))
 }
 
-/// The upper bits as a number from 0 to below 1.
+/// Converts the upper bits to a number from 0 to below 1.
 #[inline]
 fn unit(x: u64) -> f64 {
     (x >> 11) as f64 / (1u64 << 53) as f64
@@ -217,7 +221,7 @@ mod tests {
 
     #[test]
     fn numbers_by_chance_are_those_of_the_paper() {
-        // The first numbers of the reference program for the seed 1234567.
+        // The first outputs of the reference program for the seed 1234567.
         let mut random = Random::new(1_234_567);
         let first = [6_457_827_717_110_365_317, 3_203_168_211_198_807_973, 9_817_491_932_198_370_423];
         assert_eq!(first, [(); 3].map(|()| random.next_u64()));

@@ -1,7 +1,7 @@
 //! Shapes with known counts, for tests and demonstrations.
 //!
-//! All are single precision without attributes (but for [`level`]), about one unit in size, and the same at every call. Closed ones face
-//! outward.
+//! All are in single precision without attributes (except [`level`]), about one unit in size, and the same at
+//! every call. Closed ones face outward.
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
@@ -10,7 +10,7 @@ use crate::ids::{VertexId, WedgeId};
 use crate::mesh::{Positions, TriMesh};
 use crate::sampling::Random;
 
-/// Every shape at a small size, with its name; what contracts are tested on.
+/// Returns every shape at a small size, with its name; for contract tests.
 pub fn all() -> Vec<(&'static str, TriMesh)> {
     vec![
         ("tetrahedron", tetrahedron()),
@@ -45,7 +45,7 @@ pub fn tetrahedron() -> TriMesh {
     mesh(p, vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
 }
 
-/// The unit cube, `n` by `n` squares a side: 6 n² + 2 vertices, 12 n² faces.
+/// The unit cube, each side `n` by `n` squares: 6 n² + 2 vertices, 12 n² faces.
 ///
 /// # Panics
 /// If `n` is zero.
@@ -54,12 +54,12 @@ pub fn cube(n: u32) -> TriMesh {
     let mut numbers = HashMap::new();
     let mut points = Vec::new();
     let mut triangles = Vec::new();
-    // Each side by its axis, and whether it lies at the far end.
+    // Each side as its axis, and whether it is at the far end.
     for (axis, far) in [(0, false), (0, true), (1, false), (1, true), (2, false), (2, true)] {
         let mut at = |i: u32, j: u32| {
             let mut place = [0; 3];
             place[axis] = if far { n } else { 0 };
-            // Turned so that each side looks outward.
+            // Swapped so that each side faces outward.
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
             (place[u], place[v]) = if far { (i, j) } else { (j, i) };
             *numbers.entry(place).or_insert_with(|| {
@@ -77,13 +77,14 @@ pub fn cube(n: u32) -> TriMesh {
     mesh(points, triangles)
 }
 
-/// A sphere of radius one, an icosahedron whose faces were cut in four `n` times: 10·4ⁿ + 2 vertices, 20·4ⁿ faces.
+/// A sphere of radius one: an icosahedron whose faces were subdivided `n` times: 10·4ⁿ + 2 vertices, 20·4ⁿ
+/// faces.
 pub fn icosphere(n: u32) -> TriMesh {
     let (points, triangles) = icosphere_parts(n);
     mesh(points, triangles)
 }
 
-/// An [`icosphere`] whose vertices were moved along their normals by up to `noise`, evenly spread.
+/// An [`icosphere`] whose vertices were moved along their normals by up to `noise`, uniformly.
 pub fn noisy_sphere(n: u32, noise: f64, seed: u64) -> TriMesh {
     let (mut points, triangles) = icosphere_parts(n);
     let mut random = Random::new(seed);
@@ -105,7 +106,8 @@ pub fn blob(n: u32, seed: u64) -> TriMesh {
             break d.map(|x| x / length);
         }
     };
-    // Waves along random directions, each half as high and twice as fine as the one before.
+    // Waves along random directions, each with half the amplitude and twice the frequency of the previous
+    // one.
     let waves: Vec<([f64; 3], f64, f64)> = (0..12)
         .map(|i| {
             let octave = f64::from(1u32 << (i / 3));
@@ -127,7 +129,8 @@ pub fn blob(n: u32, seed: u64) -> TriMesh {
     mesh(points, triangles)
 }
 
-/// A torus of radii 1 and 0.4, `m` steps the long way and `n` the short: m·n vertices, 2·m·n faces.
+/// A torus of radii 1 and 0.4, with `m` steps around the ring and `n` around the tube: m·n vertices, 2·m·n
+/// faces.
 ///
 /// # Panics
 /// If `m` or `n` is below three.
@@ -148,8 +151,8 @@ pub fn torus(m: u32, n: u32) -> TriMesh {
     mesh(points, triangles)
 }
 
-/// An open tube of radius 0.5 and height one, `around` steps round and `up` steps high: around·(up + 1) vertices,
-/// 2·around·up faces, two border loops.
+/// An open tube of radius 0.5 and height one, with `around` steps around and `up` steps high: around·(up + 1)
+/// vertices, 2·around·up faces, two border loops.
 ///
 /// # Panics
 /// If `around` is below three or `up` is zero.
@@ -252,7 +255,7 @@ pub fn bow_tie() -> TriMesh {
     mesh(p, vec![[0, 1, 2], [0, 3, 4]])
 }
 
-/// As many triangles as `pages` on one edge: pages + 2 vertices.
+/// A number of triangles (`pages`) on one shared edge: pages + 2 vertices.
 pub fn book(pages: u32) -> TriMesh {
     let mut points = vec![[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
     let mut triangles = Vec::new();
@@ -264,7 +267,7 @@ pub fn book(pages: u32) -> TriMesh {
     mesh(points, triangles)
 }
 
-/// A [`grid`] with each face a second time, turned round: (n + 1)² vertices, 4 n² faces, half of them duplicates.
+/// A [`grid`] with each face duplicated in reverse: (n + 1)² vertices, 4 n² faces, half of them duplicates.
 ///
 /// # Panics
 /// If `n` is zero.
@@ -286,7 +289,7 @@ pub fn two_far_parts() -> TriMesh {
     mesh(points, triangles)
 }
 
-/// As many tetrahedra apart as `count`, in a cubic pattern: 4 vertices and 4 faces each.
+/// A number of separate tetrahedra (`count`) in a cubic pattern: 4 vertices and 4 faces each.
 pub fn tetrahedra(count: u32) -> TriMesh {
     let one = tetrahedron();
     let side = (1..).find(|s| s * s * s >= count).unwrap_or(1);
@@ -300,7 +303,7 @@ pub fn tetrahedra(count: u32) -> TriMesh {
     mesh(points, triangles)
 }
 
-/// As many random triangles as `count` that share nothing, in the unit cube: 3 vertices each.
+/// A number of random triangles (`count`) that share nothing, in the unit cube: 3 vertices each.
 pub fn soup(count: u32, seed: u64) -> TriMesh {
     let mut random = Random::new(seed);
     let mut points = Vec::new();
@@ -312,9 +315,10 @@ pub fn soup(count: u32, seed: u64) -> TriMesh {
     mesh(points, triangles)
 }
 
-/// A game level in small: a [`wavy_sheet`] of `n` by `n` squares with `boxes` closed boxes on it, each 0.4 to 2.4 % as wide as
-/// the sheet. All have texture coordinates; those of the six sides of a box lie apart, so that every edge between two sides
-/// is a seam. (n + 1)² + 8 `boxes` vertices, 2 n² + 12 `boxes` faces.
+/// A small game level: a [`wavy_sheet`] of `n` by `n` squares with `boxes` closed boxes on it, each 0.4 to
+/// 2.4 % as wide as the sheet. All have texture coordinates; each of the six sides of a box has its own
+/// chart, so that every edge between two sides is a seam. (n + 1)² + 8 `boxes` vertices, 2 n² + 12 `boxes`
+/// faces.
 ///
 /// # Panics
 /// If `n` is zero.
@@ -381,7 +385,7 @@ fn icosphere_parts(n: u32) -> Parts {
     for [a, b] in [[1.0, g], [-1.0, g], [1.0, -g], [-1.0, -g]] {
         points.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
     }
-    // Three vertices at the least distance, two, make a face; the normal says which way round.
+    // Three vertices at the smallest distance, two, make a face; the normal decides the winding.
     let is_edge = |a: [f64; 3], b: [f64; 3]| {
         let d = [0, 1, 2].map(|k| a[k] - b[k]);
         (dot(d, d) - 4.0).abs() < 1e-9
@@ -476,7 +480,7 @@ mod tests {
         for pages in [3, 4] {
             let c = counts(&book(pages));
             assert_eq!((c.non_manifold_edge_count, c.border_edge_count), (1, 2 * pages as usize));
-            // Its ends have several fans, but nothing is pinched.
+            // Its ends have several fans, but no vertex is pinched.
             assert_eq!((c.non_manifold_vertex_count, c.pinched_vertex_count), (2, 0));
         }
         let c = counts(&mobius_strip(24));

@@ -1,4 +1,4 @@
-//! Trees over space: what lies near a point.
+//! Spatial search trees for nearest-point queries.
 
 pub mod bvh;
 

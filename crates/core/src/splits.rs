@@ -6,38 +6,39 @@
 //!            <-contraction 0-           <-contraction n-1-
 //! ```
 //!
-//! Elements are numbered in the order of their birth, from the base on: at any level those below [`Counts`] are there,
-//! and those beyond are not yet. All arrays hold an element *as it is right after the split that gives birth to it*. What
-//! a split changes of older elements stands in [`Changes`], each with the value *after* the split; the value before it is
-//! what the walk has at that moment. So nothing is said twice, and any beginning of all arrays (base, then so many
-//! splits) is a coarser mesh.
+//! Elements are numbered in the order of their creation, from the base on: at any level those below
+//! [`Counts`] exist, and those beyond do not exist yet. All arrays hold an element *as it is right after the
+//! split that creates it*. Changes of older elements by a split are in [`Changes`], each with the value
+//! *after* the split; the value before it is the current one of the decoder. So nothing is stored twice, and
+//! any prefix of all arrays (base, then some splits) is a coarser mesh.
 //!
-//! Most splits give birth to one vertex and two faces, hang some corners of the split vertex on the new one, and move the
-//! split vertex. But a split may be anything that leads from a mesh to another: contractions of pairs that shared no
-//! edge, surfaces cut apart, whole parts that went, and, as the last one, whatever was welded or left out of the input
-//! before the first contraction.
+//! Most splits create one vertex and two faces, move some corners of the split vertex to the new one, and
+//! move the split vertex. But a split may be anything that leads from one mesh to another: contractions of
+//! pairs that shared no edge, surfaces cut apart, whole removed components, and, as the last one, whatever
+//! was welded or left out of the input before the first contraction.
 //!
-//! A vertex or wedge that no live face uses, though its number is below the count, is a *hole*: an engine that cuts a
-//! surface makes vertices that the full mesh has not. A mesh taken out of a level leaves holes out.
+//! A vertex or wedge that no live face uses, though its number is below the count, is a *hole*: an engine
+//! that cuts a surface makes vertices that the full mesh does not have. A mesh extracted at a level leaves
+//! holes out.
 
 use crate::ids::{FaceId, RegionId, VertexId, WedgeId};
 use crate::mesh::{Positions, Semantic};
 
-/// Why arrays are no base mesh with splits.
+/// Reasons why arrays do not form a valid base mesh with splits.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SplitsError {
-    /// An array has not as many entries as others ask for.
+    /// An array does not have the length that other arrays require.
     #[error("{array} has {got} entries for {wanted}")]
     WrongLength {
         /// The array.
         array: &'static str,
         /// Its length.
         got: usize,
-        /// The length that it has to have.
+        /// The required length.
         wanted: usize,
     },
-    /// A number that has to rise falls, or goes beyond the end.
+    /// A number that must not decrease does, or exceeds the limit.
     #[error("{array} is out of order at entry {entry}")]
     OutOfOrder {
         /// The array.
@@ -45,7 +46,7 @@ pub enum SplitsError {
         /// Index of the entry.
         entry: usize,
     },
-    /// An entry names an element that is not there at its level.
+    /// An entry names an element that does not exist at its level.
     #[error("{array}, entry {entry}: {index} is named where {count} are there")]
     OutOfRange {
         /// The array.
@@ -54,7 +55,7 @@ pub enum SplitsError {
         entry: usize,
         /// The number that it names.
         index: u32,
-        /// How many there are at that level.
+        /// Number of elements at that level.
         count: usize,
     },
     /// Single and double precision are mixed, or wedges belong to vertices in two ways.
@@ -62,7 +63,7 @@ pub enum SplitsError {
     Unfit {
         /// The array.
         array: &'static str,
-        /// What would fit.
+        /// The expected kind.
         wanted: &'static str,
     },
     /// More entries than 32-bit numbers can count.
@@ -75,7 +76,7 @@ pub enum SplitsError {
     },
 }
 
-/// How many elements there are at a level, holes included.
+/// Numbers of elements at a level, holes included.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Faces; none of them is a hole.
@@ -86,7 +87,7 @@ pub struct Counts {
     pub vertices: u32,
 }
 
-/// What stands in a row of values, wedge by wedge, in this order.
+/// Attributes in the row of values of a wedge, in this order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Layout {
     /// Three values: a normal.
@@ -95,12 +96,12 @@ pub struct Layout {
     pub has_uvs: bool,
     /// Four values: a colour.
     pub has_colors: bool,
-    /// Further attributes, each with its number of values.
+    /// Further attributes, each with its number of values per wedge.
     pub further: Vec<(Semantic, usize)>,
 }
 
 impl Layout {
-    /// Values in a row.
+    /// Number of values in a row.
     pub fn width(&self) -> usize {
         let first = 3 * usize::from(self.has_normals)
             + 2 * usize::from(self.has_uvs)
@@ -109,20 +110,20 @@ impl Layout {
     }
 }
 
-/// What splits change of elements that were there before: `at[i]` becomes `to[i]`, for split s with i from `ends[s]` to
-/// `ends[s + 1]`. Where one split names an element twice, the later one counts.
+/// Changes that splits make to existing elements: `at[i]` becomes `to[i]`, for split s with i from `ends[s]`
+/// to `ends[s + 1]`. If one split names an element twice, the later entry counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Changes<A, T> {
-    /// One more than there are splits; the first is 0.
+    /// End offsets of the splits, one more than there are splits; the first is 0.
     pub ends: Vec<u32>,
-    /// Which element.
+    /// Id of the changed element.
     pub at: Vec<A>,
     /// Its value after the split.
     pub to: T,
 }
 
 impl<A, T> Changes<A, T> {
-    /// The indices of what a split changes.
+    /// Range of the changes of a split.
     ///
     /// # Panics
     /// If there is no such split.
@@ -132,26 +133,26 @@ impl<A, T> Changes<A, T> {
     }
 }
 
-/// A level that is known better: what a least-squares fit towards the full mesh makes of it. The splits know nothing of
-/// it; whoever wants the closer mesh adds these to what the walk has at the level.
+/// A level with the result of a least-squares fit to the full mesh. The splits do not include it; to get the
+/// closer mesh, add these offsets to the decoded level.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Checkpoint {
-    /// Splits done.
+    /// Number of splits done.
     pub level: u32,
-    /// About how far the level, with the fit, is from the full mesh (RMS), in the units of the positions. Falls from
-    /// checkpoint to checkpoint, or stays.
+    /// Approximate RMS distance of the fitted level to the full mesh, in the units of the positions. Never
+    /// increases from checkpoint to checkpoint.
     pub error: f64,
-    /// Vertices that move, in order.
+    /// Ids of the vertices that move, ascending.
     pub vertices: Vec<VertexId>,
-    /// What is added to their positions.
+    /// Offsets added to their positions.
     pub moves: Vec<[f32; 3]>,
-    /// Wedges whose values change, in order.
+    /// Ids of the wedges whose values change, ascending.
     pub wedges: Vec<WedgeId>,
-    /// What is added to their rows; normals and the directions of tangents then have to be made unit vectors again.
+    /// Offsets added to their rows; normals and tangent directions then have to be normalized again.
     pub changes: Vec<f32>,
 }
 
-/// Which element of the mesh that was recorded each one is, so that the full level comes out as it went in.
+/// Numbers of the elements in the recorded mesh, so that the full level is identical to the input.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Original {
     /// The vertex of the original, or [`NO_ORIGINAL`].
@@ -160,46 +161,46 @@ pub struct Original {
     pub wedges: Vec<WedgeId>,
     /// The face of the original.
     pub faces: Vec<FaceId>,
-    /// Whether the original stored the vertex of each wedge.
+    /// True if the original stored the vertex of each wedge.
     pub has_vertex_map: bool,
 }
 
-/// Stands for the number of an element that the original has not.
+/// Marks an element that the original does not have.
 pub const NO_ORIGINAL: u32 = u32::MAX;
 
-/// The arrays; see the head of this module.
+/// The arrays; see the module documentation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplitData {
-    /// Elements at each level, from the base on: one more than there are splits. The last are the lengths of the arrays
-    /// of faces, wedges and vertices.
+    /// Numbers of elements at each level, from the base on: one more than there are splits. The last are the
+    /// lengths of the arrays of faces, wedges and vertices.
     pub counts: Vec<Counts>,
-    /// Three wedges for each face, which are there after the split that gives birth to it.
+    /// Three wedges for each face, as of the split that creates it.
     pub faces: Vec<[WedgeId; 3]>,
-    /// The region of each face, which never changes; `None` where all are one.
+    /// The region of each face, which never changes; `None` if there is only one.
     pub regions: Option<Vec<RegionId>>,
-    /// The vertex of each wedge; `None` where wedge i is vertex i at all levels.
+    /// The vertex of each wedge; `None` if wedge i is vertex i at all levels.
     pub vertex_of: Option<Vec<VertexId>>,
-    /// What stands on a wedge.
+    /// Attributes of a wedge.
     pub layout: Layout,
-    /// A row for each wedge.
+    /// A row of values for each wedge.
     pub values: Vec<f32>,
-    /// The place of each vertex.
+    /// The position of each vertex.
     pub positions: Positions,
-    /// Corners (three times the face, and 0, 1 or 2) that belong to another wedge from a split on.
+    /// Corners (three times the face, plus 0, 1 or 2) that change to another wedge at a split.
     pub corners: Changes<u32, Vec<WedgeId>>,
-    /// Wedges that belong to another vertex.
+    /// Wedges that change to another vertex.
     pub owners: Changes<WedgeId, Vec<VertexId>>,
-    /// Wedges whose row changes; whole rows.
+    /// Wedges whose row of values changes; whole rows.
     pub rows: Changes<WedgeId, Vec<f32>>,
-    /// Vertices that move.
+    /// Vertices whose position changes.
     pub places: Changes<VertexId, Positions>,
-    /// Levels with a fit, from the coarsest on; may be none.
+    /// Levels with a fit, from the coarsest on; may be empty.
     pub checkpoints: Vec<Checkpoint>,
-    /// The numbers of the original, where they are known.
+    /// The numbers of the original, if known.
     pub original: Option<Original>,
 }
 
-/// Arrays that were checked: every number that they name is there at its level.
+/// Validated arrays: every number names an element that exists at its level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Splits(SplitData);
 
@@ -211,23 +212,23 @@ impl std::ops::Deref for Splits {
 }
 
 impl Splits {
-    /// Checks the arrays, whoever made them. Cost: O(n).
+    /// Validates the arrays. Cost: O(n).
     ///
     /// # Errors
-    /// [`SplitsError`], by the array and its first entry that is wrong.
+    /// [`SplitsError`] with the array and its first wrong entry.
     pub fn new(data: SplitData) -> Result<Self, SplitsError> {
         check(&data)?;
         Ok(Self(data))
     }
-    /// The arrays, to be changed and checked again.
+    /// Returns the arrays, for example to change and validate them again.
     pub fn into_data(self) -> SplitData {
         self.0
     }
-    /// Number of splits; the full mesh is the level of that number.
+    /// Number of splits; also the level of the full mesh.
     pub fn len(&self) -> usize {
         self.counts.len() - 1
     }
-    /// Whether the base is all there is.
+    /// True if there are no splits.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -317,7 +318,7 @@ fn check_changes<A, T>(
     }
 }
 
-/// Every number against what is there at its level.
+/// Checks every number against the counts at its level.
 fn check_numbers(data: &SplitData) -> Result<(), SplitsError> {
     let within = |array: &'static str, entry: usize, index: u32, count: u32| match index < count {
         true => Ok(()),
@@ -391,7 +392,7 @@ fn check_checkpoints(data: &SplitData, width: usize) -> Result<(), SplitsError> 
     Ok(())
 }
 
-/// Whether the numbers of the original are each named once, from 0 on.
+/// Checks that each number of the original is used once, from 0 on.
 fn check_original(original: &Original, last: &Counts) -> Result<(), SplitsError> {
     let number = |array: &'static str, numbers: &[u32], wanted: u32| -> Result<(), SplitsError> {
         if numbers.len() != wanted as usize {

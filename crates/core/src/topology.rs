@@ -1,4 +1,4 @@
-//! Which faces meet where: half-edges derived from the triangles.
+//! Adjacency of faces: half-edges derived from the triangles.
 
 use crate::ids::{FaceId, HalfEdgeId, VertexId};
 use crate::mesh::Surface;
@@ -16,11 +16,11 @@ pub use counts::TopologyCounts;
 pub use one_ring::{OneRing, VertexView};
 pub use size::{Size, size_of};
 
-/// Who is whose neighbour on a surface.
+/// Adjacency of the faces of a surface.
 ///
-/// Each corner of each face names the half-edge that leaves it. The half-edges over the same two vertices, whichever
-/// way they go, form a ring: one on a border, two inside a manifold surface, more on a non-manifold edge.
-/// Faces that name a vertex twice keep their number but have no part in it.
+/// Each corner of each face names the half-edge that leaves it. The half-edges over the same two vertices, in
+/// either direction, form a ring: one on a border, two inside a manifold surface, more on a non-manifold
+/// edge. Faces that name a vertex twice keep their number but are not part of it.
 ///
 /// ```text
 ///        2                half-edge h leaves corner h of face h / 3;
@@ -36,36 +36,36 @@ pub struct Topology {
     origin: Vec<VertexId>,
     /// The next half-edge of the same edge; itself on a border.
     ring: Vec<HalfEdgeId>,
-    /// The lowest half-edges of the edges with three faces or more, in order.
+    /// The lowest half-edges of the edges with at least three faces, ascending.
     first_of_many: Vec<HalfEdgeId>,
-    /// Where each vertex' corners begin; one more entry than vertices.
+    /// Start of each vertex' corners; one more entry than vertices.
     corner_start: Vec<u32>,
     /// Corners by vertex, fan after fan, in order around the vertex.
     corners: Vec<HalfEdgeId>,
 }
 
-/// In the ring table: a half-edge of a degenerate face.
+/// Ring entry of half-edges of degenerate faces.
 const NO_RING: HalfEdgeId = HalfEdgeId(u32::MAX);
 
-/// How many faces meet along an edge.
+/// Kind of an edge, by the number of its faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum EdgeKind {
-    /// One.
+    /// One face.
     Border,
-    /// Two, going opposite ways as they should.
+    /// Two faces with consistent winding.
     Inner,
-    /// Two that go the same way: one of the faces is flipped.
+    /// Two faces that use the edge in the same direction: one of them is flipped.
     Misoriented,
-    /// Three or more.
+    /// Three or more faces.
     NonManifold,
 }
 
 impl Topology {
-    /// The topology of a surface, once vertices of equal position are welded.
+    /// Builds the topology of a surface after welding vertices of equal position.
     ///
-    /// Vertices and faces keep their numbers; welded vertices answer through their representative
-    /// ([`Topology::origin`]).
-    /// Cost: O(n log k), where k is the number of edges at a vertex; 38 bytes a face, 45 while it is made.
+    /// Vertices and faces keep their numbers; welded vertices are replaced by their representative
+    /// ([`Topology::origin`]). Cost: O(n log k), where k is the number of edges at a vertex; 38 bytes per
+    /// face, 45 during construction.
     ///
     /// # Panics
     /// If there are more corners than 32-bit ids can name.
@@ -74,7 +74,7 @@ impl Topology {
         Self::build(surface, |v| welded.of(v))
     }
 
-    /// The topology of a surface as its indices tell it: vertices at the same place stay apart.
+    /// Builds the topology of a surface from its indices: vertices at the same position stay separate.
     ///
     /// Cost and panics as [`Topology::new`].
     pub fn unwelded(surface: &Surface<'_>) -> Self {
@@ -101,7 +101,7 @@ impl Topology {
         this
     }
 
-    /// Makes the ring table: half-edges by their lesser vertex, then by the other.
+    /// Builds the ring table: sorts half-edges by their lower vertex, then by the other.
     fn link_edges(&mut self, vertex_count: usize) {
         let live = |h: &HalfEdgeId| !self.is_degenerate(h.face());
         let half_edges = || (0..self.origin.len() as u32).map(HalfEdgeId).filter(live);
@@ -126,7 +126,7 @@ impl Topology {
         (self.ring, self.first_of_many) = (ring, first_of_many);
     }
 
-    /// Makes the table of corners: by vertex, then in order around it.
+    /// Builds the table of corners: by vertex, then in order around it.
     fn sort_corners(&mut self, vertex_count: usize) {
         let live = |h: &HalfEdgeId| !self.is_degenerate(h.face());
         let half_edges = || (0..self.origin.len() as u32).map(HalfEdgeId).filter(live);
@@ -158,7 +158,7 @@ impl Topology {
     pub fn face_count(&self) -> usize {
         self.origin.len() / 3
     }
-    /// Whether a face names a vertex twice, and so has no part in the topology.
+    /// True if a face names a vertex twice, and so is not part of the topology.
     #[inline]
     pub fn is_degenerate(&self, face: FaceId) -> bool {
         let h = face.index() * 3;
@@ -169,7 +169,7 @@ impl Topology {
     pub fn origin(&self, h: HalfEdgeId) -> VertexId {
         self.origin[h.index()]
     }
-    /// The vertex that a half-edge comes to.
+    /// The vertex that a half-edge arrives at.
     #[inline]
     pub fn target(&self, h: HalfEdgeId) -> VertexId {
         self.origin[h.next().index()]
@@ -180,7 +180,8 @@ impl Topology {
         let h = face.index() * 3;
         [self.origin[h], self.origin[h + 1], self.origin[h + 2]]
     }
-    /// All half-edges over the same two vertices, this one first, the others in order of their number and round.
+    /// Iterates over all half-edges over the same two vertices, starting with this one, then cyclically in
+    /// order of their number.
     ///
     /// Empty for a half-edge of a degenerate face.
     #[inline]
@@ -188,13 +189,13 @@ impl Topology {
         let first = (self.ring[h.index()] != NO_RING).then_some(h);
         std::iter::successors(first, move |&g| Some(self.ring[g.index()]).filter(|&g| g != h))
     }
-    /// The other half-edge of an edge with two faces, whichever way it goes.
+    /// The other half-edge of an edge with two faces, in either direction.
     #[inline]
     pub fn twin(&self, h: HalfEdgeId) -> Option<HalfEdgeId> {
         let g = self.ring[h.index()];
         (g != NO_RING && g != h && self.ring[g.index()] == h).then_some(g)
     }
-    /// How many faces meet along the edge of `h`; `None` for a half-edge of a degenerate face.
+    /// The kind of the edge of `h`; `None` for a half-edge of a degenerate face.
     #[inline]
     pub fn kind(&self, h: HalfEdgeId) -> Option<EdgeKind> {
         let g = self.ring[h.index()];
@@ -210,20 +211,21 @@ impl Topology {
             Some(EdgeKind::Inner)
         }
     }
-    /// Each edge once, by its lowest half-edge, in order; edges of degenerate faces are left out.
+    /// Iterates over each edge once, as its lowest half-edge, in order; without edges of degenerate faces.
     pub fn edges(&self) -> impl Iterator<Item = HalfEdgeId> + '_ {
         (0..self.origin.len() as u32).map(HalfEdgeId).filter(|&h| self.is_first_of_edge(h))
     }
 
     #[inline]
     fn is_first_of_edge(&self, h: HalfEdgeId) -> bool {
-        // (A walk round the ring would take quadratic time on an edge with many faces.)
+        // Walking the ring would take quadratic time on an edge with many faces.
         let g = self.ring[h.index()];
         g != NO_RING && g >= h && (self.ring[g.index()] == h || self.first_of_many.binary_search(&h).is_ok())
     }
 }
 
-/// Sorts half-edges into buckets by a vertex: where each begins, and the half-edges, in order within a bucket.
+/// Sorts half-edges into buckets by a vertex: returns the start of each bucket, and the half-edges, in order
+/// within a bucket.
 fn bucket<I: Iterator<Item = HalfEdgeId>>(
     vertex_count: usize,
     half_edges: impl Fn() -> I,

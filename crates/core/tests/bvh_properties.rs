@@ -1,4 +1,4 @@
-//! Laws of the tree: it finds what a look at every face finds.
+//! Property tests of the tree: it finds the same as testing every face.
 
 use glam::DVec3;
 use lodsmith_core::geometry::triangle;
@@ -7,7 +7,7 @@ use lodsmith_core::{PositionsView, Surface, VertexId};
 use proptest::prelude::*;
 
 fn coordinate() -> impl Strategy<Value = f64> {
-    // Whole numbers make faces without area, equal corners and equal distances.
+    // Integers give faces without area, equal corners and equal distances.
     prop_oneof![4 => -1.0..1.0, 2 => (-2..3).prop_map(f64::from), 1 => -1e-6..1e-6]
 }
 
@@ -15,7 +15,7 @@ fn position() -> impl Strategy<Value = [f64; 3]> {
     [coordinate(), coordinate(), coordinate()]
 }
 
-/// Positions, some of them not finite, and triangles over them.
+/// Strategy for positions, some of them not finite, and triangles over them.
 fn soup() -> impl Strategy<Value = (Vec<[f64; 3]>, Vec<[u32; 3]>)> {
     let any =
         prop_oneof![40 => position(), 1 => Just([f64::NAN, 0.0, 0.0]), 1 => Just([0.0, f64::INFINITY, 0.0])];
@@ -26,7 +26,7 @@ fn soup() -> impl Strategy<Value = (Vec<[f64; 3]>, Vec<[u32; 3]>)> {
     })
 }
 
-/// Least squared distance over all faces with finite corners, in the units of the positions.
+/// Smallest squared distance over all faces with finite corners, in the units of the positions.
 fn by_every_face(p: [f64; 3], positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Option<f64> {
     triangles
         .iter()
@@ -54,18 +54,18 @@ proptest! {
             let plain = tree.closest(p);
             prop_assert_eq!(plain.is_some(), wanted.is_some());
             let (Some(hit), Some(wanted)) = (plain, wanted) else { continue };
-            // Both sides round, the looking here at full coordinates.
+            // Both sides round; the reference computation here uses full coordinates.
             let tolerance = (scale + shift) * 1e-14;
             prop_assert!((hit.distance - wanted).abs() <= tolerance, "{:?} instead of {}", hit, wanted);
             let (point, query) = (DVec3::from(hit.point), DVec3::from(p));
             prop_assert!((point.distance(query) - hit.distance).abs() <= tolerance);
-            // The point lies on the face that is named.
+            // The point lies on the returned face.
             let corners = triangles[hit.face.index()].map(|v| DVec3::from(positions[v as usize]));
             prop_assert!(triangle::nearest(point, corners).distance_sq.sqrt() <= tolerance);
-            // A hint changes how fast, not how far.
+            // A hint changes the speed, not the distance.
             let hinted = tree.closest_from(p, &mut hint).unwrap();
             prop_assert_eq!(hinted.distance, hit.distance);
-            // A bound just above finds it, one just below hides it.
+            // A bound just above the distance finds the point, one just below does not.
             let mut other = hint;
             prop_assert!(tree.closest_within(p, hit.distance * 1.001 + tolerance, &mut other).is_some());
             prop_assert!(tree.closest_within(p, hit.distance * 0.999, &mut other).is_none());

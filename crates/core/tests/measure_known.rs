@@ -1,4 +1,4 @@
-//! Distances whose true value is known.
+//! Comparisons whose true distances are known.
 
 use lodsmith_core::measure::{
     CompareOptions, Comparison, MeasureError, Prepared, compare, compare_prepared, vertex_distances,
@@ -33,7 +33,7 @@ fn plane(n: u32) -> Mesh {
     Mesh { positions, triangles: (0..n * n).flat_map(cell).collect() }
 }
 
-/// A sphere of radius 1: an octahedron whose faces are n × n triangles, pushed out.
+/// A sphere of radius 1: an octahedron whose faces are n × n triangles, projected to the sphere.
 fn sphere(n: u32) -> Mesh {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for octant in 0..8u32 {
@@ -61,7 +61,7 @@ fn sphere(n: u32) -> Mesh {
     Mesh { positions, triangles }
 }
 
-/// A sphere with bumps, so that nothing is a plain number.
+/// A sphere with bumps, so that coordinates are not round numbers.
 fn bumpy(n: u32) -> Mesh {
     sphere(n).map(|[x, y, z]| {
         let r = 1.0 + 0.1 * (5.0 * x + 1.0).sin() * (4.0 * y).cos() * (3.0 * z + 0.5).cos();
@@ -104,7 +104,7 @@ fn assert_same_but_for_scale(a: &Comparison, b: &Comparison, scale: f64, part: f
 fn a_larger_sphere_lies_the_difference_of_radii_away() {
     let (small, large) = (sphere(40), sphere(40).map(|p| p.map(|x| 1.1 * x)));
     let c = measure(&small, &large);
-    // Facets of 1/40 of a quarter turn sag by less than 3e-4 of the radius.
+    // Facets of 1/40 of a quarter turn deviate by less than 3e-4 of the radius.
     for t in [c.hausdorff, c.mean, c.rms, c.p99] {
         for d in [t.forward, t.backward, t.symmetric] {
             assert!((d - 0.1).abs() < 1.2e-3, "{c:?}");
@@ -127,7 +127,7 @@ fn a_shifted_plane_lies_the_shift_away() {
 
 #[test]
 fn a_tilted_plane_has_the_angle_and_the_integral() {
-    // Hinged at x = 0: the height over the flat one rises from 0 to the sine, evenly.
+    // Hinged at x = 0: the height above the flat one rises linearly from 0 to the sine.
     let angle = 0.01f64;
     let tilted = plane(4).map(|[x, y, _]| [x * angle.cos(), y, x * angle.sin()]);
     let c = compare(&plane(9).surface(), &tilted.surface(), &options(50_000, 3)).unwrap();
@@ -151,7 +151,7 @@ fn a_mesh_lies_on_itself() {
 
 #[test]
 fn a_missing_part_is_seen_one_way_only() {
-    // Two squares against one of them: half of the reference is a distance of 2 to 3 away.
+    // Two squares against one of them: half of the reference is 2 to 3 away.
     let mut both = plane(10);
     let far = both.clone().map(|[x, y, z]| [x + 3.0, y, z]);
     let first = both.positions.len() as u32;
@@ -170,7 +170,7 @@ fn a_missing_part_is_seen_one_way_only() {
 
 #[test]
 fn a_spike_is_found_at_its_vertex() {
-    // One vertex of ten thousand stands out; hardly a sample comes near its tip.
+    // One vertex of ten thousand is displaced; hardly a sample comes near its tip.
     let flat = plane(100);
     let mut spiked = flat.clone();
     spiked.positions[5000][2] = 0.5;
@@ -225,7 +225,7 @@ fn prepared_surfaces_give_the_same_numbers() {
 #[cfg(feature = "rayon")]
 #[test]
 fn any_number_of_threads_gives_the_same_numbers() {
-    // More than 16,384 faces, so that building the tree is shared out as well.
+    // More than 16,384 faces, so that building the tree is parallel too.
     let (a, b) = (bumpy(60), bumpy(9));
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -238,7 +238,7 @@ fn any_number_of_threads_gives_the_same_numbers() {
 
 #[test]
 fn far_from_the_origin_is_as_good_as_near() {
-    // Moved by a power of two, so that the positions, which are rounded here to 2^-20, move without loss.
+    // Shifted by a power of two, so that the positions, which are rounded here to 2^-20, shift without loss.
     let round = |mesh: Mesh| mesh.map(|p| p.map(|x| (x * 1048576.0).round() / 1048576.0));
     let (a, b) = (round(bumpy(20)), round(bumpy(8)));
     let near = measure(&a, &b);
@@ -258,7 +258,7 @@ fn scale_changes_nothing_but_the_unit() {
         let scale = 2f64.powi(power);
         assert_same_but_for_scale(&c, &at(scale), scale, 1e-15);
     }
-    // Here the positions are rounded anew: faces that tie may change places, and with them the samples.
+    // Here the positions are rounded again: faces that tie may swap, and with them the samples.
     for scale in [1e-6, 1e15, 1e-200, 1e200] {
         assert_same_but_for_scale(&c, &at(scale), scale, 3e-3);
         assert_near(at(scale).hausdorff.symmetric, c.hausdorff.symmetric * scale, 1e-12);

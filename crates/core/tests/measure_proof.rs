@@ -1,4 +1,4 @@
-//! Proofs of the largest distance: never below what is there, and close to it.
+//! Proven bounds of the largest distance: never below the true distance, and close to it.
 
 use lodsmith_core::measure::proof::{Farthest, Kept, farthest, is_seen_within, keeps_within};
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
@@ -17,7 +17,7 @@ fn of(mesh: &TriMesh) -> Prepared {
     Prepared::new(&mesh.surface()).unwrap()
 }
 
-/// A square of n × n cells, at a height of its own at each place.
+/// A square of n × n cells, with height `z` at each position.
 fn square(n: u32, z: impl Fn(f64, f64) -> f64) -> Triangles {
     let at = |i: u32, j: u32| {
         let (x, y) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
@@ -59,10 +59,10 @@ fn planes_lie_as_far_apart_as_they_do() {
 
 #[test]
 fn a_peak_between_corners_is_found() {
-    // The middle of the large triangle lies over the bottom of a valley, its corners on the rims.
+    // The middle of the large triangle lies above the bottom of a valley, its corners on the ridges.
     let valley = prepared(&square(20, |x, _| (x - 0.5).abs() * 0.2));
     let flat = prepared(&[[[0.0, 0.0, 0.1], [1.0, 0.0, 0.1], [0.5, 1.0, 0.1]]]);
-    // Square to the sides of the valley.
+    // Perpendicular to the sides of the valley.
     let depth = 0.1 / (1f64 + 0.04).sqrt();
     check(&flat, &valley, depth);
 }
@@ -98,7 +98,7 @@ fn points_segments_and_needles_are_proven_too() {
     check(&prepared(&[[p; 3]]), &flat, 0.2);
     check(&prepared(&[[p, [0.9, 0.1, 0.3], p]]), &flat, 0.3);
     check(&prepared(&[[[0.1, 0.1, 0.1], [0.9, 0.9, 0.1], [0.5, 0.5 + 1e-13, 0.1]]]), &flat, 0.1);
-    // Onto a point, a segment: from everywhere.
+    // Distance to a point or a segment: largest at the corners.
     let far = |x: f64, y: f64, z: f64| (x * x + y * y + z * z).sqrt();
     check(&flat, &prepared(&[[[0.0, 0.0, 0.5]; 3]]), far(1.0, 1.0, 0.5));
     check(&flat, &prepared(&[[[0.0, 0.0, 0.5], [1.0, 0.0, 0.5], [0.4, 0.0, 0.5]]]), far(0.0, 1.0, 0.5));
@@ -119,7 +119,7 @@ fn random(state: &mut u64) -> f64 {
     (*state >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Triangles by chance, of all sizes, a part of them without area.
+/// Random triangles, of all sizes, some of them without area.
 fn soup(count: usize, state: &mut u64) -> Triangles {
     let triangle = |_| {
         let size = 0.5 * random(state).powi(3);
@@ -155,11 +155,11 @@ fn no_sample_of_a_soup_lies_beyond_its_bound() {
             }
         }
         assert!(largest <= got.bound * (1.0 + 1e-12) && got.seen >= 0.9 * largest, "{largest} {got:?}");
-        // A hair more: the square of a root may be less than what the root was taken of.
+        // Slightly more: the square of a root may be less than its argument.
         let bound = got.bound * (1.0 + 1e-12);
         assert!(matches!(keeps_within(&from, &to, bound), Kept::Yes(_)), "{got:?}");
         assert!(matches!(keeps_within(&from, &to, 0.995 * got.seen), Kept::No(_)), "{got:?}");
-        // Places are never wrong to deny, and once they do they do for any shorter distance.
+        // A rejection by samples is never wrong, and holds for any shorter distance.
         assert!(is_seen_within(&from, &to, bound));
         let seen: Vec<bool> = (0..20).map(|k| is_seen_within(&from, &to, bound * 0.8f64.powi(k))).collect();
         assert!(seen.is_sorted_by(|a, b| a >= b) && (got.seen < 1e-9 || !seen[19]), "{seen:?}");
@@ -168,7 +168,7 @@ fn no_sample_of_a_soup_lies_beyond_its_bound() {
 
 #[test]
 fn answers_do_not_hang_on_the_order_of_the_faces() {
-    // (Threads take pieces of fixed size; the tree sorts the faces.)
+    // Threads take pieces of fixed size; the tree sorts the faces.
     let state = &mut 3;
     let (mut a, b) = (soup(3000, state), soup(500, state));
     let first = farthest(&prepared(&a), &prepared(&b), 0.0, 0.01);

@@ -1,4 +1,4 @@
-//! Laws that hold for every mesh.
+//! Properties that hold for every mesh.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -22,7 +22,7 @@ fn any_soup() -> impl Strategy<Value = TriMesh> {
     ]
 }
 
-/// The lowest vertex with the same bits, zeros alike.
+/// The lowest vertex with the same bits, with -0.0 as 0.0.
 fn naive_weld(positions: PositionsView<'_>) -> Vec<VertexId> {
     let bits = |x: f64| if x == 0.0 { 0 } else { x.to_bits() };
     let mut seen = HashMap::new();
@@ -33,7 +33,7 @@ fn naive_weld(positions: PositionsView<'_>) -> Vec<VertexId> {
         .collect()
 }
 
-/// Groups that the pairs join, as a representative for each.
+/// Groups that the pairs connect, as a representative for each.
 fn naive_groups<T: Copy + Ord>(all: &BTreeSet<T>, pairs: &[(T, T)]) -> BTreeMap<T, T> {
     let mut group: BTreeMap<T, T> = all.iter().map(|&x| (x, x)).collect();
     for &(a, b) in pairs {
@@ -83,7 +83,7 @@ fn naive_counts(surface: &Surface<'_>) -> TopologyCounts {
         want.non_manifold_vertex_count += usize::from(joined(2) > 1);
         want.pinched_vertex_count += usize::from(joined(usize::MAX) > 1);
     }
-    // Orientable if no face is joined to its own other side, in the double cover.
+    // Orientable if no face is connected to its own other side in the double cover.
     let sides: BTreeSet<(usize, bool)> = (0..faces.len()).flat_map(|f| [(f, false), (f, true)]).collect();
     let mut pairs = Vec::new();
     for f in edges.values().filter(|f| f.len() == 2) {
@@ -112,7 +112,7 @@ proptest! {
     fn a_weld_within_a_distance_keeps_its_word(mesh in any_soup(), distance in 0.0..2.0f64) {
         let positions = mesh.positions().view();
         let got = weld_within(positions, distance);
-        // The rule, word for word: the lowest representative in reach.
+        // The documented rule: the lowest representative within the distance.
         let exact = naive_weld(positions);
         let mut representatives: Vec<VertexId> = Vec::new();
         for (i, p) in positions.iter().enumerate() {
@@ -146,7 +146,7 @@ proptest! {
         prop_assert_eq!(compact(&small.mesh).dropped_vertex_count, 0);
         let want = Topology::new(&mesh.surface()).counts();
         prop_assert_eq!(Topology::unwelded(&small.mesh.surface()).counts(), want);
-        // Corner for corner the same places.
+        // The same positions, corner by corner.
         let places = |mesh: &TriMesh| -> Vec<[u64; 3]> {
             let p = mesh.positions().view();
             let bits = |x: f64| if x == 0.0 { 0 } else { x.to_bits() };
@@ -175,7 +175,7 @@ proptest! {
         let topology = Topology::new(&mesh.surface());
         topology.check();
         let counts = topology.counts();
-        // A manifold's rims are its loops, and handles are whole.
+        // The border sets of a manifold are its loops, and its genus is an integer.
         if let (true, Some(genus)) = (counts.is_manifold(), counts.genus()) {
             let loops = counts.border_loop_count as i64;
             prop_assert_eq!(
@@ -190,7 +190,7 @@ proptest! {
         let found = defects(&surface);
         prop_assert_eq!(cleaned.triangles.len() + cleaned.dropped_face_count(), mesh.face_count());
         prop_assert_eq!(cleaned.non_finite_count, found.non_finite_face_count);
-        // Naive: the first of each turned to its least corner.
+        // Naive: the first of each face, rotated to its lowest corner.
         let welded = naive_weld(surface.positions());
         let mut seen = BTreeSet::new();
         let want: Vec<_> = surface.triangles().iter().map(|t| t.map(|v| welded[v.index()])).filter(|&[a, b, c]| {
@@ -215,7 +215,7 @@ proptest! {
     fn star_polygons_are_tiled(
         radii in prop::collection::vec(0.05..1.0f64, 3..60), tilt in -1.0..1.0f64, exponent in -20..20i32,
     ) {
-        // Seen from the middle all corners, so simple; but as concave as can be.
+        // Star-shaped around the middle, so simple; but arbitrarily concave.
         let scale = 10f64.powi(exponent);
         let n = radii.len();
         let points: Vec<[f64; 3]> = radii.iter().enumerate().map(|(i, r)| {
@@ -242,7 +242,8 @@ proptest! {
         let mut triangles = Vec::new();
         Triangulator::default().triangulate(&points, &mut triangles);
         prop_assert_eq!(triangles.len(), points.len().saturating_sub(2));
-        // Each side of the polygon is a side of just one triangle, each diagonal of two, going both ways.
+        // Each side of the polygon is a side of just one triangle, each diagonal of two, in opposite
+        // directions.
         let mut sides: BTreeMap<(u32, u32), i32> = BTreeMap::new();
         for t in &triangles {
             for k in 0..3 {

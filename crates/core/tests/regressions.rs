@@ -1,13 +1,13 @@
-//! Bugs that were, each by name; open ones assert today's answer and say that it is wrong.
+//! Regression tests for fixed bugs; for open bugs they assert today's wrong result and say so.
 
 use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{HalfEdgeId, Positions, Topology, TriMesh, VertexId};
 
-/// The fan at a border vertex with a flipped face has two ends that look like its beginning; it was told from either.
+/// The fan at a border vertex with a flipped face has two ends that look like its start; either one was used.
 #[test]
 fn a_flipped_face_on_a_border_leaves_the_fan_in_order() {
-    //   3 --- 2        0 1 2 is as it should be, 0 3 2 is flipped: at 0 and 2 both corners
-    //   |   / |        begin with a border edge.
+    //   3 --- 2        0 1 2 is correct, 0 3 2 is flipped: at 0 and 2 both corners
+    //   |   / |        start with a border edge.
     //   | /   |
     //   0 --- 1
     let p = vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
@@ -23,7 +23,7 @@ fn a_flipped_face_on_a_border_leaves_the_fan_in_order() {
 /// A plain fan of a concave polygon with a bridge (an assimp test model) doubled one face and overlapped others.
 #[test]
 fn a_concave_polygon_with_a_bridge_is_tiled_without_overlap() {
-    // A square frame, cut open at its left: outer corners, then the inner ones the other way round.
+    // A square frame, cut open at its left: outer corners, then the inner ones in reverse.
     let flat: [[f64; 2]; 10] = [
         [0.0, 1.5],
         [0.0, 0.0],
@@ -36,7 +36,7 @@ fn a_concave_polygon_with_a_bridge_is_tiled_without_overlap() {
         [2.0, 1.0],
         [1.0, 1.0],
     ];
-    // The bridge ends where it began: at the outer corner that comes twice, and at the inner that does.
+    // The bridge ends where it started: at the outer corner and the inner corner that come twice.
     let mut points: Vec<[f64; 3]> = flat.iter().map(|p| [-1.146, p[0], p[1]]).collect();
     points.push([-1.146, 1.0, 2.0]);
     let mut triangles = Vec::new();
@@ -52,14 +52,15 @@ fn a_concave_polygon_with_a_bridge_is_tiled_without_overlap() {
     assert!((sum - 8.0).abs() < 1e-12);
 }
 
-/// Faults B4: each half-edge of an edge with 40,000 faces walked round all others to learn whether it was the lowest.
+/// Faults B4: each half-edge of an edge with 40,000 faces walked around all others to find out whether it was
+/// the lowest.
 #[test]
 fn edges_with_many_faces_are_counted_in_one_walk() {
     let n = 300_000;
     let p = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let mesh = TriMesh::new(Positions::F32(p), vec![[0, 1, 2].map(VertexId); n]).unwrap();
     let topology = Topology::new(&mesh.surface());
-    // (In quadratic time this takes minutes: three times 300,000 walks of 300,000 steps.)
+    // In quadratic time this takes minutes: three times 300,000 walks of 300,000 steps.
     let counts = topology.counts();
     assert_eq!((counts.edge_count, counts.non_manifold_edge_count, counts.face_count), (3, 3, n));
     assert_eq!(topology.edges().collect::<Vec<_>>(), [0, 1, 2].map(HalfEdgeId));

@@ -1,37 +1,40 @@
-//! Finds the files that a model names (material libraries, textures, buffers, images), refuses those outside of its
-//! folder, and reads them within limits.
+//! Finds the files that a model names (material libraries, textures, buffers, images), refuses those outside
+//! its folder, and reads them within limits.
 //!
-//! Every reader does it here and nowhere else, so a model from a stranger reads and copies nothing but what came with it.
+//! All readers use this module for such files, so an untrusted model can only read and copy files that came
+//! with it.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
-/// Bytes of all images that one model names and that are read as they are. Guessed: half of what a GLB can hold.
+/// Maximum total bytes of the images that one model names and that are not decoded. Guessed: half of what a
+/// GLB can hold.
 pub(crate) const MOST_IMAGE_BYTES: u64 = 2 << 30;
 
 /// The folder that limits which files a model may name: its material libraries, textures, buffers and images.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum AssetScope {
-    /// Those in the folder of the model and below, after resolving links.
+    /// Files in the folder of the model and below, after resolving links.
     #[default]
     Folder,
-    /// Those in this folder and below, after resolving links.
+    /// Files in this folder and below, after resolving links.
     Root(PathBuf),
-    /// All that the system lets this process read. Only for models that are trusted.
+    /// All files that this process may read. Only for trusted models.
     Anywhere,
 }
 
 impl AssetScope {
-    /// Whether a file that lies in `folder` may name the one at `path`: for files that are no models, such as sessions.
+    /// Returns true if a file in `folder` may name the file at `path`; for files other than models, such as
+    /// sessions.
     pub fn allows(&self, path: &Path, folder: &Path) -> bool {
         Assets::new(folder, self).find(path) != Err(Refusal::Outside)
     }
 }
 
-/// Why a file that a model names is not used. Of several reasons the last one listed here is shown.
+/// Reason not to use a file that a model names. If several apply, the last one listed here is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Refusal {
     Absent,
@@ -55,23 +58,23 @@ impl Refusal {
 /// The folders in which the files that a model names are looked up.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Assets {
-    /// Folders in which names are looked up, in this order.
+    /// Search folders, in this order.
     folders: Vec<PathBuf>,
-    /// The folder that they may not leave, as it was given and after resolving links; `None` lets them lie anywhere.
+    /// The allowed folder, as given and after resolving links; `None` allows all folders.
     root: Option<[PathBuf; 2]>,
 }
 
 /// A file that a model names, found inside the allowed folder.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Asset {
-    /// The path as the model has it; a link has its own name here.
+    /// The path as the model has it; a link keeps its own name here.
     path: PathBuf,
     /// The file itself, after resolving links.
     real: PathBuf,
 }
 
 impl Assets {
-    /// Those of a model in this folder.
+    /// Returns the assets of a model in this folder.
     pub(crate) fn new(folder: &Path, scope: &AssetScope) -> Self {
         let root = match scope {
             AssetScope::Folder => Some(folder),
@@ -80,26 +83,26 @@ impl Assets {
         };
         let root = root.map(|root| {
             let given = normalized(root);
-            // Nothing lies in a folder that is not there.
+            // A folder that does not exist contains no file.
             let real = fs::canonicalize(root).unwrap_or_else(|_| given.clone());
             [given, real]
         });
         Self { folders: vec![folder.to_owned()], root }
     }
 
-    /// Whether any folder is known.
+    /// Returns true if there is a folder to search.
     pub(crate) fn has_folder(&self) -> bool {
         !self.folders.is_empty()
     }
 
-    /// The same for names in a file of this folder, which is searched first.
+    /// Returns the assets for names in a file of this folder, which is searched first.
     pub(crate) fn searched_from(&self, own: &Path) -> Self {
         let others = self.folders.iter().filter(|folder| *folder != own);
         let folders = [own].into_iter().chain(others.map(PathBuf::as_path)).map(Path::to_owned).collect();
         Self { folders, root: self.root.clone() }
     }
 
-    /// The file that a name means.
+    /// Returns the file that a name refers to.
     pub(crate) fn find(&self, name: &Path) -> Result<Asset, Refusal> {
         let mut refusal = Refusal::Absent;
         for folder in &self.folders {
@@ -112,7 +115,8 @@ impl Assets {
     }
 
     fn file_at(&self, path: PathBuf) -> Result<Asset, Refusal> {
-        // A name that leads out is refused before the disk is asked: nobody learns what lies there.
+        // A name that leads outside is refused before the file system is touched, so that its existence does
+        // not leak.
         if let Some(roots) = &self.root
             && !roots.iter().any(|root| normalized(&path).starts_with(root))
         {
@@ -131,12 +135,12 @@ impl Assets {
 }
 
 impl Asset {
-    /// The folder in which the model found it.
+    /// The folder where it was found, before resolving links.
     pub(crate) fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// Its own name; that of a link where it is one.
+    /// Its file name; that of the link if it is one.
     pub(crate) fn name(&self) -> &OsStr {
         self.path.file_name().unwrap_or_default()
     }
@@ -146,12 +150,12 @@ impl Asset {
         &self.real
     }
 
-    /// The file, opened.
+    /// Opens the file.
     pub(crate) fn open(&self) -> Result<File, String> {
         File::open(&self.real).map_err(|e| format!("cannot be read: {e}"))
     }
 
-    /// Its bytes, up to so many.
+    /// Reads its bytes, up to a maximum.
     ///
     /// # Errors
     /// The end of a sentence that begins with its name.
@@ -165,7 +169,7 @@ impl Asset {
         Ok(bytes)
     }
 
-    /// Its bytes, if they are those of an image; as many are taken off what is left.
+    /// Reads its bytes if they are an image, and subtracts their number from `left`.
     ///
     /// # Errors
     /// The end of a sentence that begins with its name.
@@ -179,7 +183,7 @@ impl Asset {
     }
 }
 
-/// An absolute path without `.` and `..`, without asking the disk.
+/// Returns an absolute path without `.` and `..`, without accessing the file system.
 fn normalized(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let mut plain = PathBuf::new();
@@ -195,13 +199,14 @@ fn normalized(path: &Path) -> PathBuf {
     plain
 }
 
-/// Whether bytes begin as an image does: the mark of a type, and behind it a header with a size where that can be read.
-/// Of types without a mark the name decides too.
+/// Returns true if the bytes begin like an image: the signature of a type, and after it a header with a size
+/// if that can be read. For types without a signature the extension is also needed.
 fn is_image(bytes: &[u8], name: &Path) -> bool {
     let is_tga = name.extension().is_some_and(|e| e.eq_ignore_ascii_case("tga"));
     let has_size = || imagesize::blob_size(bytes).is_ok_and(|size| size.width > 0 && size.height > 0);
     match bytes {
-        // Marks that are long enough to be no chance: DDS, KTX 1, OpenEXR, Radiance HDR, QOI, JPEG 2000, JPEG XL, AVIF.
+        // Signatures long enough to be unambiguous: DDS, KTX 1, OpenEXR, Radiance HDR, QOI, JPEG 2000, JPEG
+        // XL, AVIF.
         [b'D', b'D', b'S', b' ', 124, 0, 0, 0, ..]
         | [0xab, b'K', b'T', b'X', b' ', b'1', b'1', 0xbb, ..]
         | [0x76, 0x2f, 0x31, 0x01, ..]
@@ -211,7 +216,7 @@ fn is_image(bytes: &[u8], name: &Path) -> bool {
         | [0, 0, 0, 12, b'j' | b'J', b'P' | b'X', b' ' | b'L', b' ', 13, 10, 0x87, 10, ..]
         | [0, 0, 0, _, b'f', b't', b'y', b'p', b'a', b'v', b'i', b'f' | b's', ..] => true,
         [b'P', kind @ b'1'..=b'6', rest @ ..] => is_portable_map(rest, *kind),
-        // Two letters are no mark; the length of the header behind is.
+        // Two letters are too short for a signature; the header length that follows confirms it.
         [b'B', b'M', ..] => {
             bytes.get(14).is_some_and(|n| [12, 40, 52, 56, 64, 108, 124].contains(n)) && has_size()
         }
@@ -220,9 +225,10 @@ fn is_image(bytes: &[u8], name: &Path) -> bool {
     }
 }
 
-/// Whether a header of PBM, PGM or PPM goes on like this: width, height and, but for black and white, the largest value.
+/// Returns true if the rest of a PBM, PGM or PPM header is valid: width, height and, unless black and white,
+/// the maximum value.
 fn is_portable_map(header: &[u8], kind: u8) -> bool {
-    // Comments may stand between; a header longer than this was not written by a program. Guessed.
+    // Comments may come between; a header longer than this was not written by a program. Guessed.
     let header = &header[..header.len().min(4096)];
     let words = header
         .split(|&b| b == b'\n')
@@ -235,7 +241,7 @@ fn is_portable_map(header: &[u8], kind: u8) -> bool {
         && words.take(numbers).filter(|word| is_count(word)).count() == numbers
 }
 
-/// Whether these are the first bytes of a Targa image, which has no mark.
+/// Returns true if these bytes begin with a valid header of a Targa image, which has no signature.
 fn is_targa(bytes: &[u8]) -> bool {
     let Some(header) = bytes.first_chunk::<18>() else { return false };
     matches!((header[1], header[2]), (0 | 1, 1 | 9) | (0, 2 | 3 | 10 | 11))
@@ -262,7 +268,7 @@ mod tests {
             assert!(inside.find(Path::new(name)).is_ok(), "{name}");
         }
         assert!(inside.find(&folder.join("a")).is_ok());
-        // Whether something is there makes no difference.
+        // The result does not depend on whether the file exists.
         for name in ["../secret", "../none", "tex/../../secret", "/etc/hostname", "/none"] {
             assert_eq!(inside.find(Path::new(name)), Err(Refusal::Outside), "{name}");
         }

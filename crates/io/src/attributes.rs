@@ -1,11 +1,12 @@
-//! What files say about colours and normals, made what a mesh wants, and what becomes of positions in single precision.
+//! Normalisation of colours and normals from files, and the warning for positions rounded to single
+//! precision.
 
 use lodsmith_core::{Positions, TriMesh};
 
 use crate::error::Warning;
 
-/// What to say where a format of single precision moves double positions; `from` is the point that they are measured
-/// from in the file.
+/// Returns the warning for a single-precision format that moves double positions; `from` is the origin of
+/// positions in the file.
 ///
 /// It is a note as long as no coordinate moves by more than a millionth of the mesh's diagonal, else a loss.
 pub(crate) fn rounding(mesh: &TriMesh, format: &str, from: Option<[f64; 3]>) -> Option<Warning> {
@@ -15,7 +16,7 @@ pub(crate) fn rounding(mesh: &TriMesh, format: &str, from: Option<[f64; 3]>) -> 
     let origin = from.unwrap_or([0.0; 3]);
     let moved = |p: &[f64; 3]| {
         let by = |k: usize| (f64::from((p[k] - origin[k]) as f32) + origin[k] - p[k]).abs();
-        // What is no number stays none.
+        // Non-finite coordinates do not count as moved.
         [0, 1, 2].map(|k| if p[k].is_finite() { by(k) } else { 0.0 }).into_iter().fold(0.0, f64::max)
     };
     let most = positions.iter().map(moved).fold(0.0, f64::max);
@@ -31,12 +32,12 @@ pub(crate) fn rounding(mesh: &TriMesh, format: &str, from: Option<[f64; 3]>) -> 
     Some(Warning::lost(format!("{text}, which moves some by {most:.1e}")))
 }
 
-/// Makes normals unit length; those that are nearly so stay as they are, those without a direction become zero.
+/// Normalises normals to unit length; nearly unit ones stay unchanged, those without a direction become zero.
 pub(crate) fn unit_normals(normals: &mut [[f32; 3]]) {
     for normal in normals {
         let [x, y, z] = normal.map(f64::from);
         let length_sq = x * x + y * y + z * z;
-        // Files print a few digits; to touch those would change a mesh that is only read and written again.
+        // Files print a few digits; changing such normals would alter a mesh that is only read and written.
         if (length_sq - 1.0).abs() <= 1e-2 || length_sq == 0.0 {
             continue;
         }
@@ -45,9 +46,10 @@ pub(crate) fn unit_normals(normals: &mut [[f32; 3]]) {
     }
 }
 
-/// Brings colours that count to 255 down to 0..1; whether they did. A negative alpha stands for none, and becomes 1.
+/// Scales colours from 0..255 down to 0..1 and returns true if it did. A negative alpha means no alpha, and
+/// becomes 1.
 ///
-/// The formats do not say which of the two it is; a value above 1 does.
+/// The formats do not name the range; a value above 1 reveals it.
 pub(crate) fn unit_colors(colors: &mut [[f32; 4]]) -> bool {
     let counts = colors.iter().flatten().any(|&c| c > 1.0);
     let scale = if counts { 255.0 } else { 1.0 };
@@ -65,10 +67,10 @@ pub(crate) fn unit_colors(colors: &mut [[f32; 4]]) -> bool {
     counts
 }
 
-/// The alpha of a colour without one, until [`unit_colors`] has seen it.
+/// The alpha of a colour without one, until [`unit_colors`] replaces it.
 pub(crate) const NO_ALPHA: f32 = -1.0;
 
-/// The colour of a vertex without one, until [`unit_colors`] has made it white.
+/// The colour of a vertex without one, until [`unit_colors`] makes it white.
 pub(crate) const NO_COLOR: [f32; 4] = [0.0, 0.0, 0.0, -2.0];
 
 #[cfg(test)]

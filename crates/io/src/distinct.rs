@@ -1,13 +1,14 @@
-//! Equal triples of words get equal numbers: corners that share a position, or a vertex and its coordinates.
+//! Numbering of equal triples of words: corners that share a position, or a vertex and its coordinates.
 
 use std::hash::{BuildHasher, RandomState};
 
-/// A set of triples, numbered by first appearance. A table of open addressing; the triples lie side by side.
+/// A set of triples, numbered by first appearance. A hash table with open addressing; the triples are
+/// contiguous.
 pub(crate) struct Distinct {
     keys: Vec<[u32; 3]>,
     /// Number of a triple, or [`FREE`]; the length is a power of two, at least twice that of `keys`.
     slots: Vec<u32>,
-    /// Differs from run to run, so that no file can be made whose corners all meet in one place of the table. The
+    /// Differs from run to run, so that no file can be crafted whose corners all collide in the table. The
     /// numbers do not depend on it.
     seed: u64,
 }
@@ -15,13 +16,13 @@ pub(crate) struct Distinct {
 const FREE: u32 = u32::MAX;
 
 impl Distinct {
-    /// An empty set with a table for this many triples; it grows by itself.
+    /// Creates an empty set with a table for this many triples; it grows as needed.
     pub(crate) fn with_room_for(count: usize) -> Self {
         let slots = vec![FREE; (count.max(16) * 2).next_power_of_two()];
         Self { keys: Vec::with_capacity(count), slots, seed: RandomState::new().hash_one(0u8) }
     }
 
-    /// The number of a triple.
+    /// Returns the number of a triple; a new triple gets the next number.
     ///
     /// # Panics
     /// At 2^32 - 1 different triples; callers have fewer corners than that.
@@ -46,7 +47,7 @@ impl Distinct {
         id
     }
 
-    /// The triples, in the order of their numbers.
+    /// Returns the triples, in the order of their numbers.
     pub(crate) fn into_keys(self) -> Vec<[u32; 3]> {
         self.keys
     }

@@ -1,4 +1,4 @@
-//! What goes wrong with files, and who is at fault.
+//! Errors and warnings of readers and writers.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use lodsmith_core::MeshError;
 use lodsmith_core::memory::{TooMuchMemory, in_words};
 
-/// Where in a file something is wrong.
+/// The location of a problem in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Place {
@@ -31,28 +31,29 @@ impl fmt::Display for Place {
     }
 }
 
-/// Why a file could not be read. The path is added by whoever knows it ([`ReadError::at`] is [`ReadError::File`]).
+/// An error while reading a file. The caller that knows the path adds it ([`ReadError::at`] makes a
+/// [`ReadError::File`]).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
     /// The bytes break the rules of their format.
     #[error("{place}{problem}")]
     Malformed {
-        /// Where.
+        /// The location.
         place: Place,
-        /// What is wrong and, where something can be done, what to do.
+        /// The problem and, if possible, a remedy.
         problem: String,
     },
-    /// The file is sound, but it needs something that is not done here; an extension is named.
+    /// The file is valid but needs an unsupported feature, such as an extension, which is named.
     #[error("{0}")]
     Unsupported(String),
     /// No format is recognised.
     #[error("not a mesh in any known format (OBJ, OFF, PLY, STL, glTF, GLB, LPM): {0}")]
     Unknown(String),
-    /// A limit stands against it.
+    /// A limit is exceeded.
     #[error("{what} is {size}, above the limit of {limit}")]
     Limit {
-        /// What is too large.
+        /// Name of the quantity that is too large.
         what: &'static str,
         /// Its size.
         size: u64,
@@ -62,56 +63,56 @@ pub enum ReadError {
     /// Reading would take more memory than [`Limits::memory`](crate::Limits::memory).
     #[error(transparent)]
     Memory(#[from] TooMuchMemory),
-    /// Few bytes become more in memory than those of any mesh: they were made to fill it.
+    /// The data would unpack to far more bytes than any mesh does: it was crafted to fill the memory.
     #[error("{what} would become more than {}, above {times} times its size: no mesh is packed so well", in_words(*limit))]
     Ratio {
-        /// What is packed.
+        /// The packed object.
         what: &'static str,
-        /// Bytes that it may become.
+        /// Maximum number of unpacked bytes.
         limit: u64,
-        /// How many times its own bytes it may become.
+        /// Maximum ratio of unpacked to packed bytes.
         times: u64,
     },
-    /// The file holds no face.
+    /// The file has no faces.
     #[error("no faces in the file ({vertices} vertices): nothing to work on")]
     NoFaces {
-        /// Vertices that it does hold.
+        /// Number of vertices in the file.
         vertices: usize,
     },
-    /// The system could not read.
+    /// The system failed to read.
     #[error("cannot read: {0}")]
     Io(#[from] std::io::Error),
-    /// The buffers are no mesh.
+    /// The buffers do not form a mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// One of the others, in this file.
+    /// Another error, with the path of the file.
     #[error("{}: {source}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: Box<ReadError>,
     },
 }
 
 impl ReadError {
-    /// Something is wrong in this line, counted from 1.
+    /// Creates an error about this line, counted from 1.
     pub fn line(line: usize, problem: impl Into<String>) -> Self {
         Self::Malformed { place: Place::Line(line), problem: problem.into() }
     }
-    /// Something is wrong at this byte.
+    /// Creates an error about this byte.
     pub fn byte(byte: usize, problem: impl Into<String>) -> Self {
         Self::Malformed { place: Place::Byte(byte), problem: problem.into() }
     }
-    /// Something is wrong with this element.
+    /// Creates an error about this element.
     pub fn element(element: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Malformed { place: Place::Element(element.into()), problem: problem.into() }
     }
-    /// The file as a whole is wrong.
+    /// Creates an error about the whole file.
     pub fn file(problem: impl Into<String>) -> Self {
         Self::Malformed { place: Place::File, problem: problem.into() }
     }
-    /// Names the file.
+    /// Adds the path of the file.
     #[must_use]
     pub fn at(self, path: impl Into<PathBuf>) -> Self {
         match self {
@@ -121,25 +122,25 @@ impl ReadError {
     }
 }
 
-/// Why a file could not be written.
+/// An error while writing a file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {
-    /// The system could not write.
+    /// The system failed to write.
     #[error("{}: cannot write: {source}", path.display())]
     Io {
-        /// The target.
+        /// The path of the output.
         path: PathBuf,
-        /// The reason.
+        /// The cause.
         source: std::io::Error,
     },
-    /// The ending of the path names no format.
+    /// The extension of the path names no format.
     #[error("{}: the ending names no format; use one of .obj .off .ply .stl .gltf .glb, or say which with --to", path.display())]
     UnknownFormat {
-        /// The target.
+        /// The path of the output.
         path: PathBuf,
     },
-    /// The format holds more than a mesh.
+    /// The format needs more than a mesh.
     #[error("LPM holds a progressive mesh, not a mesh alone: `lodsmith progressive build` writes one")]
     NeedsSplits,
     /// The mesh is too large for the format.
@@ -147,34 +148,36 @@ pub enum WriteError {
     TooLarge {
         /// The format's name.
         format: &'static str,
-        /// What it cannot hold.
+        /// Description of the data that it cannot hold.
         what: String,
     },
 }
 
-/// Something that the user should know and that is no failure.
+/// A message for the user about something that is not an error.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Warning {
     /// A sentence without a full stop.
     pub text: String,
-    /// Whether data of the input are lost by it; `--strict` makes that a failure.
+    /// True if data of the input are lost; `--strict` turns that into an error.
     pub data_lost: bool,
-    /// Whether what is lost is of the scene round the mesh, so that nothing is where the mesh is only looked at.
+    /// True if the lost data belong to the scene and not to the mesh, which does not matter if the mesh is
+    /// only viewed.
     pub of_scene: bool,
 }
 
 impl Warning {
-    /// Nothing is lost.
+    /// Creates a warning without loss.
     pub fn note(text: impl Into<String>) -> Self {
         Self { text: text.into(), data_lost: false, of_scene: false }
     }
-    /// The mesh that was read of a scene lacks this; whatever is made of the mesh lacks it too.
+    /// Creates a warning that the mesh read from a scene lacks this; everything derived from the mesh lacks
+    /// it too.
     pub(crate) fn not_of_a_mesh(what: &str) -> Self {
         let text = format!("{what} are not carried: only a scene that goes from glTF to glTF keeps them");
         Self { of_scene: true, ..Self::lost(text) }
     }
-    /// Data are lost.
+    /// Creates a warning about lost data.
     pub fn lost(text: impl Into<String>) -> Self {
         Self { text: text.into(), data_lost: true, of_scene: false }
     }

@@ -1,6 +1,6 @@
-//! What a message shows of a file: not longer than a line of a terminal, and nothing that would do things to one.
+//! Excerpts of files for messages: short enough for a terminal line, with control characters escaped.
 
-/// A word or a name of the file.
+/// Returns an excerpt of a word or a name.
 pub(crate) fn excerpt(text: &str) -> String {
     // Guessed: long enough to be found, short enough to be read.
     const MOST: usize = 60;
@@ -18,7 +18,7 @@ pub(crate) fn excerpt(text: &str) -> String {
     shown
 }
 
-/// A word of a file that may be in any encoding.
+/// Returns an excerpt of a word in any encoding.
 pub(crate) fn excerpt_of_bytes(word: &[u8]) -> String {
     // A character has at most four bytes.
     excerpt(&String::from_utf8_lossy(&word[..word.len().min(300)]))

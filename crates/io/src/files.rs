@@ -1,4 +1,4 @@
-//! Files that are written whole or not at all.
+//! Atomic writing of files: whole or not at all.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -8,16 +8,16 @@ use std::sync::{Mutex, PoisonError};
 
 use tempfile::NamedTempFile;
 
-/// Bytes that go to the system at once. Guessed.
+/// Size of write buffers in bytes. Guessed.
 pub(crate) const BUFFER: usize = 1 << 17;
 
-/// Makes the file at `path` hold what `write` writes, or leaves things as they were.
+/// Replaces the file at `path` by what `write` writes; on an error the old file is unchanged.
 ///
-/// What is written goes to a temporary file beside it, which takes its name when it is whole. A link stays a link: the
-/// file that it leads to is replaced, or made. A write-protected file is replaced with `force` only.
+/// The output goes to a temporary file in the same folder, which is renamed when it is complete. A link stays
+/// a link: its target is replaced, or created. A write-protected file is replaced with `force` only.
 ///
 /// # Errors
-/// What the system or `write` answers.
+/// The errors of the system and of `write`.
 pub fn write_file<T>(
     path: &Path,
     force: bool,
@@ -63,12 +63,12 @@ pub fn write_file<T>(
     Ok(value)
 }
 
-/// The file that is meant by a path, behind all links; it need not be there.
+/// Returns the file that a path refers to, after resolving all links; it may be missing.
 fn target_of(path: &Path) -> io::Result<PathBuf> {
     if let Ok(real) = fs::canonicalize(path) {
         return Ok(real);
     }
-    // As many as Linux follows.
+    // The limit of Linux.
     const MOST_LINKS: usize = 40;
     let mut target = path.to_owned();
     for _ in 0..MOST_LINKS {
@@ -81,7 +81,8 @@ fn target_of(path: &Path) -> io::Result<PathBuf> {
 const PART_PREFIX: &str = ".lodsmith-";
 const PART_SUFFIX: &str = ".part";
 
-/// A file that goes away unless it gets a name. Those that processes left behind which were killed go away too.
+/// Creates a temporary file that is deleted unless it is renamed. Removes those that killed processes left
+/// behind.
 pub(crate) fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     remove_stale_parts(folder);
     let mut builder = tempfile::Builder::new();
@@ -89,21 +90,23 @@ pub(crate) fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        // What a new file has before the user's mask is taken off.
+        // The mode of new files before the umask is applied.
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     loop {
         let temporary = builder.tempfile_in(folder)?;
-        // The lock says that this process is alive, and ends with it. Where the system has none, nothing is swept either.
+        // The lock shows that this process is alive, and ends with it. On systems without locks, no stale
+        // files are removed.
         let is_locked = temporary.as_file().lock().is_ok();
-        // Before it was locked, another process may have taken it for one that was left behind.
+        // Before it was locked, another process may have removed it as stale.
         if !is_locked || temporary.path().exists() {
             return Ok(temporary);
         }
     }
 }
 
-/// Removes temporary files that no living process holds: once for each folder and process, since a folder may be long.
+/// Removes temporary files that no running process holds: once per folder and process, since a folder may be
+/// large.
 fn remove_stale_parts(folder: &Path) {
     static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let real = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
@@ -121,7 +124,7 @@ fn remove_stale_parts(folder: &Path) {
         let path = entry.path();
         // (Opened for writing, since some systems lock no other files.)
         if File::options().write(true).open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
-            // It is in nobody's way if it stays.
+            // A remaining file does no harm.
             let _ = fs::remove_file(path);
         }
     }

@@ -1,4 +1,4 @@
-//! The formats that are read and written.
+//! The supported file formats.
 
 /// A mesh file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -6,13 +6,13 @@
 pub enum Format {
     /// Wavefront OBJ.
     Obj,
-    /// Object File Format, with its coloured and normal-carrying kinds.
+    /// Object File Format, with its variants for colours and normals.
     Off,
     /// Stanford polygon file.
     Ply,
     /// Stereolithography.
     Stl,
-    /// glTF 2.0 as JSON, buffers beside it or inside.
+    /// glTF 2.0 as JSON, with external or embedded buffers.
     Gltf,
     /// glTF 2.0 in one binary file.
     Glb,
@@ -21,12 +21,12 @@ pub enum Format {
 }
 
 impl Format {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Self; 7] = [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Gltf, Self::Glb, Self::Lpm];
-    /// Those that a mesh alone can be written in.
+    /// Formats that can hold a mesh alone.
     pub const WRITTEN: [Self; 6] = [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Gltf, Self::Glb];
 
-    /// Its name, which is also the usual ending of its files: `obj`, `off`, `ply`, `stl`, `gltf`, `glb`, `lpm`.
+    /// Its name, which is also the usual extension: `obj`, `off`, `ply`, `stl`, `gltf`, `glb`, `lpm`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Obj => "obj",
@@ -39,7 +39,7 @@ impl Format {
         }
     }
 
-    /// Its name as people write it: `OBJ`, `OFF`, `PLY`, `STL`, `glTF`, `GLB`, `LPM`.
+    /// Its display name: `OBJ`, `OFF`, `PLY`, `STL`, `glTF`, `GLB`, `LPM`.
     pub const fn title(self) -> &'static str {
         match self {
             Self::Obj => "OBJ",
@@ -52,7 +52,7 @@ impl Format {
         }
     }
 
-    /// The format with this name or ending, in any case.
+    /// Returns the format with this name or extension, ignoring case.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|f| f.name().eq_ignore_ascii_case(name))
     }

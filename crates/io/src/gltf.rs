@@ -1,7 +1,9 @@
-//! glTF 2.0: a scene as JSON, with buffers inside, beside it, or in one binary file (GLB).
+//! Reader and writer of glTF 2.0: a scene as JSON, with buffers embedded, in separate files, or in one binary
+//! file (GLB).
 //!
-//! The JSON is kept as it is and walked; what a mesh needs is looked up by index, and every index, offset and count is
-//! held against what is there. [`read`] and [`write`](fn@write) are for one mesh; [`Scene`] keeps the whole file.
+//! The JSON stays a generic tree; elements of a mesh are looked up by index, and every index, offset and
+//! count is bounds-checked. [`read`] and [`write`](fn@write) are for one mesh; [`Scene`] keeps the whole
+//! file.
 
 mod accessors;
 mod buffers;
@@ -51,16 +53,18 @@ use container::Document;
 
 /// Reads a glTF 2.0 file, JSON or GLB.
 ///
-/// All meshes of the default scene become one, placed by their nodes; if no node places a mesh, all are read as they
-/// stand. Triangles, strips and fans are read; normals, the first set of texture coordinates (turned to our lower left
-/// origin) and colours come along. Each vertex of the file stays one vertex: nothing is welded. Positions are
-/// single precision unless a node moves a mesh so far that half of its digits would go. Each material that faces have is
-/// a region, described by a library that is no file. Buffers that are files are
-/// looked for in the folder of the options, as far as [`ReadOptions::assets`] lets them. Cost: O(bytes + placed triangles).
+/// Merges all meshes of the default scene into one, transformed by their nodes; if no node refers to a mesh,
+/// all meshes are read untransformed. Triangles, strips and fans are read; so are normals, the first set of
+/// texture coordinates (flipped to our lower-left origin) and colours. Each vertex of the file stays one
+/// vertex: nothing is welded. Positions are single precision unless a node moves a mesh so far that half of
+/// its digits would be lost. Each material that faces use becomes a region, described by a material library
+/// in memory. Buffers in separate files are searched in the folder of the options, as far as
+/// [`ReadOptions::assets`] allows. Cost: O(bytes + placed triangles).
 ///
 /// # Errors
-/// [`ReadError::Unsupported`] for glTF 1.0 and for required extensions that are not known here, by name;
-/// [`ReadError::Malformed`] with the element at fault; [`ReadError::Limit`] where few bytes ask for too much.
+/// [`ReadError::Unsupported`] for glTF 1.0 and for unsupported required extensions, by name;
+/// [`ReadError::Malformed`] with the element at fault; [`ReadError::Limit`] if a small file asks for too
+/// much.
 ///
 /// Source: Khronos, "glTF 2.0 Specification" (2.0.1, 2021).
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
@@ -89,18 +93,19 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     Ok(Loaded { regions, ..Loaded::new(mesh, format, contents, warnings) })
 }
 
-/// Writes a mesh as glTF 2.0: as JSON with its buffer inside if the format of the options is [`Format::Gltf`], else GLB.
+/// Writes a mesh as glTF 2.0: as JSON with an embedded buffer if the format of the options is
+/// [`Format::Gltf`], else GLB.
 ///
-/// One node with one mesh; a mesh with wedges has one glTF vertex for each wedge. glTF has single precision only: double
-/// positions far from the origin are stored relative to the centre of their box, which becomes the node's translation.
-/// Returns notes on what was changed.
+/// One node with one mesh; a mesh with wedges has one glTF vertex for each wedge. glTF has single precision
+/// only: double positions far from the origin are stored relative to the centre of their box, which becomes
+/// the node's translation. Returns notes on what was changed.
 ///
-/// Materials come along, if the options have the table of its regions: colour, alpha, emission, and images of
-/// colours, normals and emission, which are read from their files and lie inside, unless textures are to be none. Each material
-/// has a primitive of its own.
+/// Materials are written if the options have the table of the mesh's regions and textures are not switched
+/// off: colour, alpha, emission, and images of colours, normals and emission, which are read from their files
+/// and embedded. Each material has its own primitive.
 ///
 /// # Errors
-/// What the stream answers; [`io::ErrorKind::InvalidInput`] beyond the 4 GiB of a GLB.
+/// I/O errors of the stream; [`io::ErrorKind::InvalidInput`] for a GLB of more than 4 GiB.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
     let looks = options
         .regions

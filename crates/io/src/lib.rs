@@ -1,7 +1,7 @@
-//! Bytes to meshes and back, with limits.
+//! Readers and writers of mesh files, with limits.
 //!
-//! A format is one module with `read(bytes, options) -> Loaded` and `write(mesh, options, out) -> warnings`. Content
-//! decides which one reads ([`sniff`]), the file's ending decides which one writes.
+//! A format is one module with `read(bytes, options) -> Loaded` and `write(mesh, options, out) -> warnings`.
+//! The content of a file selects its reader ([`sniff`]), the extension of a file selects its writer.
 
 pub mod assets;
 mod attributes;

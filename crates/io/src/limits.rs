@@ -1,5 +1,5 @@
-//! How much a file may ask of the machine. Readers also reserve nothing on a header's word: every count is held against
-//! the bytes that are there.
+//! Limits on the resources that a file may use. Besides, readers never allocate by a header's count alone:
+//! every count is checked against the bytes in the file.
 
 use lodsmith_core::memory;
 
@@ -9,38 +9,38 @@ use crate::error::ReadError;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Limits {
-    /// Bytes of a file, and of what a compressed file unpacks to.
+    /// Maximum bytes of a file, and of the data that a compressed file unpacks to.
     pub bytes: u64,
-    /// Pixels of all images of a file together, decoded.
+    /// Maximum number of pixels in all images of a file, decoded.
     pub pixels: u64,
-    /// Bytes of memory that reading may take: the file, what it unpacks to, and what is made of it, together. What a step
-    /// takes is computed from sizes and counts before it begins, and is right within a third for ordinary files.
-    /// [`machine::memory`](crate::machine::memory) says what there is.
+    /// Maximum memory for reading, in bytes: the file, its unpacked data and the result, together. The need
+    /// of a step is estimated from sizes and counts before it begins, and is right within a third for
+    /// ordinary files. [`machine::memory`](crate::machine::memory) returns the memory of the machine.
     pub memory: u64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        // Guessed: room for a billion triangles as text, and for sixty textures of 4096 by 4096. A library does not know how
-        // much of the machine is its own, so the memory is the caller's to say; the command says it.
+        // Guessed: enough for a billion triangles as text, and for sixty textures of 4096 by 4096. A library
+        // cannot know its share of the machine, so the caller sets the memory limit, as the command does.
         Self { bytes: 256 << 30, pixels: 1 << 30, memory: 256 << 30 }
     }
 }
 
 impl Limits {
-    /// Bytes that anything read as a whole may have: it lies in memory.
+    /// Returns the maximum size of anything that is held in memory as a whole.
     pub(crate) fn most_bytes(&self) -> u64 {
         self.bytes.min(self.memory)
     }
 
-    /// Refuses a step that takes more memory than there may be.
+    /// Returns an error if a step needs more memory than allowed.
     pub(crate) fn check_memory(&self, step: impl Into<String>, need: u64) -> Result<(), ReadError> {
         Ok(memory::check(step, need, self.memory)?)
     }
 }
 
-/// An empty vector with room for so many. That there is room has been computed before, so this fails only where others took
-/// it meanwhile.
+/// Returns an empty vector with this capacity. The memory has been checked before, so this fails only if
+/// other processes have taken it since.
 pub(crate) fn with_room<T>(count: usize) -> Result<Vec<T>, ReadError> {
     let mut room = Vec::new();
     match room.try_reserve_exact(count) {
@@ -49,7 +49,7 @@ pub(crate) fn with_room<T>(count: usize) -> Result<Vec<T>, ReadError> {
     }
 }
 
-/// The system has no more memory to give.
+/// Returns the error that the system is out of memory.
 pub(crate) fn out_of_memory() -> ReadError {
     let text = "there is not enough free memory";
     std::io::Error::new(std::io::ErrorKind::OutOfMemory, text).into()

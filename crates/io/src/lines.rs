@@ -1,4 +1,4 @@
-//! A walk through lines of words and numbers, which knows the number of its line.
+//! A cursor over lines of words and numbers, which counts lines.
 
 use std::borrow::Cow;
 
@@ -6,7 +6,7 @@ use crate::error::ReadError;
 use crate::excerpt::excerpt_of_bytes;
 use crate::numbers::{Decimal, decimal, whole};
 
-/// Where the walk is.
+/// A cursor in a text.
 #[derive(Clone, Debug)]
 pub(crate) struct Lines<'a> {
     bytes: &'a [u8],
@@ -23,33 +23,33 @@ impl<'a> Lines<'a> {
     pub(crate) fn line(&self) -> usize {
         self.line
     }
-    /// An error in this line.
+    /// Creates an error about this line.
     #[cold]
     pub(crate) fn error(&self, problem: impl Into<String>) -> ReadError {
         ReadError::line(self.line, problem)
     }
-    /// All that is ahead, with the rest of this line.
+    /// Returns all remaining bytes, beginning with the rest of this line.
     #[inline]
     pub(crate) fn ahead(&self) -> &'a [u8] {
         &self.bytes[self.at..]
     }
-    /// The next byte; a line's end where the file ends.
+    /// Returns the next byte; a line end at the end of the file.
     #[inline]
     pub(crate) fn peek(&self) -> u8 {
         self.bytes.get(self.at).copied().unwrap_or(b'\n')
     }
-    /// Passes so many bytes, none of them a line's end.
+    /// Skips this many bytes, none of them a line end.
     #[inline]
     pub(crate) fn pass(&mut self, count: usize) {
         self.at += count;
     }
-    /// Whether nothing is left of the file.
+    /// Returns true at the end of the file.
     #[inline]
     pub(crate) fn is_over(&self) -> bool {
         self.at >= self.bytes.len()
     }
 
-    /// Passes blanks, and line ends with a backslash before them.
+    /// Skips blanks, and line ends after a backslash.
     #[inline]
     pub(crate) fn skip_blanks(&mut self) {
         loop {
@@ -77,14 +77,14 @@ impl<'a> Lines<'a> {
         true
     }
 
-    /// Passes blanks; whether the line ends there, or a comment begins.
+    /// Skips blanks; returns true if the line ends there or a comment begins.
     #[inline]
     pub(crate) fn ends(&mut self) -> bool {
         self.skip_blanks();
         matches!(self.peek(), b'\n' | b'#')
     }
 
-    /// Goes to the front of the next line.
+    /// Moves to the start of the next line.
     #[inline]
     pub(crate) fn next_line(&mut self) {
         if self.peek() == b'\n' {
@@ -95,7 +95,7 @@ impl<'a> Lines<'a> {
         self.line += 1;
     }
 
-    /// Goes to the front of the next line that does not continue this one.
+    /// Moves to the start of the next line that does not continue this one.
     pub(crate) fn next_line_of_its_own(&mut self) {
         loop {
             let start = self.at;
@@ -107,13 +107,13 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// The word ahead, as far as the next blank or line's end.
+    /// Returns the next word, up to a blank or line end.
     pub(crate) fn word(&self) -> &'a [u8] {
         let ahead = self.ahead();
         &ahead[..ahead.iter().position(|b| b" \t\r\n".contains(b)).unwrap_or(ahead.len())]
     }
 
-    /// What is left of this line and of those in which it goes on, without blanks around it.
+    /// Returns the rest of this line and of its continuation lines, without blanks around it.
     pub(crate) fn rest_with_continuations(&self) -> Cow<'a, [u8]> {
         let mut end = self.clone();
         end.next_line_of_its_own();
@@ -129,10 +129,10 @@ impl<'a> Lines<'a> {
         Cow::Owned(parts.join(&b' '))
     }
 
-    /// Reads a number; the caller has passed the blanks before it.
+    /// Reads a number; the caller has skipped the blanks before it.
     ///
     /// # Errors
-    /// If there is none, or something is glued to it.
+    /// If there is none, or other characters follow it directly.
     #[inline]
     pub(crate) fn decimal(&mut self) -> Result<Decimal, ReadError> {
         match decimal(self.ahead()) {
@@ -144,7 +144,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// Reads a whole number; what may follow is for the caller to check.
+    /// Reads an integer; the caller checks what follows.
     ///
     /// # Errors
     /// If there is none.
@@ -159,13 +159,13 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// Whether a word ends here.
+    /// Returns true if a word ends here.
     #[inline]
     pub(crate) fn word_ends(&self) -> bool {
         is_end_of_word(self.bytes.get(self.at))
     }
 
-    /// The error that the word ahead is not what was wanted.
+    /// Creates the error that the next word is not what was expected.
     #[cold]
     pub(crate) fn not_a(&self, wanted: &str) -> ReadError {
         if matches!(self.peek(), b'\n' | b'#') {
@@ -180,7 +180,8 @@ fn is_end_of_word(byte: Option<&u8>) -> bool {
     matches!(byte, None | Some(b' ' | b'\t' | b'\r' | b'\n' | b'#' | b'\\'))
 }
 
-/// Text as the readers of text want it: UTF-8 without a mark at its front, lines that end in `\n`.
+/// Converts text to the form that the text readers expect: UTF-8 without a byte order mark, lines that end in
+/// `\n`.
 pub(crate) fn utf8_of(bytes: &[u8]) -> Cow<'_, [u8]> {
     let utf16 = |unit: fn([u8; 2]) -> u16| {
         let units = bytes[2..].chunks_exact(2).map(|b| unit([b[0], b[1]]));
@@ -193,14 +194,14 @@ pub(crate) fn utf8_of(bytes: &[u8]) -> Cow<'_, [u8]> {
         [0xef, 0xbb, 0xbf, ..] => Cow::Borrowed(&bytes[3..]),
         _ => Cow::Borrowed(bytes),
     };
-    // Old Macintosh files end their lines in `\r` alone.
+    // Old Macintosh files end their lines in a lone `\r`.
     if memchr::memchr(b'\n', &text).is_none() && memchr::memchr(b'\r', &text).is_some() {
         return text.iter().map(|&b| if b == b'\r' { b'\n' } else { b }).collect();
     }
     text
 }
 
-/// Whether the line that ends behind these bytes is over: one with a backslash at its end goes on.
+/// Returns true if the line that ends after these bytes is complete; a backslash at its end continues it.
 pub(crate) fn ends_line(before: &[u8]) -> bool {
     !matches!(before, [.., b'\\'] | [.., b'\\', b'\r'])
 }

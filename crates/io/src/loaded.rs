@@ -1,4 +1,4 @@
-//! A mesh from a file, and what was met on the way.
+//! The result of reading a file: the mesh, its contents and warnings.
 
 use lodsmith_core::TriMesh;
 
@@ -7,17 +7,17 @@ use crate::format::Format;
 use crate::limits::Limits;
 use crate::material::Regions;
 
-/// What a file holds beside the mesh: counts for reports.
+/// Counts of what a file holds besides the mesh, for reports.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Contents {
-    /// Mesh objects: 1, or the placed meshes of a scene.
+    /// Mesh objects: 1, or the mesh instances of a scene.
     pub meshes: usize,
-    /// Faces as the file has them, n-gons counted once.
+    /// Faces as in the file; polygons count once.
     pub polygons: usize,
-    /// Materials; of an OBJ those that it or its libraries name.
+    /// Materials; for an OBJ those that it or its libraries name.
     pub materials: usize,
-    /// Textures or images; of an OBJ the paths that its libraries name.
+    /// Textures or images; for an OBJ the paths that its libraries name.
     pub textures: usize,
     /// Skins.
     pub skins: usize,
@@ -25,32 +25,32 @@ pub struct Contents {
     pub animations: usize,
     /// Morph targets.
     pub morph_targets: usize,
-    /// Names of the attributes that the file carries, read or not: `normals`, `uvs`, `colors`, `tangents`, ...
+    /// Names of the attributes in the file, read or not: `normals`, `uvs`, `colors`, `tangents`, ...
     pub attributes: Vec<String>,
 }
 
-/// A mesh from a file, and what was met on the way.
+/// A mesh read from a file, with its contents and warnings.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The mesh: all meshes of a scene in one, placed by their nodes.
     pub mesh: TriMesh,
-    /// The format that it was in.
+    /// The format of the file.
     pub format: Format,
-    /// What else the file holds.
+    /// The other contents of the file.
     pub contents: Contents,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
-    /// What the regions of the mesh stand for; empty where the format has none.
+    /// Description of the regions of the mesh; empty if the format has none.
     pub regions: Regions,
-    /// Those of the wanted properties that the file has and the mesh does not carry, with one number for each vertex of
-    /// the mesh. Only PLY has such properties; a list is none.
+    /// Requested properties that are in the file but not in the mesh, with one number per vertex of the mesh.
+    /// Only PLY has such properties; list properties are not supported.
     pub properties: Vec<(String, Vec<f32>)>,
-    /// Those that the file was read under.
+    /// The limits that the file was read with.
     pub(crate) limits: Limits,
 }
 
 impl Loaded {
-    /// A mesh from a format without regions.
+    /// Creates the result for a format without regions.
     pub(crate) fn new(mesh: TriMesh, format: Format, contents: Contents, warnings: Vec<Warning>) -> Self {
         let (regions, properties, limits) = (Regions::default(), Vec::new(), Limits::default());
         Self { mesh, format, contents, warnings, regions, properties, limits }

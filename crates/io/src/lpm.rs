@@ -1,5 +1,5 @@
-//! LPM: progressive meshes. A base mesh, and all vertex splits that lead to the full one; any beginning of the file that has
-//! the base is a coarser mesh. The format is written down in `docs/lpm.md`.
+//! LPM, a format of progressive meshes: a base mesh, and all vertex splits that lead to the full one. Any
+//! prefix of the file that has the base is a coarser mesh. The format is specified in `docs/lpm.md`.
 
 mod checkpoint;
 mod container;
@@ -22,22 +22,23 @@ use crate::format::Format;
 use crate::loaded::{Contents, Loaded};
 use crate::options::ReadOptions;
 
-/// Least bits of a coordinate on a grid. Guessed: fewer are no mesh.
+/// Minimum bits of a quantized coordinate. Guessed: fewer give no usable mesh.
 pub const LEAST_BITS: u8 = 6;
-/// Most bits of a coordinate on a grid: as many as single precision has.
+/// Maximum bits of a quantized coordinate: those of single precision.
 pub const MOST_BITS: u8 = 24;
 
-/// How a file is written.
+/// Options for writing a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LpmOptions {
     /// Bits of a coordinate, [`LEAST_BITS`] to [`MOST_BITS`]; `None` keeps every bit of every level.
     pub bits: Option<u8>,
-    /// Whether fits of checkpoints keep every bit too. It makes a file two to three times as large, and no level closer.
+    /// True if fits of checkpoints keep every bit too. A file is then two to three times as large, but no
+    /// level closer.
     pub exact_fits: bool,
-    /// Whether the images of materials go into the file.
+    /// True if the file contains the images of materials.
     pub with_textures: bool,
-    /// Whether a write-protected file is replaced too.
+    /// True if a write-protected file is replaced too.
     pub force: bool,
 }
 
@@ -47,17 +48,17 @@ impl Default for LpmOptions {
     }
 }
 
-/// What was written.
+/// Result of writing a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LpmWritten {
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
-    /// Where the bytes are.
+    /// Sizes of the parts of the file.
     pub sizes: LpmSizes,
 }
 
-/// Reads a file, or its beginning.
+/// Reads a file, or a prefix of one.
 ///
 /// # Errors
 /// As [`LpmReader::new`] and [`LpmReader::next_chunk`].
@@ -65,7 +66,7 @@ pub fn read(from: impl std::io::Read, options: &ReadOptions) -> Result<Lpm, Read
     LpmReader::new(from, options.limits)?.finish()
 }
 
-/// Reads the full mesh, or the finest that is there.
+/// Reads the full mesh, or the finest one that the bytes contain.
 pub(crate) fn read_mesh(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let mut reader = LpmReader::new(bytes, options.limits)?;
     reader.read_on()?;

@@ -1,13 +1,14 @@
-//! How much memory there is, as far as the system tells: on Linux, by files that anybody may read.
+//! Memory of the machine, as far as the system reports it: on Linux, from world-readable files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Bytes of memory that this process may take: all of the machine, or what its container or its user has set as a limit.
-/// `None` where nothing tells.
+/// Returns the bytes of memory that this process may use: all of the machine, or the limit of its container
+/// or user. `None` if unknown.
 ///
-/// On Linux the least of: the memory of the machine; `memory.max` (cgroup v2) or `memory.limit_in_bytes` (v1) of the groups
-/// that the process is in; half of `ulimit -v`, which counts addresses, of which a process takes more than it fills.
+/// On Linux the minimum of: the memory of the machine; `memory.max` (cgroup v2) or `memory.limit_in_bytes`
+/// (v1) of the groups of the process; half of `ulimit -v`, which limits address space; a process reserves
+/// more of that than it fills.
 pub fn memory() -> Option<u64> {
     let text = |path: &str| fs::read_to_string(path).unwrap_or_default();
     let of_groups = group_files(&text("/proc/self/cgroup"))
@@ -17,17 +18,17 @@ pub fn memory() -> Option<u64> {
     all.into_iter().flatten().chain(of_groups).min()
 }
 
-/// Bytes of memory that this process has filled by now; `None` where nothing tells.
+/// Returns the resident memory of this process in bytes; `None` if unknown.
 pub fn taken() -> Option<u64> {
     resident(&fs::read_to_string("/proc/self/status").ok()?)
 }
 
-/// Bytes of addresses that this process may have, as `ulimit -v` sets them; `None` without a limit.
+/// Returns the address space limit of this process in bytes, as `ulimit -v` sets it; `None` without a limit.
 pub fn addresses() -> Option<u64> {
     addresses_in(&fs::read_to_string("/proc/self/limits").ok()?)
 }
 
-/// A line of `/proc` of the form `Name:   123 kB`.
+/// Returns the bytes of a `/proc` line of the form `Name:   123 kB`.
 fn kilobytes(text: &str, name: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
@@ -41,13 +42,13 @@ fn resident(status: &str) -> Option<u64> {
     kilobytes(status, "VmRSS")
 }
 
-/// The soft limit on addresses; `None` without one.
+/// Returns the soft limit of the address space; `None` without one.
 fn addresses_in(limits: &str) -> Option<u64> {
     let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// The files that hold the limits of the groups that a process is in, and of the groups round these. In a container the
+/// Returns the files with the limits of the cgroups of a process, and of their ancestors. In a container the
 /// path may be that of the host, and then the group itself is at the top.
 fn group_files(cgroup: &str) -> Vec<PathBuf> {
     let mut files = Vec::new();

@@ -1,5 +1,5 @@
-//! What faces look like, for the formats that share it: regions of the faces with their names, libraries of materials (MTL) and
-//! the images that they name.
+//! Materials, for the formats that share them: face regions with their names, material libraries (MTL) and
+//! their images.
 
 mod image_sizes;
 mod image_type;

@@ -1,7 +1,8 @@
-//! A whole file as what is to be seen: [`lodsmith_core::Model`].
+//! Reading of a whole file for display, as [`lodsmith_core::Model`].
 //!
-//! glTF keeps its nodes, materials, skins and animations; a mesh of another format is a model of one node. Images are
-//! decoded. What hinders only the looks (a broken image, a strange animation) is a warning, not an error.
+//! glTF keeps its nodes, materials, skins and animations; a mesh of another format is a model of one node.
+//! Images are decoded. A problem that affects only the appearance (a broken image, an invalid animation) is a
+//! warning, not an error.
 
 mod decode;
 mod plain;
@@ -24,38 +25,39 @@ use crate::read::{read_bytes, read_path, read_scene_bytes, read_scene_path};
 
 pub(crate) use decode::Pictures;
 
-/// A file as a model, with what it takes to write its meshes back.
+/// A file read as a model, with the source data for writing its meshes back.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct ModelFile {
-    /// What is to be seen. Its meshes are those of the source, in their order.
+    /// The model. Its meshes are those of the source, in their order.
     pub model: Model,
-    /// The format that it was in.
+    /// The format of the file.
     pub format: Format,
-    /// What the file holds.
+    /// The contents of the file.
     pub contents: Contents,
-    /// What the user should know, of the file and of its looks.
+    /// Warnings for the user, about the file and about its appearance.
     pub warnings: Vec<Warning>,
-    /// Where the model comes from.
+    /// The source of the model.
     pub source: ModelSource,
 }
 
-/// What a model was made from.
+/// The source of a model.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum ModelSource {
-    /// A whole glTF file. Lighter meshes go back by [`Scene::write`], in the order of the model's.
+    /// A whole glTF file. Simplified meshes are written by [`Scene::write`], in the order of the model's
+    /// meshes.
     Scene(Box<Scene>),
-    /// One mesh: what its regions stand for, for [`WriteOptions::regions`](crate::WriteOptions::regions).
+    /// One mesh: its regions, for [`WriteOptions::regions`](crate::WriteOptions::regions).
     Mesh(Arc<Regions>),
 }
 
 impl Loaded {
-    /// The images that give the regions of the mesh their colours (one, where it has none), as materials of its libraries
-    /// name them.
+    /// Returns the base colour images of the regions of the mesh (one if it has no regions), as named by the
+    /// materials of its libraries.
     ///
-    /// Only base colours are decoded, up to so many pixels together; what is beyond, or cannot be decoded, is left out.
-    /// Cost: O(bytes of all images + pixels).
+    /// Only base colours are decoded, up to `pixels` in total; images beyond that, or that cannot be decoded,
+    /// are left out. Cost: O(bytes of all images + pixels).
     pub fn base_colors(&self, pixels: u64) -> Vec<Option<BaseColor>> {
         let limits = Limits { pixels: pixels.min(self.limits.pixels), ..self.limits };
         plain::base_colors(&self.mesh, &self.regions, limits)
@@ -64,12 +66,13 @@ impl Loaded {
 
 /// Reads a file as a model.
 ///
-/// As [`read_path`] in all else; of glTF and GLB as [`read_scene_path`]. Images that are files are looked for in the folder
-/// of the options, else in that of the file. Cost: O(bytes + triangles + pixels).
+/// Otherwise like [`read_path`]; for glTF and GLB like [`read_scene_path`]. Image files are searched for in
+/// the folder of the options, else in that of the file. Cost: O(bytes + triangles + pixels).
 ///
 /// # Errors
-/// [`ReadError::File`] with the path and the reason. A file without faces is [`ReadError::NoFaces`]; one whose nodes place
-/// more faces than a file of its size may is [`ReadError::Limit`], as when it is read as one mesh.
+/// [`ReadError::File`] with the path and the reason. A file without faces is [`ReadError::NoFaces`]; one
+/// whose nodes instantiate more faces than allowed for a file of its size is [`ReadError::Limit`], as when it
+/// is read as one mesh.
 pub fn read_model_path(path: &Path, options: &ReadOptions) -> Result<ModelFile, ReadError> {
     match read_scene_path(path, options)? {
         Some(scene) => of_scene(scene).map_err(|e| e.at(path)),
@@ -80,7 +83,7 @@ pub fn read_model_path(path: &Path, options: &ReadOptions) -> Result<ModelFile, 
 /// Reads bytes as a model.
 ///
 /// # Errors
-/// As [`read_model_path`], without a path.
+/// Like [`read_model_path`], without a path.
 pub fn read_model_bytes(bytes: &[u8], options: &ReadOptions) -> Result<ModelFile, ReadError> {
     match read_scene_bytes(bytes, options)? {
         Some(scene) => of_scene(scene),

@@ -1,27 +1,28 @@
-//! Numbers in text: read at the speed of the file, written as the shortest that reads back the same.
+//! Numbers in text: fast parsing, and writing of the shortest text that reads back the same.
 
 use std::io::{self, Write};
 
-/// A decimal number as a file has it.
+/// A decimal number of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Decimal {
     /// Its value, correctly rounded.
     pub(crate) value: f64,
-    /// Its digits as a whole number; the largest there is where they are more than 19.
+    /// Its digits as an integer; saturated if there are more than 19.
     mantissa: u64,
-    /// How many digits the text has, leading zeros counted.
+    /// Number of digits in the text, including leading zeros.
     written: u32,
-    /// Power of ten of its last digit.
+    /// Power of ten of the last digit.
     exponent: i32,
 }
 
 impl Decimal {
-    /// Whether single precision would lose something that the file says.
+    /// Returns true if single precision would lose digits of the file.
     ///
-    /// That is so if the nearest `f32`, printed with as many digits as the number has, is another number. It needs at
-    /// least 8 digits (zeros that fill up a whole number are none; a subnormal `f32` has fewer of its own, so there any
-    /// count will do), and a relative difference above 1e-9; so an `f32` that was printed with 9 digits, or with 6
-    /// decimals, is no loss. A number too large or too small for an `f32` always is.
+    /// That is the case if the nearest `f32`, printed with as many digits as the number has, is another
+    /// number. The number must have at least 8 digits (not counting zeros that fill up an integer; any count
+    /// for a subnormal `f32`, which has fewer digits itself), and a relative difference above 1e-9; so an
+    /// `f32` that was printed with 9 digits, or with 6 decimals, is no loss. A number too large or too small
+    /// for an `f32` always is.
     #[inline]
     pub(crate) fn needs_f64(&self) -> bool {
         if self.mantissa < SURE && self.exponent.unsigned_abs() <= 30 {
@@ -30,7 +31,7 @@ impl Decimal {
         self.differs_from_f32()
     }
 
-    /// Significant digits.
+    /// Number of significant digits.
     fn digits(&self) -> u32 {
         if self.written <= 19 { digit_count(self.mantissa) } else { self.written }
     }
@@ -44,7 +45,7 @@ impl Decimal {
             return true;
         }
         let off = (self.value - f64::from(single)).abs();
-        // Zeros at the end of a whole number only fill its places: the f32 34601252 is printed as 34601250.
+        // Zeros at the end of an integer are not significant: the f32 34601252 is printed as 34601250.
         let (mut digits, mut exponent, mut rest) = (self.digits(), self.exponent, self.value);
         if rest.fract() == 0.0 {
             if exponent < 0 {
@@ -55,7 +56,7 @@ impl Decimal {
                 (digits, exponent, rest) = (digits - 1, exponent + 1, rest / 10.0);
             }
         }
-        // Half a unit of the last digit, and a little for the rounding of this very sum.
+        // Half a unit of the last digit, plus a margin for the rounding of this computation.
         let unit = match EXACT_POWERS.get(exponent.unsigned_abs() as usize) {
             Some(power) if exponent < 0 => 1.0 / power,
             Some(power) => *power,
@@ -68,25 +69,26 @@ impl Decimal {
             && !self.is_shortest_of(single)
     }
 
-    /// Whether the number is the shortest that tells this `f32` from its neighbours: at a few powers of two, whose neighbours
-    /// below are nearer than those above, that is not the nearest one with so many digits.
+    /// Returns true if the number is the shortest text that distinguishes this `f32` from its neighbours: at
+    /// a few powers of two, whose lower neighbour is closer than the upper one, that is not the nearest
+    /// number with this many digits.
     #[cold]
     fn is_shortest_of(&self, single: f32) -> bool {
         format!("{single:e}").parse() == Ok(self.value)
     }
 }
 
-/// Numbers of fewer digits than this are an `f32` as well as an `f64`: it tells any two of them apart (but for a few
-/// of seven digits, where the difference is in the noise of the last one).
+/// Numbers of fewer digits than this need no `f64`: an `f32` distinguishes any two of them (except for some
+/// of seven digits, whose last digit is noise).
 const SURE_DIGITS: u32 = 8;
 
-/// The least number of so many digits.
+/// The smallest number with this many digits.
 const SURE: u64 = 10u64.pow(SURE_DIGITS - 1);
 
-/// Reads the number at the front of `bytes` and returns it with its length; `None` where there is none.
+/// Reads the number at the start of `bytes` and returns it with its length; `None` if there is none.
 ///
-/// Decimal notation with optional sign, point and exponent, `nan`, `inf` and `infinity` in any case. It ends where
-/// the notation ends; whether anything may follow is for the caller to say.
+/// Decimal notation with optional sign, point and exponent, `nan`, `inf` and `infinity` in any case. The
+/// caller checks what follows.
 #[inline]
 pub(crate) fn decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
     let mut at = 0;
@@ -130,7 +132,8 @@ pub(crate) fn decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
             exponent = exponent.saturating_add(power);
         }
     }
-    // Nineteen digits fit 64 bits; a mantissa and a power of ten that are both exact doubles give one rounding only.
+    // Nineteen digits fit 64 bits; if mantissa and power of ten are both exact doubles, the result is rounded
+    // only once.
     let few = all <= 19;
     if few && mantissa < 1 << 53 && exponent.unsigned_abs() <= 22 {
         let power = EXACT_POWERS[exponent.unsigned_abs() as usize];
@@ -145,12 +148,12 @@ pub(crate) fn decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
     Some((Decimal { value, mantissa, written, exponent }, at))
 }
 
-/// Appends the digits at the front of `bytes` to a number, and returns how many there are. More than 19 of them (in all)
-/// leave the number without meaning.
+/// Appends the digits at the start of `bytes` to a number, and returns their count. With more than 19 digits
+/// (in total) the number is meaningless.
 #[inline]
 fn digits(bytes: &[u8], number: &mut u64) -> usize {
     let mut at = 0;
-    // Eight at a time: most coordinates and indices are done after one step.
+    // Eight at a time: one step suffices for most coordinates and indices.
     while let Some(eight) = bytes[at..].first_chunk::<8>() {
         let (value, count) = up_to_eight_digits(u64::from_le_bytes(*eight));
         *number = number.wrapping_mul(POWERS[count]).wrapping_add(value);
@@ -168,20 +171,21 @@ fn digits(bytes: &[u8], number: &mut u64) -> usize {
 
 const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
 
-/// The digits at the front of eight characters, the first of which is the lowest byte, and how many they are.
+/// Returns the value of the digits at the start of eight characters, the first of which is the lowest byte,
+/// and their count.
 ///
 /// Source: the idea of digits as lanes of one number is from [Lemire 2021]; the lanes are added in pairs, then fours,
 /// then all eight.
 #[inline]
 fn up_to_eight_digits(characters: u64) -> (u64, usize) {
     let lanes = characters ^ 0x3030_3030_3030_3030;
-    // A lane above 9 sets its upper bit; what it carries reaches only lanes behind it, which do not count any more.
+    // A lane above 9 sets its high bit; its carry reaches only later lanes, which do not count any more.
     let strange = (lanes.wrapping_add(0x7676_7676_7676_7676) | lanes) & 0x8080_8080_8080_8080;
     let count = (strange.trailing_zeros() / 8) as usize;
     if count == 0 {
         return (0, 0);
     }
-    // Zeros move in at the front, where they change nothing.
+    // Zeros are shifted in as leading digits.
     let lanes = lanes << (64 - 8 * count);
     let pairs = (lanes.wrapping_mul(10)).wrapping_add(lanes >> 8) & 0x00ff_00ff_00ff_00ff;
     let fours = (pairs.wrapping_mul(100)).wrapping_add(pairs >> 16) & 0x0000_ffff_0000_ffff;
@@ -200,7 +204,7 @@ fn digit_count(mantissa: u64) -> u32 {
     mantissa.checked_ilog10().map_or(0, |n| n + 1)
 }
 
-/// The exponent behind an `e`, and its length; nothing where there are no digits.
+/// Returns the exponent after an `e`, and its length; zeros if there are no digits.
 fn power_of_ten(bytes: &[u8]) -> (i32, usize) {
     let negative = bytes.first() == Some(&b'-');
     let start = usize::from(matches!(bytes.first(), Some(b'-' | b'+')));
@@ -225,14 +229,14 @@ fn special(bytes: &[u8]) -> Option<(Decimal, usize)> {
     Some((Decimal { value, mantissa: 0, written: 0, exponent: 0 }, start + length))
 }
 
-/// Powers of ten that a double holds exactly.
+/// Powers of ten that are exact in double precision.
 const EXACT_POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
     1e19, 1e20, 1e21, 1e22,
 ];
 
-/// Reads the whole number at the front of `bytes` and returns it with its length; `None` where there is none.
-/// Numbers that no index can be come back as the largest or smallest there is.
+/// Reads the integer at the start of `bytes` and returns it with its length; `None` if there is none. Numbers
+/// too large for an index saturate.
 #[inline]
 pub(crate) fn whole(bytes: &[u8]) -> Option<(i64, usize)> {
     let negative = bytes.first() == Some(&b'-');
@@ -246,8 +250,8 @@ pub(crate) fn whole(bytes: &[u8]) -> Option<(i64, usize)> {
     Some((if negative { -value } else { value }, at))
 }
 
-/// Reads a whole number without a sign and of at most seven digits; `None` if it is another one, or near the end of the
-/// bytes. What [`whole`] does, for most of the indices in less time.
+/// Reads an integer without a sign and of at most seven digits; `None` for any other number, or near the end
+/// of the bytes. A faster [`whole`] for most indices.
 #[inline(always)]
 pub(crate) fn short_whole(bytes: &[u8]) -> Option<(u32, usize)> {
     let (value, count) = up_to_eight_digits(u64::from_le_bytes(*bytes.first_chunk::<8>()?));
@@ -260,7 +264,7 @@ fn saturated(digits: &[u8]) -> i64 {
     digits.iter().fold(0i64, |v, d| v.saturating_mul(10).saturating_add(i64::from(d - b'0')))
 }
 
-/// Text on its way to a stream: numbers and words are put into a buffer, which is handed on when it is full.
+/// A buffered text writer for numbers and words.
 pub(crate) struct TextOut<'a> {
     buffer: Vec<u8>,
     out: &'a mut dyn Write,
@@ -285,12 +289,12 @@ impl<'a> TextOut<'a> {
     pub(crate) fn whole(&mut self, number: impl itoa::Integer) {
         self.buffer.extend_from_slice(self.whole.format(number).as_bytes());
     }
-    /// The shortest decimal that reads back as the same number.
+    /// Writes the shortest decimal that reads back as the same number.
     pub(crate) fn decimal(&mut self, number: impl zmij::Float) {
         let text = self.decimal.format(number);
         self.buffer.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
     }
-    /// A blank before each number.
+    /// Writes numbers, each after a blank.
     pub(crate) fn decimals(&mut self, numbers: impl IntoIterator<Item = impl zmij::Float>) {
         for number in numbers {
             self.byte(b' ');
@@ -302,7 +306,7 @@ impl<'a> TextOut<'a> {
         self.buffer.push(b'\n');
         if self.buffer.len() >= BUFFER { self.finish() } else { Ok(()) }
     }
-    /// Hands on what is left.
+    /// Flushes the buffer.
     pub(crate) fn finish(&mut self) -> io::Result<()> {
         self.out.write_all(&self.buffer)?;
         self.buffer.clear();
@@ -310,7 +314,7 @@ impl<'a> TextOut<'a> {
     }
 }
 
-/// Bytes that are handed on at once. Guessed.
+/// Size of the buffer in bytes. Guessed.
 const BUFFER: usize = 1 << 16;
 
 #[cfg(test)]
@@ -411,7 +415,8 @@ mod tests {
         ] {
             assert!(needs(text), "{text}");
         }
-        // Found by fuzzing: 1.2379401e27 is 2^90, of which 1.2379400e27 is nearer; and subnormal numbers, which are few.
+        // Found by fuzzing: 1.2379401e27 is 2^90, although 1.2379400e27 is nearer; and subnormal numbers,
+        // which have few digits.
         let powers = (1u32..255).map(|exponent| exponent << 23);
         for bits in powers.chain((1..1 << 23).step_by(1009)).chain((0..23).map(|bit| 1 << bit)) {
             let number = f32::from_bits(bits);
@@ -419,7 +424,7 @@ mod tests {
                 assert!(!needs(&text), "{text}");
             }
         }
-        // Whatever was an f32, however it was printed.
+        // Any f32, in any common notation.
         for bits in (0x3000_0000u32..0x5000_0000).step_by(104_729) {
             let number = f32::from_bits(bits);
             for text in [

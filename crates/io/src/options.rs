@@ -1,4 +1,4 @@
-//! How files are read and written.
+//! Options of reading and writing.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,45 +8,47 @@ use crate::format::Format;
 use crate::limits::Limits;
 use crate::material::{Regions, Textures};
 
-/// How to read.
+/// Options of reading.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct ReadOptions {
-    /// The format, where content should not decide.
+    /// The format; `None` detects it from the content.
     pub format: Option<Format>,
-    /// What a file may ask of the machine.
+    /// Limits on the resources that the file may use.
     pub limits: Limits,
-    /// Folder in which files named by the file are looked for (glTF buffers, libraries of OBJ materials); none are read
-    /// where it is `None`.
+    /// Folder that is searched for the files that the file names (glTF buffers, OBJ material libraries);
+    /// `None` reads none of them.
     pub folder: Option<PathBuf>,
-    /// Which of the files named by the file may be read: those in the folder and below, unless this says otherwise.
+    /// The folder that limits which of these files may be read; by default the folder above and its
+    /// subfolders.
     pub assets: AssetScope,
-    /// Names of properties of vertices that are wanted beside the mesh; see [`Loaded::properties`](crate::Loaded::properties).
+    /// Names of vertex properties to return besides the mesh; see
+    /// [`Loaded::properties`](crate::Loaded::properties).
     pub properties: Vec<String>,
 }
 
 impl ReadOptions {
-    /// The files that a model may name which is read like this; none where no folder is known.
+    /// Returns the assets of a model read with these options; none if the folder is unknown.
     pub(crate) fn files(&self) -> Assets {
         self.folder.as_ref().map_or_else(Assets::default, |folder| Assets::new(folder, &self.assets))
     }
 }
 
-/// How to write.
+/// Options of writing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct WriteOptions {
-    /// The format, where the ending of the path should not decide.
+    /// The format; `None` derives it from the extension of the path.
     pub format: Option<Format>,
-    /// Text instead of binary, for the formats that have both (PLY, STL).
+    /// Write text instead of binary, for the formats that have both (PLY, STL).
     pub ascii: bool,
-    /// What the regions of the mesh stand for, as its reader had it.
+    /// The regions of the mesh, as its reader returned them.
     pub regions: Option<Arc<Regions>>,
-    /// What becomes of materials and textures, for the formats that have them in files of their own.
+    /// Treatment of materials and textures, for the formats that keep them in separate files.
     pub textures: Textures,
-    /// The path that such files are named after and lie beside, where it is not that of the mesh itself. A stream with
-    /// one stands for a file there.
+    /// The path that these files are named after and written beside, if it is not the path of the mesh. A
+    /// stream with this option is treated as a file at the path.
     pub beside: Option<PathBuf>,
-    /// Whether a write-protected file is replaced too.
+    /// Also replace a write-protected file.
     pub force: bool,
 }

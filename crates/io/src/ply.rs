@@ -1,7 +1,8 @@
-//! Stanford polygon files: text, and binary of either byte order.
+//! Stanford polygon files (PLY): text, and binary of either byte order.
 //!
 //! The header declares elements (`vertex`, `face`, ...) and their properties; the body holds the records in that order.
-//! What is known by name is read, whatever its type and place; the rest is stepped over and named in a warning.
+//! Properties with known names are read, whatever their type and order; the others are skipped and named in a
+//! warning.
 
 mod body;
 mod header;
@@ -24,15 +25,16 @@ use header::Header;
 
 /// Reads the bytes of a PLY file.
 ///
-/// Vertices carry positions (double precision where the file has it), normals `nx ny nz`, colours `red green blue
-/// [alpha]` and texture coordinates `s t`, `u v` or `texture_u texture_v`; further integers of vertices are discrete
-/// attributes of their names, unless single precision does not hold them. Faces carry `vertex_indices` or `vertex_index`
-/// and texture coordinates for each corner (`texcoord`), which become wedges. Polygons are split into triangles;
-/// `tristrips` are unrolled. Everything else is dropped with a warning; single numbers of vertices can be had beside the
-/// mesh ([`ReadOptions::properties`]). Cost: O(bytes).
+/// Vertices have positions (in double precision if the file has it), normals `nx ny nz`, colours
+/// `red green blue [alpha]` and texture coordinates `s t`, `u v` or `texture_u texture_v`; other integer
+/// properties of vertices become discrete attributes with the same names, unless single precision cannot hold
+/// them. Faces have `vertex_indices` or `vertex_index` and per-corner texture coordinates (`texcoord`), which
+/// become wedges. Polygons are triangulated; `tristrips` are converted to triangles. Everything else is
+/// dropped with a warning; scalar properties of vertices can be returned besides the mesh
+/// ([`ReadOptions::properties`]). Cost: O(bytes).
 ///
 /// # Errors
-/// [`ReadError::Malformed`] with the line, the byte or the element; [`ReadError::NoFaces`] for clouds of points.
+/// [`ReadError::Malformed`] with the line, the byte or the element; [`ReadError::NoFaces`] for point clouds.
 ///
 /// Source: G. Turk, "The PLY Polygon File Format" (1994), and what programs write today.
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
@@ -43,18 +45,18 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     assemble(&header, body)
 }
 
-/// Writes a mesh as PLY: little endian binary, or text if the options ask for it.
+/// Writes a mesh as PLY: little-endian binary, or text if the options ask for it.
 ///
-/// A mesh with wedges is written with one vertex for each wedge. Colours are bytes where that loses nothing, else floats.
-/// Returns notes; nothing is lost.
+/// A mesh with wedges is written with one vertex per wedge. Colours are bytes if that is lossless, else
+/// floats. Returns notes; nothing is lost.
 ///
 /// # Errors
-/// What the stream answers.
+/// The errors of the stream.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
     write::write(mesh, options.ascii, out)
 }
 
-/// Puts the parts together.
+/// Assembles the mesh from header and body.
 fn assemble(header: &Header, body: Body) -> Result<Loaded, ReadError> {
     let Body { vertices, faces, mut warnings } = body;
     let positions = vertices.positions;
@@ -155,7 +157,8 @@ fn split(corners: Corners, positions: &Positions, warnings: &mut Vec<Warning>) -
     Ok((triangles, uvs))
 }
 
-/// A mesh whose wedges are the distinct pairs of a vertex and a texture coordinate, in order of first use.
+/// Returns a mesh whose wedges are the distinct pairs of a vertex and a texture coordinate, in order of first
+/// use.
 fn with_corner_uvs(
     positions: Positions,
     normals: Option<Vec<[f32; 3]>>,

@@ -1,4 +1,4 @@
-//! From a path or bytes to a mesh.
+//! Reading of meshes and scenes from paths and bytes.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -15,10 +15,11 @@ pub use crate::options::ReadOptions;
 
 use crate::sniff::{self, hint_of, is_binary_stl, looks_like_text, sniff};
 
-/// Reads a file; `.gz` opens by itself, content decides the format.
+/// Reads a file; gzip is decompressed automatically, and the content decides the format.
 ///
-/// The file is read once and held in memory beside the mesh; a large OBJ is not even held. A path may also name a pipe or a device; a folder is
-/// refused. Where the content contradicts the ending, the content is believed and a warning says so.
+/// The file is read once and held in memory besides the mesh; a large OBJ is streamed. The path may also name
+/// a pipe or a device; a folder is refused. If content and extension disagree, the content counts, and there
+/// is a warning.
 ///
 /// # Errors
 /// [`ReadError::File`] with the path and the reason. A mesh without faces is [`ReadError::NoFaces`].
@@ -35,25 +36,26 @@ pub fn read_path(path: &Path, options: &ReadOptions) -> Result<Loaded, ReadError
     read().map_err(|e| e.at(path))
 }
 
-/// Reads bytes; gzip opens by itself, content decides the format.
+/// Reads bytes; gzip is decompressed automatically, and the content decides the format.
 ///
 /// # Errors
-/// As [`read_path`], without a path.
+/// Like [`read_path`], without a path.
 pub fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     check_size("the input", bytes.len() as u64, options.limits)?;
     options.limits.check_memory("reading the input", bytes.len() as u64)?;
     read_hinted(bytes, None, options)
 }
 
-/// Reads a file as a whole scene, if it is glTF or GLB; `None`, and hardly anything read, if its content is not.
+/// Reads a file as a whole scene, if it is glTF or GLB; returns `None` for other content, which is read only
+/// as far as needed to tell.
 ///
-/// As [`read_path`] in all else, but a scene without faces is no error.
+/// Otherwise like [`read_path`], but a scene without faces is not an error.
 ///
 /// # Errors
 /// [`ReadError::File`] with the path and the reason.
 pub fn read_scene_path(path: &Path, options: &ReadOptions) -> Result<Option<Scene>, ReadError> {
     let read = || {
-        // A pipe can be read once only, so its first bytes cannot be looked at; its name has to do.
+        // A pipe can be read only once, so its content cannot be examined first; its name has to suffice.
         let is_file = std::fs::metadata(path).is_ok_and(|about| about.is_file());
         let mut front = Vec::new();
         if is_file {
@@ -74,7 +76,7 @@ pub fn read_scene_path(path: &Path, options: &ReadOptions) -> Result<Option<Scen
 /// Reads bytes as a whole scene, if they are glTF or GLB.
 ///
 /// # Errors
-/// As [`read_scene_path`], without a path.
+/// Like [`read_scene_path`], without a path.
 pub fn read_scene_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Option<Scene>, ReadError> {
     check_size("the input", bytes.len() as u64, options.limits)?;
     options.limits.check_memory("reading the input", bytes.len() as u64)?;
@@ -104,7 +106,8 @@ fn scene_hinted(
     Ok(Some(scene))
 }
 
-/// Reads a large OBJ without holding it in memory; `None` for all other files, and for one in which something is wrong.
+/// Streams a large OBJ without holding it in memory; returns `None` for all other files, and for invalid
+/// ones.
 fn read_in_pieces(path: &Path, options: &ReadOptions) -> Result<Option<Loaded>, ReadError> {
     // Guessed: smaller files gain nothing.
     const LARGE: u64 = 1 << 20;
@@ -118,7 +121,7 @@ fn read_in_pieces(path: &Path, options: &ReadOptions) -> Result<Option<Loaded>, 
         Some(format) => format == Format::Obj,
         None => sniff::sniff(&front, hint_of(path)) == Some(Format::Obj),
     };
-    // No mark of another encoding, and line ends as they are today: the text needs no change.
+    // No byte order mark, and no old Macintosh line ends: the text needs no conversion.
     let is_plain = sniff::looks_like_text(&front)
         && front.first().is_some_and(u8::is_ascii)
         && front.contains(&b'\n')
@@ -153,17 +156,18 @@ fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Res
     with_hint(loaded, hint, options)
 }
 
-/// Bytes that the mesh takes while it is made from this many bytes of text, a face in 8 of which would be the worst.
-/// (Measured: 0.9 for OBJ without attributes, 0.45 with them.)
+/// Returns the bytes that the mesh takes during construction from this many bytes of text; a face in 8 bytes
+/// would be the worst case. (Measured: 0.9 for OBJ without attributes, 0.45 with them.)
 fn of_text(bytes: u64) -> u64 {
     bytes
 }
 
-/// Refuses bytes, unpacked, whose mesh would not fit beside them. PLY and glTF do that themselves, by their counts.
+/// Returns an error if the mesh of these unpacked bytes would not fit in memory besides them. PLY and glTF
+/// check that themselves, by their counts.
 fn check_parsing(format: Format, bytes: &[u8], limits: Limits) -> Result<(), ReadError> {
     let size = bytes.len() as u64;
     let mesh = match format {
-        // Triangles, and a table of places with room for half as many. (Measured: 23 bytes a facet.)
+        // Triangles, and a table of positions with capacity for half as many. (Measured: 23 bytes per facet.)
         Format::Stl if is_binary_stl(bytes) => size / 50 * 26,
         Format::Obj | Format::Off | Format::Stl => of_text(size),
         Format::Ply | Format::Gltf | Format::Glb | Format::Lpm => 0,
@@ -171,7 +175,7 @@ fn check_parsing(format: Format, bytes: &[u8], limits: Limits) -> Result<(), Rea
     limits.check_memory(format!("reading {}", format.title()), size + mesh)
 }
 
-/// Refuses a mesh without faces, and tells where the ending of the path names another format.
+/// Refuses a mesh without faces, and adds a warning if the extension of the path names another format.
 fn with_hint(mut loaded: Loaded, hint: Option<Format>, options: &ReadOptions) -> Result<Loaded, ReadError> {
     loaded.limits = options.limits;
     if loaded.mesh.face_count() == 0 {
@@ -183,14 +187,14 @@ fn with_hint(mut loaded: Loaded, hint: Option<Format>, options: &ReadOptions) ->
     Ok(loaded)
 }
 
-/// What to say where the ending of the path names another format.
+/// Returns the warning that the extension of the path names another format.
 fn contradiction(format: Format, hint: Option<Format>, options: &ReadOptions) -> Option<Warning> {
     let hint = hint.filter(|&hint| options.format.is_none() && hint != format)?;
     let [hint, format] = [hint, format].map(Format::title);
     Some(Warning::note(format!("the ending says {hint}, the content is {format}: read as {format}")))
 }
 
-/// The bytes, out of their gzip if they are in one.
+/// Returns the bytes, decompressed if they are gzip.
 pub(crate) fn unpacked(bytes: &[u8], limits: Limits) -> Result<Cow<'_, [u8]>, ReadError> {
     if bytes.starts_with(&GZIP_MAGIC) {
         gunzip(bytes, limits).map(Cow::Owned)
@@ -199,7 +203,7 @@ pub(crate) fn unpacked(bytes: &[u8], limits: Limits) -> Result<Cow<'_, [u8]>, Re
     }
 }
 
-/// First bytes of a gzip file: its magic, and the only method that there is.
+/// First bytes of a gzip file: its signature, and the only compression method.
 const GZIP_MAGIC: [u8; 3] = [0x1f, 0x8b, 8];
 
 pub(crate) fn bytes_of(path: &Path, limits: Limits) -> Result<Vec<u8>, ReadError> {
@@ -214,13 +218,13 @@ pub(crate) fn bytes_of(path: &Path, limits: Limits) -> Result<Vec<u8>, ReadError
     check_size("the file", about.len(), limits)?;
     limits.check_memory("reading the file", about.len())?;
     let mut bytes = Vec::new();
-    // The size is the system's word, not the file's; still, a sparse file may be larger than the memory.
+    // The size comes from the system and is real; still, a sparse file may be larger than the memory.
     let no_memory = |_| io::Error::new(io::ErrorKind::OutOfMemory, "the file is larger than the free memory");
     bytes.try_reserve_exact(usize::try_from(about.len()).unwrap_or(usize::MAX)).map_err(no_memory)?;
     read_stream(&mut file, bytes, limits)
 }
 
-/// Reads all of a stream, which has no size that could be checked before, behind the bytes that there are.
+/// Appends all of a stream, whose size cannot be checked before, to the bytes.
 ///
 /// # Errors
 /// [`ReadError::Limit`] and [`ReadError::Memory`] beyond the limits, [`ReadError::Io`].
@@ -235,13 +239,13 @@ fn check_size(what: &'static str, size: u64, limits: Limits) -> Result<(), ReadE
     if size > limits.bytes { Err(ReadError::Limit { what, size, limit: limits.bytes }) } else { Ok(()) }
 }
 
-/// Bytes for each byte of gzip that a file may unpack to, and that any file may have. Deflate makes 1032 out of one at most.
-/// Meshes, text or binary, come to 3 to 20 (a flat grid of equal squares as text to 60), so what comes to 200 holds nothing
-/// but the same over and over; up to 64 MiB it may, since that does no harm.
+/// Maximum bytes that a gzip byte may unpack to, and that any file may unpack to. Deflate reaches a ratio of
+/// 1032 at most; meshes, text or binary, reach 3 to 20 (a flat grid of equal squares as text 60), so a ratio
+/// above 200 means nothing but repetition; up to 64 MiB that is allowed, since it does no harm.
 const PER_PACKED_BYTE: u64 = 200;
 const ALWAYS_UNPACKED: u64 = 64 << 20;
 
-/// How much packed bytes may unpack to, at most: by the limits, and by their own number.
+/// Returns the maximum unpacked size of packed bytes, by the limits and by their own number.
 pub(crate) fn most_unpacked(packed: usize, limits: Limits) -> u64 {
     limits.most_bytes().min((packed as u64).saturating_mul(PER_PACKED_BYTE).max(ALWAYS_UNPACKED))
 }
@@ -285,7 +289,7 @@ fn unknown(text: &[u8]) -> ReadError {
     ReadError::Unknown(what.to_owned())
 }
 
-/// The folder that a file lies in; `.` for a bare name.
+/// Returns the folder of a file; `.` for a bare name.
 fn folder_of(path: &Path) -> PathBuf {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),

@@ -1,13 +1,13 @@
-//! Which format these bytes are in.
+//! Detection of file formats.
 
 use std::path::Path;
 
 use crate::format::Format;
 
-/// The format of a file by its content; the hint of its ending decides only what content leaves open.
+/// Returns the format of a file by its content; the hint from its extension decides only ambiguous cases.
 ///
-/// Left open are damaged binary files, files of comments alone, and text that only the ending gives a meaning. Text
-/// of which no line belongs to a mesh is `None`, whatever the hint. Looks at the first 64 kB.
+/// These are damaged binary files, files of comments only, and text that only the extension gives a meaning.
+/// Text without any line of a mesh format is `None`, whatever the hint. Examines the first 64 kB.
 pub fn sniff(bytes: &[u8], hint: Option<Format>) -> Option<Format> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     if bytes.starts_with(b"glTF") {
@@ -23,18 +23,19 @@ pub fn sniff(bytes: &[u8], hint: Option<Format>) -> Option<Format> {
         return Some(Format::Stl);
     }
     if !looks_like_text(bytes) {
-        // Text formats with a stray byte in them are still text; what is left is damaged, and its reader says how.
+        // Text formats with a stray control byte are still text; the rest is damaged, and its reader reports
+        // how.
         return text_format(bytes, None).or(hint);
     }
     text_format(bytes, hint)
 }
 
-/// What to do with a file that Blender reads.
+/// Advice for a file that Blender reads.
 const BY_BLENDER: &str = "open it in Blender and export glTF";
-/// What to do with a file of a CAD program.
+/// Advice for a CAD file.
 const BY_CAD: &str = "open it in FreeCAD or another CAD program and export a mesh as STL, OBJ or glTF";
 
-/// The name of a format that is known and not read, and the way out.
+/// Returns the name of a known but unsupported format, and advice on how to convert it.
 pub(crate) fn foreign(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     let front = front(bytes);
     let has = |word: &[u8]| memchr::memmem::find(front, word).is_some();
@@ -57,7 +58,7 @@ pub(crate) fn foreign(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     })
 }
 
-/// The format that the ending of a path names, `.gz` set aside.
+/// Returns the format that the extension of a path names, ignoring `.gz`.
 pub fn hint_of(path: &Path) -> Option<Format> {
     let ending = |p: &Path| p.extension().map(|e| e.to_string_lossy().into_owned());
     let last = ending(path)?;
@@ -67,24 +68,24 @@ pub fn hint_of(path: &Path) -> Option<Format> {
     Format::from_name(&last)
 }
 
-/// Whether the bytes are exactly as many as a binary STL of their number of triangles has, or a little more than that
-/// behind a header that is not text. A header may well begin with `solid`.
+/// Returns true if the size is that of a binary STL with its number of triangles, or slightly more after a
+/// header that is not text. The header may begin with `solid`.
 pub(crate) fn is_binary_stl(bytes: &[u8]) -> bool {
     let Some(count) = bytes.get(80..84) else { return false };
     let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]);
     let wanted = 84 + 50 * u64::from(count);
     let size = bytes.len() as u64;
-    // Some exporters pad the end; guessed: not by more than a triangle's size for each hundred, at least 512 bytes.
+    // Some exporters pad the end; guessed: by at most 1 % of the size or 512 bytes, whichever is larger.
     size == wanted
         || (count > 0 && size > wanted && size - wanted <= (wanted / 100).max(512) && !looks_like_text(bytes))
 }
 
-/// Whether the first bytes hold no control characters beside blanks and line ends.
+/// Returns true if the first bytes have no control characters except white space.
 pub(crate) fn looks_like_text(bytes: &[u8]) -> bool {
     !front(bytes).iter().any(|&b| b < 9 || (14..32).contains(&b) || b == 127)
 }
 
-/// How much is looked at. Guessed: longer than the comments that open a file.
+/// Number of bytes to examine. Guessed: longer than the comments at the start of a file.
 pub(crate) const FRONT: usize = 1 << 16;
 
 fn front(bytes: &[u8]) -> &[u8] {
@@ -112,7 +113,7 @@ fn text_format(bytes: &[u8], hint: Option<Format>) -> Option<Format> {
     let mut lines = front.split(|&b| b == b'\n').map(<[u8]>::trim_ascii);
     let is_blank = |line: &[u8]| line.is_empty() || line[0] == b'#';
     let Some(first) = lines.clone().find(|l| !is_blank(l)) else {
-        // Comments alone: both of these have them, and the reader will say that there are no faces.
+        // Comments only: both formats have them, and the reader will report that there are no faces.
         let comments = start.first() == Some(&b'#');
         return hint.filter(|h| comments && matches!(h, Format::Obj | Format::Off));
     };
@@ -128,7 +129,7 @@ fn text_format(bytes: &[u8], hint: Option<Format>) -> Option<Format> {
         }
     }
     let is_obj = strong + known > strange && (strong > 0 || hint == Some(Format::Obj));
-    // A damaged OBJ is better refused by its reader, which names the line.
+    // For a damaged OBJ, the error of its reader is better, as it names the line.
     (is_obj || (strong > 0 && hint == Some(Format::Obj))).then_some(Format::Obj)
 }
 
@@ -142,7 +143,7 @@ pub(crate) fn is_off_header(line: &[u8]) -> bool {
     off_prefix(word).is_some()
 }
 
-/// What stands before `OFF` in a header's word, where that is a prefix which the format knows.
+/// Returns the text before `OFF` in a header word, if it is a valid prefix.
 pub(crate) fn off_prefix(word: &[u8]) -> Option<&[u8]> {
     let prefix = word.strip_suffix(b"OFF")?;
     let mut rest = prefix.strip_prefix(b"ST").unwrap_or(prefix);
@@ -158,7 +159,7 @@ fn is_three_counts(line: &[u8]) -> bool {
     count() && count() && count()
 }
 
-/// `Some(true)` for a line that hardly anything but an OBJ has, `Some(false)` for one that begins as one of its lines.
+/// Returns `Some(true)` for a line that is almost certainly OBJ, `Some(false)` for one with an OBJ keyword.
 fn obj_line(line: &[u8]) -> Option<bool> {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());
     let keyword = words.next()?;

@@ -1,6 +1,7 @@
-//! Stereolithography files: a soup of facets, as text or as bytes.
+//! Stereolithography files (STL): a triangle soup, as text or binary.
 //!
-//! Facets name no vertices, so corners of equal position are made one vertex. That is exact: nothing moves.
+//! Facets have no vertex indices, so corners with equal positions become one vertex. That is exact: nothing
+//! moves.
 
 mod soup;
 mod text;
@@ -16,22 +17,22 @@ use crate::loaded::{Contents, Loaded};
 use crate::options::{ReadOptions, WriteOptions};
 use soup::Soup;
 
-/// Bytes before the first facet of a binary file, and of each facet.
+/// Size of the header and of a facet in a binary file, in bytes.
 const HEADER: usize = 84;
 const FACET: usize = 50;
 
 /// Reads the bytes of an STL file.
 ///
-/// The size decides whether they are binary, not the first word. Corners of equal position become one vertex (0 and -0
-/// are equal), which a note tells; normals of facets are ignored, since positions give them. Several solids become one
-/// mesh. Cost: O(facets).
+/// The size decides whether it is binary, not the first word. Corners with equal positions become one vertex
+/// (0 and -0 are equal), with a note; facet normals are ignored, since the positions define them. Several
+/// solids become one mesh. Cost: O(facets).
 ///
 /// # Errors
-/// [`ReadError::Malformed`] if the file is cut off or, as text, in a line that is none; [`ReadError::NoFaces`].
+/// [`ReadError::Malformed`] if the file is truncated or has an invalid line of text; [`ReadError::NoFaces`].
 ///
 /// Source: the format has no standard; 3D Systems' "StereoLithography Interface Specification" (1988) and practice.
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
-    // The size of the file is held against the limits where it is opened; nothing here grows beyond it.
+    // The caller that opens the file checks its size against the limits; memory here is proportional to it.
     let _ = options;
     let mut soup = if is_text(bytes) { text::read(bytes)? } else { read_binary(bytes)? };
     if soup.triangles.is_empty() {
@@ -54,26 +55,27 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
 
 /// Writes a mesh as STL: binary, or text if the options ask for it.
 ///
-/// Normals are those of the positions, zero for facets without area. Returns a warning for each thing that STL cannot
-/// carry: attributes, and double precision where rounding changes a position.
+/// Facet normals are computed from the positions, zero for facets without area. Returns a warning for each
+/// thing that STL cannot carry: attributes, and double precision if rounding changes a position.
 ///
 /// # Errors
-/// What the stream answers.
+/// The errors of the stream.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
     write::write(mesh, options.ascii, out)
 }
 
-/// Number of facets that a binary file claims.
+/// Returns the number of facets in the header of a binary file.
 fn claimed(bytes: &[u8]) -> Option<u32> {
     bytes.get(80..HEADER).and_then(|b| b.first_chunk()).map(|b| u32::from_le_bytes(*b))
 }
 
-/// Whether a file is text. Many binary files begin with `solid` too; a size that fits the count decides first.
+/// Returns true if a file is text. Many binary files begin with `solid` too, so a size that matches the count
+/// decides first.
 fn is_text(bytes: &[u8]) -> bool {
     if claimed(bytes).is_some_and(|n| HEADER as u64 + FACET as u64 * u64::from(n) == bytes.len() as u64) {
         return false;
     }
-    // Text holds no zero byte; a binary count and the first floats nearly always do.
+    // Text has no zero byte; a binary count and the first floats nearly always do.
     let head = &bytes[..bytes.len().min(1024)];
     let word = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
     let begins = word.get(..5).is_some_and(|w| w.eq_ignore_ascii_case(b"solid"));

@@ -1,4 +1,4 @@
-//! From a mesh to a path or a stream.
+//! Writing of meshes and scenes to paths and streams.
 
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -16,18 +16,20 @@ use crate::material::{self, Textures};
 pub use crate::options::WriteOptions;
 use crate::sniff::hint_of;
 
-/// Writes a mesh to a file: to a temporary one beside it, which is then renamed. An existing file survives a failure.
+/// Writes a mesh to a file, by way of a temporary file in the same folder, which is then renamed. After an
+/// error an existing file is unchanged.
 ///
-/// A path that ends in `.gz` is compressed. A link is followed, also to a file that is not there yet; a device or a pipe is written to as it is. A new file
-/// has the permissions of any new file, an overwritten one keeps its own. Data are handed to the system, which may put
-/// them on the disk later. Returns what the format could not carry.
+/// The output is compressed if the path ends in `.gz`. A link is followed, even if its target does not exist
+/// yet; a device or a pipe is written directly. A new file has default permissions, an overwritten one keeps
+/// its own. There is no sync to disk. Returns warnings about what the format cannot carry.
 ///
-/// Beside an OBJ whose table of regions has materials, a library `NAME.mtl` is written, and textures are copied, as the
-/// options say; images that lay inside another file are written there in any case. A file that is there already and says something else is left alone, and the new one gets a number; only
-/// a library of ours is replaced.
+/// If the regions of an OBJ have materials, a library `NAME.mtl` is written beside it, and textures are
+/// copied according to the options; images that were embedded in another file are written even if textures
+/// are linked. An existing file with other content is left alone, and the new one gets a number; only a
+/// library written by Lodsmith is replaced.
 ///
 /// # Errors
-/// [`WriteError`], which names the path; nothing is left behind.
+/// [`WriteError`], which names the path; no partial output is left.
 pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result<Vec<Warning>, WriteError> {
     let format = format_of(path, options)?;
     let mut beside = None;
@@ -58,10 +60,11 @@ fn format_of(path: &Path, options: &WriteOptions) -> Result<Format, WriteError> 
     format.ok_or_else(|| WriteError::UnknownFormat { path: path.to_owned() })
 }
 
-/// Writes a whole scene to a file, with some meshes replaced; see [`Scene::write`]. In all else as [`write_path`].
+/// Writes a whole scene to a file, with some meshes replaced; see [`Scene::write`]. Otherwise like
+/// [`write_path`].
 ///
 /// # Errors
-/// [`WriteError`], which names the path; nothing is left behind.
+/// [`WriteError`], which names the path; no partial output is left.
 pub fn write_scene_path(
     scene: &Scene,
     replaced: &[Option<TriMesh>],
@@ -77,10 +80,11 @@ pub fn write_scene_path(
     })
 }
 
-/// Writes a whole scene with levels of detail to a file; see [`Scene::write_levels`]. In all else as [`write_path`].
+/// Writes a whole scene with levels of detail to a file; see [`Scene::write_levels`]. Otherwise like
+/// [`write_path`].
 ///
 /// # Errors
-/// [`WriteError`], which names the path; nothing is left behind.
+/// [`WriteError`], which names the path; no partial output is left.
 pub fn write_levels_path(
     scene: &Scene,
     levels: &SceneLevels,
@@ -105,7 +109,7 @@ fn write_path_with(
         if !is_gz(path) {
             return write(out);
         }
-        // The header holds no time, so that the same mesh gives the same bytes.
+        // The header has no time stamp, so that the same mesh gives the same bytes.
         let mut gz = GzEncoder::new(out, COMPRESSION);
         let warnings = write(&mut BufWriter::with_capacity(BUFFER, &mut gz))?;
         gz.finish()?;
@@ -114,9 +118,9 @@ fn write_path_with(
     .map_err(|e| named(e, path))
 }
 
-/// Writes a mesh to a stream in a format. Returns what the format could not carry.
+/// Writes a mesh to a stream in a format. Returns warnings about what the format cannot carry.
 ///
-/// The stream gets large pieces and is flushed at the end.
+/// The stream is written in large chunks and flushed at the end.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -131,7 +135,7 @@ pub fn write_to(
 
 /// Writes a whole scene to a stream, with some meshes replaced; see [`Scene::write`].
 ///
-/// The stream gets large pieces and is flushed at the end.
+/// The stream is written in large chunks and flushed at the end.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -151,7 +155,7 @@ pub fn write_scene_to(
 
 /// Writes a whole scene with levels of detail to a stream; see [`Scene::write_levels`].
 ///
-/// The stream gets large pieces and is flushed at the end.
+/// The stream is written in large chunks and flushed at the end.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -176,14 +180,14 @@ fn write_stream(
     let mut out = BufWriter::with_capacity(BUFFER, out);
     let result = write(&mut out);
     if result.is_err() {
-        // What is still held back belongs to a file that failed.
+        // Discards the rest of the buffer, since the output is invalid.
         let _ = out.into_parts();
     }
     result.map_err(|e| named(e, Path::new("output stream")))
 }
 
-/// How hard to compress. Measured on an OBJ of 2 million triangles (73 MB): 0.8 s to 16 MB; the usual 6 takes 6.2 s to
-/// get to 15 MB.
+/// Compression level. Measured on an OBJ of 2 million triangles (73 MB): 0.8 s to 16 MB; the default level 6
+/// takes 6.2 s to get to 15 MB.
 const COMPRESSION: Compression = Compression::new(3);
 
 fn write_format(
@@ -199,7 +203,7 @@ fn write_format(
         Format::Ply => crate::ply::write(mesh, options, out),
         Format::Stl => crate::stl::write(mesh, options, out),
         Format::Gltf | Format::Glb => {
-            // The module tells the two apart by this.
+            // The module distinguishes the two by this option.
             crate::gltf::write(mesh, &WriteOptions { format: Some(format), ..options.clone() }, out)
         }
         Format::Lpm => Err(io::Error::other(WriteError::NeedsSplits)),
@@ -223,7 +227,7 @@ fn write_format(
     Ok(warnings)
 }
 
-/// What to say of integers of a name that a format has no place for.
+/// Returns the warning about named integer attributes that a format cannot carry.
 fn lost_integers(mesh: &TriMesh, format: Format) -> Option<Warning> {
     let further = mesh.further_attributes().iter().filter(|a| a.semantic.is_discrete());
     let names: Vec<&str> = further.filter_map(|a| a.semantic.name()).collect();
@@ -237,7 +241,7 @@ fn is_gz(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"))
 }
 
-/// A format that cannot hold the mesh says so with a [`WriteError`] inside the error of the stream.
+/// Converts an I/O error; a format that cannot hold the mesh wraps a [`WriteError`] in it.
 fn named(error: io::Error, path: &Path) -> WriteError {
     error.downcast::<WriteError>().unwrap_or_else(|source| WriteError::Io { path: path.to_owned(), source })
 }

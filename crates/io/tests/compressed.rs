@@ -1,4 +1,4 @@
-//! glTF files whose geometry is compressed, as other programs write them, beside the same file as it was.
+//! Compressed glTF files of other programs, compared with the uncompressed original.
 
 use lodsmith_core::{Positions, TriMesh};
 use lodsmith_io::gltf::Scene;
@@ -12,8 +12,8 @@ const EXPONENTIAL: &[u8] = include_bytes!("../../../testdata/wave_meshopt_exp.gl
 const DRACO: &[u8] = include_bytes!("../../../testdata/wave_draco.glb");
 const SEQUENTIAL: &[u8] = include_bytes!("../../../testdata/wave_draco_sequential.glb");
 
-/// The compressed files, and how far positions, normals and texture coordinates may be off. (Without a material, gltfpack
-/// says nowhere how its integers become texture coordinates.)
+/// The compressed files, and the tolerances of positions, normals and texture coordinates. (Without a
+/// material, gltfpack does not record how its integers map to texture coordinates.)
 const FILES: [(&str, &[u8], [f32; 3]); 5] = [
     ("khr", KHR, [0.0, 1e-6, 0.0]),
     ("ext", EXT, [1e-4, 0.02, f32::INFINITY]),
@@ -26,7 +26,8 @@ fn read(bytes: &[u8]) -> TriMesh {
     read_bytes(bytes, &ReadOptions::default()).unwrap().mesh
 }
 
-/// Position, normal and texture coordinate of each corner of each face; faces sorted by their places in the sheet.
+/// Returns position, normal and texture coordinate of each corner of each face; faces are sorted by their
+/// places in the sheet.
 fn faces(mesh: &TriMesh) -> Vec<[[f32; 8]; 3]> {
     let Positions::F32(positions) = mesh.positions() else { panic!("the file has single precision") };
     let (normals, uvs) = (mesh.normals().unwrap(), mesh.uvs().unwrap());
@@ -37,7 +38,7 @@ fn faces(mesh: &TriMesh) -> Vec<[[f32; 8]; 3]> {
     let mut faces: Vec<[[f32; 8]; 3]> = mesh.triangles().iter().map(|t| t.map(corner)).collect();
     let place = |c: &[f32; 8]| ((c[0] * 8.0).round() as i32, (c[1] * 8.0).round() as i32);
     for face in &mut faces {
-        // Programs may turn a face; it begins with its least corner here.
+        // Programs may rotate the corners of a face; here it begins with the smallest one.
         let first = (0..3).min_by_key(|&k| place(&face[k])).unwrap();
         face.rotate_left(first);
     }
@@ -45,7 +46,7 @@ fn faces(mesh: &TriMesh) -> Vec<[[f32; 8]; 3]> {
     faces
 }
 
-/// The JSON and the binary chunk of a GLB.
+/// Returns the JSON and the binary chunk of a GLB.
 fn taken_apart(bytes: &[u8]) -> (Value, Vec<u8>) {
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     (serde_json::from_slice(&bytes[20..20 + length]).unwrap(), bytes[20 + length + 8..].to_vec())
@@ -93,11 +94,11 @@ fn scenes_are_written_plainly() {
         assert!(!text.contains("meshopt") && !text.contains("draco"), "{name}: {text}");
         assert_eq!(json["buffers"].as_array().map(Vec::len), Some(1));
         assert_eq!(json["bufferViews"].as_array().map(Vec::len), Some(4), "{name}");
-        // The streams are gone: no more bytes than views have, and what aligns them.
+        // The compressed streams are gone: there are only the bytes of the views, and padding.
         let held: u64 =
             json["bufferViews"].as_array().unwrap().iter().map(|v| v["byteLength"].as_u64().unwrap()).sum();
         assert!((held..held + 32).contains(&(bin.len() as u64)), "{name}: {held} of {}", bin.len());
-        // Bounds of positions are those of the bytes that are there now.
+        // Bounds of positions match the rewritten bytes.
         let accessor = json["accessors"].as_array().unwrap().iter().find(|a| a["min"].is_array()).unwrap();
         let got = read(&out);
         let again = read(bytes);
@@ -130,11 +131,12 @@ fn a_replaced_mesh_is_written_plainly() {
 #[test]
 fn a_fallback_is_not_asked_for() {
     let (mut json, bin) = taken_apart(KHR);
-    // As if the plain bytes lay in a file that is not there; the extension may then be left out of the required ones.
+    // As if the uncompressed bytes were in a missing file; the extension may then be missing from the
+    // required ones.
     json["buffers"][1]["uri"] = "nowhere.bin".into();
     json.as_object_mut().unwrap().remove("extensionsRequired");
     assert_eq!(faces(&read(&glb(&json, &bin))), faces(&read(KHR)));
-    // Without the mark, it is known by who names it.
+    // Without the mark, the fallback buffer is recognised by the views that refer to it.
     json["buffers"][1].as_object_mut().unwrap().remove("extensions");
     assert_eq!(faces(&read(&glb(&json, &bin))), faces(&read(KHR)));
 }
@@ -246,7 +248,7 @@ fn what_is_wrong_is_named() {
 
 #[test]
 fn few_bytes_do_not_become_very_many() {
-    // A stream of version 1 that stores nothing: each block of 256 elements is one byte.
+    // A version 1 stream of constant values: each block of 256 elements is one byte.
     let blocks = 200_000;
     let mut stream = vec![0xaa; blocks + 1];
     stream[0] = 0xa1;
@@ -292,7 +294,7 @@ fn damaged_streams_get_an_answer() {
                     }
                 }
             }
-            // A panic or a hang would be the fault.
+            // The test is that this neither panics nor hangs.
             let _ = Scene::read(&glb(&json, &bin), &ReadOptions::default());
         }
     }

@@ -1,4 +1,4 @@
-//! A scene several times: what copies share, what each has of its own, and where they stand.
+//! Copies of a scene: shared data, separate nodes, and placement.
 
 mod scenes;
 
@@ -50,7 +50,7 @@ fn copies_share_what_is_heavy_and_have_nodes_of_their_own() {
     let names: Vec<&Value> = tops.iter().map(|n| &node(n)["name"]).collect();
     assert_eq!(names, ["copy_1", "copy_2", "copy_3"]);
     assert_eq!(node(tops[2])["scale"], json!([3.0, 3.0, 3.0]));
-    // Each node has one parent, so the copies are trees of their own.
+    // Each node has one parent, so the copies are separate trees.
     let mut parents = vec![0; after["nodes"].as_array().unwrap().len()];
     for parent in after["nodes"].as_array().unwrap() {
         for child in parent["children"].as_array().into_iter().flatten() {
@@ -114,7 +114,8 @@ fn no_copies_are_an_empty_scene() {
     assert_eq!(copied.contents().meshes, 0);
 }
 
-/// A node over the second of three copies, which goes along x by a curve, and a camera that hangs under another node.
+/// Returns a node above the second of three copies, which moves along x by a curve, and a camera below
+/// another node.
 fn motion() -> SceneMotion {
     let moves = MovingNode {
         name: "moves".to_owned(),
@@ -161,7 +162,7 @@ fn what_stands_in_a_scene_moves_by_nodes_over_it() {
             model.world_from_nodes(&pose)[at]
         };
         for (secs, x) in [(0.0, 0.0), (1.0, 4.0), (2.0, 8.0)] {
-            // The copy stands at 10, in a node twice as large.
+            // The copy is at 10, in a node scaled by two.
             let origin = place(secs, "copy_2").w_axis.truncate();
             assert!((origin.x - x - 20.0).abs() < 1e-5 && (origin.y - 1.0).abs() < 1e-6, "{origin}");
         }
@@ -174,7 +175,7 @@ fn what_stands_in_a_scene_moves_by_nodes_over_it() {
 fn a_scene_that_nothing_moves_in_stays_as_it_is() {
     let copied = scene(small()).with_copies(&places(2)).unwrap();
     assert_eq!(written(&copied.with_motion(&SceneMotion::default()).unwrap()), written(&copied));
-    // Nodes that name what is not there stand by themselves.
+    // Nodes that refer to missing nodes become roots.
     let lost = MovingNode { over: Some(9), parent: Some(4), ..MovingNode::default() };
     let more = copied.with_motion(&SceneMotion { nodes: vec![lost], ..SceneMotion::default() }).unwrap();
     let (json, _) = split(&written(&more));

@@ -1,4 +1,4 @@
-//! Whole numbers that name something: read as such, written in their type.
+//! Discrete integer attributes: reading them, and writing them in their own type.
 
 #[expect(dead_code, reason = "other tests use the rest")]
 mod scenes;
@@ -16,7 +16,8 @@ fn discrete(mesh: &TriMesh, name: &str) -> Option<(Integer, Vec<f32>)> {
     })
 }
 
-/// Two triangles that share no vertex, with attributes of these component types and values.
+/// Returns a scene of two triangles without common vertices, with attributes of these component types and
+/// values.
 fn scene(attributes: &[(&str, u32, Vec<u8>, bool)]) -> Scene {
     let mut pack = Pack::default();
     let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [2.0, 0.0], [3.0, 0.0], [2.0, 1.0]];
@@ -73,7 +74,7 @@ fn integers_of_gltf_that_are_not_normalised_are_discrete_and_keep_their_type() {
     assert_eq!(of("_BATCHID"), Some(Integer::U8));
     assert_eq!(of("_SIGNED"), Some(Integer::I8));
     assert_eq!(discrete(&mesh, "_SIGNED").unwrap().1[0], -1.0);
-    // Neither fractions nor numbers that a file has as floats name anything.
+    // Neither fractions nor floats of a file are discrete.
     assert_eq!(["_FEATURE_ID_2", "_SHARE", "_HEIGHT"].map(of), [None; 3]);
 
     let mut turned = mesh.clone();
@@ -103,7 +104,7 @@ fn a_discrete_attribute_that_a_scene_lacks_comes_along_in_its_type() {
         mesh.add_attribute(Attribute { semantic, width: 1, values }).unwrap();
     }
     let (json, again) = rewritten(&scene, &mesh);
-    // Vertices of glTF have no integers of 32 bits.
+    // Vertex attributes of glTF have no 32-bit integers.
     assert_eq!(["_A", "_B", "_C"].map(|name| component(&json, name)), [5123, 5121, 5126]);
     assert_eq!(discrete(&again, "_A"), discrete(&mesh, "_A"));
 }
@@ -122,7 +123,7 @@ fn integers_of_vertices_go_through_ply_in_their_type() {
     assert_eq!(discrete(&mesh, "label"), Some((Integer::U8, vec![1.0, 255.0, 0.0])));
     assert_eq!(discrete(&mesh, "id"), Some((Integer::I32, vec![-70000.0, 16777216.0, 3.0])));
     assert_eq!(loaded.properties, [("id".to_owned(), vec![-70000.0, 16777216.0, 3.0])]);
-    // Single precision does not hold the first hash.
+    // Single precision cannot hold the first hash.
     assert_eq!(discrete(&mesh, "hash"), None);
     let said: Vec<String> = loaded.warnings.iter().map(|w| w.text.clone()).collect();
     assert_eq!(said, ["properties of vertices are not carried: heat, hash dropped"]);

@@ -1,4 +1,4 @@
-//! Whole glTF scenes: what is not replaced stays, to the byte.
+//! Whole glTF scenes: everything that is not replaced stays identical, byte for byte.
 
 mod scenes;
 
@@ -20,7 +20,7 @@ fn written(scene: &Scene, replaced: &[Option<TriMesh>], format: Format) -> (Valu
     (json, bin, warnings.into_iter().map(|w| w.text).collect())
 }
 
-/// The mesh with the faces that are wanted.
+/// Returns the mesh with a selection of its faces.
 fn only(mesh: &TriMesh, wanted: impl Fn(usize) -> bool) -> TriMesh {
     let kept: Vec<usize> = (0..mesh.face_count()).filter(|&i| wanted(i)).collect();
     let triangles = kept.iter().map(|&i| mesh.triangles()[i]).collect();
@@ -34,7 +34,7 @@ fn only(mesh: &TriMesh, wanted: impl Fn(usize) -> bool) -> TriMesh {
     out
 }
 
-/// The bytes of a view.
+/// Returns the bytes of a buffer view.
 fn view<'b>(json: &Value, bin: &'b [u8], index: usize) -> &'b [u8] {
     let view = &json["bufferViews"][index];
     let start = view["byteOffset"].as_u64().unwrap_or(0) as usize;
@@ -52,7 +52,7 @@ fn an_untouched_scene_is_the_same() {
     let (got, bytes, warnings) = written(&scene_of(&glb(&json, &bin)), &[], Format::Glb);
     assert_eq!((&got, bytes.as_slice()), (&json, bin.as_slice()));
     assert!(warnings.is_empty());
-    // Text has the same order of keys, not only the same keys.
+    // As text too: the keys are also in the same order.
     assert_eq!(got.to_string(), json.to_string());
 
     let (mut got, bytes, _) = written(&scene_of(&gltf(&json, &bin)), &[None], Format::Gltf);
@@ -135,7 +135,7 @@ fn what_is_not_replaced_stays() {
         assert_eq!(before["material"], after["material"]);
         assert_eq!(before["extras"], after["extras"]);
     }
-    // The lines are as they were, and so is the other mesh, byte for byte.
+    // The line primitive is unchanged, and so is the other mesh, byte for byte.
     assert_eq!(before["primitives"][1], after["primitives"][1]);
     assert_eq!(json["meshes"][1], got["meshes"][1]);
     for old in [
@@ -149,7 +149,7 @@ fn what_is_not_replaced_stays() {
     }
     let image = json["images"][0]["bufferView"].as_u64().unwrap() as usize;
     assert_eq!(view(&got, &bytes, image), PNG);
-    // Types stay where they hold the values.
+    // Component types are kept if they hold the values.
     let accessor = |key: &str, p: usize| {
         let index = after["primitives"][p]["attributes"][key].as_u64().unwrap() as usize;
         got["accessors"][index].clone()
@@ -158,12 +158,13 @@ fn what_is_not_replaced_stays() {
     assert_eq!(accessor("WEIGHTS_0", 0)["componentType"], 5121);
     assert_eq!(accessor("WEIGHTS_0", 0)["normalized"], true);
     assert_eq!(accessor("COLOR_0", 2)["type"], "VEC3");
-    // The lines keep the places of the first primitive; those of the last are replaced where they stood.
+    // The line primitive still uses the positions of the first primitive; those of the last are replaced in
+    // place.
     assert_eq!(accessor("POSITION", 0)["name"], Value::Null);
     assert_eq!(accessor("POSITION", 2)["name"], "corners");
     assert_eq!(accessor("POSITION", 2)["count"], 3);
     assert_eq!(scene_of(&glb(&got, &bytes)).meshes()[0].mesh.face_count(), 2);
-    // Nothing is left behind: the places of the first primitive alone are there twice.
+    // No unused bytes are left: only the positions of the first primitive exist twice.
     assert!(bytes.len() <= bin.len() + 48, "{} of {}", bytes.len(), bin.len());
 }
 
@@ -179,7 +180,7 @@ fn a_primitive_without_faces_goes() {
     let (got, bytes, warnings) = written(&scene, &[Some(only(mesh, |i| i < 2))], Format::Glb);
     assert_eq!(got["meshes"][0]["primitives"].as_array().unwrap().len(), 2);
     assert!(warnings[0].starts_with("meshes[0].primitives[2] has no face any more"), "{warnings:?}");
-    // What the renumbered references name is what they named before.
+    // The renumbered references still refer to the same data.
     assert_eq!(view_of_accessor(&got, &bytes, &got["skins"][0]["inverseBindMatrices"]).len(), 128);
     let image = got["images"][0]["bufferView"].as_u64().unwrap() as usize;
     assert_eq!(view(&got, &bytes, image), PNG);
@@ -205,7 +206,7 @@ fn many_without_faces_are_one_warning() {
 #[test]
 fn a_mesh_without_faces_goes_with_its_name_on_nodes() {
     let (mut json, bin) = everything();
-    // No lines, which would keep the mesh alive.
+    // Without the line primitive, which would keep the mesh.
     json["meshes"][0]["primitives"].as_array_mut().unwrap().remove(1);
     let scene = scene_of(&glb(&json, &bin));
     let empty = only(&scene.meshes()[0].mesh, |_| false);
@@ -239,7 +240,7 @@ fn attributes_that_are_gone_are_named_and_new_ones_come_along() {
         assert!(lost.contains(name), "{lost}");
     }
     assert!(got["nodes"][0]["skin"].is_null() && got["nodes"][2]["skin"].is_null());
-    // The number of morph targets is that of the mesh's weights: they stay, and move nothing.
+    // The number of morph targets must match the mesh's weights: they are kept, with zero offsets.
     let again = scene_of(&glb(&got, &bytes));
     let morphs = again.meshes()[0].mesh.further_attributes();
     assert!(
@@ -276,7 +277,7 @@ fn shared_accessors_stay_for_those_that_still_want_them() {
     let again = scene_of(&glb(&got, &bytes));
     (0..3).for_each(|i| assert_eq!(again.meshes()[i].mesh, scene.meshes()[i].mesh));
 
-    // What is equal after all is shared again.
+    // Equal data are shared again.
     let (got, ..) = written(&scene, &[whole(0), whole(1), whole(2)], Format::Glb);
     assert_eq!(got["meshes"][0], got["meshes"][2]);
     assert_eq!(got["meshes"][0]["primitives"][0]["attributes"]["POSITION"], positions);
@@ -381,7 +382,7 @@ fn a_file_of_another_format_is_no_scene() {
     std::fs::write(&path, obj).unwrap();
     assert!(lodsmith_io::read_scene_path(&path, &ReadOptions::default()).unwrap().is_none());
 
-    // Content decides, and packed files open by themselves.
+    // The content decides, and compressed files are decompressed automatically.
     let (json, bin) = everything();
     let scene = scene_of(&glb(&json, &bin));
     let path = folder.path().join("b.glb.gz");
@@ -467,7 +468,7 @@ fn what_cannot_be_read_or_written_is_named() {
     assert!(fails(&[Some(mesh)], Format::Glb).contains("region 7"));
 }
 
-/// Every number of the JSON in turn becomes another, and every byte of its text another one.
+/// Replaces every number of the JSON in turn, and every byte of its text.
 #[test]
 fn damaged_scenes_get_an_answer() {
     let (json, bin) = everything();
@@ -512,7 +513,7 @@ fn damaged_scenes_get_an_answer() {
     }
 }
 
-/// Puts something in the place of one number; how many there are.
+/// Replaces one number; returns the count of numbers.
 fn numbers(json: &mut Value, at: usize, new: &Value) -> usize {
     fn walk(value: &mut Value, next: &mut usize, at: usize, new: &Value) {
         match value {

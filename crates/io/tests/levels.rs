@@ -1,4 +1,4 @@
-//! Levels of detail in one glTF file: what is written, and that nobody counts them twice.
+//! Levels of detail in one glTF file: the written structure, and readers that do not count them twice.
 
 mod scenes;
 
@@ -10,7 +10,7 @@ use lodsmith_io::{Format, ReadOptions, read_bytes};
 use scenes::{everything, glb, gltf, split};
 use serde_json::{Value, json};
 
-/// The mesh without its last face.
+/// Returns the mesh without its last face.
 fn one_less(mesh: &TriMesh) -> TriMesh {
     let mut triangles = mesh.triangles().to_vec();
     triangles.pop();
@@ -34,7 +34,7 @@ fn written(scene: &Scene, levels: &SceneLevels) -> Value {
     split(&bytes).0
 }
 
-/// The scene with everything, and two lighter levels of its first mesh.
+/// Returns the complete scene, with two simplified levels of its first mesh.
 fn with_levels() -> (Scene, SceneLevels) {
     let (json, bin) = everything();
     let scene = Scene::read(&gltf(&json, &bin), &ReadOptions::default()).unwrap();
@@ -108,7 +108,7 @@ fn readers_without_the_extension_see_level_0() {
     assert_eq!(placed(&again), placed(&scene));
     let loaded = read_bytes(&bytes, &ReadOptions::default()).unwrap();
     assert_eq!(loaded.mesh.face_count(), scene.contents().polygons);
-    // One mesh stood nowhere before; those of levels are not counted with it.
+    // One mesh was not instantiated before; those of levels are not counted with it.
     let unplaced = "1 meshes stand in no place of the default scene: dropped";
     assert!(loaded.warnings.iter().any(|w| w.text == unplaced), "{:?}", loaded.warnings);
 }

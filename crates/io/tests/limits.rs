@@ -1,4 +1,4 @@
-//! What a file may ask of the machine.
+//! Resource limits of readers.
 
 use std::io::Write;
 
@@ -60,7 +60,7 @@ fn several_packed_parts_are_one_file() {
     assert_eq!(read_bytes(&parts, &ReadOptions::default()).unwrap().mesh.face_count(), 1);
 }
 
-/// So many times the same part, each of 64 MiB of blanks: a megabyte that unpacks to 1.5 GB.
+/// Repeats a gzip member of 64 MiB of blanks: a megabyte that unpacks to 1.5 GB.
 fn bomb(parts: usize) -> Vec<u8> {
     packed(&vec![b' '; 64 << 20]).repeat(parts)
 }
@@ -71,17 +71,17 @@ fn a_packed_file_that_unpacks_to_hundreds_of_times_its_size_is_refused() {
     assert!(bytes.len() < 2 << 20);
     let error = read_bytes(&bytes, &ReadOptions::default()).unwrap_err();
     assert!(matches!(error, ReadError::Ratio { limit, .. } if limit < 300 << 20), "{error}");
-    // A part of 64 MiB harms nobody: here it holds no mesh.
+    // A single member of 64 MiB is harmless: the only error is that it holds no mesh.
     let error = read_bytes(&bomb(1), &ReadOptions::default()).unwrap_err();
     assert!(matches!(error, ReadError::Unknown(_)), "{error}");
-    // The limit on memory counts as well.
+    // The memory limit applies as well.
     let mut options = ReadOptions::default();
     options.limits.memory = 20 << 20;
     let error = read_bytes(&bomb(1), &options).unwrap_err();
     assert!(matches!(error, ReadError::Memory(_)), "{error}");
 }
 
-/// A triangle whose `extras` hold so many times the same.
+/// Returns a triangle whose `extras` repeat a unit `count` times.
 fn with_extras(unit: &str, count: usize) -> String {
     let extras = format!("{unit},").repeat(count);
     let corners = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";

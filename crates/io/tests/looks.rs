@@ -1,4 +1,4 @@
-//! Materials on their way from OBJ to glTF.
+//! Conversion of materials from OBJ to glTF.
 
 use std::fs;
 use std::path::Path;
@@ -29,7 +29,7 @@ fn folder(faces: &str, library: &str) -> TempDir {
     folder
 }
 
-/// The file as glTF, and what was said.
+/// Returns the file as glTF, and the warnings.
 fn written(folder: &Path, textures: Textures) -> (Value, Vec<u8>, Vec<Warning>) {
     let loaded = read_path(&folder.join("a.obj"), &ReadOptions::default()).unwrap();
     let mut options = WriteOptions::default();
@@ -128,7 +128,7 @@ fn emission_and_alpha_have_images_too() {
         (&wood["emissiveTexture"], &glass["emissiveTexture"]),
         (&json!({"index": 1}), &json!({"index": 1}))
     );
-    // What glows by nothing does not glow by an image.
+    // Without an emissive colour, the emissive image is dropped.
     assert!(glass["emissiveFactor"].is_null() && glass["alphaMode"].is_null());
 }
 

@@ -1,4 +1,4 @@
-//! LPM: what is written is read, any beginning is a mesh, and bytes of strangers do no harm.
+//! LPM: round trips, truncated files as coarser meshes, and untrusted bytes.
 
 mod record;
 
@@ -26,11 +26,11 @@ fn read(bytes: &[u8]) -> lodsmith_io::Lpm {
     lpm::read(bytes, &ReadOptions::default()).unwrap()
 }
 
-/// A sheet with a seam, every kind of attribute and three regions.
+/// Returns a sheet with a seam, every kind of attribute and three regions.
 fn rich(is_double: bool) -> TriMesh {
     let sheet = shapes::wavy_sheet(8);
     let count = sheet.vertex_count();
-    // The middle column of faces has wedges of its own on one side.
+    // The faces of the middle column have separate wedges on one side.
     let mut vertex_of: Vec<VertexId> = (0..count).map(VertexId::new).collect();
     let mut triangles: Vec<[WedgeId; 3]> = sheet.triangles().to_vec();
     let is_seam = |v: usize| v % 9 == 4;
@@ -82,7 +82,7 @@ fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|x| x.to_bits()).collect()
 }
 
-/// Equal, and no number is unequal to itself.
+/// Asserts equality, comparing floats by their bits.
 fn assert_same(a: &SplitData, b: &SplitData) {
     let plain = |d: &SplitData| {
         let mut d = d.clone();
@@ -217,7 +217,7 @@ fn rounded_files_are_as_close_as_their_grid() {
                     (k..k + 3).map(|k| a[k] * b[k]).sum::<f32>()
                         / (length(&a[k..k + 3]) * length(&b[k..k + 3]))
                 };
-                // Normals and tangents have 8 bits at least, colours 8, the others more.
+                // Normals and tangents have at least 8 bits, colours 8, the others more.
                 assert!(dot(0) > 0.999 && dot(9) > 0.999, "{a:?} {b:?}");
                 let mut others = (3..width).filter(|k| !(9..12).contains(k));
                 assert!(others.all(|k| a[k] == b[k] || (a[k] - b[k]).abs() < 0.01 || b[k].is_nan()));
@@ -265,7 +265,7 @@ fn what_has_no_place_on_a_grid_is_refused() {
     assert!(matches!(&back.splits.positions, Positions::F32(p) if p[1][0].is_nan()));
 }
 
-/// Where chunks begin.
+/// Returns the offsets of chunks.
 fn chunks(bytes: &[u8]) -> Vec<usize> {
     let mut at = 8;
     let mut all = Vec::new();
@@ -276,7 +276,7 @@ fn chunks(bytes: &[u8]) -> Vec<usize> {
     all
 }
 
-/// Makes the checksums right.
+/// Corrects the checksums.
 fn mend(bytes: &mut [u8]) {
     for at in chunks(bytes) {
         let length = u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
@@ -296,7 +296,7 @@ fn a_flipped_bit_is_seen() {
         let mut flipped = bytes.clone();
         let at = dice.below(bytes.len());
         flipped[at] ^= 1 << dice.below(8);
-        // A length that changed looks like an end that came too early; all else is an error.
+        // A changed length looks like a truncated file; any other change is an error.
         let is_length = chunks(&bytes).iter().any(|chunk| (*chunk..chunk + 4).contains(&at));
         match lpm::read(&flipped[..], &ReadOptions::default()) {
             Ok(read) => assert!(is_length && !read.is_complete, "byte {at}"),
@@ -316,7 +316,7 @@ fn bytes_of_strangers_do_no_harm() {
                 let mut wild = bytes.clone();
                 for _ in 0..=dice.below(4) {
                     let at = 8 + dice.below(wild.len() - 8);
-                    // Lengths stay, most of the time, or nothing else would be met.
+                    // Lengths mostly stay unchanged, since otherwise no other check would be reached.
                     if dice.below(20) > 0 && chunks(&bytes).iter().any(|c| (*c..c + 8).contains(&at)) {
                         continue;
                     }
@@ -336,7 +336,7 @@ fn bytes_of_strangers_do_no_harm() {
                 if let Ok(mesh) = reader.mesh() {
                     Topology::unwelded(&mesh.surface()).check();
                 }
-                // Whatever is read fits together, or is refused.
+                // The result is consistent, or refused.
                 if let Ok(part) = reader.into_lpm() {
                     assert_eq!(part.splits.faces.len(), part.splits.counts.last().unwrap().faces as usize);
                 }

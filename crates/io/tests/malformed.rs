@@ -1,4 +1,4 @@
-//! Broken files: each error says what is wrong, and where.
+//! Malformed text files: each error names the problem and its place.
 
 use lodsmith_io::{Format, ReadOptions, read_bytes, read_path};
 

@@ -1,4 +1,4 @@
-//! PLY, STL and glTF files that are none, and what is said about each.
+//! Malformed PLY, STL and glTF files, and their errors.
 
 use lodsmith_core::{Positions, VertexId};
 use lodsmith_io::{Loaded, ReadError, ReadOptions, gltf, ply, stl};
@@ -56,7 +56,7 @@ fn ply_headers_that_claim_too_much() {
         "the header claims 4000000000000 records of element vertex, which end at byte 24000000000000 of the body or \
          later, but the body has 6 bytes: the file is cut off, or the header is wrong"
     );
-    // Products that do not fit 64 bits.
+    // Products that overflow 64 bits.
     let huge = u64::MAX.to_string();
     assert!(
         ply_said(&ply_text(&huge, &huge, "0 0 0\n")).starts_with("the header claims 18446744073709551615")
@@ -129,7 +129,7 @@ fn ply_elements_that_lack_something() {
 
 #[test]
 fn ply_of_every_type_and_order_with_unknown_things() {
-    // A list before the coordinates, coordinates out of order, an element nobody knows, indices as doubles.
+    // A list before the coordinates, coordinates out of order, an unknown element, indices as doubles.
     let mut bytes = b"ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty list ushort short tags\n\
         property int16 z\nproperty uint8 x\nproperty float64 y\nelement camera 1\nproperty list char double pose\n\
         element face 1\nproperty char kind\nproperty list uint float64 vertex_index\nend_header\n"
@@ -396,7 +396,7 @@ fn gltf_that_places_a_mesh_too_often_is_refused_before_it_is_made() {
     assert!(placed_3000_times(300).is_empty());
 }
 
-/// What a file says whose one mesh has so many vertices.
+/// Returns the error for a file that instantiates a mesh of `count` vertices 3000 times.
 fn placed_3000_times(count: u32) -> String {
     let (mut json, _) = triangle();
     let bin: Vec<u8> = vec![0; count as usize * 12];

@@ -1,5 +1,4 @@
-//! Groups, materials and smoothing groups of OBJ: what is written reads back the same, and libraries and textures go
-//! along.
+//! Groups, materials and smoothing groups of OBJ: round trips, and copying of libraries and textures.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +13,7 @@ use proptest::prelude::*;
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
 
-/// A chair whose faces come back to what they were under before.
+/// Returns a chair whose later faces return to earlier groups and materials.
 fn chair() -> String {
     format!(
         "mtllib chair.mtl\no chair\n{SQUARE}g legs left\nusemtl my wood\ns 1\nf 1/1 2/2 3/3\n\
@@ -44,10 +43,10 @@ fn text_of(loaded: &Loaded) -> String {
     String::from_utf8(bytes).unwrap()
 }
 
-/// All names and the corners under them.
+/// All names of a region, and the corners of a face.
 type Headed = (Vec<Option<Vec<u8>>>, Vec<[u64; 3]>);
 
-/// Faces with what they stand under, in the order in which they are written.
+/// Returns the faces with the names of their regions, in the order of writing.
 fn faces(loaded: &Loaded) -> Vec<Headed> {
     let mesh: &TriMesh = &loaded.mesh;
     let place = |w: &WedgeId| mesh.positions().view().get(mesh.vertex_of(*w)).map(f64::to_bits);
@@ -62,11 +61,11 @@ fn faces(loaded: &Loaded) -> Vec<Headed> {
     order.into_iter().map(face).collect()
 }
 
-/// Images of one pixel. Their type is told by what they hold, not by their names.
+/// Images of one pixel. Their type is recognised by their content, not by their names.
 const WOOD: &str = "P3 1 1 255 120 80 40";
 const CLOTH: &str = "P3 1 1 255 90 90 90";
 
-/// A folder with a chair, its library and two textures.
+/// A test folder with a chair, its library and two textures.
 struct Workshop {
     folder: tempfile::TempDir,
 }
@@ -208,7 +207,7 @@ fn copies_lie_beside_the_output_and_the_rest_is_kept() {
     let [before, after] = ["in/chair.obj", "out/my seat.obj"].map(|name| read(&shop.path(name)));
     assert_eq!(faces(&before), faces(&after));
     assert_eq!(after.contents.materials, 2);
-    // Once more, and onwards: nothing new but what is new.
+    // Converting again, and converting the result: no duplicates are created.
     shop.convert("in/chair.obj", "out/my seat.obj", Textures::Copy);
     shop.convert("out/my seat.obj", "out/b.obj.gz", Textures::Copy);
     let names = ["b.mtl", "b.obj.gz", "cloth.png", "my seat.mtl", "my seat.obj", "wood grain.png"];
@@ -303,7 +302,7 @@ fn a_link_is_copied_under_its_own_name() {
 const OUTSIDE: &str =
     "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)";
 
-/// What a model may name, and whether a file beside its folder is among it.
+/// Returns asset scopes, and whether a file outside the folder is in each.
 fn scopes(shop: &Workshop) -> [(AssetScope, bool); 4] {
     let all = shop.folder.path().to_owned();
     [
@@ -359,7 +358,7 @@ fn a_texture_outside_the_folder_is_not_copied() {
             fs::remove_dir_all(shop.path("out/deep")).unwrap();
         }
     }
-    // Nor is it taken into a file that holds its images.
+    // It is not embedded in a glTF file either.
     let loaded = read_within(&shop, AssetScope::Folder);
     let mut glb = Vec::new();
     let told = write_to(&loaded.mesh, Format::Glb, &options_of(&loaded, Textures::Copy), &mut glb).unwrap();
@@ -422,7 +421,7 @@ fn a_group_for_each_face_under_a_long_name_takes_no_square_time() {
     assert!(written.ends_with("g 99999\nf 1 2 3\n"));
 }
 
-/// Pieces of which lines of an OBJ or of a library may be made.
+/// Generates fragments of OBJ and library lines.
 fn words() -> impl Strategy<Value = String> {
     let word = prop::sample::select(vec![
         "o",
@@ -461,7 +460,7 @@ fn words() -> impl Strategy<Value = String> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
-    /// Whatever stands between faces and in libraries, reading and writing go well and agree.
+    /// With any lines between faces and in libraries, reading and writing succeed and agree.
     #[test]
     fn lines_of_any_kind_do_no_harm(obj in words(), library in words()) {
         let folder = tempfile::tempdir().unwrap();
@@ -471,7 +470,7 @@ proptest! {
         let text = format!("mtllib b.mtl\n{SQUARE}f 1 2 3\n{obj}\nf 1 2 3\n");
         let mut options = ReadOptions::default();
         options.folder = Some(folder.path().to_owned());
-        // Control characters make no text, and the content would not decide.
+        // Control characters prevent the detection as text, so the format is given.
         options.format = Some(Format::Obj);
         let loaded = read_bytes(text.as_bytes(), &options).unwrap();
         let out = folder.path().join("out/a.obj");

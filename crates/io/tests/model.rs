@@ -1,4 +1,4 @@
-//! Files on their way to what is to be seen.
+//! Reading files as models for display.
 
 mod scenes;
 
@@ -17,7 +17,7 @@ use scenes::{Pack, data_uri, everything, glb, gltf, small, split};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// Red and green over blue and half of white.
+/// Encodes red and green above blue and half-transparent white.
 fn picture(format: image::ImageFormat) -> Vec<u8> {
     let pixels = vec![255, 0, 0, 255, 0, 255, 0, 255, 0, 0, 255, 255, 255, 255, 255, 128];
     let picture = image::RgbaImage::from_raw(2, 2, pixels).unwrap();
@@ -42,7 +42,7 @@ fn said(file: &ModelFile) -> Vec<&str> {
     file.warnings.iter().map(|w| &*w.text).collect()
 }
 
-/// A square with one material.
+/// Returns a square with one material.
 fn square(material: Value, rest: &[(&str, Value)], bin: impl FnOnce(&mut Pack)) -> Vec<u8> {
     let mut pack = Pack::default();
     let positions = pack.positions(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]);
@@ -70,7 +70,7 @@ fn a_scene_keeps_its_nodes_skins_and_animations() {
     assert_eq!((&*model.nodes[2].name, model.nodes[0].morph_weights.as_deref()), ("b", Some(&[0.5][..])));
     let Transform::Parts { rotation, scale, .. } = model.nodes[1].transform else { panic!("no parts") };
     assert_eq!((rotation.to_array(), scale.to_array()), ([0.0, 0.0, 0.6, 0.8], [1.0, 3.0, 2.0]));
-    // A primitive of lines between the others has a place too.
+    // A line primitive between the others has a material entry too.
     assert_eq!(model.meshes[0].materials, [Some(1), None, Some(0)]);
     assert_eq!((&model.meshes[0].morph_weights[..], &*model.meshes[0].name), (&[0.0][..], "quad"));
     assert_eq!(model.skins[0].joints, [4, 5]);
@@ -81,13 +81,13 @@ fn a_scene_keeps_its_nodes_skins_and_animations() {
     assert_eq!(channel.track, Track::MorphWeights(vec![0.0, 1.0]));
     assert_eq!(model.vertex_colors, VertexColors::Linear);
     assert_eq!((model.face_count(), file.contents.polygons), (8, 8));
-    // Its image is none.
+    // Its image cannot be decoded.
     assert!(model.images.is_empty() && model.materials[1].base_color_texture.is_none());
     assert!(said(&file)[0].starts_with("image 0 is of no type"), "{:?}", said(&file));
     // Meshes are shared, not copied.
     let ModelSource::Scene(scene) = source else { panic!("no scene") };
     assert!(Arc::ptr_eq(&scene.meshes()[0].mesh, &model.meshes[0].mesh));
-    // Those of the model go back into the file.
+    // The meshes of the model can be written back to the file.
     let same: Vec<_> = model.meshes.iter().map(|m| Some(TriMesh::clone(&m.mesh))).collect();
     let mut out = Vec::new();
     scene.write(&same, Format::Glb, &|_| None, &mut out).unwrap();
@@ -178,7 +178,7 @@ fn images_beside_the_file_are_found_and_never_above_it() {
             && said[0].starts_with("image 2 (none.png)"),
         "{said:?}"
     );
-    // Bytes alone have no folder.
+    // Bytes without a path have no folder.
     assert!(read(&file).model.images.is_empty());
 }
 
@@ -194,7 +194,7 @@ fn images_above_the_limits_are_left_out() {
     let mut options = ReadOptions::default();
     options.limits.pixels = 7;
     let file = read_model_bytes(&square(material, &rest, |_| {}), &options).unwrap();
-    // The first one takes four of them.
+    // The first image uses four of the pixels.
     assert_eq!(file.model.images.len(), 1);
     assert!(file.model.materials[0].normal_texture.is_none());
     assert_eq!(
@@ -233,7 +233,7 @@ fn materials_of_obj_are_seen() {
         (1, &[None, Some(0), Some(1), Some(2)][..])
     );
     let [wood, glass, lamp] = &model.materials[..] else { panic!("three materials") };
-    // With an image, the colour is left out; heights are no normals.
+    // With an image, the colour is ignored; a height map is not used as a normal map.
     assert_eq!((wood.base_color, wood.base_color_texture.map(|t| t.image)), ([1.0; 4], Some(0)));
     assert!(wood.normal_texture.is_none() && wood.double_sided);
     assert!((wood.roughness - 0.5).abs() < 1e-6, "{}", wood.roughness);
@@ -276,7 +276,7 @@ fn meshes_that_stand_nowhere_and_copies_are_placed() {
 #[test]
 fn what_cannot_move_is_told_and_stands_still() {
     let (mut json, bin) = everything();
-    // Too few values, a node that is not there, and times that fall.
+    // Too few values, a missing node, and decreasing times.
     let weights = json["animations"][0]["samplers"][0].clone();
     json["animations"][0]["samplers"] = json!([
         {"input": weights["input"], "output": weights["output"], "interpolation": "CUBICSPLINE"},
@@ -309,7 +309,7 @@ fn what_cannot_move_is_told_and_stands_still() {
         assert!(said[i].contains(wanted), "{wanted}: {said:?}");
     }
     assert_eq!(said.len(), 6);
-    // A region may still name a material of the list that is gone.
+    // A region may still refer to a removed material.
     assert_eq!(file.model.meshes[0].materials, [None; 3]);
 }
 
@@ -336,7 +336,7 @@ fn files_without_faces_are_refused() {
     assert!(missing.to_string().contains("no/such.glb"));
 }
 
-/// Every place in a list of the model is there.
+/// Checks that every index in the model is in range.
 fn check(model: &Model) {
     let all = |list: &[usize], count: usize| assert!(list.iter().all(|&i| i < count));
     all(&model.roots, model.nodes.len());
@@ -366,7 +366,7 @@ fn numbers_that_name_nothing_lead_nowhere() {
     let (json, bin) = everything();
     let text = json.to_string();
     check(&read(&glb(&json, &bin)).model);
-    // Every digit of the file becomes another one in turn.
+    // Changes every digit of the file in turn.
     let digits: Vec<usize> = (0..text.len()).filter(|&i| text.as_bytes()[i].is_ascii_digit()).collect();
     let mut read = 0;
     for at in digits {
@@ -380,7 +380,8 @@ fn numbers_that_name_nothing_lead_nowhere() {
     assert!(read > 100, "{read}");
 }
 
-/// Faults B5: a picture of 60 million copies at one place was begun, where reading them as one mesh was refused.
+/// Fault B5: a model of 60 million instances at one place was built, although reading it as one mesh was
+/// refused.
 #[test]
 fn a_bomb_of_copies_is_refused_as_a_model_as_it_is_as_a_mesh() {
     let copies = 2_000;

@@ -1,4 +1,4 @@
-//! Damaged files of every format: an answer, never a panic, and soon.
+//! Damaged files of every format: a result or an error, without panics, in a short time.
 
 use std::time::{Duration, Instant};
 
@@ -6,7 +6,7 @@ use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, ReadOptions, WriteOptions, read_bytes, write_to};
 
-/// Numbers that are the same on every machine.
+/// A random generator that gives the same numbers on every machine.
 struct Xorshift(u64);
 
 impl Xorshift {
@@ -21,10 +21,10 @@ impl Xorshift {
     }
 }
 
-/// Cases for each file. A minute of fuzzing finds more; this is the part of it that every change sees.
+/// Cases per file. A minute of fuzzing finds more; this part of it runs for every change.
 const CASES: usize = 3000;
 
-/// A grid with a seam and, if wanted, all attributes.
+/// Returns a grid with a seam and, optionally, all attributes.
 fn grid(has_attributes: bool) -> TriMesh {
     let n = 5u32;
     let at = |i: u32| [(i % n) as f32 * 0.25, (i / n) as f32 * 0.3, ((i * 7) % 5) as f32 * 0.1];
@@ -78,7 +78,7 @@ fn damage(bytes: &mut Vec<u8>, random: &mut Xorshift) {
             1 => bytes[at] ^= 1 << random.below(8),
             2 => bytes[at] = random.next() as u8,
             3 => {
-                // A number of a text is replaced; of binary files whatever looks like one.
+                // Replaces a number of a text; in binary files, bytes that look like one.
                 let is_digit = |b: &u8| b.is_ascii_digit() || b"+-.e".contains(b);
                 let Some(start) = bytes[at..].iter().position(is_digit).map(|n| at + n) else { continue };
                 let end = bytes[start..].iter().position(|b| !is_digit(b)).map_or(bytes.len(), |n| start + n);
@@ -115,7 +115,7 @@ fn damaged_files_get_an_answer() {
                 let mut whole = Vec::new();
                 write_to(&grid(has_attributes), format, &options, &mut whole).unwrap();
                 if whole.is_empty() {
-                    // A format whose writer is still to come.
+                    // There is no writer for this format yet.
                     continue;
                 }
                 assert!(
@@ -143,7 +143,7 @@ fn damaged_files_get_an_answer() {
                         assert!(loaded.mesh.face_count() > 0);
                         assert!(loaded.mesh.face_count() <= bytes.len());
                     }
-                    // Guessed: thousands of times what these few kilobytes take, on a busy machine.
+                    // Guessed: thousands of times the usual time for these few kilobytes, for a busy machine.
                     assert!(start.elapsed() < Duration::from_secs(2), "{format:?}, case {case}");
                 }
             }

@@ -1,4 +1,4 @@
-//! Files that once went wrong, or that are known to go wrong elsewhere; one function each.
+//! Files that once failed here, or that are known to fail elsewhere; one function each.
 
 use std::time::{Duration, Instant};
 
@@ -17,13 +17,13 @@ fn a_vertex_with_many_normals_takes_no_square_time() {
     let start = Instant::now();
     let mesh = read_bytes(text.as_bytes(), &ReadOptions::default()).unwrap().mesh;
     assert_eq!(mesh.wedge_count(), 100_002);
-    // A square would be ten thousand million steps.
+    // Quadratic time would be ten thousand million steps.
     assert!(start.elapsed() < Duration::from_secs(5));
 }
 
 #[test]
 fn files_of_several_sections_are_read_as_one() {
-    // Above the size from which files are cut, with a continued line now and then and the last error far behind.
+    // Above the size from which files are cut, with some continued lines and the last error near the end.
     let mut text = String::new();
     let count = 400_000;
     for i in 0..count {

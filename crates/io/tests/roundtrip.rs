@@ -1,4 +1,4 @@
-//! What is written reads back the same, for the text formats that carry every attribute or say which they drop.
+//! Round trips of the text formats, which carry every attribute or warn about dropped ones.
 
 use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
 use lodsmith_io::{
@@ -6,7 +6,7 @@ use lodsmith_io::{
 };
 use proptest::prelude::*;
 
-/// The formats of this file; each has the laws below.
+/// The formats tested here, by the same rules.
 const FORMATS: [Format; 2] = [Format::Obj, Format::Off];
 
 fn there_and_back(mesh: &TriMesh, format: Format) -> (Loaded, Vec<Warning>) {
@@ -17,7 +17,7 @@ fn there_and_back(mesh: &TriMesh, format: Format) -> (Loaded, Vec<Warning>) {
     (loaded, warnings)
 }
 
-/// The values at each corner of each face: what a picture of the mesh shows.
+/// The values at each corner of each face.
 type Corner = ([u64; 3], Option<[u32; 3]>, Option<[u32; 2]>, Option<[u32; 4]>);
 
 fn corners(mesh: &TriMesh) -> Vec<Corner> {

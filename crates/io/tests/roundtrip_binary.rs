@@ -1,10 +1,10 @@
-//! What is written is read back: PLY, STL, glTF and GLB.
+//! Round trips of PLY, STL, glTF and GLB.
 
 use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
 use lodsmith_io::{Format, Loaded, ReadError, ReadOptions, WriteOptions, gltf, ply, stl};
 use proptest::prelude::*;
 
-/// All kinds of files; the flag asks for text.
+/// All file variants; the flag selects text.
 const KINDS: [(Format, bool); 6] = [
     (Format::Ply, false),
     (Format::Ply, true),
@@ -14,7 +14,7 @@ const KINDS: [(Format, bool); 6] = [
     (Format::Gltf, false),
 ];
 
-/// Those that hold vertices and attributes.
+/// The variants that hold vertices and attributes.
 fn indexed() -> impl Iterator<Item = (Format, bool)> {
     KINDS.into_iter().filter(|(format, _)| *format != Format::Stl)
 }
@@ -68,7 +68,7 @@ fn colors(as_bytes: bool) -> Vec<[f32; 4]> {
     (0..6).map(|i| [k(i), k(255 - i), k(7), k(3)]).collect()
 }
 
-/// One triangle of this size at map coordinates.
+/// Returns one triangle of this size at map coordinates.
 fn far(size: f64) -> TriMesh {
     let p = [500_000.123_456_789, 5_000_000.25, 7.0];
     let corners = vec![p, [p[0] + size, p[1], p[2]], [p[0], p[1] + size, p[2]]];
@@ -147,7 +147,7 @@ fn gltf_keeps_the_precision_of_far_positions_in_its_node() {
         let got = read(&bytes, format).unwrap().mesh;
         assert!(matches!(got.positions(), Positions::F64(_)));
         for (a, b) in got.positions().view().iter().zip(mesh.positions().view().iter()) {
-            // Half a unit of the last place of 64.
+            // Half a unit in the last place of 64.
             assert!((0..3).all(|k| (a[k] - b[k]).abs() <= 4e-6), "{a:?} {b:?}");
         }
     }
@@ -194,7 +194,7 @@ fn stl_strips_of_a_grid_are_welded_in_order_of_appearance() {
     }
 }
 
-/// Finite positions of any size, and faces over them.
+/// Generates finite positions of any size, and faces over them.
 fn any_mesh() -> impl Strategy<Value = TriMesh> {
     let number = prop::num::f32::NORMAL | prop::num::f32::ZERO | prop::num::f32::SUBNORMAL;
     let points = prop::collection::vec(prop::array::uniform3(number), 3..20);
@@ -220,7 +220,7 @@ proptest! {
             m.triangles().iter().map(|t| t.map(|w| m.positions().view().get(m.vertex_of(w)))).collect()
         };
         for ascii in [false, true] {
-            // -0 and 0 are equal here as there.
+            // -0 and 0 are equal in both.
             prop_assert_eq!(corners(&again(&mesh, (Format::Stl, ascii))), corners(&mesh));
         }
     }

@@ -1,4 +1,4 @@
-//! Materials of a glTF scene whose meshes become one: into OBJ with its library and images, and into glTF again.
+//! Materials of a glTF scene read as one mesh: written to OBJ with a library and images, and to glTF again.
 
 #[path = "scenes/pack.rs"]
 mod pack;
@@ -15,7 +15,8 @@ use tempfile::TempDir;
 
 const JPEG: &[u8] = b"\xff\xd8\xff and more";
 
-/// Three triangles over the same corners, one each: `wood` by an image inside, nothing, `a\nb` by images elsewhere.
+/// Returns three triangles over the same corners: `wood` with an embedded image, one without a material,
+/// `a\nb` with external images.
 fn scene(materials: &Value) -> Vec<u8> {
     let mut pack = Pack::default();
     let positions = pack.positions(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]);
@@ -70,7 +71,7 @@ fn options(loaded: &Loaded, textures: Textures) -> WriteOptions {
     options
 }
 
-/// Writes the scene as an OBJ in a folder of its own.
+/// Writes the scene as an OBJ in a new folder.
 fn to_obj(materials: &Value, textures: Textures) -> (TempDir, Vec<Warning>) {
     let folder = TempDir::new().unwrap();
     fs::create_dir(folder.path().join("out")).unwrap();
@@ -115,7 +116,7 @@ fn an_obj_gets_a_library_and_the_images() {
     let faces = obj.split_once("\nf ").unwrap().1;
     let order: Vec<_> = faces.lines().filter(|l| l.starts_with("usemtl")).collect();
     assert_eq!(order, ["usemtl wood", "usemtl wood_1"]);
-    // The face without a material stands before all that have one.
+    // The face without a material comes before all that have one.
     assert!(
         faces.starts_with("2/2 4/4 3/3\nusemtl wood\nf 1/1 2/2 3/3\nf 1/1 4/4 3/3\nusemtl wood_1\n"),
         "{faces}"
@@ -138,7 +139,7 @@ fn images_that_are_files_are_copied_or_linked() {
         library.contains("newmtl material_1\n") && library.contains("map_Kd ../outside it.png\n"),
         "{library}"
     );
-    // What is inside a file cannot be linked to.
+    // Embedded images cannot be linked to.
     let (folder, _) = to_obj(&showing(0), Textures::Link);
     assert_eq!(names(&folder), ["Grain_.png", "a.mtl", "a.obj"]);
     let (folder, warnings) = to_obj(&showing(0), Textures::None);
@@ -146,7 +147,7 @@ fn images_that_are_files_are_copied_or_linked() {
     assert_eq!(names(&folder), ["a.obj"]);
 }
 
-/// The second material shows this texture.
+/// Returns materials whose second one shows this texture.
 fn showing(texture: usize) -> Value {
     json!([{}, {"pbrMetallicRoughness": {"baseColorTexture": {"index": texture}}}, {}])
 }
@@ -270,7 +271,7 @@ fn very_many_materials_of_one_name_take_no_square_time() {
     }));
     let loaded = read_bytes(&glb(&json, &pack.bin), &ReadOptions::default()).unwrap();
     assert_eq!(loaded.regions.materials().last().unwrap(), b"Same_49999");
-    // A long name does not stand there as often as it is meant.
+    // The long name is stored once, not once per material.
     assert!(loaded.regions.libraries()[0].text().unwrap().len() < 100 * count);
 }
 

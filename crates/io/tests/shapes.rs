@@ -1,10 +1,10 @@
-//! Every format carries every shape: what is written reads back the same.
+//! Round trips of every shape in every format.
 
 use lodsmith_core::shapes;
 use lodsmith_core::{Positions, TriMesh, VertexId};
 use lodsmith_io::{Format, ReadOptions, WriteOptions, read_bytes, write_to};
 
-/// All kinds of files; the flag asks for text.
+/// All file variants; the flag selects text.
 fn kinds() -> impl Iterator<Item = (Format, bool)> {
     Format::WRITTEN.into_iter().flat_map(|format| [(format, false), (format, true)])
 }
@@ -19,15 +19,15 @@ fn again(mesh: &TriMesh, (format, ascii): (Format, bool)) -> TriMesh {
     loaded.mesh
 }
 
-/// The bits of the corners of all faces.
+/// Returns the bits of the corners of all faces.
 fn corners(mesh: &TriMesh) -> Vec<[[u64; 3]; 3]> {
     let view = mesh.positions().view();
-    // STL joins corners of equal position, and takes -0 for 0.
+    // STL merges corners of equal position, and turns -0 into 0.
     let bits = |v: VertexId| view.get(v).map(|x| (x + 0.0).to_bits());
     mesh.surface().triangles().iter().map(|t| t.map(bits)).collect()
 }
 
-/// The shape with thirds of its coordinates, which single precision does not hold.
+/// Returns the shape scaled by a third, so that single precision does not hold its coordinates.
 fn in_double_precision(mesh: &TriMesh) -> TriMesh {
     let positions = mesh.positions().view().iter().map(|p| p.map(|x| x / 3.0)).collect();
     TriMesh::new(Positions::F64(positions), mesh.surface().triangles().to_vec()).unwrap()
@@ -57,7 +57,7 @@ fn double_precision_comes_back_where_the_format_has_it() {
                 assert_eq!(got, mesh, "{name} {kind:?}");
                 continue;
             }
-            // The others round, and say so; see `attributes::rounding`.
+            // The others round, with a warning; see `attributes::rounding`.
             assert_eq!(got.face_count(), mesh.face_count(), "{name} {kind:?}");
             let diagonal = mesh.positions().view().bounds().unwrap().diagonal();
             for (a, b) in corners(&got).as_flattened().iter().zip(corners(&mesh).as_flattened()) {

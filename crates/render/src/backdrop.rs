@@ -1,4 +1,4 @@
-//! What lies behind and below the model.
+//! Background, surroundings and ground plane of a picture.
 
 use std::sync::Arc;
 
@@ -14,37 +14,38 @@ use crate::raster::nearness;
 use crate::subject::Subject;
 use crate::view::{RenderError, View};
 
-/// Pixels along a side of the map of the shadow.
+/// Pixels along a side of the shadow map.
 const MAP: usize = 192;
-/// Half a side of what the map shows, in radii of the model.
+/// Half the side of the area that the shadow map covers, in radii of the model.
 const MAP_HALF: f64 = 1.7;
-/// Height in radii at which a face throws a third of the shadow. (By eye.)
+/// Height in radii at which a face casts about a third of the full shadow. (By eye.)
 const HEIGHT: f32 = 0.30;
-/// How dark the floor is where something stands on it. (By eye.)
+/// Darkness of the floor at contact. (By eye.)
 const DARKEST: f32 = 0.62;
-/// Lines of the grid in one radius, about.
+/// Approximate number of grid lines per radius.
 const LINES: f64 = 4.0;
-/// Half the height of what a parallel view shows of surroundings, at a distance of one. (By eye.)
+/// Half the height of the part of the surroundings that a parallel view shows, at a distance of one.
+/// (By eye.)
 const PARALLEL: f32 = 0.31;
-/// How far the grid goes, in radii.
+/// Extent of the grid, in radii.
 const REACH: f64 = 6.0;
 
 pub(crate) struct Backdrop {
-    /// Of each row, linear; `None` where nothing lies behind.
+    /// Linear background colour of each row; `None` if transparent.
     rows: Option<Vec<Vec3>>,
-    /// The same as bytes, for pixels that nothing else touches.
+    /// `rows` as bytes, for pixels without anything else.
     plain: Vec<[u8; 4]>,
     floor: Option<Floor>,
     sky: Option<Sky>,
 }
 
-/// What is all around, behind each pixel.
+/// The environment as a background.
 struct Sky {
     environment: Arc<Environment>,
     is_blurred: bool,
-    /// To the right, up, and back.
+    /// Right, up and back.
     axes: [Vec3; 3],
-    /// Of the picture, at a distance of one.
+    /// Half the picture's size at a distance of one.
     half: [f32; 2],
     size: [f32; 2],
 }
@@ -55,7 +56,7 @@ struct Floor {
     height: f64,
     centre: DVec3,
     radius: f64,
-    /// Distance between two lines of the grid.
+    /// Spacing of the grid lines.
     step: Option<f64>,
     shadow: Option<(Projection, Vec<f32>)>,
     line: Vec3,
@@ -106,7 +107,7 @@ impl Backdrop {
         Ok(Self { rows, plain, floor, sky })
     }
 
-    /// A pixel: what was drawn, over what lies behind.
+    /// Composes a pixel: what was drawn, over the background.
     #[inline(always)]
     pub(crate) fn over(&self, color: [f32; 4], x: usize, y: usize, encoder: Encoder) -> [u8; 4] {
         if color[3] >= 1.0 {
@@ -149,7 +150,7 @@ impl Sky {
         let size = [view.width, view.height].map(|x| x as f32);
         let half_height = match view.camera.lens {
             Lens::Perspective { fov_y_rad } => (0.5 * fov_y_rad).tan() as f32,
-            // In one direction there would be one colour.
+            // Parallel rays would all see the same colour.
             Lens::Parallel { .. } => PARALLEL,
         };
         let axes = view.camera.axes().map(|a| a.as_vec3());
@@ -199,7 +200,7 @@ impl Floor {
         }
     }
 
-    /// Where the ray through a place of the picture meets the floor.
+    /// Returns the point where the ray through a point of the picture meets the floor.
     fn hit(&self, x: f64, y: f64) -> Option<DVec3> {
         let [origin, along] = self.projection.ray(x, y);
         let [right, up, back] = self.camera.axes();
@@ -211,7 +212,7 @@ impl Floor {
     }
 }
 
-/// 1, 2 or 5 times a power of ten.
+/// Rounds to 1, 2 or 5 times a power of ten.
 fn round_step(x: f64) -> f64 {
     let power = 10f64.powf(x.log10().floor());
     let digit = x / power;
@@ -227,7 +228,7 @@ fn round_step(x: f64) -> f64 {
         }
 }
 
-/// How dark the floor is, as seen from below: the lower a face hangs over it, the darker.
+/// Computes the shadow map as seen from below: the lower a face hangs over the floor, the darker.
 fn shadow(subject: &Subject, centre: DVec3, radius: f64) -> Result<(Projection, Vec<f32>), RenderError> {
     let camera = Camera {
         eye: centre - DVec3::Y * radius,
@@ -245,7 +246,7 @@ fn shadow(subject: &Subject, centre: DVec3, radius: f64) -> Result<(Projection, 
     Ok((projection, map))
 }
 
-/// The mean over a square, first along rows, then along columns.
+/// Box blur, first along rows, then along columns.
 fn blurred(map: &[f32], width: usize, reach: usize) -> Vec<f32> {
     let height = map.len() / width;
     let mean = |from: &[f32], n: usize, at: &dyn Fn(usize, usize) -> usize, lines: usize| {
@@ -263,7 +264,7 @@ fn blurred(map: &[f32], width: usize, reach: usize) -> Vec<f32> {
     mean(&rows, height, &|line, i| i * width + line, width)
 }
 
-/// A value of the map between its pixels; nothing beyond it.
+/// Bilinear lookup in the shadow map; zero outside.
 fn between(map: &[f32], x: f32, y: f32) -> f32 {
     let at = |x: f32, y: f32| {
         let is_in = x >= 0.0 && y >= 0.0 && x < MAP as f32 && y < MAP as f32;

@@ -1,4 +1,4 @@
-//! Where one looks from, and through which lens.
+//! Cameras and standard views.
 
 use glam::{DMat4, DVec3};
 use lodsmith_core::Bounds;
@@ -6,32 +6,32 @@ use lodsmith_core::Bounds;
 /// A camera: right-handed, looking along -z, y up in its own coordinates. Lengths are those of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Where it stands.
+    /// Position of the camera.
     pub eye: DVec3,
-    /// What it looks at, and turns round.
+    /// The point that it looks at, and orbits around.
     pub target: DVec3,
-    /// Which way is up; not along the view.
+    /// Up direction; not parallel to the view.
     pub up: DVec3,
-    /// Through which lens.
+    /// Projection.
     pub lens: Lens,
 }
 
-/// How far lies become small.
+/// Kind of projection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lens {
-    /// What is far is small.
+    /// Perspective projection.
     Perspective {
-        /// Angle from the lower to the upper edge.
+        /// Vertical angle of view.
         fov_y_rad: f64,
     },
-    /// What is far is as large as what is near.
+    /// Parallel projection.
     Parallel {
-        /// Length from the lower to the upper edge.
+        /// Height of the view volume.
         height: f64,
     },
 }
 
-/// Views that have a name. The model's up is +y.
+/// Named views. The model's up is +y.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StandardView {
     /// From the front right, above.
@@ -51,15 +51,15 @@ pub enum StandardView {
     Bottom,
 }
 
-/// Angle of view where none is asked for: 35 degrees, as of a portrait lens; wider ones bend what is near.
+/// Default vertical angle of view: 35 degrees, as of a portrait lens; wider ones distort near parts.
 const FOV_Y_RAD: f64 = 0.611;
 
 impl StandardView {
-    /// All of them.
+    /// All views.
     pub const ALL: [Self; 7] =
         [Self::Iso, Self::Front, Self::Back, Self::Left, Self::Right, Self::Top, Self::Bottom];
 
-    /// Its name as one types it.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Iso => "iso",
@@ -72,7 +72,7 @@ impl StandardView {
         }
     }
 
-    /// From the target to the eye, and which way is up; unit length both.
+    /// Returns the directions from the target to the eye, and up; both of unit length.
     pub fn directions(self) -> (DVec3, DVec3) {
         match self {
             Self::Iso => (DVec3::new(0.55, 0.42, 0.72).normalize_or(DVec3::Z), DVec3::Y),
@@ -87,7 +87,8 @@ impl StandardView {
 }
 
 impl Camera {
-    /// A camera from whose view a box just fits into a picture of `aspect` (width over height), whichever way it is turned.
+    /// Makes a camera whose view just fits a box into a picture of `aspect` (width over height), however the
+    /// box is rotated.
     pub fn fitting(bounds: &Bounds, view: StandardView, aspect: f64) -> Self {
         let (to_eye, up) = view.directions();
         let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
@@ -96,11 +97,12 @@ impl Camera {
         Self { eye: target + to_eye, target, up, lens }.framing(bounds, aspect)
     }
 
-    /// The same direction and lens, moved so that a ball round the box fills a picture of `aspect`.
+    /// Moves the camera, with the same direction and lens, so that the bounding sphere of a box fills a
+    /// picture of `aspect`.
     pub fn framing(self, bounds: &Bounds, aspect: f64) -> Self {
         let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
         let target = 0.5 * min + 0.5 * max;
-        // Halves first: the box may be as large as numbers go. A point has room round it too.
+        // Halved first: the box may be as large as a double allows. A point gets some room too.
         let radius = length(0.5 * max - 0.5 * min).max(1e-12 * length(target)).max(1e-290);
         let narrow = aspect.min(1.0);
         let to_eye = unit(self.eye - self.target).unwrap_or(DVec3::Z);
@@ -116,32 +118,33 @@ impl Camera {
         }
     }
 
-    /// The directions to the right, up and back, as the camera stands: unit length, square to each other.
+    /// Returns the right, up and back directions of the camera: orthonormal.
     pub fn axes(&self) -> [DVec3; 3] {
         let back = unit(self.eye - self.target).unwrap_or(DVec3::Z);
         let up = self.up_square();
         [up.cross(back), up, back]
     }
 
-    /// From the coordinates of the model to those of the camera.
+    /// Returns the transform from model to camera coordinates.
     pub fn view_from_world(&self) -> DMat4 {
         let up = self.up_square();
         glam::dcamera::rh::view::look_at_mat4(self.eye, self.target, up)
     }
 
-    /// Up as seen in the picture: square to the view, unit length, whatever `up` says.
+    /// Returns the up direction perpendicular to the view, of unit length, whatever `up` is.
     pub fn up_square(&self) -> DVec3 {
         let along = unit(self.target - self.eye).unwrap_or(DVec3::NEG_Z);
         let square = |up: DVec3| unit(up).and_then(|up| (up - along * along.dot(up)).try_normalize());
         square(self.up).or_else(|| square(DVec3::Y)).or_else(|| square(DVec3::Z)).unwrap_or(DVec3::Y)
     }
 
-    /// Distance from the eye to the target.
+    /// Returns the distance from the eye to the target.
     pub fn distance(&self) -> f64 {
         length(self.eye - self.target)
     }
 
-    /// Length in the model that one pixel of a picture of this height covers, at a distance from the eye.
+    /// Returns the length in the model that one pixel covers at a distance from the eye, in a picture of
+    /// height `height_px`.
     pub fn length_per_pixel(&self, distance: f64, height_px: f64) -> f64 {
         let height = match self.lens {
             Lens::Perspective { fov_y_rad } => 2.0 * distance * (0.5 * fov_y_rad).tan(),
@@ -151,13 +154,13 @@ impl Camera {
     }
 }
 
-/// Length, however large or small the numbers are: the square of 1e200 is not a number that a double holds.
+/// Returns the length of a vector without overflow or underflow: the square of 1e200 overflows a double.
 pub(crate) fn length(v: DVec3) -> f64 {
     let largest = v.abs().max_element();
     if largest > 0.0 && largest.is_finite() { largest * (v / largest).length() } else { largest }
 }
 
-/// A direction of unit length, however large or small the numbers are.
+/// Normalizes a vector without overflow or underflow.
 fn unit(v: DVec3) -> Option<DVec3> {
     let largest = v.abs().max_element();
     if largest > 0.0 && largest.is_finite() { (v / largest).try_normalize() } else { None }

@@ -1,22 +1,22 @@
-//! From a number to a colour.
+//! Colour maps: from numbers to colours.
 
-/// Colours for numbers from 0 to 1.
+/// A colour map for numbers from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorMap {
-    /// Blue, green, yellow, red: the usual one for distances; made anew with even steps of lightness.
+    /// Blue, green, yellow, red: the usual one for distances; redesigned with even steps of lightness.
     #[default]
     Turbo,
-    /// Dark violet to yellow; safe for most colour-blind eyes.
+    /// Dark violet to yellow; suitable for most colour-blind people.
     Viridis,
     /// Blue, white, red.
     Diverging,
 }
 
 impl ColorMap {
-    /// All of them.
+    /// All colour maps.
     pub const ALL: [Self; 3] = [Self::Turbo, Self::Viridis, Self::Diverging];
 
-    /// Its name as one types it.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Turbo => "turbo",
@@ -25,7 +25,7 @@ impl ColorMap {
         }
     }
 
-    /// sRGB from 0 to 1 for a number; below 0 and above 1 as at the ends, not a number is grey.
+    /// Returns the sRGB colour, 0 to 1, of a number; clamped to the ends below 0 and above 1, grey for NaN.
     pub fn color(self, t: f32) -> [f32; 3] {
         if t.is_nan() {
             return [0.5; 3];
@@ -38,7 +38,7 @@ impl ColorMap {
         [0, 1, 2].map(|k| a[k] * (1.0 - share) + b[k] * share)
     }
 
-    /// Colours at even steps from 0 to 1; what lies between is blended.
+    /// Colours at even steps from 0 to 1, interpolated linearly.
     pub fn stops(self) -> &'static [[f32; 3]] {
         match self {
             // Chosen by eye.

@@ -1,20 +1,21 @@
-//! How much light gets into creases, by the depth of the picture alone.
+//! Screen-space ambient occlusion from the depth of the picture alone.
 //!
-//! Pairs of places on both sides of a pixel: where it lies deeper than their middle, the surface is hollow there. On a plane
-//! the middle is as near as the pixel itself, so flat parts stay as they are.
+//! Compares each pixel with pairs of opposite points around it: if it lies deeper than their middle, the
+//! surface is concave there. On a plane the middle is as near as the pixel itself, so flat parts do not
+//! change.
 
 use rayon::prelude::*;
 
 use crate::projection::Projection;
 
-/// How far places lie away, as parts of the height of the picture. (By eye.)
+/// Distances of the points, as fractions of the height of the picture. (By eye.)
 const REACHES: [f32; 3] = [0.006, 0.014, 0.028];
-/// How much darker it gets at most. (By eye.)
+/// Maximum darkening. (By eye.)
 const STRENGTH: f32 = 0.75;
 /// Directions of the pairs.
 const DIRECTIONS: usize = 6;
 
-/// Of each pixel, the part of the light that it gets; `near` as [`Projection::screen`] has it.
+/// Returns the fraction of light that each pixel gets; `near` is as from [`Projection::screen`].
 pub(crate) fn light(near: &[f32], width: usize, height: usize, projection: &Projection) -> Vec<f32> {
     let scale = height as f32;
     let mut offsets = Vec::new();
@@ -48,7 +49,7 @@ pub(crate) fn light(near: &[f32], width: usize, height: usize, projection: &Proj
                 }
                 let length = r * pixel * if projection.is_perspective { distance } else { 1.0 };
                 let deeper = |n: f32| distance - projection.distance(n);
-                // What stands far before it is another part, and hides no more than an edge would.
+                // Points far in front belong to another part, and count no more than an edge would.
                 let depth = 0.5
                     * (deeper(pair[0]).clamp(-2.0 * length, 2.0 * length)
                         + deeper(pair[1]).clamp(-2.0 * length, 2.0 * length));
@@ -57,7 +58,7 @@ pub(crate) fn light(near: &[f32], width: usize, height: usize, projection: &Proj
             *light = 1.0 - STRENGTH * (2.0 * dark / offsets.len() as f32).min(1.0);
         }
     });
-    // Soft, but not across edges.
+    // Blur, but not across edges.
     let mut soft = raw.clone();
     soft.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
         for (x, light) in row.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! From what each sample sees to pixels.
+//! Drawing: from samples to pixels.
 
 use lodsmith_core::Image;
 use lodsmith_core::model::AlphaMode;
@@ -17,13 +17,13 @@ use crate::view::{RenderError, SIDE_MAX, View};
 
 /// Draws a subject.
 ///
-/// Four samples a pixel (sixteen with [`View::fine`]), each of which sees the nearest face; what several of them see is
-/// coloured once. Faces are seen from both sides, but for those of a material that has one side in
-/// [`Shading::Textured`], and with [`Look::cull_back`](crate::Look::cull_back). Faces with a corner that is not finite
-/// are left out, and so are those without area. Nothing to draw is a picture of the background.
+/// Takes four samples per pixel (sixteen with [`View::fine`]), each of which sees the nearest face; samples
+/// of a pixel that see the same face are shaded once. Faces are seen from both sides, except those of a
+/// single-sided material in [`Shading::Textured`], and with [`Look::cull_back`](crate::Look::cull_back).
+/// Faces with a non-finite corner and faces without area are left out. An empty subject gives a picture of
+/// the background.
 ///
-/// The same picture with any number of threads; they are those of the caller's pool.
-/// Cost: O(faces + pixels).
+/// Deterministic at any number of threads; uses the caller's thread pool. Cost: O(faces + pixels).
 ///
 /// # Errors
 /// [`RenderError::Size`], [`RenderError::Camera`], [`RenderError::Values`] for a heat map of a subject without values.
@@ -82,7 +82,7 @@ pub fn render(subject: &Subject, view: &View) -> Result<Image, RenderError> {
     Ok(Image::new(width, height, pixels))
 }
 
-/// What each mesh's faces ask for.
+/// Returns the kinds of the faces of each mesh.
 fn kinds(subject: &Subject, view: &View) -> Kinds {
     let culls = view.look.cull_back;
     let plain = if culls { Kind::Front } else { Kind::Solid };
@@ -110,11 +110,12 @@ fn kinds(subject: &Subject, view: &View) -> Kinds {
     subject.parts.iter().map(of_part).collect()
 }
 
-/// What a thread needs for a band.
+/// Scratch buffers of a thread for a band.
 #[derive(Default)]
 struct Scratch {
     band: Band,
-    /// Linear, times opacity, with opacity; one for each sampled pixel, then one for each of the picture.
+    /// Linear premultiplied colours with opacity; first one for each sampled pixel, then one for each pixel
+    /// of the picture.
     colors: Vec<[f32; 4]>,
     batch: Batch,
 }
@@ -174,8 +175,8 @@ impl Frame<'_> {
         }
     }
 
-    /// Lays what one sees through over the colours. Each sample keeps what still comes through: neighbours that share a
-    /// pixel neither hide nor add to each other.
+    /// Blends transparent faces over the colours. Each sample keeps its own transmittance: neighbours that
+    /// share a pixel neither hide nor add to each other.
     fn blend(&self, index: usize, band: &Band, colors: &mut [[f32; 4]]) {
         let mut through = vec![[1f32; 4]; colors.len()];
         let mut glass = vec![[0f32; 4]; colors.len()];
@@ -201,7 +202,7 @@ impl Frame<'_> {
         }
     }
 
-    /// How near each pixel of the picture is.
+    /// Computes the depth of each pixel of the picture.
     fn nearest(&self, scratch: &Scratch, near: &mut [f32]) {
         let (width, fine) = (self.view.width, scratch.band.width);
         for (i, near) in near.iter_mut().enumerate() {
@@ -212,7 +213,7 @@ impl Frame<'_> {
     }
 }
 
-/// The middle of any choice of the four samples.
+/// The centre of any subset of the four samples.
 static CENTRES: [[f32; 2]; 16] = {
     let mut all = [[0f32; 2]; 16];
     let mut mask = 1;

@@ -1,4 +1,4 @@
-//! What is all around: light from every side, from a picture or a studio.
+//! Image-based lighting: light from all directions, from an image or a built-in studio.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
@@ -10,34 +10,34 @@ use rayon::prelude::*;
 use crate::file::{PictureError, decode};
 use crate::linear;
 
-/// Pixels in a row of a map: enough for what surfaces show of it. (By eye.)
+/// Pixels per row of a map: enough for reflections on surfaces. (By eye.)
 pub const WIDTH: usize = 128;
 /// Rows of a map.
 pub const HEIGHT: usize = 64;
-/// Maps, from a mirror to the roughest surface.
+/// Number of maps, from a mirror to the roughest surface.
 pub const LEVELS: usize = 6;
-/// Directions that one pixel of a rougher map is a mean of. (By eye: with fewer, lamps leave a pattern.)
+/// Number of directions averaged for one pixel of a rougher map. (By eye: with fewer, lamps leave a pattern.)
 const DIRECTIONS: u32 = 64;
 
-/// Most pixels in a row of what is seen behind a model, and most rows. (By eye: a window shows a fifth of a row.)
+/// Maximum width and height of the image seen behind a model. (By eye: a window shows a fifth of a row.)
 const SKY: [usize; 2] = [2048, 1024];
-/// Size of the studio behind a model.
+/// Size of the studio image behind a model.
 const STUDIO: [usize; 2] = [512, 256];
-/// How rough a mirror is that shows what is behind a model out of focus. (By eye.)
+/// Roughness of the map that is shown as a blurred background. (By eye.)
 const BLUR: f32 = 0.4;
 
-/// Light from every side, as if from far away. It stands still in the world, whose up is +y.
+/// Light from all directions, as if from infinity. Fixed in the world, whose up is +y.
 #[derive(Clone, PartialEq)]
 pub struct Environment {
-    /// One behind the other, by falling gloss.
+    /// Prefiltered maps of increasing roughness.
     maps: Vec<Vec<Vec3>>,
-    /// What comes to a matt surface: of all directions alike, along the axes, and the squares.
+    /// Diffuse light as spherical harmonics: constant, linear and quadratic terms.
     matt: [Vec3; 9],
-    /// As it is seen, not mirrored.
+    /// The image seen directly, not as a reflection.
     sky: Map,
 }
 
-/// Light by rows, from straight up to straight down.
+/// An image of all directions (equirectangular), rows from straight up to straight down.
 #[derive(Clone, PartialEq)]
 struct Map {
     size: [usize; 2],
@@ -51,8 +51,8 @@ impl fmt::Debug for Environment {
 }
 
 impl Environment {
-    /// From the bytes of a picture of all directions: rows from straight up to straight down, twice as wide as high.
-    /// Radiance HDR keeps light brighter than white; of other formats white is 1.
+    /// Decodes an equirectangular image: rows from straight up to straight down, twice as wide as high.
+    /// Radiance HDR keeps light brighter than white; in other formats white is 1.
     ///
     /// # Errors
     /// [`PictureError::Codec`] if it is damaged, in no known format, or larger than half a gigabyte when unpacked.
@@ -71,10 +71,11 @@ impl Environment {
         Ok(Self::of_light(width as usize, height as usize, &pixels))
     }
 
-    /// From light by rows, from straight up to straight down. What is no number or negative is dark.
+    /// Makes an environment from linear light by rows, from straight up to straight down. NaN and negative
+    /// values count as dark.
     ///
     /// # Panics
-    /// If there are not so many pixels, or none.
+    /// If there are not `width * height` pixels, or none.
     pub fn of_light(width: usize, height: usize, pixels: &[Vec3]) -> Self {
         assert!(width > 0 && height > 0 && pixels.len() == width * height, "{width} by {height} pixels");
         let sound = |v: Vec3| Vec3::from(v.to_array().map(|x| if x > 0.0 { x.min(1e4) } else { 0.0 }));
@@ -94,9 +95,9 @@ impl Environment {
         Self::of_map(scaled([WIDTH, HEIGHT]).pixels, scaled([width.min(SKY[0]), height.min(SKY[1])]))
     }
 
-    /// A dark room with large soft lamps above and beside, over a bright floor.
+    /// A built-in studio: a dark room with large soft lamps above and beside, over a bright floor.
     pub fn studio() -> Self {
-        // Direction, half its sides as tangents, brightness. (By eye.)
+        // Direction, half extents as tangents, brightness. (By eye.)
         let lamps = [
             (Vec3::new(-0.55, 0.65, 0.55), [0.55, 0.40], 3.2),
             (Vec3::new(0.90, 0.25, 0.30), [0.25, 0.60], 1.6),
@@ -123,14 +124,15 @@ impl Environment {
         Self::of_map(map([WIDTH, HEIGHT]), Map { size: STUDIO, pixels: map(STUDIO) })
     }
 
-    /// Its numbers for a shader: rows of [`WIDTH`] pixels, the maps below each other, [`HEIGHT`] rows each, and a last row
-    /// that begins with the nine factors of matt surfaces.
+    /// Returns the data for a shader: rows of [`WIDTH`] pixels, the maps below each other, [`HEIGHT`] rows
+    /// each, and a last row that starts with the nine coefficients of diffuse light.
     pub fn table(&self) -> Vec<[f32; 4]> {
         let last = self.matt.into_iter().chain(std::iter::repeat(Vec3::ZERO)).take(WIDTH);
         self.maps.iter().flatten().copied().chain(last).map(|v| [v.x, v.y, v.z, 1.0]).collect()
     }
 
-    /// Width and height of what is seen behind a model, and its pixels for a shader, by rows from straight up.
+    /// Returns width and height of the background image, and its pixels for a shader, by rows from straight
+    /// up.
     pub fn sky(&self) -> ([usize; 2], Vec<[f32; 4]>) {
         (self.sky.size, self.sky.pixels.iter().map(|v| [v.x, v.y, v.z, 1.0]).collect())
     }
@@ -146,13 +148,13 @@ impl Environment {
         Self { maps, matt, sky }
     }
 
-    /// What comes to a matt surface from all sides that it faces, as if white paper were as bright as that.
+    /// Diffuse irradiance on a matt surface, scaled so that it is the brightness of white paper.
     pub(crate) fn matt(&self, n: Vec3) -> Vec3 {
         let sum = basis(n).iter().zip(&self.matt).fold(Vec3::ZERO, |sum, (b, c)| sum + *c * *b);
         sum.max(Vec3::ZERO)
     }
 
-    /// What a surface of a roughness mirrors from a direction.
+    /// Returns the light that a surface of a roughness reflects from a direction.
     pub(crate) fn mirrored(&self, along: Vec3, roughness: f32) -> Vec3 {
         let level = roughness.clamp(0.0, 1.0) * (LEVELS - 1) as f32;
         let first = (level as usize).min(LEVELS - 2);
@@ -160,7 +162,7 @@ impl Environment {
         a.lerp(b, level - first as f32)
     }
 
-    /// What is seen in a direction.
+    /// Returns the background in a direction.
     pub(crate) fn seen(&self, along: Vec3, is_blurred: bool) -> Vec3 {
         match is_blurred {
             true => self.mirrored(along, BLUR),
@@ -169,19 +171,19 @@ impl Environment {
     }
 }
 
-/// The direction of the middle of a pixel of a map to mirror.
+/// The direction of the centre of a pixel of a reflection map.
 fn direction(pixel: usize) -> Vec3 {
     direction_in([WIDTH, HEIGHT], pixel)
 }
 
-/// The direction of the middle of a pixel.
+/// The direction of the centre of a pixel.
 fn direction_in([width, height]: [usize; 2], pixel: usize) -> Vec3 {
     let turn = ((pixel % width) as f32 + 0.5) / width as f32 * TAU - PI;
     let (sin, cos) = (FRAC_PI_2 - ((pixel / width) as f32 + 0.5) / height as f32 * PI).sin_cos();
     Vec3::new(turn.cos() * cos, sin, turn.sin() * cos)
 }
 
-/// A map in a direction, between its pixels.
+/// Bilinear lookup of a map in a direction.
 fn looked_up(map: &[Vec3], [width, height]: [usize; 2], d: Vec3) -> Vec3 {
     let x = (d.z.atan2(d.x) / TAU + 0.5) * width as f32 - 0.5;
     let y = (0.5 - d.y.clamp(-1.0, 1.0).asin() / PI) * height as f32 - 0.5;
@@ -195,7 +197,8 @@ fn looked_up(map: &[Vec3], [width, height]: [usize; 2], d: Vec3) -> Vec3 {
     upper.lerp(lower, y - y0)
 }
 
-/// The mean of what facets of a rough surface mirror, as seen along its normal. [Karis 2013], the GGX lobe.
+/// Prefilters a map: the mean reflection of the facets of a rough surface, viewed along its normal.
+/// [Karis 2013], the GGX lobe.
 fn spread(map: &[Vec3], n: Vec3, roughness: f32) -> Vec3 {
     let side = n.cross(if n.y.abs() > 0.9 { Vec3::X } else { Vec3::Y }).normalize_or(Vec3::X);
     let other = n.cross(side);
@@ -203,7 +206,7 @@ fn spread(map: &[Vec3], n: Vec3, roughness: f32) -> Vec3 {
     let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
     for i in 0..DIRECTIONS {
         let u = (i as f32 + 0.5) / DIRECTIONS as f32;
-        // Bits turned round: spread evenly whatever their number.
+        // Bit reversal (van der Corput): evenly distributed for any number of directions.
         let (sin, cos) = (i.reverse_bits() as f32 / 4_294_967_296.0 * TAU).sin_cos();
         let cos_half = ((1.0 - u) / (1.0 + (a2 - 1.0) * u)).sqrt();
         let sin_half = (1.0 - cos_half * cos_half).max(0.0).sqrt();
@@ -218,7 +221,7 @@ fn spread(map: &[Vec3], n: Vec3, roughness: f32) -> Vec3 {
     if weights > 0.0 { sum / weights } else { looked_up(map, [WIDTH, HEIGHT], n) }
 }
 
-/// Spherical harmonics up to the second degree.
+/// Spherical harmonics up to degree two.
 fn basis(Vec3 { x, y, z }: Vec3) -> [f32; 9] {
     [
         0.282_094_8,
@@ -233,7 +236,7 @@ fn basis(Vec3 { x, y, z }: Vec3) -> [f32; 9] {
     ]
 }
 
-/// What of a map a matt surface can tell apart, spread over the half that it faces. [Ramamoorthi-Hanrahan 2001]
+/// Projects a map to spherical harmonics, convolved with the cosine lobe. [Ramamoorthi-Hanrahan 2001]
 fn harmonics(map: &[Vec3]) -> [Vec3; 9] {
     let mut sums = [Vec3::ZERO; 9];
     for (i, &light) in map.iter().enumerate() {
@@ -243,7 +246,7 @@ fn harmonics(map: &[Vec3]) -> [Vec3; 9] {
         let along = basis(direction(i));
         sums.iter_mut().zip(along).for_each(|(sum, b)| *sum += light * (b * solid));
     }
-    // By degree, over pi.
+    // Cosine lobe by degree, divided by pi.
     let share = [1.0, 2.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0, 0.25, 0.25, 0.25, 0.25, 0.25];
     [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|k| sums[k] * share[k])
 }
@@ -272,7 +275,7 @@ mod tests {
         let sky: Vec<Vec3> = (0..8).map(|i| Vec3::splat(f32::from(u8::from(i < 4)))).collect();
         let half = Environment::of_light(1, 8, &sky);
         for d in directions() {
-            // The known answer: (1 + cos) / 2; the second degree adds nothing here, the fourth is left out.
+            // The known answer: (1 + cos) / 2; degree two adds nothing here, degree four is left out.
             let wanted = 0.5 + 0.5 * d.y;
             assert!((half.matt(d).x - wanted).abs() < 0.01, "{d} {}", half.matt(d));
         }
@@ -287,7 +290,7 @@ mod tests {
         let at = 20 * WIDTH + 77;
         map[at] = Vec3::ONE;
         assert!((looked_up(&map, [WIDTH, HEIGHT], direction(at)).x - 1.0).abs() < 1e-3);
-        // Nothing breaks where the map closes.
+        // Continuous where the map wraps around.
         assert!(looked_up(&map, [WIDTH, HEIGHT], Vec3::new(-1.0, 0.0, -0.0)).is_finite());
     }
 
@@ -309,7 +312,7 @@ mod tests {
     #[test]
     fn files_are_read_and_bad_ones_refused() {
         assert!(Environment::decode(b"no picture").is_err() && Environment::decode(b"#?RADIANCE\n").is_err());
-        // One pixel of 2: mantissa a half, exponent 2.
+        // One pixel of 2: mantissa one half, exponent 2.
         let hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\x80\x80\x80\x82";
         let bright = Environment::decode(hdr).unwrap();
         assert!((bright.mirrored(Vec3::X, 0.0).x - 2.0).abs() < 0.02, "{bright:?}");

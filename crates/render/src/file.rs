@@ -1,4 +1,4 @@
-//! Pictures as files: PNG, JPEG and WebP.
+//! Image files: PNG, JPEG and WebP.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -6,35 +6,35 @@ use image::codecs::webp::WebPEncoder;
 use image::{ExtendedColorType, ImageEncoder as _};
 use lodsmith_core::Image;
 
-/// How a picture is stored.
+/// An image file format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PictureFormat {
-    /// Without loss, with opacity.
+    /// Lossless, with opacity.
     #[default]
     Png,
-    /// Smaller, with loss, without opacity: what is see-through becomes white.
+    /// Smaller, lossy, without opacity: transparent parts become white.
     Jpeg,
-    /// Without loss, with opacity.
+    /// Lossless, with opacity.
     WebP,
 }
 
-/// Why bytes are no picture, or a picture no bytes.
+/// Errors of encoding and decoding images.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PictureError {
-    /// What the codec says.
+    /// Error of the codec.
     #[error("{0}")]
     Codec(#[from] image::ImageError),
 }
 
-/// Quality of a JPEG: edges of a drawing stay sharp. (By eye.)
+/// JPEG quality: edges of a drawing stay sharp. (By eye.)
 const JPEG_QUALITY: u8 = 92;
 
 impl PictureFormat {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Self; 3] = [Self::Png, Self::Jpeg, Self::WebP];
 
-    /// By the ending of a file, without its dot.
+    /// Returns the format of a file extension, without its dot.
     pub fn of_ending(ending: &str) -> Option<Self> {
         match ending.to_ascii_lowercase().as_str() {
             "png" => Some(Self::Png),
@@ -54,10 +54,10 @@ impl PictureFormat {
     }
 }
 
-/// A picture as the bytes of a file; opacity is left out where nothing is see-through.
+/// Encodes a picture as a file; opacity is left out if the picture is opaque.
 ///
 /// # Errors
-/// [`PictureError::Codec`] if the format cannot hold so many pixels.
+/// [`PictureError::Codec`] if the format does not allow so many pixels.
 pub fn encode(picture: &Image, format: PictureFormat) -> Result<Vec<u8>, PictureError> {
     let (width, height) = (picture.width() as u32, picture.height() as u32);
     let is_opaque = picture.pixels().iter().all(|p| p[3] == 255);
@@ -90,12 +90,13 @@ pub fn encode(picture: &Image, format: PictureFormat) -> Result<Vec<u8>, Picture
     Ok(file)
 }
 
-/// A picture from the bytes of a file, whatever its ending said.
+/// Decodes an image file, whatever its extension.
 ///
 /// # Errors
-/// [`PictureError::Codec`] if it is damaged, in no known format, or larger than half a gigabyte when unpacked.
+/// [`PictureError::Codec`] if it is damaged, in an unknown format, or larger than half a gigabyte when
+/// decoded.
 pub fn decode(bytes: &[u8]) -> Result<Image, PictureError> {
-    // (Its own reader with its own limits would build all decoders once more: docs/decisions/0019.)
+    // (A separate reader with its own limits would compile all decoders a second time: docs/decisions/0019.)
     let pixels = image::load_from_memory(bytes)?.into_rgba8();
     let (width, height) = pixels.dimensions();
     let pixels = pixels.pixels().map(|p| p.0).collect();

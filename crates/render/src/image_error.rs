@@ -1,8 +1,8 @@
-//! How much two pictures of the same view differ to the eye.
+//! Perceived difference of two pictures of the same view.
 //!
-//! The pictures are of two meshes from the same place, on a transparent ground: what is covered in neither says nothing of
-//! the meshes and counts nowhere, so the figures do not depend on how much room there is round them. Opaque pictures are
-//! covered all over. Where something is seen through, mid-grey lies behind.
+//! The pictures show two meshes from the same camera, on a transparent background: pixels that neither covers
+//! are excluded, so the results do not depend on the empty space around the meshes. Opaque pictures are
+//! covered everywhere. Transparent parts are blended over mid-grey.
 
 mod flip;
 mod planes;
@@ -19,22 +19,23 @@ pub use views::cameras;
 use planes::{grey_level, linear_of};
 use size::check_sizes;
 
-/// How far a picture differs from its reference.
+/// Differences of a picture from its reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ImageError {
-    /// Mean of FLIP over what either picture covers: 0 for no difference that can be seen, 1 for the largest.
+    /// Mean FLIP over the pixels that either picture covers: 0 for no visible difference, 1 for the largest.
     pub flip: f64,
-    /// Mean structural similarity over the same, of their brightness: 1 for equal pictures.
+    /// Mean structural similarity of brightness over the same pixels: 1 for equal pictures.
     pub ssim: f64,
-    /// Mean of the squared difference of the three channels over the same, as parts of one; see [`ImageError::psnr_db`].
+    /// Mean squared difference of the three channels over the same pixels, with a range of 0 to 1; see
+    /// [`ImageError::psnr_db`].
     pub mean_square: f64,
-    /// What is covered in one of them and not in the other, as a part of what the reference covers.
+    /// Area covered in only one of them, as a fraction of the area that the reference covers.
     pub silhouette: f64,
 }
 
 impl ImageError {
-    /// Of several views: the mean of each figure. `None` for none.
+    /// Returns the mean of each measure over several views. `None` for no views.
     pub fn mean(views: &[Self]) -> Option<Self> {
         let count = views.len() as f64;
         let mean = |figure: fn(&Self) -> f64| views.iter().map(figure).sum::<f64>() / count;
@@ -46,7 +47,8 @@ impl ImageError {
         })
     }
 
-    /// Of several views: the worst of each figure, which need not be of the same view. `None` for none.
+    /// Returns the worst of each measure over several views, which may be of different views. `None` for no
+    /// views.
     pub fn worst(views: &[Self]) -> Option<Self> {
         views.iter().copied().reduce(|a, b| Self {
             flip: a.flip.max(b.flip),
@@ -56,7 +58,7 @@ impl ImageError {
         })
     }
 
-    /// The peak signal-to-noise ratio in decibels; `None` for pictures without a difference, whose ratio is infinite.
+    /// Peak signal-to-noise ratio in decibels; `None` for equal pictures, whose ratio is infinite.
     pub fn psnr_db(&self) -> Option<f64> {
         (self.mean_square > 0.0).then(|| -10.0 * self.mean_square.log10())
     }
@@ -64,11 +66,11 @@ impl ImageError {
 
 /// Compares two pictures of the same view.
 ///
-/// Where neither covers anything, there is no difference. Uses the caller's rayon pool; any number of threads gives the
-/// same figures. Cost: O(pixels).
+/// If neither covers anything, there is no difference. Uses the caller's rayon pool; any number of threads
+/// gives the same results. Cost: O(pixels).
 ///
 /// # Errors
-/// [`SizeError`] if they are not of one size, or empty.
+/// [`SizeError`] if their sizes differ, or they are empty.
 ///
 /// Source: [Andersson et al. 2020] for FLIP, [Wang et al. 2004] for SSIM.
 pub fn image_error(reference: &Image, candidate: &Image) -> Result<ImageError, SizeError> {
@@ -96,7 +98,7 @@ pub fn image_error(reference: &Image, candidate: &Image) -> Result<ImageError, S
     let beside: u64 = pairs().map(|(a, b)| alpha(a).abs_diff(alpha(b))).sum();
     let silhouette = match (whole, beside) {
         (_, 0) => 0.0,
-        // The reference is not seen at all: all that is seen is beside it.
+        // The reference is fully transparent: all of the candidate is outside it.
         (0, _) => 1.0,
         _ => beside as f64 / whole as f64,
     };
@@ -108,7 +110,7 @@ pub fn image_error(reference: &Image, candidate: &Image) -> Result<ImageError, S
 mod tests {
     use super::*;
 
-    /// A lit ball before nothing, with a radius of `part` of the picture.
+    /// A lit sphere on a transparent background, with a radius of `part` of the picture.
     fn ball(part: f64, noise: u8) -> Image {
         const SIZE: usize = 96;
         let mut pixels = Vec::new();
@@ -153,7 +155,7 @@ mod tests {
 
     #[test]
     fn what_is_beside_counts_by_its_area() {
-        // Areas go with squares: 0.64 and 0.36.
+        // Areas scale with the squared radius: 0.64 and 0.36.
         let smaller = image_error(&ball(0.8, 0), &ball(0.6, 0)).unwrap();
         assert!((smaller.silhouette - 0.28 / 0.64).abs() < 0.01, "{smaller:?}");
         let nothing = Image::filled(96, 96, [0; 4]);

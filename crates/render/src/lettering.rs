@@ -1,20 +1,20 @@
-//! Letters of single strokes, for captions: no font to carry, the same on every machine.
+//! A single-stroke font for captions: no font file, the same on every machine.
 
-/// Between two letters, in heights of a capital.
+/// Space between two letters, in heights of a capital.
 const GAP: f32 = 0.22;
 const ROUND: [f32; 2] = [0.0, 360.0];
 
-/// A stroke of a letter; capitals are 1 high and stand on 0.
+/// A stroke of a letter; capitals are 1 high on a baseline at 0.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Stroke {
-    /// From point to point.
+    /// A polyline.
     Through(&'static [[f32; 2]]),
-    /// Part of an ellipse: its centre, its half axes, and from which angle to which, in degrees.
+    /// Part of an ellipse: centre, half axes, start and end angle in degrees.
     Arc([f32; 2], [f32; 2], [f32; 2]),
 }
 
 impl Stroke {
-    /// As a line from point to point.
+    /// Converts the stroke to a polyline.
     pub(crate) fn points(&self) -> Vec<[f32; 2]> {
         match self {
             Self::Through(points) => points.to_vec(),
@@ -28,19 +28,19 @@ impl Stroke {
     }
 }
 
-/// How far a letter moves the pen, in heights of a capital.
+/// Advance width of a letter, in heights of a capital.
 pub(crate) fn advance(c: char) -> f32 {
     if c == ' ' { 0.36 } else { glyph(c).0 + GAP }
 }
 
-/// How long a text is, in heights of a capital.
+/// Width of a text, in heights of a capital.
 pub(crate) fn length(text: &str) -> f32 {
     (text.chars().map(advance).sum::<f32>() - GAP).max(0.0)
 }
 
 use Stroke::{Arc as A, Through as T};
 
-/// Width and strokes of a letter; a box for what there is no letter for.
+/// Returns width and strokes of a letter; a box for unknown characters.
 pub(crate) fn glyph(c: char) -> (f32, &'static [Stroke]) {
     if c.is_ascii_uppercase() {
         return capital(c);

@@ -1,6 +1,6 @@
-//! Pictures of triangle meshes on the CPU: the same everywhere, no driver and no display needed.
+//! Software rendering of triangle meshes on the CPU: the same result everywhere, without driver or display.
 //!
-//! The words of seeing (cameras, looks, lights, colour maps) live here too, for whoever draws otherwise.
+//! Cameras, looks, lights and colour maps are defined here too, also for other renderers.
 //!
 //! ```
 //! use lodsmith_core::shapes;

@@ -1,62 +1,63 @@
-//! What a model is lit by.
+//! Lights.
 
 use glam::Vec3;
 
 /// A light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Where it is.
+    /// Kind and position.
     pub kind: LightKind,
-    /// Linear colour times strength.
+    /// Linear colour times intensity.
     pub color: [f32; 3],
-    /// Whether it stands still while the camera moves; else places and directions are in the camera's coordinates.
+    /// True if it is fixed in the world; else positions and directions are in camera coordinates.
     pub in_world: bool,
 }
 
-/// Where a light is. Lengths are in radii of the model, from its centre: a preset fits every model.
+/// Kind and position of a light. Lengths are in radii of the model, from its centre, so a preset fits every
+/// model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightKind {
-    /// So far away that it comes from one direction.
+    /// Infinitely far away.
     Directional {
-        /// From the model to the light.
+        /// Direction from the model to the light.
         to_light: Vec3,
     },
-    /// To all sides from a place, weaker with the square of the distance.
+    /// In all directions from a position, with inverse-square falloff.
     Point {
-        /// The place.
+        /// The position.
         at: Vec3,
     },
-    /// In a cone from a place, weaker with the square of the distance.
+    /// In a cone from a position, with inverse-square falloff.
     Spot {
-        /// The place.
+        /// The position.
         at: Vec3,
-        /// Where it points.
+        /// The point that it is aimed at.
         toward: Vec3,
-        /// Half the angle of the cone; the outer fifth fades.
+        /// Half the angle of the cone; the outer fifth fades out.
         half_angle_rad: f32,
     },
 }
 
-/// The light that comes from everywhere: linear, from above and from below.
+/// Hemispherical ambient light: linear, from above and from below.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ambient {
-    /// On faces that look up.
+    /// Light on faces that face up.
     pub above: [f32; 3],
-    /// On faces that look down.
+    /// Light on faces that face down.
     pub below: [f32; 3],
 }
 
-/// All the light there is.
+/// All lights of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lighting {
-    /// From everywhere.
+    /// Ambient light.
     pub ambient: Ambient,
-    /// From somewhere.
+    /// Individual lights.
     pub lights: Vec<Light>,
 }
 
 impl Default for Lighting {
-    /// A key light over the camera's left shoulder, a weak one from the right, and a sky.
+    /// A key light over the camera's left shoulder, a weak fill light from the right, and a sky.
     fn default() -> Self {
         let from = |x: f32, y: f32, z: f32| LightKind::Directional { to_light: Vec3::new(x, y, z) };
         let light = |kind, strength: f32| Light { kind, color: [strength; 3], in_world: false };

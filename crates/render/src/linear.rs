@@ -1,10 +1,10 @@
-//! Between light as it adds up and numbers as pictures store them (sRGB).
+//! Conversion between linear light and sRGB.
 
 use std::sync::LazyLock;
 
 use glam::Vec3;
 
-/// Steps of the table: half a grey at the dark end, where the curve is steep.
+/// Table size: half a grey level at the dark end, where the curve is steep.
 const STEPS: usize = 4096;
 
 static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|i| decoded(i as f32 / 255.0)));
@@ -20,7 +20,7 @@ fn encoded(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// The light of a stored byte.
+/// Returns the linear light of a stored byte.
 #[inline]
 pub(crate) fn of_byte(byte: u8) -> f32 {
     TO_LINEAR[usize::from(byte)]
@@ -32,12 +32,12 @@ pub(crate) fn bytes() -> &'static [f32; 256] {
     &TO_LINEAR
 }
 
-/// The light of a colour as people choose it.
+/// Returns the linear light of an sRGB colour.
 pub(crate) fn of_srgb(color: [f32; 3]) -> Vec3 {
     Vec3::from(color.map(|s| decoded(s.clamp(0.0, 1.0))))
 }
 
-/// From light to bytes; too much is white.
+/// Table from linear light to bytes; too bright is white.
 #[derive(Clone, Copy)]
 pub(crate) struct Encoder(&'static [u8]);
 
@@ -47,7 +47,7 @@ impl Encoder {
     }
     #[inline(always)]
     pub(crate) fn byte(self, light: f32) -> u8 {
-        // What is no number becomes 0 here.
+        // NaN becomes 0 here.
         self.0[((light * (STEPS - 1) as f32 + 0.5) as usize).min(STEPS - 1)]
     }
     #[inline(always)]
@@ -56,7 +56,7 @@ impl Encoder {
     }
 }
 
-/// Lays a colour, times its opacity, over another.
+/// Composites a premultiplied colour over another.
 #[inline(always)]
 pub(crate) fn over(upper: [f32; 4], lower: &mut [f32; 4]) {
     let through = 1.0 - upper[3];

@@ -1,29 +1,29 @@
-//! How surfaces are shown.
+//! Appearance of surfaces and background.
 
 use crate::colormap::ColorMap;
 
-/// What colours a surface.
+/// Source of a surface's colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Shading {
-    /// One colour, normals blended over faces: the mesh's own, or those of its shape.
+    /// One colour, interpolated normals: the mesh's own, or computed from its shape.
     #[default]
     Smooth,
     /// One colour, one normal for each face.
     Flat,
-    /// Materials with their images, under the lights.
+    /// Materials with their textures, lit.
     Textured,
-    /// Colours of vertices, under the lights.
+    /// Vertex colours, lit.
     VertexColors,
-    /// Normals as colours, without light.
+    /// Normals as colours, unlit.
     Normals,
-    /// A picture of a lit ball, looked up by the normal as the camera sees it.
+    /// An image of a lit sphere, looked up by the normal in camera space.
     Matcap,
-    /// A value for each vertex through a colour map, without light: the error.
+    /// A value for each vertex through a colour map, unlit: the error.
     Heat,
 }
 
 impl Shading {
-    /// All of them.
+    /// All shadings.
     pub const ALL: [Self; 7] = [
         Self::Smooth,
         Self::Flat,
@@ -34,7 +34,7 @@ impl Shading {
         Self::Heat,
     ];
 
-    /// Its name as one types it.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Smooth => "smooth",
@@ -48,28 +48,28 @@ impl Shading {
     }
 }
 
-/// How surfaces are shown. Colours are sRGB from 0 to 1, as people choose them.
+/// Appearance of surfaces. Colours are sRGB from 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
-    /// What colours them.
+    /// Source of the colour.
     pub shading: Shading,
-    /// Colour where the shading has none of its own.
+    /// Colour for shadings without their own.
     pub surface: [f32; 3],
     /// Lines along the edges of all faces.
     pub wireframe: bool,
-    /// Their colour, and how opaque they are.
+    /// Colour and opacity of the lines.
     pub wire: [f32; 4],
-    /// Their width in pixels.
+    /// Width of the lines in pixels.
     pub wire_width_px: f32,
-    /// Whether open borders are drawn as lines.
+    /// True if open borders are drawn as lines.
     pub borders: bool,
-    /// Whether what is broken is marked: non-manifold edges, faces without area, faces that stand twice.
+    /// True if defects are marked: non-manifold edges, faces without area, duplicate faces.
     pub defects: bool,
-    /// Whether faces seen from behind are left out.
+    /// True if back faces are culled.
     pub cull_back: bool,
     /// The colours of [`Shading::Heat`].
     pub color_map: ColorMap,
-    /// The values at its ends, in the units of the model; `None` takes the largest.
+    /// Values at the ends of the colour map, in the units of the model; `None` for 0 to the largest.
     pub heat_range: Option<[f32; 2]>,
 }
 
@@ -90,18 +90,18 @@ impl Default for Look {
     }
 }
 
-/// What lies behind the model. Colours are sRGB from 0 to 1.
+/// Background of the model. Colours are sRGB from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Background {
-    /// Nothing: the picture is transparent there.
+    /// Transparent.
     Transparent,
     /// One colour.
     Color([f32; 3]),
-    /// From the upper edge to the lower one.
+    /// A gradient from the upper edge to the lower one.
     Gradient([f32; 3], [f32; 3]),
-    /// What is all around the model; without any surroundings the usual gradient.
+    /// The environment; the default gradient if there is none.
     Surroundings {
-        /// Whether it is out of focus.
+        /// True if it is blurred.
         blurred: bool,
     },
 }
@@ -113,8 +113,8 @@ impl Default for Background {
 }
 
 impl Background {
-    /// Colours of the upper edge and of the lower one, between which it goes evenly; `None` where it is transparent. For
-    /// surroundings what stands in for them.
+    /// Colours of the upper and the lower edge, with a linear gradient between them; `None` if transparent.
+    /// For surroundings, the fallback gradient.
     pub fn edges(self) -> Option<[[f32; 3]; 2]> {
         match self {
             Self::Transparent => None,

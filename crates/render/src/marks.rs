@@ -1,4 +1,4 @@
-//! Lines over the picture: open borders, and what is broken.
+//! Line overlays: open borders and defects.
 
 use lodsmith_core::mesh::defects::{duplicates, is_zero_area};
 use lodsmith_core::topology::EdgeKind;
@@ -11,18 +11,18 @@ use crate::raster::{BAND, Band, Screen};
 use crate::subject::Subject;
 use crate::view::View;
 
-/// Colours in sRGB, chosen to be told apart on any surface.
+/// Open borders. Colours are in sRGB, chosen to be distinguishable on any surface.
 pub const BORDER: [f32; 3] = [1.0, 0.27, 0.16];
-/// Edges of more than two faces.
+/// Edges with more than two faces.
 pub const NON_MANIFOLD: [f32; 3] = [0.85, 0.10, 0.95];
 /// Faces without area.
 pub const ZERO_AREA: [f32; 3] = [1.0, 0.85, 0.10];
-/// Faces that stand twice.
+/// Duplicate faces.
 pub const DUPLICATE: [f32; 3] = [0.10, 0.80, 0.95];
 
-/// Pixels of a line, next to the width of the wireframe.
+/// Line width in pixels, in addition to that of the wireframe.
 const WIDTH_PX: f32 = 2.2;
-/// How far behind a surface a line on it may seem to lie, as a part of its distance. (Guessed.)
+/// Relative depth tolerance for lines on a surface. (Guessed.)
 const SLACK: f32 = 3e-3;
 
 struct Line {
@@ -30,7 +30,7 @@ struct Line {
     color: [f32; 3],
 }
 
-/// All lines, by the bands that they touch.
+/// All lines, binned by the bands that they touch.
 pub(crate) struct Marks {
     lines: Vec<Line>,
     bands: Vec<Vec<u32>>,
@@ -53,7 +53,7 @@ impl Marks {
             let positions = placed.drawn.mesh.positions().view();
             for (ends, color) in &edges[part.mesh] {
                 let ends = ends.map(|v| screen.projection.screen(placed.to_view.of(positions.get(v).into())));
-                // Lines that come from behind the eye are left out.
+                // Lines with an end behind the eye are left out.
                 if let [Some(a), Some(b)] = ends {
                     marks.add([a, b].map(|p| p.map(|x| x as f32)), *color, screen);
                 }
@@ -75,7 +75,7 @@ impl Marks {
         self.lines.push(Line { ends, color: linear::of_srgb(color).to_array() });
     }
 
-    /// Draws the lines of a band over its colours, where they are not hidden.
+    /// Draws the visible parts of the lines of a band over its colours.
     pub(crate) fn draw(&self, index: usize, band: &Band, projection: &Projection, colors: &mut [[f32; 4]]) {
         let reach = self.half + 1.0;
         for &line in &self.bands[index] {
@@ -88,7 +88,7 @@ impl Marks {
             };
             let clamp = |y: f32| y.clamp(band.first_row as f32, (band.first_row + band.rows) as f32) as usize;
             for y in clamp(a[1].min(b[1]) - reach)..clamp(a[1].max(b[1]) + reach + 1.0) {
-                // The part of the line that comes near this row.
+                // The part of the line near this row.
                 let py = y as f32 + 0.5;
                 let at = |row: f32| {
                     let t = if dy.abs() > 1e-6 { ((row - a[1]) / dy).clamp(0.0, 1.0) } else { 0.0 };
@@ -120,7 +120,7 @@ impl Marks {
     }
 }
 
-/// Edges to be marked, and in which colour; what matters most comes last.
+/// Returns the edges to be marked, with their colours; the most important come last.
 fn marked(mesh: &lodsmith_core::TriMesh, borders: bool, defects: bool) -> Vec<([VertexId; 2], [f32; 3])> {
     let surface = mesh.surface();
     let topology = Topology::new(&surface);

@@ -1,4 +1,4 @@
-//! From a model to places on the screen.
+//! Projection from model coordinates to the screen.
 
 use glam::{DMat3, DMat4, DVec3, Vec3};
 use wide::f32x4;
@@ -6,30 +6,30 @@ use wide::f32x4;
 use crate::camera::{Camera, Lens, length};
 use crate::view::RenderError;
 
-/// Nothing nearer than this is drawn, in distances from the eye to the target. (Guessed: depths are reciprocal, so they
-/// lose nothing by it.)
+/// Near plane, as a fraction of the distance from the eye to the target. (Guessed: depths are reciprocal, so
+/// it costs no precision.)
 const NEAR: f64 = 1e-4;
-/// Places beyond this many pixels are clipped: sides of triangles are exact enough up to there.
+/// Points beyond this many pixels are clipped: edge functions of triangles are exact enough up to there.
 const FARTHEST_PX: f64 = 16384.0;
 
-/// A camera before a picture. *View* coordinates are those of the camera in units of its distance to the target: single
-/// precision is enough there, wherever in the world the model lies.
+/// A camera with a picture size. *View* coordinates are camera coordinates in units of the distance to the
+/// target: there single precision is enough, wherever in the world the model lies.
 #[derive(Clone, Debug)]
 pub(crate) struct Projection {
     target: DVec3,
     /// Rows: right, up, back.
     axes: DMat3,
-    /// Length of one unit of the view, in those of the model.
+    /// Length of one view unit, in model units.
     pub(crate) unit: f64,
-    /// Half the picture at distance 1, in units of the view.
+    /// Half the picture at distance 1, in view units.
     pub(crate) half: [f64; 2],
     pub(crate) size: [f64; 2],
-    /// Pixels in one unit of the view at distance 1.
+    /// Pixels per view unit at distance 1.
     per_unit: [f64; 2],
     pub(crate) is_perspective: bool,
 }
 
-/// From a mesh to the view: turned and scaled, then moved.
+/// Transform from a mesh to view coordinates: rotated and scaled, then translated.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ToView {
     pub(crate) linear: DMat3,
@@ -41,9 +41,10 @@ impl ToView {
     pub(crate) fn of(&self, p: DVec3) -> DVec3 {
         self.linear * p + self.shift
     }
-    /// Turns normals, not yet to unit length.
+    /// Returns the transform of normals, which does not normalize.
     pub(crate) fn of_normals(&self) -> glam::Mat3 {
-        // Adjugate, not inverse: a flat scale has none. Divided first, for the size of the numbers.
+        // Adjugate, not inverse, which does not exist for a flattening scale. Divided first to avoid
+        // overflow.
         let largest = self.linear.to_cols_array().iter().fold(0f64, |m, x| m.max(x.abs()));
         let m = if largest > 0.0 { self.linear * (1.0 / largest) } else { DMat3::IDENTITY };
         let [a, b, c] = [m.x_axis, m.y_axis, m.z_axis];
@@ -51,7 +52,7 @@ impl ToView {
         let sign = if self.is_mirrored() { -1.0 } else { 1.0 };
         (turned * sign).as_mat3()
     }
-    /// Whether left and right change sides.
+    /// True if the transform mirrors.
     pub(crate) fn is_mirrored(&self) -> bool {
         let m = self.linear;
         let largest = m.to_cols_array().iter().fold(0f64, |m, x| m.max(x.abs()));
@@ -59,7 +60,7 @@ impl ToView {
     }
 }
 
-/// From places of a mesh in single precision to the screen.
+/// Transform from mesh positions in single precision to the screen.
 pub(crate) struct ToScreen {
     origin: [f32; 3],
     rows: [[f32; 3]; 3],
@@ -70,7 +71,7 @@ pub(crate) struct ToScreen {
 }
 
 impl ToScreen {
-    /// As [`Projection::on_screen`], and a number of no meaning.
+    /// As [`Projection::on_screen`], with an unused fourth component.
     #[inline(always)]
     pub(crate) fn of_four(&self, places: [[f32; 3]; 4]) -> [[f32; 4]; 4] {
         let p = [0, 1, 2].map(|k| f32x4::from(places.map(|p| p[k])) - self.origin[k]);
@@ -123,39 +124,39 @@ impl Projection {
 
     pub(crate) fn to_view(&self, world_from_mesh: &DMat4) -> ToView {
         let linear = DMat3::from_mat4(*world_from_mesh);
-        // The target goes first: far from the origin what is left of the numbers is all there is.
+        // The target is subtracted first: far from the origin this keeps the remaining digits.
         let origin = (world_from_mesh.w_axis.truncate() - self.target) / self.unit;
         let shift = self.axes * origin - DVec3::Z;
         ToView { linear: self.axes * (linear * (1.0 / self.unit)), shift }
     }
 
-    /// A direction of the world in the view.
+    /// Transforms a direction from the world to the view.
     pub(crate) fn direction(&self, world: DVec3) -> Vec3 {
         (self.axes * world).as_vec3()
     }
-    /// A direction of the view in the world.
+    /// Transforms a direction from the view to the world.
     pub(crate) fn direction_to_world(&self, view: Vec3) -> Vec3 {
         (self.axes.transpose() * view.as_dvec3()).as_vec3()
     }
-    /// A place of the world in the view.
+    /// Transforms a point from the world to the view.
     pub(crate) fn place(&self, world: DVec3) -> DVec3 {
         self.axes * ((world - self.target) / self.unit) - DVec3::Z
     }
 
-    /// What places are divided by: their distance, or nothing.
+    /// Divisor of the projection: the distance for a perspective, else 1.
     #[inline(always)]
     fn divisor(&self, view: DVec3) -> f64 {
         if self.is_perspective { -view.z } else { 1.0 }
     }
 
-    /// Where a place of the view lies on the screen, and how near it is: larger is nearer, and linear on the screen. `None`
-    /// behind the eye, too far aside, or if it is no number.
+    /// Projects a view point to the screen, with its nearness: larger is nearer, and linear on the screen.
+    /// `None` if it is behind the eye, too far outside, or not finite.
     pub(crate) fn screen(&self, view: DVec3) -> Option<[f64; 3]> {
         let at = self.on_screen(view);
         (!at[0].is_nan()).then_some(at)
     }
 
-    /// The same, without a first number where there is no such place.
+    /// Like [`Projection::screen`], but the first component is NaN if there is no such point.
     #[inline(always)]
     pub(crate) fn on_screen(&self, view: DVec3) -> [f64; 3] {
         let per_distance = 1.0 / self.divisor(view);
@@ -166,10 +167,11 @@ impl Projection {
         [if is_seen { x } else { f64::NAN }, y, near]
     }
 
-    /// The way from a mesh in single precision to the screen; `None` where only double precision will do.
+    /// Returns the single-precision transform from a mesh to the screen; `None` if it needs double precision.
     pub(crate) fn to_screen(&self, to_view: &ToView) -> Option<ToScreen> {
         let linear = to_view.linear;
-        // What the camera looks at, in the mesh: what lies near it is as exact as single precision has it, as it goes first.
+        // The target in mesh coordinates: it is subtracted first, so that points near it keep their single
+        // precision.
         let inverse = linear.inverse();
         let origin = inverse * (DVec3::NEG_Z - to_view.shift);
         let size = |m: DMat3| m.to_cols_array().iter().fold(0f64, |s, x| s.max(x.abs()));
@@ -189,7 +191,7 @@ impl Projection {
         })
     }
 
-    /// The ray through a place of the screen at distance 1: where it begins, and which way it goes.
+    /// Returns the ray through a point of the screen at distance 1: origin and direction.
     pub(crate) fn ray(&self, x: f64, y: f64) -> [DVec3; 2] {
         let sx = (2.0 * x / self.size[0] - 1.0) * self.half[0];
         let sy = (1.0 - 2.0 * y / self.size[1]) * self.half[1];
@@ -200,16 +202,17 @@ impl Projection {
         }
     }
 
-    /// Distance from the eye along the view, from how near it is.
+    /// Converts nearness to the distance from the eye along the view.
     #[inline(always)]
     pub(crate) fn distance(&self, near: f32) -> f32 {
         if self.is_perspective { 1.0 / near } else { 1.0 - near }
     }
 
-    /// Barycentric coordinates of a triangle of the view where the ray through a place of the screen meets its plane.
+    /// Returns the barycentric coordinates of the point where the ray through a point of the screen meets the
+    /// plane of a triangle in the view.
     pub(crate) fn barycentrics(&self, corners: [DVec3; 3], x: f64, y: f64) -> [f64; 3] {
         let [origin, along] = self.ray(x, y);
-        // Each as the volume that the ray spans with a side; with a parallel lens all rays meet at infinity.
+        // Each is the volume spanned by the ray and a side; with a parallel lens all rays meet at infinity.
         let v = corners.map(|c| if self.is_perspective { c } else { DVec3::new(c.x, c.y, -1.0) });
         let d = if self.is_perspective { along } else { DVec3::new(origin.x, origin.y, -1.0) };
         let all = [v[1].cross(v[2]).dot(d), v[2].cross(v[0]).dot(d), v[0].cross(v[1]).dot(d)];
@@ -217,7 +220,7 @@ impl Projection {
         if sum != 0.0 && sum.is_finite() { all.map(|b| b / sum) } else { [1.0 / 3.0; 3] }
     }
 
-    /// What of a triangle lies before the eye and not too far aside, as a polygon on the screen.
+    /// Clips a triangle to the part before the eye and not too far outside, as a polygon on the screen.
     pub(crate) fn clipped(&self, corners: [DVec3; 3]) -> Vec<[f64; 3]> {
         if corners.iter().any(|c| !c.is_finite()) {
             return Vec::new();
@@ -243,7 +246,7 @@ impl Projection {
                     kept.push(p);
                 }
                 if (a >= 0.0) != (b >= 0.0) {
-                    // From the inner end, whichever way round: neighbours find the same place.
+                    // Always from the inner end, so that neighbours compute the same point.
                     let (from, to, a, b) = if a >= 0.0 { (p, q, a, b) } else { (q, p, b, a) };
                     kept.push(from + (to - from) * (a / (a - b)));
                 }

@@ -1,7 +1,8 @@
-//! Which face each sample of the picture sees.
+//! Rasterizer: the face that each sample of the picture sees.
 //!
-//! Vertices go to the screen, faces into bands of rows, and each band keeps the nearest face of every sample. Bands and
-//! pieces of work have fixed sizes and faces come in their order, so the answer is the same with any number of threads.
+//! Vertices are projected, faces are binned into bands of rows, and each band keeps the nearest face of every
+//! sample. Bands and work pieces have fixed sizes and faces keep their order, so the result is the same with
+//! any number of threads.
 
 mod band;
 
@@ -16,22 +17,23 @@ use crate::subject::{Drawn, Part, Subject};
 pub(crate) use band::{Band, Corner, NONE, SAMPLES, side_by_side};
 use band::{Depths, Four, Pixels, doubled_areas, pixels_between, range};
 
-/// Rows of a band: its samples fit into the second cache at usual widths. Even, for fine pictures.
+/// Rows per band: its samples fit into the L2 cache at usual widths. Even, for fine pictures.
 pub(crate) const BAND: usize = 16;
-/// Faces, or vertices, of one piece of work.
+/// Faces, or vertices, per work piece.
 const PIECE: usize = 1 << 15;
-/// Two ways to one corner end no farther apart than this, in pixels.
+/// Maximum distance in pixels between two computations of the same corner.
 const SAME_PX: f32 = 0.01;
-/// Marks places in the list of clipped faces.
+/// Marks indices into the list of clipped faces.
 const CLIPPED: u32 = 1 << 31;
 
-/// A mesh on the screen.
+/// A mesh projected to the screen.
 pub(crate) struct Placed<'a> {
     pub(crate) drawn: &'a Drawn,
     pub(crate) to_view: ToView,
     pub(crate) is_mirrored: bool,
     pub(crate) first_face: u32,
-    /// Of each vertex, its place in pixels and how near it is; the first is no number where faces must be clipped.
+    /// Position in pixels and nearness of each vertex; the first component is NaN if its faces must be
+    /// clipped.
     pub(crate) corners: Vec<Corner>,
 }
 
@@ -74,32 +76,32 @@ impl<'a> Placed<'a> {
     pub(crate) fn on_screen(&self, face: usize) -> [Corner; 3] {
         self.vertices(face).map(|v| self.corners[v.index()])
     }
-    /// The corners of a face in the view, as exact as they come.
+    /// The corners of a face in view coordinates, in double precision.
     pub(crate) fn in_view(&self, face: usize) -> [DVec3; 3] {
         let positions = self.drawn.mesh.positions().view();
         self.vertices(face).map(|v| self.to_view.of(DVec3::from(positions.get(v))))
     }
-    /// Whether a face needs clipping.
+    /// True if a face needs clipping.
     #[inline(always)]
     pub(crate) fn is_cut(corners: &[Corner; 3]) -> bool {
         (corners[0][0] + corners[1][0] + corners[2][0]).is_nan()
     }
 }
 
-/// What a face asks of the one who draws it.
+/// Visibility class of a face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// It hides what lies behind.
+    /// Opaque.
     Solid,
-    /// Its back is not seen.
+    /// Opaque, back face culled.
     Front,
-    /// It has holes where its image says so.
+    /// Alpha-tested by its texture.
     Masked,
-    /// The same, and its back is not seen.
+    /// Alpha-tested, back face culled.
     MaskedFront,
-    /// One sees through it.
+    /// Blended.
     Blended,
-    /// The same, and its back is not seen.
+    /// Blended, back face culled.
     BlendedFront,
 }
 
@@ -115,34 +117,34 @@ impl Kind {
     }
 }
 
-/// What a mesh's faces are; by the region of a face where they differ.
+/// Kinds of the faces of each mesh; by the region of a face if they differ.
 pub(crate) type Kinds = Vec<Vec<Kind>>;
 
-/// A piece of a face that had to be clipped.
+/// A piece of a clipped face.
 struct Cut {
     face: u32,
     corners: [Corner; 3],
 }
 
-/// A face seen from behind, and the least that tells whether all of it is hidden.
+/// A back face, with the data needed for the occlusion test.
 struct Back {
     face: u32,
     near: f32,
     pixels: Pixels,
 }
 
-/// Some faces of one part, by the bands that they touch.
+/// Some faces of one part, binned by the bands that they touch.
 struct Piece {
     part: usize,
     bands: Vec<Vec<u32>>,
-    /// Those seen from behind, which come after: those before them hide most.
+    /// Back faces, drawn after the others, which hide most of them.
     backs: Vec<Vec<Back>>,
     cuts: Vec<Cut>,
-    /// Faces that one sees through, and how far they are.
+    /// Blended faces with their distance.
     blended: Vec<(f32, u32)>,
 }
 
-/// Four triangles before they are drawn, each a bit of the first three.
+/// Bounds of four triangles before they are drawn; the first three are bit masks.
 struct Outline {
     /// May cover samples.
     seen: u32,
@@ -151,7 +153,7 @@ struct Outline {
     clockwise: u32,
     /// The nearest corners.
     near: [f32; 4],
-    /// First column, end of the columns, first row, end of the rows.
+    /// First column, end of columns, first row, end of rows.
     pixels: [[i32; 4]; 4],
 }
 
@@ -163,7 +165,7 @@ impl Outline {
     }
 }
 
-/// Everything on the screen.
+/// All projected meshes with their faces, binned.
 pub(crate) struct Screen<'a> {
     pub(crate) projection: Projection,
     pub(crate) width: usize,
@@ -171,7 +173,7 @@ pub(crate) struct Screen<'a> {
     pub(crate) placed: Vec<Placed<'a>>,
     kinds: Kinds,
     pieces: Vec<Piece>,
-    /// Of each band, the faces that one sees through, from the nearest on.
+    /// Blended faces of each band, nearest first.
     blended: Vec<Vec<u32>>,
 }
 
@@ -202,7 +204,7 @@ impl<'a> Screen<'a> {
         self.height.div_ceil(BAND)
     }
 
-    /// What kind of face this is.
+    /// Returns the kind of a face.
     #[inline(always)]
     fn kind(&self, placed: &Placed<'_>, kinds: &[Kind], face: usize) -> Kind {
         match kinds {
@@ -249,7 +251,7 @@ impl<'a> Screen<'a> {
         piece
     }
 
-    /// Puts a triangle of a face where it will be looked for.
+    /// Adds a triangle of a face to the bands that it touches.
     #[inline(always)]
     fn list(
         &self,
@@ -269,7 +271,7 @@ impl<'a> Screen<'a> {
         if kind.is_blended() {
             let corners = cut.unwrap_or_else(|| placed.on_screen(face));
             let far = corners.iter().map(|c| self.projection.distance(c[2])).sum();
-            // Its pieces come together: one entry is enough.
+            // Its pieces are consecutive: one entry is enough.
             if piece.blended.last().is_none_or(|b| b.1 != entry) {
                 piece.blended.push((far, entry));
             }
@@ -293,7 +295,7 @@ impl<'a> Screen<'a> {
         }
     }
 
-    /// What there is to know of four triangles before they are drawn.
+    /// Computes the bounds of four triangles.
     #[inline(always)]
     fn outline(&self, of: impl Fn(usize, usize) -> Corner) -> Outline {
         let corners = side_by_side(of);
@@ -304,14 +306,14 @@ impl<'a> Screen<'a> {
         let mut seen = doubled.simd_ne(zero);
         let [[x0, x1], [y0, y1]] = [0, 1].map(|k| {
             let [low, high] = range([a[k], b[k], c[k]]);
-            // Samples stand in columns and rows of a quarter of a pixel: one must lie between.
+            // Samples lie in columns and rows of a quarter pixel: the triangle must span one.
             let last = (high * 4.0 + 0.5).fast_trunc_int().round_float();
             seen &= high.simd_ge(zero) & low.simd_le(f32x4::splat(size[k])) & last.simd_ge(low * 4.0 + 0.5);
             let [first, end] = pixels_between(low, high);
             let most = i32x4::splat(size[k] as i32);
             [first, end.min(most)]
         });
-        // A last check, as rounding may leave no pixel.
+        // Checked again, as rounding may leave no pixel.
         let seen = bytemuck::cast::<_, i32x4>(seen) & x0.simd_lt(x1) & y0.simd_lt(y1);
         let [_, near] = range([a[2], b[2], c[2]]);
         Outline {
@@ -323,13 +325,13 @@ impl<'a> Screen<'a> {
         }
     }
 
-    /// The pieces of a face that are before the eye.
+    /// Returns the clipped pieces of a face.
     fn cut(&self, placed: &Placed<'_>, face: usize) -> Vec<[Corner; 3]> {
         let polygon = self.projection.clipped(placed.in_view(face));
         let own = placed.on_screen(face);
         let at = |i: usize| {
             let [x, y, near] = polygon[i].map(|x| x as f32);
-            // Where its neighbours, which need no clipping, have the same corner, to the last bit.
+            // Snaps to the unclipped corners that its neighbours use, so that edges match to the last bit.
             let is_same = |c: &&Corner| (c[0] - x).abs() < SAME_PX && (c[1] - y).abs() < SAME_PX;
             own.iter().find(is_same).copied().unwrap_or([x, y, near, 0.0])
         };
@@ -362,14 +364,14 @@ impl<'a> Screen<'a> {
         self.blended = bands;
     }
 
-    /// The part that a face of the whole belongs to.
+    /// Returns the part that contains a face of the whole picture.
     #[inline(always)]
     pub(crate) fn part_of(&self, face: u32) -> &Placed<'a> {
         let after = self.placed.partition_point(|p| p.first_face <= face);
         &self.placed[after - 1]
     }
 
-    /// Draws all solid faces of a band. `is_there` says of a masked face whether it is there at a place.
+    /// Draws all solid faces of a band. `is_there` returns true if a masked face is opaque at a point.
     pub(crate) fn draw(&self, index: usize, band: &mut Band, is_there: &dyn Fn(u32, f32, f32) -> bool) {
         band.clear(index * BAND, self.width, (self.height - index * BAND).min(BAND));
         for piece in &self.pieces {
@@ -431,12 +433,13 @@ impl<'a> Screen<'a> {
         }
     }
 
-    /// Whether a band has faces that one sees through.
+    /// True if a band has blended faces.
     pub(crate) fn has_blended(&self, index: usize) -> bool {
         !self.blended[index].is_empty()
     }
 
-    /// Walks the faces of a band that one sees through, from the nearest on: the face, the pixel, and which samples see it.
+    /// Visits the blended faces of a band, nearest first: the face, the pixel, and a mask of the samples that
+    /// see it.
     pub(crate) fn walk_blended(
         &self,
         index: usize,
@@ -460,7 +463,7 @@ impl<'a> Screen<'a> {
     }
 }
 
-/// How near each pixel of a small picture is, at its nearest; nothing is coloured.
+/// Computes the largest nearness of each pixel of a small picture; nothing is shaded.
 pub(crate) fn nearness(subject: &Subject, projection: Projection, width: usize, height: usize) -> Vec<f32> {
     let kinds = subject.parts.iter().map(|_| vec![Kind::Solid]).collect();
     let screen = Screen::new(subject, projection, width, height, kinds);

@@ -1,4 +1,4 @@
-//! The colour of a face at a place of the screen.
+//! Shading of a face at a point of the screen.
 
 mod four;
 mod material;
@@ -20,12 +20,13 @@ use crate::view::View;
 
 pub(crate) use four::Batch;
 
-/// Height of a triangle in pixels from which on its lines have their full strength; below they would cover all. (By eye.)
+/// Height of a triangle in pixels from which its lines have full strength; on smaller ones they would cover
+/// everything. (By eye.)
 const WIRE_FULL_PX: f32 = 8.0;
-/// Strength of lines where triangles vanish.
+/// Minimum strength of lines, for vanishing triangles.
 const WIRE_LEAST: f32 = 0.04;
 
-/// A light in the coordinates of the view.
+/// A light in view coordinates.
 struct ViewLight {
     color: Vec3,
     place: Place,
@@ -36,21 +37,22 @@ enum Place {
     Near { at: Vec3, cone: Option<(Vec3, f32, f32)> },
 }
 
-/// Everything that colours need.
+/// All data needed for shading.
 pub(crate) struct Shader<'a> {
     screen: &'a Screen<'a>,
     projection: &'a Projection,
     subject: &'a Subject,
     shading: Shading,
-    /// Half the picture at distance 1 and what one pixel is of it, in units of the view: across, then up.
+    /// Half the picture at distance 1 and the size of one pixel there, in view units: horizontal, then
+    /// vertical.
     per_pixel: [f32; 4],
     meshes: Vec<Shaded<'a>>,
     lights: Vec<ViewLight>,
     above: Vec3,
     below: Vec3,
-    /// Up in the world, as seen in the view.
+    /// World up in view coordinates.
     up: Vec3,
-    /// Units of the view in one radius of the model.
+    /// Radius of the model in view units.
     radius: f32,
     surface: Vec3,
     wire: Option<(Vec3, f32, f32)>,
@@ -59,9 +61,9 @@ pub(crate) struct Shader<'a> {
     heat: (crate::ColorMap, f32, f32),
 }
 
-/// What is looked up for a part.
+/// Per-part shading data.
 struct Shaded<'a> {
-    /// One for each wedge, or for each vertex.
+    /// One normal for each wedge, or for each vertex.
     normals: Normals<'a>,
     to_view: Mat3,
     is_mirrored: bool,
@@ -74,7 +76,7 @@ enum Normals<'a> {
     OfVertices(&'a [[f32; 3]]),
 }
 
-/// A place on a face.
+/// A point on a face.
 struct Hit<'a> {
     part: usize,
     placed: &'a Placed<'a>,
@@ -82,12 +84,12 @@ struct Hit<'a> {
     wedges: [WedgeId; 3],
     at: [f32; 2],
     corners: [Corner; 3],
-    /// On the screen, and how near the place is; of no use where the face is clipped.
+    /// Barycentric coordinates on the screen, and the nearness; invalid for clipped faces.
     l: [f32; 3],
     near: f32,
-    /// On the face in the world.
+    /// Barycentric coordinates on the face in space.
     b: [f32; 3],
-    /// Whether the side that winds counter-clockwise is seen.
+    /// True if the front face (counter-clockwise) is seen.
     is_front: bool,
 }
 
@@ -156,14 +158,14 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Linear colour and opacity of a face of the whole at a place of the screen, by its material.
+    /// Returns linear colour and opacity of a face at a point of the screen, from its material.
     pub(crate) fn color(&self, whole: u32, x: f32, y: f32) -> [f32; 4] {
         let hit = self.hit(whole, x, y);
         let (color, alpha) = self.textured(&hit);
         self.wired(color, alpha, || hit)
     }
 
-    /// The lines of a face over its colour.
+    /// Draws the wireframe of a face over its colour.
     #[inline(always)]
     fn wired<'h>(&self, mut color: Vec3, alpha: f32, hit: impl FnOnce() -> Hit<'h>) -> [f32; 4] {
         let Some((wire, opacity, width)) = self.wire else { return [color.x, color.y, color.z, alpha] };
@@ -173,7 +175,7 @@ impl<'a> Shader<'a> {
         [color.x, color.y, color.z, alpha + (1.0 - alpha) * cover]
     }
 
-    /// The part that a face of the whole belongs to.
+    /// Returns the index of the part that contains a face of the whole picture.
     #[inline(always)]
     fn part_of(&self, whole: u32) -> usize {
         let placed = &self.screen.placed;
@@ -220,7 +222,8 @@ impl<'a> Shader<'a> {
         hit
     }
 
-    /// Barycentric coordinates on the face in the world, for a place of the screen, which may lie outside.
+    /// Returns barycentric coordinates on the face in space for a point of the screen, which may lie outside
+    /// the face.
     #[inline(always)]
     fn barycentrics(&self, hit: &Hit<'_>, x: f32, y: f32) -> [f32; 3] {
         if Placed::is_cut(&hit.corners) {
@@ -236,12 +239,12 @@ impl<'a> Shader<'a> {
         if sum > 0.0 { b.map(|b| b / sum) } else { on_screen }
     }
 
-    /// Distance to the nearest side of the face in pixels, and how strong its lines may be.
+    /// Returns the distance to the nearest side of the face in pixels, and the strength of its lines.
     fn to_side(&self, hit: &Hit<'_>) -> (f32, f32) {
         let strength = |height: f32| ((height - 0.7) / WIRE_FULL_PX).clamp(WIRE_LEAST, 1.0);
         let [x, y] = hit.at;
         if Placed::is_cut(&hit.corners) {
-            // By how fast the coordinates change from pixel to pixel.
+            // From the change of the barycentric coordinates per pixel.
             let (right, below) = (self.barycentrics(hit, x + 1.0, y), self.barycentrics(hit, x, y + 1.0));
             let distance = |k: usize| {
                 let slope = (right[k] - hit.b[k]).hypot(below[k] - hit.b[k]);
@@ -258,7 +261,7 @@ impl<'a> Shader<'a> {
         (distance(0).min(distance(1)).min(distance(2)), strength(least))
     }
 
-    /// The place in the view.
+    /// Returns the point in view coordinates.
     #[inline(always)]
     fn place(&self, hit: &Hit<'_>) -> Vec3 {
         let distance = if Placed::is_cut(&hit.corners) {
@@ -276,20 +279,20 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// The normal of the face, towards the eye.
+    /// Returns the face normal, towards the eye.
     #[inline(always)]
     fn face_normal(&self, hit: &Hit<'_>) -> Vec3 {
         let n = self.outer_face_normal(hit);
         if hit.is_front { n } else { -n }
     }
 
-    /// The normal of the face, to the side that winds counter-clockwise.
+    /// Returns the face normal, towards the side that is counter-clockwise.
     #[inline(always)]
     fn outer_face_normal(&self, hit: &Hit<'_>) -> Vec3 {
         let [a, b, c] =
             hit.placed.vertices(hit.face).map(|v| hit.placed.drawn.mesh.positions().view().get(v));
         let [p, q] = [b, c].map(|e| DVec3::from(e) - DVec3::from(a));
-        // Divided first, for the size of the numbers.
+        // Divided first to avoid overflow.
         let largest = p.abs().max(q.abs()).max_element();
         if !(largest > 0.0 && largest.is_finite()) {
             return Vec3::Z;
@@ -298,7 +301,7 @@ impl<'a> Shader<'a> {
         (self.meshes[hit.part].to_view * n).normalize_or(Vec3::Z)
     }
 
-    /// The normal blended over the face, as it stands on it.
+    /// Returns the interpolated normal as given.
     #[inline(always)]
     fn own_normal(&self, hit: &Hit<'_>) -> Vec3 {
         let shaded = &self.meshes[hit.part];
@@ -314,12 +317,12 @@ impl<'a> Shader<'a> {
         if length_sq > 1e-12 { n * (1.0 / length_sq.sqrt()) } else { self.outer_face_normal(hit) }
     }
 
-    /// The normal blended over the face, on the side of it that is seen.
+    /// Returns the interpolated normal, on the visible side of the face.
     #[inline(always)]
     fn normal(&self, hit: &Hit<'_>) -> Vec3 {
         let n = self.own_normal(hit);
         match self.meshes[hit.part].normals {
-            // Those of a file may point to either side of its faces.
+            // Normals from a file may point to either side of a face.
             Normals::OfWedges(_) => {
                 if n.dot(self.face_normal(hit)) < 0.0 {
                     -n
@@ -337,7 +340,7 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// The colour of the vertices, linear, and opacity; that of the look where there is none.
+    /// Returns the linear vertex colour and opacity; the look's colour if the mesh has none.
     fn vertex_color(&self, placed: &Placed<'_>, wedges: [WedgeId; 3], l: [f32; 3]) -> (Vec3, f32) {
         let Some(colors) = placed.drawn.mesh.colors() else { return (self.surface, 1.0) };
         let [a, b, c] = wedges.map(|w| colors[w.index()]);
@@ -355,13 +358,13 @@ impl<'a> Shader<'a> {
         if self.projection.is_perspective { (-place).normalize_or(Vec3::Z) } else { Vec3::Z }
     }
 
-    /// The light from everywhere.
+    /// Returns the hemispherical ambient light.
     #[inline(always)]
     fn ambient(&self, n: Vec3) -> Vec3 {
         self.below + (self.above - self.below) * (0.5 + 0.5 * n.dot(self.up))
     }
 
-    /// Each light as it comes to a place: where it is, and how much.
+    /// Calls `with` for each light at a point, with its direction and intensity.
     #[inline(always)]
     fn each_light(&self, place: Vec3, mut with: impl FnMut(Vec3, Vec3)) {
         for light in &self.lights {
@@ -389,7 +392,7 @@ impl<'a> Shader<'a> {
 
     fn matcap(&self, n: Vec3) -> Vec3 {
         let Some(image) = &self.matcap else { return clay(n) };
-        // The rim of the ball is left out: pictures of balls are seldom cut to the pixel.
+        // The rim of the sphere is left out: images of spheres are seldom cropped to the pixel.
         let (w, h) = (image.width(), image.height());
         let x = (0.5 + 0.49 * n.x) * w as f32 - 0.5;
         let y = (0.5 - 0.49 * n.y) * h as f32 - 0.5;
@@ -415,7 +418,7 @@ impl<'a> Shader<'a> {
     }
 }
 
-/// Radius of the subject and its centre, in the view.
+/// Returns the radius and the centre of the subject in view coordinates.
 fn extent(subject: &Subject, projection: &Projection) -> [Vec3; 2] {
     match subject.bounds() {
         None => [Vec3::ONE, Vec3::NEG_Z],
@@ -427,13 +430,13 @@ fn extent(subject: &Subject, projection: &Projection) -> [Vec3; 2] {
     }
 }
 
-/// Twice the area on the screen, whose rows count downwards: positive if the corners go round clockwise.
+/// Returns twice the signed area on the screen, where y points down: positive if the corners are clockwise.
 #[inline(always)]
 fn doubled_area([a, b, c]: &[Corner; 3]) -> f32 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// Barycentric coordinates on the screen.
+/// Returns barycentric coordinates on the screen.
 #[inline(always)]
 fn on_screen(corners: &[Corner; 3], x: f32, y: f32) -> [f32; 3] {
     let [a, b, c] = corners;
@@ -447,7 +450,7 @@ fn on_screen(corners: &[Corner; 3], x: f32, y: f32) -> [f32; 3] {
     [1.0 - l1 - l2, l1, l2]
 }
 
-/// A ball of clay in a window's light, by formula; chosen by eye.
+/// A procedural clay sphere lit by a window; chosen by eye.
 fn clay(n: Vec3) -> Vec3 {
     let key = n.dot(Vec3::new(-0.42, 0.62, 0.66)).max(0.0);
     let fill = n.dot(Vec3::new(0.80, -0.15, 0.58)).max(0.0);

@@ -1,4 +1,4 @@
-//! Several pictures as one: side by side or in rows, with captions and a legend.
+//! Contact sheets: several pictures in one image, side by side or in rows, with captions and a legend.
 
 use glam::Vec3;
 use lodsmith_core::Image;
@@ -9,43 +9,42 @@ use crate::linear::over;
 use crate::linear::{self, Encoder};
 use crate::look::Background;
 
-/// Heights of capitals, in pixels: the first line of a caption, and those below.
+/// Cap heights in pixels: of the first line of a caption, and of the others.
 const TITLE_PX: f32 = 13.0;
 const LINE_PX: f32 = 10.5;
-/// From one line to the next.
+/// Line heights in pixels.
 const TITLE_STEP: usize = 27;
 const LINE_STEP: usize = 22;
-/// Free pixels round the sheet and between panels.
+/// Margin around the sheet and between panels, in pixels.
 const GAP: usize = 12;
-/// Room for a legend.
+/// Height of a legend in pixels.
 const LEGEND: usize = 52;
-/// Half the width of a stroke, in heights of a capital.
+/// Half the stroke width, in heights of a capital.
 const STROKE: f32 = 0.062;
 
-/// A picture and what stands below it.
+/// A picture with a caption.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// The picture; see-through where the sheet is to be seen.
+    /// The picture; transparent where the sheet should show.
     pub picture: Image,
     /// Lines below it; the first is larger.
     pub caption: Vec<String>,
 }
 
-/// The colours of a heat map and the values at their ends, in the user's units.
+/// Legend of a heat map: its colours and the values at their ends, in the user's units.
 #[derive(Clone, Debug)]
 pub struct Legend {
     /// The colours.
     pub map: ColorMap,
-    /// The values at the ends.
+    /// The values at the ends of the colours.
     pub range: [f32; 2],
-    /// What the values are; empty for nothing.
+    /// Label of the values; may be empty.
     pub title: String,
 }
 
-/// Lays panels out in rows of `columns`, before one background.
+/// Lays out panels in rows of `columns`, on one background.
 ///
-/// Panels may differ in size: each stands in the middle of its place. Text that is longer than a panel is cut, and ends in
-/// dots.
+/// Panels may differ in size: each is centred in its cell. Text wider than its panel is truncated with dots.
 pub fn sheet(panels: &[Panel], columns: usize, background: Background, legend: Option<&Legend>) -> Image {
     let columns = columns.clamp(1, panels.len().max(1));
     let rows = panels.len().div_ceil(columns);
@@ -70,18 +69,18 @@ pub fn sheet(panels: &[Panel], columns: usize, background: Background, legend: O
     canvas.image()
 }
 
-/// A picture to be drawn on.
+/// An image to draw on.
 pub struct Canvas {
     width: usize,
     height: usize,
-    /// Linear, times opacity, with opacity.
+    /// Linear premultiplied colour with opacity.
     pixels: Vec<[f32; 4]>,
     ink: Vec3,
     faint: Vec3,
 }
 
 impl Canvas {
-    /// An empty one. Ink is light on dark and dark on light.
+    /// Makes an empty canvas. Ink is light on dark backgrounds and dark on light ones.
     pub fn new(width: usize, height: usize, background: Background) -> Self {
         let row = |y: usize| {
             let t = (y as f32 + 0.5) / height.max(1) as f32;
@@ -93,7 +92,7 @@ impl Canvas {
         let pixels = (0..height).flat_map(|y| std::iter::repeat_n(row(y), width)).collect();
         let [r, g, b, a] = row(height / 2);
         let (ink, faint) = match 0.21 * r + 0.72 * g + 0.07 * b {
-            // Grey is seen on any page.
+            // Grey is visible on any page.
             _ if a == 0.0 => (0.5, 0.5),
             light if light > 0.25 => (0.12, 0.32),
             _ => (0.93, 0.72),
@@ -102,7 +101,7 @@ impl Canvas {
         Self { width, height, pixels, ink: grey(ink), faint: grey(faint) }
     }
 
-    /// Lays a picture on it, with its left upper corner at a place.
+    /// Draws a picture with its upper left corner at a position.
     pub fn lay(&mut self, picture: &Image, left: usize, top: usize) {
         for y in 0..picture.height().min(self.height.saturating_sub(top)) {
             for x in 0..picture.width().min(self.width.saturating_sub(left)) {
@@ -114,7 +113,7 @@ impl Canvas {
         }
     }
 
-    /// Lines below a picture; the first is larger.
+    /// Draws the lines of a caption below a picture; the first is larger.
     pub fn caption(&mut self, lines: &[String], left: usize, top: usize, width: usize) {
         let middle = left as f32 + width as f32 / 2.0;
         let mut base = top as f32;
@@ -127,7 +126,7 @@ impl Canvas {
         }
     }
 
-    /// A bar of colours with numbers, in the middle of the sheet.
+    /// Draws a colour bar with numbers, centred on the sheet.
     fn legend(&mut self, legend: &Legend, top: usize) {
         let length = (self.width * 3 / 5).min(420).max(self.width.min(60));
         let left = (self.width - length) / 2;
@@ -147,7 +146,7 @@ impl Canvas {
         self.text(&legend.title, self.width as f32 / 2.0, top as f32 + 46.0, 10.0, self.faint);
     }
 
-    /// Text round a middle, standing on `base`, with capitals so high; linear ink.
+    /// Draws text centred at `middle` on the baseline `base`, with the cap height `size`; linear ink.
     fn text(&mut self, text: &str, middle: f32, base: f32, size: f32, ink: Vec3) {
         let mut x = middle - size * lettering::length(text) / 2.0;
         for c in text.chars() {
@@ -160,7 +159,7 @@ impl Canvas {
         }
     }
 
-    /// A line with round ends, `half` pixels to either side.
+    /// Draws a polyline with round ends, `half` pixels to either side.
     fn line(&mut self, points: &[[f32; 2]], half: f32, ink: Vec3) {
         let reach = half + 1.0;
         let low = |k: usize| points.iter().fold(f32::INFINITY, |m, p| m.min(p[k])) - reach;
@@ -179,7 +178,7 @@ impl Canvas {
         }
     }
 
-    /// As a picture.
+    /// Converts the canvas to an image.
     pub fn image(&self) -> Image {
         let encoder = Encoder::new();
         let pixel = |&[r, g, b, a]: &[f32; 4]| {
@@ -197,7 +196,7 @@ impl std::fmt::Debug for Canvas {
     }
 }
 
-/// A text that is not longer than so many heights of a capital.
+/// Truncates a text to a width in heights of a capital.
 fn cut(text: &str, longest: f32) -> String {
     if lettering::length(text) <= longest {
         return text.to_owned();
@@ -212,7 +211,7 @@ fn cut(text: &str, longest: f32) -> String {
     String::new()
 }
 
-/// Three digits that say something; very small and large ones with an exponent.
+/// Formats a number with three significant digits; very small and large ones with an exponent.
 fn figure(x: f32) -> String {
     if x == 0.0 {
         return "0".to_owned();

@@ -1,4 +1,4 @@
-//! What is drawn: a model, made ready.
+//! Subject of a picture: a model prepared for drawing.
 
 use std::mem::take;
 use std::sync::{Arc, OnceLock};
@@ -15,10 +15,10 @@ use crate::camera::{Camera, Lens};
 use crate::surfaces::Surfaces;
 use crate::view::RenderError;
 
-/// A model, ready to be drawn from any side. What only some looks need is made when one asks for it.
+/// A model prepared for drawing from any side. Data that only some looks need is computed on demand.
 #[derive(Debug)]
 pub struct Subject {
-    /// Those of the model, then those that stand deformed.
+    /// The meshes of the model, then deformed ones.
     pub(crate) meshes: Vec<Drawn>,
     pub(crate) parts: Vec<Part>,
     pub(crate) surfaces: Surfaces,
@@ -26,29 +26,29 @@ pub struct Subject {
     bounds: OnceLock<Option<Bounds>>,
 }
 
-/// A mesh, and what is derived from it.
+/// A mesh and data derived from it.
 #[derive(Debug)]
 pub(crate) struct Drawn {
     pub(crate) mesh: Arc<TriMesh>,
     pub(crate) materials: Vec<Option<usize>>,
-    /// The mesh of the model that it is, deformed.
+    /// Index of the model's mesh that this is a deformed version of.
     deformed_from: Option<usize>,
     shape_normals: OnceLock<Vec<[f32; 3]>>,
-    /// One for each vertex.
+    /// Heat-map values, one for each vertex.
     pub(crate) values: Option<Vec<f32>>,
 }
 
-/// A mesh where it stands.
+/// A mesh as placed by a node.
 #[derive(Clone, Debug)]
 pub(crate) struct Part {
     pub(crate) mesh: usize,
     pub(crate) world_from_mesh: DMat4,
-    /// Number of its first face among all of the picture.
+    /// Number of its first face among all faces of the picture.
     pub(crate) first_face: u32,
 }
 
 impl Drawn {
-    /// Normals of the shape, one for each vertex.
+    /// Normals computed from the shape, one for each vertex.
     pub(crate) fn shape_normals(&self) -> &[[f32; 3]] {
         self.shape_normals.get_or_init(|| {
             let surface = self.mesh.surface();
@@ -59,7 +59,7 @@ impl Drawn {
 }
 
 impl Subject {
-    /// A model at rest.
+    /// Prepares a model at rest.
     ///
     /// # Errors
     /// [`RenderError::TooManyFaces`].
@@ -67,7 +67,7 @@ impl Subject {
         Self::posed(model, &Pose::default())
     }
 
-    /// A model as it stands at a moment.
+    /// Prepares a model in a pose.
     ///
     /// # Errors
     /// [`RenderError::TooManyFaces`].
@@ -93,7 +93,7 @@ impl Subject {
             }
             parts.push(Part { mesh, world_from_mesh, first_face: faces as u32 });
             faces = faces.saturating_add(meshes[mesh].mesh.face_count());
-            // The last numbers mark "none" and clipped ones.
+            // The largest numbers mark "none" and clipped faces.
             if faces >= 1 << 31 {
                 return Err(RenderError::TooManyFaces { faces });
             }
@@ -102,7 +102,7 @@ impl Subject {
         Ok(Self { meshes, parts, surfaces, vertex_colors: model.vertex_colors, bounds: OnceLock::new() })
     }
 
-    /// A mesh alone, with a plain surface.
+    /// Prepares a single mesh, with a plain surface.
     ///
     /// # Errors
     /// [`RenderError::TooManyFaces`].
@@ -110,10 +110,11 @@ impl Subject {
         Self::new(&Model::of_mesh(mesh))
     }
 
-    /// With values for [`Shading::Heat`](crate::Shading::Heat): one for each vertex of each mesh of the model.
+    /// Adds values for [`Shading::Heat`](crate::Shading::Heat): one for each vertex of each mesh of the
+    /// model.
     ///
     /// # Errors
-    /// [`RenderError::Values`] if there are not so many.
+    /// [`RenderError::Values`] if the number of values differs.
     pub fn with_values(mut self, values: Vec<Vec<f32>>) -> Result<Self, RenderError> {
         let mut values = values.into_iter();
         for i in 0..self.meshes.len() {
@@ -132,14 +133,14 @@ impl Subject {
         Ok(self)
     }
 
-    /// Faces to be drawn.
+    /// Number of faces to be drawn.
     pub fn face_count(&self) -> usize {
         self.parts.iter().map(|p| self.meshes[p.mesh].mesh.face_count()).sum()
     }
 
-    /// The box round all that is placed; `None` where nothing is.
+    /// Returns the bounding box of everything placed; `None` if there is nothing.
     ///
-    /// Of a mesh that is turned it is the box round its box: a little too large. Cost: O(n) the first time.
+    /// For a rotated mesh it is the box of its rotated box: a little too large. Cost: O(n) the first time.
     pub fn bounds(&self) -> Option<Bounds> {
         *self.bounds.get_or_init(|| self.measured_bounds())
     }
@@ -159,8 +160,9 @@ impl Subject {
         whole.map(|[min, max]| Bounds { min: min.to_array(), max: max.to_array() })
     }
 
-    /// A camera that looks the same way through the same lens, from where the subject fills a picture of this aspect (width
-    /// over height) but for a margin on each side, a share of the picture. Unchanged where nothing is to be seen.
+    /// Returns a camera with the same direction and lens, moved so that the subject fills a picture of
+    /// `aspect` (width over height) except for a margin on each side, a fraction of the picture. Unchanged if
+    /// there is nothing to see.
     ///
     /// Cost: O(n).
     pub fn framed(&self, camera: Camera, aspect: f64, margin: f64) -> Camera {
@@ -169,7 +171,8 @@ impl Subject {
         let room = 1.0 - 2.0 * margin.clamp(0.0, 0.45);
         let unit = camera.distance();
         let [right, up, back] = camera.axes();
-        // How far each side of the picture must be moved out: along the screen, and with the depth for a perspective.
+        // Distance by which each side of the picture must move outwards: along the screen, and with the depth
+        // for a perspective.
         let height = match camera.lens {
             Lens::Perspective { fov_y_rad } => (0.5 * fov_y_rad).tan(),
             Lens::Parallel { height } => 0.5 * height / unit,
@@ -188,7 +191,7 @@ impl Subject {
                 all.iter().flatten().fold(none, |sides, &w| {
                     let p =
                         part.world_from_mesh.transform_point3(DVec3::from(positions.get(mesh.vertex_of(w))));
-                    // The target goes first, and all is divided, for the size of the numbers.
+                    // The target is subtracted first, and everything divided, to avoid overflow.
                     let p = (p - camera.target) / unit;
                     if !p.is_finite() {
                         return sides;
@@ -209,7 +212,7 @@ impl Subject {
         match camera.lens {
             Lens::Perspective { .. } => {
                 let away = [(right_side + left) / slopes[0], (upper + lower) / slopes[1]].map(|d| 0.5 * d);
-                // Not into what is nearest, however thin it is.
+                // Not closer than the nearest point, however thin the subject is.
                 let away = away[0].max(away[1]).max(nearest + 0.05);
                 let target = camera.target + aside;
                 Camera { eye: target + back * (away * unit), target, ..camera }
@@ -222,7 +225,8 @@ impl Subject {
         }
     }
 
-    /// The values at the ends of the colours: those asked for, or from 0 to the largest.
+    /// Returns the values at the ends of the colour map: those asked for, or the range of the values
+    /// including 0.
     pub fn heat_range(&self, asked: Option<[f32; 2]>) -> [f32; 2] {
         if let Some(range) = asked {
             return range;
@@ -234,7 +238,7 @@ impl Subject {
     }
 }
 
-/// A mesh as it is deformed.
+/// Returns a copy of a mesh with deformed positions and normals.
 fn put(mesh: &TriMesh, deformed: &mut Deformed) -> TriMesh {
     let mut made = mesh.clone();
     let (places, normals) = (take(&mut deformed.positions), take(&mut deformed.normals));
@@ -243,10 +247,10 @@ fn put(mesh: &TriMesh, deformed: &mut Deformed) -> TriMesh {
     made
 }
 
-/// The values of a mesh at rest for the vertices of the same, deformed.
+/// Transfers the values of a mesh at rest to the vertices of its deformed version.
 fn carried(rest: &Drawn, deformed: &TriMesh) -> Vec<f32> {
     let mut values = rest.values.clone().unwrap_or_default();
-    // What one vertex had, several may want.
+    // Deformation may split a vertex: all its copies get its value.
     values.resize(deformed.vertex_count(), 0.0);
     for wedge in (0..deformed.wedge_count()).map(WedgeId::new) {
         values[deformed.vertex_of(wedge).index()] = values[rest.mesh.vertex_of(wedge).index()];
@@ -254,7 +258,7 @@ fn carried(rest: &Drawn, deformed: &TriMesh) -> Vec<f32> {
     values
 }
 
-/// The box round what faces use: a stray vertex must not move the camera away.
+/// Returns the bounding box of the vertices that faces use: a stray vertex must not move the camera away.
 fn used_bounds(mesh: &TriMesh) -> Option<Bounds> {
     let positions = mesh.positions().view();
     let mut bounds: Option<Bounds> = None;

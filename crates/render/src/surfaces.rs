@@ -1,4 +1,4 @@
-//! Materials, and their images made ready when first looked at.
+//! Materials, with textures prepared on first use.
 
 use std::sync::{Arc, OnceLock};
 
@@ -7,12 +7,12 @@ use lodsmith_core::model::{Material, TextureRef};
 
 use crate::texture::{Meaning, Texture};
 
-/// What surfaces of a model look like.
+/// Materials and textures of a model.
 #[derive(Debug)]
 pub(crate) struct Surfaces {
     pub(crate) materials: Vec<Material>,
     images: Vec<Arc<Image>>,
-    /// For colours and for numbers.
+    /// For each image, as colours and as numbers.
     textures: Vec<[OnceLock<Texture>; 2]>,
 }
 
@@ -22,7 +22,7 @@ impl Surfaces {
         Self { materials: materials.to_vec(), images: images.to_vec(), textures }
     }
 
-    /// The image that a reference means; `None` if there is none.
+    /// Returns the texture of a reference; `None` if there is none.
     pub(crate) fn texture(&self, reference: &TextureRef, meaning: Meaning) -> Option<&Texture> {
         let slots = self.textures.get(reference.image)?;
         let slot = &slots[usize::from(meaning == Meaning::Numbers)];

@@ -1,4 +1,4 @@
-//! Images on surfaces: looked up between their pixels, and from afar in smaller copies, so that they do not shimmer.
+//! Textures with mipmaps, trilinear and anisotropic filtering.
 
 use lodsmith_core::Image;
 use lodsmith_core::model::{Sampler, Wrap};
@@ -6,19 +6,19 @@ use rayon::prelude::*;
 
 use crate::linear;
 
-/// Most looks along the longer side of what a pixel sees of an image. (Guessed: more are hardly seen.)
+/// Maximum number of anisotropic samples. (Guessed: more make hardly a visible difference.)
 const LOOKS_MAX: f32 = 4.0;
 
-/// What the numbers of an image stand for.
+/// Interpretation of an image's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Meaning {
     /// Colours in sRGB.
     Colors,
-    /// Numbers as they are: normals, roughness.
+    /// Linear values: normals, roughness.
     Numbers,
 }
 
-/// An image and copies of it, each half as large as the one before.
+/// An image and its mipmaps, each half as large as the previous one.
 #[derive(Debug)]
 pub(crate) struct Texture {
     levels: Vec<Level>,
@@ -33,7 +33,7 @@ struct Level {
 }
 
 impl Texture {
-    /// Cost: O(pixels).
+    /// Builds the mipmaps. Cost: O(pixels).
     pub(crate) fn new(image: &Image, meaning: Meaning) -> Self {
         let first = Level { width: image.width(), height: image.height(), pixels: image.pixels().to_vec() };
         let mut levels = vec![first];
@@ -43,8 +43,9 @@ impl Texture {
         Self { levels, meaning }
     }
 
-    /// Linear red, green, blue and alpha at a place, from the lower left corner of the image; `across` and `down` are how
-    /// far the next pixels of the picture to the right and below look.
+    /// Samples linear red, green, blue and alpha at texture coordinates counted from the lower left corner of
+    /// the image; `across` and `down` are their changes to the next pixels of the picture to the right and
+    /// below.
     pub(crate) fn at(&self, uv: [f32; 2], across: [f32; 2], down: [f32; 2], sampler: Sampler) -> [f32; 4] {
         let (w, h) = (self.levels[0].width as f32, self.levels[0].height as f32);
         if w < 1.0 || h < 1.0 || !uv.iter().chain(&across).chain(&down).all(|x| x.is_finite()) {
@@ -107,7 +108,7 @@ impl Texture {
     }
 }
 
-/// Far out, whole turns are all the same; they must not outgrow whole numbers.
+/// Reduces large coordinates, which repeat, so that they fit integers.
 fn wrap_near(x: f32) -> f32 {
     if x.abs() > 4096.0 { x.rem_euclid(2.0) } else { x }
 }
@@ -125,7 +126,7 @@ fn wrapped(i: i64, n: usize, wrap: Wrap) -> usize {
     i as usize
 }
 
-/// Half as large: each pixel is the mean of four, as light adds up.
+/// Halves an image: each pixel is the mean of four, in linear light.
 fn halved(from: &Level, meaning: Meaning) -> Level {
     let (width, height) = ((from.width / 2).max(1), (from.height / 2).max(1));
     let encoder = linear::Encoder::new();

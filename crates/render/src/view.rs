@@ -1,4 +1,4 @@
-//! What a picture is asked to be.
+//! Description of a picture to be drawn.
 
 use std::sync::Arc;
 
@@ -9,53 +9,54 @@ use crate::environment::Environment;
 use crate::light::Lighting;
 use crate::look::{Background, Look};
 
-/// Most pixels along a side.
+/// Maximum number of pixels along a side.
 pub const SIDE_MAX: usize = 16384;
 
-/// How something is drawn: from where, how large, in which light.
+/// View of a picture: camera, size, look and lighting.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// Pixels in a row.
+    /// Number of pixels in a row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// From where.
+    /// Camera.
     pub camera: Camera,
-    /// How surfaces are shown.
+    /// Appearance of surfaces.
     pub look: Look,
-    /// In which light.
+    /// Lights.
     pub lighting: Lighting,
-    /// Before what.
+    /// Background.
     pub background: Background,
-    /// The lit ball of [`Shading::Matcap`](crate::Shading::Matcap); `None` takes one of clay.
+    /// The sphere image of [`Shading::Matcap`](crate::Shading::Matcap); `None` for clay.
     pub matcap: Option<Arc<Image>>,
-    /// What materials mirror, and are lit by beside the lights; `None` is the plain light from above and below.
+    /// Environment that materials reflect and are lit by, in addition to the lights; `None` for plain ambient
+    /// light from above and below.
     pub environment: Option<Arc<Environment>>,
     /// A floor below the model.
     pub ground: Ground,
-    /// Whether creases are darker, as if less light came into them.
+    /// True if creases are darkened (ambient occlusion).
     pub occlusion: bool,
-    /// Sixteen samples a pixel instead of four: four times the work, for pictures that stay.
+    /// Sixteen samples per pixel instead of four: four times the work, for final pictures.
     pub fine: bool,
 }
 
-/// A floor below the model, seen from above only.
+/// A floor below the model, visible from above only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ground {
-    /// Lines on it.
+    /// Grid lines.
     pub grid: bool,
-    /// The model darkens it where it stands.
+    /// A contact shadow of the model.
     pub shadow: bool,
 }
 
 impl View {
-    /// The whole of a box from a standard view, with the usual look and light.
+    /// A standard view of a whole box, with the default look and lighting.
     pub fn of(bounds: &Bounds, view: StandardView, width: usize, height: usize) -> Self {
         let aspect = width.max(1) as f64 / height.max(1) as f64;
         Self::new(Camera::fitting(bounds, view, aspect), width, height)
     }
 
-    /// Through a camera, with the usual look and light.
+    /// A view through a camera, with the default look and lighting.
     pub fn new(camera: Camera, width: usize, height: usize) -> Self {
         Self {
             width,
@@ -73,38 +74,38 @@ impl View {
     }
 }
 
-/// Why there is no picture.
+/// Errors of drawing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RenderError {
-    /// No pixel, or more than there may be.
+    /// The picture has no pixels, or too many.
     #[error("a picture of {width} x {height} pixels: 1 to {SIDE_MAX} a side can be drawn")]
     Size {
-        /// Pixels in a row.
+        /// Number of pixels in a row.
         width: usize,
-        /// Rows.
+        /// Number of rows.
         height: usize,
     },
-    /// A camera that sees nothing.
+    /// The camera sees nothing.
     #[error("the camera sees nothing: {what}")]
     Camera {
-        /// Why.
+        /// Reason.
         what: &'static str,
     },
-    /// More faces than numbers can name.
+    /// More faces than ids can number.
     #[error("{faces} faces are more than one picture can hold")]
     TooManyFaces {
-        /// How many there are.
+        /// Number of faces.
         faces: usize,
     },
-    /// Values for a heat map that are not one for each vertex.
+    /// The number of values for a heat map is not the number of vertices.
     #[error("mesh {mesh} has {vertices} vertices, but {values} values to show")]
     Values {
-        /// The mesh, by number.
+        /// Index of the mesh.
         mesh: usize,
-        /// Its vertices.
+        /// Number of its vertices.
         vertices: usize,
-        /// The values given.
+        /// Number of values given.
         values: usize,
     },
 }

@@ -1,4 +1,4 @@
-//! Pictures whose answers are known without drawing them, and input that nobody should give.
+//! Pictures with known results, and invalid input.
 
 use std::sync::Arc;
 
@@ -36,7 +36,7 @@ fn pixel_view(width: usize, height: usize) -> View {
     };
     let mut view = View::new(camera, width, height);
     view.background = Background::Transparent;
-    // Without light, so that colours are known.
+    // Unlit, so that colours are known.
     view.look.shading = Shading::Textured;
     view
 }
@@ -77,7 +77,7 @@ fn a_square_covers_exactly_its_pixels() {
 
 #[test]
 fn edges_are_as_opaque_as_they_are_covered() {
-    // A half, and a quarter at the corner.
+    // Coverage of a half, and a quarter at the corner.
     let square = model(vec![(rectangle([2.0, 2.0, 5.5, 5.5], 0.0), unlit([1.0; 4]))]);
     let picture = draw(&square, &pixel_view(8, 8));
     let alpha = |x: usize, y: usize| picture.at(x, 7 - y)[3];
@@ -87,7 +87,8 @@ fn edges_are_as_opaque_as_they_are_covered() {
 
 #[test]
 fn neighbours_neither_overlap_nor_leave_a_gap() {
-    // A fan of thin triangles fills its outline: half see-through faces would show each sample taken twice.
+    // A fan of thin triangles fills its outline: with half-transparent faces, samples taken twice would be
+    // visible.
     let n = 97u32;
     let mut positions = vec![[15.7f32, 16.3, 0.0]];
     positions.extend((0..n).map(|i| {
@@ -121,7 +122,7 @@ fn what_is_seen_through_blends_from_the_back() {
         (rectangle([0.0, 0.0, 4.0, 4.0], 1.0), unlit([0.0, 0.0, 1.0, 1.0])),
         (rectangle([0.0, 0.0, 4.0, 4.0], 2.0), glass([0.0, 1.0, 0.0])),
     ];
-    // Half red over half green over blue, as light adds up: a half, a quarter, a quarter.
+    // Half-transparent red over green over blue, in linear light: a half, a quarter, a quarter.
     let [r, g, b, a] = draw(&model(parts), &pixel_view(4, 4)).at(1, 1);
     assert!(r.abs_diff(188) <= 1 && g.abs_diff(137) <= 1 && b.abs_diff(137) <= 1 && a == 255, "{r} {g} {b}");
 }
@@ -135,7 +136,7 @@ fn a_mask_cuts_holes() {
     let material =
         Material { alpha: AlphaMode::Mask(0.5), base_color_texture: Some(texture), ..unlit([1.0; 4]) };
     let mut model = model(vec![(square, material)]);
-    // The left half is there, the right half is not.
+    // The left half is opaque, the right half is not.
     model.images.push(Arc::new(Image::new(2, 1, vec![[255; 4], [255, 255, 255, 20]])));
     let picture = draw(&model, &pixel_view(8, 8));
     assert_eq!([picture.at(2, 4)[3], picture.at(6, 4)[3]], [255, 0]);
@@ -143,7 +144,7 @@ fn a_mask_cuts_holes() {
 
 #[test]
 fn images_shrink_with_distance_as_they_should() {
-    // A checker of 8 × 8 squares on a floor that runs away from the eye.
+    // A checkerboard of 8 × 8 squares on a floor that recedes from the eye.
     let n = 8usize;
     let pixels = (0..n * n)
         .map(|i| if (i % n + i / n).is_multiple_of(2) { [255; 4] } else { [0, 0, 0, 255] })
@@ -171,7 +172,7 @@ fn images_shrink_with_distance_as_they_should() {
     let mut seen = 0;
     for z in 0..8 {
         for x in 0..8 {
-            // The middle of a square, by the formula of the lens.
+            // The centre of a square, computed with the projection.
             let p = project.transform_point3(DVec3::new(f64::from(x) - 3.5, 0.0, -0.5 - f64::from(z)));
             let slope = 0.45f64.tan();
             let at = [p.x / (-p.z * slope) * 0.75, p.y / (-p.z * slope)];
@@ -203,7 +204,7 @@ fn a_ball_covers_the_disc_that_it_should() {
         view.fine = fine;
         let picture = render(&ball, &view).unwrap();
         let covered: f64 = picture.pixels().iter().map(|p| f64::from(p[3]) / 255.0).sum();
-        // The ball is seen under asin(1/4); pixels are tangents.
+        // The sphere is seen under asin(1/4); pixels are tangents.
         let radius = 0.25f64.asin().tan() / 0.4f64.tan() * 100.0;
         let disc = std::f64::consts::PI * radius * radius;
         assert!((covered / disc - 1.0).abs() < 0.002, "{covered} of {disc}");
@@ -260,7 +261,7 @@ fn size_and_place_of_the_numbers_do_not_matter() {
 
 #[test]
 fn what_comes_from_behind_the_eye_is_cut() {
-    // A floor without end: the eye stands on it, its corners are far away on all sides.
+    // An endless floor: the eye is above it, its corners are far away on all sides.
     let r = 1e6;
     let floor = mesh(&[[-r, 0.0, r], [r, 0.0, r], [r, 0.0, -r], [-r, 0.0, -r]], &[[0, 1, 2], [0, 2, 3]]);
     let camera = Camera {
@@ -321,7 +322,7 @@ fn broken_faces_are_left_out_and_marked() {
     let with_marks = render(&Subject::of_mesh(broken).unwrap(), &view).unwrap();
     let yellow = |p: &&[u8; 4]| p[0] > 200 && p[1] > 150 && p[2] < 120;
     assert!(with_marks.pixels().iter().filter(yellow).count() >= 3, "the face without area is marked");
-    // A far corner is cut, not an error.
+    // A far corner is clipped, not an error.
     let far = mesh(&p, &[[0, 1, 6]]);
     assert!(render(&Subject::of_mesh(far).unwrap(), &view).is_ok());
 }
@@ -352,7 +353,7 @@ fn lights_shine_where_they_point() {
     let mut view = pixel_view(40, 40);
     view.look.shading = Shading::Smooth;
     let dark = lodsmith_render::Ambient { above: [0.0; 3], below: [0.0; 3] };
-    // Radii are half the diagonal; the spot stands before the middle and has a cone of 20 degrees.
+    // Radii are half the diagonal; the spot is in front of the middle and has a cone of 20 degrees.
     let at = glam::Vec3::new(0.0, 0.0, 1.0);
     let kind = LightKind::Spot { at, toward: glam::Vec3::ZERO, half_angle_rad: 0.35 };
     let light = Light { kind, color: [1.0; 3], in_world: true };
@@ -378,7 +379,7 @@ fn faces_of_one_side_are_seen_from_there_only() {
     assert_eq!([alpha(&front), alpha(&back)], [255, 0]);
 }
 
-/// What of a picture of 12 by 12 pixels is covered, from the lower left corner.
+/// Covered pixels of a picture of 12 by 12, from the lower left corner.
 fn covered(subject: &Subject, view: &View) -> Vec<[usize; 2]> {
     let picture = render(subject, view).unwrap();
     let all = (0..12).flat_map(|y| (0..12).map(move |x| [x, y]));
@@ -392,7 +393,7 @@ fn pixels([x0, y0, x1, y1]: [usize; 4]) -> Vec<[usize; 2]> {
 
 #[test]
 fn joints_bend_what_is_drawn() {
-    // An arm along x: its inner half is pulled by one joint, its outer half by a second at (6, 2).
+    // An arm along x: one joint moves its inner half, a second one at (6, 2) its outer half.
     let places =
         [[0.0f32, 2.0], [6.0, 2.0], [6.0, 4.0], [0.0, 4.0], [6.0, 2.0], [10.0, 2.0], [10.0, 4.0], [6.0, 4.0]];
     let mut arm = mesh(&places.map(|[x, y]| [x, y, 0.0]), &[[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]);
@@ -405,7 +406,7 @@ fn joints_bend_what_is_drawn() {
     let elbow = DVec3::new(6.0, 2.0, 0.0);
     let at = |translation: DVec3, rotation| Transform::Parts { translation, rotation, scale: DVec3::ONE };
     model.nodes[0].skin = Some(0);
-    // Joints alone say where it stands.
+    // Only the joints place it.
     model.nodes[0].transform = at(DVec3::splat(77.0), DQuat::IDENTITY);
     model.nodes.push(Node { children: vec![2], ..Node::default() });
     model.nodes.push(Node { transform: at(elbow, DQuat::IDENTITY), ..Node::default() });
@@ -427,7 +428,7 @@ fn joints_bend_what_is_drawn() {
 
 #[test]
 fn morph_targets_move_what_is_drawn() {
-    // One vertex of the square has two wedges, and one of those alone goes away.
+    // One vertex of the square has two wedges, and one of those is moved alone.
     let positions = [[1.0, 1.0], [5.0, 1.0], [5.0, 5.0], [1.0, 5.0]].map(|[x, y]| [x, y, 0.0]);
     let wedges = [0, 1, 2, 3, 2].map(VertexId).to_vec();
     let faces = [[0, 1, 2], [0, 4, 3]].map(|f| f.map(WedgeId)).to_vec();
@@ -443,11 +444,11 @@ fn morph_targets_move_what_is_drawn() {
     let moved = Subject::new(&model).unwrap();
     let top = moved.bounds().unwrap();
     assert_eq!((top.min, top.max), ([5.0, 1.0, 0.0], [9.0, 7.0, 0.0]));
-    // The strength at rest is that of the mesh, the one of the moment that of the pose.
+    // The weights at rest are those of the mesh, the current ones those of the pose.
     let pose = Pose { morph_weights: vec![Some(vec![0.5])], ..Pose::default() };
     let half = Subject::posed(&model, &pose).unwrap().bounds().unwrap();
     assert_eq!((half.min, half.max), ([3.0, 1.0, 0.0], [7.0, 6.0, 0.0]));
-    // A value for each vertex of the model, and both wedges of one have the same.
+    // One value for each vertex of the model; both wedges of a vertex get the same.
     let mut view = pixel_view(12, 12);
     view.look.shading = Shading::Heat;
     view.look.heat_range = Some([0.0, 1.0]);
@@ -459,7 +460,7 @@ fn morph_targets_move_what_is_drawn() {
 
 #[test]
 fn a_framed_subject_fills_its_picture() {
-    // A long thin box whose ball would leave most of the picture empty, far from the origin.
+    // A long thin box whose bounding sphere would leave most of the picture empty, far from the origin.
     let mut long = shapes::cube(2);
     long.map_positions(|p| [8.0 * p[0] + 1e6, p[1], p[2] - 1e6]);
     let subject = Subject::of_mesh(long).unwrap();
@@ -486,7 +487,7 @@ fn a_framed_subject_fills_its_picture() {
                 let name = format!("{which:?} {width} {parallel}: {x:?} {y:?}");
                 assert!(free_x + 1 >= least_x && free_y + 1 >= least_y, "{name}");
                 assert!(free_x <= least_x + 2 || free_y <= least_y + 2, "{name}");
-                // In the middle, the way that is filled; the other way depth moves it a little.
+                // Centred along the filled axis; along the other one depth shifts it a little.
                 let off = |(first, end): (usize, usize), side: usize| first.abs_diff(side - end);
                 let filled = if free_x <= least_x + 2 { off(x, width) } else { off(y, height) };
                 assert!(filled <= 2, "{name}");
@@ -502,7 +503,7 @@ fn a_framed_subject_fills_its_picture() {
     assert!(near.eye.is_finite() && near.distance() > 0.0 && near.target == DVec3::splat(3.0));
 }
 
-/// A ball of a material in surroundings, without any other light, seen straight from the front.
+/// A sphere of a material in an environment, without any lights, seen from the front.
 fn ball_in(environment: Environment, material: Material) -> Image {
     let model = model(vec![(shapes::icosphere(5), Material { double_sided: true, ..material })]);
     let subject = Subject::new(&model).unwrap();
@@ -517,7 +518,7 @@ fn ball_in(environment: Environment, material: Material) -> Image {
 
 #[test]
 fn a_white_ball_vanishes_in_white_surroundings() {
-    // Whatever it is made of: what it takes it throws back. 188 is a half as light adds up.
+    // White furnace test: every material reflects all incoming light. 188 is linear one half.
     let half = Environment::of_light(1, 1, &[glam::Vec3::splat(0.5)]);
     for (roughness, metallic) in [(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (0.0, 1.0), (0.4, 1.0), (1.0, 0.5)] {
         let material = Material { roughness, metallic, ..Material::default() };
@@ -541,12 +542,13 @@ fn a_metal_ball_mirrors_what_is_around() {
     let around = Environment::of_light(w, h, &pixels);
     let metal = |roughness: f32| Material { roughness, metallic: 1.0, ..Material::default() };
     let smooth = ball_in(around.clone(), metal(0.0));
-    // The normal half-way between the eye and +x mirrors it: at about sin 45 degrees of the radius, which is 36 pixels.
+    // The normal halfway between the eye and +x reflects +x: at about sin 45 degrees of the radius, which is
+    // 36 pixels.
     let strongest = |p: [u8; 4]| (0..3).find(|&k| p[k] > 150).unwrap();
     let seen = [(40, 22), (40, 58), (65, 40)].map(|(x, y)| strongest(smooth.at(x, y)));
     assert_eq!(seen, [0, 1, 2]);
     assert!(smooth.at(40, 22)[0] > 200, "metal is not dark: {:?}", smooth.at(40, 22));
-    // The rougher, the more of both at once.
+    // The rougher, the more both are mixed.
     let share = |roughness: f32| ball_in(around.clone(), metal(roughness)).at(40, 30)[1];
     let all = [0.0, 0.5, 1.0].map(share);
     assert!(all[0] < 40 && all[0] <= all[1] && all[1] < all[2], "{all:?}");
@@ -558,7 +560,7 @@ fn a_metal_ball_mirrors_what_is_around() {
 
 #[test]
 fn surroundings_are_seen_behind_the_model() {
-    // Red above, green below, blue straight ahead of who looks from the front: -z.
+    // Red above, green below, blue straight ahead when looking from the front: -z.
     let (w, h) = (256, 128);
     let light = |i: usize| match (i % w, i / w) {
         (x, y) if x.abs_diff(w / 4) < 4 && y.abs_diff(h / 2) < 4 => glam::Vec3::Z,
@@ -580,7 +582,7 @@ fn surroundings_are_seen_behind_the_model() {
         let seen = [(45, 3), (45, 56), (44, 29)].map(|(x, y)| picture.at(x, y));
         assert_eq!(seen, [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]], "{lens:?}");
     }
-    // Out of focus the edge between the two is none.
+    // Blurred, there is no sharp edge between the two.
     view.background = Background::Surroundings { blurred: true };
     let soft = render(&subject, &view).unwrap().at(10, 30);
     assert!(soft[0] > 120 && soft[1] > 120, "{soft:?}");

@@ -1,6 +1,7 @@
-//! Small scenes beside pictures of them in `tests/pictures`, by metric with a tolerance.
+//! Small scenes compared with reference pictures in `tests/pictures`, by a metric with a tolerance.
 //!
-//! After a change that should be seen: `UPDATE_PICTURES=1 cargo test -p lodsmith-render --test pictures`, then look at them.
+//! After a change that is meant to be visible:
+//! `UPDATE_PICTURES=1 cargo test -p lodsmith-render --test pictures`, then inspect them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -12,7 +13,8 @@ use lodsmith_render::{
     Background, Ground, Look, PictureFormat, Shading, StandardView, Subject, View, decode, encode, render,
 };
 
-/// Largest root of the mean squared difference of bytes: rounding differs between processors by one here and there.
+/// Largest root of the mean squared difference of bytes: rounding differs between processors by one here and
+/// there.
 const TOLERANCE: f64 = 1.0;
 
 #[track_caller]

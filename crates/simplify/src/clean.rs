@@ -1,4 +1,4 @@
-//! Clean-up: what is broken in a mesh is mended, step by step, and each step says what it did.
+//! Mesh clean-up: repairs defects in steps, and reports what each step did.
 
 pub(crate) mod orient;
 mod pairs;
@@ -18,45 +18,46 @@ use crate::options::Length;
 use crate::prune::{self, Pruned};
 use crate::run::with_attributes;
 
-/// What becomes of edges with more than two faces, and of vertices where a surface only touches itself.
+/// Treatment of edges with more than two faces, and of vertices where a surface touches itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NonManifold {
-    /// They stay. Vertices at one place are one.
+    /// Keep them. Coincident vertices are merged.
     #[default]
     Keep,
-    /// The surface is parted there: of the faces round an edge those stay joined that bound the same inside, the others
-    /// get vertices of their own at the same places. What comes out is manifold, with borders where nothing was left to
-    /// join with. [Gueziec et al. 2001]
+    /// Cut the surface there: of the faces round an edge those that bound the same inside stay connected, the
+    /// others get their own copies of the vertices. The result is manifold, with borders where no matching
+    /// face was left. [Gueziec et al. 2001]
     Cut,
-    /// Vertices stay apart as the mesh has them, and borders at the same places are sewn together, two faces to an edge.
-    /// So cracks close, and what only touches is not joined.
+    /// Keep vertices separate as in the mesh, and sew coincident borders together, two faces to an edge. This
+    /// closes cracks without joining surfaces that only touch.
     Merge,
 }
 
-/// What a clean-up is asked for.
+/// Options of [`clean`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct CleanOptions {
-    /// Vertices closer than this are joined. Equal places always are, but with [`NonManifold::Merge`], which joins along
-    /// borders alone.
+    /// Vertices closer than this are merged. Coincident ones always are, except with [`NonManifold::Merge`],
+    /// which only merges along borders.
     pub weld: Option<Length>,
-    /// What becomes of what is not manifold.
+    /// Treatment of non-manifold edges and vertices.
     pub non_manifold: NonManifold,
-    /// Connected parts whose bounding box has a diagonal below this go; the largest stays in any case.
+    /// Connected components whose bounding box has a diagonal below this are removed; the largest is always
+    /// kept.
     pub prune: Option<Length>,
 }
 
-/// A mesh after its clean-up, and what was done.
+/// A cleaned mesh, with a report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cleaned {
-    /// The mesh. Faces and vertices keep their order; what is new comes last.
+    /// The mesh. Faces and vertices keep their order; new ones come last.
     pub mesh: TriMesh,
-    /// What was done, and what is left.
+    /// The changes made and the defects left.
     pub report: CleanReport,
 }
 
-/// What a clean-up did, in the order of its steps, and what it left.
+/// Changes made by a clean-up, in the order of its steps, and the defects left.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CleanReport {
@@ -68,35 +69,35 @@ pub struct CleanReport {
     pub faces: usize,
     /// Vertices of the result.
     pub vertices: usize,
-    /// Vertices that became one with another.
+    /// Vertices merged into another.
     pub welded_vertices: usize,
-    /// Faces with a corner that is not finite: dropped.
+    /// Faces with a non-finite corner: dropped.
     pub non_finite_faces: usize,
-    /// Faces that name a place twice: dropped.
+    /// Faces with two corners at one position: dropped.
     pub degenerate_faces: usize,
-    /// Faces over the same places as an earlier one, turned the same way: dropped.
+    /// Duplicates of an earlier face, with the same winding: dropped.
     pub duplicate_faces: usize,
-    /// Small parts: dropped.
+    /// Small components: dropped.
     pub pruned: Pruned,
-    /// Faces turned over, so that neighbours agree and closed parts look outward.
+    /// Faces flipped, so that neighbours agree and closed components face outward.
     pub flipped_faces: usize,
-    /// Faces without area: taken together with their neighbour over the longest edge, which is divided in their place;
-    /// on a border dropped.
+    /// Zero-area faces: removed by flipping their longest edge, which divides the neighbour there; on a
+    /// border dropped.
     pub zero_area_faces: usize,
-    /// Vertices added where the surface was parted ([`NonManifold::Cut`]).
+    /// Vertices added by cutting the surface ([`NonManifold::Cut`]).
     pub parted_vertices: usize,
-    /// Border edges joined with another ([`NonManifold::Merge`]), counted as pairs.
+    /// Border edges sewn to another ([`NonManifold::Merge`]), counted in pairs.
     pub sewn_edges: usize,
-    /// Vertices that no face uses: dropped.
+    /// Unused vertices: dropped.
     pub unused_vertices: usize,
-    /// What is still there.
+    /// Defects that remain.
     pub left: Left,
-    /// Steps taken at faces without area, as a measure of the work done: a few for each.
+    /// Number of repair steps at zero-area faces, a measure of the work done: a few per face.
     #[doc(hidden)]
     pub steps: usize,
 }
 
-/// What a clean-up leaves; vertices are told apart by their number, not by their place.
+/// Defects left by a clean-up; vertices count as different by index, not by position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Left {
@@ -104,36 +105,36 @@ pub struct Left {
     pub border_edges: usize,
     /// Edges with more than two faces.
     pub non_manifold_edges: usize,
-    /// Vertices whose faces do not hang together.
+    /// Vertices whose faces form several fans.
     pub non_manifold_vertices: usize,
-    /// Edges whose two faces disagree about the outside: one-sided surfaces have them.
+    /// Edges whose two faces disagree on orientation: one-sided surfaces have them.
     pub misoriented_edges: usize,
-    /// Faces that lie back to back with an earlier one.
+    /// Faces back to back with an earlier one.
     pub opposite_faces: usize,
-    /// Faces without area.
+    /// Faces of zero area.
     pub zero_area_faces: usize,
 }
 
-/// A mesh on its way: faces may go and turn, wedges and vertices stand.
+/// A mesh being cleaned: faces may be removed or flipped, wedges and vertices are fixed.
 struct Work<'a> {
     mesh: &'a TriMesh,
-    /// The place of each vertex: the vertex that stands for it.
+    /// Representative vertex at the position of each vertex.
     place: Weld,
     faces: Vec<[WedgeId; 3]>,
     regions: Option<Vec<RegionId>>,
 }
 
 impl Work<'_> {
-    /// The places of a face.
+    /// Returns the representative vertices of a face.
     fn places(&self, t: [WedgeId; 3]) -> [VertexId; 3] {
         t.map(|w| self.place.of(self.mesh.vertex_of(w)))
     }
-    /// The faces over places.
+    /// Returns the faces as a surface over representative vertices.
     fn surface(&self) -> Result<Surface<'_>, SimplifyError> {
         let triangles = self.faces.iter().map(|&t| self.places(t)).collect();
         Ok(Surface::with_triangles(self.mesh.positions().view(), triangles)?)
     }
-    /// Drops the marked faces.
+    /// Removes the faces for which `goes` is true.
     fn drop_faces(&mut self, goes: impl Fn(usize) -> bool) {
         let mut at = 0;
         let mut stays = || {
@@ -151,19 +152,20 @@ impl Work<'_> {
     }
 }
 
-/// Mends a mesh.
+/// Cleans a mesh up.
 ///
-/// The steps, in this order: vertices at the same place, or closer than asked, become one; faces that are not finite,
-/// name a place twice or stand there already go; small parts go, if asked; faces are turned so that neighbours agree,
-/// closed parts outward, open ones as most of their faces were (a closed part inside another keeps the side of most of
-/// its faces, for it may be a cavity); faces without area go where that opens nothing; what is not manifold is dealt with
-/// as asked; vertices without a face go. Attributes stay on their wedges, and regions on their faces. Positions are not
-/// changed, but for those of vertices joined with another. A face that turns keeps its normals. Sharing of edges is by
-/// places throughout.
+/// The steps, in this order: vertices that coincide, or are closer than asked, are merged; non-finite,
+/// degenerate and duplicate faces are dropped; small components are removed, if asked; faces are flipped so
+/// that neighbours agree, closed components facing outward, open ones as most of their faces did (a closed
+/// component inside another keeps the side of most of its faces, since it may be a cavity); zero-area faces
+/// are removed where that opens no hole; non-manifold places are treated as asked; unused vertices are
+/// dropped. Attributes stay on their wedges, and regions on their faces. Positions are not changed, except
+/// those of merged vertices. A flipped face keeps its normals. Faces share an edge if its ends have equal
+/// positions, in all steps.
 ///
-/// It ends on any input: each step at faces without area leaves fewer of them, or as many with shorter edges, and each
-/// round of parting a surface leaves fewer edges joined.
-/// Cost: O(n log n), whatever the number of faces at an edge or a vertex.
+/// It terminates on any input: each step at zero-area faces leaves fewer of them, or as many with shorter
+/// edges, and each round of cutting a surface leaves fewer edges joined. Cost: O(n log n), whatever the
+/// number of faces at an edge or a vertex.
 ///
 /// # Errors
 /// [`SimplifyError::NoFaces`] if no face is left, [`SimplifyError::BadOption`], [`SimplifyError::Cancelled`].
@@ -263,7 +265,7 @@ fn check(options: &CleanOptions) -> Result<(), SimplifyError> {
     Ok(())
 }
 
-/// Drops faces that are not finite, name a place twice, or stand there already.
+/// Drops non-finite, degenerate and duplicate faces.
 fn drop_broken(work: &mut Work<'_>, report: &mut CleanReport) {
     let positions = work.mesh.positions().view();
     let mut goes = vec![false; work.faces.len()];
@@ -282,7 +284,7 @@ fn drop_broken(work: &mut Work<'_>, report: &mut CleanReport) {
     work.drop_faces(|f| twice.binary_search_by_key(&f, |d| d.index()).is_ok());
 }
 
-/// The same wedges under other faces.
+/// Builds a mesh from the same wedges and other faces.
 fn rebuilt(
     source: &TriMesh,
     faces: Vec<[WedgeId; 3]>,
@@ -303,7 +305,7 @@ fn rebuilt(
     Ok(mesh)
 }
 
-/// A mesh over vertices some of which are copies, with the wedges that they had.
+/// Builds a mesh with copied vertices, whose wedges keep their attributes.
 fn with_copies(mesh: &TriMesh, parted: &pairs::Parted) -> Result<TriMesh, SimplifyError> {
     let mut positions = mesh.positions().clone();
     match &mut positions {

@@ -1,18 +1,18 @@
-//! Vertex clustering: a grid, and one vertex for each of its cells. [Rossignac-Borrel 1993]
+//! Vertex clustering: a grid, with one vertex per cell. [Rossignac-Borrel 1993]
 //!
 //! ```text
-//! leave out what has no place                              (model)
-//! until the count is right                                 (search)
-//!     guess the size of the cells from a sample of faces   (sample)
-//!     number the cells that hold vertices                  (grid)
-//!     keep faces with corners in three cells, each once    (faces)
-//! put each cell's vertex where the planes of its faces and its borders want it (place)
+//! drop faces with non-finite corners                        (model)
+//! until the count is right                                  (search)
+//!     estimate the cell size from a sample of faces         (sample)
+//!     number the cells that contain vertices                (grid)
+//!     keep faces with corners in three cells, each once     (faces)
+//! place each cell's vertex by the planes of its faces and its borders (place)
 //! ```
 //!
-//! Nothing is welded and no adjacency is built: vertices at one place share a cell anyhow. A result vertex is never
-//! farther than a diagonal of a cell from each vertex that it stands for. What is thinner than a cell may vanish or touch
-//! itself: topology is not kept. Of faces between the same three cells one stays for each way round, so that a plate whose
-//! sides fall together is still seen from both.
+//! Nothing is welded and no adjacency is built: coincident vertices share a cell anyway. A result vertex is
+//! at most one cell diagonal away from each vertex that it replaces. Features thinner than a cell may vanish
+//! or self-intersect: topology is not preserved. Of the faces between the same three cells one is kept per
+//! orientation, so that a plate whose sides coincide stays visible from both.
 
 mod faces;
 mod grid;
@@ -45,7 +45,7 @@ use locked::Locked;
 use model::{Model, Place};
 use search::{Clusters, Found};
 
-/// Clusters the input, to the options' stop or to their size of cells.
+/// Clusters the input until the options' stop, or at their cell size.
 pub(crate) fn run(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -57,12 +57,13 @@ pub(crate) fn run(
     }
 }
 
-/// What an error may end at: each number of cells is so many times the next. (Guessed: three percent more along an axis is six
-/// percent more vertices, about a step of the ladder of other methods.)
+/// Ratio between successive resolutions in the search for an error. (Guessed: three percent more along an
+/// axis is six percent more vertices, about a step of the ladder of other methods.)
 const STEP: f64 = 1.03;
-/// The largest distance, in diagonals of a cell, that a search starts from. (Measured: 0.4 to 0.7.)
+/// Largest distance, in cell diagonals, assumed for the first guess of a search. (Measured: 0.4 to 0.7.)
 const FIRST_DISTANCE: f64 = 0.55;
-/// Distances between result and input, in the RMS of those to planes. (Measured on scans at 1 and 10 %: 0.7 to 0.9.)
+/// Ratio of the distance between result and input to the RMS distance to planes. (Measured on scans at 1 and
+/// 10 %: 0.7 to 0.9.)
 const ESTIMATE: f64 = 0.8;
 
 struct Run<'a, P> {
@@ -72,15 +73,15 @@ struct Run<'a, P> {
     locked: Locked,
     goal: Goal,
     diagonal: f64,
-    /// Cells along the longest edge of the box, by the option.
+    /// Cells along the longest edge of the box, from the cell size option.
     coarsest: Option<f64>,
     is_over: bool,
 }
 
-/// A result, and what it is known to be.
+/// A result and its properties.
 struct Made {
     mesh: TriMesh,
-    /// Whether each of its vertices is locked, where any is.
+    /// True for each locked vertex of the mesh, if any is locked.
     locked: Option<Arc<[bool]>>,
     held: Held,
     estimate: f64,
@@ -123,7 +124,8 @@ impl<'a, P: Place> Run<'a, P> {
         Ok(Self { input, options, model, locked, goal, diagonal, coarsest, is_over: false })
     }
 
-    /// Asks whether to go on. A run that is to end soon makes one pass all the same: there is no best so far before.
+    /// Asks the caller whether to continue. A run that is asked to finish still makes one pass, as it has no
+    /// result before.
     fn ask(&mut self, done: f64, control: &mut dyn Control) -> Result<bool, SimplifyError> {
         match control.progress(done) {
             Verdict::Continue => {}
@@ -155,7 +157,7 @@ impl<'a, P: Place> Run<'a, P> {
         self.told(made, deviation)
     }
 
-    /// The finest result that keeps the goal, or the one of the option's cells.
+    /// Makes the finest result that meets the goal, or the one with the given cell size.
     fn reach_goal(&mut self, control: &mut dyn Control) -> Result<Made, SimplifyError> {
         let has_goal = self.goal.faces.is_some() || self.goal.vertices.is_some();
         if !has_goal && self.coarsest.is_none() || self.is_met() {
@@ -183,14 +185,14 @@ impl<'a, P: Place> Run<'a, P> {
         self.made(&clusters, by)
     }
 
-    /// Whether the input has no more than the goal allows.
+    /// True if the input already meets the goal.
     fn is_met(&self) -> bool {
         let vertices = self.model.points.len() - self.model.cleanup.unused_vertices;
         self.goal.faces.is_some_and(|n| self.model.sound_faces() <= n)
             || self.goal.vertices.is_some_and(|n| vertices <= n)
     }
 
-    /// The first of the counts in the order of reports; which of them is met shows in the end.
+    /// Returns the first count in the order of reports; the caller determines later which one was met.
     fn by_count(&self) -> StoppedBy {
         match self.goal {
             Goal { faces: Some(_), .. } => StoppedBy::Faces,
@@ -198,7 +200,7 @@ impl<'a, P: Place> Run<'a, P> {
         }
     }
 
-    /// Every place for itself.
+    /// Returns the input with every distinct position as a cluster of its own.
     fn untouched(&self) -> Result<Made, SimplifyError> {
         let all = Locked::new(&self.model, |_| true);
         let clusters = Clusters::new(&self.model, &all, 1.0);
@@ -234,7 +236,7 @@ impl<'a, P: Place> Run<'a, P> {
         });
         let mut is_locked = Vec::new();
         if !locked.places.is_empty() {
-            // A vertex of each cluster.
+            // Index of some vertex of each cluster.
             let mut some = vec![NONE; all];
             let used = (0..of.len()).rev().filter(|&v| self.model.is_used(v));
             used.for_each(|v| some[of[v] as usize] = VertexId::new(v));
@@ -280,7 +282,8 @@ impl<'a, P: Place> Run<'a, P> {
         })
     }
 
-    /// The place of a cell's vertex; if that is a locked one, beside it, half the way to a vertex that the cell has.
+    /// Returns the position of a cell's vertex; if a locked vertex is there, a point halfway to a vertex of
+    /// the cell.
     fn beside(&self, place: P, some: VertexId, locked: &Locked) -> P {
         match some != NONE && locked.is_taken(place.wide()) {
             true => P::of((0.5 * (place.wide() + self.model.place(some))).to_array()),
@@ -288,8 +291,8 @@ impl<'a, P: Place> Run<'a, P> {
         }
     }
 
-    /// The coarsest result that keeps to `limit`, and that is no coarser than goal and cells. Sizes of cells come from one
-    /// sequence, whatever the limit. The distance goes with the size of the cells, about.
+    /// Finds the coarsest result within `limit` that is no coarser than goal and cell size. Cell sizes come
+    /// from one fixed sequence, whatever the limit. The distance is about proportional to the cell size.
     fn within(&mut self, limit: f64, control: &mut dyn Control) -> Result<(Made, Deviation), SimplifyError> {
         let allowed = limit + ROUNDING * self.diagonal;
         let has_goal = self.goal.faces.is_some() || self.goal.vertices.is_some();
@@ -307,7 +310,7 @@ impl<'a, P: Place> Run<'a, P> {
             }
             coarsest = longest / made.cell;
         }
-        // Levels are powers of the step, the finest the least.
+        // Levels are powers of `STEP`; the finest has the lowest number.
         let power = |resolution: f64| -resolution.ln() / STEP.ln();
         let levels = -(FINEST.ln() / STEP.ln()) as i64..=power(coarsest).floor() as i64;
         let wish = longest * 3f64.sqrt() * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);
@@ -364,7 +367,7 @@ impl<'a, P: Place> Run<'a, P> {
             () if met(stop.vertices, vertices) => StoppedBy::Vertices,
             () if met(stop.ratio.map(|r| run::share(r, input_faces)), faces) => StoppedBy::Ratio,
             () if limit.is_some() => StoppedBy::Error,
-            // Not one more cell was too many.
+            // Even one cell was over the goal.
             () if matches!(made.by, StoppedBy::Faces | StoppedBy::Vertices) => StoppedBy::Exhausted,
             () => made.by,
         };

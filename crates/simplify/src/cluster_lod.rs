@@ -1,18 +1,19 @@
-//! Levels of clusters: a mesh that an engine draws fine where it is near and coarse where it is far, without cracks.
+//! Cluster levels of detail: a mesh that an engine draws fine near the camera and coarse far away, without
+//! cracks.
 //!
 //! ```text
 //! weld; drop faces that cannot be drawn
 //! split the faces into clusters                            (split)
-//! loop until one cluster is left, or hardly anything goes
-//!     put the clusters into groups with much border        (group)
+//! loop until one cluster is left, or hardly any face is removed
+//!     partition the clusters into groups that share much border (group)
 //!     lock the vertices that several groups use
-//!     each group by itself: half the faces, clusters again (lighter)
-//!         how far is it from the original?                 (deviation)
-//!     a group that kept too much stays, and meets others in the next round
+//!     each group separately: halve the faces, re-cluster   (lighter)
+//!         measure the distance from the original           (deviation)
+//!     a group that kept too many faces stays, and is regrouped in the next round
 //! ```
 //!
-//! In the manner of Nanite [Karis 2021]. What is ours: errors are measured against the original mesh instead of added up
-//! from estimates, and the border of every group is held against that of its result, edge by edge.
+//! Like Nanite [Karis 2021]. New here: errors are measured against the original mesh instead of accumulated
+//! from estimates, and the border of every group is compared with that of its result, edge by edge.
 
 mod deviation;
 mod group;
@@ -36,28 +37,28 @@ use deviation::Original;
 use lighter::Outcome;
 use split::Budget;
 
-/// Groups that are worked on between two questions to the caller. (Fixed, so that an early end depends on no thread.)
+/// Groups processed between two progress calls. (Fixed, so that an early end does not depend on the threads.)
 const BATCH: usize = 32;
-/// A round that takes off less than this share of the faces is the last. (Guessed.)
+/// A round that removes less than this share of the faces is the last. (Guessed.)
 const LEAST_GAIN: f64 = 0.02;
 
-/// How clusters are made.
+/// Options of [`cluster_lod`].
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ClusterLodOptions {
-    /// Triangles of a cluster, at most: 8 to 256.
+    /// Maximum number of triangles per cluster: 8 to 256.
     pub triangles: usize,
-    /// Vertices of a cluster, at most, those of seams counted once for each side: 8 to 256.
+    /// Maximum number of vertices per cluster, those on seams counted once per side: 8 to 256.
     pub vertices: usize,
-    /// About how many clusters a group has: 4 to 64. It may get half as many, or twice.
+    /// Approximate number of clusters per group: 4 to 64. A group may get half as many, or twice.
     pub group: usize,
-    /// A group that keeps more than this part of its triangles stays as it is for the round.
+    /// A group that keeps more than this fraction of its triangles stays unchanged for the round.
     pub keep_at_most: f64,
-    /// How much attributes count.
+    /// Weights of the attributes in the error metric.
     pub weights: AttributeWeights,
-    /// Open borders of the mesh. Where several groups meet on one, it is locked in any case.
+    /// Treatment of the open borders of the mesh. Where several groups meet on one, it is always locked.
     pub border: BorderPolicy,
-    /// As in [`SimplifyOptions`](crate::SimplifyOptions::region_classes).
+    /// See [`SimplifyOptions`](crate::SimplifyOptions::region_classes).
     pub region_classes: Option<Arc<[RegionId]>>,
 }
 
@@ -101,7 +102,7 @@ impl ClusterLodOptions {
     }
 }
 
-/// What was done.
+/// Report of a cluster level-of-detail build.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ClusterLodReport {
@@ -109,38 +110,40 @@ pub struct ClusterLodReport {
     pub input_faces: usize,
     /// Vertices of the input.
     pub input_vertices: usize,
-    /// What was mended first.
+    /// Repairs made first.
     pub cleanup: Cleanup,
-    /// Attributes that the levels do not carry: joints without weights of the same set, or weights without joints.
+    /// Attributes that the levels do not contain: joints without weights of the same set, or weights without
+    /// joints.
     pub dropped: Vec<&'static str>,
-    /// Rounds of grouping.
+    /// Number of grouping rounds.
     pub rounds: usize,
-    /// Groups that were left as they were because too little could go, all rounds together.
+    /// Groups left unchanged because too few faces could be removed, over all rounds.
     pub stuck_groups: usize,
-    /// Groups that were left as they were because their border had not stayed, all rounds together.
+    /// Groups left unchanged because their border was not preserved, over all rounds.
     pub broken_groups: usize,
-    /// Whether the caller ended it before the coarsest level.
+    /// True if the caller ended the build before the coarsest level.
     pub ended_early: bool,
 }
 
-/// Levels of clusters, and how they came about.
+/// Cluster levels of detail and the report of their build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuiltClusterLod {
     /// The levels.
     pub lod: ClusterLod,
-    /// What was done.
+    /// The report.
     pub report: ClusterLodReport,
 }
 
-/// Makes levels of clusters from a mesh, with its attributes and regions.
+/// Builds cluster levels of detail from a mesh, with its attributes and regions.
 ///
-/// Vertices at one place are joined first, and faces with a corner that is no number or with two corners at one place are
-/// left out, as are copies of a face; the report counts them. The error of a group is the largest distance, in the units
-/// of the mesh, of its result from the original and of samples of the original from its result, with a margin for what
-/// lies between them, or that of a group below if that is larger. It says nothing of attributes. Every cut is closed where the input is.
+/// Coincident vertices are merged first, and faces with a non-finite corner or with two corners at one
+/// position are dropped, as are duplicate faces; the report counts them. The error of a group is the largest
+/// distance, in the units of the mesh, of its result from the original and of samples of the original from
+/// its result, with a margin for points in between, or the error of a group below it if that is larger. It
+/// does not include attributes. Every cut of the levels is closed if the input is.
 ///
-/// With rayon the groups are shared out over the caller's pool; the result is the same at any number of threads.
-/// Cost: O(n log n).
+/// With rayon the groups are distributed over the caller's pool; the result is the same with any number of
+/// threads. Cost: O(n log n).
 ///
 /// # Errors
 /// [`SimplifyError::BadOption`], [`SimplifyError::NoFaces`], [`SimplifyError::Cancelled`].
@@ -223,16 +226,16 @@ fn ask(control: &mut dyn Control, done: f64) -> Result<Verdict, SimplifyError> {
     }
 }
 
-/// A cluster that nothing coarser stands for yet.
+/// A cluster with no coarser replacement yet.
 #[derive(Debug, Default)]
 struct Front {
     cluster: usize,
     faces: Vec<FaceId>,
-    /// Places of the original that it stands for.
+    /// Samples of the original surface that it represents.
     samples: Vec<[f64; 3]>,
 }
 
-/// What is there so far.
+/// The levels built so far.
 struct Build {
     /// The faces of all clusters, cluster after cluster.
     pool: TriMesh,
@@ -245,13 +248,13 @@ impl Build {
         self.pool.triangles()[face.index()].map(|w| self.pool.vertex_of(w))
     }
 
-    /// The sphere that holds all that a cluster stands for.
+    /// Returns the bounding sphere of everything that a cluster represents.
     fn reach(&self, cluster: usize) -> Sphere {
         let c = &self.clusters[cluster];
         c.from.map_or(c.sphere, |g| self.groups[g.index()].sphere)
     }
 
-    /// Takes up clusters whose faces are in the pool already, from `first` on in this order.
+    /// Adds clusters whose faces are in the pool already, from `first` on in this order.
     fn add_clusters(&mut self, mut first: usize, pieces: &[Vec<u32>], from: Option<GroupId>) -> Vec<Front> {
         let mut front = Vec::with_capacity(pieces.len());
         for piece in pieces {
@@ -267,7 +270,7 @@ impl Build {
         front
     }
 
-    /// Takes up what became of a group.
+    /// Adds the result of a simplified group.
     fn add_group(
         &mut self,
         members: &[usize],
@@ -297,13 +300,13 @@ impl Build {
     }
 }
 
-/// The faces of a mesh in the order of their clusters.
+/// Reorders the faces of a mesh by clusters.
 fn arranged(mesh: &TriMesh, pieces: &[Vec<u32>]) -> TriMesh {
     let faces: Vec<FaceId> = pieces.iter().flatten().map(|&f| FaceId(f)).collect();
     part(mesh, &faces).mesh
 }
 
-/// The mesh welded, without faces that cannot be drawn and without attributes that cannot be carried.
+/// Returns the mesh welded, without faces that cannot be drawn and without unsupported attributes.
 fn sound(mesh: &TriMesh, report: &mut ClusterLodReport) -> Result<TriMesh, SimplifyError> {
     let welded = weld_mesh(mesh, None);
     let cleanup = &mut report.cleanup;
@@ -334,7 +337,7 @@ fn sound(mesh: &TriMesh, report: &mut ClusterLodReport) -> Result<TriMesh, Simpl
     Ok(without_half_skins(kept, report))
 }
 
-/// Joints need weights of the same set, and weights joints.
+/// Drops joints without weights of the same set, and weights without joints.
 fn without_half_skins(mesh: TriMesh, report: &mut ClusterLodReport) -> TriMesh {
     let has =
         |wanted: Semantic| mesh.further_attributes().iter().any(|a| a.semantic == wanted && a.width == 4);

@@ -1,8 +1,8 @@
-//! Normals that blending has turned far from their faces, computed anew from those faces.
+//! Repair of normals that blending turned far from their faces, by recomputation from those faces.
 //!
-//! Where a hard part of an asset loses an edge, the wedge that is left carries the mean of normals that had nothing to do
-//! with each other, and the face under it is shaded as if it looked elsewhere: a dark splinter. Such a wedge gets the
-//! normal of its own faces; if those look different ways themselves, it is split between them.
+//! Where a hard-edged part of an asset loses an edge, the remaining wedge carries the mean of unrelated
+//! normals, and its face is shaded as if it faced elsewhere: a dark splinter. Such a wedge gets the normal of
+//! its own faces; if those face different ways themselves, it is split.
 
 use glam::Vec3;
 use lodsmith_core::{TriMesh, WedgeId};
@@ -12,16 +12,17 @@ use crate::collapse::attributes::Attributes;
 use crate::collapse::store::Store;
 use crate::metric::Memory;
 
-/// Cosine of the angle between a normal and a face up to which both go together: 60 degrees. (The faces of an octahedron
-/// are 55 degrees off the normals of the sphere that it stands for, and no smooth surface wants fewer faces.)
+/// Cosine of the largest angle at which a normal still fits a face: 60 degrees. (The faces of an octahedron
+/// are 55 degrees off the normals of the sphere that it approximates, and no smooth surface wants fewer
+/// faces.)
 const FAR: f32 = 0.5;
-/// Share of the faces (by area) at a wedge of the input that are far off its normal, above which this was wanted there.
-/// (The majority: a sliver beside a wedge says nothing.)
+/// If a larger share of the faces (by area) at a wedge of the input was far off its normal, this was
+/// intended. (The majority: a single sliver at a wedge proves nothing.)
 const WANTED: f32 = 0.5;
 
-/// Repairs the wedges whose normal is far off at least one of their faces, and was not so in the input. Locked vertices
-/// keep theirs. Says how many corners have another normal. Cost: O(faces of the result), and O(faces of the input) where
-/// there is something to repair.
+/// Repairs the wedges whose normal is far off at least one of their faces, and was not in the input. Locked
+/// vertices keep theirs. Returns how many corners got another normal. Cost: O(faces of the result), and
+/// O(faces of the input) if there is something to repair.
 pub(crate) fn repair<Q: Memory>(
     store: &mut Store<Q>,
     attributes: &mut Attributes,
@@ -71,7 +72,8 @@ struct Corner {
     k: usize,
 }
 
-/// Gives the faces at a wedge that it is far off from normals of their own, one for those that look about the same way.
+/// Gives the faces at a wedge whose normal is far off theirs new normals, one per group of similar
+/// orientation.
 fn split(
     attributes: &mut Attributes,
     at: usize,
@@ -82,7 +84,7 @@ fn split(
     let wedge = corners[0].wedge;
     let own = normal_of(attributes, wedge, at);
     let mut far: Vec<Corner> = corners.iter().filter(|c| off(own, faces[c.face])).copied().collect();
-    // The largest says where a group looks.
+    // The largest face determines the direction of a group.
     far.sort_by(|a, b| {
         faces[b.face].length_squared().total_cmp(&faces[a.face].length_squared()).then(a.face.cmp(&b.face))
     });
@@ -106,7 +108,8 @@ fn split(
     }
 }
 
-/// Which wedges of the input, of those that the far ones come from, were far off most of their faces already.
+/// Returns the input wedges, among the origins of the far ones, that were far off most of their faces
+/// already.
 fn wanted(attributes: &Attributes, rows: &Rows, input: &TriMesh, at: usize, is_far: &[bool]) -> Vec<bool> {
     let Some(normals) = input.normals() else { return vec![false; attributes.count()] };
     let mut is_asked = vec![false; attributes.count()];
@@ -114,7 +117,7 @@ fn wanted(attributes: &Attributes, rows: &Rows, input: &TriMesh, at: usize, is_f
         is_asked[attributes.original(WedgeId::new(w)).index()] = true;
     }
     debug_assert!(at + 3 <= rows.width());
-    // All area, and that of faces that are far off.
+    // Area of all faces, and of those that are far off.
     let mut areas = vec![[0f32; 2]; attributes.count()];
     let view = input.positions().view();
     for t in input.triangles() {
@@ -136,7 +139,7 @@ fn wanted(attributes: &Attributes, rows: &Rows, input: &TriMesh, at: usize, is_f
     areas.iter().map(|[all, far]| *far > WANTED * all).collect()
 }
 
-/// Whether a normal is far off the direction of a face. What has no direction is not.
+/// True if a normal is far off the direction of a face. A zero vector never is.
 fn off(normal: Vec3, face: Vec3) -> bool {
     let lengths = normal.length() * face.length();
     lengths > 0.0 && lengths.is_finite() && normal.dot(face) < FAR * lengths

@@ -1,17 +1,18 @@
-//! Coplanar faces become as few triangles as their outline needs.
+//! Planar decimation: re-triangulates regions of coplanar faces with as few triangles as their outline needs.
 //!
 //! ```text
-//! regions: faces round a large one, over manifold edges, while all keep to one plane and their attributes to one line
-//! chains:  the borders of regions, from corner to corner; what lies on a line goes, for both sides at once
-//! fill:    each region anew, by constrained Delaunay triangulation of what is left of its outline
+//! regions: grown from large faces over manifold edges, while all faces stay on one plane and their attributes linear
+//! chains:  the borders of regions, from corner to corner; collinear vertices are dropped, for both sides at once
+//! fill:    a constrained Delaunay triangulation of each region, from what is left of its outline
 //! ```
 //!
-//! Regions as in [Hinker-Hansen 1993], with the bounds of [Kalvin-Taylor 1996]; chains by [Douglas-Peucker 1973]; filling by
-//! [Chew 1989]. That borders are shared, that attributes count, and what is done when filling fails is ours.
+//! Regions as in [Hinker-Hansen 1993], with the bounds of [Kalvin-Taylor 1996]; chains by [Douglas-Peucker
+//! 1973]; filling by [Chew 1989]. New here: shared borders, attributes as a criterion, and the fallbacks when
+//! filling fails.
 //!
-//! Where that cannot be done (an outline that is not simple in its plane, an edge that would stand twice) a region keeps its
-//! outline, and if that is not enough, all of its faces. The surface stays joined in any case: chains lose vertices only
-//! where all regions along them are filled anew.
+//! If filling fails (the outline is not simple in its plane, an edge would be duplicated), a region keeps its
+//! outline, and if that is not enough, all of its faces. The surface stays connected in any case: chains lose
+//! vertices only if all regions along them are re-triangulated.
 
 mod chains;
 mod channels;
@@ -32,24 +33,25 @@ use channels::Channels;
 use merge::{Before, Count, Merge};
 use regions::{Field, Tolerance};
 
-/// Without an option, as a share of the diagonal: three times what single precision rounds by. (Measured on ten models of
-/// machine parts: at a third of it rounding parts faces of one plane, at ten times as much curved sides begin to merge.)
+/// Default flatness tolerance, as a share of the diagonal: three times the rounding of single precision.
+/// (Measured on ten models of machine parts: at a third of it rounding splits the faces of one plane, at ten
+/// times as much curved sides begin to merge.)
 const FLAT: f64 = 2e-7;
-/// Where single precision rounds by more than that, far from the origin, the tolerance is so many times the farthest that
-/// rounding may move a vertex. (Measured on four machine parts, turned, 0 to 10 diagonals from the origin, as they are and
-/// subdivided three times with midpoints in single precision: at 2 rounding still parts faces of one plane on two of them,
-/// from 3 on on none.)
+/// Far from the origin, where single precision rounds by more than that, the tolerance is this multiple of
+/// the largest displacement of a vertex by rounding. (Measured on four machine parts, rotated, 0 to 10
+/// diagonals from the origin, unchanged and subdivided three times with midpoints in single precision: at 2
+/// rounding still splits faces of one plane on two of them, from 3 on on none.)
 const ROUNDINGS: f64 = 3.0;
-/// Without an option: as Blender's limited dissolve.
+/// Default angle, as in Blender's limited dissolve.
 const ANGLE_DEG: f64 = 5.0;
-/// What double precision rounds by, in the frame: no tolerance is less.
+/// Lower limit of the tolerance: the rounding of double precision, in the unit frame.
 const LEAST_FLAT: f64 = 1e-13;
 
-/// Merges coplanar regions, those first that save most, until the goal is met or there are no more.
+/// Merges coplanar regions, largest savings first, until the goal is met or none is left.
 ///
-/// Vertices of the result are vertices of the ground. Distances both ways are at most about twice the tolerance. Of the
-/// last region before a goal as many vertices stay inside as the goal allows.
-/// Cost: O(n log n).
+/// The vertices of the result are vertices of the input. Distances both ways are at most about twice the
+/// tolerance. In the last region before the goal, as many inner vertices are kept as the goal allows. Cost:
+/// O(n log n).
 pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
     let ground = task.ground;
     let faces = &ground.faces;
@@ -107,7 +109,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     })
 }
 
-/// Faces on vertices of the ground, with those that they use.
+/// Builds a result from faces over input vertices, with the vertices that they use.
 fn used(points: &[DVec3], faces: Vec<[VertexId; 3]>) -> Made {
     let mut number = vec![NONE; points.len()];
     for v in faces.iter().flatten() {
@@ -126,9 +128,9 @@ fn used(points: &[DVec3], faces: Vec<[VertexId; 3]>) -> Made {
 fn tolerance(task: &Task<'_>) -> Tolerance {
     let own = &task.options.of_method;
     let of_size = task.ground.length(Length::OfDiagonal(FLAT));
-    // Far from the origin, single precision rounds by more than a share of the size.
+    // Far from the origin, single precision rounds by more than that share of the size.
     let noise = of_size.max(ROUNDINGS * rounding(task.ground));
-    // A limit of the error is a tolerance too, and the only one where no other is given.
+    // An error limit is a tolerance too, and the only one if no other is given.
     let flat = match (own.flat.map(|l| task.ground.length(l)), task.step) {
         (Some(flat), Some(step)) => flat.min(step),
         (flat, step) => flat.or(step).unwrap_or(noise),
@@ -140,8 +142,9 @@ fn tolerance(task: &Task<'_>) -> Tolerance {
     Tolerance { flat, angle_rad: angle_deg.to_radians(), noise: noise.min(flat) }
 }
 
-/// The farthest that rounding to the precision of the input may have moved a vertex, in the frame: half a unit in the last
-/// place of the largest coordinate, along all three axes. 0 for double precision, where [`FLAT`] is far above it.
+/// Largest displacement of a vertex by rounding to the precision of the input, in the unit frame: half a unit
+/// in the last place of the largest coordinate, along all three axes. 0 for double precision, where [`FLAT`]
+/// is far above it.
 fn rounding(ground: &Ground) -> f64 {
     if !ground.is_single {
         return 0.0;

@@ -1,30 +1,30 @@
-//! Small parts, which go before anything else is done.
+//! Removal of small components, before anything else is done.
 
 use lodsmith_core::mesh::weld;
 use lodsmith_core::{Surface, VertexId};
 
-/// Parts that were too small. Counts of elements.
+/// Components removed for their size. Counts of elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Pruned {
-    /// Parts that went.
+    /// Components removed.
     pub parts: usize,
     /// Triangles in them.
     pub faces: usize,
-    /// Whether all were too small, and the largest was kept for that.
+    /// True if all were too small, so that the largest was kept.
     pub largest_kept: bool,
 }
 
-/// Which faces stand in parts that are too small.
+/// Faces in components that are too small.
 pub(crate) struct Small {
     pub(crate) pruned: Pruned,
     /// By face.
     pub(crate) is_small: Vec<bool>,
-    /// A face of each part that goes.
+    /// One face of each removed component.
     pub(crate) first_faces: Vec<usize>,
 }
 
-/// A part: its box, and what lies in it.
+/// A component: its bounding box and contents.
 #[derive(Clone, Copy)]
 struct Extent {
     min: [f64; 3],
@@ -40,7 +40,7 @@ impl Extent {
         self.max = [0, 1, 2].map(|k| self.max[k].max(p[k]));
     }
     fn diagonal(&self) -> f64 {
-        // Divided first: coordinates may be huge.
+        // Divided first: squares of huge coordinates would overflow.
         let extent = [0, 1, 2].map(|k| self.max[k] - self.min[k]);
         let largest = extent.into_iter().fold(0f64, f64::max);
         if largest == 0.0 {
@@ -51,7 +51,7 @@ impl Extent {
     }
 }
 
-/// The diagonal of the box round the finite vertices of all faces.
+/// Returns the diagonal of the bounding box of the finite vertices of all faces.
 pub(crate) fn diagonal(surface: &Surface<'_>) -> f64 {
     let positions = surface.positions();
     let mut all = Extent {
@@ -68,8 +68,9 @@ pub(crate) fn diagonal(surface: &Surface<'_>) -> f64 {
     all.diagonal()
 }
 
-/// Finds the parts whose bounding box has a diagonal below `size`. Faces hang together across vertices at equal places, or
-/// within `near`; faces that have no extent or no place belong to none. A part with a locked vertex is not small.
+/// Finds the components whose bounding box has a diagonal below `size`. Faces are connected across vertices
+/// at equal positions, or within `near`; degenerate and non-finite faces belong to none. A component with a
+/// locked vertex is not small.
 ///
 /// Cost: O(n).
 pub(crate) fn small_parts(
@@ -121,7 +122,7 @@ pub(crate) fn small_parts(
     let mut goes: Vec<bool> = parts.iter().map(|p| p.diagonal() < size && !p.is_locked).collect();
     let largest_kept = !goes.is_empty() && goes.iter().all(|g| *g);
     if largest_kept {
-        // The first of equals.
+        // The first of equal ones.
         let largest =
             (0..parts.len()).rev().max_by(|&i, &j| parts[i].diagonal().total_cmp(&parts[j].diagonal()));
         largest.into_iter().for_each(|i| goes[i] = false);
@@ -142,8 +143,8 @@ fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
     i
 }
 
-/// A surface whose small parts are without extent, and so are left out by whoever works on it, and how many vertices
-/// only they use. Faces keep their numbers.
+/// Returns the triangles with those of small components made degenerate, so that later steps drop them, and
+/// the number of vertices that only they use. Faces keep their indices.
 pub(crate) fn without(surface: &Surface<'_>, is_small: &[bool]) -> (Vec<[VertexId; 3]>, usize) {
     let triangles = surface.triangles();
     let positions = surface.positions();
@@ -172,7 +173,7 @@ mod tests {
         let surface = mesh.surface();
         let all = small_parts(&surface, 1e-12, None, None);
         assert_eq!(all.pruned, Pruned::default());
-        // Larger than everything: the largest stays.
+        // Larger than everything: the largest is kept.
         let none = small_parts(&surface, 1e9, None, None);
         assert!(none.pruned.largest_kept && none.pruned.parts == 1 && none.first_faces.len() == 1);
         assert!(none.pruned.faces > 0 && none.pruned.faces < mesh.face_count());

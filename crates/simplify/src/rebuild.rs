@@ -1,4 +1,5 @@
-//! Methods that make a new surface at once, instead of edge by edge: what they start from, and what becomes of theirs.
+//! Common part of the methods that construct a new surface instead of collapsing edges: input, and conversion
+//! of the result.
 
 mod distinct;
 mod dress;
@@ -21,12 +22,12 @@ use crate::{SimplifyError, planar, recolor, remesh, unsubdivide, vertex_removal}
 use dress::{Clothes, Dressed, Shading};
 pub(crate) use ground::{Ending, Ground, Made, Task};
 
-/// Whether an error is kept by the steps of the method, and not by their number.
+/// True if an error limit is enforced by the steps of the method, instead of by their number.
 pub(crate) fn goes_by_step(method: Method) -> bool {
     matches!(method, Method::Planar | Method::Unsubdivide)
 }
 
-/// One run to a goal by the options' method.
+/// Runs the options' method once, to a goal.
 pub(crate) fn pass(
     run: &mut Run<'_, '_>,
     goal: Goal,
@@ -58,7 +59,7 @@ fn ground(run: &Run<'_, '_>) -> Ground {
     Ground { locked, prices: run.care.prices(), ..ground_of(run.input, run.ordered) }
 }
 
-/// The ground without what the options ask of single vertices.
+/// Prepares the input, without per-vertex locks and importance.
 fn ground_of(input: &Input<'_>, ordered: &Ordered) -> Ground {
     let surface = &input.surface;
     let positions = surface.positions();
@@ -67,7 +68,7 @@ fn ground_of(input: &Input<'_>, ordered: &Ordered) -> Ground {
     let bounds = PositionsView::F64(&places).bounds().unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] });
     let frame = UnitFrame::of(&bounds);
     let mut faces = match ordered.faces.is_empty() {
-        // Taken by a pass before.
+        // Already consumed by an earlier pass.
         true => ordered.faces_again(surface),
         false => ordered.faces.clone(),
     };
@@ -96,7 +97,7 @@ fn ground_of(input: &Input<'_>, ordered: &Ordered) -> Ground {
     }
 }
 
-/// The ground as it is: the best so far, before the first step.
+/// Returns the input unchanged: the best result before the first step.
 fn untouched(ground: &Ground) -> Made {
     let mut number = vec![NONE; ground.points.len()];
     let mut made = Made { end: Ending::Finish, estimate: Some(0.0), ..Made::default() };
@@ -156,8 +157,8 @@ fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, Si
     })
 }
 
-/// A result whose seams gave way, with what the input carries at each place: a face over a seam would show what lies
-/// between two pieces of the texture. Its shading stays.
+/// Transfers attributes anew to a result whose seams were relaxed: a face across a seam would show what lies
+/// between two pieces of the texture. The shading is kept.
 pub(crate) fn dressed_again(
     run: &Run<'_, '_>,
     mesh: &TriMesh,
@@ -166,7 +167,7 @@ pub(crate) fn dressed_again(
     dressed_bare(run.input, run.ordered, mesh, Some(shading))
 }
 
-/// A mesh that carries nothing, with what the input carries at each place.
+/// Transfers the input's attributes to a mesh without any.
 pub(crate) fn dressed_new(input: &Input<'_>, mesh: &TriMesh) -> Result<TriMesh, SimplifyError> {
     dressed_bare(input, &order::order(&input.surface), mesh, None)
 }
@@ -191,7 +192,7 @@ fn dressed_bare(
     Ok(dressed(input, ordered, &ground, &made, mesh.positions().clone(), shading)?.0)
 }
 
-/// The new mesh with what the input carries there.
+/// Builds the new mesh, with attributes transferred from the input.
 fn dressed(
     input: &Input<'_>,
     ordered: &Ordered,
@@ -217,10 +218,10 @@ fn dressed(
     Ok((mesh, held))
 }
 
-/// Vertices of the input that an estimate looks at, at most.
+/// Maximum number of input vertices sampled for an estimate.
 const LOOKS: usize = 2000;
 
-/// The RMS distance of some vertices of the ground from what was made, in the frame.
+/// RMS distance of sampled input vertices from the result, in the unit frame.
 fn estimate(ground: &Ground, made: &Made) -> f64 {
     let points: Vec<[f64; 3]> = made.points.iter().map(|p| p.to_array()).collect();
     let Ok(surface) = Surface::new(PositionsView::F64(&points), bytemuck::cast_slice(&made.faces)) else {
@@ -249,7 +250,7 @@ mod tests {
 
     const SIDE: u32 = 8;
 
-    /// A flat square of 2 · 8 · 8 faces; the textures of its left and its right half lie apart.
+    /// A flat square of 2 · 8 · 8 faces; the textures of its left and right halves are apart.
     fn square() -> TriMesh {
         let at = |x: u32, y: u32| VertexId(y * (SIDE + 1) + x);
         let places = (0..=SIDE).flat_map(|y| (0..=SIDE).map(move |x| [x as f32, y as f32, 0.0]));
@@ -276,7 +277,7 @@ mod tests {
         run::run_with(pass, &input, &options, &mut NoControl).unwrap().0.mesh
     }
 
-    /// Place and texture of each corner, by face, in an order of their own.
+    /// Position and texture coordinates of each corner, by face, sorted.
     fn told(mesh: &TriMesh) -> Vec<Vec<[String; 2]>> {
         let view = mesh.positions().view();
         let uvs = mesh.uvs().unwrap();
@@ -309,7 +310,7 @@ mod tests {
 
     #[test]
     fn new_faces_take_their_values_from_one_side() {
-        // Four strips over the whole height.
+        // Four strips over the full height.
         let mesh = square();
         let strips = rebuilt(&mesh, |run, _, _, _| {
             let ground = ground(run);

@@ -1,11 +1,11 @@
-//! Texture coordinates that left the colour they belong to, taken anew from the input.
+//! Repair of texture coordinates that left the colour they belong to, from the input.
 //!
-//! In a palette all of a part looks at one small cell of the image. Blended and drawn along their gradients, texture
-//! coordinates leave it, and a face shows the cells beside it: patches and stripes of colours that are nowhere near. What
-//! a face shows is held against what the input shows under it, at a few places; where that differs, it takes texture
-//! coordinates of the input from those places whose colour gives the smallest difference.
+//! In a palette texture a whole part uses one small cell of the image. Blended and extrapolated texture
+//! coordinates leave it, and a face shows the cells beside it: patches and stripes of unrelated colours. The
+//! colour of a face is compared with that of the input under it, at a few points; where they differ, the face
+//! takes texture coordinates of the input from those points whose colour gives the smallest difference.
 //!
-//! Images that change within single faces anyway (photographs, drawings) are left alone.
+//! Images that vary within single faces anyway (photographs, drawings) are left alone.
 
 use std::collections::HashMap;
 
@@ -19,7 +19,7 @@ use crate::input::Input;
 use crate::options::SimplifyOptions;
 use crate::textures::{Texture, Textures};
 
-/// Places of a face that are looked at: the middle, close to the corners, between both, beside the edges.
+/// Barycentric sample points of a face: the centre, near the corners, in between, near the edges.
 const PLACES: [[f32; 3]; 10] = [
     [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
     [0.96, 0.02, 0.02],
@@ -32,27 +32,28 @@ const PLACES: [[f32; 3]; 10] = [
     [0.04, 0.48, 0.48],
     [0.48, 0.04, 0.48],
 ];
-/// A difference in one channel, of 255, from which two colours are two. (Guessed: that of neighbours in palettes is
-/// larger, shades of one colour within a face differ by less.)
+/// Difference in one channel, of 255, above which two colours count as different. (Guessed: neighbours in
+/// palettes differ by more, shades of one colour within a face by less.)
 const APART: i32 = 40;
-/// Share of the textured area in faces of the input that show several colours, from which an image is no palette.
-/// (Measured: .00 to .16 on seven assets with palettes or large patches of one colour, .47 to 1 on painted ones.)
+/// An image is no palette if more than this share of the textured input area is in faces that show several
+/// colours. (Measured: .00 to .16 on seven assets with palettes or large patches of one colour, .47 to 1 on
+/// painted ones.)
 const PAINTED: f64 = 0.25;
-/// Other texture coordinates are taken where they leave less than this share of the squared difference. (Guessed: what
-/// comes along with its neighbours is to stay where there is no good reason.)
+/// Texture coordinates are replaced if that leaves less than this fraction of the squared difference.
+/// (Guessed: coordinates consistent with their neighbours should stay unless there is a good reason.)
 const BETTER: [i64; 2] = [3, 4];
-/// Cosine beyond which a face of the input looks another way than one of the result: it is another sheet.
+/// Cosine beyond which a face of the input faces away from one of the result: it is another sheet.
 const AWAY: f64 = -0.2;
 
 type Color = [u8; 4];
 
-/// The part of the input that each vertex of the input and of the result belongs to; none for vertices without a place.
+/// The component of each vertex of the input and of the result; `None` for vertices without a position.
 pub(crate) struct OwnParts {
     pub(crate) of_input: Vec<Option<u32>>,
     pub(crate) of_result: Vec<Option<u32>>,
 }
 
-/// The result of a run with its colours in place, where the options have textures.
+/// Repairs the colours of a result, if the options have textures.
 pub(crate) fn recolored(
     mesh: TriMesh,
     input: &Input<'_>,
@@ -66,9 +67,9 @@ pub(crate) fn recolored(
     }
 }
 
-/// The result with texture coordinates whose colours are those of the source, as far as they go. Corners that are held
-/// stay. Cost: O(faces of the source) to tell palettes; where there is one, a lookup for each face of the result and ten
-/// for a face that differs.
+/// Replaces texture coordinates of the result so that their colours match the source as far as possible. Held
+/// corners are kept. Cost: O(faces of the source) to detect palettes; if there is one, a lookup per face of
+/// the result and ten per face that differs.
 fn repair(
     mesh: TriMesh,
     source: &TriMesh,
@@ -96,7 +97,7 @@ fn repair(
     if changes.is_empty() { Ok(mesh) } else { with_uvs(&mesh, &changes) }
 }
 
-/// The textures of the regions, as far as they are palettes: whose faces show one colour each, almost all.
+/// Returns the textures of the regions that are palettes: almost all of their faces show a single colour.
 fn palettes<'a>(source: &TriMesh, uvs: &[[f32; 2]], textures: &'a Textures) -> Vec<Option<&'a Texture>> {
     let count = source.regions().map_or(1, |r| r.iter().map(|r| r.index() + 1).max().unwrap_or(0));
     let of: Vec<_> = (0..count).map(|r| textures.of(0, Some(RegionId::new(r)))).collect();
@@ -117,7 +118,7 @@ fn palettes<'a>(source: &TriMesh, uvs: &[[f32; 2]], textures: &'a Textures) -> V
     of.into_iter().zip(areas).map(|(texture, areas)| texture.filter(|_| is_palette(areas))).collect()
 }
 
-/// The mean colour of each of so many parts, as far as their faces have textures. Cost: O(n).
+/// Returns the mean colour of each component, as far as its faces have textures. Cost: O(n).
 pub(crate) fn mean_colors(
     mesh: &TriMesh,
     textures: &Textures,
@@ -161,7 +162,7 @@ fn squared(a: Color, b: Color) -> i64 {
     (0..3).map(|i| (i64::from(a[i]) - i64::from(b[i])).pow(2)).sum()
 }
 
-/// The input, to be asked what it shows somewhere.
+/// The input, for queries of its texture coordinates.
 struct Source<'a> {
     tree: Bvh,
     mesh: &'a TriMesh,
@@ -170,7 +171,8 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// Where the input looks nearest to a place, on the side that looks the same way and has the same region and part.
+    /// Returns the texture coordinates of the input nearest to a position, on a face with similar orientation
+    /// and the same region and component.
     fn look_at(
         &self,
         place: DVec3,
@@ -198,7 +200,7 @@ impl Source<'_> {
         at.iter().all(|x| x.is_finite()).then_some(at)
     }
 
-    /// Texture coordinates for the corners of a face of the result, if there are better ones.
+    /// Returns better texture coordinates for the corners of a face of the result, if there are any.
     fn recolored(
         &self,
         mesh: &TriMesh,
@@ -218,7 +220,7 @@ impl Source<'_> {
             let uv = self.look_at(place, normal, region, part)?;
             Some((uv, texture.color(uv)?))
         };
-        // Most faces show one colour, and the right one.
+        // Most faces show a single colour, and the right one.
         let middle = look(PLACES[0])?;
         let own = texture.color(between(corners, PLACES[0]))?;
         if !are_apart(own, middle.1) && !shows_several(texture, corners) {
@@ -237,7 +239,7 @@ impl Source<'_> {
         let given = difference(corners)?;
         let mut best = (given, corners);
         for (at, color) in seen {
-            // For each corner the nearest place that shows about this colour, or this place alone.
+            // For each corner the nearest sample of about this colour, or this sample alone.
             let nearest = [0, 1, 2].map(|k| {
                 let like = (0..PLACES.len()).filter(|&i| !are_apart(seen[i].1, color));
                 like.max_by(|&i, &j| PLACES[i][k].total_cmp(&PLACES[j][k]).then(j.cmp(&i)))
@@ -253,10 +255,10 @@ impl Source<'_> {
     }
 }
 
-/// The mesh with other texture coordinates at some corners, by face and number of the corner.
+/// Returns the mesh with other texture coordinates at some corners, given by face and corner index.
 fn with_uvs(mesh: &TriMesh, changes: &HashMap<(usize, usize), [f32; 2]>) -> Result<TriMesh, MeshError> {
     let uvs = mesh.uvs().unwrap_or_default();
-    // Each corner by its vertex, its wedge and the bits of its texture coordinates: equal ones are one wedge.
+    // Each corner by its vertex, its wedge and the bits of its texture coordinates: equal ones share a wedge.
     let key = |f: usize, k: usize| {
         let w = mesh.triangles()[f][k];
         let uv = changes.get(&(f, k)).copied().unwrap_or(uvs[w.index()]);

@@ -1,5 +1,5 @@
-//! New meshes on the old surface: isotropic ones, with edges of one length or as short as the surface is curved, and
-//! semi-regular ones, whose coarser levels are part of the finer ones.
+//! Remeshing: isotropic meshes, with uniform or curvature-adapted edge lengths, and semi-regular meshes,
+//! whose coarser levels are contained in the finer ones.
 
 use std::collections::{HashMap, HashSet};
 
@@ -33,10 +33,10 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     Ok(made)
 }
 
-/// How far a vertex goes that came to the place of another: this share of the way to the middle of its neighbours.
+/// A vertex that coincides with another is moved by this share of the way to the centroid of its neighbours.
 const PARTED: f64 = 1e-3;
 
-/// Moves vertices apart that came to one place, where sheets of the input touch: in a file they would be one.
+/// Separates coincident vertices, where sheets of the input touch: a file reader would weld them.
 fn part(ground: &Ground, made: &mut Made) {
     let place = |p: DVec3| {
         let p = ground.frame.user_from_unit(p);
@@ -44,7 +44,7 @@ fn part(ground: &Ground, made: &mut Made) {
     };
     let mut taken = HashSet::with_capacity(made.points.len());
     let own = |made: &Made, v: usize| made.kept[v] == NONE;
-    // What is of the input stays.
+    // Vertices of the input do not move.
     for v in (0..made.points.len()).filter(|&v| !own(made, v)) {
         taken.insert(place(made.points[v]));
     }
@@ -68,12 +68,14 @@ fn part(ground: &Ground, made: &mut Made) {
     }
 }
 
-/// The levels of a semi-regular mesh, coarsest first, as [`simplify`](crate::simplify) makes it with
-/// [`MethodOptions::subdivisions`](crate::MethodOptions) of as many `subdivisions`; the last one is the mesh itself.
+/// Returns the levels of a semi-regular mesh, coarsest first, as [`simplify`](crate::simplify) makes it with
+/// [`MethodOptions::subdivisions`](crate::MethodOptions) set to `subdivisions`; the last one is the mesh
+/// itself.
 ///
-/// Vertex k of a level is vertex k of the next, at the same place, and faces 4k to 4k + 3 of the next are face k: one
-/// basis for all. Where the run ended before it had made all levels there are fewer: as long as the faces come in fours
-/// with a middle one. Cost: O(n).
+/// Vertex k of a level is vertex k of the next, at the same position, and faces 4k to 4k + 3 of the next
+/// level replace face k: subdivision connectivity, as a multiresolution basis needs. If the run ended before
+/// all levels were made, fewer are returned: as long as the faces come in fours with a middle one. Cost:
+/// O(n).
 pub fn levels(mesh: &TriMesh, subdivisions: usize) -> Vec<TriMesh> {
     let mut levels = vec![mesh.clone()];
     for _ in 0..subdivisions {

@@ -1,28 +1,28 @@
-//! The images that give surfaces their colours, for a run that is to keep them in place.
+//! Colour images of a mesh, for runs that keep texture colours in place.
 
 use std::sync::Arc;
 
 use lodsmith_core::model::{Model, Sampler, TextureRef, Wrap};
 use lodsmith_core::{Image, RegionId};
 
-/// An image of colours, and how texture coordinates look into it.
+/// A colour image, and how texture coordinates address it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// The pixels.
     pub image: Arc<Image>,
-    /// Two rows of three: where in the image a pair of texture coordinates looks, as [`TextureRef::transform`].
+    /// Maps texture coordinates to the image, as two rows of three; see [`TextureRef::transform`].
     pub transform: [[f32; 3]; 2],
-    /// How it goes on beyond its edges.
+    /// Wrapping beyond the edges of the image.
     pub sampler: Sampler,
 }
 
 impl Texture {
-    /// An image that repeats, and that texture coordinates look into as they are.
+    /// Creates a repeating texture without a transform.
     pub fn new(image: impl Into<Arc<Image>>) -> Self {
         Self { image: image.into(), transform: TextureRef::PLAIN, sampler: Sampler::default() }
     }
 
-    /// The pixel that a pair of texture coordinates looks at; `None` where they are no numbers or there is none.
+    /// Returns the pixel at texture coordinates; `None` if they are not finite or the image is empty.
     pub(crate) fn color(&self, [u, v]: [f32; 2]) -> Option<[u8; 4]> {
         let row = |[a, b, c]: [f32; 3]| a * u + b * v + c;
         let [u, v] = self.transform.map(row);
@@ -36,7 +36,7 @@ impl Texture {
     }
 }
 
-/// The pixel of a row of `n` at a place in sizes of the image.
+/// Returns the index of the pixel, in a row of `n`, at a coordinate in image sizes.
 fn pixel(at: f32, n: usize, wrap: Wrap) -> usize {
     let inside = match wrap {
         Wrap::Clamp => at,
@@ -46,31 +46,30 @@ fn pixel(at: f32, n: usize, wrap: Wrap) -> usize {
             if twice > 1.0 { 2.0 - twice } else { twice }
         }
     };
-    // (A cast saturates, so what lies beyond an edge is the last pixel there.)
+    // (The cast saturates, so coordinates beyond an edge give the last pixel there.)
     ((inside * n as f32) as usize).min(n - 1)
 }
 
-/// The image of colours of each region of a mesh, or of each part of a scene: see
+/// The colour image of each region of a mesh, or of each part of a scene: see
 /// [`SimplifyOptions::textures`](crate::SimplifyOptions::textures).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Textures(Vec<Vec<Option<Texture>>>);
 
 impl Textures {
-    /// Those of the regions of one mesh, by number; the first is that of a mesh without regions.
+    /// Takes the textures of the regions of one mesh, by index; the first is that of a mesh without regions.
     pub fn of_regions(regions: Vec<Option<Texture>>) -> Self {
         Self(vec![regions])
     }
 
-    /// The same for each part of a scene, in their order.
+    /// Takes the textures of the regions of each part of a scene, in order.
     pub fn of_parts(parts: Vec<Vec<Option<Texture>>>) -> Self {
         Self(parts)
     }
 
-    /// The base colours of some meshes of a model, by number, as parts of a scene in this order. Textures that do not go
-    /// by the mesh's own texture coordinates are left out.
+    /// Takes the base colour textures of some meshes of a model, given by index, as parts of a scene in this
+    /// order. Textures that use another set than the first of texture coordinates are left out.
     ///
-    /// # Panics
-    /// If the model has no mesh of a number.
+    /// # Panics If the model has no mesh with such an index.
     pub fn of_model(model: &Model, meshes: impl IntoIterator<Item = usize>) -> Self {
         let texture = |material: &Option<usize>| {
             let at = model.materials.get((*material)?)?.base_color_texture?;
@@ -80,17 +79,17 @@ impl Textures {
         Self(meshes.into_iter().map(|i| model.meshes[i].materials.iter().map(texture).collect()).collect())
     }
 
-    /// Whether no surface has one.
+    /// True if no surface has a texture.
     pub fn is_empty(&self) -> bool {
         self.0.iter().flatten().all(Option::is_none)
     }
 
-    /// That of a region of a part.
+    /// Returns the texture of a region of a part.
     pub(crate) fn of(&self, part: usize, region: Option<RegionId>) -> Option<&Texture> {
         self.0.get(part)?.get(region.unwrap_or_default().index())?.as_ref()
     }
 
-    /// Those of one part alone.
+    /// Returns the textures of one part alone.
     pub(crate) fn part(&self, part: usize) -> Self {
         Self(vec![self.0.get(part).cloned().unwrap_or_default()])
     }

@@ -1,11 +1,11 @@
-//! Un-subdivision: where every four triangles are one that was cut at the middles of its edges, it is one again.
+//! Un-subdivision: replaces every four triangles that result from a midpoint subdivision by the original one.
 //!
-//! A part that hangs together along edges is undone as a whole or not at all. Even vertices keep their place: of a
-//! subdivision at midpoints exactly what was there comes back, of one that smooths (Loop's) the connectivity, with
-//! vertices on the smooth surface.
+//! A component, connected across edges, is undone as a whole or not at all. Even vertices keep their
+//! positions: midpoint subdivision is inverted exactly; of a smoothing scheme (Loop's) the connectivity is
+//! restored, with vertices on the smooth surface.
 //!
-//! Source: [Taubin 2001]. There a mesh has one part; where several covers fit, as on regular grids, we take the one whose
-//! odd vertices lie nearest to the middles of their edges.
+//! Source: [Taubin 2001]. There a mesh has one component; where several covers fit, as on regular grids, we
+//! take the one whose odd vertices lie nearest to the midpoints of their edges.
 
 mod cover;
 
@@ -23,15 +23,15 @@ use crate::rebuild::{Ending, Ground, Made, Task};
 use crate::report::Refusal;
 use cover::{Cover, Search};
 
-/// Faces that are looked at between two looks at the control, at least.
+/// Minimum number of faces processed between two progress calls.
 const LOOK_EVERY: usize = 4096;
 
-/// Undoes levels until the goal is met, the iterations are used up, or no part fits any more.
+/// Undoes levels until the goal is met, the iterations are used up, or no component fits.
 pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
     let ground = task.ground;
     let mut level = Level {
         faces: ground.faces.clone(),
-        // Where nothing is undone, a face stands for itself.
+        // Each face represents itself at first.
         stands_for: (0..ground.faces.len()).collect(),
     };
     let mut made = Made { end: Ending::Exhausted, ..Made::default() };
@@ -83,7 +83,7 @@ fn is_met(task: &Task<'_>, level: &Level) -> bool {
         || task.goal.vertices.is_some_and(|n| vertices() <= n)
 }
 
-/// Faces over the vertices of the ground.
+/// Faces over the vertices of the prepared input.
 struct Level {
     faces: Vec<[VertexId; 3]>,
     stands_for: Vec<usize>,
@@ -91,21 +91,21 @@ struct Level {
 
 enum Step {
     Undone(Undone),
-    /// The caller wants what there is.
+    /// The caller wants the result so far.
     Finish,
 }
 
 #[derive(Default)]
 struct Undone {
-    /// The coarser one, where a part fits.
+    /// The coarser level, if any component fits.
     level: Option<Level>,
     tiles: usize,
-    /// Parts that stay, by reason.
+    /// Numbers of components left unchanged, by reason.
     refusals: [u64; Refusal::ALL.len()],
 }
 
 impl Level {
-    /// One level coarser, wherever a part fits.
+    /// Returns the next coarser level, with every fitting component undone.
     fn undo(&self, task: &Task<'_>, control: &mut dyn Control) -> Result<Step, SimplifyError> {
         let ground = task.ground;
         let points: Vec<[f64; 3]> = ground.points.iter().map(|p| p.to_array()).collect();
@@ -119,7 +119,7 @@ impl Level {
             seen += part.len();
             if seen >= looked + LOOK_EVERY || looked == 0 {
                 looked = seen;
-                // Levels are of a third of what was before; the first one is nearly all.
+                // The progress weighs each level by its faces; the first one is most of the work.
                 let left = self.faces.len() as f64 / ground.faces.len() as f64;
                 let done = 1.0 - left * (1.0 - 0.75 * seen as f64 / self.faces.len() as f64);
                 match control.progress(done.clamp(0.0, 1.0)) {
@@ -142,7 +142,7 @@ impl Level {
             }
         }
         if undone.tiles > 0 {
-            // Parts that touch in two vertices may get an edge there that the other has already.
+            // Components that touch in two vertices may get an edge there that already exists in the other.
             let after = Surface::with_triangles(PositionsView::F64(&points), coarse.faces.clone())?;
             if crowded_edges(&Topology::unwelded(&after)) > crowded_edges(&topology) {
                 undone.refusals[Refusal::LinkCondition as usize] += 1;
@@ -154,7 +154,7 @@ impl Level {
         Ok(Step::Undone(undone))
     }
 
-    /// The cover of a part that fits its shape best; else why there is none.
+    /// Returns the cover of a component with the smallest misfit, or the reason why there is none.
     fn best_cover(
         &self,
         task: &Task<'_>,
@@ -174,7 +174,8 @@ impl Level {
         best.map(|b| b.1).ok_or(why)
     }
 
-    /// How far the odd vertices of a cover lie from the middles of their edges; why it may not be, if it may not.
+    /// Returns the sum of squared distances of the odd vertices from the midpoints of their edges, or the
+    /// reason why the cover is not allowed.
     fn misfit(
         &self,
         task: &Task<'_>,
@@ -222,7 +223,7 @@ impl Level {
         Ok(cover.odd.iter().map(from_middle).sum())
     }
 
-    /// How far the odd vertices of a tile lie from the triangle that takes its place.
+    /// Largest distance of the odd vertices of a tile from the triangle that replaces it.
     fn step_of(&self, ground: &Ground, topology: &Topology, middle: FaceId, even: [VertexId; 3]) -> f64 {
         let corners: [DVec3; 3] = even.map(|v| ground.points[v.index()]);
         let odd = topology.triangle(middle).map(|v| ground.points[v.index()]);
@@ -236,7 +237,7 @@ fn crowded_edges(topology: &Topology) -> usize {
     topology.edges().filter(|&h| topology.kind(h) == Some(EdgeKind::NonManifold)).count()
 }
 
-/// Faces that hang together along edges; parts by their first face, faces by their number.
+/// Returns the edge-connected components, ordered by their first face, with faces in order.
 fn parts(topology: &Topology) -> Vec<Vec<FaceId>> {
     let mut is_seen = vec![false; topology.face_count()];
     let mut todo = Vec::new();

@@ -1,18 +1,18 @@
-//! Vertex removal: the vertex that stands out least goes, and its hole is filled.
+//! Vertex removal: removes the vertex with the smallest error and re-triangulates its hole.
 //!
 //! ```text
-//! price every vertex by its distance from the mean plane of its faces, or from the line of its crease or border
+//! cost of every vertex: its distance from the mean plane of its faces, or from the line of its crease or border
 //! loop:
-//!     limit = the price that a fifth of the vertices lie below, or as many as have to go
+//!     limit = the cost that a fifth of the vertices lie below, or as many as have to be removed
 //!     for each vertex below the limit, along a Morton curve:
-//!         price it again, for its neighbours may have changed; if that is above the limit, leave it
-//!         fill the hole that it would leave; if it lies farther from the filling than the limit allows, leave it
-//!         take its faces away, put the filling there, and hand its error on to its neighbours
+//!         recompute its cost, for its neighbours may have changed; if that is above the limit, keep it
+//!         fill the hole that it would leave; if it lies farther from the filling than the limit allows, keep it
+//!         replace its faces by the filling, and pass its error on to its neighbours
 //! ```
 //!
-//! Source: [Schroeder et al. 1992], for the classes of vertices and what each is held against. Errors add up over
-//! removals, as in later programs of the same authors. Ours are the sweeps, that the filling is the best of all there
-//! are, and that its own distance has the last word.
+//! Source: [Schroeder et al. 1992], for the classes of vertices and the distance used for each. Errors
+//! accumulate over removals, as in later programs of the same authors. New here: the sweeps, the optimal
+//! filling, and the final check of its actual distance.
 
 mod hole;
 mod parts;
@@ -33,20 +33,22 @@ use hole::{Filler, Limits, Ring, Why};
 use star::{Class, MOST, Star};
 use store::{HUB, Store};
 
-/// Creases are sharper than this, in degrees, unless the options say so. (Guessed.)
+/// Default crease angle, in degrees. (Guessed.)
 const CREASE_DEG: f64 = 30.0;
-/// How much the size of a star counts beside its error, so that even places are thinned out evenly. (Guessed.)
+/// Weight of the size of a star relative to its error, so that flat areas are decimated evenly. (Guessed.)
 const EVEN: f64 = 1e-5;
-/// Vertices between two looks at the control.
+/// Vertices between two progress calls.
 const LOOK_EVERY: usize = 1024;
-/// The bound of a vertex that went.
+/// The bound of a removed vertex.
 const GONE: f32 = f32::NEG_INFINITY;
-/// The part of the vertices that a sweep looks at. (Guessed: fewer take more sweeps and follow the order more closely.)
+/// Share of the vertices that a sweep considers. (Guessed: fewer take more sweeps and follow the order more
+/// closely.)
 const QUANTILE: f64 = 0.2;
-/// Not in the ring.
+/// Marks vertices outside the current ring.
 const OUTSIDE: u8 = u8::MAX;
 
-/// Removes vertices until the goal is met or no vertex can go. Each vertex of the result is one of the input.
+/// Removes vertices until the goal is met or no more can be removed. Each vertex of the result is one of the
+/// input.
 pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
     let mut removal = Removal::new(task);
     let mut end = removal.run(control)?;
@@ -68,11 +70,12 @@ fn is_met(store: &Store<'_>, task: &Task<'_>) -> bool {
 struct Removal<'a> {
     task: &'a Task<'a>,
     store: Store<'a>,
-    /// What each vertex costs at least; infinite where it cannot go unless a neighbour goes.
+    /// Lower bound of the cost of each vertex; infinite if it can only be removed after a change at a
+    /// neighbour.
     bounds: Vec<f32>,
-    /// How far the surface round a vertex may lie from the input.
+    /// Largest possible distance of the surface round a vertex from the input.
     error: Vec<f32>,
-    /// The place in the ring at hand.
+    /// Index in the current ring, or [`OUTSIDE`].
     number: Vec<u8>,
     star: Star,
     ring: Ring,
@@ -84,11 +87,11 @@ struct Removal<'a> {
     refusals: [u64; Refusal::ALL.len()],
 }
 
-/// How a vertex may go.
+/// Planned removal of a vertex.
 struct Plan {
-    /// From the vertex to what would be there, in the frame.
+    /// Distance from the vertex to the filling, in the unit frame.
     distance: f64,
-    /// Where it is above the limit, the hole may not be filled yet.
+    /// If this is above the limit, the hole may not be filled yet.
     price: f32,
     class: Class,
 }
@@ -121,7 +124,7 @@ impl<'a> Removal<'a> {
         }
         let count = self.bounds.len();
         let mut waiting: Vec<VertexId> = (0..count).map(VertexId::new).collect();
-        // All are priced before the first one goes.
+        // All costs are computed before the first removal.
         let mut limit = -1.0;
         let mut prices = Vec::with_capacity(count);
         loop {
@@ -164,7 +167,7 @@ impl<'a> Removal<'a> {
         }
     }
 
-    /// About how many vertices have to go.
+    /// Approximate number of vertices still to be removed.
     fn wanted(&self) -> usize {
         let goal = &self.task.goal;
         let by_faces = goal.faces.map(|n| self.store.face_count.saturating_sub(n).div_ceil(2));
@@ -172,19 +175,20 @@ impl<'a> Removal<'a> {
         by_faces.into_iter().chain(by_vertices).min().unwrap_or(usize::MAX)
     }
 
-    /// What a vertex costs that lies so far from what would be there.
+    /// Cost of a vertex at this distance from the filling.
     fn price(&self, v: VertexId, distance: f64) -> f32 {
         let area: f64 = self.star.areas.iter().map(|n| n.length()).sum();
         let price = f64::from(self.error[v.index()]) + distance + EVEN * area.sqrt();
         (price * self.times(v)) as f32
     }
 
-    /// Prices are for areas times squared lengths, of which a distance is about the third root.
+    /// Returns the importance factor of a vertex. `prices` apply to areas times squared lengths; for a
+    /// distance their cube root is taken.
     fn times(&self, v: VertexId) -> f64 {
         self.task.ground.prices.as_ref().map_or(1.0, |p| f64::from(p[v.index()]).cbrt())
     }
 
-    /// Fills the hole that a vertex would leave, unless it is clear that it would cost more than the limit.
+    /// Fills the hole that a vertex would leave, unless its cost is already known to exceed the limit.
     fn plan(&mut self, v: VertexId, limit: f32) -> Result<Plan, Refusal> {
         if self.task.ground.locked.as_ref().is_some_and(|l| l[v.index()]) {
             return Err(Refusal::Locked);
@@ -265,7 +269,7 @@ impl<'a> Removal<'a> {
         Ok(Plan { distance, price: self.price(v, distance), class })
     }
 
-    /// How far a vertex stands out, as far as its faces alone can tell. [Schroeder et al. 1992]
+    /// Estimates the error of a vertex from its faces alone. [Schroeder et al. 1992]
     fn height_over_mean_plane(&self, v: VertexId, class: Class) -> f64 {
         let p = self.store.point(v);
         let at = |i: usize| self.store.point(self.star.ring[i]);
@@ -289,9 +293,10 @@ impl<'a> Removal<'a> {
         }
     }
 
-    /// Notes where the ring stands, what lies beyond it, and between which of its vertices there are edges already; hubs
-    /// are not walked, and no two of them get an edge. The number of faces beyond that a filling could meet: those over
-    /// the very ring of three, or over the edge of two.
+    /// Collects the positions of the ring, the faces beyond it, and the existing edges between its vertices;
+    /// hubs are not walked, and no edge is allowed between two of them. Returns the number of faces beyond
+    /// that would coincide with the filling: those on the same three vertices, or at the edge of a ring of
+    /// two.
     fn look_round(&mut self, v: VertexId) -> usize {
         let Self { star, ring, number, store, .. } = self;
         let count = star.ring.len();
@@ -339,7 +344,7 @@ impl<'a> Removal<'a> {
                 if usize::from(k) == next && adjacent(i, next) {
                     ring.beyond[i] = normal();
                 }
-                // Seen from the other end, where that one is a hub.
+                // Found from the other end, if that one is a hub.
                 let before = (i + count - 1) % count;
                 if usize::from(j) == before && adjacent(i, before) && hubs >> before & 1 == 1 {
                     ring.beyond[before] = normal();
@@ -358,7 +363,7 @@ impl<'a> Removal<'a> {
             }
         }
         star.ring.iter().for_each(|r| number[r.index()] = OUTSIDE);
-        // Each is met from all of its corners in the ring.
+        // Each face was counted at all of its corners in the ring.
         closing_faces.div_ceil(count.min(3))
     }
 
@@ -376,13 +381,13 @@ impl<'a> Removal<'a> {
         Ok(())
     }
 
-    /// Does what was planned last.
+    /// Carries out the last plan.
     fn remove(&mut self, v: VertexId, plan: &Plan) {
         for &f in &self.star.faces {
             self.store.take(f);
         }
         for t in &self.triangles {
-            // A face of the same side of a crease.
+            // A former face on the same side of a crease.
             let is_first = |i: usize| matches!(plan.class, Class::Edge(a, b) if (a..b).contains(&i));
             let inside = |&&i: &&usize| match plan.class {
                 Class::Edge(a, b) => is_first(i) == t.iter().all(|k| (a..=b).contains(k)),

@@ -1,4 +1,4 @@
-//! How long frames take: of balls of more and more triangles, and of 500 copies. Prints a table.
+//! Benchmark of frame times: tori of increasing triangle counts, and 500 copies. Prints a table.
 
 use std::io::Write;
 use std::time::Instant;

@@ -1,5 +1,6 @@
-//! How long the window does not answer: the longest time between two of its frames while a file is opened, turned and
-//! simplified. `frame_gaps FILE` opens the window, moves the mouse by itself, prints a line for each and ends.
+//! Benchmark of the longest time between two frames of the window while a file is opened, rotated and
+//! simplified. `frame_gaps FILE` opens the window, simulates the mouse, prints a line for each phase and
+//! exits.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -11,7 +12,7 @@ use lodsmith_viewer::app::App;
 use lodsmith_viewer::command::{Command, Target};
 use lodsmith_viewer::gpu::Context;
 
-/// What is done, and when it is over.
+/// Phases of the benchmark.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     Open,
@@ -22,14 +23,14 @@ enum Phase {
 }
 
 const PHASES: [Phase; 5] = [Phase::Open, Phase::Rest, Phase::Turn, Phase::RestAgain, Phase::Simplify];
-/// How long the mouse turns the model.
+/// Time for which the mouse rotates the model.
 const TURN: Duration = Duration::from_secs(5);
-/// Frames after which nothing more is expected.
+/// Number of idle frames that end a phase.
 const CALM: usize = 4;
 
 struct Watched {
     app: App,
-    /// Which of the phases, and since when.
+    /// Index of the phase, and its start.
     phase: (usize, Instant),
     last: Instant,
     longest: f64,
@@ -128,7 +129,7 @@ fn main() {
     }
 }
 
-/// A line to whoever started it.
+/// Prints a line.
 fn say(line: &str) {
     drop(writeln!(std::io::stdout(), "{line}"));
 }

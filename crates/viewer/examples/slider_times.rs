@@ -1,5 +1,5 @@
-//! How long it takes until the slider follows, and how long a jump takes then: `slider_times FILE...`, with an adapter where
-//! there is one. Prints a line for each file.
+//! Benchmark of the slider: time until its preview is ready, and time of a jump. `slider_times FILE...`, with
+//! an adapter if there is one. Prints a line for each file.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -12,7 +12,7 @@ use lodsmith_viewer::command::{Command, Target};
 use lodsmith_viewer::document::Document;
 use lodsmith_viewer::gpu::{Frame, Gpu, Placed};
 
-/// Jumps of each kind.
+/// Number of jumps of each kind.
 const JUMPS: usize = 40;
 
 fn main() {
@@ -48,7 +48,7 @@ fn main() {
             }
             format!("{:7.1} {longest:7.1}", sum / JUMPS as f64)
         };
-        // A golden ratio on, from end to end.
+        // Steps of the golden ratio cover the whole range.
         let anywhere = times(&|k| ((k as f64 * 0.618_034).fract() * faces as f64) as usize);
         let near = times(&|k| (faces as f64 * 0.5 * 0.98f64.powi(k as i32)) as usize);
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -60,7 +60,7 @@ fn main() {
     }
 }
 
-/// What is written goes to the card with the next frame.
+/// Draws a frame, which uploads the patched buffers to the GPU.
 fn flush(gpu: Option<&mut Gpu>, document: &Document) {
     let drawing = document.lighter().and_then(|l| l.draw.clone());
     let (Some(gpu), Some(drawing), Some(original)) = (gpu, drawing, document.original()) else { return };

@@ -1,6 +1,6 @@
-//! A walk through copies of a file, 500 unless asked for others: `cargo run -p lodsmith-viewer --example walk -- FILE
-//! [COPIES]`. Prints how many triangles the frames had, and what they took of our own thread; the picture itself is the
-//! adapter's work.
+//! Benchmark of walking through copies of a file, 500 by default: `cargo run -p lodsmith-viewer --example
+//! walk -- FILE [COPIES]`. Prints triangles per frame and the time of the main thread; drawing itself is done
+//! by the adapter.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use lodsmith_viewer::gpu::Context;
 use lodsmith_viewer::stage::StageChange;
 use lodsmith_viewer::stage::scatter::Scatter;
 
-/// Time that this thread was at work; where the system does not say, the time that went by.
+/// CPU time of this thread; wall time if the system does not provide it.
 fn own_secs(since: Instant) -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let nanos = text.split_whitespace().next().and_then(|n| n.parse::<f64>().ok());

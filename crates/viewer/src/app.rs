@@ -1,4 +1,4 @@
-//! The window: what is shown where, what keys do, and the way from what panels say to the document.
+//! The application window: layout, keys, and routing of the panels' requests to the document.
 
 mod empty;
 mod stage;
@@ -30,13 +30,13 @@ use crate::theme;
 use crate::viewport::KEY_TURN_RAD;
 use empty::{empty, hovering};
 
-/// The window.
+/// The application window.
 pub struct App {
     document: Document,
     pictures: Pictures,
     facts: Facts,
     memory: Memory,
-    /// Where the memory lies; `None` remembers nothing.
+    /// Path of the settings file; `None` saves nothing.
     memory_path: Option<PathBuf>,
     shown: HashSet<Panel>,
     is_bare: bool,
@@ -44,7 +44,7 @@ pub struct App {
     dialog: Option<Dialog>,
     export: Option<export::Form>,
     use_system_dialogs: bool,
-    /// The file whose model was last brought into sight.
+    /// File on which the cameras were last framed.
     framed: Option<PathBuf>,
     /// Cameras of a session that is being opened.
     arriving: Option<[Pose; 2]>,
@@ -52,31 +52,31 @@ pub struct App {
     last_frame: Option<Instant>,
     was_typing: bool,
     sample: Option<tempfile::TempDir>,
-    /// When the animation was last moved on, by the clock of the window; `None` while it stands.
+    /// Window clock at the last animation step; `None` while the animation is paused.
     played_at: Option<f64>,
-    /// Whether the timeline came with a file that moves, and goes with it.
+    /// True if an animated file opened the timeline; the timeline then closes with that file.
     has_own_timeline: bool,
-    /// The target that was last seen while something was held, and since when it is the same.
+    /// Target last seen while the pointer or a key was down, and since when it has been unchanged.
     held: Option<(Stop, Instant)>,
 }
 
-/// Where a picture went, or why not.
+/// Path of a saved screenshot, or an error message.
 type Saved = Result<PathBuf, String>;
 
-/// How much is left after a second of holding M.
+/// Fraction of the faces that remains after M was held for one second.
 const HELD_PER_SECOND: f64 = 0.45;
-/// A slider that is held still for so long asks for a result.
+/// Delay after which an unchanged slider that is still held starts a run.
 const REST: Duration = Duration::from_millis(300);
-/// What is left by a key.
+/// Fraction of the faces that remains after one key press.
 const STEP: f64 = 0.9;
-/// The example: the repository's own model, free of rights.
+/// The sample model: the repository's own, in the public domain.
 const SAMPLE: &[u8] = include_bytes!("../assets/finial.ply");
 
 impl App {
-    /// A window that opens what the options say.
+    /// Creates the window and opens the files of the options.
     ///
     /// # Errors
-    /// [`GpuError`] where nothing can be drawn.
+    /// [`GpuError`] if drawing is not possible.
     pub fn new(cc: &eframe::CreationContext<'_>, options: &ViewOptions) -> Result<Self, GpuError> {
         let gpu = cc.wgpu_render_state.as_ref().map(Gpu::new).transpose()?;
         theme::install(&cc.egui_ctx);
@@ -118,28 +118,28 @@ impl App {
         Ok(app)
     }
 
-    /// What is open.
+    /// Returns the document.
     pub fn document(&self) -> &Document {
         &self.document
     }
-    /// The same, for tests that wait.
+    /// Returns the document for changes, for tests that wait.
     pub fn document_mut(&mut self) -> &mut Document {
         &mut self.document
     }
-    /// Whether a panel is shown.
+    /// Returns true if a panel is shown.
     pub fn is_shown(&self, panel: Panel) -> bool {
         !self.is_bare && self.shown.contains(&panel)
     }
-    /// Triangles of the pictures that are still to be drawn, part by part.
+    /// Number of triangles still to be drawn in pictures that are drawn in parts.
     pub fn triangles_left(&self) -> u64 {
         self.pictures.triangles_left
     }
-    /// From where the two sides are seen.
+    /// Returns the cameras of both sides.
     pub fn orbits(&self) -> [Orbit; 2] {
         [Side::Original, Side::Result].map(|s| self.pictures.orbit(s))
     }
 
-    /// Opens files; a session among them is opened instead.
+    /// Opens files; if one of them is a session, opens only that.
     fn open(&mut self, files: Vec<PathBuf>) {
         let is_session = |f: &&PathBuf| f.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
         if let Some(layout) = files.iter().find(|f| is_session(f) && LayoutFile::is_one(f)).cloned() {
@@ -168,7 +168,7 @@ impl App {
         self.document.problem = Some(why);
     }
 
-    /// The example, written to a folder that goes with the window.
+    /// Opens the sample model, written to a temporary directory that lives as long as the window.
     fn open_sample(&mut self) {
         let folder = match &self.sample {
             Some(folder) => Ok(folder.path().to_owned()),
@@ -188,7 +188,7 @@ impl App {
         }
     }
 
-    /// A file has come: the camera goes to it.
+    /// Frames a newly opened file.
     fn arrive(&mut self, ctx: &egui::Context) {
         let Some(path) = self.document.original().map(|o| o.content.path.clone()) else {
             self.framed = None;
@@ -224,7 +224,7 @@ impl App {
         self.framed = Some(path);
     }
 
-    /// Moves the animation on by the time that went by, and says so to the pictures.
+    /// Advances the animation by the elapsed time and passes the pose to the pictures.
     fn play(&mut self, ctx: &egui::Context) {
         self.played_at = if self.document.is_playing() {
             let now = ctx.input(|i| i.time);
@@ -251,7 +251,7 @@ impl App {
         })
     }
 
-    /// More or less is to be left, by a factor.
+    /// Scales the target by a factor.
     fn scale_target(&mut self, factor: f64) {
         let Some(whole) = self.whole() else { return };
         let shown = self.document.lighter().map_or(whole.faces, |l| l.content.faces);
@@ -432,7 +432,7 @@ impl App {
             Action::Wireframe => looks.wireframe = !looks.wireframe,
             Action::Shade(n) => {
                 let (shading, _) = SHADINGS[n.min(SHADINGS.len() - 1)];
-                // The key of the heat map takes it away again.
+                // The heat map's key also turns it off.
                 let is_again = shading == Shading::Heat && looks.shading == Shading::Heat;
                 looks.shading = if is_again { Shading::Smooth } else { shading };
             }
@@ -446,7 +446,7 @@ impl App {
         self.document.run(Command::Look(look));
     }
 
-    /// A picture of the window into a file beside the model; numbers go on where there are some.
+    /// Saves a screenshot of the window beside the model, under the next free number.
     fn screenshot(&mut self, ctx: &egui::Context) {
         let folder = self.start_of_dialogs();
         let file = self.document.settings().file();
@@ -472,7 +472,7 @@ impl App {
         if self.is_help && ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::H)) {
             self.is_help = false;
         }
-        // The same key goes from field to field, unless it was nobody's.
+        // Tab moves the focus between fields, unless no field had it.
         let was_typing = std::mem::replace(&mut self.was_typing, ctx.egui_wants_keyboard_input());
         if !was_typing
             && !is_modal
@@ -509,7 +509,7 @@ impl App {
         self.pictures.is_flickering = plain && is_space;
     }
 
-    /// What panels ask to be known.
+    /// Tells the document which results the panels need.
     fn want(&mut self) {
         let is_heat = self.document.settings().look.look.shading == Shading::Heat;
         self.document.want(is_heat || self.is_shown(Panel::Error), self.is_shown(Panel::Info));
@@ -592,7 +592,7 @@ impl App {
         self.heed(ui.ctx(), says);
     }
 
-    /// The same amount, in another unit.
+    /// Keeps the same target, in another unit.
     fn change_unit(&mut self, unit: Unit) {
         let (Some(whole), Some(lighter)) = (self.whole(), self.document.lighter()) else { return };
         let l = &lighter.content;
@@ -644,7 +644,7 @@ impl App {
         self.heed(ui.ctx(), says);
     }
 
-    /// What went wrong, and what changed on the disk: a bar above the pictures.
+    /// Bar above the pictures: errors, and files changed on disk.
     fn notices(&mut self, ui: &mut Ui, says: &mut Vec<Say>) {
         let p = theme::palette(ui);
         let bar = |ui: &mut Ui, color, add: &mut dyn FnMut(&mut Ui)| {
@@ -680,7 +680,7 @@ impl App {
         }
     }
 
-    /// What is held is let go, or rests: then the level that is shown becomes a result of its own.
+    /// Replaces the preview level by an exact result once nothing is held, or the held slider rests.
     fn rest(&mut self, ctx: &egui::Context) {
         if !ctx.input(|i| i.pointer.any_down() || i.key_down(Key::M)) {
             return self.document.seal();
@@ -693,7 +693,7 @@ impl App {
             },
             _ => {
                 self.held = Some((stop, Instant::now()));
-                // Panels are drawn before what they say is done.
+                // Panels are drawn before their requests are carried out.
                 ctx.request_repaint();
             }
         }

@@ -1,4 +1,4 @@
-//! How long it takes to make levels and to draw them: a table of times, filled row after row.
+//! Benchmark: time to make and to draw levels, as a table that is filled row by row.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -16,62 +16,62 @@ use crate::settings::Settings;
 use crate::viewport;
 use crate::words::Simplification;
 
-/// Parts of the triangles that are made; the original comes before them.
+/// Fractions of the triangles that are made; the original comes before them.
 pub const LEVELS: [f64; 5] = [0.5, 0.25, 0.1, 0.05, 0.01];
-/// Pixels of the picture that is drawn.
+/// Size of the picture that is drawn, in pixels.
 pub const SIZE: [u32; 2] = [1024, 768];
-/// Pictures of each level: the fastest counts, for whatever else the machine does makes them slower.
+/// Pictures of each level. The fastest counts: other load on the machine only makes them slower.
 pub const PICTURES: usize = 5;
 
-/// Times of a model and of its levels.
+/// Times of a model and its levels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// Name of the file.
     pub file: String,
-    /// What made the levels, as it is typed.
+    /// Options that made the levels, as command-line words.
     pub how: String,
-    /// What drew them; empty without a card.
+    /// Name of the adapter that drew them; empty without one.
     pub adapter: String,
-    /// How surfaces were shown.
+    /// Shading mode.
     pub shading: &'static str,
-    /// Seconds that opening took.
+    /// Load time in seconds.
     pub read_secs: f64,
     /// The original, then the levels.
     pub rows: Vec<Row>,
 }
 
-/// One level.
+/// One row of the table: a level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// Part of the triangles that was asked for.
+    /// Fraction of the triangles that was asked for.
     pub share: f64,
-    /// What came out, or why nothing did.
+    /// Measured values, or why there is no result.
     pub level: Result<Level, String>,
 }
 
-/// What a level takes.
+/// Times and error of a level.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Level {
-    /// Triangles.
+    /// Number of triangles.
     pub faces: usize,
-    /// Seconds to make it; `None` for the original.
+    /// Time to make it in seconds; `None` for the original.
     pub simplify_secs: Option<f64>,
-    /// RMS distance as part of the diagonal; `None` for the original.
+    /// RMS distance as a fraction of the diagonal; `None` for the original.
     pub error: Option<f64>,
-    /// Seconds until the card had it.
+    /// Upload time in seconds.
     pub upload_secs: Option<f64>,
-    /// Seconds of our own for a picture.
+    /// CPU time per picture in seconds.
     pub frame_secs: Option<f64>,
-    /// Seconds of the adapter for a picture, where it has a clock.
+    /// GPU time per picture in seconds; `None` if the adapter has no timestamps.
     pub adapter_secs: Option<f64>,
 }
 
-/// Heads of the columns.
+/// Column headings.
 pub const HEADS: [&str; 7] =
     ["level", "faces", "simplify", "RMS of diagonal", "upload", "frame, ours", "frame, adapter"];
 
 impl Row {
-    /// Its columns, as people read them.
+    /// Returns the cells of the row, formatted for display.
     pub fn cells(&self) -> [String; 7] {
         let dash = || "–".to_owned();
         let name = if self.share < 1.0 { percent(self.share) } else { "original".to_owned() };
@@ -92,13 +92,13 @@ impl Row {
     }
 }
 
-/// Seconds, of which drawing takes few.
+/// Formats seconds, with enough digits for drawing times.
 fn fine_seconds(secs: f64) -> String {
     if secs < 1e-3 { format!("{} ms", significant(1e3 * secs, 2)) } else { seconds(secs) }
 }
 
 impl Table {
-    /// What it is about, in a line.
+    /// Returns a one-line description of model, method and adapter.
     pub fn title(&self) -> String {
         let adapter = if self.adapter.is_empty() { "no adapter" } else { &self.adapter };
         let [width, height] = SIZE;
@@ -111,7 +111,7 @@ impl Table {
         )
     }
 
-    /// For pages: a table of Markdown below its title.
+    /// Returns the table as Markdown below its title.
     pub fn markdown(&self) -> String {
         let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
         let heads = HEADS.map(str::to_owned);
@@ -120,7 +120,7 @@ impl Table {
         format!("{}\n\n{}{rule}{rows}", self.title(), line(&heads))
     }
 
-    /// For spreadsheets: numbers alone, seconds and parts, with tabs between.
+    /// Returns the table as tab-separated numbers: seconds and fractions.
     pub fn tsv(&self) -> String {
         let heads = "share\tfaces\tsimplify_s\trms_of_diagonal\tupload_s\tframe_s\tadapter_s\n";
         let number = |x: Option<f64>| x.map(|x| x.to_string()).unwrap_or_default();
@@ -136,22 +136,22 @@ impl Table {
     }
 }
 
-/// A table that is being filled.
+/// A table that is being filled by a job.
 #[derive(Clone, Debug, Default)]
 pub struct Filling(Arc<Mutex<Table>>);
 
 impl Filling {
-    /// As far as it is.
+    /// Returns the rows so far.
     pub fn table(&self) -> Table {
         self.lock().clone()
     }
 
     fn lock(&self) -> MutexGuard<'_, Table> {
-        // A row is pushed as a whole.
+        // A row is pushed as a whole, so a poisoned lock holds a valid table.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Makes and draws every level. Whether it came to its end.
+    /// Makes and draws every level. Returns false if it was cancelled.
     pub fn fill(
         &self,
         original: &Original,
@@ -201,7 +201,7 @@ impl Filling {
     }
 }
 
-/// The options that are not the usual ones, as they are typed.
+/// Returns the options that differ from the defaults, as command-line words.
 fn described(how: &Simplification) -> String {
     let words = how.words();
     let method = format!("--method {}", how.options.method.name());
@@ -212,7 +212,7 @@ fn described(how: &Simplification) -> String {
     }
 }
 
-/// Part of the way of a job.
+/// Maps the progress of one level to its range of the whole job.
 struct Within<'a> {
     watch: &'a mut Watch,
     from: f64,
@@ -229,7 +229,7 @@ impl Control for Within<'_> {
     }
 }
 
-/// What draws, and from where.
+/// Renderer of the benchmark: adapter, original and settings.
 struct Easel<'a> {
     gpu: Gpu,
     original: &'a Original,
@@ -241,7 +241,8 @@ impl<'a> Easel<'a> {
         Self { gpu: Gpu::on(context).timed(), original, settings }
     }
 
-    /// Brings a model to the card and draws it, as the window does; the first picture makes what all need.
+    /// Uploads a model and draws it as the window does. The first picture is not timed: it sets up shared
+    /// resources.
     fn draw(&mut self, model: &Model, level: Level) -> Level {
         let begin = Instant::now();
         let drawing = self.gpu.upload(model);
@@ -249,7 +250,7 @@ impl<'a> Easel<'a> {
         let mut target = self.gpu.target(SIZE);
         let look = &self.settings.look;
         let mut shown = look.look.clone();
-        // Heat is a result of another job.
+        // The distances for the heat map come from another job.
         if shown.shading == Shading::Heat {
             shown.shading = Shading::Smooth;
         }

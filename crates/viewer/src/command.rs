@@ -1,4 +1,4 @@
-//! What one can do to a document. Commands are data: a list of them replays a session.
+//! Commands that change a document. They are data: a list of them replays a session.
 
 use std::path::PathBuf;
 
@@ -14,51 +14,51 @@ use crate::words::Simplification;
 /// One change of a document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Command {
-    /// These files instead of those that are open. The target starts anew.
+    /// Opens these files instead of those that are open, and resets the target.
     Open(Vec<PathBuf>),
-    /// Another of the open files.
+    /// Shows another of the open files.
     Show(usize),
-    /// No file.
+    /// Closes all files.
     Close,
-    /// When to stop.
+    /// Sets the target.
     Target(Target),
-    /// How to simplify; the target is kept.
+    /// Sets the method and its options; keeps the target.
     Method(Box<Simplification>),
-    /// How surfaces are shown.
+    /// Sets the appearance of surfaces.
     Look(Appearance),
-    /// How the two sides are shown.
+    /// Sets the layout of the two sides.
     Layout(Layout),
-    /// How the model is turned.
+    /// Sets the rotation of the model.
     Turn(Turn),
-    /// A camera to come back to, or none.
+    /// Saves a camera in a slot, or clears the slot.
     KeepCamera(usize, Option<Pose>),
-    /// A level by distance.
+    /// Sets the selection of levels by distance.
     AutoLod(AutoLod),
-    /// Copies of the model on a ground, and how they are shown.
+    /// Changes the stage: copies of the model on a ground, and how they are shown.
     Stage(StageChange),
-    /// Another animation, moment or speed.
+    /// Sets animation, time and speed.
     Playback(Playback),
-    /// All of it, as a session that was opened has it.
+    /// Replaces all settings by those of an opened session.
     Session(Box<Settings>),
 }
 
-/// When to stop: what the slider under the pictures sets.
+/// The target of a run, as the slider under the pictures sets it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Target {
-    /// The original.
+    /// The original, unsimplified.
     Original,
-    /// So many triangles.
+    /// Number of triangles.
     Faces(usize),
-    /// So many vertices.
+    /// Number of vertices.
     Vertices(usize),
-    /// This part of the triangles.
+    /// Fraction of the triangles.
     Ratio(f64),
-    /// A deviation, as a share of the diagonal.
+    /// Deviation, as a fraction of the diagonal.
     Error(f64),
 }
 
 impl Target {
-    /// For the engine.
+    /// Returns the stop of the engine.
     pub fn stop(self) -> Stop {
         match self {
             Self::Original => Stop::default(),
@@ -71,7 +71,7 @@ impl Target {
 }
 
 impl Command {
-    /// Its name, for the menu.
+    /// Returns its name, for the menu.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Open(_) => "open",
@@ -99,7 +99,7 @@ impl Command {
                 settings.simplify.options.stop = Stop::default();
                 settings.turn = Turn::default();
                 settings.cameras = [None; 4];
-                // Copies stand in the units of their model.
+                // Positions of copies are in units of their model.
                 StageChange::Replace(Copies::default(), Motion::default()).apply(&mut settings.stage);
                 settings.stage.is_on = false;
                 settings.playback = settings.playback.anew();
@@ -137,15 +137,15 @@ impl Command {
     }
 }
 
-/// What steps of the animation are called.
+/// Name of playback commands in the history.
 const PLAYBACK: &str = "animation";
 
-/// What was before, to go back to.
+/// Undo history.
 #[derive(Debug, Default)]
 pub struct History {
     undone: Vec<Step>,
     done: Vec<Step>,
-    /// Whether the last step goes on: a slider is held.
+    /// True while further commands of the same name join the last step, as while a slider is held.
     is_open: bool,
 }
 
@@ -155,11 +155,11 @@ struct Step {
     settings: Settings,
 }
 
-/// Steps that are kept. Guessed; each holds a few hundred bytes.
+/// Number of undo steps that are kept. Guessed; each holds a few hundred bytes.
 const STEPS: usize = 500;
 
 impl History {
-    /// Does a command. Commands of one kind are one step until [`History::seal`].
+    /// Runs a command. Commands of one kind are one step until [`History::seal`].
     pub fn run(&mut self, command: &Command, settings: &mut Settings) {
         let before = settings.clone();
         command.apply(settings);
@@ -177,24 +177,24 @@ impl History {
         self.is_open = true;
     }
 
-    /// The next command is a step of its own.
+    /// Makes the next command a step of its own.
     pub fn seal(&mut self) {
         self.is_open = false;
     }
 
-    /// Goes back a step; whether there was one.
+    /// Undoes a step; returns false if there is none.
     pub fn undo(&mut self, settings: &mut Settings) -> bool {
         Self::swap(&mut self.done, &mut self.undone, settings)
     }
 
-    /// Goes forward again; whether there was a step.
+    /// Redoes a step; returns false if there is none.
     pub fn redo(&mut self, settings: &mut Settings) -> bool {
         Self::swap(&mut self.undone, &mut self.done, settings)
     }
 
     fn swap(from: &mut Vec<Step>, to: &mut Vec<Step>, settings: &mut Settings) -> bool {
         let Some(mut step) = from.pop() else { return false };
-        // What plays goes on: only steps of its own change the moment.
+        // Playback goes on: only playback steps change the time.
         let was = &mut step.settings;
         if step.name != PLAYBACK && was.file() == settings.file() {
             was.playback.seconds = settings.playback.seconds;
@@ -204,7 +204,7 @@ impl History {
         true
     }
 
-    /// What the next undo takes back, and what the next redo does again.
+    /// Returns the names of the next undo step and the next redo step.
     pub fn names(&self) -> (Option<&'static str>, Option<&'static str>) {
         (self.done.last().map(|s| s.name), self.undone.last().map(|s| s.name))
     }

@@ -1,4 +1,4 @@
-//! The two sides in one window: pictures of both, and what the mouse does over them.
+//! The comparison view: pictures of both sides, and mouse input over them.
 
 use std::sync::PoisonError;
 use std::time::{Duration, Instant};
@@ -26,9 +26,9 @@ use crate::viewport;
 /// One of the two sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// The file as it is.
+    /// The file, unchanged.
     Original,
-    /// What was made of it.
+    /// The simplified mesh.
     Result,
 }
 
@@ -45,7 +45,7 @@ impl Side {
             Self::Result => "Result",
         }
     }
-    /// What tests and screen readers find it by.
+    /// Returns the name by which tests and screen readers find it.
     fn picture(self) -> &'static str {
         match self {
             Self::Original => "Picture of the original",
@@ -54,14 +54,14 @@ impl Side {
     }
 }
 
-/// The pictures, and from where they are taken.
+/// The pictures of both sides, with their cameras.
 pub struct Pictures {
     gpu: Option<Gpu>,
     targets: [Option<Target>; 2],
     orbits: [Orbit; 2],
-    /// How the model stands.
+    /// Current pose of the model.
     pose: Pose,
-    /// Whether the sides have changed places, while a key is held.
+    /// True while a key swaps the two sides.
     pub is_flickering: bool,
     /// Width over height of a picture, as last shown.
     pub aspect: f64,
@@ -69,28 +69,28 @@ pub struct Pictures {
     pub height_px: f64,
     /// Triangles drawn in the last frame that was drawn.
     pub triangles: u64,
-    /// Copies on a ground, in the place of the two sides.
+    /// Stage view: copies on a ground, shown instead of the two sides.
     pub stage: StageView,
-    /// Triangles of the last frame that are still to be drawn.
+    /// Number of triangles of the last frame still to be drawn.
     pub triangles_left: u64,
     moved: Option<Instant>,
     own: OwnFiles,
-    /// The view to begin with, once the size of the pictures is known.
+    /// View to frame as soon as the size of the pictures is known.
     arriving: Option<usize>,
 }
 
-/// Pixels of a picture for one of the screen while the camera moves, where a processor draws. Measured: a quarter of the
-/// pixels take a third of the time.
+/// Render scale while the camera moves, on software adapters. Measured: a quarter of the pixels take a third
+/// of the time.
 const COARSE: f32 = 0.5;
-/// Triangles below which a processor is fast enough at full size.
+/// Number of triangles up to which software adapters draw at full size.
 const FAST_TRIANGLES: usize = 50_000;
-/// After the last movement, the picture gets its full size.
+/// Time after the last movement until the picture is drawn at full size.
 const REST: Duration = Duration::from_millis(160);
-/// Detail by a drag of so many points: a factor of e.
+/// Length of a drag, in points, that changes the target by a factor of e.
 const DETAIL_POINTS: f32 = 120.0;
 
 impl Pictures {
-    /// Pictures by this card; without one, none.
+    /// Creates the pictures of an adapter; without one, nothing is drawn.
     pub fn new(gpu: Option<Gpu>) -> Self {
         let bounds = Bounds { min: [-0.5; 3], max: [0.5; 3] };
         let orbit = Orbit::fitting(&bounds, viewport::standard(0), 1.0);
@@ -111,12 +111,12 @@ impl Pictures {
         }
     }
 
-    /// The card.
+    /// Returns the adapter.
     pub fn gpu(&self) -> Option<&Gpu> {
         self.gpu.as_ref()
     }
 
-    /// How the model stands now.
+    /// Sets the pose of the model.
     pub fn stand(&mut self, pose: Pose) {
         if pose != self.pose {
             self.pose = pose;
@@ -124,7 +124,8 @@ impl Pictures {
         }
     }
 
-    /// Reads the looks of the user's that are named, and again what has changed. What is wrong with them.
+    /// Reads the user's own appearance files that the settings name, and rereads changed ones. Returns an
+    /// error message, if any.
     pub fn follow_files(&mut self, document: &Document, have_changed: bool) -> Option<String> {
         let has_metal = document.original().is_some_and(|o| o.content.model().has_metal());
         self.own.follow(self.gpu.as_ref(), &document.settings().look, has_metal, have_changed);
@@ -134,12 +135,12 @@ impl Pictures {
         self.own.error()
     }
 
-    /// From where a side is looked at.
+    /// Returns the camera of a side.
     pub fn orbit(&self, side: Side) -> Orbit {
         self.orbits[side as usize]
     }
 
-    /// Looks from there; with linked cameras both sides do.
+    /// Sets the camera of a side, or of both if they are linked.
     pub fn set_orbit(&mut self, side: Side, orbit: Orbit, linked: bool) {
         self.orbits[side as usize] = orbit;
         if linked {
@@ -152,7 +153,8 @@ impl Pictures {
         self.orbits.iter_mut().for_each(change);
     }
 
-    /// All that is there, in the place that is left. Pushes what the mouse asks for.
+    /// Draws the pictures in the remaining space and pushes requests of the mouse. Returns a factor for the
+    /// target, if one was dragged.
     pub fn show(&mut self, ui: &mut Ui, document: &Document, says: &mut Vec<Say>) -> Option<f64> {
         if document.stage().is_some() {
             self.stage.show(ui, document, self.gpu.as_mut(), &self.own, &self.pose, says);
@@ -224,7 +226,8 @@ impl Pictures {
         detail
     }
 
-    /// What stands on the side of the result: what was asked for, or the level for this distance with its number.
+    /// Returns the mesh of the result side: the result, or the automatic level for this distance with its
+    /// number.
     fn result<'a>(&self, document: &'a Document) -> (Option<&'a Shown<Lighter>>, Option<usize>) {
         if document.levels().is_empty() {
             return (document.lighter(), None);
@@ -233,13 +236,14 @@ impl Pictures {
         (level, Some(number))
     }
 
-    /// The largest error that may be seen from here, in the units of the model.
+    /// Returns the largest error that stays within the allowed pixels from this distance, in the units of the
+    /// model.
     pub fn allowed_error(&self, document: &Document) -> f64 {
         let pixels = document.settings().auto_lod.pixels;
         self.pixels(document, 1.0).map_or(0.0, |per_unit| pixels / per_unit.max(1e-300))
     }
 
-    /// Draws a side into its picture, and shows that.
+    /// Draws a side into its texture and paints that.
     fn draw(&mut self, ui: &Ui, document: &Document, slot: usize, rect: Rect, seen: Rect, side: Side) {
         let painter = ui.painter_at(seen);
         painter.rect_filled(seen, 0.0, palette(ui).window);
@@ -271,13 +275,14 @@ impl Pictures {
         if look.shading == Shading::Heat {
             match document.distances() {
                 Some(distances) => look.heat_range = Some(error::ends(&look, distances.largest)),
-                // Until there is something to be coloured by.
+                // Until the distances are known.
                 None => look.shading = Shading::Smooth,
             }
         }
         let lighting = settings.look.rig.lighting(settings.look.brightness);
         let drawing = drawing.lock().unwrap_or_else(PoisonError::into_inner);
-        // At first too, so that there is something to see. It has no distances to be coloured by.
+        // Also for the first frame, so that something shows at once. The preview mesh has no distances for a
+        // heat map.
         let has_time = !is_coarse && target.shows_model(&drawing);
         let is_light = !has_time && faces > stand_in::MUCH && look.shading != Shading::Heat;
         let placed = Placed {
@@ -297,12 +302,12 @@ impl Pictures {
             environment: self.own.environment(),
             shader: self.own.shader(),
         };
-        // Sides that show the same share one picture.
+        // Sides that show the same frame share one picture.
         let is_same = |other: &&Target| other.shows(&frame) || other.draws(&frame);
         let same = other.filter(|other| other.size() == target.size() && is_same(other));
         let mut part = None;
         if same.is_none() {
-            // Parts of a picture that is another one with each frame would never come to a whole.
+            // A picture drawn in parts never completes if the frame changes each time.
             let is_whole = is_coarse && (is_light || faces <= stand_in::MUCH);
             let drawn: Drawn =
                 if is_whole { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
@@ -327,7 +332,7 @@ impl Pictures {
         }
     }
 
-    /// Looks at the place that was clicked; beside the model at nothing new.
+    /// Centres the camera on the clicked point; a click beside the model changes nothing.
     fn recentre(&mut self, document: &Document, side: Side, response: &Response, rect: Rect) {
         let Some(pointer) = response.interact_pointer_pos() else { return };
         let Some(original) = document.original() else { return };
@@ -345,25 +350,26 @@ impl Pictures {
         }
     }
 
-    /// All of the model in sight.
+    /// Frames the whole model.
     pub fn frame(&mut self, document: &Document) {
         let Some(bounds) = self.standing_bounds(document) else { return };
         let aspect = self.aspect;
         self.each_orbit(|orbit| orbit.frame(&bounds, aspect));
     }
 
-    /// The same as [`Pictures::look_from`], for the next time that pictures are shown.
+    /// Does as [`Pictures::look_from`], the next time that the pictures are shown.
     pub fn arrive_from(&mut self, view: usize) {
         self.arriving = Some(view);
     }
 
-    /// From a side with a name, all of the model in sight.
+    /// Frames the whole model from a standard view.
     pub fn look_from(&mut self, document: &Document, view: usize) {
         let Some(bounds) = self.standing_bounds(document) else { return };
         self.orbits = [Orbit::fitting(&bounds, viewport::standard(view), self.aspect); 2];
     }
 
-    /// The box of what is shown, as it stands and is turned. Cost: O(vertices) of what joints or morph targets pull.
+    /// Returns the bounding box of the posed and rotated model. Cost: O(vertices) of skinned and morphed
+    /// meshes.
     fn standing_bounds(&self, document: &Document) -> Option<Bounds> {
         let original = &document.original()?.content;
         let turn = turn_matrix(&original.bounds, document.settings().turn.rotation());
@@ -371,7 +377,7 @@ impl Pictures {
         Some(moved_bounds(&standing, &turn))
     }
 
-    /// Pixels that a length at the middle of the model covers.
+    /// Returns the length in pixels of a segment at the centre of the model.
     pub fn pixels(&self, document: &Document, length: f64) -> Option<f64> {
         let bounds = seen_bounds(document)?;
         let middle = 0.5 * (DVec3::from(bounds.min) + DVec3::from(bounds.max));
@@ -380,27 +386,27 @@ impl Pictures {
     }
 }
 
-/// How much of a picture is drawn that comes in parts: a line at its lower edge.
+/// Draws a progress line at the lower edge of a picture that is drawn in parts.
 pub(crate) fn drawing_line(ui: &Ui, rect: Rect, share: f64) {
     let y = rect.bottom() - 1.5;
     let to = rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32;
     ui.painter_at(rect).hline(rect.left()..=to, y, egui::Stroke::new(3.0, palette(ui).accent));
 }
 
-/// The box of what is shown at rest, as it is turned.
+/// Returns the bounding box of the rotated model in its rest pose.
 pub fn seen_bounds(document: &Document) -> Option<Bounds> {
     let original = document.original()?;
     Some(turned_bounds(&original.content.bounds, document.settings().turn.rotation()))
 }
 
-/// Alt and a drag: by what factor more is to be left.
+/// Returns the factor for the target of a drag with Alt held.
 fn detail_of(response: &Response) -> Option<f64> {
     let is_alt = response.ctx.input(|i| i.modifiers.alt);
     let is_dragged = response.dragged_by(PointerButton::Primary) && is_alt;
     is_dragged.then(|| f64::from(-response.drag_delta().y / DETAIL_POINTS).exp()).filter(|f| *f != 1.0)
 }
 
-/// The line between the sides, which can be dragged.
+/// Draws the draggable divider between the two sides.
 fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
     let x = all.left() + all.width() * layout.wipe.clamp(0.0, 1.0);
     let grab = Rect::from_min_max(pos2(x - 8.0, all.top()), pos2(x + 8.0, all.bottom()));
@@ -423,7 +429,7 @@ fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
     }
 }
 
-/// Which side it is, and how much of it there is; the legend of heat.
+/// Draws the label of a side with its number of faces, and the legend of the heat map.
 fn overlay(
     ui: &Ui,
     document: &Document,

@@ -1,4 +1,4 @@
-//! What stands in the window: the file as it is, and what was made of it.
+//! The shown models: the file's, and those made of it.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -18,22 +18,22 @@ use lodsmith_render::Shading;
 
 use crate::words::{Normals, Simplification};
 
-/// A file, and what is known of it.
+/// A file that was read, with its counts.
 #[derive(Debug)]
 pub struct Original {
-    /// Where it lies.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What it holds.
+    /// Contents of the file.
     pub file: ModelFile,
-    /// Which files it may name.
+    /// Scope of the files it may refer to.
     pub assets: AssetScope,
-    /// A box round all that is placed.
+    /// Bounding box of all mesh instances.
     pub bounds: Bounds,
-    /// Triangles, as often as nodes place them.
+    /// Number of triangles over all mesh instances.
     pub faces: usize,
-    /// Vertices, counted likewise.
+    /// Number of vertices over all mesh instances.
     pub vertices: usize,
-    /// Time that reading took.
+    /// Load time in seconds.
     pub read_secs: f64,
     prepared: Vec<OnceLock<Option<Prepared>>>,
 }
@@ -51,7 +51,7 @@ impl Original {
         Ok(Self { assets, ..Self::of_file(path.to_owned(), file, begin.elapsed().as_secs_f64()) })
     }
 
-    /// Of what was read already.
+    /// Makes one of a file that was already read.
     pub fn of_file(path: PathBuf, file: ModelFile, read_secs: f64) -> Self {
         let model = &file.model;
         let count = |of: fn(&TriMesh) -> usize| placed(model, of);
@@ -62,12 +62,12 @@ impl Original {
         Self { path, assets, bounds, faces, vertices, file, read_secs, prepared }
     }
 
-    /// What is to be seen.
+    /// Returns the model.
     pub fn model(&self) -> &Model {
         &self.file.model
     }
 
-    /// How it is meant to be seen: with its materials or colours, where it has them.
+    /// Returns the shading that the file intends: materials or vertex colours, if it has them.
     pub fn usual_shading(&self) -> Shading {
         let model = self.model();
         if !model.materials.is_empty() {
@@ -79,48 +79,48 @@ impl Original {
         }
     }
 
-    /// A mesh made ready to be measured; `None` for one without faces. Made when first asked for.
+    /// Returns a mesh prepared for measuring; `None` if it has no faces. It is prepared on the first call.
     pub fn prepared(&self, mesh: usize) -> Option<&Prepared> {
         let make = || Prepared::new(&self.model().meshes[mesh].mesh.surface()).ok();
         self.prepared[mesh].get_or_init(make).as_ref()
     }
 
-    /// By how much each mesh is larger where it stands.
+    /// Returns the largest scale of each mesh over its instances.
     pub fn scales(&self) -> Vec<f64> {
         let mut scales = vec![0.0; self.model().meshes.len()];
         for instance in self.model().instances(&Pose::default()) {
             let scale = largest_scale(instance.world_from_mesh);
             scales[instance.mesh] = scale.max(scales[instance.mesh]);
         }
-        // What stands nowhere is as large as it is.
+        // A mesh without instances has scale 1.
         scales.iter().map(|&s| if s > 0.0 { s } else { 1.0 }).collect()
     }
 }
 
-/// A lighter model, and how it came about.
+/// A simplified model, and how it was made.
 #[derive(Debug)]
 pub struct Lighter {
-    /// What is to be seen: as the original, with other meshes.
+    /// The original model with simplified meshes.
     pub model: Model,
-    /// Triangles, as often as nodes place them.
+    /// Number of triangles over all mesh instances.
     pub faces: usize,
-    /// Vertices, counted likewise.
+    /// Number of vertices over all mesh instances.
     pub vertices: usize,
-    /// What the engine says; `None` for a level of a progressive mesh, which no run was made for.
+    /// Report of the engine; `None` for a level of a progressive mesh, for which there was no run.
     pub report: Option<Report>,
-    /// What became of each mesh of a scene.
+    /// Counts of each mesh of a scene.
     pub counts: Vec<MeshCounts>,
-    /// What it was made with.
+    /// Options it was made with.
     pub how: Simplification,
-    /// Time that it took.
+    /// Time to make it in seconds.
     pub seconds: f64,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     estimate: f64,
 }
 
 impl Lighter {
-    /// Makes a lighter model.
+    /// Simplifies the original.
     ///
     /// # Errors
     /// As [`lodsmith::simplify`].
@@ -147,7 +147,8 @@ impl Lighter {
         Self::of(original, how, (meshes, report, counts), begin.elapsed().as_secs_f64())
     }
 
-    /// Makes several, with these parts of the triangles, falling; one run makes them all where the method can.
+    /// Makes several levels with these fractions of the triangles, in descending order; in one run if the
+    /// method can.
     ///
     /// # Errors
     /// As [`lod`](fn@lodsmith::lod).
@@ -209,7 +210,7 @@ impl Lighter {
         Ok(Self { model, faces, vertices, report, counts, how, seconds, warnings, estimate })
     }
 
-    /// A level of a progressive mesh, with its number of triangles and vertices and its error.
+    /// Makes one of a level of a progressive mesh, with its number of triangles and vertices and its error.
     pub(crate) fn of_level(
         model: Model,
         [faces, vertices]: [usize; 2],
@@ -221,18 +222,18 @@ impl Lighter {
         Self { model, faces, vertices, report: None, counts, how, seconds, warnings, estimate }
     }
 
-    /// Both ways, where that was measured.
+    /// Returns the two-way comparison, if it was measured.
     pub fn measured(&self) -> Option<&Comparison> {
         self.report.as_ref()?.error.measured.as_ref()
     }
 
-    /// The RMS distance from the original: measured where that was asked for, else estimated.
+    /// Returns the RMS distance from the original: measured if that was requested, else estimated.
     pub fn error(&self) -> f64 {
         self.measured().map_or(self.estimate, |m| m.rms.symmetric)
     }
 }
 
-/// The meshes of a result, in the order of the model's.
+/// Meshes of a result in the order of the model, its report, and counts of each mesh.
 type Made = (Vec<Arc<TriMesh>>, Report, Vec<MeshCounts>);
 
 pub(crate) fn diagonal_of(scene: &lodsmith_io::gltf::Scene) -> f64 {
@@ -251,20 +252,20 @@ fn of_scene(scene: &lodsmith_io::gltf::Scene, taken: &[usize], done: SimplifiedS
     (all, done.report, done.counts)
 }
 
-/// The meshes that a run takes: what stands nowhere in the scene stays as it is, unless nothing stands anywhere.
+/// Returns the meshes that a run simplifies: those with instances, or all if none has any.
 pub fn placed_meshes(scene: &lodsmith_io::gltf::Scene) -> Vec<usize> {
     let meshes = scene.meshes();
     let is_any_placed = meshes.iter().any(|m| m.instances > 0);
     (0..meshes.len()).filter(|&i| !is_any_placed || meshes[i].instances > 0).collect()
 }
 
-/// Those meshes as the engine takes them; those placed by one matrix lie in one system.
+/// Returns these meshes as parts for the engine. Those with the same world matrix share a coordinate system.
 pub(crate) fn parts_of<'a>(scene: &'a lodsmith_io::gltf::Scene, taken: &[usize]) -> Vec<Part<'a>> {
     let mut systems: Vec<[[f64; 4]; 3]> = Vec::new();
     let mut parts = Vec::with_capacity(taken.len());
     for m in taken.iter().map(|&i| &scene.meshes()[i]) {
         let system = m.world_from_mesh.map(|matrix| {
-            // Equal but for rounding: products of the same matrices in another order.
+            // Equal up to rounding: products of the same matrices in another order.
             let size = matrix.as_flattened().iter().fold(0f64, |m, x| m.max(x.abs()));
             let is_near = |s: &[[f64; 4]; 3]| {
                 let mut pairs = s.as_flattened().iter().zip(matrix.as_flattened());
@@ -280,14 +281,14 @@ pub(crate) fn parts_of<'a>(scene: &'a lodsmith_io::gltf::Scene, taken: &[usize])
     parts
 }
 
-/// The options with the images of these meshes of a model, so that palettes keep their colours.
+/// Adds the images of these meshes to the options, so that palette textures keep their colours.
 fn with_textures(options: &SimplifyOptions, model: &Model, meshes: &[usize]) -> SimplifyOptions {
     let mut options = options.clone();
     options.textures = Some(Arc::new(Textures::of_model(model, meshes.iter().copied())));
     options
 }
 
-/// What the user should know of a run.
+/// Returns the warnings of a run.
 fn told(report: &Report) -> Vec<String> {
     let mut told: Vec<String> = Vec::new();
     let dropped = |name: &&str| format!("{name} dropped: a skin has joints and weights, or nothing");
@@ -304,7 +305,7 @@ fn told(report: &Report) -> Vec<String> {
     told
 }
 
-/// The mesh with the normals of its faces.
+/// Returns the mesh with recomputed normals.
 fn with_new_normals(mut mesh: TriMesh) -> TriMesh {
     let of_vertex = vertex_normals(&mesh.surface(), |v| v);
     let normals = match mesh.vertex_map() {
@@ -315,13 +316,13 @@ fn with_new_normals(mut mesh: TriMesh) -> TriMesh {
     mesh
 }
 
-/// A sum over all meshes that are placed, as often as they are.
+/// Returns a sum over all mesh instances.
 pub fn placed(model: &Model, of: impl Fn(&TriMesh) -> usize) -> usize {
     let instances = model.instances(&Pose::default());
     instances.iter().fold(0, |n, i| of(&model.meshes[i.mesh].mesh).saturating_add(n))
 }
 
-/// A box round all that is placed; round the origin where nothing is.
+/// Returns the bounding box of all mesh instances; a unit cube at the origin if there are none.
 pub fn bounds_of(model: &Model) -> Bounds {
     let boxes: Vec<_> = model.meshes.iter().map(|m| m.mesh.positions().view().bounds()).collect();
     let mut all: Option<Bounds> = None;
@@ -350,25 +351,25 @@ fn largest_scale(matrix: DMat4) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// What is known of the surface of a model: counted after equal places were joined.
+/// Topology counts of a model, after vertices at equal places were joined.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Anatomy {
-    /// Connected parts.
+    /// Number of connected components.
     pub components: usize,
-    /// Edges with one face.
+    /// Number of edges with one face.
     pub border_edges: usize,
-    /// Closed ways along them.
+    /// Number of border loops.
     pub border_loops: usize,
-    /// Edges with more than two faces.
+    /// Number of edges with more than two faces.
     pub non_manifold_edges: usize,
-    /// Whether every mesh is closed.
+    /// True if every mesh is closed.
     pub is_closed: bool,
-    /// Names of what stands on the vertices.
+    /// Names of the vertex attributes.
     pub attributes: Vec<&'static str>,
 }
 
 impl Anatomy {
-    /// Of a model; each mesh counts once. Cost: O(n).
+    /// Counts a model; each mesh counts once. Cost: O(n).
     pub fn of(model: &Model) -> Self {
         let mut all = Self { is_closed: true, ..Self::default() };
         let mut has = [false; 4];
@@ -391,32 +392,32 @@ impl Anatomy {
     }
 }
 
-/// How far the result lies from the original, place by place.
+/// Distances between result and original at their vertices.
 #[derive(Clone, Debug, Default)]
 pub struct Distances {
-    /// Of each mesh: for each vertex of the result, the distance to the original, in the units of the scene.
+    /// Per mesh: distance of each vertex of the result to the original, in the units of the scene.
     pub of_result: Vec<Vec<f32>>,
-    /// Of each mesh: for each vertex of the original, the distance to the result.
+    /// Per mesh: distance of each vertex of the original to the result.
     pub of_original: Vec<Vec<f32>>,
-    /// The largest of all.
+    /// Largest of all distances.
     pub largest: f64,
-    /// Mean and RMS over the vertices of both.
+    /// Mean over the vertices of both.
     pub mean: f64,
-    /// Root of the mean square.
+    /// Root mean square over the vertices of both.
     pub rms: f64,
-    /// How many vertices lie in each of even steps up to the largest.
+    /// Number of vertices in each of equal intervals up to the largest distance.
     pub histogram: Vec<u32>,
-    /// Time that it took.
+    /// Time to measure in seconds.
     pub seconds: f64,
 }
 
-/// Steps of a histogram.
+/// Number of bins of the histogram.
 const BINS: usize = 48;
-/// Vertices between two looks at whether it is still wanted. (About 20 ms.)
+/// Number of vertices between two checks for cancellation. (About 20 ms.)
 const CHUNK: usize = 1 << 14;
 
 impl Distances {
-    /// Measures; `None` if `go_on` says no. `go_on` is told how far it is.
+    /// Measures; returns `None` if `go_on` returns false. `go_on` receives the progress.
     pub fn measure(
         original: &Original,
         lighter: &Lighter,
@@ -467,7 +468,7 @@ impl Distances {
     }
 }
 
-/// Distances of the vertices of a mesh; zeros where there is nothing to measure against.
+/// Returns the distances of the vertices of a mesh; zeros if there is nothing to measure against.
 fn distances(
     mesh: &TriMesh,
     to: Option<&Prepared>,
@@ -516,7 +517,8 @@ mod tests {
         let lighter = Lighter::make(&original, &how, &mut NoControl).unwrap();
         assert!(placed(&lighter.model, TriMesh::face_count) <= 320);
         let distances = Distances::measure(&original, &lighter, &mut |_| true).unwrap();
-        // A sphere of radius 1 in 320 even triangles is 1.5 % flatter in their middles; these are not quite even.
+        // An evenly triangulated sphere of radius 1 with 320 faces lies up to 1.5 % too low at face centres;
+        // these are less even.
         assert!(distances.largest > 1e-4 && distances.largest < 0.03, "{}", distances.largest);
         assert!(distances.mean <= distances.rms && distances.rms <= distances.largest);
         let counted: u32 = distances.histogram.iter().sum();

@@ -1,4 +1,4 @@
-//! Choosing files: by the system's own dialog, or by one in the window where the system has none.
+//! File dialogs: those of the system, or one in the window if the system has none.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
@@ -9,30 +9,30 @@ use lodsmith_io::Format;
 use crate::panel::parts;
 use crate::theme::{palette, weak};
 
-/// What is chosen, and what for.
+/// Purpose of a file dialog.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// Models to open.
+    /// Open models.
     Open,
-    /// A session to open.
+    /// Open a session.
     OpenSession,
-    /// Where a session goes.
+    /// Save a session.
     SaveSession,
-    /// Where a model goes.
+    /// Export a model.
     ExportFile,
-    /// Where levels go.
+    /// Choose a folder for levels.
     ExportFolder,
-    /// A picture of a lit ball.
+    /// Open a matcap image.
     Matcap,
-    /// A picture of all directions.
+    /// Open an environment image.
     Around,
-    /// A shader.
+    /// Open a shader.
     Shader,
-    /// A layout of the stage to open.
+    /// Open a layout of the stage.
     OpenLayout,
-    /// Where a layout goes.
+    /// Save a layout.
     SaveLayout,
-    /// Where a stage goes.
+    /// Export a stage.
     ExportStage,
 }
 
@@ -72,9 +72,9 @@ impl Purpose {
     }
 }
 
-/// A dialog that is open.
+/// An open dialog.
 pub(crate) struct Dialog {
-    /// What for.
+    /// Purpose of the dialog.
     pub(crate) purpose: Purpose,
     kind: Kind,
 }
@@ -84,18 +84,18 @@ enum Kind {
     Window(Chooser),
 }
 
-/// How far a dialog is.
+/// State of a dialog.
 pub(crate) enum Answer {
     /// Nothing was chosen yet.
     Open,
-    /// Nothing will be.
+    /// It was cancelled.
     Closed,
-    /// These were.
+    /// These files were chosen.
     Chosen(Vec<PathBuf>),
 }
 
 impl Dialog {
-    /// Opens one. `start` is a folder, or the file that is offered.
+    /// Opens one. `start` is a folder, or a suggested file.
     pub(crate) fn new(
         purpose: Purpose,
         start: &Path,
@@ -110,7 +110,7 @@ impl Dialog {
         Self { purpose, kind }
     }
 
-    /// Shows it, if it is one of ours.
+    /// Shows the dialog if it is one in the window, and returns its state.
     pub(crate) fn show(&mut self, ctx: &egui::Context) -> Answer {
         match &mut self.kind {
             Kind::System(receiver) => match receiver.try_recv() {
@@ -131,7 +131,7 @@ impl Dialog {
     }
 }
 
-/// Whether the system is likely to have dialogs: on Linux a session bus for the portal, or zenity.
+/// Returns true if the system is likely to have dialogs: on Linux a session bus for the portal, or zenity.
 fn has_system_dialogs() -> bool {
     if !cfg!(target_os = "linux") {
         return true;
@@ -155,7 +155,7 @@ fn system(purpose: Purpose, start: &Path, wake: impl Fn() + Send + 'static) -> R
         dialog = dialog.set_file_name(name.to_string_lossy());
     }
     let (sender, receiver) = channel();
-    // Some systems want the dialog made here, on the thread of the window; only the waiting is elsewhere.
+    // Some systems require the dialog to be created on the main thread; only the wait is on another thread.
     let wait = move |chosen: Vec<PathBuf>| {
         let _ = sender.send(chosen);
         wake();
@@ -188,7 +188,7 @@ fn system(purpose: Purpose, start: &Path, wake: impl Fn() + Send + 'static) -> R
     receiver
 }
 
-/// A dialog in the window: a path to type, and what is in its folder.
+/// File dialog in the window: a path field and a list of the folder.
 struct Chooser {
     text: String,
     folder: PathBuf,
@@ -197,7 +197,7 @@ struct Chooser {
     is_new: bool,
 }
 
-/// Entries of a folder that are listed. Guessed.
+/// Maximum number of listed entries of a folder. Guessed.
 const LISTED: usize = 2000;
 
 impl Chooser {
@@ -277,7 +277,7 @@ impl Chooser {
         .inner
     }
 
-    /// The folder; what was clicked twice.
+    /// Draws the list of the folder; returns the file that was double-clicked.
     fn list(&mut self, ui: &mut Ui, purpose: Purpose, height: f32) -> Option<PathBuf> {
         let mut chosen = None;
         let mut enter = None;

@@ -1,11 +1,11 @@
-//! Whether there is a screen to open a window on.
+//! Detection of a display to open the window on.
 
 use std::any::Any;
 use std::panic::catch_unwind;
 
 use winit::event_loop::EventLoop;
 
-/// The display server that the window would go to, for people.
+/// Returns the name of the display server of the window, for messages.
 fn server() -> String {
     let of = |name: &str| std::env::var(name).ok().filter(|v| !v.is_empty());
     if cfg!(any(windows, target_os = "macos")) {
@@ -23,29 +23,29 @@ fn server() -> String {
 pub enum Lack {
     /// There is no display server, or it does not answer.
     Display {
-        /// What the system says.
+        /// Message of the system.
         reason: String,
     },
-    /// The system has not a library that is needed to speak to it.
+    /// A shared library that talks to the display server is missing.
     Library {
-        /// Its name, for people.
+        /// Name of the library, for messages.
         library: String,
-        /// What brings it, where that is known.
+        /// Packages that contain it, if known.
         packages: Packages,
     },
 }
 
-/// Packages by their names.
+/// Package names per distribution.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Packages {
-    /// Of Debian and Ubuntu.
+    /// Debian and Ubuntu.
     pub debian: &'static [&'static str],
-    /// Of Fedora.
+    /// Fedora.
     pub fedora: &'static [&'static str],
 }
 
 impl Packages {
-    /// How they are installed, for people.
+    /// Returns the install commands, for messages.
     pub fn how(&self) -> String {
         if self.debian.is_empty() {
             return "the packages of your system have it".to_owned();
@@ -56,7 +56,7 @@ impl Packages {
 }
 
 impl Lack {
-    /// What stands behind what the window library says.
+    /// Derives the cause from an error message of the window library.
     fn of(text: &str) -> Self {
         match missing_library(text) {
             Some((library, packages)) => Self::Library { library, packages },
@@ -65,13 +65,13 @@ impl Lack {
     }
 }
 
-/// Goes to the display server as the window does, and gives its name. Works once in a process, on its first thread, and
-/// no window can be opened in it afterwards.
+/// Connects to the display server as the window does, and returns its name. Works once per process, on the
+/// main thread; no window can be opened in the process afterwards.
 ///
 /// # Errors
-/// Why none can be opened: there is none, or a library is missing.
+/// The reason why no window can be opened: no display server, or a missing library.
 pub fn find() -> Result<String, Lack> {
-    // Where a library of the keyboard is missing, the window library panics.
+    // The window library panics if a keyboard library is missing.
     match catch_unwind(|| EventLoop::new().map(drop)) {
         Ok(Ok(())) => Ok(server()),
         Ok(Err(e)) => Err(Lack::of(&e.to_string())),
@@ -79,7 +79,7 @@ pub fn find() -> Result<String, Lack> {
     }
 }
 
-/// What a panic says.
+/// Returns the message of a panic.
 pub(crate) fn words(panic: &(dyn Any + Send)) -> String {
     match (panic.downcast_ref::<String>(), panic.downcast_ref::<&str>()) {
         (Some(text), _) => text.clone(),
@@ -88,7 +88,7 @@ pub(crate) fn words(panic: &(dyn Any + Send)) -> String {
     }
 }
 
-/// Libraries of the system: by what they are known in what is said, for people, and what brings them.
+/// System libraries: their mark in error messages, name for messages, and packages.
 const LIBRARIES: [(&str, &str, Packages); 4] = [
     (
         "libxkbcommon",
@@ -114,7 +114,7 @@ const X11: Packages = Packages {
     fedora: &["libX11", "libX11-xcb", "libXcursor", "libXi", "libXrandr"],
 };
 
-/// The library of the system that something could not be done for the lack of, and what brings it.
+/// Finds the missing system library in an error message, with its packages.
 pub(crate) fn missing_library(text: &str) -> Option<(String, Packages)> {
     let is_lack = ["could not be loaded", "cannot open shared object", "Failed to load one of"];
     if !is_lack.iter().any(|words| text.contains(words)) {
@@ -128,7 +128,7 @@ pub(crate) fn missing_library(text: &str) -> Option<(String, Packages)> {
     Some((name.to_owned(), known.map(|(.., packages)| *packages).unwrap_or_default()))
 }
 
-/// What the system says, without the place in the source of the window library where it was met.
+/// Returns the message of the system, without the source location in the window library.
 pub(crate) fn reason(text: &str) -> String {
     let said = text.split_once(".rs:").and_then(|(_, rest)| rest.split_once(": "));
     said.map_or(text, |(_, why)| why).trim_end_matches('.').to_owned()

@@ -1,4 +1,4 @@
-//! What is open, what was made of it, and the work that is under way. Nothing here knows a window.
+//! The document: open file, results and background work. Does not depend on the window.
 
 mod stage;
 
@@ -27,11 +27,11 @@ use crate::words::Simplification;
 
 pub use stage::StageLevel;
 
-/// Something to be seen, and its buffers on the graphics card.
+/// A model that can be shown, with its GPU buffers.
 pub struct Shown<T> {
-    /// What it is.
+    /// The model.
     pub content: Arc<T>,
-    /// How it is drawn; `None` where there is no card.
+    /// GPU buffers; `None` without an adapter.
     pub draw: Option<Drawing>,
 }
 
@@ -41,86 +41,86 @@ impl<T> Clone for Shown<T> {
     }
 }
 
-/// Buffers that the window draws and the worker puts distances into.
+/// GPU buffers that the window draws and the worker writes distances into.
 pub type Drawing = Arc<Mutex<DrawModel>>;
 
-/// Distances, and the two things that they lie between.
+/// Distances, and the two models that were compared.
 struct Measured {
     of: (Arc<Original>, Arc<Lighter>),
     distances: Arc<Distances>,
 }
 
-/// Levels for distances, from the finest, and what they were made of.
+/// Levels for automatic selection by distance, from the finest, and what they were made from.
 struct LevelSet {
     of: (usize, Simplification),
     levels: Vec<Shown<Lighter>>,
 }
 
-/// Parts of the triangles of the levels by distance.
+/// Fractions of the triangles of the automatic levels.
 const LEVELS: [f64; 9] = [0.5, 0.25, 0.125, 0.0625, 0.03, 0.015, 0.0075, 0.0035, 0.0015];
 
-/// Triangles below which a level is of no use.
+/// Levels with fewer triangles are not made.
 const LEAST_FACES: f64 = 50.0;
 
-/// The parts of its triangles that levels of a model have.
+/// Returns the fractions of the triangles that the levels of a model have.
 pub(crate) fn level_ratios(faces: usize) -> Vec<f64> {
     let fewest = LEAST_FACES / faces.max(1) as f64;
     LEVELS.into_iter().filter(|r| *r > fewest).collect()
 }
 
-/// A document: changed by commands alone.
+/// The document. Only commands change its settings.
 pub struct Document {
     settings: Settings,
     history: History,
     worker: Worker<Outcome>,
-    /// A second one, so that nothing waits for a road.
+    /// A second worker for progressive meshes, so that other jobs do not wait for them.
     builder: Worker<Outcome>,
     context: Option<Context>,
     original: Option<Shown<Original>>,
     lighter: Option<Shown<Lighter>>,
     measured: Option<Measured>,
-    /// Of the original, of the result.
+    /// Topology counts of the original and of the result.
     anatomies: [Option<(usize, Anatomy)>; 2],
-    /// What the last job to simplify was told.
+    /// Options of the last job to simplify.
     asked: Option<Simplification>,
-    /// Why the file is being read that is being read.
+    /// The file that is being read, and why.
     opening: Option<Opening>,
-    /// Whether distances are to be seen.
+    /// True if a panel shows distances.
     wants_distances: bool,
-    /// Whether parts and borders are to be seen.
+    /// True if a panel shows components and borders.
     wants_anatomy: bool,
     /// The folder that limits which files a model or a session may name.
     pub assets: AssetScope,
-    /// What went wrong last, until something goes well.
+    /// The last error, until a later job succeeds.
     pub problem: Option<String>,
-    /// A file that changed while it was open.
+    /// An open file that changed on disk.
     pub changed: Option<PathBuf>,
-    /// Whether a file that the look names changed.
+    /// True if a file changed that the appearance refers to.
     pub own_files_changed: bool,
-    /// What was said.
+    /// Log messages.
     pub log: Log,
     watched: Vec<PathBuf>,
     levels: Option<LevelSet>,
-    /// What the last job to make levels was told.
+    /// Options of the last job to make levels.
     asked_levels: Option<(usize, Simplification)>,
     is_playing: bool,
-    /// Times of levels, and what they are of.
+    /// Benchmark table, and the original it belongs to.
     benchmark: Option<(usize, Filling)>,
-    /// What the slider walks.
+    /// Progressive mesh that the slider previews from.
     road: Option<Road>,
-    /// What the last job to make a road was told.
+    /// Options of the last job to make a progressive mesh.
     asked_road: Option<(usize, Simplification)>,
-    /// Whether a level of the road is shown in the place of a result that was not begun.
+    /// True while a preview level is shown and the exact run has not been started.
     is_due: bool,
 }
 
-/// A file that is being read, and what follows.
+/// A file that is being read, and the action that follows.
 struct Opening {
     path: PathBuf,
     then: Then,
 }
 
-/// Shadings of which one or another shows a file as it is meant to be seen.
+/// Shadings that are replaced by the intended shading of a newly opened file.
 const PLAIN: [Shading; 3] = [Shading::Smooth, Shading::Textured, Shading::VertexColors];
 
 enum Then {
@@ -142,7 +142,7 @@ enum Outcome {
 }
 
 impl Document {
-    /// An empty one. `wake` is called when there is something new to see.
+    /// Creates an empty document. `wake` is called when there is a new result or progress.
     pub fn new(context: Option<Context>, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let wake = Arc::new(wake);
         let [one, two] = [wake.clone(), wake];
@@ -176,26 +176,26 @@ impl Document {
         }
     }
 
-    /// All that commands change.
+    /// Returns the settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
-    /// The file as it is.
+    /// Returns the original.
     pub fn original(&self) -> Option<&Shown<Original>> {
         self.original.as_ref()
     }
-    /// The latest result; `None` while the original is asked for.
+    /// Returns the latest result; `None` while the original is requested.
     pub fn lighter(&self) -> Option<&Shown<Lighter>> {
         self.lighter.as_ref()
     }
-    /// How far the latest result lies from the original, if that was measured.
+    /// Returns the distances between the latest result and the original, if they were measured.
     pub fn distances(&self) -> Option<&Arc<Distances>> {
         let measured = self.measured.as_ref()?;
         let fits = Arc::ptr_eq(&measured.of.0, &self.original.as_ref()?.content)
             && Arc::ptr_eq(&measured.of.1, &self.lighter.as_ref()?.content);
         fits.then_some(&measured.distances)
     }
-    /// Parts and borders of the original and of the result, as far as they are known.
+    /// Returns the topology counts of the original and of the result, as far as they are known.
     pub fn anatomies(&self) -> [Option<&Anatomy>; 2] {
         let [one, two] = &self.anatomies;
         let fits =
@@ -203,19 +203,19 @@ impl Document {
         [(one, self.original.as_ref().map(key)), (two, self.lighter.as_ref().map(key))]
             .map(|(a, key)| if fits(a, key) { a.as_ref().map(|a| &a.1) } else { None })
     }
-    /// The levels by distance, from the finest; none while it is off, or they are not made.
+    /// Returns the automatic levels, from the finest; none while they are off or not made yet.
     pub fn levels(&self) -> &[Shown<Lighter>] {
         if self.settings.auto_lod.is_on { self.levels_made() } else { &[] }
     }
 
-    /// The levels of what is open, as it is to be simplified; none if they are not made.
+    /// Returns the levels of the open file for the present options; none if they are not made.
     fn levels_made(&self) -> &[Shown<Lighter>] {
         let of = self.level_source();
         self.levels.as_ref().filter(|set| Some(&set.of) == of.as_ref()).map_or(&[], |set| &set.levels)
     }
 
-    /// The lightest level whose error is at most this, in the units of the model: its number from 1, and the level. 0 is
-    /// the original.
+    /// Returns the number and the coarsest level whose error is at most this, in the units of the model.
+    /// Levels count from 1; 0 is the original.
     pub fn level_for(&self, error: f64) -> (usize, Option<&Shown<Lighter>>) {
         let levels = self.levels();
         let number = levels.iter().take_while(|l| l.content.error() <= error).count();
@@ -228,24 +228,25 @@ impl Document {
         Some((key(self.original.as_ref()?), how))
     }
 
-    /// How the model stands at the moment that is shown.
+    /// Returns the pose of the model at the current time.
     pub fn pose(&self) -> Pose {
         let Some(original) = &self.original else { return Pose::default() };
         let playback = self.settings.playback;
         playback.at(self.timeline_secs(), playback.seconds).pose(original.content.model())
     }
-    /// Whether an animation goes on by itself.
+    /// Returns true while the animation plays.
     pub fn is_playing(&self) -> bool {
         self.is_playing
     }
 
-    /// Lets the animation go on, from the begin if it was over, or stops it. Of what does not move, nothing goes on.
+    /// Starts or pauses the animation; starts over if it was at its end. Does nothing if there is no
+    /// animation.
     pub fn play(&mut self, goes_on: bool) {
         let Some(model) = self.original.as_ref().map(|o| o.content.model()) else { return };
         let has_clips = !model.animations.is_empty();
         let moves_on_stage = self.stage().is_some_and(|s| !s.motion.is_empty());
         if goes_on {
-            // At rest nothing moves: the first is what is meant.
+            // No clip is selected: the first one plays.
             let clip = self.settings.playback.clip.filter(|c| *c < model.animations.len());
             self.settings.playback.clip = if moves_on_stage { clip } else { clip.or(Some(0)) };
             self.settings.playback = self.settings.playback.ready(self.timeline_secs());
@@ -253,7 +254,7 @@ impl Document {
         self.is_playing = goes_on && (moves_on_stage || has_clips);
     }
 
-    /// So many seconds of the clock went by.
+    /// Advances the animation by the elapsed time.
     pub fn go_on(&mut self, elapsed_secs: f64) {
         if self.is_playing {
             let (then, is_over) = self.settings.playback.after(self.timeline_secs(), elapsed_secs);
@@ -262,40 +263,40 @@ impl Document {
         }
     }
 
-    /// What is going on, if anything is.
+    /// Returns the progress of the current job, if there is one.
     pub fn progress(&self) -> Option<Progress> {
         self.worker.progress()
     }
-    /// How far the road is, while it is being made.
+    /// Returns the progress of the progressive mesh while it is being made.
     pub fn road_progress(&self) -> Option<Progress> {
         self.builder.progress()
     }
-    /// Whether any level can be shown at once.
+    /// Returns true if the slider can preview any level at once.
     pub fn has_road(&self) -> bool {
         self.road.is_some() && self.asked_road == self.level_source()
     }
-    /// The file that is being read.
+    /// Returns the file that is being read.
     pub fn opening(&self) -> Option<&Path> {
         self.opening.as_ref().map(|o| o.path.as_path())
     }
-    /// Whether the result is not yet the one that is asked for.
+    /// Returns true while the result is older than the settings.
     pub fn is_behind(&self) -> bool {
         self.is_due || self.worker.is_busy(Kind::Simplify)
     }
-    /// Whether work of this kind waits or runs.
+    /// Returns true if a job of this kind waits or runs.
     pub fn is_busy(&self, kind: Kind) -> bool {
         self.worker.is_busy(kind)
     }
-    /// Whether no work waits or runs.
+    /// Returns true if no job waits or runs.
     pub fn is_idle(&self) -> bool {
         !self.is_due && self.worker.is_idle() && self.builder.is_idle()
     }
-    /// What undo takes back and redo does again.
+    /// Returns the names of the next undo step and the next redo step.
     pub fn history(&self) -> (Option<&'static str>, Option<&'static str>) {
         self.history.names()
     }
 
-    /// What is to be seen beside the meshes: distances between the two, their parts and borders.
+    /// Sets which further results are needed: distances, and topology counts.
     pub fn want(&mut self, distances: bool, anatomy: bool) {
         let before = (self.wants_distances, self.wants_anatomy);
         (self.wants_distances, self.wants_anatomy) = (distances, anatomy);
@@ -304,7 +305,8 @@ impl Document {
         }
     }
 
-    /// Does a command. One that needs another file is done when that has been read; if it cannot be read, all stays.
+    /// Runs a command. If it needs another file, it runs once that was read; if reading fails, nothing
+    /// changes.
     pub fn run(&mut self, command: Command) {
         let mut after = self.settings.clone();
         command.apply(&mut after);
@@ -318,13 +320,13 @@ impl Document {
         }
     }
 
-    /// What is held was let go: the next command is a step of its own, and a level that is shown becomes a result.
+    /// Ends a drag: the next command is an undo step of its own, and an exact run replaces a preview level.
     pub fn seal(&mut self) {
         self.history.seal();
         self.finish();
     }
 
-    /// Makes a result of its own for the target, if a level of the road stands in its place.
+    /// Starts the exact run for the target if a preview level is shown.
     pub fn finish(&mut self) {
         if let (true, Some(original), Some(how)) = (self.is_due, self.original.clone(), self.asked.clone()) {
             self.is_due = false;
@@ -332,21 +334,21 @@ impl Document {
         }
     }
 
-    /// Takes the last step back.
+    /// Undoes the last step.
     pub fn undo(&mut self) {
         if self.opening.is_none() && self.history.undo(&mut self.settings) {
             self.follow(Then::Undone);
         }
     }
 
-    /// Does it again.
+    /// Redoes the last undone step.
     pub fn redo(&mut self) {
         if self.opening.is_none() && self.history.redo(&mut self.settings) {
             self.follow(Then::Redone);
         }
     }
 
-    /// Reads the present file again.
+    /// Rereads the present file.
     pub fn reload(&mut self) {
         self.changed = None;
         if let Some(path) = self.settings.file().map(Path::to_owned) {
@@ -354,8 +356,8 @@ impl Document {
         }
     }
 
-    /// Writes what is asked: the level for this error where levels go by distance, else the result, which is made first if
-    /// there is but a level of the road.
+    /// Exports a model: the automatic level for this error if levels are on, else the result. If only a
+    /// preview level is shown, the exact run is made first.
     pub fn export(&mut self, export: Export, level_error: f64) {
         let Some(original) = self.original.as_ref().map(|o| o.content.clone()) else { return };
         let lighter = match self.levels().is_empty() {
@@ -375,7 +377,8 @@ impl Document {
         });
     }
 
-    /// Measures times of levels of the present file, with the present method and look. The table fills row after row.
+    /// Starts a benchmark of the present file, with the present method and shading. Rows are added as they
+    /// are measured.
     pub fn benchmark(&mut self) {
         let Some(original) = self.original.clone() else { return };
         let (filling, settings, context) = (Filling::default(), self.settings.clone(), self.context.clone());
@@ -386,13 +389,13 @@ impl Document {
         });
     }
 
-    /// Times of levels of the present file, as far as they are measured.
+    /// Returns the benchmark table of the present file, as far as it is filled.
     pub fn benchmark_table(&self) -> Option<Table> {
         let of = key(self.original.as_ref()?);
         self.benchmark.as_ref().filter(|b| b.0 == of).map(|b| b.1.table())
     }
 
-    /// Ends the work that is under way; what is in sight stays.
+    /// Cancels running jobs; the shown result stays.
     pub fn cancel(&mut self) {
         self.worker.cancel(&[
             Kind::Load,
@@ -411,7 +414,7 @@ impl Document {
         }
     }
 
-    /// Takes in what the worker has done. Whether there was anything.
+    /// Takes the results of the workers. Returns true if there were any.
     pub fn poll(&mut self) -> bool {
         let mut is_new = false;
         while let Some(message) = self.worker.poll().or_else(|| self.builder.poll()) {
@@ -424,7 +427,7 @@ impl Document {
         is_new
     }
 
-    /// Works until nothing is left to do, or the time is over; whether nothing is left.
+    /// Works until no job is left or the time is over; returns true if none is left.
     pub fn settle(&mut self, at_most: Duration) -> bool {
         let end = Instant::now() + at_most;
         loop {
@@ -433,7 +436,7 @@ impl Document {
             self.finish();
             let left = end.saturating_duration_since(Instant::now());
             if self.is_idle() {
-                // What they sent before they became idle.
+                // Messages sent before the workers became idle.
                 if !self.poll() && self.is_idle() {
                     return true;
                 }
@@ -543,7 +546,7 @@ impl Document {
             self.history.seal();
             self.history.run(command, &mut self.settings);
             let shading = &mut self.settings.look.look.shading;
-            // A shading that was chosen for what it tells stays; the plain ones go by the file.
+            // Only plain shadings follow the file; a diagnostic shading stays.
             if matches!(command, Command::Open(_) | Command::Show(_)) && PLAIN.contains(shading) {
                 *shading = original.content.usual_shading();
             }
@@ -568,7 +571,7 @@ impl Document {
         self.leave_road();
     }
 
-    /// The file could not be read: what is open stays as it is.
+    /// Handles a failed read: what is open stays.
     fn opened_not(&mut self) {
         match self.opening.take().map(|o| o.then) {
             Some(Then::Undone) => _ = self.history.redo(&mut self.settings),
@@ -582,7 +585,7 @@ impl Document {
         self.problem = Some(why);
     }
 
-    /// Starts the work that the settings ask for and that is not done.
+    /// Starts the jobs that the settings require and that are not done.
     fn sync(&mut self) {
         if self.opening.is_some() {
             return;
@@ -615,7 +618,7 @@ impl Document {
         self.measure(&original);
     }
 
-    /// Tells the worker which files to look at.
+    /// Tells the worker which files to watch.
     fn watch(&mut self) {
         let own = self.settings.look.files();
         let files: Vec<PathBuf> = self.settings.files.iter().chain(own).cloned().collect();
@@ -641,7 +644,7 @@ impl Document {
         });
     }
 
-    /// Shows the level of the road for a target, where there is one: whether it is shown.
+    /// Shows the preview level for a target; returns false if there is none.
     fn show_level(&mut self, how: &Simplification) -> bool {
         if !self.has_road() {
             return false;
@@ -660,7 +663,7 @@ impl Document {
         }
     }
 
-    /// Starts to make the road, where it is not that of the file and the method.
+    /// Starts the job for the progressive mesh, if file or method changed.
     fn make_road(&mut self, original: &Shown<Original>) {
         let Some(of) = self.level_source() else { return };
         if self.asked_road.as_ref() == Some(&of) {
@@ -711,7 +714,7 @@ impl Document {
         self.builder.cancel(&[Kind::Road]);
     }
 
-    /// Starts to make the levels by distance, where they are wanted.
+    /// Starts the job for the automatic levels, if they are needed.
     fn make_levels(&mut self, original: &Shown<Original>) {
         let is_wanted = self.settings.auto_lod.is_on || self.settings.stage.is_on;
         let Some(of) = self.level_source().filter(|_| is_wanted) else { return };
@@ -770,7 +773,7 @@ impl Document {
     }
 }
 
-/// Puts a value for each vertex into the buffers.
+/// Writes a value for each vertex into the buffers.
 fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>]) {
     let Some(drawing) = drawing else { return };
     for (i, (mesh, values)) in model.meshes.iter().zip(values).enumerate() {
@@ -783,7 +786,7 @@ fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>]) {
     }
 }
 
-/// Where the content lies: nothing else lies there while it is shown.
+/// Returns the address of the content, as an identity while it is alive.
 fn key<T>(shown: &Shown<T>) -> usize {
     Arc::as_ptr(&shown.content) as usize
 }

@@ -1,4 +1,4 @@
-//! Writing what is shown.
+//! Export of the result or of levels.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,35 +12,35 @@ use crate::job::Watch;
 use crate::numbers::grouped;
 use crate::words::Simplification;
 
-/// What is written, and how.
+/// Options of an export.
 #[derive(Clone, Debug)]
 pub struct Export {
-    /// The file; with several levels the folder.
+    /// The file; for several levels, the folder.
     pub path: PathBuf,
-    /// Its format.
+    /// File format.
     pub format: Format,
-    /// Text where the format has both.
+    /// Write text if the format has both text and binary.
     pub ascii: bool,
-    /// What becomes of materials and textures that are files.
+    /// Treatment of materials and textures that are files.
     pub textures: Textures,
-    /// Parts of the triangles, a file each; none writes what is shown.
+    /// Fractions of the triangles, one file each; if empty, the shown mesh is written.
     pub levels: Vec<f64>,
 }
 
-/// What there is to say of what was written.
+/// Summary and warnings of an export.
 #[derive(Debug)]
 pub struct Written {
-    /// Such as `6,945 faces`.
+    /// Summary, such as `6,945 faces`.
     pub summary: String,
-    /// What the format could not carry.
+    /// Data that the format cannot hold.
     pub warnings: Vec<String>,
 }
 
 impl Export {
-    /// Writes it.
+    /// Writes the files.
     ///
     /// # Errors
-    /// What the disk or the engine says; what was there before stays.
+    /// Errors of the file system or of the engine; existing files then stay unchanged.
     pub fn write(
         &self,
         original: &Original,
@@ -97,7 +97,7 @@ impl Export {
                 warnings
             }
             (ModelSource::Scene(_), false) => {
-                // Other formats hold one mesh: all that is placed, joined as the command joins it.
+                // Other formats hold one mesh: all instances joined, as the `simplify` command joins them.
                 let (mesh, regions, told) = joined(original, lighter)?;
                 options.regions = Some(regions);
                 let mut warnings = lodsmith_io::write_path(&mesh, path, &options)?;
@@ -115,7 +115,7 @@ impl Export {
     }
 }
 
-/// Takes images that are files into the scene, so that it can stand anywhere.
+/// Embeds external images, so that the scene can be written to any folder.
 pub(crate) fn embed(scene: &mut lodsmith_io::gltf::Scene) -> Vec<Warning> {
     let mut warnings = scene.embed_files();
     let left = scene.outside_files();
@@ -125,7 +125,8 @@ pub(crate) fn embed(scene: &mut lodsmith_io::gltf::Scene) -> Vec<Warning> {
     warnings
 }
 
-/// All that is placed as one mesh: written as GLB in memory and read back, as if it had been that file.
+/// Joins all instances into one mesh: writes GLB in memory and reads it back, as if that file had been
+/// opened.
 fn joined(
     original: &Original,
     lighter: Option<&Lighter>,

@@ -1,7 +1,8 @@
-//! Drawing on the graphics card: models in, pictures out. Nothing outside this module sees a type of the driver.
+//! GPU renderer: draws models into pictures. No graphics driver type is visible outside this module.
 //!
-//! [`Context`] is the device, cheap to clone and usable from any thread: a worker uploads with it while the window goes
-//! on. [`Gpu`] holds pipelines and draws a [`Frame`] into a [`Target`], unless the target shows that very frame already.
+//! [`Context`] is the device, cheap to clone and usable from any thread: a worker thread uploads with it
+//! while the window keeps running. [`Gpu`] holds the pipelines and draws a [`Frame`] into a [`Target`],
+//! unless the target already shows the same frame.
 
 mod adapter;
 mod buffer;

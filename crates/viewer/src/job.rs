@@ -1,4 +1,4 @@
-//! Long work: one thread that does it, newest first, and can be told to stop at any collapse.
+//! Background jobs: one worker thread with a queue; jobs can be cancelled at any collapse.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -10,29 +10,29 @@ use std::time::{Duration, Instant, SystemTime};
 
 use lodsmith::{Control, Stage, Verdict};
 
-/// What a job is about. A new one of a kind takes the place of an older one that waits or runs.
+/// Kind of a job. A new job replaces an older one of the same kind that waits or runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A file becomes a model.
+    /// Read a file.
     Load,
-    /// A model becomes lighter.
+    /// Simplify the model.
     Simplify,
-    /// What can be said of a model beside its counts.
+    /// Count the topology of a model.
     Inspect,
-    /// How far the result lies from the original.
+    /// Measure the distances between result and original.
     Measure,
-    /// A file is written.
+    /// Write a file.
     Export,
-    /// Levels for distances.
+    /// Make the automatic levels.
     Levels,
-    /// Times of levels.
+    /// Benchmark levels.
     Benchmark,
-    /// A progressive mesh for the slider.
+    /// Make the progressive mesh for the slider.
     Road,
 }
 
 impl Kind {
-    /// In the order in which waiting ones are taken.
+    /// All kinds, in order of priority.
     pub const ALL: [Self; 8] = [
         Self::Load,
         Self::Simplify,
@@ -44,7 +44,7 @@ impl Kind {
         Self::Benchmark,
     ];
 
-    /// What is going on, for people.
+    /// Returns the name that the progress display shows.
     pub fn title(self) -> &'static str {
         match self {
             Self::Load => "Opening",
@@ -58,18 +58,18 @@ impl Kind {
         }
     }
 
-    /// Whether a job of this kind is of no use any more when one of the other comes.
+    /// Returns true if a job of this kind is obsolete once a newer one of that kind comes.
     fn is_outdone_by(self, newer: Self) -> bool {
         match newer {
             Self::Load => self != Self::Export,
-            // Whoever moves the slider does not wait for times.
+            // A moved slider does not wait for a benchmark.
             Self::Simplify => matches!(self, Self::Simplify | Self::Measure | Self::Benchmark),
             _ => self == newer,
         }
     }
 }
 
-/// What a job is told while it runs, and what it tells.
+/// Handle of a running job: reports progress and checks for cancellation.
 pub struct Watch {
     is_stopped: Arc<AtomicBool>,
     shared: Arc<Shared>,
@@ -77,11 +77,11 @@ pub struct Watch {
     stage: &'static str,
 }
 
-/// Time between two tellings of progress: twelve a second look smooth.
+/// Time between two progress updates: twelve a second look smooth.
 const TELL_EVERY: Duration = Duration::from_millis(80);
 
 impl Watch {
-    /// Whether it is still wanted. `done` goes from 0 to 1.
+    /// Reports progress from 0 to 1; returns false if the job was cancelled.
     pub fn go_on(&mut self, done: f64) -> bool {
         if self.told.elapsed() >= TELL_EVERY {
             self.told = Instant::now();
@@ -104,14 +104,14 @@ impl Control for Watch {
     }
 }
 
-/// What is going on.
+/// Progress of the running job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// Which job.
+    /// Kind of the job.
     pub kind: Kind,
-    /// From 0 to 1, of the present stage.
+    /// Progress of the present stage, from 0 to 1.
     pub done: f32,
-    /// The stage, or nothing.
+    /// Name of the stage, or empty.
     pub stage: &'static str,
 }
 
@@ -124,11 +124,11 @@ struct Shared {
 }
 
 type Work<M> = Box<dyn FnOnce(&mut Watch) -> Option<M> + Send>;
-/// Work that waits, by its number.
+/// Closures of waiting jobs, by job number.
 type Waiting<M> = Mutex<Vec<(u64, Work<M>)>>;
 
 struct Queue {
-    /// Jobs as they wait; the work itself lies with the thread's channel.
+    /// Waiting jobs with their numbers; their closures are in [`Waiting`].
     waiting: VecDeque<(Kind, u64)>,
     running: Option<(Kind, Arc<AtomicBool>)>,
     watched: Vec<(PathBuf, Option<SystemTime>)>,
@@ -136,7 +136,7 @@ struct Queue {
     next: u64,
 }
 
-/// One thread that works, and sends what came out.
+/// Worker thread with its queue and the channel of its results.
 pub struct Worker<M> {
     shared: Arc<Shared>,
     work: Arc<Waiting<M>>,
@@ -144,26 +144,26 @@ pub struct Worker<M> {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What the worker sends.
+/// Message of the worker.
 pub enum Message<M> {
-    /// A job came to its end.
+    /// A job finished.
     Done(M),
-    /// A job broke down: a mistake of ours.
+    /// A job panicked: a bug.
     Broken(Kind),
-    /// A watched file is not as it was.
+    /// A watched file changed on disk.
     Changed(PathBuf),
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What a panic left behind is still whole: each holder changes it in one step.
+    // After a panic the data is still consistent: each holder changes it in one step.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Time between two looks at the watched files.
+/// Time between two checks of the watched files.
 const LOOK_EVERY: Duration = Duration::from_millis(1000);
 
 impl<M: Send + 'static> Worker<M> {
-    /// Starts the thread. `wake` is called when there is something to see.
+    /// Starts the thread. `wake` is called when there is a message or progress.
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
         let queue =
             Queue { waiting: VecDeque::new(), running: None, watched: Vec::new(), is_ending: false, next: 0 };
@@ -184,7 +184,7 @@ impl<M: Send + 'static> Worker<M> {
         Self { shared, work, results, thread }
     }
 
-    /// Puts a job into the queue. Those that it makes useless go, or stop soon.
+    /// Queues a job. Obsolete jobs are removed, or cancelled if they run.
     pub fn submit(&self, kind: Kind, work: impl FnOnce(&mut Watch) -> Option<M> + Send + 'static) {
         let mut queue = lock(&self.shared.queue);
         let mut all = lock(&self.work);
@@ -205,7 +205,7 @@ impl<M: Send + 'static> Worker<M> {
         self.shared.ready.notify_one();
     }
 
-    /// Ends what runs or waits of these kinds.
+    /// Cancels running and waiting jobs of these kinds.
     pub fn cancel(&self, kinds: &[Kind]) {
         let mut queue = lock(&self.shared.queue);
         let mut all = lock(&self.work);
@@ -221,31 +221,31 @@ impl<M: Send + 'static> Worker<M> {
         }
     }
 
-    /// Tells when one of these files changes.
+    /// Watches these files: a change sends [`Message::Changed`].
     pub fn watch(&self, files: Vec<PathBuf>) {
         let watched = files.into_iter().map(|file| (changed_at(&file), file)).map(|(t, f)| (f, t)).collect();
         lock(&self.shared.queue).watched = watched;
         self.shared.ready.notify_one();
     }
 
-    /// The next thing that there is to know.
+    /// Returns the next message, if there is one.
     pub fn poll(&self) -> Option<Message<M>> {
         self.results.try_recv().ok()
     }
 
-    /// The same, after waiting for it.
+    /// Waits for the next message.
     pub fn wait(&self, at_most: Duration) -> Option<Message<M>> {
         self.results.recv_timeout(at_most).ok()
     }
 
-    /// What is going on.
+    /// Returns the progress of the running job.
     pub fn progress(&self) -> Option<Progress> {
         let kind = lock(&self.shared.queue).running.as_ref().map(|r| r.0)?;
         let done = self.shared.done.load(Ordering::Relaxed) as f32 / 1000.0;
         Some(Progress { kind, done, stage: *lock(&self.shared.stage) })
     }
 
-    /// Whether a job of this kind waits or runs.
+    /// Returns true if a job of this kind waits or runs.
     pub fn is_busy(&self, kind: Kind) -> bool {
         let queue = lock(&self.shared.queue);
         queue.waiting.iter().any(|w| w.0 == kind)
@@ -255,7 +255,7 @@ impl<M: Send + 'static> Worker<M> {
                 .is_some_and(|(running, stop)| *running == kind && !stop.load(Ordering::Relaxed))
     }
 
-    /// Whether anything waits or runs.
+    /// Returns true if no job waits or runs.
     pub fn is_idle(&self) -> bool {
         let queue = lock(&self.shared.queue);
         queue.waiting.is_empty() && queue.running.is_none()
@@ -272,7 +272,7 @@ impl<M> Drop for Worker<M> {
         }
         drop(queue);
         self.shared.ready.notify_all();
-        // A reader cannot be told to stop: the window does not wait for it.
+        // File readers cannot be cancelled, so the window does not wait for them.
         if let Some(thread) = self.thread.take().filter(JoinHandle::is_finished) {
             let _ = thread.join();
         }
@@ -325,7 +325,7 @@ fn run<M>(shared: &Arc<Shared>, work: &Waiting<M>, results: &Sender<Message<M>>)
     }
 }
 
-/// Looks at the watched files. A slow disk keeps nobody waiting: the queue is free meanwhile.
+/// Checks the watched files. The queue is unlocked meanwhile, so that a slow disk blocks nobody.
 fn look<'a, M>(
     shared: &'a Shared,
     queue: MutexGuard<'a, Queue>,
@@ -349,7 +349,7 @@ fn changed_at(path: &PathBuf) -> Option<SystemTime> {
     std::fs::metadata(path).and_then(|about| about.modified()).ok()
 }
 
-/// The files that have another time than before, and still are there.
+/// Returns the files whose modification time changed and that still exist.
 fn changes(watched: &mut [(PathBuf, Option<SystemTime>)]) -> Vec<PathBuf> {
     let mut all = Vec::new();
     for (path, before) in watched {
@@ -368,7 +368,7 @@ mod tests {
 
     const LONG: Duration = Duration::from_secs(20);
 
-    /// Goes on until it is told to stop.
+    /// Runs until it is cancelled.
     fn endless(watch: &mut Watch) -> Option<u32> {
         while watch.go_on(0.5) {
             std::thread::sleep(Duration::from_millis(1));
@@ -390,7 +390,7 @@ mod tests {
         for n in 1..5 {
             worker.submit(Kind::Simplify, move |_| Some(n));
         }
-        // Those before may have been done; the last one comes last.
+        // Earlier jobs may have finished; the last one comes last.
         while done(&worker) != Some(4) {}
         assert!(worker.wait(Duration::from_millis(20)).is_none());
         assert!(worker.is_idle());
@@ -406,7 +406,7 @@ mod tests {
         });
         worker.submit(Kind::Simplify, |_| Some(2));
         go.send(()).unwrap();
-        // Whichever the thread took up first.
+        // In the order in which the thread took them.
         let mut results = [done(&worker), done(&worker)];
         results.sort_unstable();
         assert_eq!(results, [Some(1), Some(2)]);

@@ -1,4 +1,4 @@
-//! What keys do: a table, so that the cheat sheet, the tooltips and the menus say what is true.
+//! Key bindings: one table for input, cheat sheet, tooltips and menus.
 
 use eframe::egui::{InputState, Key, KeyboardShortcut, Modifiers};
 use lodsmith_core::Model;
@@ -6,164 +6,164 @@ use lodsmith_core::Model;
 use crate::panel::Panel;
 use crate::playback::Playback;
 
-/// A step by a key: a picture of 24 a second.
+/// Time step of a key: one frame at 24 frames per second.
 const STEP_SECS: f64 = 1.0 / 24.0;
 
-/// Something that a key does at once.
+/// Action of a key or button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Choose files to open.
     Open,
-    /// Write what is shown.
+    /// Export the shown mesh.
     Export,
     /// Choose a session to open.
     OpenSession,
     /// Save the session.
     SaveSession,
-    /// Read the file again.
+    /// Reload the file.
     Reload,
     /// Close the file.
     Close,
     /// Close the window.
     Quit,
-    /// Take the last step back.
+    /// Undo the last step.
     Undo,
-    /// Do it again.
+    /// Redo the last undone step.
     Redo,
     /// Copy the command line.
     CopyCommand,
-    /// Measure times of levels.
+    /// Benchmark levels.
     Benchmark,
-    /// End what is under way.
+    /// Cancel running jobs.
     Cancel,
-    /// Back to all triangles.
+    /// Restore the original.
     Restore,
     /// Ten percent fewer.
     Fewer,
     /// Ten percent more.
     More,
-    /// Side by side, wipe, one alone.
+    /// Switch between side by side, wipe, and one side.
     NextSides,
-    /// One camera for both sides, or two.
+    /// Link or unlink the two cameras.
     Link,
-    /// Lines along edges.
+    /// Toggle the wireframe.
     Wireframe,
-    /// How surfaces are coloured.
+    /// Set the shading.
     Shade(usize),
-    /// Open borders.
+    /// Toggle open borders.
     Borders,
-    /// What is broken.
+    /// Toggle defects.
     Defects,
-    /// A grid below the model.
+    /// Toggle the ground grid.
     Ground,
-    /// What materials mirror.
+    /// Switch the environment.
     Around,
-    /// Whether backs are seen.
+    /// Toggle backface culling.
     Cull,
-    /// The level goes by distance.
+    /// Toggle automatic levels by distance.
     AutoLod,
-    /// Whether the animation goes on.
+    /// Play or pause the animation.
     Play,
-    /// The first moment.
+    /// Go to the start.
     ToBegin,
-    /// A picture further or back.
+    /// Go one frame forward or back.
     StepTime(i8),
-    /// Twice or half as fast.
+    /// Double or halve the speed.
     Speed(i8),
-    /// Whether it begins anew at its end.
+    /// Toggle looping.
     Repeat,
-    /// The next animation.
+    /// Switch to the next animation.
     NextClip,
-    /// All of the model.
+    /// Frame the model.
     Frame,
-    /// Along an axis.
+    /// Look from a standard view.
     View(usize),
-    /// A camera that was kept.
+    /// Restore a saved camera.
     Recall(usize),
-    /// Keep the camera.
+    /// Save the camera.
     Keep(usize),
-    /// Turn the camera a step: right, up.
+    /// Orbit the camera by a step: right, up.
     Orbit(i8, i8),
-    /// Turn the model a step: right, up.
+    /// Rotate the model by a step: right, up.
     TurnModel(i8, i8),
-    /// The model as it was.
+    /// Reset the rotation of the model.
     TurnBack,
-    /// All panels, or none.
+    /// Show or hide all panels.
     Panels,
-    /// One panel.
+    /// Show or hide a panel.
     Panel(Panel),
-    /// Dark or light.
+    /// Switch between dark and light theme.
     Theme,
-    /// A picture of the window.
+    /// Save a screenshot.
     Screenshot,
-    /// The cheat sheet.
+    /// Show the cheat sheet.
     Help,
-    /// Copies on a ground, or the two sides.
+    /// Switch between the stage and the two sides.
     Stage,
-    /// Through the copies, on foot.
+    /// Walk through the copies in first person.
     Walk,
-    /// Something done to copies.
+    /// Act on copies or keyframes.
     Copies(CopiesAction),
 }
 
-/// Something done to the copies on the stage.
+/// Action on the copies or keyframes of the stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CopiesAction {
-    /// A click places one, or chooses one.
+    /// Switch between placing and selecting by click.
     Place,
-    /// Other places by chance.
+    /// Scatter again with another seed.
     Scatter,
-    /// The chosen ones once more.
+    /// Duplicate the selected copies.
     Duplicate,
-    /// The chosen ones go.
+    /// Delete the selected copies.
     Delete,
-    /// All are chosen.
+    /// Select all copies.
     All,
-    /// The chosen ones turn by steps.
+    /// Rotate the selected copies by steps.
     Turn(i8),
-    /// The chosen ones grow by steps.
+    /// Scale the selected copies by steps.
     Scale(i8),
-    /// A colour for each level.
+    /// Toggle colours by level.
     Colors,
-    /// The chosen ones are here at this moment.
+    /// Set a keyframe for the selected copies.
     Keyframe,
-    /// The camera is here at this moment.
+    /// Set a keyframe for the camera.
     CameraKeyframe,
-    /// To the keyframe before or after.
+    /// Go to the previous or next keyframe.
     ToKeyframe(i8),
-    /// Along a curve, or by steps.
+    /// Switch between smooth and stepped interpolation.
     Curve,
-    /// The camera goes by its keyframes, or is free.
+    /// Switch between the keyframed camera and a free one.
     FreeCamera,
-    /// Places into a file.
+    /// Save a layout file.
     SaveLayout,
-    /// Places from a file.
+    /// Open a layout file.
     OpenLayout,
-    /// All of it into a file.
+    /// Export the stage.
     Export,
 }
 
-/// Under which heading the cheat sheet has it.
+/// Heading of the cheat sheet under which an action is listed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
     /// Files.
     File,
-    /// How much detail.
+    /// Level of detail.
     Detail,
-    /// How it moves.
+    /// Animation.
     Animation,
-    /// How it looks.
+    /// Appearance.
     Look,
-    /// From where.
+    /// Camera.
     Camera,
-    /// Copies on a ground.
+    /// Stage.
     Stage,
-    /// What is around it.
+    /// Window and panels.
     Window,
 }
 
 impl Group {
-    /// All of them, with their names.
+    /// All groups with their names.
     pub const ALL: [(Self, &'static str); 7] = [
         (Self::File, "Files"),
         (Self::Detail, "Detail"),
@@ -175,16 +175,16 @@ impl Group {
     ];
 }
 
-/// A key, what it does, and its words.
+/// A key binding.
 #[derive(Clone, Copy, Debug)]
 pub struct Binding {
-    /// What it does.
+    /// The action.
     pub action: Action,
     /// The key.
     pub shortcut: KeyboardShortcut,
-    /// A few words.
+    /// A short description.
     pub name: &'static str,
-    /// Where the cheat sheet has it.
+    /// Group in the cheat sheet.
     pub group: Group,
 }
 
@@ -205,7 +205,8 @@ const fn keyframes(modifiers: Modifiers, key: Key, action: CopiesAction, name: &
     bind(Group::Animation, modifiers, key, Action::Copies(action), name)
 }
 
-/// All keys. Those with more modifiers stand first, for they would match the others too.
+/// All key bindings. Those with more modifiers come first: a binding with fewer modifiers would match them
+/// too.
 pub const BINDINGS: &[Binding] = &[
     bind(Group::File, CTRL_SHIFT, Key::O, Action::OpenSession, "Open a session"),
     bind(Group::File, CTRL_SHIFT, Key::S, Action::SaveSession, "Save the session"),
@@ -302,7 +303,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Window, NONE, Key::H, Action::Help, "Keys and mouse"),
 ];
 
-/// What is held or done with the mouse; the app asks for these itself.
+/// Gestures for the cheat sheet; views and the app handle them directly.
 pub const GESTURES: &[(Group, &str, &str)] = &[
     (Group::Detail, "Hold M", "Keep simplifying"),
     (Group::Detail, "Alt + drag up/down", "More or less detail"),
@@ -321,18 +322,18 @@ pub const GESTURES: &[(Group, &str, &str)] = &[
 ];
 
 impl Action {
-    /// Its key and words.
+    /// Returns the key binding of the action.
     pub fn binding(self) -> Option<&'static Binding> {
         BINDINGS.iter().find(|b| b.action == self)
     }
 
-    /// Its key as people read it; empty without one.
+    /// Returns the key of the action for display; empty without one.
     pub fn key(self) -> String {
         self.binding().map(|b| text(&b.shortcut)).unwrap_or_default()
     }
 }
 
-/// A shortcut as people read it.
+/// Formats a shortcut for display.
 pub fn text(shortcut: &KeyboardShortcut) -> String {
     let mut text = String::new();
     let m = shortcut.modifiers;
@@ -356,11 +357,11 @@ pub fn text(shortcut: &KeyboardShortcut) -> String {
     text
 }
 
-/// The actions whose keys were pressed, taken out of the input.
+/// Returns the actions whose keys were pressed, and consumes these keys.
 pub fn pressed(input: &mut InputState) -> Vec<Action> {
     let mut actions = Vec::new();
     for b in BINDINGS {
-        // A plain key is none with a modifier held, but for Shift, which some layouts need for `+`.
+        // A plain key requires that no modifier is held; but some layouts need Shift for `+`.
         let m = input.modifiers;
         if b.shortcut.modifiers == NONE && (m.command || m.ctrl || m.alt) {
             continue;
@@ -376,7 +377,7 @@ pub fn pressed(input: &mut InputState) -> Vec<Action> {
     if input.consume_key(NONE, Key::Equals) {
         actions.push(Action::More);
     }
-    // The key over Enter deletes on keyboards without another.
+    // Backspace deletes too: some keyboards have no Delete key.
     if input.consume_key(NONE, Key::Backspace) {
         actions.push(Action::Copies(CopiesAction::Delete));
     }
@@ -386,7 +387,7 @@ pub fn pressed(input: &mut InputState) -> Vec<Action> {
     actions
 }
 
-/// What a key makes of the moment that is shown; `None` for keys of other things.
+/// Returns the playback after an action; `None` for actions that do not change it.
 pub fn by_key(playback: Playback, model: &Model, length: f64, action: Action) -> Option<Playback> {
     Some(match action {
         Action::ToBegin => playback.at(length, 0.0),

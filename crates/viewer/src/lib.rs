@@ -1,9 +1,9 @@
-//! The window: original and lighter mesh side by side, live while you drag.
+//! Viewer of Lodsmith: original and simplified mesh side by side, updated while you drag.
 //!
-//! A [`document`] changes by [`command`]s alone; long work is a [`job`] on one thread; [`panel`]s read the document and say
-//! what is to be done. [`app`] is the window itself, [`gpu`] draws.
+//! Only [`command`]s change a [`document`]; long work is a [`job`] on a worker thread; [`panel`]s read the
+//! document and request changes. [`app`] is the window, [`gpu`] draws.
 //!
-//! Without the feature `window` there is what it is all about as plain data: settings, commands, sessions, layouts.
+//! Without the feature `window` only the plain data is compiled: settings, commands, sessions, layouts.
 
 #[cfg(feature = "window")]
 pub mod app;

@@ -1,24 +1,24 @@
-//! What was said, newest last.
+//! Log messages, newest last.
 
 use std::time::{Duration, Instant};
 
-/// How much an entry matters.
+/// Severity of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// It went well.
+    /// Success.
     Good,
-    /// It is so.
+    /// Information.
     Note,
-    /// Something is not as one might think.
+    /// Warning.
     Warning,
-    /// It did not work.
+    /// Error.
     Error,
 }
 
-/// Something that was said.
+/// A log entry.
 #[derive(Clone, Debug)]
 pub struct Entry {
-    /// How much it matters.
+    /// Severity.
     pub level: Level,
     /// A sentence without a full stop.
     pub text: String,
@@ -26,14 +26,14 @@ pub struct Entry {
     pub at: Duration,
 }
 
-/// What was said.
+/// The log.
 #[derive(Debug)]
 pub struct Log {
     begin: Instant,
     entries: Vec<Entry>,
 }
 
-/// Entries that are kept. Guessed.
+/// Number of entries that are kept. Guessed.
 const KEPT: usize = 1000;
 
 impl Default for Log {
@@ -43,29 +43,29 @@ impl Default for Log {
 }
 
 impl Log {
-    /// All that is kept.
+    /// Returns the entries that are kept.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
-    /// It went well.
+    /// Logs a success message.
     pub fn good(&mut self, text: impl Into<String>) {
         self.add(Level::Good, text.into());
     }
-    /// It is so.
+    /// Logs an informational message.
     pub fn note(&mut self, text: impl Into<String>) {
         self.add(Level::Note, text.into());
     }
-    /// Something is not as one might think.
+    /// Logs a warning.
     pub fn warn(&mut self, text: impl Into<String>) {
         self.add(Level::Warning, text.into());
     }
-    /// It did not work.
+    /// Logs an error.
     pub fn bad(&mut self, text: impl Into<String>) {
         self.add(Level::Error, text.into());
     }
 
     fn add(&mut self, level: Level, text: String) {
-        // While a slider is dragged, one thing would be said again and again.
+        // A dragged slider can cause the same message many times.
         if self.entries.last().is_some_and(|e| e.text == text) {
             return;
         }

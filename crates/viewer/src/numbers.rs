@@ -1,8 +1,8 @@
-//! Numbers as people read them.
+//! Formatting of numbers for display.
 
 pub use lodsmith_core::numbers::{grouped, significant};
 
-/// A share as percent: `100 %`, `12.5 %`, `0.25 %`.
+/// Formats a fraction as percent: `100 %`, `12.5 %`, `0.25 %`.
 pub fn percent(share: f64) -> String {
     match 100.0 * share {
         p if p >= 99.95 => format!("{p:.0} %"),
@@ -11,7 +11,7 @@ pub fn percent(share: f64) -> String {
     }
 }
 
-/// Seconds: `3.2 ms`, `0.41 s`, `12.3 s`.
+/// Formats seconds: `3.2 ms`, `0.41 s`, `12.3 s`.
 pub fn seconds(secs: f64) -> String {
     match secs {
         s if s < 0.1 => format!("{:.1} ms", 1e3 * s),
@@ -20,7 +20,7 @@ pub fn seconds(secs: f64) -> String {
     }
 }
 
-/// A whole number as it is typed: digits, with or without groups, and `k` or `M` at the end.
+/// Parses a typed count: digits, with or without group separators, and an optional suffix `k` or `M`.
 pub fn count_of(text: &str) -> Option<usize> {
     let text: String = text.chars().filter(|c| !matches!(c, ',' | ' ' | '_' | '\'')).collect();
     let (number, factor) = match text.chars().last()? {

@@ -1,4 +1,5 @@
-//! Where one looks from, and boxes round what was turned. No window: sessions and the stage are plain data.
+//! Orbit camera, and bounding boxes of rotated models. Independent of the window: sessions and the stage use
+//! it too.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -6,34 +7,34 @@ use glam::{DMat4, DQuat, DVec3};
 use lodsmith_core::Bounds;
 use lodsmith_render::{Camera, Lens, StandardView};
 
-/// A camera on a ball round a place: it never rolls.
+/// A camera that orbits a target and never rolls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
-    /// What it looks at.
+    /// Point it looks at.
     pub target: DVec3,
-    /// Round the upright axis; 0 looks along -z.
+    /// Rotation about the vertical axis; 0 looks along -z.
     pub yaw_rad: f64,
-    /// How high; a quarter turn looks straight down.
+    /// Elevation; a quarter turn looks straight down.
     pub pitch_rad: f64,
-    /// How far.
+    /// Distance from the target.
     pub distance: f64,
-    /// Angle from the lower to the upper edge.
+    /// Vertical field of view.
     pub fov_y_rad: f64,
 }
 
 impl Orbit {
-    /// One from whose view a box just fits.
+    /// Makes one that just fits a box into the picture.
     pub fn fitting(bounds: &Bounds, view: StandardView, aspect: f64) -> Self {
         Self::of(&Camera::fitting(bounds, view, aspect))
     }
 
-    /// The one that looks as this camera does; what it rolled is lost.
+    /// Makes one that looks as a camera does; its roll is lost.
     pub fn of(camera: &Camera) -> Self {
         let away = camera.eye - camera.target;
         let distance = away.length().max(1e-30);
         let to_eye = away / distance;
         let pitch_rad = to_eye.y.clamp(-1.0, 1.0).asin();
-        // Straight from above the yaw is that of the upper edge.
+        // If it looks straight down or up, the yaw is taken from the up vector.
         let flat = if to_eye.y.abs() > 0.99999 { -camera.up_square() * to_eye.y.signum() } else { to_eye };
         let yaw_rad = flat.x.atan2(flat.z);
         let fov_y_rad = match camera.lens {
@@ -43,34 +44,34 @@ impl Orbit {
         Self { target: camera.target, yaw_rad, pitch_rad, distance, fov_y_rad }
     }
 
-    /// As a camera.
+    /// Returns the camera.
     pub fn camera(&self) -> Camera {
         let ((sin_yaw, cos_yaw), (sin_pitch, cos_pitch)) = (self.yaw_rad.sin_cos(), self.pitch_rad.sin_cos());
         let to_eye = DVec3::new(cos_pitch * sin_yaw, sin_pitch, cos_pitch * cos_yaw);
-        // Square to the view everywhere, at the poles too.
+        // Perpendicular to the view direction everywhere, at the poles too.
         let up = DVec3::new(-sin_pitch * sin_yaw, cos_pitch, -sin_pitch * cos_yaw);
         let lens = Lens::Perspective { fov_y_rad: self.fov_y_rad };
         Camera { eye: self.target + to_eye * self.distance, target: self.target, up, lens }
     }
 
-    /// Turns round what it looks at.
+    /// Orbits the target.
     pub fn turn(&mut self, right_rad: f64, up_rad: f64) {
         self.yaw_rad = (self.yaw_rad + right_rad).rem_euclid(TAU);
         self.pitch_rad = (self.pitch_rad + up_rad).clamp(-FRAC_PI_2, FRAC_PI_2);
     }
 
-    /// The same direction, and all of the box in sight.
+    /// Frames a box from the same direction.
     pub fn frame(&mut self, bounds: &Bounds, aspect: f64) {
         *self = Self::of(&self.camera().framing(bounds, aspect));
     }
 }
 
-/// The box round a model that was turned about the middle of its own box.
+/// Returns the bounding box of a model that is rotated about the centre of its own box.
 pub fn turned_bounds(bounds: &Bounds, turn: DQuat) -> Bounds {
     moved_bounds(bounds, &turn_matrix(bounds, turn))
 }
 
-/// The box round a box that was moved.
+/// Returns the bounding box of a transformed box.
 pub fn moved_bounds(bounds: &Bounds, matrix: &DMat4) -> Bounds {
     if *matrix == DMat4::IDENTITY {
         return *bounds;
@@ -84,7 +85,7 @@ pub fn moved_bounds(bounds: &Bounds, matrix: &DMat4) -> Bounds {
     Bounds { min: min.to_array(), max: max.to_array() }
 }
 
-/// A turn about the middle of a box.
+/// Returns the matrix of a rotation about the centre of a box.
 pub fn turn_matrix(bounds: &Bounds, turn: DQuat) -> DMat4 {
     if turn == DQuat::IDENTITY {
         return DMat4::IDENTITY;

@@ -1,4 +1,5 @@
-//! Looks of the user's: a picture of a lit ball, a shader, what is all around. Read when they are named, and again when they change.
+//! The user's own appearance files: matcap, shader, environment. Read when they are chosen, reread when they
+//! change.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use lodsmith_render::Environment;
 use crate::gpu::{Gpu, Matcap, SurfaceShader, Surroundings};
 use crate::settings::{Appearance, Around};
 
-/// What was read, and what was wrong with it.
+/// Files that were read, or errors.
 #[derive(Default)]
 pub(crate) struct OwnFiles {
     matcap: Option<(PathBuf, Result<Matcap, String>)>,
@@ -16,13 +17,13 @@ pub(crate) struct OwnFiles {
     around: Option<(Around, Result<Surroundings, String>)>,
 }
 
-/// Largest picture of a ball, in pixels along a side: more show nothing more.
+/// Largest matcap, in pixels along a side: more pixels show no more detail.
 const LARGEST: u32 = 4096;
-/// Longest shader, in bytes. Guessed.
+/// Largest shader file, in bytes. Guessed.
 const LONGEST: u64 = 1 << 20;
 
 impl OwnFiles {
-    /// Reads what the look names and is not known yet; and all again if they have changed.
+    /// Reads files that the appearance newly refers to, or all of them if they have changed.
     pub(crate) fn follow(
         &mut self,
         gpu: Option<&Gpu>,
@@ -56,19 +57,19 @@ impl OwnFiles {
         }
     }
 
-    /// What is all around.
+    /// Returns the environment.
     pub(crate) fn environment(&self) -> Option<&Surroundings> {
         self.around.as_ref().and_then(|a| a.1.as_ref().ok())
     }
-    /// The picture of a ball.
+    /// Returns the matcap.
     pub(crate) fn matcap(&self) -> Option<&Matcap> {
         self.matcap.as_ref().and_then(|m| m.1.as_ref().ok())
     }
-    /// The shader.
+    /// Returns the shader.
     pub(crate) fn shader(&self) -> Option<&SurfaceShader> {
         self.shader.as_ref().and_then(|s| s.1.as_ref().ok())
     }
-    /// What is wrong with them.
+    /// Returns the errors, one per line.
     pub(crate) fn error(&self) -> Option<String> {
         let of_file = |path: &Path, why: &String| format!("{}: {why}", path.display());
         let matcap = self.matcap.as_ref().and_then(|m| m.1.as_ref().err().map(|e| of_file(&m.0, e)));

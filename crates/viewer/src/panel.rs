@@ -1,4 +1,4 @@
-//! What stands round the pictures. Panels read the document and say what is to be done; none changes it.
+//! Panels round the pictures. They read the document and push requests; none changes it.
 
 pub mod benchmark;
 pub mod error;
@@ -27,30 +27,30 @@ use crate::stage::scatter::Scatter;
 /// A panel that can be shown and hidden.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Panel {
-    /// Files that are open, and recent ones.
+    /// Open files and recent ones.
     Files,
-    /// How to simplify.
+    /// Method and its options.
     Method,
-    /// What the engine says.
+    /// Report of the engine.
     Report,
     /// Counts and times.
     Info,
-    /// How surfaces are shown.
+    /// Appearance.
     Look,
-    /// How far the result lies from the original.
+    /// Distances between result and original.
     Error,
-    /// What was said.
+    /// Log messages.
     Log,
-    /// Copies on a ground.
+    /// Copies on the stage.
     Stage,
-    /// What moves when.
+    /// Timeline of animations and keyframes.
     Timeline,
-    /// Times of levels.
+    /// Benchmark of levels.
     Benchmark,
 }
 
 impl Panel {
-    /// All of them, in the order of the menu.
+    /// All panels, in the order of the menu.
     pub const ALL: [Self; 10] = [
         Self::Files,
         Self::Stage,
@@ -64,7 +64,7 @@ impl Panel {
         Self::Log,
     ];
 
-    /// Its name.
+    /// Returns its name.
     pub fn title(self) -> &'static str {
         match self {
             Self::Files => "Files",
@@ -80,7 +80,7 @@ impl Panel {
         }
     }
 
-    /// Where it stands.
+    /// Returns the dock of the panel.
     pub fn dock(self) -> Dock {
         match self {
             Self::Files | Self::Stage | Self::Method | Self::Report => Dock::Left,
@@ -90,92 +90,92 @@ impl Panel {
         }
     }
 
-    /// Whether it is there when nothing else was said.
+    /// Returns true if it is shown by default.
     pub fn is_there_at_first(self) -> bool {
         matches!(self, Self::Method | Self::Report | Self::Info | Self::Look)
     }
 }
 
-/// A side of the window.
+/// A place for panels in the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dock {
-    /// What goes in.
+    /// Left: input and method.
     Left,
-    /// What comes out.
+    /// Right: result and appearance.
     Right,
-    /// Under the pictures, above the slider.
+    /// Below the pictures, above the slider.
     Middle,
-    /// What was said.
+    /// Bottom: the log.
     Bottom,
 }
 
-/// What panels know, and what they say.
+/// Data that panels read, and their requests.
 pub struct Scope<'a> {
     /// The document.
     pub document: &'a Document,
-    /// What the window knows beside it.
+    /// State of the window that is not part of the document.
     pub facts: &'a Facts,
-    /// What is to be done, in this order.
+    /// Requests of the panels, in order.
     pub says: Vec<Say>,
 }
 
-/// Something that is to be done.
+/// A request of a panel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Say {
-    /// A change of the document.
+    /// Run a command.
     Command(Command),
-    /// What a key would do.
+    /// Carry out an action.
     Action(Action),
-    /// A file to open.
+    /// Open a file.
     OpenFile(std::path::PathBuf),
-    /// The example.
+    /// Open the sample model.
     OpenSample,
-    /// Choose a picture of a lit ball.
+    /// Choose a matcap.
     ChooseMatcap,
-    /// Choose a picture of all directions.
+    /// Choose an environment.
     ChooseAround,
     /// Choose a shader.
     ChooseShader,
-    /// Into the clipboard.
+    /// Copy text to the clipboard.
     Copy(String),
-    /// Copies on the stage, by chance.
+    /// Scatter copies on the stage.
     Scatter(Scatter),
-    /// How they will be.
+    /// Set the form of the next scattering.
     ScatterForm(Scatter),
-    /// Which keyframes are chosen and held.
+    /// Set the keyframe selection and drag.
     Keyframes(KeyframeDesk),
 }
 
 impl Scope<'_> {
-    /// Says a change.
+    /// Requests a command.
     pub fn command(&mut self, command: Command) {
         self.says.push(Say::Command(command));
     }
-    /// Says what a key would do.
+    /// Requests an action.
     pub fn action(&mut self, action: Action) {
         self.says.push(Say::Action(action));
     }
 }
 
-/// What the window knows beside the document.
+/// State of the window that is not part of the document.
 #[derive(Clone, Debug, Default)]
 pub struct Facts {
-    /// Files that were open before, newest first.
+    /// Recent files, newest first.
     pub recent: Vec<std::path::PathBuf>,
     /// Name of the adapter.
     pub adapter: String,
-    /// Time of our own that the last frame took.
+    /// CPU time of the last frame in seconds.
     pub frame_secs: f64,
-    /// The longest since the file was opened.
+    /// Longest such time since the file was opened.
     pub longest_frame_secs: f64,
-    /// Triangles drawn last.
+    /// Number of triangles drawn last.
     pub triangles_drawn: u64,
-    /// What is wrong with the shader of the user's.
+    /// Error in the user's own appearance files.
     pub shader_error: Option<String>,
-    /// Pixels that the error of the result covers, seen from here.
+    /// Error of the result in pixels, from the present camera.
     pub error_px: Option<f64>,
-    /// The unit of the slider.
+    /// Unit of the slider.
     pub unit: target::Unit,
-    /// The stage.
+    /// State of the stage view.
     pub stage: crate::stage::picture::Facts,
 }

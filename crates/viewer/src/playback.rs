@@ -1,20 +1,21 @@
-//! Which animation is shown, at which moment, and how it goes on. No clock: whoever has one says how long it was.
+//! Playback of animations: clip, time, speed, looping. Has no clock of its own: callers pass the elapsed
+//! time.
 
 use lodsmith_core::Model;
 use lodsmith_core::model::Pose;
 use serde::{Deserialize, Serialize};
 
-/// The moment that is shown, and how it goes on from there.
+/// State of the playback.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Playback {
-    /// The animation, by number; `None` is the model at rest.
+    /// Index of the clip; `None` shows the rest pose.
     pub clip: Option<usize>,
-    /// Seconds from its begin.
+    /// Time since the start, in seconds.
     pub seconds: f64,
-    /// Times as fast as it is meant.
+    /// Speed factor; 1 is the original speed.
     pub speed: f64,
-    /// Whether it begins anew when it is over.
+    /// True if it loops.
     pub repeats: bool,
 }
 
@@ -24,24 +25,24 @@ impl Default for Playback {
     }
 }
 
-/// Slowest and fastest.
+/// Lowest and highest speed.
 pub const SPEEDS: [f64; 2] = [0.05, 16.0];
 
 impl Playback {
-    /// The begin of what another file has, at the same speed.
+    /// Returns the start of the first clip, for another file, at the same speed.
     #[must_use]
     pub fn anew(self) -> Self {
         Self { clip: Some(0), seconds: 0.0, ..self }
     }
 
-    /// Seconds that the clip takes; 0 where nothing moves.
+    /// Returns the length of the clip in seconds; 0 without a clip.
     pub fn length(&self, model: &Model) -> f64 {
         let clip = self.clip.and_then(|c| model.animations.get(c));
         clip.map_or(0.0, |c| c.duration())
     }
 
-    /// How the model stands; at rest where there is no such clip. What goes on for longer than the clip sees it again and
-    /// again, or its end.
+    /// Returns the pose of the model; the rest pose if there is no such clip. On a timeline longer than the
+    /// clip, the clip loops or holds its last pose.
     pub fn pose(&self, model: &Model) -> Pose {
         let Some(clip) = self.clip.filter(|c| *c < model.animations.len()) else { return Pose::default() };
         let (length, seconds) = (self.length(model), self.moment(f64::MAX));
@@ -49,46 +50,46 @@ impl Playback {
         model.pose(clip, if is_round { seconds.rem_euclid(length) } else { seconds.min(length) })
     }
 
-    /// The moment within so many seconds, whatever a file says.
+    /// Returns the time, clamped to the length; NaN and infinity count as 0.
     pub fn moment(&self, length: f64) -> f64 {
         let seconds = if self.seconds.is_finite() { self.seconds } else { 0.0 };
         seconds.clamp(0.0, length)
     }
 
-    /// The same at another moment, held within so many seconds.
+    /// Returns the same playback at another time, clamped to the length.
     #[must_use]
     pub fn at(self, length: f64, seconds: f64) -> Self {
         let seconds = Self { seconds, ..self }.moment(length);
         Self { seconds, ..self }
     }
 
-    /// Another speed, held within what there is.
+    /// Returns the same playback at another speed, clamped to [`SPEEDS`].
     #[must_use]
     pub fn at_speed(self, speed: f64) -> Self {
         let speed = if speed.is_finite() { speed.clamp(SPEEDS[0], SPEEDS[1]) } else { 1.0 };
         Self { speed, ..self }
     }
 
-    /// After so many seconds of the clock, of a time that takes `length`, and whether it is over then.
+    /// Advances by elapsed seconds on a timeline of `length`; returns also whether the end was reached.
     #[must_use]
     pub fn after(self, length: f64, elapsed_secs: f64) -> (Self, bool) {
         let further = self.moment(length) + elapsed_secs.max(0.0) * self.at_speed(self.speed).speed;
         match length > 0.0 && self.repeats {
-            // At the very end the last moment is seen, then the first.
+            // The last moment is shown at the very end; only then it starts over.
             true if further > length => (Self { seconds: further.rem_euclid(length), ..self }, false),
             true => (Self { seconds: further, ..self }, false),
             false => (Self { seconds: further.min(length), ..self }, further >= length),
         }
     }
 
-    /// The begin, if it stands at the end and would go no further.
+    /// Returns the playback ready to play: at the start, if it is at its end and does not loop.
     #[must_use]
     pub fn ready(self, length: f64) -> Self {
         let is_over = !self.repeats && self.moment(length) >= length;
         Self { seconds: if is_over { 0.0 } else { self.moment(length) }, ..self }
     }
 
-    /// The next of the clips, from its begin; after the last comes the first.
+    /// Switches to the start of the next clip; after the last comes the first.
     #[must_use]
     pub fn next_clip(self, model: &Model) -> Self {
         let count = model.animations.len().max(1);
@@ -96,7 +97,7 @@ impl Playback {
     }
 }
 
-/// Names of the clips, as people tell them apart.
+/// Returns the names of the clips; unnamed ones are numbered.
 pub fn clip_names(model: &Model) -> Vec<String> {
     let name = |(i, clip): (usize, &lodsmith_core::model::Animation)| match clip.name.trim() {
         "" => format!("Animation {}", i + 1),
@@ -105,7 +106,7 @@ pub fn clip_names(model: &Model) -> Vec<String> {
     model.animations.iter().enumerate().map(name).collect()
 }
 
-/// Moments of the keyframes of a clip, rising, each once.
+/// Returns the distinct keyframe times of a clip, ascending.
 pub fn keyframes(model: &Model, clip: usize) -> Vec<f64> {
     let channels = model.animations.get(clip).map(|a| a.channels.as_slice()).unwrap_or_default();
     let mut all: Vec<f64> = channels.iter().flat_map(|c| c.times.iter().map(|&t| f64::from(t))).collect();
@@ -121,7 +122,7 @@ mod tests {
 
     use super::*;
 
-    /// A node that goes from 0 to 2 along x in two seconds, and another clip of half a second.
+    /// A node that moves from 0 to 2 along x in two seconds, and another clip of half a second.
     fn model() -> Model {
         let clip = |name: &str, last: f32| {
             let track = Track::Translation(vec![[0.0; 3], [last, 0.0, 0.0]]);
@@ -149,7 +150,7 @@ mod tests {
             let (then, is_over) = begin.at_speed(speed).after(2.0, elapsed);
             assert!((x(&then) - wanted).abs() < 1e-9 && !is_over, "{elapsed} {speed}: {}", x(&then));
         }
-        // What goes on for longer than the clip sees it again and again, or its end.
+        // On a longer timeline the clip loops, or holds its last pose.
         let late = begin.at(10.0, 5.5);
         assert_eq!([x(&late), x(&Playback { repeats: false, ..late })], [1.5, 2.0]);
         assert_eq!(Playback { clip: None, ..begin }.pose(&model()), Pose::default());
@@ -165,7 +166,7 @@ mod tests {
         assert!(is_over && x(&then) == 2.0);
         assert_eq!(then.ready(2.0).seconds, 0.0);
         assert_eq!(once.at(2.0, 1.5).ready(2.0).seconds, 1.5);
-        // Where nothing moves there is nothing to wait for.
+        // Without a clip it is over at once.
         assert!(once.after(0.0, 0.1).1);
     }
 

@@ -1,4 +1,4 @@
-//! The progressive mesh behind the slider: any level at once, while the exact run is still to come.
+//! Preview of the slider: a progressive mesh that shows any level at once, until the exact run is done.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -12,30 +12,31 @@ use crate::document::{Drawing, Shown};
 use crate::gpu::Context;
 use crate::words::{Normals, Simplification};
 
-/// Triangles above which there is no road: a jump over all of it would hold the window for more than a tenth of a second.
-/// (Measured on horse: about 40 ms of processor time a jump and 0.6 GB at the most for a million.)
+/// Largest number of triangles for a preview: with more, a jump from end to end would block the window for
+/// over 0.1 s. (Measured on horse: about 40 ms of processor time a jump and 0.6 GB at the most for a
+/// million.)
 pub const MOST_FACES: usize = 2_000_000;
 
-/// Largest distance over the RMS distance, until a run has shown it for the model. (Measured: 7 to 13 on cow, bunny,
-/// nefertiti and spot at errors of 0.5 and 2 % of the diagonal, 9 to 26 at 0.1 %.)
+/// Ratio of largest to RMS distance, until a run has measured it for the model. (Measured: 7 to 13 on cow,
+/// bunny, nefertiti and spot at errors of 0.5 and 2 % of the diagonal, 9 to 26 at 0.1 %.)
 const PEAK: f64 = 8.0;
 
-/// A model that moves between levels, and its buffers on the graphics card.
+/// Progressive mesh of a model, with the GPU buffers of the present level.
 pub struct Road {
     scene: ProgressiveScene,
-    /// The mesh of the model that each part is.
+    /// Index of the model's mesh for each part.
     meshes: Vec<usize>,
     diagonal: f64,
-    /// As it stands, in the numbers of the road.
+    /// The present level, with vertices in the order of the progressive mesh.
     model: Model,
     draw: Option<Drawing>,
-    /// Whether normals of the original are shown.
+    /// True if the normals of the original are shown.
     keeps_normals: bool,
     peak: f64,
 }
 
 impl Road {
-    /// Makes the road of a model; the target does not matter.
+    /// Builds the progressive mesh of a model; the target does not matter.
     ///
     /// # Errors
     /// As [`ProgressiveScene::build`].
@@ -71,12 +72,12 @@ impl Road {
         Ok(Self { scene, meshes, diagonal, model, draw, keeps_normals, peak: PEAK })
     }
 
-    /// How many levels there are.
+    /// Returns the number of levels.
     pub fn levels(&self) -> usize {
         self.scene.top() + 1
     }
 
-    /// Takes in what a run came to: what the largest distance is, next to the mean.
+    /// Takes over the ratio of largest to RMS distance from a measured run.
     pub fn learn(&mut self, run: &Lighter) {
         let Some(measured) = run.measured() else { return };
         let peak = measured.hausdorff.symmetric / measured.rms.symmetric;
@@ -85,10 +86,10 @@ impl Road {
         }
     }
 
-    /// Goes to the level for a target. `None` where no level can be meant by it.
+    /// Goes to the level for a target. Returns `None` if the target is not valid.
     ///
     /// # Errors
-    /// [`MeshError`], if a level is no mesh.
+    /// [`MeshError`], if a level is not a valid mesh.
     pub fn show(&mut self, how: &Simplification) -> Result<Option<Shown<Lighter>>, MeshError> {
         let begin = Instant::now();
         let Some(level) = self.level_for(&how.options.stop) else { return Ok(None) };
@@ -121,7 +122,7 @@ impl Road {
     }
 }
 
-/// A level as it is drawn.
+/// Returns the mesh of the present level for drawing.
 fn buffers(road: &lodsmith::Progressive, keeps_normals: bool) -> Result<TriMesh, MeshError> {
     let mut mesh = road.fitted_buffers()?;
     if !keeps_normals {

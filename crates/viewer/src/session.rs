@@ -1,4 +1,4 @@
-//! What outlives the window: sessions by name, and by itself the recent files and the theme.
+//! Saved state: session files, and the viewer's own settings file with recent files and theme.
 
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -8,79 +8,79 @@ use serde::{Deserialize, Serialize};
 
 use crate::settings::{Pose, Settings};
 
-/// A session: files, options, look, cameras.
+/// A session: files, options, appearance, cameras.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Session {
-    /// What it is, for who finds the file.
+    /// File type marker.
     pub program: String,
-    /// Grows when older programs could not read it.
+    /// Format version; increases when older programs cannot read it.
     pub version: u32,
-    /// All that commands change.
+    /// Settings of the document.
     pub settings: Settings,
-    /// From where the two sides were seen.
+    /// Cameras of the two sides.
     pub cameras: Option<[Pose; 2]>,
-    /// From where the stage was seen, if it was.
+    /// Camera of the stage, if it was shown.
     #[serde(default)]
     pub stage_camera: Option<Pose>,
 }
 
-/// The version that is written.
+/// Format version that is written.
 const VERSION: u32 = 1;
 const PROGRAM: &str = "lodsmith session";
 
-/// Why a session cannot be opened.
+/// Error of reading or writing a session or layout.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
-    /// The disk says no.
+    /// Error of the file system.
     #[error("{path}: {source}")]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the disk says.
+        /// Error of the system.
         source: io::Error,
     },
-    /// It is none.
+    /// Not a session or layout.
     #[error("{path}: is no session of lodsmith: {reason}")]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What was met.
+        /// Description of the fault.
         reason: String,
     },
-    /// It names a file that it may not name.
+    /// It refers to a file that it may not read.
     #[error(
         "{path}: names {file}, which lies outside of its folder: start with --asset-root DIR or --allow-outside to let it in"
     )]
     Outside {
         /// The file.
         path: PathBuf,
-        /// The other one.
+        /// The file it refers to.
         file: PathBuf,
     },
-    /// A newer program wrote it.
+    /// Written by a newer version.
     #[error("{path}: was saved by a newer lodsmith (version {got} of sessions, {VERSION} is known here)")]
     Newer {
         /// The file.
         path: PathBuf,
-        /// Its version.
+        /// Format version of the file.
         got: u32,
     },
 }
 
 impl Session {
-    /// A session of these.
+    /// Makes a session.
     pub fn new(settings: Settings, cameras: [Pose; 2]) -> Self {
         let (program, cameras) = (PROGRAM.to_owned(), Some(cameras));
         Self { program, version: VERSION, settings, cameras, stage_camera: None }
     }
 
-    /// With the camera of the stage.
+    /// Returns the session with a camera of the stage.
     pub fn with_stage_camera(self, stage_camera: Option<Pose>) -> Self {
         Self { stage_camera, ..self }
     }
 
-    /// Saves it: to a temporary file first, which then takes the name. Files beside it are named relative to it.
+    /// Saves the session atomically. Models in its folder are stored with relative paths.
     ///
     /// # Errors
     /// [`SessionError::Io`].
@@ -99,7 +99,7 @@ impl Session {
             .map_err(|source| SessionError::Io { path: path.to_owned(), source })
     }
 
-    /// Opens one. The files that it names lie in its folder and below, unless the scope says otherwise.
+    /// Opens a session. The files it refers to must be in its folder or below, unless the scope allows more.
     ///
     /// # Errors
     /// Each [`SessionError`].
@@ -139,10 +139,10 @@ fn folder_of(path: &Path) -> PathBuf {
     absolute(path).parent().map(Path::to_owned).unwrap_or_default()
 }
 
-/// Bytes of a session or a layout, at most: as many copies and keyframes as a stage holds take a quarter of them.
+/// Largest session or layout file, in bytes: the maximum of copies and keyframes takes a quarter of it.
 const LARGEST: u64 = 256 << 20;
 
-/// The text of a session or a layout.
+/// Reads the text of a session or a layout.
 pub(crate) fn read(path: &Path) -> io::Result<String> {
     read_up_to(path, LARGEST)
 }
@@ -157,26 +157,26 @@ fn read_up_to(path: &Path, most: u64) -> io::Result<String> {
     Ok(text)
 }
 
-/// Makes a file hold these bytes, or leaves it as it was.
+/// Writes a file atomically: after an error the old file is unchanged.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     lodsmith_io::write::write_file(path, false, |out| out.write_all(bytes))
 }
 
-/// What the window remembers by itself.
+/// Settings that the viewer keeps between runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Memory {
-    /// Files that were open, newest first.
+    /// Recent files, newest first.
     pub recent: Vec<PathBuf>,
-    /// Whether the theme is the light one.
+    /// True for the light theme.
     pub is_light: bool,
 }
 
-/// Recent files that are kept.
+/// Number of recent files that are kept.
 const RECENT: usize = 12;
 
 impl Memory {
-    /// Where it lies; `None` where the system names no place.
+    /// Returns the path of the settings file; `None` if the system defines no such folder.
     pub fn path() -> Option<PathBuf> {
         let from = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
         let folder = if cfg!(target_os = "windows") {
@@ -189,13 +189,13 @@ impl Memory {
         Some(folder.join("lodsmith").join("viewer.json"))
     }
 
-    /// What was remembered; nothing if it cannot be read.
+    /// Loads the settings; defaults if they cannot be read.
     pub fn load(path: &Path) -> Self {
         let text = std::fs::read_to_string(path).unwrap_or_default();
         serde_json::from_str(&text).unwrap_or_default()
     }
 
-    /// Remembers it. Where that is not possible, it is forgotten: nothing of value is lost.
+    /// Saves the settings. Errors are ignored: nothing of value is lost.
     pub fn save(&self, path: &Path) {
         if let (Some(folder), Ok(text)) = (path.parent(), serde_json::to_string_pretty(self))
             && std::fs::create_dir_all(folder).is_ok()
@@ -204,7 +204,7 @@ impl Memory {
         }
     }
 
-    /// A file was opened.
+    /// Adds a file to the recent files.
     pub fn opened(&mut self, file: &Path) {
         let file = absolute(file);
         self.recent.retain(|f| *f != file);
@@ -243,7 +243,7 @@ mod tests {
         assert!(told.contains("a.glb") && told.contains("--allow-outside"), "{told}");
         assert!(open(AssetScope::Anywhere).is_ok());
         assert!(open(AssetScope::Root(folder.path().to_owned())).is_ok());
-        // What the look names counts too.
+        // Files of the appearance are checked too.
         let mut looks = session(&inside);
         looks.settings.look.matcap = Some(folder.path().join("ball.png"));
         looks.save(&inside.join("s.json")).unwrap();
@@ -272,7 +272,7 @@ mod tests {
         std::fs::write(&path, "0123456789").unwrap();
         assert_eq!(read_up_to(&path, 10).unwrap(), "0123456789");
         assert!(read_up_to(&path, 9).unwrap_err().to_string().contains("more than 9 bytes"));
-        // One without an end.
+        // An endless file.
         if Path::new("/dev/zero").exists() {
             assert!(Session::open(Path::new("/dev/zero"), &AssetScope::Anywhere).is_err());
         }

@@ -1,4 +1,4 @@
-//! Everything that commands change: what is open, how it is simplified, how it is shown. A session holds just this.
+//! Settings of a document: open files, options, appearance. Commands change them and sessions store them.
 
 use std::path::{Path, PathBuf};
 
@@ -12,40 +12,40 @@ use crate::playback::Playback;
 use crate::stage::Stage;
 use crate::words::Simplification;
 
-/// What a document is, beside the meshes themselves.
+/// All settings of a document.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Settings {
-    /// Files that are open.
+    /// Open files.
     pub files: Vec<PathBuf>,
-    /// Which of them is shown.
+    /// Index of the shown file.
     pub shown: usize,
-    /// How it is simplified.
+    /// Method, options and target.
     pub simplify: Simplification,
-    /// How surfaces are shown.
+    /// Appearance of surfaces.
     pub look: Appearance,
-    /// How the two sides are shown.
+    /// Layout of the two sides.
     pub layout: Layout,
-    /// How the model is turned before all else.
+    /// Rotation of the model.
     pub turn: Turn,
-    /// Cameras to come back to.
+    /// Saved cameras.
     pub cameras: [Option<Pose>; 4],
-    /// Whether the level goes by the distance of the camera.
+    /// Automatic levels by distance of the camera.
     pub auto_lod: AutoLod,
-    /// Copies of the model on a ground.
+    /// Stage with copies of the model.
     pub stage: Stage,
-    /// Which moment of which animation is shown, and how it goes on.
+    /// Playback of the animation.
     pub playback: Playback,
 }
 
 impl Settings {
-    /// The file that is shown.
+    /// Returns the shown file.
     pub fn file(&self) -> Option<&Path> {
         self.files.get(self.shown).map(PathBuf::as_path)
     }
 }
 
-/// How the model is turned.
+/// Rotation of the model, as a quaternion (x, y, z, w).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Turn(pub [f64; 4]);
 
@@ -56,20 +56,20 @@ impl Default for Turn {
 }
 
 impl Turn {
-    /// As a rotation; numbers that are none leave the model as it is.
+    /// Returns the rotation; the identity if the numbers are not valid.
     pub fn rotation(self) -> DQuat {
         let q = DQuat::from_array(self.0);
         if q.is_finite() && q.length_squared() > 1e-12 { q.normalize() } else { DQuat::IDENTITY }
     }
 }
 
-/// A level by distance.
+/// Automatic levels by distance.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct AutoLod {
-    /// Whether it is on.
+    /// True if they are used.
     pub is_on: bool,
-    /// Pixels that the error may cover on the screen.
+    /// Error that a level may have on the screen, in pixels.
     pub pixels: f64,
 }
 
@@ -79,15 +79,15 @@ impl Default for AutoLod {
     }
 }
 
-/// How the two sides are shown.
+/// Layout of the two sides.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Layout {
-    /// Which of them, and where.
+    /// Shown sides and their arrangement.
     pub sides: Sides,
-    /// Whether one camera moves both.
+    /// True if both sides share one camera.
     pub linked: bool,
-    /// Where the wipe stands, from 0 to 1.
+    /// Position of the wipe divider, from 0 to 1.
     pub wipe: f32,
 }
 
@@ -97,13 +97,13 @@ impl Default for Layout {
     }
 }
 
-/// Which sides are shown.
+/// Shown sides and their arrangement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Sides {
     /// Original left, result right.
     #[default]
     Both,
-    /// One over the other, with a line between that moves.
+    /// One over the other, with a movable divider.
     Wipe,
     /// The original alone.
     Original,
@@ -112,7 +112,7 @@ pub enum Sides {
 }
 
 impl Sides {
-    /// All of them, with their names.
+    /// All arrangements with their names.
     pub const ALL: [(Self, &'static str); 4] = [
         (Self::Both, "Side by side"),
         (Self::Wipe, "Wipe"),
@@ -121,26 +121,26 @@ impl Sides {
     ];
 }
 
-/// How surfaces are shown.
+/// Appearance of surfaces and background.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Appearance {
-    /// Shading, wire, marks.
+    /// Shading, wireframe, marks.
     #[serde(with = "LookInFile")]
     pub look: Look,
-    /// What lies behind.
+    /// Background.
     pub backdrop: Backdrop,
-    /// Whether there is a grid below the model.
+    /// True if a grid is drawn below the model.
     pub ground: bool,
-    /// The light.
+    /// Lights.
     pub rig: Rig,
-    /// How strong it is.
+    /// Brightness factor of the lights.
     pub brightness: f32,
-    /// What materials mirror.
+    /// Environment for reflections.
     pub around: Around,
-    /// A picture of a lit ball.
+    /// The user's own matcap image.
     pub matcap: Option<PathBuf>,
-    /// A shader of the user's.
+    /// The user's own shader.
     pub shader: Option<PathBuf>,
 }
 
@@ -159,22 +159,23 @@ impl Default for Appearance {
     }
 }
 
-/// What materials mirror and are lit by beside the lights.
+/// Environment that materials reflect and are lit by, besides the lights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Around {
-    /// The studio where the model has metal, which shows little else, or where it is to be seen behind; else plain light.
+    /// Studio if the model has metal, which reflects little but its environment, or if the background shows
+    /// the environment; else plain.
     #[default]
     Auto,
-    /// Plain light from above and below.
+    /// Ambient light from above and below.
     Plain,
-    /// A room with soft lamps.
+    /// A studio room with soft lights.
     Studio,
-    /// A picture of all directions.
+    /// An environment image.
     File(PathBuf),
 }
 
 impl Around {
-    /// The next without a file: by the model, plain, studio.
+    /// Returns the next environment that is not a file: automatic, plain, studio.
     pub fn next(&self) -> Self {
         match self {
             Self::Auto => Self::Plain,
@@ -183,7 +184,7 @@ impl Around {
         }
     }
 
-    /// The file.
+    /// Returns the file.
     pub fn file(&self) -> Option<&PathBuf> {
         match self {
             Self::File(path) => Some(path),
@@ -193,7 +194,7 @@ impl Around {
 }
 
 impl Appearance {
-    /// What materials mirror, where that goes by the model.
+    /// Resolves the automatic environment for a model.
     pub fn surroundings(&self, has_metal: bool) -> Around {
         let is_behind = matches!(self.backdrop, Backdrop::Surroundings | Backdrop::Blurred);
         match &self.around {
@@ -203,34 +204,34 @@ impl Appearance {
         }
     }
 
-    /// Files of the user's that the look is made of.
+    /// Returns the user's own files.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.matcap.iter().chain(&self.shader).chain(self.around.file())
     }
 }
 
-/// What lies behind the model.
+/// Background of the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Backdrop {
-    /// As the window is: dark or light.
+    /// Matches the theme: dark or light.
     #[default]
     Theme,
-    /// A dark studio.
+    /// Dark gradient.
     Dark,
-    /// A bright studio.
+    /// Bright gradient.
     Bright,
-    /// A clear day.
+    /// Sky gradient.
     Sky,
-    /// One colour.
+    /// Solid colour.
     Color([f32; 3]),
-    /// What is all around.
+    /// The environment.
     Surroundings,
-    /// The same, out of focus.
+    /// The environment, blurred.
     Blurred,
 }
 
 impl Backdrop {
-    /// Those with a name.
+    /// All backgrounds with their names.
     pub const ALL: [(Self, &'static str); 7] = [
         (Self::Theme, "Like the window"),
         (Self::Dark, "Dark studio"),
@@ -241,7 +242,7 @@ impl Backdrop {
         (Self::Blurred, "Surroundings, blurred"),
     ];
 
-    /// As it is drawn.
+    /// Returns the background for the renderer.
     pub fn background(self, dark_window: bool) -> Background {
         match self {
             Self::Theme if dark_window => Background::Gradient([0.185, 0.20, 0.225], [0.105, 0.112, 0.125]),
@@ -256,24 +257,24 @@ impl Backdrop {
     }
 }
 
-/// What the model is lit by.
+/// Lights of the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Rig {
-    /// A key light over the left shoulder, a weak one from the right.
+    /// A key light over the left shoulder, a weak fill light from the right.
     #[default]
     Studio,
-    /// From where one looks.
+    /// A light at the camera.
     Headlight,
-    /// From above, standing still while the camera moves.
+    /// Directional light from above, fixed in the world.
     Sun,
-    /// A lamp beside the model.
+    /// A point light beside the model.
     Point,
-    /// A cone from above.
+    /// A spot light from above.
     Spot,
 }
 
 impl Rig {
-    /// All of them, with their names.
+    /// All lights with their names.
     pub const ALL: [(Self, &'static str); 5] = [
         (Self::Studio, "Studio"),
         (Self::Headlight, "Headlight"),
@@ -282,7 +283,7 @@ impl Rig {
         (Self::Spot, "Spot light"),
     ];
 
-    /// As it shines.
+    /// Returns the lighting for the renderer.
     pub fn lighting(self, brightness: f32) -> Lighting {
         let one = |kind, strength: f32, in_world| Light { kind, color: [strength; 3], in_world };
         let directional = |to_light: Vec3| LightKind::Directional { to_light };
@@ -316,21 +317,21 @@ impl Rig {
     }
 }
 
-/// A camera, as sessions hold it.
+/// A camera, as sessions store it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
-    /// Where it stands.
+    /// Position.
     pub eye: [f64; 3],
-    /// What it looks at.
+    /// Point it looks at.
     pub target: [f64; 3],
-    /// Which way is up.
+    /// Up vector.
     pub up: [f64; 3],
-    /// Angle from the lower to the upper edge.
+    /// Vertical field of view.
     pub fov_y_rad: f64,
 }
 
 impl Pose {
-    /// Of a camera.
+    /// Makes one of a camera.
     pub fn of(camera: &Camera) -> Self {
         let fov_y_rad = match camera.lens {
             Lens::Perspective { fov_y_rad } => fov_y_rad,
@@ -340,7 +341,7 @@ impl Pose {
         Self { eye, target, up, fov_y_rad }
     }
 
-    /// As a camera.
+    /// Returns the camera.
     pub fn camera(&self) -> Camera {
         let [eye, target, up] = [self.eye, self.target, self.up].map(DVec3::from);
         Camera { eye, target, up, lens: Lens::Perspective { fov_y_rad: self.fov_y_rad } }

@@ -1,7 +1,8 @@
-//! The Stage: copies of the model on a ground, to see which level stands where.
+//! The Stage: copies of the model on a ground plane, to see which level of detail is used where.
 //!
-//! The ground is the plane y = 0. A copy stands on it with the middle of its base at its place; lengths are those of the
-//! model. All of this is plain data that commands change; only [`picture`] knows a window.
+//! The ground is the plane y = 0. The centre of a copy's base is on it, at the copy's position; lengths are
+//! in units of the model. All of this is plain data that commands change; only [`picture`] shows it in a
+//! window.
 
 #[cfg(feature = "window")]
 pub mod export;
@@ -25,17 +26,17 @@ use crate::orbit::{turn_matrix, turned_bounds};
 use motion::{Motion, Track};
 use scatter::Scatter;
 
-/// A copy of the model.
+/// Position, rotation and scale of a copy of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
-    /// Where it stands.
+    /// X coordinate on the ground.
     pub x: f64,
-    /// Towards who looks from the front.
+    /// Z coordinate on the ground; positive is towards a viewer in front.
     pub z: f64,
-    /// How it is turned round the upright axis, against the clock seen from above.
+    /// Rotation about the vertical axis in degrees, counter-clockwise seen from above.
     #[serde(default)]
     pub turn_deg: f64,
-    /// How much larger than the model it is.
+    /// Scale relative to the model.
     #[serde(default = "one")]
     pub scale: f64,
 }
@@ -44,18 +45,19 @@ fn one() -> f64 {
     1.0
 }
 
-/// Scales that a copy may have.
+/// Range of scales of a copy.
 pub const SCALES: std::ops::RangeInclusive<f64> = 0.01..=100.0;
-/// Copies that a stage holds. So many take up to 10 ms of a frame. (Measured, on foot.)
+/// Maximum number of copies on a stage. So many take up to 10 ms of a frame. (Measured while walking.)
 pub const MOST: usize = 20_000;
 
 impl Placement {
-    /// One as large as the model.
+    /// Creates a copy of scale 1.
     pub fn at(x: f64, z: f64) -> Self {
         Self { x, z, turn_deg: 0.0, scale: 1.0 }
     }
 
-    /// With all its numbers where they may be; `None` for one that stands nowhere.
+    /// Returns the placement with all numbers brought into their valid ranges; `None` if a number is not
+    /// finite or the scale is not positive.
     pub fn checked(self) -> Option<Self> {
         let is_number = [self.x, self.z, self.turn_deg, self.scale].iter().all(|v| v.is_finite());
         (is_number && self.scale > 0.0).then(|| Self {
@@ -66,7 +68,7 @@ impl Placement {
     }
 }
 
-/// Copies, shared between the settings of many steps.
+/// List of copies, shared between the undo steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Copies(Arc<Vec<Placement>>);
 
@@ -79,7 +81,7 @@ impl std::ops::Deref for Copies {
 }
 
 impl From<Vec<Placement>> for Copies {
-    /// Those that stand somewhere, and no more than [`MOST`].
+    /// Keeps the valid copies, at most [`MOST`].
     fn from(all: Vec<Placement>) -> Self {
         Self(Arc::new(all.into_iter().filter_map(Placement::checked).take(MOST).collect()))
     }
@@ -97,24 +99,24 @@ impl<'de> Deserialize<'de> for Copies {
     }
 }
 
-/// All of the stage that commands change.
+/// State of the stage that commands change.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Stage {
-    /// Whether it is shown in the place of the two sides.
+    /// True if the stage is shown instead of the two viewports.
     pub is_on: bool,
-    /// The copies, in the order in which they came.
+    /// The copies, in the order they were added.
     pub copies: Copies,
-    /// How copies are scattered.
+    /// Settings for scattering copies.
     pub scatter: Scatter,
-    /// How they are shown.
+    /// Display settings.
     pub view: View,
-    /// What moves.
+    /// Keyframe animation.
     pub motion: Motion,
 }
 
 impl Stage {
-    /// Where all copies stand at a moment. Cost: O(copies) where some move.
+    /// Returns all copies as placed at a time. Cost: O(copies) if some are animated.
     pub fn copies_at(&self, secs: f64) -> Copies {
         if self.motion.copies.is_empty() {
             return self.copies.clone();
@@ -128,25 +130,25 @@ impl Stage {
         Copies(Arc::new(copies))
     }
 
-    /// Every place where copies stand or have a keyframe.
+    /// Returns the placements of all copies and of all their keyframes.
     pub fn places(&self) -> impl Iterator<Item = &Placement> {
         self.copies.iter().chain(self.motion.copies.values().flat_map(Track::values))
     }
 }
 
-/// How the stage is shown.
+/// Display settings of the stage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct View {
-    /// Pixels that the error of a level may cover.
+    /// Maximum number of pixels that the error of a level may cover.
     pub pixels: f64,
-    /// Triangles that a frame may have.
+    /// Maximum number of triangles in a frame.
     pub budget: u64,
-    /// Whether each level has a colour of its own.
+    /// True if copies are coloured by level.
     pub has_level_colors: bool,
-    /// Height of the eye while walking, in heights of the model.
+    /// Eye height while walking, as a multiple of the model's height.
     pub eye_height: f64,
-    /// Speed of walking, in sizes of the model a second.
+    /// Walking speed, in model diagonals per second.
     pub speed: f64,
 }
 
@@ -159,38 +161,38 @@ impl Default for View {
 /// A change of the stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum StageChange {
-    /// Shown, or not.
+    /// Shows or hides the stage.
     Show(bool),
-    /// More copies.
+    /// Adds copies.
     Add(Vec<Placement>),
-    /// Copies by chance: in the place of all, or between those that stand.
+    /// Scatters copies, replacing the existing ones or between them.
     Scatter(Scatter),
-    /// The same once more beside them, by their numbers, with their keyframes.
+    /// Duplicates copies by their numbers, with their keyframes.
     Duplicate {
-        /// Which.
+        /// Numbers of the copies.
         numbers: Vec<usize>,
-        /// How far to the right, for a copy of scale 1.
+        /// Offset to the right for a copy of scale 1.
         aside: f64,
     },
-    /// Other places for some, by their numbers: where these have keyframes, as a keyframe at this moment.
+    /// Moves copies by their numbers; copies with keyframes get a keyframe at this time.
     Move {
-        /// Which, and where they are to be.
+        /// Numbers of the copies, and their new placements.
         copies: Vec<(usize, Placement)>,
-        /// When.
+        /// Time of the keyframes in seconds.
         secs: f64,
     },
-    /// Those with these numbers go.
+    /// Deletes the copies with these numbers.
     Delete(Vec<usize>),
-    /// These and no others, and how they move.
+    /// Replaces all copies and their motion.
     Replace(Copies, Motion),
-    /// Other keyframes.
+    /// Replaces all keyframes.
     Motion(Motion),
-    /// Another way to show them.
+    /// Replaces the display settings.
     View(View),
 }
 
 impl StageChange {
-    /// Its name, for the menu.
+    /// Returns the name for the menu.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Show(_) => "stage",
@@ -205,7 +207,7 @@ impl StageChange {
         }
     }
 
-    /// Changes the stage.
+    /// Applies the change to a stage.
     pub fn apply(&self, stage: &mut Stage) {
         match self {
             Self::Show(is_on) => stage.is_on = *is_on,
@@ -272,7 +274,7 @@ impl Stage {
         }
     }
 
-    /// Other keyframes. A copy that loses its last stays where that was.
+    /// Replaces the keyframes. A copy that loses all its keyframes is placed at the first of them.
     fn set_motion(&mut self, motion: Motion) {
         let stays = |(n, track): (&usize, &Track<Placement>)| {
             let is_still = !motion.copies.contains_key(n);
@@ -284,19 +286,19 @@ impl Stage {
     }
 }
 
-/// The model as it stands on a ground: what is the same for all copies.
+/// Placement of the model on the ground, common to all copies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Base {
-    /// From the model, turned as it is, to a copy of its size at the middle of the stage.
+    /// Transform from the model to a copy of scale 1 at the centre of the stage, including `turn`.
     pub stage_from_model: DMat4,
-    /// How it is turned.
+    /// Rotation of the model.
     pub turn: DQuat,
-    /// Width, height and depth of its box.
+    /// Width, height and depth of its bounding box after the rotation.
     pub size: DVec3,
 }
 
 impl Base {
-    /// Of a model with this box, turned about the middle of it.
+    /// Creates the base of a model with this bounding box, rotated about its centre.
     pub fn new(bounds: &Bounds, turn: DQuat) -> Self {
         let box_ = turned_bounds(bounds, turn);
         let [min, max] = [box_.min, box_.max].map(DVec3::from);
@@ -306,25 +308,27 @@ impl Base {
         Self { stage_from_model, turn, size: max - min }
     }
 
-    /// Radius of a circle on the ground that the model stands in, however it is turned there.
+    /// Returns the radius of a circle on the ground that contains the model in any rotation about the
+    /// vertical axis.
     pub fn footprint(&self) -> f64 {
         let radius = 0.5 * self.size.x.hypot(self.size.z);
-        // Something thin and upright needs room as well.
+        // Minimum radius for thin, upright models.
         radius.max(0.05 * self.size.y).max(f64::MIN_POSITIVE)
     }
 
-    /// The length by which the stage is measured: the diagonal of the model.
+    /// Returns the reference length of the stage: the diagonal of the model.
     pub fn length(&self) -> f64 {
         let length = self.size.length();
         if length > 0.0 && length.is_finite() { length } else { 1.0 }
     }
 
-    /// Centre and radius of a ball round a copy.
+    /// Returns centre and radius of the bounding sphere of a copy.
     pub fn ball(&self, copy: &Placement) -> (DVec3, f64) {
         (DVec3::new(copy.x, 0.5 * self.size.y * copy.scale, copy.z), 0.5 * self.length() * copy.scale)
     }
 
-    /// From a copy's own system, whose origin is the middle of its base, to the stage.
+    /// Returns the transform from a copy's local coordinates, with the origin at the centre of its base, to
+    /// the stage.
     pub fn stage_from_copy(copy: &Placement) -> DMat4 {
         let turn = DQuat::from_rotation_y(copy.turn_deg.to_radians());
         DMat4::from_scale_rotation_translation(
@@ -334,13 +338,13 @@ impl Base {
         )
     }
 
-    /// From the model to where a copy of it stands.
+    /// Returns the transform from the model to a copy on the stage.
     pub fn stage_from(&self, copy: &Placement) -> DMat4 {
         Self::stage_from_copy(copy) * self.stage_from_model
     }
 
-    /// A box round the whole stage: at least some models large, and then in steps of two, so that ground and light stay as
-    /// they are while copies come and go.
+    /// Returns a bounding box of the whole stage: at least four model diagonals wide and growing by factors
+    /// of two, so that ground and lights do not change with every copy.
     pub fn bounds<'a>(&self, copies: impl IntoIterator<Item = &'a Placement>) -> Bounds {
         let mut reach = 0f64;
         let mut height = self.size.y;
@@ -403,7 +407,8 @@ mod tests {
         assert_eq!(at(2.0)[1..4], [(0.0, 7.0), (2.0, 0.0), (10.0, 7.0)]);
         assert_eq!(at(9.0)[3], (19.0, 0.0));
         assert_eq!(stage.places().count(), 5 + 6);
-        // Numbers follow, scatter leaves none, and without keyframes a copy stays where the first was.
+        // Copies are renumbered, scattering removes keyframes, and a copy without keyframes stays at its
+        // first one.
         let mut less = stage.clone();
         StageChange::Delete(vec![0, 1]).apply(&mut less);
         assert_eq!(less.motion.copies.keys().copied().collect::<Vec<_>>(), [1]);

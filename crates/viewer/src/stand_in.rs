@@ -1,4 +1,5 @@
-//! What stands in for a large model while the camera moves, where a processor draws: the same, clustered coarsely.
+//! Preview mesh of a large model on software adapters, shown while the camera moves: the model, clustered
+//! coarsely.
 
 use std::sync::{Arc, Mutex};
 
@@ -8,12 +9,13 @@ use lodsmith_core::{Model, TriMesh};
 use crate::document::Drawing;
 use crate::gpu::Context;
 
-/// Triangles above which a model has a stand-in: with so many a processor takes most of a second for a picture.
+/// Models with more triangles have a preview mesh: a software adapter takes most of a second to draw them.
 pub const MUCH: usize = 400_000;
-/// Triangles of a stand-in. A quarter of the pixels of a window, and these, take about a tenth of a second. (Measured.)
+/// Number of triangles of a preview mesh. These and a quarter of the pixels of a window take about 0.1 s.
+/// (Measured.)
 const FEW: usize = 60_000;
 
-/// Brings a model to the graphics card, with a stand-in where that is of use. Takes a while: for a worker.
+/// Uploads a model, with a preview mesh if it needs one. Slow: meant for a worker thread.
 pub fn upload(context: &Context, model: &Model) -> Drawing {
     let mut drawn = context.upload(model);
     if context.is_software()
@@ -24,7 +26,7 @@ pub fn upload(context: &Context, model: &Model) -> Drawing {
     Arc::new(Mutex::new(drawn))
 }
 
-/// The same with few triangles; `None` where there are not many, or fewer cannot be had.
+/// Returns the preview mesh of a model; `None` if it is small, or clustering does not reduce it enough.
 pub fn lighter(model: &Model) -> Option<Model> {
     let all: usize = model.meshes.iter().map(|m| m.mesh.face_count()).sum();
     if all <= MUCH {

@@ -1,11 +1,11 @@
-//! How the window looks: two themes, one grid of four points.
+//! Themes of the window: colours, fonts, and spacing in steps of four points.
 
 use eframe::egui::{
     self, Color32, CornerRadius, FontFamily, FontId, Margin, RichText, Stroke, TextStyle, Theme, Vec2,
     Visuals,
 };
 
-/// The step of the grid, in points.
+/// Spacing step, in points.
 pub const STEP: f32 = 4.0;
 /// Width of the docks.
 pub const DOCK: f32 = 296.0;
@@ -13,33 +13,33 @@ pub const DOCK: f32 = 296.0;
 /// Colours of a theme.
 #[derive(Clone, Copy, Debug)]
 pub struct Palette {
-    /// Behind all.
+    /// Background of the window.
     pub window: Color32,
     /// Docks and bars.
     pub panel: Color32,
-    /// Heads of sections.
+    /// Headings of sections.
     pub raised: Color32,
-    /// Fields to type in.
+    /// Text fields.
     pub sunken: Color32,
     /// Buttons.
     pub button: Color32,
-    /// Buttons below the pointer.
+    /// Hovered buttons.
     pub hovered: Color32,
-    /// Lines between.
+    /// Separator lines.
     pub line: Color32,
     /// Text.
     pub text: Color32,
-    /// Text that matters less.
+    /// Secondary text.
     pub weak: Color32,
-    /// What is chosen, and what one drags.
+    /// Selection and draggable items.
     pub accent: Color32,
-    /// Text on it.
+    /// Text on the accent colour.
     pub on_accent: Color32,
-    /// It went well.
+    /// Success.
     pub good: Color32,
-    /// Not as one might think.
+    /// Warning.
     pub warning: Color32,
-    /// It did not work.
+    /// Error.
     pub error: Color32,
 }
 
@@ -47,7 +47,7 @@ const fn rgb(hex: u32) -> Color32 {
     Color32::from_rgb((hex >> 16) as u8, (hex >> 8) as u8, hex as u8)
 }
 
-/// Colours on dark.
+/// Colours of the dark theme.
 pub const DARK: Palette = Palette {
     window: rgb(0x141619),
     panel: rgb(0x1c1f23),
@@ -65,7 +65,7 @@ pub const DARK: Palette = Palette {
     error: rgb(0xff8578),
 };
 
-/// Colours on light.
+/// Colours of the light theme.
 pub const LIGHT: Palette = Palette {
     window: rgb(0xe3e6ea),
     panel: rgb(0xf6f7f9),
@@ -83,12 +83,12 @@ pub const LIGHT: Palette = Palette {
     error: rgb(0xb3261e),
 };
 
-/// The colours of the theme in use.
+/// Returns the colours of the current theme.
 pub fn palette(ui: &egui::Ui) -> &'static Palette {
     if ui.visuals().dark_mode { &DARK } else { &LIGHT }
 }
 
-/// Sets up both themes.
+/// Installs both themes.
 pub fn install(ctx: &egui::Context) {
     for (theme, palette) in [(Theme::Dark, &DARK), (Theme::Light, &LIGHT)] {
         ctx.style_mut_of(theme, |style| {
@@ -113,7 +113,7 @@ pub fn install(ctx: &egui::Context) {
             spacing.tooltip_width = 360.0;
             style.interaction.tooltip_delay = 0.4;
             style.interaction.selectable_labels = false;
-            // Movement that nobody asked for costs frames on a software adapter.
+            // Animations of the interface cost frames on a software adapter.
             style.animation_time = 0.0;
         });
     }
@@ -166,12 +166,12 @@ fn visuals(theme: Theme, p: &Palette) -> Visuals {
     v
 }
 
-/// Text that matters less.
+/// Returns text in the secondary colour.
 pub fn weak(ui: &egui::Ui, text: impl Into<String>) -> RichText {
     RichText::new(text).color(palette(ui).weak)
 }
 
-/// A number: digits of one width.
+/// Returns monospace text, for numbers.
 pub fn number(text: impl Into<String>) -> RichText {
     RichText::new(text).monospace()
 }
@@ -180,7 +180,7 @@ pub fn number(text: impl Into<String>) -> RichText {
 mod tests {
     use super::*;
 
-    /// Relative luminance, as the Web Content Accessibility Guidelines have it.
+    /// Relative luminance as defined by the Web Content Accessibility Guidelines.
     fn luminance(color: Color32) -> f64 {
         let linear = |c: u8| {
             let c = f64::from(c) / 255.0;

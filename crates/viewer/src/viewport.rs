@@ -1,4 +1,4 @@
-//! How the mouse changes from where one looks, and what lies under it.
+//! Mouse control of orbit cameras, and picking.
 
 use std::f64::consts::TAU;
 
@@ -11,13 +11,13 @@ use rayon::prelude::*;
 
 use crate::orbit::Orbit;
 
-/// Turn for a point of movement: half a turn over 600 points.
+/// Rotation per point of mouse movement: half a turn over 600 points.
 const TURN_PER_POINT: f64 = std::f64::consts::PI / 600.0;
-/// Turn by a key.
+/// Rotation per key press.
 pub const KEY_TURN_RAD: f64 = TAU / 24.0;
 
 impl Orbit {
-    /// Moves sideways by points of a picture so many points high.
+    /// Pans by a number of points, in a picture of this height in points.
     pub fn pan(&mut self, by: Vec2, height: f32) {
         let camera = self.camera();
         let step = camera.length_per_pixel(self.distance, f64::from(height));
@@ -25,14 +25,14 @@ impl Orbit {
         self.target += (camera.up * f64::from(by.y) - right * f64::from(by.x)) * step;
     }
 
-    /// Comes nearer by a factor; what is `off` points from the middle stays there.
+    /// Zooms in by a factor; the point under `off`, in points from the centre, stays in place.
     pub fn zoom(&mut self, factor: f64, off: Vec2, height: f32) {
         let factor = factor.clamp(0.02, 50.0);
         self.pan(off * (1.0 - 1.0 / factor as f32) * -1.0, height);
         self.distance /= factor;
     }
 
-    /// What the mouse does over a picture. Whether anything changed.
+    /// Applies mouse input over a picture. Returns true if the camera changed.
     pub fn interact(&mut self, response: &Response, rect: Rect) -> bool {
         let before = *self;
         let input = response
@@ -59,12 +59,12 @@ impl Orbit {
     }
 }
 
-/// The view with this number among the standard ones.
+/// Returns the standard view with this index.
 pub fn standard(number: usize) -> StandardView {
     StandardView::ALL[number.min(StandardView::ALL.len() - 1)]
 }
 
-/// The place on a model that lies first along a ray, in the coordinates of the world.
+/// Returns the first hit of a ray on a model, in world coordinates.
 ///
 /// Cost: O(triangles), on all threads; 4 M take some 20 ms.
 pub fn pick(
@@ -97,13 +97,13 @@ pub fn pick(
     hits.min_by(f64::total_cmp).map(|t| eye + along * t)
 }
 
-/// How far along a ray a mesh is hit first, whose corners are there.
+/// Returns the ray parameter of the first hit on a mesh with these corner positions.
 fn nearest(mesh: &TriMesh, from: DVec3, ray: DVec3, at: impl Fn(WedgeId) -> DVec3 + Sync) -> Option<f64> {
     let hit = |t: &[WedgeId; 3]| first_hit(from, ray, t.map(&at));
     mesh.triangles().par_iter().filter_map(hit).min_by(f64::total_cmp)
 }
 
-/// How far along a ray a triangle is hit, from whichever side. [Möller-Trumbore 1997]
+/// Returns the ray parameter of a hit on a triangle, from either side. [Möller-Trumbore 1997]
 fn first_hit(from: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (e, f) = (b - a, c - a);
     let p = ray.cross(f);
@@ -119,7 +119,7 @@ fn first_hit(from: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
 }
 
-/// The direction from the eye through a place of the picture, `off` points from its middle.
+/// Returns the direction from the eye through a point of the picture, `off` points from its centre.
 pub fn ray(camera: &Camera, off: Vec2, height: f32) -> DVec3 {
     let step = camera.length_per_pixel(camera.distance(), f64::from(height));
     let forward = camera.target - camera.eye;
@@ -128,12 +128,12 @@ pub fn ray(camera: &Camera, off: Vec2, height: f32) -> DVec3 {
     (forward + (right * f64::from(off.x) - up * f64::from(off.y)) * step).normalize_or(DVec3::NEG_Z)
 }
 
-/// Width over height.
+/// Returns the aspect ratio, width over height.
 pub fn aspect(rect: Rect) -> f64 {
     f64::from(rect.width().max(1.0)) / f64::from(rect.height().max(1.0))
 }
 
-/// A picture's place, drawn with a name that tests and screen readers find.
+/// Makes a picture area interactive, with a name for tests and screen readers.
 pub fn place(ui: &mut egui::Ui, rect: Rect, name: &'static str) -> Response {
     let response = ui.interact(rect, ui.scope_id().with(name), egui::Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, name));
@@ -174,7 +174,7 @@ mod tests {
         let hit = pick(&model, &rest, DMat4::IDENTITY, DVec3::Z * 5.0, DVec3::NEG_Z).unwrap();
         assert!((hit.z - 1.0).abs() < 0.05 && hit.x == 0.0, "{hit}");
         assert_eq!(pick(&model, &rest, DMat4::IDENTITY, DVec3::Z * 5.0, DVec3::Z), None);
-        // Where an animation has taken it.
+        // The pose of an animation is taken into account.
         let (translation, rotation, scale) = (DVec3::Z * 2.0, DQuat::IDENTITY, DVec3::ONE);
         let transforms = vec![Transform::Parts { translation, rotation, scale }];
         let moved = ModelPose { transforms, ..rest };

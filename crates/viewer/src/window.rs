@@ -1,4 +1,4 @@
-//! What a window begins with, how it is opened, and why there is none.
+//! Options of the window, and how it is opened.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
@@ -8,18 +8,18 @@ use lodsmith_io::AssetScope;
 
 use crate::{app, display, gpu};
 
-/// What a window begins with.
+/// Options of the window.
 #[derive(Clone, Debug)]
 pub struct ViewOptions {
     /// Files to open, or a session.
     pub inputs: Vec<PathBuf>,
-    /// Which files a model or a session may name.
+    /// Scope of the files that a model or a session may refer to.
     pub assets: AssetScope,
-    /// Whether recent files and the theme are kept for the next time.
+    /// True if recent files and theme are saved.
     pub remember: bool,
-    /// Whether files are chosen by the system's own dialog, where there is one.
+    /// True if the system's own file dialogs are used, if it has any.
     pub use_system_dialogs: bool,
-    /// The theme; `None` takes the one of the last time.
+    /// True for the light theme; `None` takes the saved one.
     pub is_light: Option<bool>,
 }
 
@@ -35,40 +35,40 @@ impl Default for ViewOptions {
     }
 }
 
-/// Why there is no window.
+/// Why the window cannot be opened.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
-    /// There is no screen.
+    /// There is no display.
     #[error(
         "there is no display to open a window on ({reason}). On a server, `lodsmith render` makes pictures without one; \
          a virtual display is `xvfb-run lodsmith view` (on Debian and Ubuntu: apt install xvfb libxkbcommon-x11-0 \
          mesa-vulkan-drivers libvulkan1)"
     )]
     NoDisplay {
-        /// What the system says.
+        /// Message of the system.
         reason: String,
     },
-    /// The system lacks a library that every window needs.
+    /// A shared library that every window needs is missing.
     #[error("{library} is missing, and no window opens without it. Install it: {how}")]
     NoLibrary {
-        /// Its name.
+        /// Name of the library.
         library: String,
-        /// How it is installed.
+        /// Install commands.
         how: String,
     },
-    /// There is nothing that draws.
+    /// There is no adapter to draw with.
     #[error(transparent)]
     NoGpu(#[from] gpu::GpuError),
-    /// Something else.
+    /// Another error.
     #[error("the window cannot be opened: {reason}")]
     Window {
-        /// What the system says.
+        /// Message of the system.
         reason: String,
     },
 }
 
-/// Opens the window; comes back when it is closed.
+/// Opens the window; returns when it is closed.
 ///
 /// # Errors
 /// Each [`ViewError`].
@@ -85,7 +85,7 @@ pub fn run(options: &ViewOptions) -> Result<(), ViewError> {
     };
     native.wgpu_options.wgpu_setup = gpu::Context::setup();
     let create: eframe::AppCreator<'_> = Box::new(move |cc| Ok(Box::new(app::App::new(cc, options)?)));
-    // Where a library of the system is missing, the window library panics.
+    // The window library panics if a system library is missing.
     let opened = catch_unwind(AssertUnwindSafe(|| eframe::run_native("lodsmith", native, create)));
     match opened {
         Ok(ended) => ended.map_err(told),

@@ -1,4 +1,4 @@
-//! How a mesh is simplified, as the words of a command line: what is shown to copy, and what sessions hold.
+//! Simplification options as command-line words, for copying and for sessions.
 
 use lodsmith::{
     BorderPolicy, Bound, Fit, Length, Measure, Method, Placement, Preset, SimplifyOptions, Stop,
@@ -6,13 +6,13 @@ use lodsmith::{
 };
 use serde::{Deserialize, Serialize};
 
-/// What the method panel and the target slider set. Defaults are those of the engine.
+/// Options that the method panel and the target slider set. The defaults are those of the engine.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<String>", into = "Vec<String>")]
 pub struct Simplification {
-    /// The preset that the options began as.
+    /// Preset that the options were derived from.
     pub preset: Preset,
-    /// All of it, the target too.
+    /// All options, including the target.
     pub options: SimplifyOptions,
     /// Normals of the result.
     pub normals: Normals,
@@ -21,16 +21,16 @@ pub struct Simplification {
 /// Normals of the result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Normals {
-    /// Those of the input, blended.
+    /// Interpolated from the input.
     #[default]
     Keep,
-    /// New ones from the faces.
+    /// Recomputed from the faces.
     Recompute,
     /// None.
     None,
 }
 
-/// A choice and its word, in the order of lists.
+/// Values with their words, in the order of lists.
 type Choices<T> = &'static [(T, &'static str)];
 
 /// Presets by word.
@@ -43,7 +43,7 @@ pub const PRESETS: Choices<Preset> = &[
 ];
 /// Fits by word.
 pub const FITS: Choices<Fit> = &[(Fit::Auto, "auto"), (Fit::On, "on"), (Fit::Off, "off")];
-/// What is promised of the deviation, by word.
+/// Error bounds by word.
 pub const BOUNDS: Choices<Bound> = &[
     (Bound::Auto, "auto"),
     (Bound::Estimate, "estimate"),
@@ -70,7 +70,7 @@ pub const TOPOLOGIES: Choices<TopologyPolicy> = &[
 pub const NORMALS: Choices<Normals> =
     &[(Normals::Keep, "keep"), (Normals::Recompute, "recompute"), (Normals::None, "none")];
 
-/// The word for a choice.
+/// Returns the word of a value.
 pub fn word<T: Copy + PartialEq>(choices: Choices<T>, value: T) -> &'static str {
     choices.iter().find(|c| c.0 == value).map_or("", |c| c.1)
 }
@@ -80,11 +80,12 @@ fn choice<T: Copy>(choices: Choices<T>, option: &str, word: &str) -> Result<T, S
     known.map(|c| c.0).ok_or_else(|| format!("{option}: {word} is none of its values"))
 }
 
-/// A length as it is typed: `0.5` in units, `0.1%` of the diagonal.
+/// Formats a length as it is typed: `0.5` in units, `0.1%` of the diagonal.
 pub fn length_text(length: Length) -> String {
     match length {
         Length::Units(x) => x.to_string(),
-        // Shares such as 0.07 % come back as they were typed; some, such as 0.0007, no percentage gives to the last bit.
+        // Fractions such as 0.07 % read back exactly as typed; for some, such as 0.0007, no percentage is
+        // bit-exact.
         Length::OfDiagonal(x) => {
             let percent = 100.0 * x;
             let short = format!("{percent:.12}");
@@ -97,7 +98,7 @@ pub fn length_text(length: Length) -> String {
     }
 }
 
-/// What is typed as a length.
+/// Parses a typed length.
 pub fn length_of(text: &str) -> Option<Length> {
     let text = text.trim();
     let (number, of): (_, fn(f64) -> Length) = match text.strip_suffix('%') {
@@ -108,12 +109,12 @@ pub fn length_of(text: &str) -> Option<Length> {
 }
 
 impl Simplification {
-    /// The options of a preset, with the present target.
+    /// Returns the options of a preset, with this target.
     pub fn of_preset(preset: Preset, stop: Stop) -> Self {
         Self { preset, options: SimplifyOptions::preset(preset, stop), normals: Normals::default() }
     }
 
-    /// Whether anything would be done.
+    /// Returns true if the options have a target, so that a run changes the mesh.
     pub fn has_end(&self) -> bool {
         let stop = &self.options.stop;
         stop.faces.is_some()
@@ -123,7 +124,7 @@ impl Simplification {
             || self.options.of_method.ends(self.options.method)
     }
 
-    /// The words of `lodsmith simplify` for what differs from its defaults.
+    /// Returns the words of `lodsmith simplify` for all options that differ from the defaults.
     pub fn words(&self) -> Vec<String> {
         let mut words = Vec::new();
         let o = &self.options;
@@ -187,10 +188,10 @@ impl Simplification {
         words
     }
 
-    /// What these words mean.
+    /// Parses command-line words.
     ///
     /// # Errors
-    /// The word that is none, or the value that is out of place.
+    /// The unknown word, or the invalid value.
     pub fn parse(words: &[String]) -> Result<Self, String> {
         let mut preset = Preset::default();
         let mut pairs = Vec::new();
@@ -271,10 +272,10 @@ impl Simplification {
     }
 }
 
-/// What `--weight` names.
+/// Names that `--weight` takes.
 pub const WEIGHTS: [&str; 7] = ["normal", "uv", "color", "morph", "skin", "other", "border"];
 
-/// Options without a value.
+/// Options that take no value.
 const FLAGS: [&str; 5] = ["--two-stage", "--adaptive", "--measure", "--escalate", "--per-mesh"];
 
 impl From<Simplification> for Vec<String> {
@@ -291,7 +292,7 @@ impl TryFrom<Vec<String>> for Simplification {
     }
 }
 
-/// A word as a shell wants it: in quotes where it must be.
+/// Quotes a word for a shell if needed.
 pub fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_./=:+,%@".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {

@@ -1,4 +1,4 @@
-//! A list of commands is a session: it can be replayed, taken back and done again, without any window.
+//! Commands without a window: a list of commands is a session, which can be replayed, undone and redone.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -44,7 +44,7 @@ fn faces(document: &Document) -> usize {
         .map_or(document.original().unwrap().content.faces, |l| placed(&l.content.model, TriMesh::face_count))
 }
 
-/// Nothing but what the window does of itself: no command comes after what is wanted.
+/// Uses only what the window calls by itself: no command follows `want`.
 #[test]
 fn what_is_wanted_late_is_measured_at_once() {
     let folder = folder();
@@ -109,7 +109,7 @@ fn a_list_of_commands_replays_a_session() {
         Command::Playback(Playback { clip: None, seconds: 0.5, speed: 2.0, repeats: false }),
         Command::Target(Target::Faces(500)),
     ];
-    // What is written and read again means the same.
+    // Serialized commands read back unchanged.
     let text = serde_json::to_string(&commands).unwrap();
     let read: Vec<Command> = serde_json::from_str(&text).unwrap();
     assert_eq!(read, commands);
@@ -189,7 +189,7 @@ fn a_file_that_cannot_be_read_changes_nothing_and_says_why() {
         assert_eq!(document.settings(), &settings);
         assert_eq!(faces(&document), count);
     }
-    // It still works.
+    // The document still works.
     document.run(Command::Target(Target::Faces(100)));
     assert!(document.settle(LONG));
     assert!(faces(&document) <= 100);
@@ -254,7 +254,7 @@ fn distances_and_parts_are_found_when_they_are_wanted() {
     let [one, two] = document.anatomies().map(|a| a.cloned().unwrap());
     assert_eq!((one.components, one.is_closed), (1, true));
     assert_eq!((two.components, two.border_edges), (1, 0));
-    // Another result is another measurement.
+    // A new result is measured again.
     document.run(Command::Target(Target::Faces(100)));
     assert!(document.settle(LONG));
     assert!(document.distances().unwrap().largest > distances.largest);
@@ -364,7 +364,7 @@ fn a_scene_plays_before_and_after_it_became_lighter() {
         Transform::Matrix(_) => f64::NAN,
     };
     document.play(true);
-    // At the speed of two: a quarter of a second is half of the way to a right angle.
+    // At double speed, a quarter of a second is half the rotation to a right angle.
     document.run(Command::Playback(document.settings().playback.at_speed(2.0)));
     document.go_on(0.25);
     assert!((elbow(&document) - 45.0).abs() < 1e-3, "{}", elbow(&document));
@@ -373,7 +373,7 @@ fn a_scene_plays_before_and_after_it_became_lighter() {
     document.go_on(0.25);
     assert!((elbow(&document) - 90.0).abs() < 1e-3, "{}", elbow(&document));
     assert!(document.is_playing(), "other work does not stop it");
-    // Both sides go as far: the lighter one stays within a hundredth of the size of the other.
+    // Both sides reach the same extent: the simplified one stays within 1 % of the size of the original.
     let lighter = document.lighter().unwrap().content.clone();
     let pose = document.pose();
     assert!(faces(&document) <= 1264 / 4 + 2);
@@ -382,7 +382,7 @@ fn a_scene_plays_before_and_after_it_became_lighter() {
         let off = (whole.min[k] - few.min[k]).abs().max((whole.max[k] - few.max[k]).abs());
         assert!(off < 0.01 * whole.diagonal(), "{k}: {off}");
     }
-    // The end of the bent arm lies one to the left: where the joints say, not where it stood.
+    // The end of the bent arm is one unit to the left: moved by the joints, not at its rest position.
     assert!((whole.min[0] + 1.0).abs() < 0.01, "{whole:?}");
     document.run(Command::Open(vec![PathBuf::from("../../testdata/wave.glb")]));
     assert!(document.settle(LONG));
@@ -408,11 +408,11 @@ fn times_of_levels_fill_a_table_and_a_new_target_ends_it() {
     assert!(faces.iter().zip(wanted).all(|(got, wanted)| got.abs_diff(wanted) <= 2), "{faces:?} {wanted:?}");
     let errors: Vec<f64> = table.rows[1..].iter().map(|r| r.level.as_ref().unwrap().error.unwrap()).collect();
     assert!(errors.windows(2).all(|e| e[0] < e[1]), "{errors:?}");
-    // Nothing draws here.
+    // There is no adapter.
     assert!(table.rows.iter().all(|r| r.level.as_ref().is_ok_and(|l| l.frame_secs.is_none())));
     assert!(table.title().contains("--method memoryless") && table.title().contains("no adapter"));
 
-    // Whoever wants another target does not wait for the rest of the table.
+    // A new target cancels the benchmark.
     document.benchmark();
     document.run(Command::Target(Target::Faces(100)));
     assert!(document.settle(LONG));

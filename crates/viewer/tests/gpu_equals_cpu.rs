@@ -1,5 +1,5 @@
-//! Each graphics pass beside the picture of the processor of the same scene. They need an adapter; one that computes on
-//! the processor will do. Without any they say so and pass, unless `LODSMITH_REQUIRE_GPU` is set.
+//! Compares each GPU pass with the CPU renderer's picture of the same scene. Needs an adapter; a software
+//! adapter is sufficient. Without one the tests print a note and pass, unless `LODSMITH_REQUIRE_GPU` is set.
 
 mod adapter;
 
@@ -25,7 +25,7 @@ fn gpu() -> Option<Gpu> {
     adapter::context().map(Gpu::on)
 }
 
-/// A scene that both can draw.
+/// A scene that both renderers can draw.
 struct Scene {
     name: &'static str,
     model: Model,
@@ -81,7 +81,8 @@ impl Scene {
         if self.look.borders || self.look.defects {
             drawn.set_marks(0, &Marks::find(mesh));
         }
-        // Four pixels for one, where an adapter has no samples: as smooth as the other picture.
+        // Software adapters have no multisampling: render at double resolution instead, for the same
+        // smoothness.
         let mut target = gpu.target(SIZE);
         target.resize(SIZE, if gpu.is_software() { 2.0 } else { 1.0 });
         let pose = Pose::default();
@@ -113,7 +114,7 @@ fn bounds(model: &Model) -> Bounds {
     Subject::new(model).unwrap().bounds().unwrap()
 }
 
-/// Each pixel the mean of four, as light adds up.
+/// Halves the resolution: each pixel is the mean of four in linear light.
 fn halved(image: &Image) -> Image {
     let light = |b: u8| (f64::from(b) / 255.0).powf(2.2);
     let (w, h) = (image.width() / 2, image.height() / 2);
@@ -129,7 +130,7 @@ fn halved(image: &Image) -> Image {
     Image::new(w, h, pixels.collect())
 }
 
-/// Mean difference of all channels, in steps of 255; what is transparent in both counts as equal.
+/// Returns the mean difference over all channels, from 0 to 255; pixels transparent in both count as equal.
 fn difference(a: &Image, b: &Image) -> f64 {
     let pixel = |(p, q): (&[u8; 4], &[u8; 4])| -> f64 {
         let seen = |p: &[u8; 4]| {
@@ -150,7 +151,7 @@ fn keep(name: &str, image: &Image) {
     }
 }
 
-/// A sheet with texture coordinates, under a material.
+/// A sheet with texture coordinates and a material.
 fn textured(name: &'static str, material: Material) -> Scene {
     let mut mesh = shapes::wavy_sheet(24);
     let b = mesh.positions().view().bounds().unwrap();
@@ -255,7 +256,7 @@ fn scenes() -> Vec<Scene> {
 
     let of =
         |metallic, roughness| Material { metallic, roughness, double_sided: true, ..Material::default() };
-    // Another colour from each side.
+    // A different colour in each direction.
     let side = |i: usize| glam::Vec3::from([3, 5, 6].map(|k| ((i * k) % 7) as f32 / 4.0));
     let colored = Arc::new(Environment::of_light(4, 3, &(0..12).map(side).collect::<Vec<_>>()));
     let studio = Arc::new(Environment::studio());
@@ -366,7 +367,7 @@ fn a_patched_mesh_looks_like_a_new_one() {
     for with_normals in [true, false] {
         let as_asked = |mesh: TriMesh| if with_normals { own(mesh) } else { mesh };
         let before = as_asked(shapes::icosphere(3));
-        // A dent, a few faces less, and on the way back more again.
+        // A dent with fewer faces; then back again to more.
         let mut dented = shapes::icosphere(3);
         dented.map_positions(|p| if p[0] > 0.6 { [0.6, p[1], p[2]] } else { p });
         let faces = dented.surface().triangles()[..900].to_vec();
@@ -392,14 +393,14 @@ fn a_patched_mesh_looks_like_a_new_one() {
         assert!(drawn.patch_mesh(0, &before, std::slice::from_ref(&born), &ranges));
         let fresh = gpu.upload(&Model::of_mesh(before.clone()));
         assert!(difference(&picture(&mut gpu, &drawn), &picture(&mut gpu, &fresh)) < 0.02, "{with_normals}");
-        // More than the buffers hold: they grow.
+        // More than the buffers hold: they are reallocated.
         let larger = as_asked(shapes::icosphere(4));
         let (faces, wedges) = (0..larger.face_count(), 0..larger.wedge_count());
         assert!(drawn.patch_mesh(0, &larger, &[faces], &[wedges]));
         let fresh = gpu.upload(&Model::of_mesh(larger));
         assert!(difference(&picture(&mut gpu, &drawn), &picture(&mut gpu, &fresh)) < 0.02, "{with_normals}");
     }
-    // Regions are sorted, so ranges do not do.
+    // Faces are sorted by region, so ranges cannot be patched.
     let mut regions = shapes::icosphere(2);
     regions.set_regions(Some((0..regions.face_count()).map(|f| RegionId::new(f % 2)).collect())).unwrap();
     let mut drawn = gpu.upload(&Model::of_mesh(regions.clone()));
@@ -407,7 +408,7 @@ fn a_patched_mesh_looks_like_a_new_one() {
     assert!(!drawn.patch_mesh(0, &regions, std::slice::from_ref(&some), &[]));
 }
 
-/// A tube of two joints with a morph target, in a scene of two nodes that move it.
+/// A tube with two joints and a morph target; two nodes move it.
 fn jointed() -> Model {
     let mut mesh = shapes::cylinder(24, 16);
     let up = |mesh: &TriMesh| -> usize {
@@ -423,7 +424,7 @@ fn jointed() -> Model {
         .collect();
     let attribute = |semantic, width, values| Attribute { semantic, width, values };
     let joints = share.iter().flat_map(|_| [0.0, 1.0, 0.0, 0.0]).collect();
-    // Not of sum 1: they count by their sum.
+    // Weights that do not sum to 1 are normalized.
     let weights = share.iter().flat_map(|s| [2.0 * (1.0 - s), 2.0 * s, 0.0, 0.0]).collect();
     let view = mesh.positions().view();
     let bulge: Vec<f32> = view
@@ -513,7 +514,7 @@ fn an_animation_goes_as_on_the_processor_before_and_after_reduction() {
             let mut view = View::new(scene.camera, SIZE[0] as usize, SIZE[1] as usize);
             (view.look, view.lighting) = (scene.look.clone(), scene.lighting.clone());
             let cpu = render(&Subject::posed(model, &pose).unwrap(), &view).unwrap();
-            // Light is measured by the box of the pose there.
+            // Light positions are relative to the bounding box of the pose.
             let bounds = Subject::posed(model, &pose).unwrap().bounds().unwrap();
             let placed = [Placed::new(&drawn, &pose)];
             assert!(gpu.draw(&mut target, &Frame { bounds, ..scene.frame(&placed) }).drawn);
@@ -523,7 +524,7 @@ fn an_animation_goes_as_on_the_processor_before_and_after_reduction() {
             keep(&format!("animation-{name}-{clip}-{seconds}-gpu"), &image);
             let apart = difference(&cpu, &image);
             assert!(apart < 1.5, "{name} {clip} {seconds}: {apart}");
-            // Only the pose goes to the card: nothing else was made or changed.
+            // Only the pose is uploaded: no other resource is created or changed.
             let counts = gpu.context().resource_counts();
             if let Some((last, made)) = before.replace((image.clone(), counts)) {
                 assert!(difference(&last, &image) > 0.5, "{name} {clip} {seconds}: it moves");
@@ -618,7 +619,7 @@ fn a_tint_is_the_colour_of_the_surface_under_any_shading() {
         let image = if target.size() == SIZE { image } else { halved(&image) };
         let difference = difference(&image, &wanted);
         assert!(difference < 1.5, "tint {tint}: {difference:.2}");
-        // Without it, the same frame is another picture.
+        // Without the tint, the same frame is a different picture.
         let plain = [Placed::new(&drawn, &pose)];
         assert!(gpu.draw(&mut target, &scene.frame(&plain)).drawn);
     }
@@ -640,7 +641,7 @@ fn what_lies_outside_is_left_out_and_copies_come_together() {
     assert!(result.culled >= 250 && result.calls == 1, "{result:?}");
 }
 
-/// A picture that comes in parts is that which is drawn at once, and the one before it stays until it is whole.
+/// A picture drawn in parts equals one drawn at once, and the previous picture stays until it is complete.
 #[test]
 fn parts_of_a_picture_come_to_the_whole() {
     let Some(mut gpu) = gpu() else { return };
@@ -683,7 +684,7 @@ fn parts_of_a_picture_come_to_the_whole() {
     assert!(count > 1 || !gpu.is_software(), "{count}");
     assert_eq!(parts.read_back(), wanted);
     assert!(parts.shows(&frame(StandardView::Iso)));
-    // Another size does not take the picture away either.
+    // A resize does not discard the picture either.
     parts.resize([100, 80], 1.0);
     assert_eq!(parts.read_back(), wanted);
     gpu.draw(&mut parts, &frame(StandardView::Iso));

@@ -1,4 +1,4 @@
-//! The slider walks a progressive mesh: any level at once, and a result of its own when it is let go.
+//! Preview of the slider: a progressive mesh shows any level at once, and an exact run follows after release.
 
 mod adapter;
 
@@ -92,14 +92,14 @@ fn every_unit_has_its_level() {
         assert!(is_level(&document));
         assert!(faces(&document) > last, "less error, more faces");
         last = faces(&document);
-        // What the run keeps within the error is not far off.
+        // The run with this error limit has a similar number of faces.
         assert!(document.settle(LONG));
         let run = document.lighter().unwrap().content.faces as f64;
         assert!((0.3..3.0).contains(&(last as f64 / run)), "{last} for {run} at {share}");
     }
     document.run(Command::Target(Target::Original));
     assert!(document.lighter().is_none());
-    // What no target is goes to the engine, which says so.
+    // An invalid target is passed to the engine, which reports it.
     document.run(Command::Target(Target::Ratio(-1.0)));
     assert!(!is_level(&document));
 }
@@ -141,7 +141,7 @@ fn the_road_is_that_of_the_method() {
     assert!(document.has_road() && faces(&document) <= 500);
     document.run(Command::Target(Target::Faces(300)));
     assert!(is_level(&document) && faces(&document) <= 300);
-    // Another file has another road.
+    // Another file has its own progressive mesh.
     document.run(Command::Open(vec![folder.path().join("blob.ply")]));
     assert!(document.settle(LONG) && document.has_road());
     document.run(Command::Target(Target::Faces(1000)));
@@ -178,7 +178,7 @@ fn a_scene_moves_as_one() {
     assert!(document.settle(LONG) && !is_level(&document));
 }
 
-/// The buffers that were patched level after level show what new ones show.
+/// Buffers that were patched level after level show the same as new ones.
 #[test]
 fn patched_levels_look_like_new_ones() {
     let Some(mut gpu) = adapter::context().map(Gpu::on) else { return };

@@ -1,6 +1,6 @@
-//! The window without a window: every panel and key, both themes, on a software adapter.
+//! The app in a headless harness: every panel and key, both themes, on a software adapter.
 //!
-//! With `LODSMITH_PICTURES=FOLDER` each picture is kept there, to be looked at.
+//! With `LODSMITH_PICTURES=FOLDER` each picture is saved there for inspection.
 
 mod adapter;
 #[path = "screens/benchmark.rs"]
@@ -170,7 +170,7 @@ fn every_key_of_the_look_changes_it_and_the_picture() {
             continue;
         }
         assert_ne!(before, after, "{}", b.name);
-        // The torus is closed and sound, and has neither colours nor texture.
+        // The torus is closed and free of defects, and has neither colours nor texture.
         let shows = matches!(b.action, Action::Wireframe | Action::Ground)
             || matches!(b.action, Action::Shade(1 | 4 | 5 | 6));
         if shows {
@@ -196,7 +196,7 @@ fn sides_are_shown_in_four_ways() {
         desk.picture(&format!("sides_{}", name.to_lowercase().replace(' ', "_")));
         desk.press(Key::V);
     }
-    // Flicker: while the key is held, the original stands in the place of the result.
+    // While the key is held, the original replaces the result.
     desk.press(Key::W);
     let result = desk.pixels(RESULT);
     desk.harness.key_down(Key::Space);
@@ -234,7 +234,7 @@ fn surroundings_are_mirrored_and_seen_behind() {
     }
 }
 
-/// As long as both sides show the same they share one picture, and not a frame longer.
+/// Sides share one picture only as long as both show the same.
 #[test]
 fn sides_that_differ_have_their_own_pictures() {
     let Some(mut desk) = Desk::open("torus.obj") else { return };
@@ -288,7 +288,7 @@ fn the_mouse_and_the_arrows_move_both_cameras() {
         desk.press(key);
         assert!((desk.app().orbits()[0].pitch_rad - pitch).abs() < 1e-6, "{key:?}");
     }
-    // Zoom to the pointer, then all of it again.
+    // Zoom to the pointer, then frame the model again.
     let framed = desk.app().orbits()[0];
     desk.harness.hover_at(place + egui::vec2(40.0, 20.0));
     desk.harness.event(egui::Event::MouseWheel {
@@ -351,7 +351,7 @@ fn the_heat_map_has_a_legend_and_a_histogram() {
         assert!(desk.app().document().distances().is_some());
         desk.harness.get_by_label("Histogram of distances");
         desk.picture(if is_light { "heat_light" } else { "heat_dark" });
-        // Colours: blue and red are in it.
+        // The picture contains blue and red.
         let pixels = desk.pixels(RESULT);
         assert!(
             pixels.iter().any(|p| p[0] > p[2].saturating_add(60))
@@ -372,7 +372,7 @@ fn the_sample_stands_beside_its_result_with_wires_and_heat() {
     desk.press(Key::E);
     assert!(desk.faces().unwrap() < desk.app().document().original().unwrap().content.faces / 4);
     assert_ne!(desk.pixels(RESULT), plain);
-    // The picture of docs/viewer.md.
+    // Screenshot for docs/viewer.md.
     desk.picture("viewer");
 }
 
@@ -454,6 +454,6 @@ fn the_theme_changes_by_its_key() {
 fn nothing_is_drawn_while_nothing_happens() {
     let Some(mut desk) = Desk::open("sphere.ply") else { return };
     desk.press(Key::Minus);
-    // A window that asks to be painted again and again would never come to rest.
+    // A window that requests a repaint every frame never settles.
     assert!(desk.harness.try_run().is_ok());
 }

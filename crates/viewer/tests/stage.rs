@@ -1,4 +1,4 @@
-//! The Stage by commands, without a window: copies, keyframes, levels, and files of all of it.
+//! Commands of the stage, without a window: copies, keyframes, levels, and their files.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -36,7 +36,7 @@ fn row(count: usize) -> Vec<Placement> {
     (0..count).map(|k| Placement::at(3.0 * k as f64, 0.0)).collect()
 }
 
-/// The second copy goes to and fro and turns, and the camera comes nearer.
+/// The second copy moves there and back and rotates, and the camera approaches.
 fn round() -> Motion {
     Motion::default().with(|m| {
         let track = m.copies.entry(1).or_default();
@@ -111,13 +111,13 @@ fn a_stage_has_levels_while_it_is_shown() {
     assert_eq!((levels[0].error, levels[0].faces), (0.0, 20_480));
     assert!(levels.windows(2).all(|w| w[1].faces < w[0].faces && w[1].error > w[0].error));
     assert!(document.levels().is_empty(), "the two sides show what was asked for");
-    // Another model has other copies.
+    // A newly opened model has no copies.
     document.run(Command::Open(vec![folder.path().join("torus.obj")]));
     assert!(document.settle(LONG));
     assert!(document.stage().is_none() && document.settings().stage.copies.is_empty());
 }
 
-/// The faces that a glTF file shows, and those of all its levels by node.
+/// Returns the number of faces of a glTF file, and the number of levels of each node that has any.
 fn read_stage(path: &Path) -> (usize, Vec<usize>) {
     let read = lodsmith_io::read_path(path, &Default::default()).unwrap();
     let bytes = std::fs::read(path).unwrap();
@@ -138,7 +138,7 @@ fn a_stage_is_exported_as_copies_that_share_levels() {
         let mut document = opened(model);
         let faces = document.original().unwrap().content.faces;
         document.run(Command::Stage(StageChange::Add(row(5))));
-        // Levels that the stage has are used; where it has none yet, they are made.
+        // Existing levels are used; the others are made during export.
         document.run(Command::Stage(StageChange::Show(k != 1)));
         assert!(document.settle(LONG));
         let path = folder.path().join(format!("stage{k}.glb"));
@@ -195,13 +195,13 @@ fn the_moment_moves_the_copies_and_goes_round() {
     }));
     document.go_on(2.0);
     assert!(!document.is_playing() && document.moment() == 4.0, "once is once");
-    // It is all in the session.
+    // The session stores all of it.
     let path = folder.path().join("s.json");
     let pose = Pose { eye: [1.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 };
     Session::new(document.settings().clone(), [pose; 2]).save(&path).unwrap();
     let back = Session::open(&path, &AssetScope::Anywhere).unwrap();
     assert_eq!(back.settings.stage, document.settings().stage);
-    // One that was saved before there were keyframes has none.
+    // A session saved before keyframes existed has none.
     let text = std::fs::read_to_string(&path).unwrap();
     let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
     json["settings"]["stage"].as_object_mut().unwrap().remove("motion").unwrap();

@@ -1,4 +1,5 @@
-//! The real window on a virtual screen: opened, dragged, held, restored, exported, by a program that moves the mouse.
+//! End-to-end test on a virtual display: a real window is opened, dragged, restored and exported by simulated
+//! input.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
@@ -9,7 +10,7 @@ use lodsmith_core::shapes;
 
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Ends a program when the test does.
+/// Kills a process when the test ends.
 struct Running(Child);
 
 impl Drop for Running {
@@ -24,7 +25,7 @@ fn is_there(program: &str) -> bool {
     std::env::split_paths(&paths).any(|folder| folder.join(program).is_file())
 }
 
-/// A virtual screen, and its name.
+/// Starts a virtual display; returns its process and its name.
 fn screen() -> Option<(Running, String)> {
     let missing: Vec<_> = ["Xvfb", "xdotool"].into_iter().filter(|p| !is_there(p)).collect();
     if !missing.is_empty() {
@@ -34,8 +35,9 @@ fn screen() -> Option<(Running, String)> {
         let _ = std::io::Write::write_all(&mut std::io::stderr(), text.as_bytes());
         return None;
     }
-    // It takes a number that is free, and says which one when it is ready to be asked. Without `-noreset` it starts afresh
-    // when its last client leaves, such as a search that came before the window, and refuses who comes meanwhile.
+    // Xvfb chooses a free display number and prints it once it is ready. Without `-noreset` it resets when
+    // its last client disconnects, such as a search before the window opened, and refuses connections
+    // meanwhile.
     let child = Command::new("Xvfb")
         .args(["-displayfd", "1", "-screen", "0", "1440x900x24", "-nolisten", "tcp", "-noreset"])
         .stdout(Stdio::piped())
@@ -81,7 +83,7 @@ fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
 }
 
 fn export(hand: &Hand, path: &Path) -> usize {
-    // The file may hold what was shown before the last step was done: until it says something else, it is written anew.
+    // The file does not exist yet: the loop waits until the export has written it.
     hand.key("ctrl+s");
     hand.key("Return");
     until("the exported file", || {
@@ -97,7 +99,7 @@ fn a_window_opens_drags_holds_restores_and_exports() {
     let model = folder.path().join("sphere.ply");
     lodsmith_io::write_path(&shapes::icosphere(5), &model, &Default::default()).unwrap();
     let out = folder.path().join("sphere_low.ply");
-    // Beside the tests lie the examples.
+    // The examples are built beside the tests.
     let tests = std::env::current_exe().unwrap();
     let program = tests.parent().and_then(Path::parent).unwrap().join("examples/window");
     let viewer = Command::new(program)
@@ -117,7 +119,7 @@ fn a_window_opens_drags_holds_restores_and_exports() {
     std::thread::sleep(Duration::from_millis(1500));
     hand.run(&["windowfocus", &hand.window]);
 
-    // The rail of the slider lies low between the docks.
+    // The slider is at the lower edge, between the docks.
     let y = 900 - 34;
     hand.go(1120, y);
     hand.run(&["mousedown", "1"]);

@@ -1,8 +1,8 @@
-//! Every method over every model of a folder, to 50, 10 and 1 %.
+//! Runs every method on every model of a folder, to 50, 10 and 1 %.
 //!
-//! Held of each result: no crash and no hang, at most the triangles asked for where the report says `reached` and a
-//! reason where it does not, never more than before, a distance that can be measured, and no count of defects above
-//! that of the input but those that lie in the nature of the method ([`MAY_RISE`]).
+//! Checks of each result: no crash and no hang, at most the requested triangles if the report says `reached`
+//! and a reason if not, never more than before, a measurable distance, and no more defects of a kind than in
+//! the input, except those that the method by design may add ([`MAY_RISE`]).
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -15,32 +15,32 @@ use serde_json::Value;
 
 use super::{Limits, Outcome, RATIOS, READ, call, ending, one_line, value};
 
-/// Counts of defects that a method may raise, for what it is. Folds are told and not held: on noisy scans no method is
-/// without some.
+/// Kinds of defects that a method may add by design. Folds are reported but not checked: on noisy scans every
+/// method has some.
 const MAY_RISE: &[(&str, &[&str])] = &[
     ("cluster", &["non_manifold_edges", "border_edges", "misoriented_edges"]),
-    // Borders are laid out anew, with edges of the new length.
+    // Borders are sampled again, with edges of the new length.
     ("remesh", &["border_edges"]),
 ];
-/// Models of more triangles are left out unless asked for: the whole is to take minutes.
+/// Larger models are skipped unless requested: the whole run should take minutes.
 pub(super) const LARGEST: u64 = 250_000;
-/// Samples of each measure: enough to see that a result lies where it should.
+/// Samples per comparison: enough to detect a misplaced result.
 const SAMPLES: &str = "5000";
 
-/// What is asked of the sweep.
+/// The settings of the sweep.
 pub(super) struct Sweep {
     pub(super) command: PathBuf,
     pub(super) folder: PathBuf,
     pub(super) files: Vec<PathBuf>,
-    /// For one method on one model.
+    /// Limits for one method on one model.
     pub(super) limits: Limits,
     pub(super) largest: u64,
 }
 
-/// How one method did on one model at one ratio.
+/// The result of one method on one model at one ratio.
 struct Case {
     method: String,
-    /// `.` reached, `*` ended above the target with a reason, `!` something is wrong.
+    /// `.` target reached, `*` ended above the target with a reason, `!` a check failed.
     mark: char,
     seconds: f64,
     rms: Option<f64>,
@@ -48,18 +48,18 @@ struct Case {
     problems: Vec<String>,
 }
 
-/// A model and all that was made of it.
+/// A model and its results.
 struct Row {
     name: String,
     faces: Option<u64>,
-    /// For each ratio that was run.
+    /// The results for each ratio.
     cases: Vec<Vec<Case>>,
-    /// Why there are none.
+    /// The reason for having no results.
     skipped: Option<String>,
 }
 
 impl Sweep {
-    /// Runs, several models at once, and prints the tables.
+    /// Runs the sweep on several models in parallel, and prints the tables.
     pub(super) fn run(&self) -> Result<()> {
         let next = AtomicUsize::new(0);
         let rows: Mutex<BTreeMap<usize, Result<Row>>> = Mutex::default();
@@ -88,7 +88,7 @@ impl Sweep {
         }
         let info = call(&self.command, &["info".as_ref(), file.as_os_str(), "--json".as_ref()], self.limits)?;
         let Some(about) = value(&info).filter(|_| info.status == Some(0)) else {
-            // What a damaged file is answered with is held by the plain sweep.
+            // The response to damaged files is checked by the plain corpus run.
             row.skipped = Some(one_line(&info));
             return Ok(row);
         };
@@ -103,7 +103,7 @@ impl Sweep {
         Ok(row)
     }
 
-    /// All methods at once; one by one where that did not end well, to know which is at fault.
+    /// Runs all methods in one process; after a failure one by one, to find the method that caused it.
     fn cases(&self, file: &Path, ratio: f64) -> Result<Vec<Case>> {
         let all = self.call(file, ratio, None)?;
         if let Some(report) = value(&all).filter(|_| matches!(all.status, Some(0 | 1))) {
@@ -150,7 +150,7 @@ impl Sweep {
     }
 }
 
-/// The words of all methods.
+/// The names of all methods.
 const METHODS: [&str; lodsmith::Method::ALL.len()] = {
     let mut names = [""; lodsmith::Method::ALL.len()];
     let mut i = 0;
@@ -166,18 +166,19 @@ fn take<'a, T>(items: &'a [T], next: &AtomicUsize) -> Option<(usize, &'a T)> {
     items.get(i).map(|item| (i, item))
 }
 
-/// Reads the report of `lodsmith methods`.
+/// Evaluates the report of `lodsmith methods`.
 fn judged(report: &Value, ratio: f64) -> Vec<Case> {
     let before = report["input"]["faces"].as_u64().unwrap_or(0);
     let rows = report["methods"].as_array().map_or(&[][..], Vec::as_slice);
-    // Where all say the same, the mesh is at fault.
+    // If all methods report the same error, the mesh is the cause.
     let input = &report["input"]["defects"];
     let of_mesh = rows.first().map(|r| &r["error"]).filter(|e| rows.iter().all(|r| r["error"] == **e));
     let of_mesh = of_mesh.is_some_and(Value::is_string);
     rows.iter().map(|row| judged_one(row, (before, input), ratio, of_mesh)).collect()
 }
 
-/// Edges that are misoriented or non-manifold: one of four faces may become one of two that go the same way.
+/// Returns the number of misoriented or non-manifold edges: a non-manifold edge of four faces may become one
+/// of two faces that is misoriented.
 fn twisted(defects: &Value) -> Option<u64> {
     Some(defects["misoriented_edges"].as_u64()? + defects["non_manifold_edges"].as_u64()?)
 }
@@ -219,7 +220,7 @@ fn judged_one(row: &Value, (before, input): (u64, &Value), ratio: f64, of_mesh: 
         if name == "folds" {
             case.folds = n;
         } else if is_twist_undone {
-            // Not more of them than before.
+            // Their sum has not increased.
         } else if n > 0 && !may_rise.contains(&name.as_str()) {
             case.problems.push(format!("{n} new {}", name.replace('_', " ")));
         }
@@ -283,7 +284,7 @@ fn summary(rows: &[Row], method: &str) -> String {
     let marked = |mark: char| own.iter().filter(|c| c.mark == mark).count();
     let seconds: f64 = own.iter().map(|c| c.seconds).sum();
     let slowest = own.iter().fold(0f64, |m, c| m.max(c.seconds));
-    // Where both reached the same target, so that the distances mean the same.
+    // Only if both reached the same target, so that the distances are comparable.
     let rms = |cases: &[Case], name: &str| {
         cases.iter().find(|c| c.method == name && c.mark == '.').and_then(|c| c.rms).filter(|r| *r > 1e-9)
     };
@@ -301,7 +302,7 @@ fn summary(rows: &[Row], method: &str) -> String {
     )
 }
 
-/// Reads what follows a word of the command line as a number.
+/// Parses the number after an option of the command line.
 pub(super) fn count(word: Option<&String>) -> Result<u64> {
     let word = word.context("--largest needs a number of triangles")?;
     word.parse().with_context(|| format!("--largest {word}: a number of triangles is wanted"))

@@ -1,4 +1,4 @@
-//! Files as one: tar packed by gzip, and zip.
+//! Archive formats: tar with gzip, and zip.
 
 use std::io::{Cursor, Write as _};
 
@@ -11,7 +11,7 @@ pub(super) struct Entry {
     /// Its path, with slashes.
     pub(super) name: String,
     pub(super) bytes: Vec<u8>,
-    /// Whether it can be started.
+    /// True if it is executable.
     pub(super) is_program: bool,
 }
 
@@ -21,9 +21,9 @@ impl Entry {
     }
 }
 
-/// All files in one stream, packed.
+/// Returns all files as a gzip-compressed tar archive.
 pub(super) fn tar_gz(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
-    // Neither name nor time: the file may be made again and called otherwise.
+    // No name and time in the gzip header: the same content gives the same bytes under any name.
     let packed = GzBuilder::new().mtime(0).operating_system(255).write(Vec::new(), Compression::best());
     let mut tar = tar::Builder::new(packed);
     for entry in entries {
@@ -37,7 +37,7 @@ pub(super) fn tar_gz(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
     Ok(tar.into_inner()?.finish()?)
 }
 
-/// All files, each packed, and a list of them at the end.
+/// Returns all files as a zip archive.
 pub(super) fn zip(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
     let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
     for entry in entries {
@@ -51,7 +51,7 @@ pub(super) fn zip(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
     Ok(zip.finish()?.into_inner())
 }
 
-/// A time as zip says it: universal, by two seconds, from 1980 on.
+/// Converts a time to that of zip: UTC, in steps of two seconds, from 1980 on.
 fn dos_time(time: u64) -> Result<zip::DateTime> {
     let time = time::OffsetDateTime::from_unix_timestamp(time.max(super::OLDEST).cast_signed())?;
     let time = time::PrimitiveDateTime::new(time.date(), time.time());
@@ -115,7 +115,7 @@ mod tests {
             file.read_to_end(&mut bytes).unwrap();
             assert_eq!(bytes, wanted.bytes);
         }
-        // Times before the first that a zip can say become that one.
+        // Times before 1980 become the first one that zip can represent.
         assert_eq!(dos_time(0).unwrap().to_string(), "1980-01-01 00:00:00");
     }
 }

@@ -1,4 +1,4 @@
-//! What is in the program that others wrote, under which terms, and the texts of these.
+//! Third-party packages in the program, with their licences and the texts of these.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt::Write as _;
@@ -7,18 +7,17 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use serde_json::Value;
 
-/// How files with terms are called.
+/// Prefixes of the names of licence files.
 const NAMES: [&str; 5] = ["LICENSE", "LICENCE", "COPYING", "NOTICE", "UNLICENSE"];
 
-/// All packages that a program is made of and that are not of this workspace: a list, then the texts of their terms, each
-/// once.
+/// Returns all third-party packages of a program: a list, then the licence texts without duplicates.
 pub(super) fn text(metadata: &Value, program: &str) -> Result<String> {
     let packages = metadata["packages"].as_array().context("cargo metadata lists no packages")?;
     let by_id: HashMap<&str, &Value> = packages.iter().filter_map(|p| Some((p["id"].as_str()?, p))).collect();
     let mut all: Vec<&Value> = reached(metadata, program)?
         .into_iter()
         .filter_map(|id| by_id.get(id).copied())
-        // Those of the workspace come from nowhere.
+        // Packages of the workspace have no source.
         .filter(|package| !package["source"].is_null())
         .collect();
     let of = |package: &Value, key: &str| package[key].as_str().unwrap_or_default().to_owned();
@@ -66,7 +65,7 @@ pub(super) fn text(metadata: &Value, program: &str) -> Result<String> {
     Ok(text)
 }
 
-/// The packages that are linked into a program: not what only tests or the build need.
+/// Returns the packages that are linked into a program, without those that only tests or the build need.
 pub(super) fn reached<'a>(metadata: &'a Value, program: &str) -> Result<BTreeSet<&'a str>> {
     let nodes = metadata["resolve"]["nodes"].as_array().context("cargo metadata has no tree")?;
     let by_id: HashMap<&str, &Value> = nodes.iter().filter_map(|n| Some((n["id"].as_str()?, n))).collect();
@@ -84,7 +83,7 @@ pub(super) fn reached<'a>(metadata: &'a Value, program: &str) -> Result<BTreeSet
     Ok(seen)
 }
 
-/// The packages that one of the tree is linked with.
+/// Returns the packages that a package is linked with.
 pub(super) fn linked(node: &Value) -> impl Iterator<Item = &str> {
     let is_linked = |kind: &Value| kind["kind"].is_null();
     let needs = node["deps"].as_array().into_iter().flatten();
@@ -93,11 +92,11 @@ pub(super) fn linked(node: &Value) -> impl Iterator<Item = &str> {
     needs.filter_map(|need| need["pkg"].as_str())
 }
 
-/// The texts of terms in the folder of a package, with one kind of line ends.
+/// Returns the licence texts in the folder of a package, with normalised line ends.
 fn terms_in(folder: &Path) -> Result<Vec<String>> {
     let is_terms = |name: &str| NAMES.iter().any(|n| name.starts_with(n));
     let mut files = files_of(folder, is_terms)?;
-    // The terms of fonts lie beside them.
+    // The licences of fonts are beside the fonts.
     let fonts = folder.join("fonts");
     if fonts.is_dir() {
         files.extend(files_of(&fonts, |name| name.ends_with(".TXT"))?);
@@ -109,7 +108,7 @@ fn terms_in(folder: &Path) -> Result<Vec<String>> {
     files.iter().map(read).collect()
 }
 
-/// The files of a folder whose names, in capitals, are taken; in their order.
+/// Returns the files of a folder whose upper-case names are accepted, sorted.
 fn files_of(folder: &Path, is_taken: impl Fn(&str) -> bool) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for file in std::fs::read_dir(folder).with_context(|| folder.display().to_string())? {

@@ -1,5 +1,5 @@
-//! The list of parts that machines read: CycloneDX, for those who look up which programs hold a package that was found
-//! to be at fault.
+//! The software bill of materials in CycloneDX format, for finding programs that contain a vulnerable
+//! package.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -10,12 +10,13 @@ use time::OffsetDateTime;
 
 use super::{hex, licences};
 
-/// Its name in the archive.
+/// Its file name in the archive.
 pub(super) const NAME: &str = "sbom.cdx.json";
 
-/// The parts of a program: every package that is linked into it, with terms, checksum and what it needs itself.
+/// Returns the packages linked into a program, each with licence, checksum and dependencies.
 ///
-/// The same packages give the same bytes: its number is made from what it says, and its time is that of the sources.
+/// The same packages give the same bytes: the serial number is derived from the content, and the time is that
+/// of the sources.
 pub(super) fn text(metadata: &Value, lock: &str, program: &str, seconds: u64) -> Result<Vec<u8>> {
     let packages = metadata["packages"].as_array().context("cargo metadata lists no packages")?;
     let reached = licences::reached(metadata, program)?;
@@ -75,7 +76,7 @@ fn text_of<'a>(package: &'a Value, key: &str) -> Result<&'a str> {
     package[key].as_str().with_context(|| format!("a package without {key}"))
 }
 
-/// Where a package is found, as a package URL; also its name in the list.
+/// Returns the package URL of a package, which is also its reference in the list.
 fn place(package: &Value) -> Result<String> {
     Ok(format!("pkg:cargo/{}@{}", text_of(package, "name")?, text_of(package, "version")?))
 }
@@ -85,7 +86,7 @@ fn component(package: &Value, place: &str, sums: &BTreeMap<(&str, &str), &str>) 
     let mut part =
         json!({ "type": "library", "bom-ref": place, "name": name, "version": version, "purl": place });
     if let Some(terms) = package["license"].as_str() {
-        // An old way to say "or", which the list does not know.
+        // An old notation of "or", which CycloneDX does not support.
         part["licenses"] = json!([{ "expression": terms.replace('/', " OR ") }]);
     }
     if let Some(sum) = sums.get(&(name, version)) {
@@ -97,7 +98,7 @@ fn component(package: &Value, place: &str, sums: &BTreeMap<(&str, &str), &str>) 
     Ok(part)
 }
 
-/// The checksums of a lock file, by name and version.
+/// Parses the checksums of a lock file, by name and version.
 fn checksums(lock: &str) -> BTreeMap<(&str, &str), &str> {
     let value = |line: &'_ str, key: &str| -> Option<(usize, usize)> {
         let head = format!("{key} = \"");
@@ -116,7 +117,7 @@ fn checksums(lock: &str) -> BTreeMap<(&str, &str), &str> {
     sums
 }
 
-/// A number for the list that hangs on its content alone: a UUID of version 8 (RFC 9562).
+/// Returns a serial number that depends only on the content: a UUID of version 8 (RFC 9562).
 fn number(content: &[u8]) -> String {
     let mut bytes: [u8; 16] = Sha256::digest(content)[..16].try_into().expect("a digest is longer");
     bytes[6] = bytes[6] & 0x0f | 0x80;
@@ -125,7 +126,7 @@ fn number(content: &[u8]) -> String {
     format!("urn:uuid:{}-{}-{}-{}-{}", &all[..8], &all[8..12], &all[12..16], &all[16..20], &all[20..])
 }
 
-/// What the specification asks of a list (version 1.5, the part of it that is used here).
+/// Checks the parts of the CycloneDX 1.5 specification that are used here.
 fn check(list: &Value) -> Result<()> {
     for (key, value) in
         [("bomFormat", json!("CycloneDX")), ("specVersion", json!("1.5")), ("version", json!(1))]
@@ -194,7 +195,7 @@ mod tests {
         assert_eq!(list["metadata"]["timestamp"], "1970-01-02T00:00:00Z");
         assert_eq!(list["metadata"]["component"]["purl"], "pkg:cargo/a@1.0.0");
         assert_eq!(list["metadata"]["component"]["type"], "application");
-        // Not what only tests use.
+        // Without packages that only tests use.
         assert_eq!(list["components"].as_array().unwrap().len(), 1);
         let b = &list["components"][0];
         assert_eq!((&b["name"], &b["licenses"][0]["expression"]), (&json!("b"), &json!("MIT OR Zlib")));

@@ -1,4 +1,4 @@
-//! Inputs that somebody else changes while they are read.
+//! Faults: inputs that change while they are read.
 
 use std::fs::{self, File};
 use std::io::{Seek as _, SeekFrom, Write as _};
@@ -11,10 +11,10 @@ use anyhow::Result;
 use super::job::{self, Ended, Job, finish, put, start, state};
 use super::{Chance, Ground, Row, Tried, copy_all};
 
-/// Ways to change a file.
+/// Number of ways to change a file.
 const CHANGES: usize = 5;
 
-/// One input of a run is cut, overwritten in its middle, made longer, replaced or removed while it is read.
+/// Truncates, overwrites in the middle, extends, replaces or removes an input while it is read.
 pub(super) fn while_read(ground: &Ground) -> Result<Tried> {
     let mut row = Row::new("input changed at a random moment");
     let mut chance = Chance(29);
@@ -27,13 +27,13 @@ pub(super) fn while_read(ground: &Ground) -> Result<Tried> {
             let name = &names[chance.below(names.len())];
             let words = job.arguments(&inputs, &out);
             let child = start(&ground.program, &words, Stdio::null(), Stdio::null())?;
-            // Reading comes first, and most of a run is spent on other things.
+            // Reading comes first and is the smaller part of a run.
             std::thread::sleep(Duration::from_secs_f64(job.time.as_secs_f64() * 0.3 * chance.part()));
             change(&inputs.join(name), (round + number) % CHANGES, &mut chance)?;
             let ended = finish(child)?;
             row.count(&ended);
             row.breach(job.name(), judge(ground, job, &ended, &out)?);
-            // The same folder, with the inputs as they are to be.
+            // The same folder, with the original inputs.
             let again = job::run(&ground.program, &job.arguments(&ground.inputs(), &out))?;
             if again.status != Some(0) || job::parts(&out)? > 0 {
                 row.breach(job.name(), [format!("the next run: {:?} {}", again.status, again.stderr.trim())]);
@@ -69,11 +69,12 @@ fn change(path: &Path, way: usize, chance: &mut Chance) -> Result<()> {
     Ok(())
 }
 
-/// Nobody knows what such a run read: it fails and leaves the outputs, or they can be read.
+/// The content that such a run read is unknown: either it fails and leaves the outputs unchanged, or they are
+/// readable.
 fn judge(ground: &Ground, job: &Job, ended: &Ended, out: &Path) -> Result<Vec<String>> {
     let mut breaches = Vec::new();
     let after = state(out)?;
-    // What was read in halves may well come with warnings; failures are one line each.
+    // Partially read input may cause warnings; failures are one line each.
     if ended.status != Some(0) {
         breaches.extend(ended.breaches(job.new.len()));
     }

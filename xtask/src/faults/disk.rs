@@ -1,4 +1,4 @@
-//! Disks that fill up, folders that are read-only, gone, or going.
+//! Faults: disks that fill up, folders that are read-only, missing or removed.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -9,12 +9,12 @@ use anyhow::{Context, Result, ensure};
 use super::job::{State, finish, put, run, start};
 use super::{Chance, Ground, Row, Tried};
 
-/// The least that a disk in memory is made of.
+/// The allocation unit of a disk in memory, in bytes.
 const PAGE: usize = 4096;
-/// Enough for anything that the runs write.
+/// Enough space for any output of the runs, in bytes.
 const ROOM: usize = 64 << 20;
 
-/// A disk in memory, for as long as this lives.
+/// A disk in memory (tmpfs), unmounted on drop.
 struct Disk {
     folder: PathBuf,
 }
@@ -26,7 +26,7 @@ impl Disk {
         Ok(Self { folder })
     }
 
-    /// Mounts it anew with other options; what lies there stays.
+    /// Remounts it with other options; its files stay.
     fn change(&self, options: &str) -> Result<()> {
         mount(&["-o", &format!("remount,{options}")], &self.folder)
     }
@@ -34,7 +34,7 @@ impl Disk {
 
 impl Drop for Disk {
     fn drop(&mut self) {
-        // A disk that stays is in nobody's way.
+        // A disk that stays mounted does no harm.
         let _ = Command::new("umount").arg(&self.folder).stderr(Stdio::null()).status();
     }
 }
@@ -45,18 +45,18 @@ fn mount(words: &[&str], folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Why no disk in memory can be had here, if so.
+/// Returns the reason why no disk in memory can be mounted, if so.
 fn no_disk(ground: &Ground) -> Result<Option<String>> {
     let folder = ground.empty("disk")?;
     Ok(Disk::new(folder, PAGE).err().map(|error| format!("no disk in memory (it needs root): {error}")))
 }
 
-/// Bytes of files on a disk of pages.
+/// Returns the space of files on a disk of pages, in bytes.
 fn size(state: &State) -> usize {
     state.values().map(|bytes| bytes.len().next_multiple_of(PAGE)).sum()
 }
 
-/// Outputs go to a disk that has room for a part of them.
+/// Outputs to a disk that has space for only part of them.
 pub(super) fn full(ground: &Ground) -> Result<Tried> {
     const FAULT: &str = "output on a disk that fills up";
     if let Some(why) = no_disk(ground)? {
@@ -67,7 +67,7 @@ pub(super) fn full(ground: &Ground) -> Result<Tried> {
     for round in 0..ground.part_of(10) {
         for job in &ground.jobs {
             let before = if round.is_multiple_of(2) { State::new() } else { job.old.clone() };
-            // One page at the least: none means as much as there is.
+            // At least one page: a size of 0 means no limit.
             let bytes = size(&before) + PAGE + chance.below(size(&job.new));
             let disk = Disk::new(ground.empty("disk")?, bytes)?;
             put(&before, &disk.folder)?;
@@ -83,7 +83,7 @@ pub(super) fn full(ground: &Ground) -> Result<Tried> {
     Ok(Tried::Done(row))
 }
 
-/// Outputs go to a folder that nobody may write into.
+/// Outputs to a read-only folder.
 pub(super) fn read_only(ground: &Ground) -> Result<Tried> {
     const FAULT: &str = "output into a read-only file system";
     if let Some(why) = no_disk(ground)? {
@@ -109,7 +109,7 @@ pub(super) fn read_only(ground: &Ground) -> Result<Tried> {
     Ok(Tried::Done(row))
 }
 
-/// Outputs that are there are write-protected.
+/// Outputs over write-protected files.
 pub(super) fn protected(ground: &Ground) -> Result<Tried> {
     let mut row = Row::new("output over a write-protected file");
     for job in &ground.jobs {
@@ -139,7 +139,7 @@ pub(super) fn protected(ground: &Ground) -> Result<Tried> {
     Ok(Tried::Done(row))
 }
 
-/// The folder of the outputs is gone when the run begins; those that make their folder may do so.
+/// The output folder is missing when the run begins; commands that create their folder may do so.
 pub(super) fn removed(ground: &Ground) -> Result<Tried> {
     let mut row = Row::new("output into a folder that was removed");
     for job in &ground.jobs {
@@ -163,7 +163,7 @@ pub(super) fn removed(ground: &Ground) -> Result<Tried> {
     Ok(Tried::Done(row))
 }
 
-/// The folder of the outputs is removed at some moment of the run.
+/// The output folder is removed during the run.
 pub(super) fn vanishing(ground: &Ground) -> Result<Tried> {
     let mut row = Row::new("folder of the output removed at a random moment");
     let mut chance = Chance(13);
@@ -174,13 +174,13 @@ pub(super) fn vanishing(ground: &Ground) -> Result<Tried> {
             let child =
                 start(&ground.program, &job.arguments(&ground.inputs(), &out), Stdio::null(), Stdio::null())?;
             std::thread::sleep(Duration::from_secs_f64(job.time.as_secs_f64() * chance.part()));
-            // A file that comes while the folder is emptied keeps it; then it goes in the next round.
+            // A file created during the removal keeps the folder; the next round removes it.
             while out.exists() {
                 let _ = std::fs::remove_dir_all(&out);
             }
             let ended = finish(child)?;
             row.count(&ended);
-            // What was written before is gone with the folder: only what the run says can be looked at.
+            // Earlier outputs are gone with the folder: only the messages can be checked.
             row.breach(job.name(), ended.breaches(job.new.len()));
             if out.exists() {
                 std::fs::remove_dir_all(&out)?;

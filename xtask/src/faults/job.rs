@@ -1,4 +1,4 @@
-//! Runs of the command that write, what they are to write, and what may be found after a fault.
+//! Runs of the command that write files: their expected outputs, and the checks after a fault.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -14,19 +14,20 @@ use crate::sample;
 /// Files of a folder by name.
 pub(super) type State = BTreeMap<String, Vec<u8>>;
 
-/// A run of the command, over what an earlier one wrote.
+/// A run of the command that overwrites the outputs of an earlier run.
 pub(super) struct Job {
-    /// Words with `IN` for the folder of the inputs, `OUT` for that of the outputs, `N` for what differs between the runs.
+    /// Arguments with `IN` for the input folder, `OUT` for the output folder, `N` for the value that differs
+    /// between the runs.
     words: &'static str,
     now: &'static str,
-    /// What the earlier run leaves, and the run over it.
+    /// Outputs of the earlier run, and of the run that overwrites them.
     pub(super) old: State,
     pub(super) new: State,
-    /// How long a run takes without a fault.
+    /// Duration of a run without a fault.
     pub(super) time: Duration,
 }
 
-/// Words, and what `N` stands for in the earlier run and in the one that meets the fault.
+/// Arguments, and the value of `N` in the earlier run and in the run with the fault.
 const JOBS: &[(&str, &str, &str)] = &[
     ("simplify IN/finial.ply -o OUT/a.ply --ratio N", "0.5", "0.3"),
     ("simplify IN/finial.ply -o OUT/a.obj --ratio N", "0.5", "0.3"),
@@ -46,17 +47,17 @@ const JOBS: &[(&str, &str, &str)] = &[
 ];
 
 impl Job {
-    /// What to call it in a line.
+    /// Returns its name for messages.
     pub(super) fn name(&self) -> &'static str {
         self.words
     }
 
-    /// The words of the run, for these folders.
+    /// Returns the arguments of the run, for these folders.
     pub(super) fn arguments(&self, inputs: &Path, out: &Path) -> Vec<String> {
         arguments(self.words, self.now, inputs, out)
     }
 
-    /// The names of the files that the run reads.
+    /// Returns the names of the input files.
     pub(super) fn inputs(&self) -> Vec<String> {
         let words = self.words.split(' ').filter_map(|word| word.strip_prefix("IN/"));
         let mut names: Vec<String> = words.map(|word| filled(word, self.now)).collect();
@@ -66,15 +67,15 @@ impl Job {
         names
     }
 
-    /// What does not hold after a run.
+    /// Returns the failed checks after a run.
     ///
-    /// `before` is what was in the folder when it began.
+    /// `before` is the content of the folder before it.
     pub(super) fn judge(&self, ended: &Ended, before: &State, out: &Path) -> Result<Vec<String>> {
         let after = state(out)?;
         let mut breaches = ended.breaches(self.new.len());
         for (name, bytes) in &after {
             if is_part(name) {
-                // Who is killed cannot tidy up.
+                // A killed run cannot clean up.
                 if ended.status.is_some() {
                     breaches.push(format!("left {name}"));
                 }
@@ -94,7 +95,7 @@ impl Job {
         Ok(breaches)
     }
 
-    /// Runs again without a fault: what does not hold then, and how many temporary files went away.
+    /// Runs again without a fault: returns the failed checks, and the number of temporary files removed.
     pub(super) fn again(&self, ground: &Ground, out: &Path) -> Result<(Vec<String>, usize)> {
         let parts = parts(out)?;
         let ended = run(&ground.program, &self.arguments(&ground.inputs(), out))?;
@@ -109,15 +110,15 @@ impl Job {
     }
 }
 
-/// How a run of the command ended.
+/// The outcome of a run of the command.
 pub(super) struct Ended {
-    /// `None` where a signal ended it.
+    /// Exit status; `None` if a signal ended it.
     pub(super) status: Option<i32>,
     pub(super) stderr: String,
 }
 
 impl Ended {
-    /// What no run may do: say nothing when it fails, or more than a line for each of its outputs; panic.
+    /// Checks general rules: a failing run prints a message, but at most one line per output; no run panics.
     pub(super) fn breaches(&self, outputs: usize) -> Vec<String> {
         let mut breaches = Vec::new();
         let lines: Vec<&str> = self.stderr.lines().collect();
@@ -160,7 +161,7 @@ fn arguments(words: &str, amount: &str, inputs: &Path, out: &Path) -> Vec<String
     words.split(' ').map(word).chain(["--quiet".to_owned()]).collect()
 }
 
-/// Starts the command. Errors are kept for later.
+/// Starts the command; captures standard error.
 pub(super) fn start(program: &Path, words: &[String], stdin: Stdio, stdout: Stdio) -> Result<Child> {
     let mut command = Command::new(program);
     command.args(words).env_remove("RUST_BACKTRACE").stdin(stdin).stdout(stdout).stderr(Stdio::piped());
@@ -178,7 +179,7 @@ pub(super) fn run(program: &Path, words: &[String]) -> Result<Ended> {
     finish(start(program, words, Stdio::null(), Stdio::null())?)
 }
 
-/// Everything in a folder.
+/// Returns all files of a folder.
 pub(super) fn state(folder: &Path) -> Result<State> {
     let mut state = State::new();
     for entry in std::fs::read_dir(folder).with_context(|| folder.display().to_string())? {
@@ -199,12 +200,12 @@ pub(super) fn is_part(name: &str) -> bool {
     name.starts_with(".lodsmith-") && name.ends_with(".part")
 }
 
-/// How many temporary files lie in a folder.
+/// Counts the temporary files in a folder.
 pub(super) fn parts(folder: &Path) -> Result<usize> {
     Ok(state(folder)?.keys().filter(|name| is_part(name)).count())
 }
 
-/// Writes what the runs read.
+/// Writes the inputs of the runs.
 pub(super) fn write_inputs(program: &Path, inputs: &Path) -> Result<()> {
     std::fs::copy(crate::root().join("testdata/arm.glb"), inputs.join("arm.glb"))?;
     std::fs::write(inputs.join("finial.ply"), sample::ply(&sample::finial()))?;
@@ -223,7 +224,7 @@ pub(super) fn write_inputs(program: &Path, inputs: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A bent sheet with texture coordinates and a material.
+/// Returns a bent sheet with texture coordinates and a material, as OBJ.
 fn textured(tiles: u32) -> String {
     let mut text = String::from("mtllib tiles.mtl\nusemtl tile\n");
     for y in 0..=tiles {
@@ -243,7 +244,7 @@ fn textured(tiles: u32) -> String {
     text
 }
 
-/// Noise, which does not become small.
+/// Returns an image of noise, which does not compress.
 fn picture(side: u32) -> Result<Vec<u8>> {
     let mut chance = super::Chance(1);
     let pixels: Vec<u8> = (0..side * side).map(|_| chance.below(256) as u8).collect();
@@ -254,14 +255,14 @@ fn picture(side: u32) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// All runs, with what they write where nothing is in their way.
+/// Returns all runs, with their outputs without a fault.
 pub(super) fn all(program: &Path, inputs: &Path) -> Result<Vec<Job>> {
     let mut jobs = Vec::new();
     for &(words, earlier, now) in JOBS {
         let out = tempfile::tempdir()?;
         let mut written = Vec::new();
         let mut time = Duration::ZERO;
-        // The third shows that the second is the same each time.
+        // The third run checks that the second is deterministic.
         for amount in [earlier, now, now] {
             let began = Instant::now();
             let ended = run(program, &arguments(words, amount, inputs, out.path()))?;

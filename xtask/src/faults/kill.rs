@@ -1,4 +1,4 @@
-//! Runs that are killed, or told to end.
+//! Faults: runs that are killed or terminated.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -9,10 +9,10 @@ use anyhow::{Result, ensure};
 use super::job::{Job, State, finish, is_part, put, start};
 use super::{Chance, Ground, KILLS, Row, Tried};
 
-/// How a run is ended: it waits for its moment first.
+/// A function that ends a run, after waiting for its moment.
 type End = fn(&mut Chance, &Job, &mut Child, &Path) -> Result<()>;
 
-/// SIGKILL, which nobody can catch, at any moment from the start to a little beyond the usual end.
+/// SIGKILL, which cannot be caught, at a random moment from the start to slightly after the usual end.
 pub(super) fn at_any_moment(ground: &Ground) -> Result<Tried> {
     let end: End = |chance, job, child, _| {
         wait(job.time.as_secs_f64() * 1.1 * chance.part());
@@ -24,7 +24,8 @@ pub(super) fn at_any_moment(ground: &Ground) -> Result<Tried> {
 /// SIGKILL soon after a temporary file has appeared.
 pub(super) fn while_writing(ground: &Ground) -> Result<Tried> {
     let end: End = |chance, _, child, out| {
-        // Small files are written within this time; see how many temporary files are left.
+        // Small files are written within this time; the number of remaining temporary files shows whether it
+        // fits.
         const AFTER: f64 = 0.001;
         let is_writing = || {
             let mut entries = std::fs::read_dir(out).into_iter().flatten().flatten();
@@ -37,7 +38,7 @@ pub(super) fn while_writing(ground: &Ground) -> Result<Tried> {
     rounds(ground, "SIGKILL while an output is written", KILLS, 19, end)
 }
 
-/// SIGTERM at any moment: the run ends by itself, and tidies up.
+/// SIGTERM at a random moment: the run ends itself and cleans up.
 pub(super) fn told_to_end(ground: &Ground) -> Result<Tried> {
     const FAULT: &str = "SIGTERM at a random moment";
     if !cfg!(unix) {
@@ -47,7 +48,7 @@ pub(super) fn told_to_end(ground: &Ground) -> Result<Tried> {
         wait(job.time.as_secs_f64() * 1.1 * chance.part());
         if child.try_wait()?.is_none() {
             let id = child.id().to_string();
-            // The word of the shell: a program of that name is not everywhere.
+            // The `kill` built into the shell: the separate program does not exist everywhere.
             let told =
                 Command::new("sh").args(["-c", "kill -TERM \"$0\"", &id]).stderr(Stdio::null()).status()?;
             ensure!(told.success() || child.try_wait()?.is_some(), "kill -TERM {id} ended with {told}");
@@ -58,7 +59,7 @@ pub(super) fn told_to_end(ground: &Ground) -> Result<Tried> {
 }
 
 fn wait(seconds: f64) {
-    // Sleep is too coarse for moments within a few milliseconds.
+    // A single long sleep is too coarse for moments within a few milliseconds.
     let end = Instant::now() + Duration::from_secs_f64(seconds);
     while Instant::now() < end {
         std::thread::sleep(Duration::from_micros(50));
@@ -69,7 +70,7 @@ fn rounds(ground: &Ground, fault: &'static str, runs: usize, seed: u64, end: End
     let mut row = Row::new(fault);
     let mut chance = Chance(seed);
     for (number, job) in ground.jobs.iter().cycle().take(ground.part_of(runs)).enumerate() {
-        // All of them in turn over nothing, then all over what was there.
+        // One round of all runs into empty folders, then one over existing outputs.
         let before =
             if (number / ground.jobs.len()).is_multiple_of(2) { State::new() } else { job.old.clone() };
         let out = ground.empty("out")?;

@@ -1,4 +1,4 @@
-//! Standard streams that close too early, or take nothing.
+//! Faults: standard streams that close early or are full.
 
 use std::fs::File;
 use std::io::{Read as _, Write as _};
@@ -22,7 +22,7 @@ const MESHES: &[&str] = &[
     "render IN/finial.ply -o - --size 640x480",
 ];
 
-/// Runs that print.
+/// Runs that print text.
 const TEXTS: &[&str] = &[
     "info IN/finial.ply IN/arm.glb",
     "info --json IN/finial.ply IN/arm.glb",
@@ -38,7 +38,7 @@ const TEXTS: &[&str] = &[
     "--version",
 ];
 
-/// What a pipe takes without a reader (on Linux).
+/// Capacity of a pipe without a reader, in bytes (on Linux).
 const PIPE: usize = 1 << 16;
 
 fn words(text: &str, ground: &Ground, out: &Path) -> Vec<String> {
@@ -46,7 +46,7 @@ fn words(text: &str, ground: &Ground, out: &Path) -> Vec<String> {
     text.split(' ').map(|word| word.replace("IN/", &format!("{inputs}/")).replace("OUT", &out)).collect()
 }
 
-/// Lines of errors without the notes beside them.
+/// Removes warnings and notes from the lines on standard error.
 fn errors(ended: Ended) -> Ended {
     let lines: Vec<&str> = ended.stderr.lines().filter(|line| !is_note(line)).collect();
     Ended { stderr: lines.join("\n"), ..ended }
@@ -56,14 +56,14 @@ fn is_note(line: &str) -> bool {
     ["warning: ", "note: "].iter().any(|head| line.starts_with(head))
 }
 
-/// What a run prints where somebody reads it.
+/// Returns the complete output of a run.
 fn whole(ground: &Ground, words: &[String]) -> Result<Vec<u8>> {
     let output = Command::new(&ground.program).args(words).output()?;
     ensure!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
     Ok(output.stdout)
 }
 
-/// Reads so many bytes and closes.
+/// Reads this many bytes and closes the pipe.
 fn read_only(child: &mut Child, bytes: usize) -> Result<()> {
     let mut pipe = child.stdout.take().context("it has a pipe")?;
     let mut head = vec![0; bytes];
@@ -71,7 +71,7 @@ fn read_only(child: &mut Child, bytes: usize) -> Result<()> {
     Ok(())
 }
 
-/// Whoever reads a mesh goes away before its end.
+/// The reader of a mesh closes the pipe before its end.
 pub(super) fn closed_pipe(ground: &Ground) -> Result<Tried> {
     let mut row = Row::new("pipe closed before all of a mesh or picture was read");
     let mut chance = Chance(31);
@@ -79,14 +79,14 @@ pub(super) fn closed_pipe(ground: &Ground) -> Result<Tried> {
         let words = words(text, ground, &ground.empty("out")?);
         let length = whole(ground, &words)?.len();
         for round in 0..ground.part_of(20) {
-            // At once the first time.
+            // The first time immediately.
             let read = if round == 0 { 0 } else { chance.below(length) };
             let quiet = [words.as_slice(), &["--quiet".to_owned()]].concat();
             let mut child = start(&ground.program, &quiet, Stdio::null(), Stdio::piped())?;
             read_only(&mut child, read)?;
             let ended = finish(child)?;
             row.count(&ended);
-            // What the pipe takes at the end may be written before it closes.
+            // The last part, up to the pipe's capacity, may be written before it closes.
             if ended.status != Some(1) && length - read > PIPE {
                 row.breach(text, [format!("ended with {:?} after {read} of {length} bytes", ended.status)]);
             }
@@ -96,7 +96,7 @@ pub(super) fn closed_pipe(ground: &Ground) -> Result<Tried> {
     Ok(Tried::Done(row))
 }
 
-/// Whoever reads a text goes away: he had what he wanted, and that is no failure.
+/// The reader of a text closes the pipe early, which is not an error.
 pub(super) fn closed_pipe_of_text(ground: &Ground) -> Result<Tried> {
     let mut row = Row::new("pipe closed before all of a text was read");
     let mut chance = Chance(37);
@@ -118,7 +118,7 @@ pub(super) fn closed_pipe_of_text(ground: &Ground) -> Result<Tried> {
     Ok(Tried::Done(row))
 }
 
-/// Standard output is a device that is full.
+/// Standard output is a full device.
 pub(super) fn full_device(ground: &Ground) -> Result<Tried> {
     const FAULT: &str = "standard output on a full device";
     if File::options().write(true).open("/dev/full").is_err() {
@@ -138,7 +138,7 @@ pub(super) fn full_device(ground: &Ground) -> Result<Tried> {
     Ok(Tried::Done(row))
 }
 
-/// A model on standard input ends before its end.
+/// A model on standard input is truncated.
 pub(super) fn cut_input(ground: &Ground) -> Result<Tried> {
     let mut row = Row::new("standard input cut short");
     let mut chance = Chance(41);
@@ -153,7 +153,7 @@ pub(super) fn cut_input(ground: &Ground) -> Result<Tried> {
                 words.push("--quiet".into());
                 let mut child = start(&ground.program, &words, Stdio::piped(), Stdio::null())?;
                 let mut pipe = child.stdin.take().context("it has a pipe")?;
-                // Whoever has seen enough need not read on.
+                // The run may stop reading after an error.
                 let _ = pipe.write_all(&bytes[..chance.below(bytes.len())]);
                 drop(pipe);
                 let ended = finish(child)?;
@@ -169,7 +169,7 @@ pub(super) fn cut_input(ground: &Ground) -> Result<Tried> {
     Ok(Tried::Done(row))
 }
 
-/// Something fails, or there is something to say, and nobody reads standard error.
+/// A run fails or warns while nobody reads standard error.
 pub(super) fn nobody_reads_errors(ground: &Ground) -> Result<Tried> {
     let mut row = Row::new("nobody reads standard error");
     let out = ground.empty("out")?;

@@ -1,15 +1,15 @@
-//! A picture in few colours: a third of the bytes, and nobody sees it.
+//! Palette quantisation of pictures: a third of the bytes, without visible difference.
 
 use std::collections::BTreeMap;
 
 type Rgb = [u8; 3];
 
-/// Colours of one place of the palette, and how many pixels have each.
+/// Colours of one palette entry, and the number of pixels with each.
 type Bin = Vec<(Rgb, usize)>;
 
-/// At most so many colours, and for each pixel which one.
+/// Returns a palette of at most `most` colours, and the index of each pixel.
 ///
-/// By median cut: the bin that is widest spread is halved where half of its pixels lie.
+/// By median cut: the bin with the largest spread is split at the median of its pixels.
 ///
 /// # Panics
 /// If `most` is not from 1 to 256.
@@ -34,7 +34,7 @@ pub(super) fn indexed(pixels: &[Rgb], most: usize) -> (Vec<Rgb>, Vec<u8>) {
     (bins.iter().map(mean).collect(), pixels.iter().map(|p| place[p]).collect())
 }
 
-/// The channel along which a bin is spread widest, and the sum of squares along it.
+/// Returns the channel with the largest spread in a bin, and the sum of squares along it.
 fn spread(bin: &Bin) -> (usize, f64) {
     let centre = mean(bin);
     let along = |k: usize| -> f64 {
@@ -45,7 +45,7 @@ fn spread(bin: &Bin) -> (usize, f64) {
     (k, all[k])
 }
 
-/// Takes the upper half out of a bin of two colours or more.
+/// Removes and returns the upper half of a bin of two colours or more.
 fn cut(bin: &mut Bin) -> Bin {
     let (k, _) = spread(bin);
     bin.sort_by_key(|(c, _)| (c[k], *c));
@@ -55,7 +55,7 @@ fn cut(bin: &mut Bin) -> Bin {
         below += c.1;
         below > half
     });
-    // Both halves have a colour.
+    // Both halves get at least one colour.
     bin.split_off(at.unwrap_or(1).clamp(1, bin.len() - 1))
 }
 

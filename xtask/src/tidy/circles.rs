@@ -1,5 +1,6 @@
-//! Circles of files within a crate: a file names an item of another one, and so on back to the first. Tests do not count, nor
-//! items that a file hands on (`pub use`) without using them itself, nor macros whose arguments are not expressions.
+//! Dependency cycles of files within a crate: a file uses an item of another one, and so on back to the
+//! first. Tests do not count, nor re-exported items (`pub use`) that the file does not use itself, nor macros
+//! whose arguments are not expressions.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -12,12 +13,12 @@ use syn::{Attribute, Expr, Item, Token, UseTree, Visibility};
 /// A path of names, from the root of the crate for modules.
 type Names = Vec<String>;
 
-/// A module: its file, the modules in it, and what `use` brings into it, by name.
+/// A module: its file, its child modules, and the names that `use` imports.
 struct Module {
     file: usize,
     children: BTreeSet<String>,
     imports: BTreeMap<String, Names>,
-    /// All paths that its code names, `use` included.
+    /// All paths in its code, including those of `use`.
     named: Vec<Names>,
 }
 
@@ -28,13 +29,13 @@ struct Crate {
     modules: BTreeMap<Names, Module>,
 }
 
-/// Files that name each other's items, in the order of their paths, and what ties them: who names what of whom.
+/// Files in a dependency cycle, sorted by path, and the dependencies between them: user, used file, items.
 pub(super) struct Circle {
     pub(super) files: Vec<PathBuf>,
     pub(super) ties: Vec<(PathBuf, PathBuf, Vec<String>)>,
 }
 
-/// The circles of the crate with this root file.
+/// Finds the cycles of the crate with this root file.
 pub(super) fn circles(root: &Path) -> Result<Vec<Circle>> {
     let mut all = Crate::default();
     all.read(root, root.parent().context("a root file lies in a folder")?, Vec::new())?;
@@ -59,7 +60,7 @@ pub(super) fn circles(root: &Path) -> Result<Vec<Circle>> {
 }
 
 impl Crate {
-    /// Reads a file as the module of this name, and the files of the modules that it declares, which lie in `folder`.
+    /// Reads a file as the module of this name, and the files of its child modules, which are in `folder`.
     fn read(&mut self, file: &Path, folder: &Path, name: Names) -> Result<()> {
         let text = std::fs::read_to_string(file).with_context(|| file.display().to_string())?;
         let parsed = syn::parse_file(&text).with_context(|| file.display().to_string())?;
@@ -95,7 +96,7 @@ impl Crate {
         Ok(())
     }
 
-    /// For each file those that it names items of, and which.
+    /// Returns for each file the other files that it uses, with the items.
     fn arrows(&self) -> Vec<BTreeMap<usize, BTreeSet<String>>> {
         let mut arrows = vec![BTreeMap::<usize, BTreeSet<String>>::new(); self.files.len()];
         for (name, module) in &self.modules {
@@ -108,7 +109,8 @@ impl Crate {
         arrows
     }
 
-    /// What a path names, seen from a module, and the file that holds it; none for modules themselves and for other crates.
+    /// Resolves a path as seen from a module to an item and its file; `None` for modules themselves and for
+    /// other crates.
     fn item(&self, from: &Names, path: &[String], depth: usize) -> Option<(usize, String)> {
         let (first, mut rest) = path.split_first()?;
         let here = &self.modules[from];
@@ -129,7 +131,7 @@ impl Crate {
             } else if module.children.contains(word) {
                 at.push(word.clone());
             } else if let Some(import) = module.imports.get(word) {
-                // (Imports that name each other without end are of other crates.)
+                // (Imports that refer to each other in a cycle come from other crates.)
                 let whole = [&import[..], further].concat();
                 return if depth < 16 { self.item(&at, &whole, depth + 1) } else { None };
             } else {
@@ -141,7 +143,7 @@ impl Crate {
     }
 }
 
-/// Collects what the code of a module names.
+/// Collects the paths in the code of a module.
 struct Reader<'a>(&'a mut Module);
 
 impl Reader<'_> {
@@ -160,14 +162,14 @@ impl Reader<'_> {
             UseTree::Rename(name) => {
                 self.bring(name.rename.to_string(), [before, &[name.ident.to_string()]].concat());
             }
-            // What it brings is of that module, whatever its name.
+            // A glob import depends on that module, whatever it imports.
             UseTree::Glob(_) => self.0.named.push([before, &["*".to_owned()]].concat()),
         }
     }
 
     fn bring(&mut self, alias: String, path: Names) {
         self.0.named.push(path.clone());
-        // (A name that stands for itself is of another crate.)
+        // (A name that refers to itself comes from another crate.)
         if path[..] != [alias.clone()] {
             self.0.imports.insert(alias, path);
         }
@@ -224,7 +226,7 @@ fn attributes(item: &Item) -> Option<&[Attribute]> {
     }
 }
 
-/// Whether something is there in tests alone.
+/// Returns true if an item exists in tests only.
 fn is_test(attributes: &[Attribute]) -> bool {
     let is_cfg_test = |a: &Attribute| {
         a.path().is_ident("cfg") && a.parse_args::<syn::Path>().is_ok_and(|path| path.is_ident("test"))
@@ -232,7 +234,7 @@ fn is_test(attributes: &[Attribute]) -> bool {
     attributes.iter().any(is_cfg_test)
 }
 
-/// Groups of nodes that can be reached from each other. [Tarjan 1972]
+/// Returns groups of nodes that can be reached from each other. [Tarjan 1972]
 fn strongly_connected(arrows: &[BTreeSet<usize>]) -> Vec<Vec<usize>> {
     struct Walk<'a> {
         arrows: &'a [BTreeSet<usize>],
@@ -289,7 +291,7 @@ fn strongly_connected(arrows: &[BTreeSet<usize>]) -> Vec<Vec<usize>> {
 mod tests {
     use super::*;
 
-    /// The circles of a crate of these files, by their names.
+    /// Returns the cycles of a crate with these files, by file name.
     fn found(files: &[(&str, &str)]) -> Vec<Vec<String>> {
         let folder = tempfile::tempdir().unwrap();
         for (name, text) in files {
@@ -309,7 +311,8 @@ mod tests {
             (("a.rs", "use crate::b; fn f() { b::g() }"), ("b.rs", "use super::c::H; fn g(_: H) {}"));
         let back = ("c.rs", "mod d; pub(crate) use d::H;");
         assert_eq!(found(&[root, to_b, to_c, back, ("c/d.rs", "struct H;")]), Vec::<Vec<String>>::new());
-        // Through an item that another file hands on, which is not in the circle for that, and in the arguments of a macro.
+        // Through an item that another file re-exports, which does not put that file in the cycle, and in the
+        // arguments of a macro.
         let closing = ("c/d.rs", "struct H; fn i() { assert!(crate::a::f()) }");
         assert_eq!(found(&[root, to_b, to_c, back, closing]), [["a.rs", "b.rs", "c/d.rs"]]);
         // Tests do not count.

@@ -1,14 +1,14 @@
-//! The unit frame: every mesh the same size, near the origin, so that a tolerance means the same on a bolt and on a
-//! city.
+//! The unit frame: scales every mesh to the same size, near the origin, so that a tolerance means the same
+//! for a bolt and for a city.
 
 use glam::DVec3;
 
 use crate::mesh::Bounds;
 
-/// A move and a scaling that bring a box into the cube from -1 to 1.
+/// A translation and scaling that bring a box into the cube from -1 to 1.
 ///
-/// The scale is a power of two, so scaling loses nothing; a position near the box loses nothing by the move either,
-/// because nearby doubles have exact differences.
+/// The scale is a power of two, so scaling is exact; for a position near the box the translation is exact
+/// too, because nearby doubles have exact differences.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnitFrame {
     centre: DVec3,
@@ -20,38 +20,38 @@ pub struct UnitFrame {
 const LARGEST_EXPONENT: i32 = 1000;
 
 impl UnitFrame {
-    /// The frame of a box. A box without extent is only moved.
+    /// Returns the frame of a box. A box without extent is only translated.
     pub fn of(bounds: &Bounds) -> Self {
         let (min, max) = (DVec3::from(bounds.min), DVec3::from(bounds.max));
-        // Halved first: the difference of two huge coordinates may be no number.
+        // Halved first: the difference of two huge coordinates may overflow.
         let centre = min * 0.5 + max * 0.5;
         let half = (max * 0.5 - min * 0.5).max_element();
         let exponent = if half > 0.0 { half.log2().floor() as i32 + 1 } else { 0 };
         let exponent = exponent.clamp(-LARGEST_EXPONENT, LARGEST_EXPONENT);
         Self { centre, unit_per_user: 2f64.powi(-exponent), user_per_unit: 2f64.powi(exponent) }
     }
-    /// A position of the user, in the frame.
+    /// Converts a position from the user's units to the frame.
     #[inline]
     pub fn unit_from_user(&self, position: [f64; 3]) -> DVec3 {
         (DVec3::from(position) - self.centre) * self.unit_per_user
     }
-    /// A position in the frame, in the user's units.
+    /// Converts a position from the frame to the user's units.
     #[inline]
     pub fn user_from_unit(&self, position: DVec3) -> [f64; 3] {
         (position * self.user_per_unit + self.centre).to_array()
     }
-    /// A length in the frame, in the user's units.
+    /// Converts a length from the frame to the user's units.
     #[inline]
     pub fn user_length(&self, length: f64) -> f64 {
         length * self.user_per_unit
     }
-    /// A length in the user's units, in the frame.
+    /// Converts a length from the user's units to the frame.
     #[inline]
     pub fn unit_length(&self, length: f64) -> f64 {
         length * self.unit_per_user
     }
-    /// A position in this frame, in another. More exact than the way through the user's units, where a sample far
-    /// from the origin would be rounded to the steps of its large coordinates.
+    /// Converts a position from this frame to another. More exact than going through the user's units, where
+    /// a sample far from the origin would be rounded to the precision of its large coordinates.
     #[inline]
     pub fn to(&self, other: &UnitFrame, position: DVec3) -> DVec3 {
         (position * self.user_per_unit + (self.centre - other.centre)) * other.unit_per_user

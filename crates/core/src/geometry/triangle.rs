@@ -1,4 +1,4 @@
-//! One triangle: its nearest point, its area.
+//! One triangle: its nearest point to another point, its area and its barycentric coordinates.
 
 use glam::DVec3;
 
@@ -11,24 +11,27 @@ pub struct Nearest {
     pub distance_sq: f64,
 }
 
-/// A triangle whose height is less than this part of its longest edge is taken as its three edges: the rounding of the
-/// cross product could turn its normal by more than 1e-6. (Reckoned: a product of doubles is off by 1e-16 of the longest
-/// edge squared.)
+/// A triangle whose height is less than this fraction of its longest edge is treated as its three edges: the
+/// rounding of the cross product could rotate its normal by more than 1e-6. (Calculated: a product of doubles
+/// is off by 1e-16 of the longest edge squared.)
 const NEEDLE: f64 = 1e-10;
 
-/// Below this height the normal is turned by more than 1e-13, and a lever as long as the triangle is too long for it.
+/// Below this relative height the normal is off by more than 1e-13, too much for a lever as long as the
+/// triangle.
 const THIN: f64 = 1e-3;
 
 /// Finds the point of a triangle that lies nearest to `point`.
 ///
-/// The corners may stand in any order and may coincide: a triangle without area is the segment or the point that it
-/// covers. A needle thinner than 1e-10 of its length is taken as its edges, so the distance may be too large by its
-/// width. Coordinates should lie between 1e-50 and 1e50 (see [`UnitFrame`](crate::geometry::UnitFrame)); beyond,
-/// products leave the range of a double. Never NaN for finite corners and point within that range.
+/// The corners may be in any order and may coincide: a triangle without area is the segment or the point that
+/// it covers. A needle thinner than 1e-10 of its length is treated as its edges, so the distance may be too
+/// large by its width. Coordinates should lie between 1e-50 and 1e50 (see
+/// [`UnitFrame`](crate::geometry::UnitFrame)); beyond, products leave the range of a double. Never NaN for
+/// finite corners and point within that range.
 ///
 /// Source: the inside test is by triple products with the normal, whose error grows with the thinness of the triangle;
 /// the usual products of edge lengths [Ericson 2005] lose twice as many digits.
-// Always: left to itself the compiler calls it from the tree's loop, which costs 4 % of a query (measured).
+// Forced: otherwise the compiler does not inline it into the tree's loop, which costs 4 % of a query
+// (measured).
 #[inline(always)]
 pub fn nearest(point: DVec3, corners: [DVec3; 3]) -> Nearest {
     let [a, b, c] = corners;
@@ -37,11 +40,11 @@ pub fn nearest(point: DVec3, corners: [DVec3; 3]) -> Nearest {
     let normal = bc.cross(ca);
     let normal_sq = normal.length_squared();
     let longest_sq = ab.length_squared().max(bc.length_squared()).max(ca.length_squared());
-    // An edge's outward side is where the triple product is negative. On the edge it is left to the edge, which says
-    // exactly 0 for its ends.
+    // A negative triple product means the outward side of an edge. Points on an edge go to the edge case,
+    // which is exactly 0 at its ends.
     let sides = [normal.dot(ab.cross(ap)), normal.dot(bc.cross(bp)), normal.dot(ca.cross(cp))];
     let is_inside = sides[0] > 0.0 && sides[1] > 0.0 && sides[2] > 0.0;
-    // Also where there is no area at all, or NaN.
+    // False also for zero area and NaN.
     let is_solid = normal_sq > THIN * THIN * longest_sq * longest_sq;
     if !is_solid {
         let is_needle = normal_sq <= NEEDLE * NEEDLE * longest_sq * longest_sq;
@@ -51,7 +54,7 @@ pub fn nearest(point: DVec3, corners: [DVec3; 3]) -> Nearest {
         let along = normal.dot(ap) / normal_sq;
         return Nearest { point: point - normal * along, distance_sq: along * along * normal_sq };
     }
-    // If the foot lies outside, the nearest point is on an edge that has it on its outward side.
+    // If the projection lies outside, the nearest point is on an edge that has it on its outward side.
     let mut best = Nearest { point: a, distance_sq: f64::INFINITY };
     for (start, edge, from_start, side) in
         [(a, ab, ap, sides[0]), (b, bc, bp, sides[1]), (c, ca, cp, sides[2])]
@@ -63,7 +66,7 @@ pub fn nearest(point: DVec3, corners: [DVec3; 3]) -> Nearest {
     best
 }
 
-/// The nearest point of a triangle that is hardly more than its edges; `normal` is zero unless the foot lies inside.
+/// Nearest point of a very thin triangle; `normal` is zero unless the projection lies inside.
 #[cold]
 fn nearest_thin(point: DVec3, [a, b, c]: [DVec3; 3], normal: DVec3) -> Nearest {
     let mut best = Nearest { point: a, distance_sq: f64::INFINITY };
@@ -71,7 +74,7 @@ fn nearest_thin(point: DVec3, [a, b, c]: [DVec3; 3], normal: DVec3) -> Nearest {
         try_segment(start, end - start, point - start, &mut best);
     }
     if normal != DVec3::ZERO {
-        // The lever starts at the nearest point of an edge: it is short, or square to the triangle.
+        // The lever starts at the nearest point of an edge: it is short, or perpendicular to the triangle.
         let normal_sq = normal.length_squared();
         let along = normal.dot(point - best.point) / normal_sq;
         let distance_sq = along * along * normal_sq;
@@ -92,18 +95,20 @@ fn try_segment(start: DVec3, edge: DVec3, from_start: DVec3, best: &mut Nearest)
     }
 }
 
-/// The normal of a triangle whose length is twice the area; zero where the rounding of the corners decides it.
+/// Returns the normal of a triangle, with twice the area as its length; zero if the rounding of the corners
+/// determines it.
 #[inline]
 pub fn double_area_normal(corners: [DVec3; 3]) -> DVec3 {
     let [a, b, c] = corners;
     let (ab, ac) = (b - a, c - a);
     let normal = ab.cross(ac);
     let longest_sq = ab.length_squared().max(ac.length_squared()).max((c - b).length_squared());
-    // The same reasoning as for a needle, at the very end of a double's digits.
+    // As for a needle, but at the limit of double precision.
     if normal.length() > 1e-14 * longest_sq { normal } else { DVec3::ZERO }
 }
 
-/// Barycentric coordinates of a point on a triangle; those of the nearest corner where it has no area.
+/// Returns the barycentric coordinates of a point on a triangle; those of the nearest corner if it has no
+/// area.
 pub fn weights_at(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let n = (b - a).cross(c - a);
     let area = n.length_squared();
@@ -134,7 +139,8 @@ mod tests {
         DVec3::new(random(state), random(state), random(state))
     }
 
-    /// The least distance, searched for over the segments parallel to bc: that distance is convex in their place.
+    /// Smallest distance, by a search over the segments parallel to bc: the distance is convex in their
+    /// offset.
     fn by_search(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
         let to_segment = |u: f64| {
             let (start, edge) = (a + (b - a) * u, (c - b) * u);
@@ -192,7 +198,7 @@ mod tests {
                 let (a, b) = (random_point(s), random_point(s));
                 let c = a.lerp(b, random(s) * 0.5 + 0.5) + random_point(s) * width;
                 check(random_point(s), [a, b, c], 1e-6);
-                // Near the middle of the sliver, where the choice of the side is hardest.
+                // Near the middle of the sliver, where choosing the side is hardest.
                 check(a.lerp(b, 0.5) + random_point(s) * width, [a, b, c], 1e-8f64.max(width * 1e-3));
             }
         }

@@ -1,4 +1,4 @@
-//! How far normals, texture coordinates and colours of two meshes lie apart.
+//! Differences of normals, texture coordinates and colours between two meshes.
 
 use glam::DVec3;
 
@@ -19,7 +19,7 @@ pub struct AttributeError {
     pub mean: TwoWay,
     /// Root of the mean square over the area.
     pub rms: TwoWay,
-    /// What 95 % of the area stay below.
+    /// Error not exceeded on 95 % of the area.
     pub p95: TwoWay,
 }
 
@@ -29,21 +29,22 @@ pub struct AttributeError {
 pub struct AttributeErrors {
     /// Angles between normals, in degrees.
     pub normals_deg: Option<AttributeError>,
-    /// Distances of texture coordinates, 1 being the edge of the image.
+    /// Distances of texture coordinates; 1 is the width or height of the image.
     pub uvs: Option<AttributeError>,
-    /// The same in texels of the reference's images, over the area that has one; only by [`compare_textured`].
+    /// Distances of texture coordinates in texels of the reference's images, over the area that has an image;
+    /// only from [`compare_textured`].
     pub uvs_texels: Option<AttributeError>,
-    /// Distances of colours, 1 being the range of a channel.
+    /// Distances of colours; 1 is the range of a channel.
     pub colors: Option<AttributeError>,
 }
 
 /// Compares attributes at the samples of each mesh with those at the nearest points of the other.
 ///
-/// Where the nearest point lies on another chart of the texture, or on a sheet that looks the other way, a point on the
-/// right one counts instead if it is farther by no more than 0.2 % of the reference's diagonal: a seam that has moved by so
-/// little is no error of the texture. Of each chart only the nearest point counts, and of these the one whose texture
-/// coordinates agree best. A seam that has moved farther is an error of all that lies between.
-/// Cost: as [`super::compare`] without vertices.
+/// If the nearest point lies on another texture chart, or on a sheet that faces the other way, a point on
+/// the right one is used instead if it is farther away by no more than 0.2 % of the reference's diagonal: a
+/// seam that has moved by so little is not a texture error. Of each chart only the nearest point counts, and
+/// of these the one whose texture coordinates agree best. A seam that has moved farther is an error over the
+/// whole area between. Cost: as [`super::compare`] without vertices.
 ///
 /// # Errors
 /// [`MeasureError::Empty`] if either mesh has no face with finite corners.
@@ -55,11 +56,11 @@ pub fn compare_attributes(
     compare_textured(reference, candidate, &[], options)
 }
 
-/// As [`compare_attributes`], with texture coordinates in texels too.
+/// Compares attributes like [`compare_attributes`], and texture coordinates in texels too.
 ///
-/// `image_sizes` are the width and the height of the image that each region of the reference shows, in texels, by the
-/// number of the region; those of a mesh without regions stand first. Each difference counts in texels of the image at
-/// its point on the reference. Regions without an image, and those beyond the list, have no texels.
+/// `image_sizes` are the width and height in texels of the image on each region of the reference, indexed by
+/// region; a mesh without regions uses the first. Each difference is measured in texels of the image at its
+/// point on the reference. Regions without an image, and those beyond the list, are not measured in texels.
 ///
 /// # Errors
 /// As [`compare_attributes`].
@@ -102,27 +103,28 @@ impl AttributeError {
     }
 }
 
-/// How much farther than the nearest point the right side of a seam may lie, a share of the diagonal. (Chosen on three
-/// textured models at 50 to 5 %: seams of good results move by less.)
+/// How much farther away than the nearest point the right side of a seam may be, as a share of the diagonal.
+/// (Chosen on three textured models at 50 to 5 %: seams of good results move by less.)
 const HAIR: f64 = 2e-3;
-/// Texture coordinates that differ by less are of one chart, and no other is looked for. (Guessed: ten texels of 1,024.)
+/// Texture coordinates that differ by less are of the same chart, and no other is searched for. (Guessed: ten
+/// texels of 1,024.)
 const SAME_CHART: f64 = 0.01;
-/// Faces that are looked at for another chart. (Guessed: a surface within a hair has some hundred at ten million faces; only
-/// a point far from everything is as near to more.)
+/// Maximum number of faces examined in the search for another chart. (Guessed: a surface within `HAIR` has
+/// some hundred at ten million faces; only a point far from everything is as near to more.)
 const MOST_FACES: usize = 1000;
 
-/// A mesh that is measured against another.
+/// A mesh prepared for measuring against another.
 struct Side<'a> {
     mesh: &'a TriMesh,
     tree: Bvh,
     sampler: Sampler,
-    /// The chart of each face, where there are texture coordinates.
+    /// The chart of each face; empty without texture coordinates.
     charts: Vec<u32>,
-    /// Width and height of the image of each region, where there is one.
+    /// Width and height of the image of each region, if it has one.
     image_sizes: &'a [Option<[u32; 2]>],
 }
 
-/// The nearest point of a chart, on sheets that look one way.
+/// The nearest point of a chart, on sheets that face one way.
 #[derive(Clone, Copy)]
 struct Choice {
     slot: u32,
@@ -168,7 +170,8 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// The values at the point that answers to a point of the other mesh, whose face has a normal and values there.
+    /// Returns the values at the point that corresponds to a point of the other mesh, whose face has `normal`
+    /// and whose values are `here`.
     fn counterpart(
         &self,
         point: DVec3,
@@ -231,7 +234,8 @@ impl<'a> Side<'a> {
         Choice { slot, chart, is_back, distance_sq: nearest.distance_sq, uv_off }
     }
 
-    /// Differences of normals, texture coordinates, colours, and texture coordinates in texels at the samples of this mesh.
+    /// Returns the differences of normals, texture coordinates, colours, and texture coordinates in texels at
+    /// the samples of this mesh.
     fn differences(&self, to: &Side<'_>, samples: usize, seed: u64, hair: f64) -> [Vec<f64>; 4] {
         let parts = chunks::map(samples, |range| {
             let mut part = [const { Vec::new() }; 4];
@@ -277,7 +281,8 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// The chart of each face: faces that share a place and the texture coordinates there are of one. Empty without any.
+/// Returns the chart of each face: faces that share a position with equal texture coordinates are of one
+/// chart. Empty without texture coordinates.
 fn charts(mesh: &TriMesh) -> Vec<u32> {
     let Some(uvs) = mesh.uvs() else { return Vec::new() };
     let places = weld(mesh.positions().view());
@@ -285,7 +290,7 @@ fn charts(mesh: &TriMesh) -> Vec<u32> {
     let mut corners: Vec<_> =
         (0u32..).zip(mesh.triangles()).flat_map(|(f, wedges)| wedges.map(|w| (key(w), f))).collect();
     corners.sort_unstable();
-    // Each face leads to a lower one of its chart, or to itself.
+    // Union-find: each face points to a lower one of its chart, or to itself.
     let mut lower: Vec<u32> = (0..mesh.face_count() as u32).collect();
     let root = |lower: &mut Vec<u32>, mut f: u32| {
         while lower[f as usize] != f {
@@ -336,7 +341,7 @@ mod tests {
         assert_eq!(compared(&a, &[None]).uvs_texels, None);
         assert!(compared(&a, &[None]).uvs.is_some());
 
-        // One half of the faces shows a larger image, one quarter none; all faces have the same area.
+        // Half of the faces show a larger image, a quarter none; all faces have the same area.
         let count = a.face_count();
         let region = |f: usize| {
             RegionId(if f < count / 2 {
@@ -365,7 +370,7 @@ mod tests {
         assert!((got.normals_deg.unwrap().rms.symmetric - 45.0).abs() < 1e-6);
     }
 
-    /// Two squares side by side whose textures lie far from each other; the seam runs along x = `middle`.
+    /// Two adjacent squares whose texture coordinates are far apart; the seam runs along x = `middle`.
     fn two_charts(middle: f64) -> TriMesh {
         let positions: Vec<[f64; 3]> =
             [0.0, middle, middle, 2.0].into_iter().flat_map(|x| [[x, 0.0, 0.0], [x, 1.0, 0.0]]).collect();
@@ -384,9 +389,9 @@ mod tests {
             let got = compare_attributes(&two_charts(1.0), &two_charts(middle), &options).unwrap();
             got.uvs.unwrap().mean.symmetric
         };
-        // The diagonal is 2.24, a hair 0.0045.
+        // The diagonal is 2.24, so `HAIR` is 0.0045.
         assert!(mean(1.004) < 1e-4, "{}", mean(1.004));
-        // Of the samples in the strip of 0.1 all but those within a hair of the seam see the other chart.
+        // Of the samples in the strip of 0.1 all but those within `HAIR` of the seam see the other chart.
         let wanted = 10.0 * (0.1 - 0.0045) / 2.0;
         assert!((mean(1.1) - wanted).abs() < 0.05 * wanted, "{}", mean(1.1));
     }

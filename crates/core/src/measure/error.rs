@@ -1,13 +1,13 @@
-//! What keeps surfaces from being compared.
+//! Errors of comparisons.
 
-/// Why two surfaces cannot be compared.
+/// Reasons why two surfaces cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeasureError {
-    /// One of them has no face whose corners are finite.
+    /// One of them has no face with finite corners.
     #[error("the {which} mesh has no face with finite corners")]
     Empty {
-        /// `reference` or `candidate`; `prepared` where [`Prepared::new`](super::Prepared::new) says so.
+        /// `reference` or `candidate`; `prepared` if [`Prepared::new`](super::Prepared::new) fails.
         which: &'static str,
     },
 }

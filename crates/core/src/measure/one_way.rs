@@ -7,19 +7,19 @@ use crate::spatial::Hint;
 
 use super::{Prepared, chunks};
 
-/// What was seen on the way from one surface to another; distances in the units of the positions.
+/// Distances from one surface to another, in the units of the positions.
 pub(super) struct OneWay {
     pub(super) max: f64,
     pub(super) mean: f64,
     pub(super) rms: f64,
     pub(super) p99: f64,
-    /// Between the normals of the two faces, for each sample where both have one.
+    /// Angles between the normals of the two faces, for each sample where both faces have one.
     pub(super) angles_deg: Vec<f64>,
 }
 
 #[derive(Default)]
 struct Part {
-    /// In the frame of the surface that the way goes to.
+    /// In the frame of the target surface.
     distances: Vec<f64>,
     angles_deg: Vec<f64>,
 }
@@ -36,7 +36,7 @@ impl OneWay {
             for sample in from.sampler().samples(range, samples, seed) {
                 let corners = source.slot_corners(sample.face.0);
                 let Some(hit) = nearest(sample.point(corners), &mut hint) else {
-                    // Farther than a double can square; the surfaces have nothing to do with each other.
+                    // Too far away for the square to fit a double; the surfaces are unrelated.
                     part.distances.push(f64::INFINITY);
                     continue;
                 };
@@ -65,7 +65,7 @@ impl OneWay {
         let max = farther_near_the_farthest(from, to, &distances, seed).max(seen);
         let mean = chunks::mean(&distances);
         let p99 = quantile(&mut distances, 0.99);
-        // Over the largest first: distances of 1e-170 have no square.
+        // Divided by the largest first: the square of 1e-170 underflows.
         let largest = if max > 0.0 && max.is_finite() { max } else { 1.0 };
         distances.iter_mut().for_each(|d| *d = (*d / largest) * (*d / largest));
         let rms = largest * chunks::mean(&distances).sqrt();
@@ -74,11 +74,13 @@ impl OneWay {
     }
 }
 
-/// Samples from which a farther place is sought. The largest distance of a scan rises by up to a tenth within the first
-/// few (measured on a terrain of 200,000 faces at a tenth of them); this many are some 5,000 queries (reckoned).
+/// Number of samples from which a hill climb searches for a farther place. The largest distance of a scan
+/// rises by up to a tenth within the first few (measured on a terrain of 200,000 faces at a tenth of them);
+/// this many are some 5,000 queries (calculated).
 const CLIMBS: usize = 64;
 
-/// The largest distance found by climbing, each in its face, from the samples with the largest distances.
+/// Returns the largest distance found by hill climbing from the samples with the largest distances, each
+/// within its face.
 fn farther_near_the_farthest(from: &Prepared, to: &Prepared, distances: &[f64], seed: u64) -> f64 {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     let farthest_first = |a: &usize, b: &usize| distances[*b].total_cmp(&distances[*a]).then(a.cmp(b));
@@ -98,7 +100,7 @@ fn farther_near_the_farthest(from: &Prepared, to: &Prepared, distances: &[f64], 
         };
         let mut at = [sample.weights[1], sample.weights[2]];
         let mut best = height(at);
-        // Begins with a step of a quarter of the face, ends with one of a thousandth.
+        // Starts with a step of a quarter of the face, ends with one of a thousandth.
         let mut step = 0.25;
         while step > 1e-3 {
             let around = [[1.0, 0.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, -1.0]];
@@ -118,13 +120,13 @@ fn farther_near_the_farthest(from: &Prepared, to: &Prepared, distances: &[f64], 
     order.iter().map(climb).fold(0.0, f64::max)
 }
 
-/// The angle between two directions of any length, in degrees; `None` if one of them has no length.
+/// Returns the angle between two directions of any length, in degrees; `None` if one has length zero.
 fn angle_deg(a: DVec3, b: DVec3) -> Option<f64> {
     // An arc cosine would lose half the digits of a small angle.
     (a != DVec3::ZERO && b != DVec3::ZERO).then(|| a.cross(b).length().atan2(a.dot(b)).to_degrees())
 }
 
-/// The number that this part of all numbers does not exceed; 0 of none. Changes their order.
+/// Returns the quantile `part` (0 to 1) of the numbers; 0 if there are none. Reorders them.
 pub(super) fn quantile(numbers: &mut [f64], part: f64) -> f64 {
     if numbers.is_empty() {
         return 0.0;

@@ -1,4 +1,4 @@
-//! A surface made ready to be measured.
+//! A surface prepared for measuring.
 
 use crate::mesh::Surface;
 use crate::sampling::Sampler;
@@ -6,19 +6,20 @@ use crate::spatial::Bvh;
 
 use super::error::MeasureError;
 
-/// A surface made ready to be measured, against as many others as one likes: its tree, its faces laid out for samples.
+/// A surface prepared for comparison with any number of others: its tree, and its faces laid out for
+/// sampling.
 ///
-/// Owns what it needs: the surface may go. About 75 bytes a face.
+/// Owns its data, so the surface may be dropped. About 75 bytes per face.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     tree: Bvh,
-    /// Over the slots of the tree, whose order keeps neighbours together whatever the order of the file.
+    /// Samples the slots of the tree, whose order keeps neighbours together whatever the order of the file.
     sampler: Sampler,
     diagonal: f64,
 }
 
 impl Prepared {
-    /// Makes a surface ready. Cost: O(n log n) for n faces.
+    /// Prepares a surface. Cost: O(n log n) for n faces.
     ///
     /// # Errors
     /// [`MeasureError::Empty`] if it has no face with finite corners.
@@ -38,7 +39,7 @@ impl Prepared {
     pub fn tree(&self) -> &Bvh {
         &self.tree
     }
-    /// Diagonal of the box round its faces, in the units of the positions.
+    /// Diagonal of the bounding box of its faces, in the units of the positions.
     pub fn diagonal(&self) -> f64 {
         self.diagonal
     }

@@ -1,4 +1,4 @@
-//! How far every point of a surface lies from another: proven, not sampled. [Sacht-Jacobson 2024]
+//! Proven, not sampled, bounds of the distance of a surface from another. [Sacht-Jacobson 2024]
 //!
 //! ```text
 //! face ──► piece ── all corners within D of one face of the other surface? ── yes: all of the piece is
@@ -6,9 +6,9 @@
 //!            └── parts ◄─┘
 //! ```
 //!
-//! The distance to a face is convex, as the face is, so over a convex piece it is largest at a corner. A piece is cut along
-//! the prism over the face that is nearest to its middle, a little outside of it, so the parts are about as many as the
-//! faces that lie below one another; one that is much larger than that face is halved.
+//! The distance to a face is convex because the face is, so over a convex piece it is largest at a corner. A
+//! piece is cut along the prism over the face nearest to its middle, a little outside of it, so the number of
+//! parts is about that of the faces below the piece; a piece much larger than that face is halved.
 
 mod piece;
 
@@ -19,59 +19,62 @@ use crate::geometry::triangle::{self, double_area_normal};
 use crate::spatial::{Bvh, Hint};
 use piece::Piece;
 
-/// What is known of the largest distance from one surface to another, in the units of the positions.
+/// Bounds of the largest distance from one surface to another, in the units of the positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Farthest {
-    /// Lower limit: the farthest place that was visited.
+    /// Lower bound: the largest distance that was found.
     pub seen: f64,
-    /// Upper limit: no place lies farther away.
+    /// Upper bound: no place is farther away.
     pub bound: f64,
 }
 
-/// Answer to the question whether all of a surface lies within a distance of another.
+/// Result of testing whether all of a surface lies within a distance of another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Kept {
-    /// All of it does. Holds a proven upper limit of its distance, in the units of the positions, no larger than the one asked
-    /// about.
+    /// All of it does. Holds a proven upper bound of its distance, in the units of the positions, at most the
+    /// tested one.
     Yes(f64),
-    /// Some of it does not. Holds the distance of a place that lies farther away, in the units of the positions.
+    /// Some of it does not. Holds the distance of a place that is farther away, in the units of the
+    /// positions.
     No(f64),
-    /// Undecided when the work allowed was spent.
+    /// Undecided within the work limit.
     Open,
 }
 
-/// Pieces whose corners lie nearer to their middle than this, in the unit frame, are not cut any more: it is near the last
-/// digits of a double.
+/// Pieces whose corners are nearer to their middle than this, in the unit frame, are not cut any more: it is
+/// close to the resolution of a double.
 const FINEST: f64 = 1e-14;
-/// Less than this, in the unit frame, is not told from nothing where a distance is looked for. (Guessed: rounding of
-/// coordinates is a hundredth of it.)
+/// Distances below this, in the unit frame, count as zero when searching for the largest one. (Guessed:
+/// rounding of coordinates is a hundredth of it.)
 const NOTHING: f64 = 1e-12;
-/// Steps of a proof, for each face of both surfaces, at most. (Measured on scans: .2 to 3.)
+/// Maximum number of steps of a proof for each face of both surfaces. (Measured on scans: .2 to 3.)
 const STEPS: usize = 256;
-/// Steps of the smallest proof, at most.
+/// Base number of steps, whatever the number of faces.
 const FIRST_STEPS: usize = 1 << 20;
-/// Faces, or pieces that were left over, for one thread at a time...
+/// Number of faces, or of unfinished pieces, that one task takes at a time...
 const FACES: usize = 1024;
 const PIECES: usize = 128;
-/// ... and the steps that it takes on them before what is left is shared out anew. (Guessed: a thousandth of a second.)
+/// ... and the number of steps on them before the unfinished pieces are redistributed. (Guessed: a thousandth
+/// of a second.)
 const AT_ONCE: usize = 4096;
-/// How far outside of the face a cut goes: a share of how far a point at the height of the piece could lie outside and
-/// still be within the distance. (Measured: .5 takes 9 % more steps, .85 31 %.)
+/// Offset of a cut outside of the face, as a share of how far outside a point at the height of the piece
+/// could lie and still be within the distance. (Measured: .5 takes 9 % more steps, .85 31 %.)
 const OUTSIDE: f64 = 0.3;
-/// Cuts nearer to a corner than this share of that are left: the rest would be a sliver, and near enough.
+/// Cuts nearer to a corner than this share of the offset are skipped: the rest would be a sliver, and near
+/// enough.
 const SLIVER: f64 = 0.2;
-/// Pieces larger than so many times the face below them are halved and not cut along it. (Measured: 1 to 16 differ by
-/// less than 4 % in steps.)
+/// Pieces larger than this many times the face below them are halved and not cut along it. (Measured: 1 to 16
+/// differ by less than 4 % in steps.)
 const LARGE: f64 = 2.0;
-/// Faces that are smaller than this share of the distance are not cut along: halves are soon near enough.
+/// Faces smaller than this share of the distance are not cut along: halves are soon near enough.
 const SMALL: f64 = 0.5;
 
 /// Proves that every point of `from` lies within a distance of `to`, or finds one that does not.
 ///
-/// The distance is in the units of the positions. Equal surfaces and distances give equal answers at any number of
-/// threads. What is rounded is some 1e-15 of the size of the surfaces. Cost: some steps of O(log n) for each face of both
-/// that is near the other; a no is mostly quick.
+/// The distance is in the units of the positions. Deterministic at any number of threads. The rounding error
+/// is some 1e-15 of the size of the surfaces. Cost: some steps of O(log n) for each face of either surface
+/// that is near the other; a `No` is mostly quick.
 pub fn keeps_within(from: &Prepared, to: &Prepared, distance: f64) -> Kept {
     let frame = to.tree().frame();
     let limit = frame.unit_length(distance);
@@ -88,11 +91,12 @@ pub fn keeps_within(from: &Prepared, to: &Prepared, distance: f64) -> Kept {
     }
 }
 
-/// Proves how far from `to` the points of `from` lie at most, to a share of `tolerance`.
+/// Computes an upper bound of the distance of `from` to `to`, to a relative `tolerance`.
 ///
-/// `seen` is a distance that some point is known to have, 0 for none; lengths are in the units of the positions. The bound
-/// is at most `1 + tolerance` times what was seen, or some 1e-12 of the size of `to`, unless the work became too much: then
-/// it is as good as it got. Deterministic, and at the cost of [`keeps_within`] with the distance that is found.
+/// `seen` is a distance that some point is known to have, 0 if unknown; lengths are in the units of the
+/// positions. The bound is at most `1 + tolerance` times the distance found, or some 1e-12 of the size of
+/// `to`, unless the work limit is reached: then it is the best one so far. Deterministic; costs as much as
+/// [`keeps_within`] with the distance that is found.
 pub fn farthest(from: &Prepared, to: &Prepared, seen: f64, tolerance: f64) -> Farthest {
     let frame = to.tree().frame();
     let seen = seen.max(farthest_vertex(from, to));
@@ -108,8 +112,8 @@ pub fn farthest(from: &Prepared, to: &Prepared, seen: f64, tolerance: f64) -> Fa
     Farthest { seen, bound: frame.user_length(all.bound).max(seen) }
 }
 
-/// Weights of the corners at the places of a face that [`is_seen_within`] looks at beside its corners: its middle, the
-/// middles of its sides, and half the way from its middle to its corners.
+/// Barycentric coordinates of the points of a face that [`is_seen_within`] tests besides its corners: its
+/// middle, the middles of its sides, and the points halfway from its middle to its corners.
 const PLACES: [[f64; 3]; 7] = {
     const HALF: f64 = 1.0 / 2.0;
     const THIRD: f64 = 1.0 / 3.0;
@@ -125,15 +129,16 @@ const PLACES: [[f64; 3]; 7] = {
         [LEAST, LEAST, MOST],
     ]
 };
-/// Of surfaces with more faces than this only the middle, of those with more than a fifth of it the first four. (Guessed: few
-/// enough that a run to a count takes longer.)
+/// With more faces than this no points inside faces are tested, with more than a fifth of it only the first
+/// four. (Guessed: few enough that a run to a count takes longer.)
 const MANY: usize = 50_000;
 
-/// Whether all places of `from` that are looked at lie within a distance of `to`: vertices, and one to seven places of each
-/// face.
+/// True if all tested places of `from` lie within a distance of `to`: the vertices, and up to seven points of
+/// each face.
 ///
-/// The places do not depend on the distance, so what is denied is denied for any shorter one; and what [`keeps_within`] proves
-/// is not denied. Lengths are in the units of the positions. Cost: O(log n) a place.
+/// The places do not depend on the distance, so a false result is also false for any shorter distance; and if
+/// [`keeps_within`] proves a distance, the result is true. Lengths are in the units of the positions. Cost:
+/// O(log n) per place.
 pub fn is_seen_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
     let (source, target) = (from.tree(), to.tree());
     let limit = target.frame().unit_length(distance);
@@ -146,7 +151,7 @@ pub fn is_seen_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
             return false;
         }
         let mut is_found = false;
-        // Above the limit, so that what lies at it is looked at.
+        // Just above the limit, so that faces exactly at the limit are visited.
         target.visit(p, limit_sq.next_up(), |slot| {
             if !is_found && is_near(slot) {
                 (*near, is_found) = (slot, true);
@@ -183,7 +188,7 @@ pub fn is_seen_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
     !is_beyond.into_inner()
 }
 
-/// The largest distance of a vertex of `from`, in user units: a first guess.
+/// Returns the largest distance of a vertex of `from`, in user units: a first guess.
 fn farthest_vertex(from: &Prepared, to: &Prepared) -> f64 {
     let (source, target) = (from.tree(), to.tree());
     let vertices = source.vertices();
@@ -198,16 +203,17 @@ fn farthest_vertex(from: &Prepared, to: &Prepared) -> f64 {
     target.frame().user_length(parts.into_iter().fold(0.0, f64::max).sqrt())
 }
 
-/// What is asked of all pieces; lengths in the unit frame of the surface that the way goes to.
+/// Limits for all pieces; lengths in the unit frame of the target surface.
 #[derive(Clone, Copy)]
 struct Rule<'a> {
     limit: f64,
-    /// Where a place beyond the limit raises it, by how much more than to its distance. Else it ends the search.
+    /// If set, a place beyond the limit raises the limit to its distance times one plus this. Else it ends
+    /// the search.
     tolerance: Option<f64>,
     is_over: &'a AtomicBool,
 }
 
-/// What was found on some pieces.
+/// Results for some pieces.
 #[derive(Default)]
 struct Found {
     seen: f64,
@@ -243,7 +249,7 @@ fn all_within(from: &Prepared, to: &Prepared, mut rule: Rule<'_>) -> Found {
             if is_last {
                 pieces[range].iter().for_each(|piece| search.settle(piece));
             } else {
-                // The last one is the first to be looked at.
+                // Pieces are popped from the end: reversed, so that the first comes first.
                 search.pieces.extend(pieces[range].iter().rev().copied());
                 search.go(AT_ONCE);
             }
@@ -268,7 +274,7 @@ impl Found {
     }
 }
 
-/// Pieces under way, the last first.
+/// A depth-first search; the last piece is handled first.
 struct Search<'a> {
     to: &'a Bvh,
     rule: Rule<'a>,
@@ -276,7 +282,7 @@ struct Search<'a> {
     seen: f64,
     bound: f64,
     steps: usize,
-    /// The face that was near last.
+    /// The face that was nearest last.
     near: u32,
 }
 
@@ -289,7 +295,8 @@ impl<'a> Search<'a> {
         Found { seen: self.seen, bound: self.bound, steps: self.steps, left: self.pieces }
     }
 
-    /// Works until nothing is left, or so many steps are taken in all. Returns the face that was near last.
+    /// Runs until no piece is left, or `steps` steps are taken in total. Returns the face that was nearest
+    /// last.
     fn go(&mut self, steps: usize) -> u32 {
         while self.steps < steps && !self.rule.is_over.load(Ordering::Relaxed) {
             let Some(piece) = self.pieces.pop() else { break };
@@ -299,7 +306,8 @@ impl<'a> Search<'a> {
         self.near
     }
 
-    /// Counts a piece as it is: its corners' distances to one face are a bound for all of it.
+    /// Adds the bound of a piece without cutting it: the distance of its corners to one face bounds all of
+    /// it.
     fn settle(&mut self, piece: &Piece) {
         let mut hint = Hint::at(piece.near);
         let near = self.to.closest_slot(piece.middle(), f64::INFINITY, &mut hint);
@@ -310,14 +318,14 @@ impl<'a> Search<'a> {
         self.bound = self.bound.max(bound);
     }
 
-    /// The largest distance of a corner to a face.
+    /// Returns the largest distance of a corner to a face.
     fn farthest_corner(&self, piece: &Piece, slot: u32) -> f64 {
         let face = self.to.slot_corners(slot);
         let far = piece.corners().iter().map(|p| triangle::nearest(*p, face).distance_sq);
         far.fold(0.0, f64::max).sqrt()
     }
 
-    /// Whether all corners lie within the limit of one face. Most faces are out of the question by the first corner.
+    /// True if all corners lie within the limit of one face. Most faces fail at the first corner.
     fn is_near(&mut self, piece: &Piece, slot: u32) -> bool {
         let face = self.to.slot_corners(slot);
         let limit_sq = self.rule.limit * self.rule.limit;
@@ -333,7 +341,7 @@ impl<'a> Search<'a> {
     }
 
     fn accept(&mut self, bound: f64, slot: u32) {
-        // The root of what is below the square of the limit may be rounded to above it.
+        // The root of a number below the square of the limit may round to above the limit.
         self.bound = self.bound.max(bound.min(self.rule.limit));
         self.near = slot;
     }
@@ -346,7 +354,7 @@ impl<'a> Search<'a> {
         }
         let middle = piece.middle();
         let to = self.to;
-        // Faces within the limit of the middle, near ones first: one of them may do for all of the piece.
+        // Faces within the limit of the middle, nearest first: one of them may suffice for the whole piece.
         let limit_sq = self.rule.limit * self.rule.limit;
         let (mut nearest_sq, mut slot, mut is_done) = (f64::INFINITY, u32::MAX, false);
         to.visit(middle, limit_sq, |near| {
@@ -365,13 +373,13 @@ impl<'a> Search<'a> {
         }
         if nearest_sq > limit_sq {
             let Some(hit) = to.closest_slot(middle, f64::INFINITY, &mut Hint::at(tried)) else {
-                // Farther than a double can square.
+                // Too far away for the square to fit a double.
                 (self.seen, self.bound) = (f64::INFINITY, f64::INFINITY);
                 self.rule.is_over.store(true, Ordering::Relaxed);
                 return;
             };
             (nearest_sq, slot) = (hit.distance_sq, hit.slot);
-            // Within it after all, where it is nothing.
+            // Within the limit after all, if the distance is zero.
             if nearest_sq <= limit_sq && slot != tried && self.is_near(&piece, slot) {
                 return;
             }
@@ -382,7 +390,7 @@ impl<'a> Search<'a> {
             match self.rule.tolerance {
                 Some(tolerance) => self.rule.limit = height * (1.0 + tolerance),
                 None => {
-                    // A root may round down.
+                    // The root may have been rounded down.
                     self.seen = self.seen.max(self.rule.limit.next_up());
                     return self.rule.is_over.store(true, Ordering::Relaxed);
                 }
@@ -398,7 +406,7 @@ impl<'a> Search<'a> {
         self.cut(piece, slot, height, radius);
     }
 
-    /// Puts the parts of a piece in its place: those outside the prism over a face, and the one inside; or halves.
+    /// Replaces a piece by its parts outside the prism over a face and the one inside, or by halves.
     fn cut(&mut self, piece: Piece, slot: u32, height: f64, radius: f64) {
         let face = self.to.slot_corners(slot);
         let normal = double_area_normal(face).normalize_or_zero();

@@ -1,11 +1,11 @@
-//! Attributes beside normals, the first texture coordinates and the first colours.
+//! Attributes other than normals, the first texture coordinates and the first colours.
 
 /// One attribute of all wedges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attribute {
-    /// What it means.
+    /// Meaning of the values.
     pub semantic: Semantic,
-    /// Values for each wedge.
+    /// Number of values for each wedge.
     pub width: usize,
     /// `width` values for each wedge, wedge after wedge.
     pub values: Vec<f32>,
@@ -22,60 +22,61 @@ impl Attribute {
     }
 }
 
-/// What an attribute means, and so how it is blended.
+/// Meaning of an attribute, which determines how it is blended.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Semantic {
-    /// Four values: a unit direction along u, and 1 or -1 for the side of the third.
+    /// Four values: a unit direction along u, and 1 or -1 for the sign of the bitangent.
     Tangent,
     /// Two values: texture coordinates of a further set, from 1.
     Uv(u8),
     /// Four values: colours of a further set, from 1.
     Color(u8),
-    /// Four values: numbers of joints of a skin. With [`Semantic::Weights`] of the same set.
+    /// Four values: joint numbers of a skin. Used with [`Semantic::Weights`] of the same set.
     Joints(u8),
-    /// Four values: how much each joint pulls. The sum over all sets is 1.
+    /// Four values: weights of the joints. The sum over all sets is 1.
     Weights(u8),
-    /// Three values: what a morph target at full strength adds.
+    /// Three values: offsets of a morph target at full strength.
     Morph {
-        /// Which morph target.
+        /// Number of the morph target.
         target: u16,
-        /// What it is added to.
+        /// The property that the offsets are added to.
         of: Morphed,
     },
-    /// Any number of values of a name, which may be blended.
+    /// Any number of values under a name, which may be blended.
     Custom(String),
-    /// The same of whole numbers that name something: a feature, a label, a row of a table. They are never blended: a wedge of
-    /// a result has those of one wedge of its source, and writers keep their type. Values are exact up to 16,777,216.
+    /// Whole numbers under a name that identify something: a feature, a label, a row of a table. They are
+    /// never blended: a wedge of a result has those of one wedge of its source, and writers keep their type.
+    /// Values are exact up to 16,777,216.
     Discrete {
         /// The name.
         name: String,
-        /// The type that the numbers had in their file, and have in those that are written.
+        /// The type of the numbers in the file that was read and in files that are written.
         of: Integer,
     },
 }
 
-/// A type of whole numbers.
+/// An integer type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Integer {
-    /// 8 bits with a sign.
+    /// 8 bits, signed.
     I8,
-    /// 8 bits.
+    /// 8 bits, unsigned.
     U8,
-    /// 16 bits with a sign.
+    /// 16 bits, signed.
     I16,
-    /// 16 bits.
+    /// 16 bits, unsigned.
     U16,
-    /// 32 bits with a sign.
+    /// 32 bits, signed.
     I32,
-    /// 32 bits.
+    /// 32 bits, unsigned.
     U32,
 }
 
 impl Integer {
-    /// All of them.
+    /// All types.
     pub const ALL: [Self; 6] = [Self::I8, Self::U8, Self::I16, Self::U16, Self::I32, Self::U32];
 
-    /// The least and the largest number of the type.
+    /// The smallest and the largest number of the type.
     pub const fn range(self) -> [i64; 2] {
         match self {
             Self::I8 => [i8::MIN as i64, i8::MAX as i64],
@@ -86,23 +87,23 @@ impl Integer {
             Self::U32 => [0, u32::MAX as i64],
         }
     }
-    /// The number that files of the project have for it: its place among [all](Self::ALL).
+    /// The code of the type in the project's own files: its index in [all](Self::ALL).
     pub const fn number(self) -> u32 {
         self as u32
     }
-    /// The type of a [number](Self::number).
+    /// Returns the type of a [number](Self::number).
     pub fn from_number(number: u32) -> Option<Self> {
         Self::ALL.get(number as usize).copied()
     }
 
-    /// Whether a value is a number of the type.
+    /// True if a value is a number of the type.
     pub fn holds(self, x: f32) -> bool {
         let [low, high] = self.range().map(|x| x as f64);
         x.fract() == 0.0 && (low..=high).contains(&f64::from(x))
     }
 }
 
-/// What a morph target moves.
+/// The property that a morph target changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Morphed {
     /// The position, in the units of the mesh.
@@ -114,7 +115,7 @@ pub enum Morphed {
 }
 
 impl Semantic {
-    /// What it is called for people.
+    /// Display name.
     pub fn title(&self) -> &'static str {
         match self {
             Self::Tangent => "tangents",
@@ -134,8 +135,8 @@ impl Semantic {
             _ => None,
         }
     }
-    /// Whether its values are whole numbers that name something, and are never blended. (Joints are too, but go with their
-    /// weights.)
+    /// True if its values are whole numbers that identify something and are never blended. (Joints are too,
+    /// but are handled with their weights.)
     pub fn is_discrete(&self) -> bool {
         matches!(self, Self::Discrete { .. })
     }

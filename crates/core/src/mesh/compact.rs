@@ -1,18 +1,18 @@
-//! Compacting: what no face uses is dropped.
+//! Removal of vertices and wedges that no face uses.
 
 use crate::ids::{VertexId, WedgeId};
 use crate::mesh::weld::kept;
 use crate::mesh::{Attribute, Positions, TriMesh};
 
-/// A mesh in which every vertex and every wedge is used, and what that took.
+/// A mesh in which every vertex and every wedge is used, and the numbers of dropped ones.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Compacted {
     /// The mesh; its triangles are those of the source, in their order.
     pub mesh: TriMesh,
-    /// Vertices that no face used.
+    /// Number of vertices that no face used.
     pub dropped_vertex_count: usize,
-    /// Wedges that no face used.
+    /// Number of wedges that no face used.
     pub dropped_wedge_count: usize,
 }
 
@@ -60,7 +60,7 @@ pub fn compact(mesh: &TriMesh) -> Compacted {
     }
 }
 
-/// The number of marked entries before each.
+/// Returns the number of marked entries before each entry.
 fn ranks(marks: &[bool]) -> Vec<u32> {
     let mut next = 0;
     marks

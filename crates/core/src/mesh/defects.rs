@@ -1,49 +1,49 @@
-//! What is wrong with a mesh, and a surface without it.
+//! Defects of a mesh: counting them, and removing those that engines cannot work on.
 
 use crate::ids::{FaceId, VertexId};
 use crate::mesh::weld::{Weld, weld, weld_within};
 use crate::mesh::{PositionsView, Surface};
 
-/// A face whose doubled area is below this part of its squared longest edge has no area.
+/// A face has no area if its doubled area is below this fraction of its squared longest edge.
 ///
 /// Rounding of positions in double precision stays below it; no face of a real mesh comes near.
 pub const ZERO_AREA: f64 = 1e-14;
 
-/// What is wrong with a surface, counted after welding equal positions.
+/// Defects of a surface, counted after welding equal positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Defects {
     /// Faces that name a vertex twice.
     pub degenerate_face_count: usize,
-    /// Faces without area (see [`ZERO_AREA`]), the degenerate ones among them.
+    /// Faces without area (see [`ZERO_AREA`]), including the degenerate ones.
     pub zero_area_face_count: usize,
-    /// Faces over the same three vertices as an earlier face, turned the same way. Degenerate faces are not counted
-    /// again here or below.
+    /// Faces over the same three vertices as an earlier face with the same winding. Degenerate faces are not
+    /// counted again here or below.
     pub same_winding_duplicate_count: usize,
-    /// Faces over the same three vertices as an earlier face, where the earlier ones are all turned the other way.
+    /// Faces over the same three vertices as earlier faces, all of which have the opposite winding.
     pub opposite_duplicate_count: usize,
-    /// Faces with a vertex that is not finite.
+    /// Faces with a non-finite vertex.
     pub non_finite_face_count: usize,
-    /// Vertices with a coordinate that is not finite, each counted as it stands in the buffer.
+    /// Vertices with a non-finite coordinate, counted before welding.
     pub non_finite_vertex_count: usize,
-    /// Vertices that no face names, each counted as it stands in the buffer.
+    /// Vertices that no face names, counted before welding.
     pub unused_vertex_count: usize,
 }
 
 impl Defects {
-    /// Faces over the same three vertices as an earlier face, either way round.
+    /// Number of faces over the same three vertices as an earlier face, with either winding.
     pub fn duplicate_face_count(&self) -> usize {
         self.same_winding_duplicate_count + self.opposite_duplicate_count
     }
-    /// Whether there is nothing to complain about.
+    /// True if there are no defects.
     pub fn is_clean(&self) -> bool {
         *self == Self::default()
     }
 }
 
-/// Counts what is wrong with a surface, after welding equal positions.
+/// Counts the defects of a surface, after welding equal positions.
 ///
-/// Cost: O(n); about 20 bytes a face.
+/// Cost: O(n); about 20 bytes per face.
 pub fn defects(surface: &Surface<'_>) -> Defects {
     let positions = surface.positions();
     let welded = weld(positions);
@@ -72,9 +72,10 @@ pub fn defects(surface: &Surface<'_>) -> Defects {
     found
 }
 
-/// Whether a triangle has no area: twice its area is below [`ZERO_AREA`] of its squared longest edge, at any scale.
+/// True if a triangle has no area: twice its area is below [`ZERO_AREA`] of its squared longest edge, at any
+/// scale.
 ///
-/// A triangle that is not finite is not one.
+/// False for a non-finite triangle.
 pub fn is_zero_area(p: [[f64; 3]; 3]) -> bool {
     let to = |a: usize, b: usize| [0, 1, 2].map(|k| p[b][k] - p[a][k]);
     let edges = [to(0, 1), to(1, 2), to(2, 0)];
@@ -82,33 +83,34 @@ pub fn is_zero_area(p: [[f64; 3]; 3]) -> bool {
     if size == 0.0 {
         return p.iter().flatten().all(|x| x.is_finite());
     }
-    // Divided first, so that squares neither vanish nor overflow.
+    // Divided first, so that squares neither underflow nor overflow.
     let [a, b, c] = edges.map(|e| e.map(|x| x / size));
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     dot(n, n).sqrt() < ZERO_AREA * dot(a, a).max(dot(b, b)).max(dot(c, c))
 }
 
-/// Faces that are there already, by the face that is too many; in order of the face.
+/// Faces that repeat earlier ones, in order of the face.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Duplicates {
-    /// An earlier face has the same vertices, turned the same way.
+    /// An earlier face has the same vertices and the same winding.
     pub same_winding: Vec<FaceId>,
-    /// Earlier faces have the same vertices, all turned the other way.
+    /// Earlier faces have the same vertices, all with the opposite winding.
     pub opposite: Vec<FaceId>,
 }
 
-/// Finds faces over the same three vertices, whichever they begin with.
+/// Finds faces over the same three vertices, whichever corner they start with.
 ///
-/// `vertex_count` is more than any index in `triangles`. The lowest face of a group is never among the duplicates.
-/// Cost: O(n log k), where k is the number of faces at a vertex; four bytes a face and four a vertex.
+/// `vertex_count` is more than any index in `triangles`. The lowest face of a group is never among the
+/// duplicates. Cost: O(n log k), where k is the number of faces at a vertex; four bytes per face and four per
+/// vertex.
 ///
 /// # Panics
 /// If a triangle names a vertex beyond `vertex_count`.
 pub fn duplicates(triangles: &[[VertexId; 3]], vertex_count: usize) -> Duplicates {
     let mut found = Duplicates::default();
-    // Faces by their least vertex: equal faces fall into the same bucket, and buckets are small.
+    // Faces by their lowest vertex: equal faces fall into the same bucket, and buckets are small.
     let mut start = vec![0u32; vertex_count + 1];
     for t in triangles {
         start[least(*t).index()] += 1;
@@ -152,38 +154,38 @@ pub fn duplicates(triangles: &[[VertexId; 3]], vertex_count: usize) -> Duplicate
     found
 }
 
-/// A surface that an engine can work on, and what was done to get there.
+/// A surface that engines can work on, and the counts of what was dropped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Cleaned {
-    /// The faces that stay, in their order, over vertices that stand for themselves in `weld`; each begins with the
-    /// same corner as in the source.
+    /// The remaining faces, in their order, over vertices that represent themselves in `weld`; each starts
+    /// with the same corner as in the source.
     pub triangles: Vec<[VertexId; 3]>,
-    /// Which vertices stand for which. Numbers are those of the source's positions: nothing is moved.
+    /// The weld. Numbers are those of the source's positions: nothing is moved.
     pub weld: Weld,
-    /// Vertices that the faces use.
+    /// Number of vertices that the faces use.
     pub vertex_count: usize,
     /// Faces dropped because they name a vertex twice, once welded.
     pub degenerate_count: usize,
-    /// Faces dropped because an earlier one has the same vertices, turned the same way.
+    /// Faces dropped because an earlier one has the same vertices and winding.
     pub duplicate_count: usize,
-    /// Faces dropped because a vertex is not finite.
+    /// Faces dropped because of a non-finite vertex.
     pub non_finite_count: usize,
 }
 
 impl Cleaned {
-    /// How many faces were dropped.
+    /// Number of faces that were dropped.
     pub fn dropped_face_count(&self) -> usize {
         self.degenerate_count + self.duplicate_count + self.non_finite_count
     }
 }
 
-/// Welds a surface and drops faces that are degenerate, not finite, or there already with the same winding.
+/// Welds a surface and drops faces that are degenerate, non-finite, or duplicates with the same winding.
 ///
-/// Vertices are welded if their positions are equal, or within `weld_distance` in the units of the positions. Faces
-/// without area stay: dropping them would open the surface. So do faces that lie back to back: they are the two sides
-/// of a sheet.
-/// Cost: O(n); about 20 bytes a face at the peak, 14 of them in the result; a soup that shares no vertex takes 30.
+/// Vertices are welded if their positions are equal, or within `weld_distance` in the units of the positions.
+/// Faces without area stay: dropping them would open the surface. Duplicates with opposite winding stay too:
+/// they are the two sides of a sheet. Cost: O(n); about 20 bytes per face at the peak, 14 of them in the
+/// result; 30 for a soup that shares no vertex.
 pub fn clean_surface(surface: &Surface<'_>, weld_distance: Option<f64>) -> Cleaned {
     let positions = surface.positions();
     let weld = match weld_distance {
@@ -232,14 +234,14 @@ pub fn clean_surface(surface: &Surface<'_>, weld_distance: Option<f64>) -> Clean
     }
 }
 
-/// The vertices with a coordinate that is not finite, in order.
+/// Returns the vertices with a non-finite coordinate, in order.
 fn non_finite(positions: PositionsView<'_>) -> impl Iterator<Item = VertexId> + '_ {
     (0..positions.len() as u32)
         .map(VertexId)
         .filter(move |&v| positions.get(v).iter().any(|x| !x.is_finite()))
 }
 
-/// Whether a triangle names a vertex twice.
+/// True if a triangle names a vertex twice.
 #[inline]
 pub(crate) fn repeats(t: [VertexId; 3]) -> bool {
     t[0] == t[1] || t[1] == t[2] || t[2] == t[0]
@@ -249,7 +251,7 @@ fn least(t: [VertexId; 3]) -> VertexId {
     t[0].min(t[1]).min(t[2])
 }
 
-/// The rotation of a triangle that comes first.
+/// Returns the rotation of a triangle that starts with its lowest vertex.
 fn turned_to_least([a, b, c]: [VertexId; 3]) -> [VertexId; 3] {
     [a, b, c].min([b, c, a]).min([c, a, b])
 }
@@ -275,10 +277,10 @@ mod tests {
         ];
         let list = triangles(&[
             [0, 1, 2], // good
-            [1, 2, 3], // again, welded, another first corner
-            [0, 2, 1], // its back
+            [1, 2, 3], // duplicate after welding, with another first corner
+            [0, 2, 1], // opposite winding
             [0, 3, 1], // degenerate once welded
-            [0, 1, 4], // not a number
+            [0, 1, 4], // NaN
             [0, 1, 6], // no area
         ]);
         let surface = Surface::new(PositionsView::F32(&p), &list).unwrap();

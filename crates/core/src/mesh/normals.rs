@@ -1,12 +1,14 @@
-//! Normals of vertices from the faces round them.
+//! Vertex normals computed from faces.
 
 use crate::ids::VertexId;
 use crate::mesh::Surface;
 
-/// The normal of each vertex: the mean of the face normals round it, weighted by their angles there.
+/// Computes the normal of each vertex: the mean of the normals of its faces, weighted by their angles at the
+/// vertex.
 ///
-/// `place` says which vertex stands for all at one place; the identity where vertices are joined already. Normals are
-/// of unit length. Faces without area count nothing; a vertex with no other faces gets the z axis. Cost: O(n).
+/// `place` returns the representative of all vertices at the same position; the identity if vertices are
+/// already welded. Normals are of unit length. Faces without area are ignored; a vertex with no other faces
+/// gets the z axis. Cost: O(n).
 ///
 /// Source: [Thürmer-Wüthrich 1998].
 pub fn vertex_normals(surface: &Surface<'_>, place: impl Fn(VertexId) -> VertexId) -> Vec<[f32; 3]> {
@@ -14,7 +16,7 @@ pub fn vertex_normals(surface: &Surface<'_>, place: impl Fn(VertexId) -> VertexI
     let mut sums = vec![[0f64; 3]; positions.len()];
     for face in surface.triangles() {
         let p = face.map(|v| positions.get(v));
-        // Each side as a direction: neither huge nor tiny coordinates leave the range of a double then.
+        // Sides are normalized first: then neither huge nor tiny coordinates leave the range of a double.
         let sides = [0, 1, 2].map(|k| unit(sub(p[(k + 1) % 3], p[k])));
         let [Some(a), Some(b), Some(c)] = sides else { continue };
         let Some(normal) = unit(cross(a, b)) else { continue };
@@ -59,7 +61,7 @@ mod tests {
 
     #[test]
     fn vertices_at_one_place_share_their_normal() {
-        // A ball as a soup: each corner has a vertex of its own.
+        // A sphere as a soup: each corner has its own vertex.
         let ball = shapes::icosphere(2);
         let surface = ball.surface();
         let points: Vec<[f64; 3]> =

@@ -1,33 +1,33 @@
-//! Parts: some faces of a mesh as a mesh of their own, and what was made of them put beside it again.
+//! Extraction of some faces of a mesh as a mesh of their own, and appending a modified part to a mesh.
 
 use std::collections::HashMap;
 
 use crate::ids::{FaceId, VertexId, WedgeId};
 use crate::mesh::{Attribute, MeshError, Positions, TriMesh, check_size};
 
-/// Some faces of a mesh, and what they were called there.
+/// Some faces of a mesh as a mesh, with the ids of its vertices and wedges in the whole.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Part {
-    /// The faces, in the order in which they were named; every vertex and wedge is used.
+    /// The faces, in the order in which they were given; every vertex and wedge is used.
     pub mesh: TriMesh,
-    /// For each vertex of the part the one of the whole; ascending.
+    /// The vertex of the whole for each vertex of the part; ascending.
     pub vertices: Vec<VertexId>,
-    /// For each wedge of the part the one of the whole; ascending.
+    /// The wedge of the whole for each wedge of the part; ascending.
     pub wedges: Vec<WedgeId>,
 }
 
-/// What a mesh shares with another: the vertex and wedge of the other for each of its own.
+/// Vertices and wedges that a mesh shares with another: the other's id for each of its own, if any.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Known {
-    /// For each vertex.
+    /// One entry for each vertex.
     pub vertices: Vec<Option<VertexId>>,
-    /// For each wedge.
+    /// One entry for each wedge.
     pub wedges: Vec<Option<WedgeId>>,
 }
 
-/// Takes out some faces. The cost depends on the part alone: O(n log n) for n faces of it.
+/// Extracts some faces. The cost depends on the part alone: O(n log n) for its n faces.
 ///
 /// # Panics
 /// If there is no such face.
@@ -73,8 +73,8 @@ fn sorted_once<T: Ord>(items: &mut Vec<T>) {
 }
 
 impl Part {
-    /// What a mesh that was made of this part still shares with the whole: vertices at the same places, to the bit, and
-    /// wedges there with the same attributes.
+    /// Finds what a mesh made from this part still shares with the whole: vertices whose positions are equal
+    /// bit for bit, and wedges there with the same attributes.
     pub fn shared_with(&self, made: &TriMesh) -> Known {
         let place = |p: [f64; 3]| p.map(|x| (x + 0.0).to_bits());
         let places: HashMap<[u64; 3], u32> = self.mesh.positions.view().iter().map(place).zip(0..).collect();
@@ -108,19 +108,19 @@ impl Part {
     }
 }
 
-/// For each further attribute of a mesh where another one has it.
+/// Returns, for each further attribute of `of`, the index of the same attribute of `on`, if it has one.
 fn counterparts(of: &TriMesh, on: &TriMesh) -> Vec<Option<usize>> {
     let alike = |a: &Attribute, b: &Attribute| (&a.semantic, a.width) == (&b.semantic, b.width);
     of.further.iter().map(|a| on.further.iter().position(|b| alike(a, b))).collect()
 }
 
-/// Puts the faces of `more` behind those of `whole`; vertices and wedges that are known are used again.
+/// Appends the faces of `more` to those of `whole`; vertices and wedges in `known` are reused.
 ///
-/// What `whole` carries `more` must carry too: attributes on wedges, regions on faces. Where `whole` carries no
-/// attributes, wedges stay what vertices are.
+/// `more` must have the same normals, texture coordinates, colours and regions as `whole`, and all its
+/// further attributes. If `whole` has no attributes, wedges stay identical to vertices.
 ///
 /// # Errors
-/// [`MeshError::WrongLength`] where something is missing, [`MeshError::TooLarge`]; `whole` is then what it was.
+/// [`MeshError::WrongLength`] if something is missing, [`MeshError::TooLarge`]; then `whole` is unchanged.
 pub fn append(whole: &mut TriMesh, more: &TriMesh, known: &Known) -> Result<(), MeshError> {
     check_size("corners", (whole.triangles.len() + more.triangles.len()).saturating_mul(3))?;
     check_size("vertices", whole.vertex_count() + more.vertex_count())?;
@@ -159,7 +159,7 @@ pub fn append(whole: &mut TriMesh, more: &TriMesh, known: &Known) -> Result<(), 
     let is_plain = !whole.has_attributes() && whole.vertex_of.is_none();
     let mut wedges = Vec::with_capacity(more.wedge_count());
     if !is_plain && whole.vertex_of.is_none() {
-        // Those before the new vertices stand for themselves.
+        // For existing wedges, wedge i is vertex i.
         whole.vertex_of = Some((0..before).map(VertexId::new).collect());
     }
     for (w, known) in known.wedges.iter().enumerate() {

@@ -1,39 +1,39 @@
-//! Welding: vertices at the same place become one.
+//! Welding: vertices at the same position become one.
 
 use crate::ids::{VertexId, WedgeId};
 use crate::mesh::{Attribute, Positions, PositionsView, TriMesh};
 
-/// Which vertices stand for which: the answer of [`weld`] and [`weld_within`].
+/// Representative of each vertex: the result of [`weld`] and [`weld_within`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Weld {
-    /// For each vertex the vertex that stands for it: the lowest of its group, never a higher number than its own, and
-    /// its own representative.
+    /// The representative of each vertex: the lowest vertex of its group, never a higher number than its own,
+    /// and its own representative.
     pub representative: Vec<VertexId>,
-    /// How many vertices stand for themselves: the distinct places.
+    /// Number of vertices that represent themselves: the distinct positions.
     pub distinct_count: usize,
 }
 
 impl Weld {
-    /// Vertices that stand for others, as someone else found them.
+    /// Makes a weld from representatives that were found elsewhere.
     ///
     /// # Panics
-    /// If a representative is a higher number than the vertex that it stands for, or does not stand for itself.
+    /// If a representative has a higher number than its vertex, or does not represent itself.
     pub fn from_representatives(representative: Vec<VertexId>) -> Self {
         let stands = |(i, r): (usize, &VertexId)| r.index() <= i && representative[r.index()] == *r;
         assert!(representative.iter().enumerate().all(stands), "the lowest of a group stands for it");
         let distinct_count = representative.iter().enumerate().filter(|(i, r)| r.index() == *i).count();
         Self { representative, distinct_count }
     }
-    /// How many vertices gave way to another.
+    /// Number of vertices that were merged into another.
     pub fn merged_count(&self) -> usize {
         self.representative.len() - self.distinct_count
     }
-    /// Whether every vertex stands for itself.
+    /// True if every vertex represents itself.
     pub fn is_identity(&self) -> bool {
         self.merged_count() == 0
     }
-    /// The vertex that stands for `vertex`.
+    /// The representative of `vertex`.
     ///
     /// # Panics
     /// If there is no such vertex.
@@ -45,9 +45,9 @@ impl Weld {
 
 /// Finds vertices of exactly equal position.
 ///
-/// Positions are equal if their bits are, but -0.0 equals 0.0; so two NaN are equal only if they are the same NaN.
-/// Representatives are the lowest index of their group.
-/// Cost: O(n); six bytes a vertex beside the result.
+/// Positions are equal if their bits are, except that -0.0 equals 0.0; so two NaN are equal only if they are
+/// the same NaN. Representatives are the lowest index of their group. Cost: O(n); six bytes per vertex
+/// besides the result.
 pub fn weld(positions: PositionsView<'_>) -> Weld {
     let (first, distinct_count) = match positions {
         PositionsView::F32(p) => {
@@ -62,18 +62,19 @@ pub fn weld(positions: PositionsView<'_>) -> Weld {
 
 /// Finds vertices closer than `distance`, in the units of the positions.
 ///
-/// Vertices are taken in order of their index: each joins the lowest representative within `distance` (inclusive), or
-/// becomes one itself. So no chain of short steps pulls far vertices together: every vertex lies within `distance` of
-/// its representative, and two representatives never lie so close. The price is that two vertices closer than
-/// `distance` may end with different representatives.
-/// Vertices that are not finite only join their exact equals. A distance of zero, below, or not a number is [`weld`].
-/// Cost: O(n) for distances up to the spacing of the vertices.
+/// Vertices are processed in order of their index: each joins the lowest representative within `distance`
+/// (inclusive), or becomes one itself. So chains of short steps do not pull distant vertices together: every
+/// vertex lies within `distance` of its representative, and no two representatives are that close. The
+/// drawback is that two vertices closer than `distance` may have different representatives. Non-finite
+/// vertices join only exact equals. If the distance is zero, negative or NaN, this is [`weld`]. Cost: O(n)
+/// for distances up to the spacing of the vertices.
 pub fn weld_within(positions: PositionsView<'_>, distance: f64) -> Weld {
     let mut result = weld(positions);
     if distance.is_nan() || distance <= 0.0 {
         return result;
     }
-    // Four times the distance: a ball then touches 3.4 cells on average, and a cell holds few representatives.
+    // Four times the distance: a ball then overlaps 3.4 cells on average, and a cell holds few
+    // representatives.
     let cell = distance * 4.0;
     let mut near = CellTable::new(result.distinct_count);
     let mut distinct_count = 0;
@@ -81,7 +82,7 @@ pub fn weld_within(positions: PositionsView<'_>, distance: f64) -> Weld {
         let own = VertexId(i as u32);
         let exact = result.representative[i];
         if exact != own {
-            // Its exact equal came earlier and is settled.
+            // An exactly equal vertex was processed earlier.
             result.representative[i] = result.representative[exact.index()];
             continue;
         }
@@ -116,23 +117,23 @@ pub fn weld_within(positions: PositionsView<'_>, distance: f64) -> Weld {
     result
 }
 
-/// A mesh whose vertices have been welded, and what that did.
+/// A mesh whose vertices have been welded, and the numbers of merged elements.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct WeldedMesh {
     /// The mesh; its triangles are those of the source, in their order.
     pub mesh: TriMesh,
-    /// Vertices that gave way to another.
+    /// Number of vertices that were merged into another.
     pub merged_vertex_count: usize,
-    /// Wedges that gave way to another.
+    /// Number of wedges that were merged into another.
     pub merged_wedge_count: usize,
 }
 
 /// Welds the vertices of a mesh: exactly, or within a distance in the units of the positions.
 ///
-/// Wedges stay apart unless they stand on the same vertex and all their attributes are equal, so seams survive.
-/// Vertices and wedges keep their order; those that no face uses stay (see [`compact`](crate::mesh::compact)).
-/// Cost: O(n).
+/// Wedges stay apart unless they are at the same vertex and all their attributes are equal, so seams survive.
+/// Vertices and wedges keep their order; unused ones stay (see [`compact`](crate::mesh::compact)). Cost:
+/// O(n).
 pub fn weld_mesh(mesh: &TriMesh, distance: Option<f64>) -> WeldedMesh {
     let view = mesh.positions.view();
     let welded = match distance {
@@ -142,10 +143,10 @@ pub fn weld_mesh(mesh: &TriMesh, distance: Option<f64>) -> WeldedMesh {
     weld_mesh_by(mesh, &welded)
 }
 
-/// The same by a weld that is known already; a vertex moves to the place of the one that stands for it.
+/// Welds the vertices of a mesh by a given weld; a vertex moves to the position of its representative.
 ///
 /// # Panics
-/// If the weld is of another number of vertices.
+/// If the weld is for a different number of vertices.
 pub fn weld_mesh_by(mesh: &TriMesh, welded: &Weld) -> WeldedMesh {
     assert_eq!(welded.representative.len(), mesh.vertex_count(), "a weld is of all vertices");
     let vertex = |w: usize| welded.of(mesh.vertex_of(WedgeId(w as u32)));
@@ -169,7 +170,7 @@ pub fn weld_mesh_by(mesh: &TriMesh, welded: &Weld) -> WeldedMesh {
             |a: usize, b: usize| vertex(a) == vertex(b) && attributes(a) == attributes(b) && further(a, b);
         first_equal(mesh.wedge_count(), hash_of, equal)
     } else {
-        // Without attributes one wedge a vertex says all.
+        // Without attributes one wedge per vertex is enough.
         let hash_of = |w: usize| hash([u64::from(vertex(w).0), 0, 0]);
         first_equal(mesh.wedge_count(), hash_of, |a, b| vertex(a) == vertex(b))
     };
@@ -208,12 +209,12 @@ pub fn weld_mesh_by(mesh: &TriMesh, welded: &Weld) -> WeldedMesh {
     }
 }
 
-/// The entries of a buffer whose index may stay, in order.
+/// Returns the entries of a buffer whose index is kept, in order.
 pub(crate) fn kept<T: Copy>(buffer: &[T], stays: impl Fn(usize) -> bool) -> Vec<T> {
     buffer.iter().enumerate().filter(|(i, _)| stays(*i)).map(|(_, &x)| x).collect()
 }
 
-/// New numbers for a map to representatives: those that stand for themselves are counted from zero in order.
+/// Converts a map to representatives into new numbers: representatives are numbered from zero in order.
 fn numbers(first: &[u32]) -> Vec<u32> {
     let mut number = vec![0; first.len()];
     let mut next = 0;
@@ -222,7 +223,7 @@ fn numbers(first: &[u32]) -> Vec<u32> {
             number[i] = next;
             next += 1;
         } else {
-            // Representatives come first, so theirs is known.
+            // Representatives have lower indices, so their number is known.
             number[i] = number[f as usize];
         }
     }
@@ -232,20 +233,20 @@ fn numbers(first: &[u32]) -> Vec<u32> {
 /// Marks an empty slot; meshes have fewer elements.
 const NONE: u32 = u32::MAX;
 
-/// How many elements are looked up at a time. Guessed: enough loads in flight to hide the memory's latency, few enough
-/// to stay in the first cache.
+/// Number of elements that are looked up together. Guessed: enough loads in flight to hide the memory
+/// latency, few enough to stay in the L1 cache.
 const BLOCK: usize = 64;
 
-/// For each of `count` elements the first one equal to it, and how many are first ones.
+/// Finds the first equal element for each of `count` elements, and the number of distinct ones.
 ///
-/// An open table of indices with linear probing; the hashes of a block are made and their slots touched before any is
-/// used, so that the cache misses of a block overlap.
+/// An open-addressing table of indices with linear probing; the hashes of a block are computed and their
+/// slots prefetched before any is used, so that the cache misses of a block overlap.
 pub(crate) fn first_equal(
     count: usize,
     hash_of: impl Fn(usize) -> u64,
     equal: impl Fn(usize, usize) -> bool,
 ) -> (Vec<u32>, usize) {
-    // Two thirds full if all differ; a power of two could take twice the memory.
+    // Load factor 2/3 if all differ; a power of two could take twice the memory.
     let slots = count + count / 2 + 1;
     let slot_of = |hash: u64| ((u128::from(hash) * slots as u128) >> 64) as usize;
     let mut table = vec![NONE; slots];
@@ -260,7 +261,7 @@ pub(crate) fn first_equal(
             *slot = slot_of(hash_of(block + k));
             touched ^= table[*slot];
         }
-        // Keeps the loads above from being left out.
+        // Keeps the compiler from removing the loads above.
         std::hint::black_box(touched);
         for (k, &slot) in start[..size].iter().enumerate() {
             let own = block + k;
@@ -284,11 +285,11 @@ pub(crate) fn first_equal(
     (first, distinct)
 }
 
-/// Mixes three words into one whose high bits are good.
+/// Mixes three words into one with well-mixed high bits.
 #[inline]
 pub(crate) fn hash(words: [u64; 3]) -> u64 {
-    // Odd constants without pattern (digits of the square roots of 2, 3 and 5, of the golden ratio last); a fold of
-    // the 128-bit product spreads every bit of its factors.
+    // Arbitrary odd constants (digits of the square roots of 2, 3 and 5, the last of the golden ratio);
+    // folding the 128-bit product spreads every bit of its factors.
     let fold = |a: u64, b: u64| {
         let product = u128::from(a) * u128::from(b);
         (product >> 64) as u64 ^ product as u64
@@ -297,14 +298,14 @@ pub(crate) fn hash(words: [u64; 3]) -> u64 {
     fold(ab ^ words[2].rotate_left(32) ^ 0x3C6E_F372_FE94_F82B, 0x9E37_79B9_7F4A_7C15)
 }
 
-/// The bits of a number, with one zero.
+/// The bits of a number; -0.0 as 0.0.
 #[inline]
 fn bits32(x: f32) -> u32 {
     let bits = x.to_bits();
     if bits == 1 << 31 { 0 } else { bits }
 }
 
-/// The bits of a number, with one zero.
+/// The bits of a number; -0.0 as 0.0.
 #[inline]
 fn bits64(x: f64) -> u64 {
     let bits = x.to_bits();
@@ -321,28 +322,28 @@ fn same64(a: &[f64; 3], b: &[f64; 3]) -> bool {
     (0..3).all(|k| bits64(a[k]) == bits64(b[k]))
 }
 
-/// Names the cell of a coordinate.
+/// Returns the key of the cell that contains a coordinate.
 ///
-/// Where cells are finer than the numbers themselves, each number is its own cell: then only equal coordinates lie
-/// within a distance, and counting cells would overflow.
+/// If cells are finer than the resolution of the numbers, each number is its own cell: then only equal
+/// coordinates lie within a distance, and a cell index would overflow.
 #[inline]
 fn cell_key(x: f64, cell: f64) -> u64 {
-    // Beyond 2^53 a double has no fraction left.
+    // From 2^53 on a double has no fraction.
     const LIMIT: f64 = (1u64 << 53) as f64;
     let t = x / cell;
     if t.abs() < LIMIT { bits64(t.floor()) } else { bits64(x) }
 }
 
 fn is_within(p: [f64; 3], q: [f64; 3], distance: f64) -> bool {
-    // Divided first, so that squares neither vanish nor overflow.
+    // Divided first, so that squares neither underflow nor overflow.
     let d = [0, 1, 2].map(|k| (p[k] - q[k]) / distance);
     d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= 1.0
 }
 
-/// Lists of vertices by the hash of their cell.
+/// Hash table from cells to linked lists of vertices.
 struct CellTable {
     head: Vec<u32>,
-    /// The vertex and the next entry of the same list.
+    /// The vertex and the index of the next entry of the same list.
     entries: Vec<[u32; 2]>,
     shift: u32,
 }
@@ -417,7 +418,8 @@ mod tests {
 
     #[test]
     fn wedges_stay_unless_all_attributes_are_equal() {
-        // Two triangles, three own vertices each, meet along an edge: one end has equal texture coordinates.
+        // Two triangles with three vertices of their own each meet along an edge: at one end the texture
+        // coordinates are equal.
         let p = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0f32]];
         let p = vec![p[0], p[1], p[2], p[1], p[0], [0.0, -1.0, 0.0]];
         let t = vec![[VertexId(0), VertexId(1), VertexId(2)], [VertexId(4), VertexId(5), VertexId(3)]];

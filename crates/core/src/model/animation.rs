@@ -1,20 +1,20 @@
-//! How models move: nodes, joints and morph targets over time.
+//! Animation data: transforms, skins, keyframe channels and poses.
 
 use glam::{DMat4, DQuat, DVec3};
 
-/// Where a node stands as seen from its parent.
+/// Transform of a node to its parent's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Transform {
-    /// Scaled, then turned, then moved: what animations change.
+    /// Scale, then rotation, then translation; can be animated.
     Parts {
-        /// Where to.
+        /// Translation.
         translation: DVec3,
-        /// How turned; unit length.
+        /// Rotation; unit length.
         rotation: DQuat,
-        /// How much larger along each axis.
+        /// Scale along each axis.
         scale: DVec3,
     },
-    /// A matrix, which no animation changes.
+    /// A matrix, which cannot be animated.
     Matrix(DMat4),
 }
 
@@ -25,7 +25,7 @@ impl Default for Transform {
 }
 
 impl Transform {
-    /// As a matrix.
+    /// Converts the transform to a matrix.
     pub fn matrix(&self) -> DMat4 {
         match *self {
             Self::Parts { translation, rotation, scale } => {
@@ -36,52 +36,53 @@ impl Transform {
     }
 }
 
-/// Joints that pull a mesh: a vertex goes where its joints take it, by their weights.
+/// Joints that deform a mesh: each vertex follows its joints by their weights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Skin {
-    /// Nodes; [`Semantic::Joints`](crate::Semantic::Joints) are places in this list.
+    /// Node indices; [`Semantic::Joints`](crate::Semantic::Joints) are indices into this list.
     pub joints: Vec<usize>,
-    /// From the coordinates of the mesh to those of each joint, in the pose of the mesh.
+    /// Transform from mesh coordinates to those of each joint, in the bind pose.
     pub joint_from_mesh: Vec<DMat4>,
 }
 
-/// Something that moves.
+/// An animation of a model.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Animation {
-    /// Its name, for people; empty without one.
+    /// Display name; empty if it has none.
     pub name: String,
-    /// What moves, each on its own.
+    /// Independent channels, one for each animated property.
     pub channels: Vec<Channel>,
 }
 
 /// One property of one node over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// The node.
+    /// Index of the node.
     pub node: usize,
-    /// What of it, and how.
+    /// The property and its values.
     pub track: Track,
-    /// Seconds from the start, rising.
+    /// Keyframe times in seconds from the start, ascending.
     pub times: Vec<f32>,
-    /// How it goes from one to the next.
+    /// Interpolation between keyframes.
     pub interpolation: Interpolation,
 }
 
-/// Values of a property at each of the times; with [`Interpolation::Cubic`] three for each: tangent in, value, tangent out.
+/// Values of a property at the keyframes; with [`Interpolation::Cubic`] three for each: in-tangent, value,
+/// out-tangent.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Track {
-    /// Of [`Transform::Parts`].
+    /// Translation of [`Transform::Parts`].
     Translation(Vec<[f32; 3]>),
-    /// Of [`Transform::Parts`]: x, y, z, w.
+    /// Rotation of [`Transform::Parts`]: x, y, z, w.
     Rotation(Vec<[f32; 4]>),
-    /// Of [`Transform::Parts`].
+    /// Scale of [`Transform::Parts`].
     Scale(Vec<[f32; 3]>),
-    /// Strengths of all morph targets of the node's mesh, one after the other, for each time.
+    /// Weights of all morph targets of the node's mesh, keyframe after keyframe.
     MorphWeights(Vec<f32>),
 }
 
 impl Track {
-    /// How many values there are.
+    /// Number of values.
     pub fn len(&self) -> usize {
         match self {
             Self::Translation(values) | Self::Scale(values) => values.len(),
@@ -89,29 +90,29 @@ impl Track {
             Self::MorphWeights(values) => values.len(),
         }
     }
-    /// Whether there are none.
+    /// True if there are no values.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// How a value goes from one time to the next.
+/// Interpolation between two keyframes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
-    /// In a straight line; rotations along the shorter arc.
+    /// Linear; rotations along the shorter arc.
     #[default]
     Linear,
-    /// It stays until the next.
+    /// Holds the value until the next keyframe.
     Step,
-    /// Along a cubic curve with given tangents.
+    /// A cubic spline with given tangents.
     Cubic,
 }
 
-/// How a model stands at a moment; the default is at rest.
+/// A pose of a model; the default is the rest pose.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pose {
-    /// Of each node, where it stands as seen from its parent; empty at rest.
+    /// Transform of each node to its parent's coordinates; empty at rest.
     pub transforms: Vec<Transform>,
-    /// Strengths of morph targets at each node, where they are not those at rest; empty at rest.
+    /// Morph weights of each node, if they differ from those at rest; empty at rest.
     pub morph_weights: Vec<Option<Vec<f32>>>,
 }

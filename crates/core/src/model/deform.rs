@@ -1,4 +1,4 @@
-//! Meshes as morph targets and joints pull them.
+//! Deformation of meshes by morph targets and joints.
 
 use glam::{DMat4, Mat4, Vec3, Vec4Swizzles};
 
@@ -6,20 +6,21 @@ use super::{Instance, Model, Pose};
 use crate::ids::WedgeId;
 use crate::mesh::{Bounds, Morphed, Positions, Semantic, TriMesh};
 
-/// A mesh as it stands in a pose; to be used again for the next one.
+/// A mesh deformed to a pose; buffers are reused for the next one.
 #[derive(Clone, Debug, Default)]
 pub struct Deformed {
-    /// One for each wedge of the mesh.
+    /// Positions, one for each wedge of the mesh.
     pub positions: Vec<[f32; 3]>,
-    /// One for each wedge, of unit length; empty for a mesh without normals.
+    /// Normals, one for each wedge, of unit length; empty for a mesh without normals.
     pub normals: Vec<[f32; 3]>,
-    /// From the positions to the coordinates of the model: joints place a mesh themselves.
+    /// Transform from the positions to model coordinates: the identity for skinned meshes, which their joints
+    /// place.
     pub world_from_mesh: DMat4,
     palette: Vec<Mat4>,
 }
 
 impl Model {
-    /// Strengths of the morph targets of a node's mesh.
+    /// Returns the weights of the morph targets of a node's mesh.
     pub fn morph_weights<'a>(&'a self, node: usize, pose: &'a Pose) -> &'a [f32] {
         let of_pose = pose.morph_weights.get(node).and_then(Option::as_deref);
         let own = || self.nodes[node].morph_weights.as_deref();
@@ -27,11 +28,12 @@ impl Model {
         of_pose.or_else(own).or_else(of_mesh).unwrap_or_default()
     }
 
-    /// Deforms the mesh of an instance. `false`, and nothing is done, if it stands as it is: it has no skin, and no morph
-    /// target has any strength.
+    /// Deforms the mesh of an instance. Returns `false` and does nothing if nothing deforms it: it has no
+    /// skin, and all morph weights are zero.
     ///
-    /// `world_from_nodes` is that of [`Model::world_from_nodes`] in the same pose. Morph targets come first, joints
-    /// after. Cost: O(wedges · joints of each), on one thread, without memory of its own once `out` is large enough.
+    /// `world_from_nodes` is that of [`Model::world_from_nodes`] in the same pose. Morph targets are applied
+    /// first, then joints. Cost: O(wedges · joints of each), on one thread, without allocation once `out` is
+    /// large enough.
     pub fn deform(
         &self,
         instance: &Instance,
@@ -58,10 +60,10 @@ impl Model {
         true
     }
 
-    /// A box round all that is placed in a pose; `None` if there is nothing.
+    /// Returns the bounding box of everything placed in a pose; `None` if there is nothing.
     ///
-    /// From the boxes of the meshes where nothing deforms them, so that a turned mesh may have more room than it needs.
-    /// Cost: O(vertices).
+    /// Uses the boxes of the meshes where nothing deforms them, so the box of a rotated mesh may be larger
+    /// than necessary. Cost: O(vertices).
     pub fn bounds(&self, pose: &Pose) -> Option<Bounds> {
         let world = self.world_from_nodes(pose);
         let mut own: Vec<Option<Option<Bounds>>> = vec![None; self.meshes.len()];
@@ -85,8 +87,8 @@ impl Model {
 }
 
 impl Model {
-    /// A box round all that is placed at some moments of an animation, even from its begin to its end: what a camera has to
-    /// see. `None` if there is nothing. Cost: O(moments · vertices).
+    /// Returns the bounding box over evenly spaced moments of an animation, from its start to its end: what a
+    /// camera has to see. `None` if there is nothing. Cost: O(moments · vertices).
     ///
     /// # Panics
     /// If there is no such animation.
@@ -101,7 +103,7 @@ impl Model {
     }
 }
 
-/// Makes room for a place, unless it is none.
+/// Extends a box by a point, unless it is not finite.
 fn grow(bounds: &mut Option<Bounds>, world_from_mesh: &DMat4, p: [f64; 3]) {
     let p = world_from_mesh.transform_point3(p.into()).to_array();
     if p.iter().all(|x| x.is_finite()) {
@@ -111,12 +113,13 @@ fn grow(bounds: &mut Option<Bounds>, world_from_mesh: &DMat4, p: [f64; 3]) {
     }
 }
 
-/// Deforms a mesh: first by its morph targets, by their strengths, then by joints.
+/// Deforms a mesh: first by its morph targets with the weights `strengths`, then by joints.
 ///
-/// `palette` has a matrix for each joint of a skin, from the mesh to where the joint takes it; without one, nothing is
-/// pulled. Positions and normals are written for each wedge; of a mesh without normals there are none. Normals go by the
-/// inverse transpose, and have unit length. Weights of a wedge count by their sum; where that is zero, and for joints that
-/// the palette does not have, the first joint pulls. Cost: O(wedges).
+/// `palette` has a matrix for each joint of a skin, from mesh coordinates to the joint's current ones; if it
+/// is empty, no skinning is done. Positions and normals are written for each wedge; no normals for a mesh
+/// without them. Normals are transformed by the inverse transpose, and have unit length. The joint weights of
+/// a wedge are normalized by their sum; if it is zero, and for joints beyond the palette, the first joint is
+/// used. Cost: O(wedges).
 pub fn deform(
     mesh: &TriMesh,
     strengths: &[f32],
@@ -149,19 +152,20 @@ pub fn deform(
         *p = matrix.transform_point3(Vec3::from(*p)).into();
         let Some(n) = normals.get_mut(w) else { continue };
         let [x, y, z] = [matrix.x_axis.xyz(), matrix.y_axis.xyz(), matrix.z_axis.xyz()];
-        // Cross products of the columns are the inverse transpose, up to the determinant: its sign counts.
+        // The cross products of the columns are the inverse transpose times the determinant, whose sign
+        // matters.
         let [a, b, c] = [y.cross(z), z.cross(x), x.cross(y)];
         let turned = a * n[0] + b * n[1] + c * n[2];
         *n = unit(if x.dot(a) < 0.0 { -turned } else { turned }).into();
     }
 }
 
-/// A direction of length one; the zero vector stays what it is.
+/// Normalizes a direction; the zero vector stays zero.
 fn unit(v: Vec3) -> Vec3 {
     v.try_normalize().unwrap_or(Vec3::ZERO)
 }
 
-/// What the morph targets with any strength add, and their strengths.
+/// The offsets and weights of the morph targets with non-zero weight.
 struct Targets<'a>(Vec<(&'a [[f32; 3]], f32)>);
 
 impl<'a> Targets<'a> {
@@ -185,13 +189,13 @@ impl<'a> Targets<'a> {
     }
 }
 
-/// The joints of each wedge with their weights, four in a set.
+/// Joints and weights of each wedge, in sets of four.
 struct JointSets<'a>(Vec<(Fours<'a>, Fours<'a>)>);
 /// Four numbers for each wedge.
 type Fours<'a> = &'a [[f32; 4]];
 
 impl<'a> JointSets<'a> {
-    /// `None` for a mesh that has none.
+    /// Returns `None` for a mesh without joints.
     fn of(mesh: &'a TriMesh) -> Option<Self> {
         let find = |semantic: Semantic| {
             let found = mesh.further_attributes().iter().find(|a| a.semantic == semantic && a.width == 4);
@@ -213,7 +217,7 @@ impl<'a> JointSets<'a> {
                 }
             }
         }
-        // Not equal to one in the last digits only: nothing would be gained but rounding.
+        // If the sum is one up to rounding, dividing by it would only add rounding errors.
         if (sum - 1.0).abs() <= 4.0 * f32::EPSILON {
             matrix
         } else if sum != 0.0 && sum.is_finite() {
@@ -255,7 +259,7 @@ mod tests {
         let mut mesh = TriMesh::new(positions, triangles.to_vec()).unwrap();
         mesh.set_normals(Some(vec![[0.0, 1.0, 0.0]; 6])).unwrap();
         let joints = [0.0, 1.0, 0.0, 0.0].repeat(6);
-        // The last two are the outer joint's; one's weights are not of sum one.
+        // The last two follow the outer joint; the weights of the last do not sum to one.
         let weights = [[1.0, 0.0], [0.5, 0.5], [0.5, 0.5], [1.0, 0.0], [0.0, 1.0], [0.0, 0.25]];
         let weights = weights.iter().flat_map(|[a, b]| [*a, *b, 0.0, 0.0]).collect();
         mesh.add_attribute(Attribute { semantic: Semantic::Joints(0), width: 4, values: joints }).unwrap();
@@ -270,7 +274,7 @@ mod tests {
             ..Node::default()
         };
         let mut model = Model::of_mesh(mesh);
-        // It is moved, but its joints place it.
+        // The node is moved, but its joints place the mesh.
         model.nodes[0].transform = node(50.0, Vec::new()).transform;
         model.nodes[0].skin = Some(0);
         model.nodes.extend([node(0.0, vec![2]), node(1.0, Vec::new())]);
@@ -303,7 +307,7 @@ mod tests {
             *rotation = DQuat::from_rotation_z(FRAC_PI_2);
         }
         let bent = deformed(&model, &pose);
-        // Half way between both joints, (1, 0.5) goes to the middle of itself and (0.5, 0).
+        // Halfway between both joints, (1, 0.5) goes to the mean of itself and (0.5, 0).
         let wanted = [[0.0, 0.0], [1.0, 0.0], [0.75, 0.25], [0.0, 0.5], [1.0, 1.0], [0.5, 1.0]];
         near(&bent.positions, &wanted.map(|[x, y]| [x, y, 0.0]));
         let half = std::f32::consts::FRAC_1_SQRT_2;
@@ -321,7 +325,7 @@ mod tests {
         let channels = vec![Channel { node: 2, track, times, interpolation }];
         model.animations = vec![Animation { name: String::new(), channels }];
         let all = model.bounds_over(0, 17).unwrap();
-        // Out to the right at rest, up in the middle of its time.
+        // Extends to the right at rest, and up in the middle of the animation.
         assert!((all.max[0] - 2.0).abs() < 0.13 && (all.max[1] - 1.0).abs() < 0.2, "{all:?}");
         assert_eq!(model.bounds_over(0, 0), None);
         assert!((model.bounds_over(0, 1).unwrap().max[1] - 0.5).abs() < 1e-6);
@@ -352,7 +356,7 @@ mod tests {
         model.meshes[0].morph_weights = vec![0.25, 0.0];
         near(&deformed(&model, &rest).normals, &[[0.0, 0.0, 1.0]; 4]);
         near(&deformed(&model, &rest).positions[1..2], &[[1.0, 0.0, 2.0]]);
-        // The node knows better than the mesh, the pose better than the node.
+        // The node overrides the mesh, the pose overrides the node.
         model.nodes[0].morph_weights = Some(vec![0.0, 1.0]);
         near(&deformed(&model, &rest).positions[1..2], &[[1.0, 2.0, 0.0]]);
         let pose = Pose { morph_weights: vec![Some(vec![0.5, 0.5])], ..Pose::default() };
@@ -374,10 +378,10 @@ mod tests {
         let (mut p, mut n) = (Vec::new(), Vec::new());
         deform(&mesh, &[], &scaled, &mut p, &mut n);
         near(&n, &[Vec3::new(1.0, 2.0, 0.0).normalize_or_zero().to_array(); 6]);
-        // A mirror turns the side, not the inside out.
+        // A mirror flips the direction, not inside and outside.
         deform(&mesh, &[], &[Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0)); 2], &mut p, &mut n);
         near(&n, &[[-half, half, 0.0]; 6]);
-        // No matrix at all, and one that flattens: no number that is none.
+        // A zero matrix, and a singular one: no NaN.
         deform(&mesh, &[], &[Mat4::ZERO; 2], &mut p, &mut n);
         near(&n, &[[0.0; 3]; 6]);
     }
@@ -394,7 +398,7 @@ mod tests {
         deform(&mesh, &[], &palette, &mut p, &mut n);
         near(&p[4..], &[[2.0, 1.0, 0.0], [2.0, 1.5, 0.0]]);
         assert!(n.is_empty());
-        // A skin is nothing to a mesh without joints.
+        // A mesh without joints ignores its skin.
         let plain = TriMesh::new(mesh.positions().clone(), mesh.surface().triangles().to_vec()).unwrap();
         model.meshes[0] = ModelMesh { mesh: Arc::new(plain), ..model.meshes[0].clone() };
         let rest = Pose::default();

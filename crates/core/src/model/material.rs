@@ -1,40 +1,41 @@
-//! What a surface looks like: base colour, metal and roughness, normal map, as glTF 2.0 has them.
+//! Materials: base colour, metallic and roughness, normal map, as in glTF 2.0.
 
-/// What a surface looks like.
+/// A material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// Its name, for people.
+    /// Display name.
     pub name: String,
-    /// Linear colour and opacity, times the texture and the colours of vertices.
+    /// Linear base colour and opacity, multiplied by the texture and the vertex colours.
     pub base_color: [f32; 4],
-    /// Colours in sRGB, with opacity.
+    /// Base colour texture in sRGB, with opacity.
     pub base_color_texture: Option<TextureRef>,
-    /// 1 is metal, 0 is none; times blue of the texture.
+    /// 1 is metal, 0 is a dielectric; multiplied by blue of the texture.
     pub metallic: f32,
-    /// 1 is dull, 0 a mirror; times green of the texture.
+    /// 1 is dull, 0 a mirror; multiplied by green of the texture.
     pub roughness: f32,
-    /// Roughness in green, metal in blue, linear.
+    /// Texture with roughness in green and metallic in blue, linear.
     pub metallic_roughness_texture: Option<TextureRef>,
-    /// Normals in the tangent frame of the texture coordinates: red along u, green along v (up in the image), blue out.
+    /// Normal map in the tangent frame of the texture coordinates: red along u, green along v (up in the
+    /// image), blue outwards.
     pub normal_texture: Option<TextureRef>,
-    /// How much of x and y of the normal map counts.
+    /// Scale of x and y of the normal map.
     pub normal_scale: f32,
-    /// How much light gets into creases: red, linear.
+    /// Ambient occlusion: the light that reaches creases, in red, linear.
     pub occlusion_texture: Option<TextureRef>,
-    /// Linear light of its own, times the texture.
+    /// Linear emitted light, multiplied by the texture.
     pub emissive: [f32; 3],
-    /// Light of its own, in sRGB.
+    /// Emission texture, in sRGB.
     pub emissive_texture: Option<TextureRef>,
-    /// What opacity does.
+    /// Use of the opacity.
     pub alpha: AlphaMode,
-    /// Whether the back is seen too.
+    /// True if back faces are drawn too.
     pub double_sided: bool,
-    /// Whether light has no say: the colour is shown as it is.
+    /// True if the colour is shown without lighting.
     pub unlit: bool,
 }
 
 impl Material {
-    /// All textures that it may have, to be changed.
+    /// All texture slots, mutable.
     pub fn textures_mut(&mut self) -> [&mut Option<TextureRef>; 5] {
         [
             &mut self.base_color_texture,
@@ -47,7 +48,7 @@ impl Material {
 }
 
 impl Default for Material {
-    /// White, dull, no metal, opaque.
+    /// White, dull, not metallic, opaque.
     fn default() -> Self {
         Self {
             name: String::new(),
@@ -68,63 +69,63 @@ impl Default for Material {
     }
 }
 
-/// What opacity does.
+/// Use of the opacity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
-    /// Nothing.
+    /// Opacity is ignored.
     #[default]
     Opaque,
-    /// What lies below is not there.
+    /// Pixels with an opacity below this cutoff are not drawn.
     Mask(f32),
-    /// It blends with what lies behind.
+    /// Blended with the background.
     Blend,
 }
 
-/// An image on a surface.
+/// A texture: an image with its coordinates and sampler.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureRef {
-    /// The image, by number in the model.
+    /// Index of the image in the model.
     pub image: usize,
-    /// The set of texture coordinates; 0 is the mesh's own.
+    /// Set of texture coordinates; 0 is the mesh's first.
     pub uv_set: u8,
-    /// Two rows of three: where in the image a pair of texture coordinates looks. Both count from the lower left corner
-    /// of the image, as [`TriMesh::uvs`](crate::TriMesh::uvs) do; rows of [`Image`](crate::Image) count from the top, so
-    /// (u, v) lies in row `(1 - v) * height`.
+    /// Two rows of three that transform texture coordinates to image coordinates. Both count from the lower
+    /// left corner of the image, as [`TriMesh::uvs`](crate::TriMesh::uvs) do; rows of [`Image`](crate::Image)
+    /// count from the top, so (u, v) lies in row `(1 - v) * height`.
     pub transform: [[f32; 3]; 2],
-    /// How it goes on beyond its edges, and between pixels.
+    /// Wrapping and filtering.
     pub sampler: Sampler,
 }
 
 impl TextureRef {
-    /// A transform that changes nothing.
+    /// The identity transform.
     pub const PLAIN: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
-    /// Where in the image a pair of texture coordinates looks, from its lower left corner.
+    /// Transforms texture coordinates to image coordinates, from its lower left corner.
     #[inline]
     pub fn look_up(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         self.transform.map(|[a, b, c]| a * u + b * v + c)
     }
 }
 
-/// How an image goes on beyond its edges, and between its pixels.
+/// Wrapping and filtering of an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sampler {
-    /// Along u.
+    /// Wrapping along u.
     pub wrap_u: Wrap,
-    /// Along v.
+    /// Wrapping along v.
     pub wrap_v: Wrap,
-    /// Whether each pixel stays a square when seen from near.
+    /// True for nearest-neighbour magnification.
     pub nearest: bool,
 }
 
-/// How an image goes on beyond its edges.
+/// Wrapping of an image beyond its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
-    /// Again and again.
+    /// Repeats.
     #[default]
     Repeat,
-    /// Again and again, every second time mirrored.
+    /// Repeats, every second time mirrored.
     Mirror,
-    /// Its last pixel.
+    /// Clamps to the last pixel.
     Clamp,
 }

@@ -1,11 +1,11 @@
-//! Where an animation takes the nodes of a model at a moment.
+//! Evaluation of animations: the pose of a model at a moment.
 
 use glam::{DQuat, DVec3};
 
 use super::{Animation, Channel, Interpolation, Model, Pose, Track, Transform};
 
 impl Animation {
-    /// Seconds to its last moment; 0 if nothing moves.
+    /// Time of the last keyframe in seconds; 0 if nothing moves.
     pub fn duration(&self) -> f64 {
         let last = self.channels.iter().filter_map(|c| c.times.last());
         f64::from(last.fold(0f32, |longest, &t| longest.max(t)))
@@ -13,11 +13,11 @@ impl Animation {
 }
 
 impl Model {
-    /// How the model stands at a moment of an animation.
+    /// Computes the pose of the model at a moment of an animation.
     ///
-    /// Before the first and after the last moment of a channel, its first and last values hold: whoever wants a circle
-    /// takes the seconds modulo [`Animation::duration`]. A node with a matrix stands still. Of several channels for one
-    /// property the last holds. Cost: O(nodes + channels · log moments).
+    /// Before the first and after the last keyframe of a channel, its first and last values hold: to loop,
+    /// take the seconds modulo [`Animation::duration`]. Nodes with a matrix do not move. If several channels
+    /// animate the same property, the last one counts. Cost: O(nodes + channels · log moments).
     ///
     /// # Panics
     /// If there is no such animation.
@@ -48,21 +48,21 @@ impl Model {
     }
 }
 
-/// Between which keyframes a moment lies, and how far on the way.
+/// The two keyframes around a moment, and the position between them.
 struct Moment {
     interpolation: Interpolation,
-    /// How many keyframes there are.
+    /// Number of keyframes.
     count: usize,
     from: usize,
     to: usize,
-    /// From 0 to 1.
+    /// Position between the two keyframes, from 0 to 1.
     part: f64,
-    /// Seconds between the two.
+    /// Seconds between the two keyframes.
     between: f64,
 }
 
 impl Moment {
-    /// `None` for a channel without keyframes.
+    /// Returns `None` for a channel without keyframes.
     fn of(channel: &Channel, seconds: f64) -> Option<Self> {
         let Channel { times, interpolation, .. } = channel;
         let last = times.len().checked_sub(1)?;
@@ -74,7 +74,7 @@ impl Moment {
         Some(Self { interpolation: *interpolation, count: times.len(), from, to, part, between })
     }
 
-    /// The number that holds now. `get` knows the numbers by their places, of which a cubic curve has three a keyframe.
+    /// Interpolates one component. `get` returns it by index; a cubic spline has three entries per keyframe.
     fn number(&self, get: impl Fn(usize) -> f32) -> f64 {
         let get = |place: usize| f64::from(get(place));
         let t = self.part;
@@ -104,7 +104,7 @@ impl Moment {
         };
         if self.interpolation == Interpolation::Linear {
             let [from, to] = [self.from, self.to].map(|i| unit(values[i].map(f64::from)));
-            // This takes the shorter arc.
+            // `slerp` takes the shorter arc.
             return from.slerp(to, self.part);
         }
         unit([0, 1, 2, 3].map(|k| self.number(|place| values[place][k])))
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn a_cubic_is_the_cubic() {
-        // x³ from 1 to 3, with its slopes 3 x²; y straight; the tangents beyond the ends do not count.
+        // x³ from 1 to 3, with slopes 3 x²; y linear; the tangents beyond the ends are not used.
         let at = |x: f32| [[9.0, 9.0, 9.0], [x * x * x, 2.0 * x, 0.0], [9.0, 9.0, 9.0]];
         let mut values = [at(1.0), at(3.0)].concat();
         values[2] = [3.0, 2.0, 0.0];
@@ -178,12 +178,12 @@ mod tests {
             let (sin, cos) = (degrees.to_radians() / 2.0).sin_cos();
             [0.0, 0.0, sin, cos]
         };
-        // The second one has its sign turned: the same rotation, on the other side.
+        // The second quaternion is negated: the same rotation, in the other hemisphere.
         let values = vec![turn(10.0), turn(70.0).map(|x| -x)];
         let turning = model(Track::Rotation(values), &[0.0, 3.0], Interpolation::Linear);
         let x = parts(&turning, 1.0).1 * DVec3::X;
         assert!((x.y.atan2(x.x).to_degrees() - 30.0).abs() < 1e-4, "{x}");
-        // Rounded ones get length one, and none is no rotation.
+        // A quaternion of another length is normalized, and a zero one is the identity.
         let rough =
             model(Track::Rotation(vec![[0.0, 0.0, 2.0, 0.0], [0.0; 4]]), &[0.0, 1.0], Interpolation::Step);
         assert_eq!(parts(&rough, 0.0).1.to_array(), [0.0, 0.0, 1.0, 0.0]);
@@ -195,7 +195,7 @@ mod tests {
         let values = vec![0.0, 1.0, 1.0, 0.0];
         let morphing = model(Track::MorphWeights(values), &[0.0, 4.0], Interpolation::Linear);
         assert_eq!(morphing.pose(0, 1.0).morph_weights, [Some(vec![0.25, 0.75])]);
-        // In tangents, values, out tangents; two of each.
+        // In-tangents, values, out-tangents; two of each.
         let values = [[0.0, 0.0], [0.0, 2.0], [0.0, 0.0], [0.0, 0.0], [1.0, 2.0], [0.0, 0.0]].concat();
         let curve = model(Track::MorphWeights(values), &[0.0, 4.0], Interpolation::Cubic);
         assert_eq!(curve.pose(0, 2.0).morph_weights, [Some(vec![0.5, 2.0])]);

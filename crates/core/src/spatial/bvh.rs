@@ -1,4 +1,5 @@
-//! A tree of boxes over the faces of a surface, eight boxes to a node, for the nearest point.
+//! Bounding volume hierarchy over the faces of a surface, with eight boxes per node, for nearest-point
+//! queries.
 //!
 //! ```text
 //! level 2                      [ 8 boxes ]                      the last node of the list is the root
@@ -6,10 +7,10 @@
 //! level 0   [8 faces] [8 faces] …                               node k holds slots 8k … 8k+7
 //! ```
 //!
-//! The faces are put into *slots* by splitting them at medians, so every node but the last of its level is full and no
-//! child needs a pointer. Boxes are single precision and rounded outwards, the bound they are held against is rounded
-//! upwards: a box may be opened in vain, never skipped in error. What decides is the distance to the triangle, in
-//! double precision and in the unit frame of the surface.
+//! The faces are assigned to *slots* by median splits, so every node but the last of its level is full and no
+//! child pointers are needed. Boxes are single precision and rounded outwards, the bound they are compared
+//! with is rounded upwards: a box may be opened unnecessarily, but is never skipped in error. The result is
+//! decided by the distance to the triangle, in double precision and in the unit frame of the surface.
 
 use glam::DVec3;
 
@@ -18,25 +19,26 @@ use crate::geometry::triangle::{self, Nearest};
 use crate::ids::{FaceId, VertexId};
 use crate::mesh::{Bounds, Surface};
 
-/// Boxes in a node. Eight fill two 128-bit registers a coordinate, which every 64-bit machine has; 4 measured slower.
+/// Boxes per node. Eight fill two 128-bit registers per coordinate, which every 64-bit machine has; 4
+/// measured slower.
 const WIDTH: usize = 8;
 
-/// Nodes that may wait at once: each level adds at most seven, and 2^32 faces make eleven levels.
+/// Stack size: each level adds at most seven nodes, and 2^32 faces make eleven levels.
 const STACK: usize = 7 * 11 + 2;
 
-/// Single precision is wrong by at most half a step (2^-24) in each of the six operations from a box to a squared
-/// distance; squares double it. This covers twice as much.
+/// Rounding error of single precision: at most half a step (2^-24) in each of the six operations from a box
+/// to a squared distance; squaring doubles it. This is twice that.
 const SLACK: f32 = 1.0 + 2e-6;
 
-/// Where a query ended, for the next one to begin with.
+/// End of a query, as the starting point of the next one.
 ///
-/// Only a guess: it never changes a distance, and it may come from another tree. Where several faces are equally
-/// near it decides which is named.
+/// Only a hint: it never changes a distance, and it may come from another tree. If several faces are equally
+/// near, it decides which one is returned.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Hint(u32);
 
 impl Hint {
-    /// One that names a slot; any number will do.
+    /// Makes a hint from a slot; any number is allowed.
     pub(crate) fn at(slot: u32) -> Self {
         Self(slot)
     }
@@ -45,18 +47,18 @@ impl Hint {
 /// The nearest point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// The face that it lies on. Where several share the point, one of them.
+    /// The face that it lies on. If several share the point, one of them.
     pub face: FaceId,
     /// The point, in the units of the positions.
     pub point: [f64; 3],
-    /// Squared distance to the point that was asked for, in the units of the positions. Beyond about 1e±150 it leaves
-    /// the range of a double; [`Hit::distance`] does not.
+    /// Squared distance to the query point, in the units of the positions. Beyond about 1e±150 it leaves the
+    /// range of a double; [`Hit::distance`] does not.
     pub distance_sq: f64,
-    /// Distance to the point that was asked for, in the units of the positions.
+    /// Distance to the query point, in the units of the positions.
     pub distance: f64,
 }
 
-/// A nearest point inside the unit frame of its tree.
+/// A nearest point in the unit frame of the tree.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SlotHit {
     pub(crate) slot: u32,
@@ -71,14 +73,14 @@ struct Node {
 }
 
 impl Node {
-    // Inside out: at an infinite distance from everything.
+    // Inverted boxes: at an infinite distance from everything.
     const EMPTY: Self = Self { min: [[f32::INFINITY; WIDTH]; 3], max: [[f32::NEG_INFINITY; WIDTH]; 3] };
 }
 
-/// A tree of boxes over the faces of a surface. Owns what it needs: the surface may go.
+/// A bounding volume hierarchy over the faces of a surface. Owns its data, so the surface may be dropped.
 ///
-/// Faces with a corner that is not finite are left out. Faces without area count as the segment or point that they
-/// cover. About 65 bytes a face.
+/// Faces with a non-finite corner are left out. Faces without area count as the segment or point that they
+/// cover. About 65 bytes per face.
 #[derive(Clone, Debug)]
 pub struct Bvh {
     frame: UnitFrame,
@@ -89,11 +91,11 @@ pub struct Bvh {
     first_child: Vec<u32>,
     /// Number of nodes of level 0.
     leaf_count: usize,
-    /// The face in each slot.
+    /// The face of each slot.
     faces: Vec<FaceId>,
-    /// The corners of each slot, numbers in `vertices`.
+    /// The corners of each slot, as indices into `vertices`.
     corners: Vec<[u32; 3]>,
-    /// Positions in the unit frame, in the order in which the slots first name them.
+    /// Positions in the unit frame, in the order of their first use by the slots.
     vertices: Vec<DVec3>,
 }
 
@@ -122,7 +124,7 @@ impl Bvh {
         let unit = |v: VertexId| frame.unit_from_user(positions.get(v));
         for item in &mut items {
             let [a, b, c] = triangles[item.face as usize].map(unit);
-            // The centre of the box, in whole steps of 2^-30: integers compare faster and never fail to.
+            // The centre of the box, in units of 2^-30: integers compare faster and have no NaN.
             let centre = (a.min(b).min(c) + a.max(b).max(c)) * (0.5 * (1u32 << 30) as f64);
             item.centre = centre.to_array().map(|x| x as i32);
         }
@@ -190,35 +192,37 @@ impl Bvh {
         }
     }
 
-    /// Number of faces in the tree: those of the surface less those with a corner that is not finite.
+    /// Number of faces in the tree: those of the surface without those with a non-finite corner.
     pub fn face_count(&self) -> usize {
         self.faces.len()
     }
-    /// Whether no face is in the tree.
+    /// True if no face is in the tree.
     pub fn is_empty(&self) -> bool {
         self.faces.is_empty()
     }
-    /// The box round the faces in the tree, in the units of the positions; `None` if there are none.
+    /// Returns the bounding box of the faces in the tree, in the units of the positions; `None` if there are
+    /// none.
     pub fn bounds(&self) -> Option<Bounds> {
         self.bounds
     }
 
     /// Finds the point of the surface that lies nearest to `point`.
     ///
-    /// Exact but for the rounding of double precision. `None` if the tree has no face, or if the point is not finite
-    /// or more than 1e100 times the size of the surface away. Cost: O(log n) for a point near the surface.
+    /// Exact up to rounding in double precision. `None` if the tree has no face, or if the point is not
+    /// finite or more than 1e100 times the size of the surface away. Cost: O(log n) for a point near the
+    /// surface.
     pub fn closest(&self, point: [f64; 3]) -> Option<Hit> {
         self.closest_from(point, &mut Hint::default())
     }
 
-    /// The same as [`Bvh::closest`], faster where the last query with this hint was near: its face is tried first.
+    /// Like [`Bvh::closest`], but faster if the last query with this hint was near: its face is tried first.
     pub fn closest_from(&self, point: [f64; 3], hint: &mut Hint) -> Option<Hit> {
         let p = self.frame.unit_from_user(point);
         let hit = self.closest_slot(p, f64::INFINITY, hint)?;
         Some(self.hit_of(p, hit))
     }
 
-    /// The same as [`Bvh::closest_from`], but `None` where nothing is nearer than `distance` (units of the positions).
+    /// Like [`Bvh::closest_from`], but `None` if nothing is nearer than `distance` (units of the positions).
     pub fn closest_within(&self, point: [f64; 3], distance: f64, hint: &mut Hint) -> Option<Hit> {
         let p = self.frame.unit_from_user(point);
         let distance = self.frame.unit_length(distance);
@@ -226,7 +230,7 @@ impl Bvh {
         Some(self.hit_of(p, hit))
     }
 
-    /// The same as [`Bvh::closest`] among the faces that `accept` takes. Far slower where it takes few.
+    /// Like [`Bvh::closest`], among the faces for which `accept` is true. Far slower if there are few.
     pub fn closest_of(&self, point: [f64; 3], accept: impl Fn(FaceId) -> bool) -> Option<Hit> {
         let p = self.frame.unit_from_user(point);
         if p.abs().max_element() >= 1e100 || p.is_nan() {
@@ -251,9 +255,9 @@ impl Bvh {
         }
     }
 
-    /// The nearest slot to a point of the unit frame, if its squared distance is below `bound_sq`.
+    /// Returns the slot nearest to a point of the unit frame, if its squared distance is below `bound_sq`.
     pub(crate) fn closest_slot(&self, p: DVec3, bound_sq: f64, hint: &mut Hint) -> Option<SlotHit> {
-        // Beyond, squares leave the range of a double. Also sorts out NaN.
+        // Beyond, squares leave the range of a double. Also excludes NaN.
         let within_reach = p.abs().max_element() < 1e100;
         if self.is_empty() || !within_reach || p.is_nan() {
             return None;
@@ -270,8 +274,8 @@ impl Bvh {
         Some(best)
     }
 
-    /// Calls `look` for the slots whose box lies within a squared distance of a point of the unit frame; what it returns
-    /// is the squared distance from then on. Near boxes come early.
+    /// Calls `look` for the slots whose box lies within a squared distance of a point of the unit frame; a
+    /// returned value is the new squared distance. Near boxes are visited first.
     #[inline(always)]
     pub(crate) fn visit(&self, p: DVec3, bound_sq: f64, mut look: impl FnMut(u32) -> Option<f64>) {
         if self.is_empty() {
@@ -280,7 +284,8 @@ impl Bvh {
         let query = Query::new(p);
         let mut bound = bound_of(bound_sq);
 
-        // A squared distance above 0 has the order of its bits, so one number holds it and the node, ready to compare.
+        // Non-negative floats sort like their bits, so one integer holds distance and node and compares
+        // directly.
         let mut stack = [0u64; STACK];
         stack[0] = (self.nodes.len() - 1) as u64;
         let mut waiting = 1;
@@ -339,13 +344,14 @@ impl Bvh {
     pub(crate) fn frame(&self) -> &UnitFrame {
         &self.frame
     }
-    /// The vertices of the faces in the tree, each once, neighbours mostly beside each other; in the unit frame.
+    /// The distinct vertices of the faces in the tree, mostly with neighbours close together; in the unit
+    /// frame.
     pub(crate) fn vertices(&self) -> &[DVec3] {
         &self.vertices
     }
 }
 
-/// A point in single precision, as the box that it certainly lies in.
+/// A point as a box in single precision that certainly contains it.
 struct Query {
     min: [f32; 3],
     max: [f32; 3],
@@ -353,18 +359,21 @@ struct Query {
 
 impl Query {
     fn new(p: DVec3) -> Self {
-        // Nearer than it is (never farther), so that the squares below stay in the range of single precision.
+        // Clamped: boxes then seem nearer, never farther, and the squares below stay in the range of single
+        // precision.
         let p = p.clamp(DVec3::splat(-1e18), DVec3::splat(1e18)).to_array();
         Self { min: p.map(round_down), max: p.map(round_up) }
     }
 
-    /// Lists the boxes nearer than the bound, as distance and number in one. Returns how many.
+    /// Lists the boxes nearer than the bound, with distance and node packed in one integer. Returns their
+    /// number.
     #[inline]
     fn open(&self, node: &Node, first: u32, bound: f32, near: &mut [u64; WIDTH]) -> usize {
         let mut distance_sq = [0f32; WIDTH];
         for k in 0..3 {
             for (lane, sum) in distance_sq.iter_mut().enumerate() {
-                // The larger of the two, or nothing between them; written so that it becomes one instruction each.
+                // The larger of the two, or zero between them; written so that each compiles to one
+                // instruction.
                 let below = node.min[k][lane] - self.max[k];
                 let above = self.min[k] - node.max[k][lane];
                 let gap = if below > above { below } else { above };
@@ -374,7 +383,8 @@ impl Query {
         }
         let mut count = 0;
         for (lane, d) in distance_sq.iter().enumerate() {
-            // Written always, counted only if near: no branch to guess wrong. `count` never exceeds `lane`.
+            // Written always, counted only if near: avoids an unpredictable branch. `count` never exceeds
+            // `lane`.
             near[count % WIDTH] = u64::from(d.to_bits()) << 32 | u64::from(first + lane as u32);
             count += usize::from(*d < bound);
         }
@@ -382,12 +392,13 @@ impl Query {
     }
 }
 
-/// The least single that is certainly above every computed distance of a box that holds something nearer than this.
+/// Returns a single that is certainly above every computed distance of a box that contains something nearer
+/// than this.
 #[inline]
 fn bound_of(distance_sq: f64) -> f32 {
-    // A distance of nothing cannot be improved, and a bound of 0 lets nothing pass.
+    // A distance of zero cannot be improved, and a bound of 0 rejects everything.
     let d = distance_sq as f32;
-    // Products below the normal range are rounded by more than a part of themselves: f32::MIN_POSITIVE covers them.
+    // Below the normal range products have a larger relative rounding error: `f32::MIN_POSITIVE` covers it.
     if distance_sq > 0.0 { (d * SLACK + f32::MIN_POSITIVE).min(f32::MAX) } else { 0.0 }
 }
 
@@ -416,14 +427,14 @@ fn round_up(x: f64) -> f32 {
     if f64::from(y) < x { y.next_up() } else { y }
 }
 
-/// A face on its way to its slot.
+/// A face that is being assigned to a slot.
 #[derive(Clone, Copy)]
 struct Item {
     centre: [i32; 3],
     face: u32,
 }
 
-/// Puts items in an order in which each aligned run of 8, 64, 512 … lies together.
+/// Orders items so that each aligned run of 8, 64, 512 … is spatially compact.
 fn arrange(items: &mut [Item]) {
     if items.len() <= WIDTH {
         return;
@@ -441,7 +452,7 @@ fn arrange(items: &mut [Item]) {
         }
     }
     let axis = (0..3).max_by_key(|&k| i64::from(max[k]) - i64::from(min[k])).unwrap_or(0);
-    // Ties are broken by the face, so the result does not hang on how the selection works.
+    // Ties are broken by the face, so the result does not depend on the selection algorithm.
     items.select_nth_unstable_by_key(left, |i| (i.centre[axis], i.face));
     let (left, right) = items.split_at_mut(left);
     both(left, right);
@@ -449,7 +460,7 @@ fn arrange(items: &mut [Item]) {
 
 #[cfg(feature = "rayon")]
 fn both(left: &mut [Item], right: &mut [Item]) {
-    // Below, handing over costs more than sorting (guessed).
+    // Below this, starting a task costs more than the sorting (guessed).
     if left.len() > 8192 {
         rayon::join(|| arrange(left), || arrange(right));
     } else {
@@ -508,7 +519,7 @@ mod tests {
             &[[0, 1, 2], [2, 1, 3], [3, 4, 1]],
         );
         assert_eq!(t.closest([1e10; 3]).unwrap().face, FaceId(2));
-        // So far away all faces are equally far, to the last digit; what counts is the distance.
+        // So far away all faces are equally distant to the last digit; only the distance matters.
         for far in [1e25, 1e90] {
             assert!((t.closest([far, 0.0, 0.0]).unwrap().distance / far - 1.0).abs() < 1e-12, "{far}");
         }

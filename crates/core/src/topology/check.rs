@@ -1,15 +1,15 @@
-//! Every invariant, walked.
+//! Check of all invariants of the topology.
 
 use crate::ids::{HalfEdgeId, VertexId};
 use crate::topology::{NO_RING, Topology};
 
 impl Topology {
-    /// Walks every invariant of the tables; for tests.
+    /// Checks every invariant of the tables; for tests.
     ///
     /// Cost: O(n), and O(k²) at an edge with k faces.
     ///
     /// # Panics
-    /// If one does not hold, with a sentence that says which.
+    /// If one does not hold, with a message that names it.
     pub fn check(&self) {
         let half_edges = || (0..self.origin.len() as u32).map(HalfEdgeId);
         assert_eq!(self.ring.len(), self.origin.len(), "each half-edge has its place in a ring");
@@ -33,7 +33,7 @@ impl Topology {
             }
             assert_eq!(length == 0, !is_live, "the ring of {h} holds it");
         }
-        // Two rings over the same vertices would be one edge told as two.
+        // Two rings over the same vertices would make one edge count as two.
         let mut edges: Vec<[VertexId; 2]> = self
             .edges()
             .map(|h| {

@@ -1,9 +1,9 @@
-//! Parts that hang together.
+//! Connected components.
 
 use crate::ids::{FaceId, VertexId};
 use crate::topology::Topology;
 
-/// The parts of a surface: faces that share a vertex are of the same part.
+/// The connected components of a surface: faces that share a vertex are of the same component.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Components {
     label: Vec<u32>,
@@ -14,15 +14,15 @@ pub struct Components {
 const NO_LABEL: u32 = u32::MAX;
 
 impl Components {
-    /// How many there are.
+    /// Number of components.
     pub fn count(&self) -> usize {
         self.face_counts.len()
     }
-    /// How many faces each has, in the order of their first faces.
+    /// Number of faces of each component, in the order of their first faces.
     pub fn face_counts(&self) -> &[usize] {
         &self.face_counts
     }
-    /// Which part a face belongs to; `None` if it is degenerate.
+    /// The component of a face; `None` if it is degenerate.
     ///
     /// # Panics
     /// If there is no such face.
@@ -33,9 +33,9 @@ impl Components {
 }
 
 impl Topology {
-    /// Finds the parts of the surface; they are numbered in the order of their first faces.
+    /// Finds the components of the surface; they are numbered in the order of their first faces.
     ///
-    /// Parts that touch in a single vertex are one. Degenerate faces belong to none and join nothing.
+    /// Components that touch in a single vertex are one. Degenerate faces belong to none and connect nothing.
     /// Cost: nearly O(n).
     pub fn components(&self) -> Components {
         let mut sets = Sets::new(self.vertex_count());
@@ -65,7 +65,7 @@ impl Topology {
     }
 }
 
-/// Disjoint sets of vertices; the lowest of a set stands for it.
+/// Disjoint sets of vertices; the lowest one represents its set.
 pub(super) struct Sets(Vec<VertexId>);
 
 impl Sets {
@@ -74,14 +74,14 @@ impl Sets {
     }
     pub(super) fn find(&mut self, mut v: VertexId) -> VertexId {
         while self.0[v.index()] != v {
-            // Each step halves the path.
+            // Path halving.
             let up = self.0[self.0[v.index()].index()];
             self.0[v.index()] = up;
             v = up;
         }
         v
     }
-    /// Whether the two were apart before.
+    /// Joins two sets; true if they were separate.
     pub(super) fn join(&mut self, a: VertexId, b: VertexId) -> bool {
         let (a, b) = (self.find(a), self.find(b));
         let (low, high) = (a.min(b), a.max(b));

@@ -1,14 +1,14 @@
-//! The topology in numbers.
+//! Topology counts.
 
 use crate::ids::{FaceId, HalfEdgeId, VertexId};
 use crate::topology::components::Sets;
 use crate::topology::{EdgeKind, Topology};
 
-/// The topology of a surface in numbers; degenerate faces are left out of all but their own count.
+/// Topology counts of a surface; degenerate faces are excluded from all but their own count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TopologyCounts {
-    /// Vertices that a face uses, after welding if there was any.
+    /// Vertices used by a face, after welding if any was done.
     pub vertex_count: usize,
     /// Edges.
     pub edge_count: usize,
@@ -16,44 +16,45 @@ pub struct TopologyCounts {
     pub face_count: usize,
     /// Faces that name a vertex twice.
     pub degenerate_face_count: usize,
-    /// Parts that share no vertex.
+    /// Connected components: faces that share a vertex are connected.
     pub component_count: usize,
     /// Edges with one face.
     pub border_edge_count: usize,
-    /// Sets of border edges that hang together at vertices: rims and holes. Two holes that touch are one.
+    /// Sets of border edges connected at vertices: outer borders and holes. Two holes that touch are one.
     pub border_loop_count: usize,
-    /// Edges with three faces or more.
+    /// Edges with at least three faces.
     pub non_manifold_edge_count: usize,
-    /// Vertices whose faces do not all hang together across edges with two faces, such as the ends of a non-manifold
-    /// edge.
+    /// Vertices whose faces are not all connected across edges with two faces, such as the ends of a
+    /// non-manifold edge.
     pub non_manifold_vertex_count: usize,
-    /// Vertices whose faces do not all hang together across edges, however many faces those have: the tip of an
-    /// hourglass.
+    /// Vertices whose faces are not all connected across edges, however many faces those edges have: the tip
+    /// of an hourglass.
     pub pinched_vertex_count: usize,
-    /// Edges whose two faces go the same way.
+    /// Edges whose two faces use them in the same direction.
     pub misoriented_edge_count: usize,
-    /// Whether faces could be turned so that no edge is misoriented.
+    /// True if faces can be flipped so that no edge is misoriented.
     pub is_orientable: bool,
 }
 
 impl TopologyCounts {
-    /// Vertices less edges plus faces.
+    /// Euler number: vertices minus edges plus faces.
     pub fn euler(&self) -> i64 {
         self.vertex_count as i64 - self.edge_count as i64 + self.face_count as i64
     }
-    /// Whether there are faces, and each edge has exactly two.
+    /// True if there are faces, and each edge has exactly two.
     pub fn is_closed(&self) -> bool {
         self.face_count > 0 && self.border_edge_count == 0 && self.non_manifold_edge_count == 0
     }
-    /// Whether no edge has more than two faces and the faces at each vertex hang together.
+    /// True if no edge has more than two faces and the faces at each vertex are connected.
     pub fn is_manifold(&self) -> bool {
         self.non_manifold_edge_count == 0 && self.non_manifold_vertex_count == 0
     }
-    /// Whether no two faces at an edge go the same way.
+    /// True if no edge is misoriented.
     pub fn is_oriented(&self) -> bool {
         self.misoriented_edge_count == 0
     }
-    /// The number of handles of all parts together; `None` unless the surface is manifold, orientable and not empty.
+    /// The number of handles of all components together; `None` unless the surface is manifold, orientable
+    /// and not empty.
     pub fn genus(&self) -> Option<u64> {
         if self.face_count == 0 || !self.is_manifold() || !self.is_orientable {
             return None;
@@ -64,7 +65,7 @@ impl TopologyCounts {
 }
 
 impl Topology {
-    /// Counts all there is to count.
+    /// Computes the topology counts.
     ///
     /// Cost: nearly O(n).
     pub fn counts(&self) -> TopologyCounts {
@@ -84,7 +85,7 @@ impl Topology {
                         let is_new = !std::mem::replace(&mut on_rim[v.index()], true);
                         counts.border_loop_count += usize::from(is_new);
                     }
-                    // Loops are vertices on rims less the edges that join two sets of them.
+                    // Border loops: border vertices minus the edges that join two sets of them.
                     counts.border_loop_count -= usize::from(rims.join(self.origin(h), self.target(h)));
                 }
                 Some(EdgeKind::NonManifold) => counts.non_manifold_edge_count += 1,
@@ -107,9 +108,10 @@ impl Topology {
         counts
     }
 
-    /// Whether the faces at a vertex do not hang together across edges of any kind.
+    /// True if the faces at a vertex are not all connected across edges of any kind.
     fn is_pinched(&self, vertex: VertexId) -> bool {
-        // Each face joins the far ends of its two edges at the vertex; edges are shared where ends are.
+        // Each face joins the far ends of its two edges at the vertex; faces that share an end share the
+        // edge.
         let ends = || self.vertex(vertex).corners().iter().map(|&c| (self.target(c), self.origin(c.prev())));
         let mut link: Vec<VertexId> = ends().flat_map(|(a, b)| [a, b]).collect();
         link.sort_unstable();
@@ -120,7 +122,7 @@ impl Topology {
         link.len() - joined > 1
     }
 
-    /// Whether turning some faces would orient all edges with two.
+    /// True if flipping some faces would orient all edges with two faces.
     fn is_orientable(&self) -> bool {
         const UNKNOWN: u8 = 2;
         let mut turned = vec![UNKNOWN; self.face_count()];

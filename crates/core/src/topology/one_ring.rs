@@ -1,9 +1,9 @@
-//! Walks around a vertex.
+//! Traversal of the neighbourhood of a vertex.
 
 use crate::ids::{HalfEdgeId, VertexId};
 use crate::topology::Topology;
 
-/// A vertex and what lies around it; borrows the topology.
+/// A vertex and its neighbourhood; borrows the topology.
 #[derive(Clone, Copy, Debug)]
 pub struct VertexView<'a> {
     topology: &'a Topology,
@@ -21,14 +21,14 @@ impl<'a> VertexView<'a> {
     pub fn id(&self) -> VertexId {
         self.vertex
     }
-    /// The half-edges that leave the vertex: one for each face, fan after fan, counter-clockwise where faces are
-    /// oriented alike.
+    /// The half-edges that leave the vertex: one for each face, fan after fan, counter-clockwise if the faces
+    /// are consistently oriented.
     ///
     /// Empty for a vertex that no face uses, or that was welded to another.
     pub fn corners(&self) -> &'a [HalfEdgeId] {
         self.corners
     }
-    /// The number of fans: faces that hang together across edges with two faces. One at a manifold vertex.
+    /// The number of fans: faces connected across edges with two faces. One at a manifold vertex.
     pub fn fan_count(&self) -> usize {
         self.fans().count()
     }
@@ -43,7 +43,7 @@ impl<'a> VertexView<'a> {
             Some(fan)
         })
     }
-    /// Whether an edge at the vertex has one face only.
+    /// True if an edge at the vertex has only one face.
     pub fn is_on_border(&self) -> bool {
         let is_border = |h: HalfEdgeId| self.topology.ring[h.index()] == h;
         self.corners.iter().any(|&c| is_border(c) || is_border(c.prev()))
@@ -69,7 +69,7 @@ impl Iterator for OneRing<'_> {
 
     fn next(&mut self) -> Option<VertexId> {
         let topology = self.topology;
-        // Edges with three faces or more end several fans: the lowest half-edge speaks for all.
+        // Edges with at least three faces end several fans: only the lowest half-edge reports the neighbour.
         let is_said_here = |h: HalfEdgeId| topology.twin(h).is_some() || topology.is_first_of_edge(h);
         loop {
             if let Some(fan) = &mut self.fan {
@@ -96,12 +96,12 @@ impl Iterator for OneRing<'_> {
     }
 }
 
-/// A corner on the way around its vertex.
+/// A corner in a traversal around its vertex.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Step {
     /// The half-edge that leaves the vertex.
     pub(crate) corner: HalfEdgeId,
-    /// Whether the walk goes the way of the face: in by the half-edge that leaves, out by the one that arrives.
+    /// True if the traversal follows the winding: enters by the leaving half-edge, exits by the arriving one.
     forward: bool,
 }
 
@@ -119,7 +119,7 @@ impl Step {
     fn vertex_across(self, topology: &Topology, h: HalfEdgeId) -> VertexId {
         if h == self.corner { topology.target(h) } else { topology.origin(h) }
     }
-    /// The corner behind the leaving edge, if just one face is there.
+    /// Returns the corner across the leaving edge, if exactly one other face is there.
     fn across(self, topology: &Topology) -> Option<Self> {
         let h = self.leaving();
         let g = topology.twin(h)?;
@@ -132,7 +132,7 @@ impl Step {
     }
 }
 
-/// The corners of a fan, from its open end or, where it is closed, from the corner asked for.
+/// The corners of a fan, from its open end or, if it is closed, from the given corner.
 #[derive(Clone, Debug)]
 pub(crate) struct Fan<'a> {
     topology: &'a Topology,
@@ -151,7 +151,7 @@ impl Iterator for Fan<'_> {
 }
 
 impl Topology {
-    /// The view of a vertex.
+    /// Returns the view of a vertex.
     ///
     /// # Panics
     /// If there is no such vertex.
@@ -160,16 +160,16 @@ impl Topology {
         VertexView::new(self, vertex)
     }
 
-    /// The fan that a corner belongs to.
+    /// Returns the fan that a corner belongs to.
     ///
-    /// From the first corner of the answer it answers the same.
+    /// Starting from the first corner of the result gives the same result.
     pub(crate) fn fan_through(&self, corner: HalfEdgeId) -> Fan<'_> {
         let own = Step { corner, forward: true };
         let first = match self.end_of_fan(own.turned()) {
             None => own,
             Some(end) => {
-                // Either end may be the beginning if a face is flipped: the one that goes the way of its face, then the
-                // lower. An open fan has two ends, so the other is there.
+                // If a face is flipped, either end may be the start: prefer the one that follows the winding
+                // of its face, then the lower. An open fan has two ends, so the other exists.
                 let other = self.end_of_fan(end.turned()).unwrap_or(end);
                 let (a, b) = (end.turned(), other.turned());
                 if (!a.forward, a.corner) <= (!b.forward, b.corner) { a } else { b }
@@ -178,7 +178,7 @@ impl Topology {
         Fan { topology: self, first: first.corner, at: Some(first) }
     }
 
-    /// The last step of a walk through a fan; `None` if the fan is closed.
+    /// Returns the last step of a traversal of a fan; `None` if the fan is closed.
     fn end_of_fan(&self, from: Step) -> Option<Step> {
         let mut at = from;
         loop {

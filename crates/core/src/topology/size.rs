@@ -2,18 +2,18 @@
 
 use crate::mesh::Surface;
 
-/// How large a surface is.
+/// Area and volume of a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Size {
     /// Sum of the areas of the faces, in squared units of the positions.
     pub area: f64,
-    /// Signed volume inside, in cubed units: positive where faces look outward. Of an open surface it is that of the
-    /// cone over it from the middle of its box, and of little use.
+    /// Signed enclosed volume, in cubed units: positive if faces face outward. For an open surface it is that
+    /// of the cone over it from the middle of its box, and of little use.
     pub volume: f64,
 }
 
-/// Measures area and volume; faces that are not finite are left out.
+/// Computes area and volume; non-finite faces are left out.
 ///
 /// Sums are taken about the middle of the box, so that meshes far from the origin lose no digits.
 /// Cost: O(n).

@@ -1,4 +1,4 @@
-//! Typed numbers out of buffers.
+//! Decoder of accessors: typed numbers in buffers.
 
 use lodsmith_core::Integer;
 use serde_json::Value;
@@ -32,7 +32,7 @@ impl Component {
         })
     }
 
-    /// Its number in the format.
+    /// Returns its glTF code.
     pub(super) const fn code(self) -> u32 {
         match self {
             Self::I8 => 5120,
@@ -44,7 +44,7 @@ impl Component {
         }
     }
 
-    /// The type that a mesh knows its integers by.
+    /// Returns the matching integer type of mesh attributes; `None` for floats.
     pub(super) const fn integer(self) -> Option<Integer> {
         Some(match self {
             Self::I8 => Integer::I8,
@@ -56,7 +56,7 @@ impl Component {
         })
     }
 
-    /// The number that stands for 1 where integers are parts of one.
+    /// Returns the integer that represents 1.0 in normalized accessors.
     pub(super) const fn one(self) -> f32 {
         match self {
             Self::I8 => 127.0,
@@ -68,7 +68,7 @@ impl Component {
         }
     }
 
-    /// The first number of some bytes.
+    /// Decodes the number at the start of some bytes.
     #[inline]
     fn number(self, b: &[u8]) -> f32 {
         match self {
@@ -101,13 +101,13 @@ impl Component {
     }
 }
 
-/// Elements that lie at equal distances in some bytes; all of them are there.
+/// Elements at a constant stride in a byte slice; bounds have been checked.
 struct Elements<'b> {
     bytes: &'b [u8],
     stride: usize,
 }
 
-/// Elements that replace others.
+/// Sparse elements, which replace others.
 struct Sparse<'b> {
     count: usize,
     index_kind: Component,
@@ -115,7 +115,7 @@ struct Sparse<'b> {
     values: Elements<'b>,
 }
 
-/// What an accessor claims to hold.
+/// Element count and type that an accessor declares.
 pub(super) struct Shape {
     pub(super) count: usize,
     pub(super) kind: Component,
@@ -161,12 +161,12 @@ pub(super) struct Accessor<'b> {
     sparse: Option<Sparse<'b>>,
 }
 
-/// An accessor without data holds zeros, as many as a number in the JSON says. More than this are refused, unless the
-/// file is as large. Guessed.
+/// Limit on the elements of an accessor without data, which reads as zeros: larger counts are refused unless
+/// the buffers are as large. (Guessed.)
 const ZEROS: usize = 1 << 20;
 
 impl<'b> Accessor<'b> {
-    /// `accessors[index]`, which `from` asks for.
+    /// Opens `accessors[index]`, which `from` refers to.
     pub(super) fn new(
         json: &Value,
         buffers: &'b Buffers<'_>,
@@ -176,7 +176,7 @@ impl<'b> Accessor<'b> {
         Self::of_types(json, buffers, index, from, VECTORS)
     }
 
-    /// The same of an accessor of matrices of four rows; their numbers stand column by column.
+    /// Opens an accessor of matrices of four rows; their numbers are stored column by column.
     pub(super) fn of_matrices(
         json: &Value,
         buffers: &'b Buffers<'_>,
@@ -218,17 +218,18 @@ impl<'b> Accessor<'b> {
         Ok(Self { count, kind, width, normalized, elements, sparse, name })
     }
 
-    /// Whether it has bytes of its own.
+    /// Returns true if it has data in a buffer.
     pub(super) fn has_data(&self) -> bool {
         self.elements.is_some() || self.sparse.is_some()
     }
 
-    /// Its elements as floats; integers go to 0..1 or -1..1 if the accessor or the caller says so.
+    /// Decodes the elements as floats; integers are normalized to 0..1 or -1..1 if the accessor or the caller
+    /// asks for it.
     ///
-    /// What the accessor lacks of `N` components is zero; what it has more is left out.
+    /// Components of `N` that the accessor lacks are zero; surplus ones are dropped.
     pub(super) fn floats<const N: usize>(&self, normalized: bool) -> Result<Vec<[f32; N]>, ReadError> {
         let unit = normalized || self.normalized;
-        // (One loop for all that is rare, told apart by a pointer: docs/decisions/0019.)
+        // (One loop for all rare types, selected by a function pointer: docs/decisions/0019.)
         let rare: fn(&[u8]) -> f32 = match (self.kind, unit) {
             (Component::F32, _) => return self.decode_packed(f32::from_le_bytes),
             (Component::I8, true) => |b| (f32::from(i8::from_le_bytes(first(b))) / 127.0).max(-1.0),
@@ -244,11 +245,12 @@ impl<'b> Accessor<'b> {
         self.decode(rare)
     }
 
-    /// Some of its elements as floats, each with `width` numbers of `out`; numbers that it does not have stay as they
-    /// are there. Integers go to 0..1 or -1..1 if the accessor or the caller says so.
+    /// Decodes the chosen elements as floats, `width` numbers of `out` each; numbers that the accessor lacks
+    /// stay unchanged there. Integers are normalized to 0..1 or -1..1 if the accessor or the caller asks for
+    /// it.
     ///
     /// # Panics
-    /// If there is no such element, which callers have checked.
+    /// If an index is out of bounds, which callers have checked.
     pub(super) fn pick(
         &self,
         chosen: &[u32],
@@ -274,7 +276,7 @@ impl<'b> Accessor<'b> {
             }
         }
         let Some(sparse) = &self.sparse else { return Ok(()) };
-        // Of two values for one element the later one holds.
+        // Of two values for one element the later one wins.
         let mut replaced = Vec::new();
         for k in 0..sparse.count {
             let i = sparse.index(k);
@@ -300,8 +302,8 @@ impl<'b> Accessor<'b> {
         ReadError::element(self.name.as_str(), format!("the sparse index {i} is beyond the {count} elements"))
     }
 
-    /// The least and the greatest number of each component, as they are stored; replacements are left out. Numbers that
-    /// are none count as zero, and so do all where there is no element.
+    /// Returns the minimum and the maximum of each component, as stored; sparse values are left out.
+    /// Non-finite numbers count as zero; without elements, all bounds are zero.
     pub(super) fn bounds(&self) -> (Vec<Value>, Vec<Value>) {
         let (size, no_bounds) = (self.kind.size(), (f32::INFINITY, f32::NEG_INFINITY));
         let mut bounds = vec![no_bounds; self.width];
@@ -321,7 +323,7 @@ impl<'b> Accessor<'b> {
         bounds.map(|(min, max)| (shown(min), shown(max))).unzip()
     }
 
-    /// Its elements as indices.
+    /// Decodes the elements as indices.
     pub(super) fn indices(&self) -> Result<Vec<u32>, ReadError> {
         if self.width != 1 {
             return Err(ReadError::element(self.name.as_str(), "indices must be of type SCALAR"));
@@ -338,7 +340,7 @@ impl<'b> Accessor<'b> {
         }
     }
 
-    /// What most accessors are made of: components that follow each other without a gap, in a loop without decisions.
+    /// Fast path for most accessors, whose components are tightly packed: a loop without branches.
     fn decode_packed<T: Copy + Default, const N: usize, const S: usize>(
         &self,
         read: impl Fn([u8; S]) -> T,
@@ -417,7 +419,7 @@ impl<'b> Sparse<'b> {
     }
 }
 
-/// The first bytes of a component, as many as its kind has.
+/// Returns the first bytes of a component, as many as its kind has.
 #[inline(always)]
 fn first<const S: usize>(bytes: &[u8]) -> [u8; S] {
     *bytes.first_chunk().expect("as many bytes as its kind has")
@@ -431,7 +433,7 @@ fn component(object: &Value, at: &str) -> Result<Component, ReadError> {
     })
 }
 
-/// `count` elements of `size` bytes from byte `offset` of a view, if they are all there.
+/// Returns `count` elements of `size` bytes from byte `offset` of a view, after a bounds check.
 fn slice<'b>(
     view: View<'b>,
     offset: usize,

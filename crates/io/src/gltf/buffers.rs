@@ -1,4 +1,4 @@
-//! Where the bytes of buffers come from: the file itself, text within it, or files beside it.
+//! Access to the bytes of buffers: in the file itself, in data URIs, or in separate files.
 
 use std::borrow::Cow;
 use std::cell::OnceCell;
@@ -18,18 +18,18 @@ use crate::error::ReadError;
 use crate::excerpt::excerpt;
 use crate::options::ReadOptions;
 
-/// The buffers of a file, opened when they are asked for.
+/// The buffers of a file, loaded on first use.
 pub(super) struct Buffers<'a> {
     json: &'a Value,
     bin: Option<&'a [u8]>,
     pub(super) assets: Assets,
     limit: u64,
     loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
-    /// How many bytes came out of compressed streams.
+    /// Number of bytes that were decoded from compressed streams.
     unpacked: usize,
 }
 
-/// A piece of a buffer.
+/// A buffer view: a range of bytes of a buffer.
 pub(super) struct View<'b> {
     pub(super) bytes: &'b [u8],
     pub(super) stride: Option<usize>,
@@ -48,16 +48,16 @@ impl<'a> Buffers<'a> {
         }
     }
 
-    /// Buffers whose bytes are all there; some of them came out of compressed streams.
+    /// Wraps buffers that are loaded already; `unpacked` of their bytes were decoded from compressed streams.
     pub(super) fn loaded(json: &'a Value, bytes: &'a [Arc<Vec<u8>>], unpacked: usize) -> Self {
         let cell = |b: &'a Arc<Vec<u8>>| OnceCell::from(Cow::Borrowed(b.as_slice()));
         let loaded = bytes.iter().map(cell).collect();
         Self { json, bin: None, assets: Assets::default(), limit: 0, loaded, unpacked }
     }
 
-    /// The bytes of every buffer; none for those that are for readers without an extension.
+    /// Loads every buffer; those that are fallbacks for readers without an extension stay empty.
     pub(super) fn load_all(&self) -> Result<Vec<Arc<Vec<u8>>>, ReadError> {
-        // Many buffers may name one file.
+        // Several buffers may name the same file.
         let mut known: HashMap<(&str, &Value), Arc<Vec<u8>>> = HashMap::new();
         let (mut all, mut total) = (Vec::new(), 0u64);
         let fallbacks = unpack::fallbacks(self.json);
@@ -86,18 +86,18 @@ impl<'a> Buffers<'a> {
         Ok(all)
     }
 
-    /// Bytes of all buffers that have been opened.
+    /// Returns the number of bytes of all loaded buffers.
     pub(super) fn opened_bytes(&self) -> usize {
         self.loaded.iter().filter_map(OnceCell::get).map(|b| b.len()).sum()
     }
 
-    /// Bytes of all buffers that have been opened, as a measure of what the file may ask for: sixteen that came out of a
-    /// compressed stream count as one.
+    /// Returns the number of bytes of all loaded buffers, as a measure of what the file may ask for: sixteen
+    /// bytes decoded from a compressed stream count as one.
     pub(super) fn total(&self) -> usize {
         self.opened_bytes().saturating_sub(self.unpacked) + self.unpacked / 16
     }
 
-    /// `bufferViews[index]`, which `from` asks for.
+    /// Returns `bufferViews[index]`, which `from` refers to.
     pub(super) fn view(&self, index: usize, from: &str) -> Result<View<'_>, ReadError> {
         let (view, name) = entry(self.json, "bufferViews", index, from)?;
         let Some(buffer) = whole(view, "buffer", &name)? else {
@@ -142,7 +142,7 @@ impl<'a> Buffers<'a> {
                     Cow::Owned(b)
                 }
             };
-            // Nobody came in between: this type is used by one thread.
+            // The cell is still empty: this type is used by one thread.
             let _ = cell.set(bytes);
         }
         Ok(cell.get().map_or(&[], |b| b))
@@ -172,7 +172,7 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// The bytes of a `data:` uri, without that word.
+/// Decodes a `data:` URI, given without that prefix.
 pub(super) fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
     // Some programs leave the padding out.
     const LENIENT: GeneralPurpose = GeneralPurpose::new(
@@ -189,10 +189,10 @@ pub(super) fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
     }
 }
 
-/// The path that a uri names. Where it may lead is for [`Assets`] to say.
+/// Converts a URI to a path. [`Assets`] decides where it may lead.
 pub(super) fn path_of(uri: &str) -> Result<PathBuf, &'static str> {
     let scheme = uri.split_once(':').map(|(s, _)| s);
-    // A drive's letter passes for a scheme, and is refused for the same reason.
+    // A drive letter looks like a scheme, and is refused as one.
     if scheme
         .is_some_and(|s| !s.is_empty() && s.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c)))
     {
@@ -203,7 +203,7 @@ pub(super) fn path_of(uri: &str) -> Result<PathBuf, &'static str> {
     if text.contains('\0') || text.is_empty() {
         return Err("names no file");
     }
-    // Windows takes both kinds of slash, and drives by a letter.
+    // Windows accepts both kinds of slash, and drive letters.
     let text = text.replace('\\', "/");
     if text.contains(':') {
         return Err("is an address, and only files are read");

@@ -1,4 +1,4 @@
-//! The JSON and the binary chunk of a file.
+//! File container: the JSON and the binary chunk.
 
 use std::io::{self, Write};
 
@@ -16,13 +16,15 @@ pub(super) struct Document<'a> {
     pub(super) is_glb: bool,
 }
 
-/// Bytes of memory for each byte of JSON that a file may ask for, and that any file may. Scenes of thousands of nodes and
-/// accessors come to 20, nodes with a place and nothing else to 32; empty lists in lists, as `extras` may hold, to 130.
+/// Limits on the memory of parsed JSON: bytes per byte of text, and a total that any file may reach. Scenes
+/// of thousands of nodes and accessors need 20 bytes per byte, nodes with only a transform 32; nested empty
+/// lists, which `extras` may hold, 130.
 const PER_JSON_BYTE: u64 = 48;
 const ALWAYS_PARSED: u64 = 512 << 20;
-/// JSON of fewer bytes is never too much.
+/// Shorter JSON is not checked.
 const SMALL_JSON: usize = 1 << 20;
-/// Bytes that a value takes in its list; a list, which has room for four at least; an object, with a list and a table of keys.
+/// Bytes of a value within its list; of a list, with its minimum capacity of four; of an object, with its
+/// list and table of keys.
 const PER_VALUE: u64 = 80;
 const PER_LIST: u64 = 304;
 const PER_OBJECT: u64 = 440;
@@ -30,7 +32,7 @@ const PER_OBJECT: u64 = 440;
 const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
 const BIN_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
 
-/// Extensions that change where the numbers of a mesh come from, or what types they have, and that are understood.
+/// Supported extensions that change how the numbers of a mesh are stored, or their types.
 const UNDERSTOOD: [&str; 4] = [
     "KHR_mesh_quantization",
     "EXT_meshopt_compression",
@@ -38,7 +40,8 @@ const UNDERSTOOD: [&str; 4] = [
     "KHR_draco_mesh_compression",
 ];
 
-/// Extensions that say how things look or behave, which is not read anyway; those that begin with `KHR_materials_` too.
+/// Extensions that affect only appearance or behaviour, without which a mesh can be read; those that begin
+/// with `KHR_materials_` are of this kind too.
 pub(super) const HARMLESS: [&str; 9] = [
     "KHR_texture_transform",
     "KHR_texture_basisu",
@@ -51,7 +54,7 @@ pub(super) const HARMLESS: [&str; 9] = [
     "KHR_xmp",
 ];
 
-/// Extensions that place meshes, or describe them by attributes: a scene that stays whole keeps them.
+/// Extensions that place meshes or describe them by attributes: accepted if the whole scene is kept.
 const KEPT_IN_SCENES: [&str; 6] = [
     "EXT_instance_features",
     "EXT_mesh_features",
@@ -62,7 +65,7 @@ const KEPT_IN_SCENES: [&str; 6] = [
 ];
 
 impl<'a> Document<'a> {
-    /// `copies`: how often the JSON will be in memory at once, at most.
+    /// Parses a file. `copies`: maximum number of copies of the JSON that will be in memory at once.
     pub(super) fn parse(bytes: &'a [u8], limits: Limits, copies: u64) -> Result<Self, ReadError> {
         let is_glb = bytes.starts_with(b"glTF");
         let (text, bin) = if is_glb { chunks(bytes)? } else { (bytes, None) };
@@ -103,7 +106,8 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Refuses what cannot be read without an extension that is not known; `is_scene` is for a file that stays whole.
+    /// Returns an error if the file requires an unsupported extension; `is_scene` is for a file that is kept
+    /// whole.
     pub(super) fn check_extensions(&self, is_scene: bool) -> Result<(), ReadError> {
         for name in list(&self.json, "extensionsRequired") {
             let name = name.as_str().unwrap_or("(no name)");
@@ -122,14 +126,15 @@ impl<'a> Document<'a> {
     }
 }
 
-/// About how many bytes some JSON takes when it is parsed: texts as they are, and so much for each value, list and object.
+/// Estimates the memory of parsed JSON: the text itself, plus a constant for each value, list and object.
 /// (Measured: docs/decisions/0022.)
 fn parsed_bytes(text: &[u8]) -> u64 {
-    // What takes no time worth a thought.
+    // Too small to matter.
     if text.len() < SMALL_JSON {
         return SMALL_JSON as u64;
     }
-    // In short runs, whose counts fit what vectors of bytes count in. Signs within texts count too, which are few.
+    // In short runs, whose counts fit the byte lanes of SIMD registers. Characters within strings count too;
+    // they are few.
     let (mut values, mut lists, mut objects) = (0u64, 0u64, 0u64);
     for piece in text.chunks(255) {
         let count = |sign: u8| u64::from(piece.iter().map(|b| u8::from(*b == sign)).sum::<u8>());
@@ -188,7 +193,7 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ReadError> {
     json.map(|json| (json, bin)).ok_or_else(|| ReadError::byte(12, "the GLB has no JSON chunk"))
 }
 
-/// Writes a file: JSON that holds its bytes already, or a GLB with them behind it.
+/// Writes a file: JSON whose bytes are embedded already, or a GLB with a binary chunk.
 pub(super) fn emit(json: &Value, bytes: &[u8], glb: bool, out: &mut dyn Write) -> io::Result<()> {
     if !glb {
         serde_json::to_writer(&mut *out, json)?;
@@ -221,17 +226,17 @@ pub(super) fn emit(json: &Value, bytes: &[u8], glb: bool, out: &mut dyn Write) -
     out.write_all(&[0; 3][..padding])
 }
 
-/// The entries of a list of an object; none if it is not there.
+/// Returns the entries of a list of an object; none if it is missing.
 pub(super) fn list<'v>(object: &'v Value, name: &str) -> &'v [Value] {
     object[name].as_array().map_or(&[], Vec::as_slice)
 }
 
-/// The same, to be changed.
+/// Returns the entries of a list of an object, mutably; none if it is missing.
 pub(super) fn list_mut<'v>(object: &'v mut Value, name: &str) -> &'v mut [Value] {
     object.get_mut(name).and_then(Value::as_array_mut).map_or(&mut [], Vec::as_mut_slice)
 }
 
-/// A property that is a whole number from 0; `None` if it is not there.
+/// Returns a property that is a non-negative integer; `None` if it is missing.
 pub(super) fn whole(object: &Value, name: &str, at: &str) -> Result<Option<usize>, ReadError> {
     let value = &object[name];
     if value.is_null() {
@@ -243,7 +248,7 @@ pub(super) fn whole(object: &Value, name: &str, at: &str) -> Result<Option<usize
     })
 }
 
-/// A whole number from 0.
+/// Returns a value as a non-negative integer.
 pub(super) fn number(value: &Value) -> Option<usize> {
     // Some programs write whole numbers as `3.0`.
     let from_float =
@@ -251,7 +256,7 @@ pub(super) fn number(value: &Value) -> Option<usize> {
     value.as_u64().or_else(from_float).and_then(|n| usize::try_from(n).ok())
 }
 
-/// The entry with this index, with its name for messages.
+/// Returns the entry with this index, and its name for messages.
 pub(super) fn entry<'v>(
     json: &'v Value,
     name: &str,

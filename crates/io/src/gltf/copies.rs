@@ -1,11 +1,11 @@
-//! A scene several times: nodes that share its meshes, materials and samplers.
+//! Copies of a scene: nodes that share its meshes, materials and samplers.
 //!
 //! ```text
 //! scene ── node "a"          scene ── "copy_1" ── node "a"
 //!                                  └─ "copy_2" ── node "a", of its own
 //! ```
 //!
-//! Skins and channels of animations name nodes, so each copy has its own; what they look up in buffers is shared.
+//! Skins and animation channels refer to nodes, so each copy has its own; their data in buffers is shared.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -16,25 +16,25 @@ use super::lists::append;
 use super::placements;
 use crate::error::ReadError;
 
-/// Where a copy of a scene stands.
+/// Name and transform of a copy of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CopyPlace {
     /// Name of its node.
     pub name: String,
-    /// Where its origin is.
+    /// Translation of its origin.
     pub translation: [f64; 3],
-    /// How it is turned: a quaternion of length one, its real part last.
+    /// Rotation: a quaternion of length one, its real part last.
     pub rotation: [f64; 4],
-    /// How much larger it is.
+    /// Uniform scale factor.
     pub scale: f64,
 }
 
-/// The JSON with one scene, which holds a copy of the default one at each of these places.
+/// Returns the JSON with one scene, which holds a copy of the default scene at each of these places.
 pub(super) fn with_copies(source: &Value, places: &[CopyPlace]) -> Result<Value, ReadError> {
     let mut json = source.clone();
     let mut roots = placements::roots(source)?;
     if placements::placed(source)?.is_empty() {
-        // Where no node places a mesh, all are seen as they stand.
+        // If no node refers to a mesh, all meshes are shown untransformed.
         for mesh in 0..list(source, "meshes").len() {
             roots.push(append(&mut json, "nodes", json!({ "mesh": mesh })));
         }
@@ -68,7 +68,7 @@ pub(super) fn with_copies(source: &Value, places: &[CopyPlace]) -> Result<Value,
     Ok(json)
 }
 
-/// The nodes of some trees, parents first.
+/// Returns the nodes of the trees under `roots`, parents first.
 fn below(json: &Value, roots: &[usize]) -> Vec<usize> {
     let mut all = Vec::new();
     let mut open: Vec<usize> = roots.iter().rev().copied().collect();
@@ -79,7 +79,7 @@ fn below(json: &Value, roots: &[usize]) -> Vec<usize> {
     all
 }
 
-/// Nodes and skins once more; the new number of each node.
+/// Duplicates nodes and skins; returns the new index of each node.
 fn copy(json: &mut Value, nodes: &[usize], skins: &BTreeSet<usize>) -> HashMap<usize, usize> {
     let first = list(json, "nodes").len();
     let own: HashMap<usize, usize> = nodes.iter().enumerate().map(|(k, n)| (*n, first + k)).collect();
@@ -108,7 +108,7 @@ fn copy(json: &mut Value, nodes: &[usize], skins: &BTreeSet<usize>) -> HashMap<u
     own
 }
 
-/// Lets animations move the nodes of all copies.
+/// Duplicates animation channels for the nodes of all copies.
 fn animate(json: &mut Value, of_copies: &[HashMap<usize, usize>]) {
     for animation in list_mut(json, "animations") {
         let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };

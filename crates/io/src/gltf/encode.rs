@@ -1,4 +1,4 @@
-//! Numbers of a mesh as the typed bytes of an accessor.
+//! Encoder of accessor data: numbers of a mesh as typed bytes.
 
 use serde_json::Value;
 
@@ -8,11 +8,11 @@ use super::accessors::Component;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kind {
     pub(super) component: Component,
-    /// Whether integers stand for parts of one.
+    /// True if integers are normalized.
     pub(super) normalized: bool,
 }
 
-/// Bytes of an accessor, and what it says of them.
+/// Bytes of an accessor, and its properties.
 #[derive(Debug)]
 pub(super) struct Encoded {
     pub(super) kind: Kind,
@@ -27,7 +27,7 @@ pub(super) struct Encoded {
 impl Kind {
     pub(super) const FLOAT: Self = Self { component: Component::F32, normalized: false };
 
-    /// The integer for a number, within its range.
+    /// Returns the integer for a number, clamped to the range of the type.
     fn whole(self, x: f32) -> f64 {
         let scaled = if self.normalized { x * self.component.one() } else { x };
         let (low, high) = match self.component {
@@ -37,21 +37,21 @@ impl Kind {
             Component::I16 => (-32768.0, 32767.0),
             component => (0.0, f64::from(component.one())),
         };
-        // What is no number becomes zero.
+        // NaN becomes zero.
         let whole = f64::from(scaled).round().clamp(low, high);
         if whole.is_nan() { 0.0 } else { whole }
     }
 
-    /// Whether a number comes back as it was.
+    /// Returns true if a number survives the round trip.
     fn holds(self, x: f32) -> bool {
         let whole = self.whole(x) as f32;
         x == if self.normalized { whole / self.component.one() } else { whole }
     }
 }
 
-/// Elements of `width` numbers, in the type that they came in if that holds them, else as floats.
+/// Encodes elements of `width` numbers, in their source type if that represents them exactly, else as floats.
 ///
-/// With `is_forced` they are rounded to their type in any case.
+/// With `is_forced` they are always rounded to their type.
 pub(super) fn encode(values: &[f32], width: usize, kind: Kind, is_forced: bool) -> Encoded {
     let is_float = kind.component == Component::F32;
     let fits = !is_float && (is_forced || values.iter().all(|&x| kind.holds(x)));
@@ -83,7 +83,7 @@ pub(super) fn encode(values: &[f32], width: usize, kind: Kind, is_forced: bool) 
     }
     let shown = |bound: Vec<f64>| {
         let number = |x: f64| match kind.component {
-            // JSON has no numbers that are none.
+            // JSON has no NaN or infinity.
             _ if !x.is_finite() => Value::from(0),
             Component::F32 => Value::from(x),
             _ => Value::from(x as i64),
@@ -93,14 +93,14 @@ pub(super) fn encode(values: &[f32], width: usize, kind: Kind, is_forced: bool) 
     Encoded { kind, width, stride, bytes, min: shown(min), max: shown(max) }
 }
 
-/// Brings directions of three numbers, at the begin of each element, to length one; how many had no length and became
-/// `instead`.
+/// Normalizes the direction in the first three numbers of each element; returns the number of directions
+/// without length, which become `instead`.
 pub(super) fn unit_directions(values: &mut [f32], width: usize, instead: [f32; 3]) -> usize {
     let mut replaced = 0;
     for element in values.chunks_exact_mut(width) {
         let [x, y, z] = [0, 1, 2].map(|k| f64::from(element[k]));
         let length = (x * x + y * y + z * z).sqrt();
-        // The bound is well within what the validator of the format takes.
+        // The tolerance is well within that of the glTF validator.
         if (length - 1.0).abs() <= 1e-4 {
             continue;
         }
@@ -115,8 +115,9 @@ pub(super) fn unit_directions(values: &mut [f32], width: usize, instead: [f32; 3
     replaced
 }
 
-/// Makes the weights of each vertex, over all sets, sum to one. `one` is what stands for 1 where they are integers: then
-/// the integers sum to it exactly. Weights that are all zero stay so.
+/// Scales the weights of each vertex, over all sets, to the sum one. `one` is the integer that represents
+/// 1.0, if they are stored as integers: then the integers sum to it exactly. Weights that are all zero stay
+/// zero.
 pub(super) fn settle_weights(sets: &mut [Vec<f32>], one: Option<f32>) {
     let count = sets.iter().map(|s| s.len() / 4).min().unwrap_or(0);
     for i in 0..count {
@@ -127,7 +128,7 @@ pub(super) fn settle_weights(sets: &mut [Vec<f32>], one: Option<f32>) {
         if !(sum > 0.0 && sum.is_finite()) {
             continue;
         }
-        // Half of what the validator of the format takes.
+        // Half the tolerance of the glTF validator.
         if (sum - 1.0).abs() > 1e-7 * used as f64 {
             for &(s, k) in &places {
                 sets[s][k] = (f64::from(sets[s][k]) / sum) as f32;

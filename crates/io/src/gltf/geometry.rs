@@ -1,4 +1,4 @@
-//! From primitives and their places to one mesh.
+//! Merging of the primitives of all placed meshes into one mesh.
 
 use lodsmith_core::{MeshError, Positions, TriMesh};
 use serde_json::Value;
@@ -16,15 +16,15 @@ use crate::limits::Limits;
 /// A mesh farther from the origin than this many times its size loses half of the 24 bits of a float there.
 const FAR: f64 = 4096.0;
 
-/// All placed meshes in one.
+/// Result of merging all placed meshes.
 pub(super) struct Gathered {
     pub(super) mesh: TriMesh,
-    /// The materials of its faces.
+    /// Materials of its faces, as runs.
     pub(super) runs: Vec<Run>,
     pub(super) warnings: Vec<Warning>,
 }
 
-/// Puts all placed meshes into one.
+/// Merges all placed meshes into one.
 pub(super) fn gather(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -51,7 +51,7 @@ pub(super) fn gather(
         + each(has(|g| g.normals.is_some()), 12)
         + each(has(|g| g.uvs.is_some()), 8)
         + each(has(|g| g.colors.is_some()), 16);
-    // The indices of a primitive stand beside its triangles until they are checked.
+    // The indices of a primitive are in memory beside its triangles until they are checked.
     let need = vertices.saturating_mul(vertex).saturating_add(faces.saturating_mul(24));
     let held = file_bytes.max(buffers.opened_bytes()) as u64;
     limits.check_memory("reading glTF", held.saturating_add(need))?;
@@ -72,7 +72,7 @@ pub(super) fn gather(
     Ok(Gathered { mesh, runs: out.runs, warnings: told.warnings() })
 }
 
-/// What was met on the way, to be said once.
+/// Irregularities that were found, for one warning each.
 #[derive(Default)]
 struct Told {
     points_or_lines: usize,
@@ -108,18 +108,18 @@ impl Told {
 
 /// Primitives of a mesh that share their vertices.
 struct Group {
-    /// For messages: the first primitive.
+    /// Name of the first primitive, for messages.
     name: String,
     positions: usize,
     normals: Option<usize>,
     uvs: Option<usize>,
     colors: Option<usize>,
-    /// How many there are.
+    /// Number of vertices.
     vertices: usize,
     primitives: Vec<Primitive>,
 }
 
-/// Looks at every mesh that is placed, and checks its accessors. Nothing is decoded.
+/// Groups the primitives of every placed mesh and checks their accessors. Nothing is decoded.
 fn plan(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -168,7 +168,8 @@ fn plan(
 /// Accessors of positions, normals, texture coordinates and colours.
 type Key = (usize, Option<usize>, Option<usize>, Option<usize>);
 
-/// A group without primitives; its attributes are there, of the right width, one for each vertex.
+/// Returns a group without primitives; checks that its attributes exist and have the right width and one
+/// entry per vertex.
 fn group(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -207,7 +208,7 @@ fn group(
     Ok(Group { name: name.to_owned(), positions, normals, uvs, colors, vertices, primitives: Vec::new() })
 }
 
-/// The mesh as it grows.
+/// The merged mesh under construction.
 struct Out {
     positions: Positions,
     normals: Option<Vec<[f32; 3]>>,
@@ -229,7 +230,7 @@ impl Out {
         }
     }
 
-    /// Adds a group at its place.
+    /// Adds a group, transformed by `place`.
     fn add(
         &mut self,
         json: &Value,
@@ -265,7 +266,7 @@ impl Out {
                 Some(index) => Accessor::new(json, buffers, index, &group.name)?.floats::<2>(false)?,
                 None => vec![[0.0, 1.0]; local.len()],
             };
-            // glTF counts from the upper left corner of the image.
+            // In glTF, texture coordinates start at the upper left corner of the image.
             more.iter_mut().for_each(|uv| uv[1] = 1.0 - uv[1]);
             append(uvs, more);
         }
@@ -273,7 +274,7 @@ impl Out {
             let more = match group.colors {
                 Some(index) => {
                     let accessor = Accessor::new(json, buffers, index, &group.name)?;
-                    // Colours of integers mean 0..1 whether the file says so or not.
+                    // Integer colours mean 0..1 even if the file does not declare them normalized.
                     let mut more = accessor.floats::<4>(true)?;
                     if accessor.width == 3 {
                         more.iter_mut().for_each(|c| c[3] = 1.0);
@@ -307,7 +308,7 @@ impl Out {
         }
     }
 
-    /// Adds the triangles of a primitive; `base` and `count` are the first of its vertices and their number.
+    /// Adds the triangles of a primitive; `base` and `count` are its first vertex and its number of vertices.
     fn add_triangles(
         &mut self,
         json: &Value,
@@ -340,7 +341,7 @@ impl Out {
     }
 }
 
-/// Appends; the first part is taken as it is.
+/// Appends a vector; an empty target takes it over without copying.
 fn append<T>(all: &mut Vec<T>, more: Vec<T>) {
     if all.is_empty() {
         *all = more;
@@ -349,7 +350,7 @@ fn append<T>(all: &mut Vec<T>, more: Vec<T>) {
     }
 }
 
-/// Whether floats lose half of their bits for a mesh at this place.
+/// Returns true if floats lose half of their bits for a mesh at this place.
 fn loses_half(local: &[[f32; 3]], place: &Affine) -> bool {
     let far = place.translation().iter().fold(0f64, |m, x| m.max(x.abs()));
     if far == 0.0 {
@@ -368,7 +369,7 @@ fn loses_half(local: &[[f32; 3]], place: &Affine) -> bool {
     extent > 0.0 && extent.is_finite() && far > FAR * extent
 }
 
-/// A normal at its place, with length one; what has no length, or has no place to turn to, stays as it is.
+/// Transforms a normal and normalizes it; it stays unchanged if the result has no length.
 fn turned(n: [f32; 3], matrix: &[[f64; 3]; 3], plain: bool) -> [f32; 3] {
     let wide = n.map(f64::from);
     let length_sq = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
@@ -376,7 +377,7 @@ fn turned(n: [f32; 3], matrix: &[[f64; 3]; 3], plain: bool) -> [f32; 3] {
         return n;
     }
     let m = if plain { wide } else { matrix.map(|r| r[0] * wide[0] + r[1] * wide[1] + r[2] * wide[2]) };
-    // Scaled first: the factors of a small mesh's matrix are smaller still.
+    // Scaled first, to avoid underflow: the cofactors in the matrix of a small mesh are smaller still.
     let largest = m.iter().fold(0f64, |a, x| a.max(x.abs()));
     if !(largest > 0.0 && largest.is_finite()) {
         return n;
@@ -386,7 +387,7 @@ fn turned(n: [f32; 3], matrix: &[[f64; 3]; 3], plain: bool) -> [f32; 3] {
     m.map(|x| (x / length) as f32)
 }
 
-/// Normals of vertices: the sum of those of their faces, weighted by area.
+/// Computes vertex normals: the sum of face normals, weighted by area.
 fn smooth_normals(local: &[[f32; 3]], base: usize, triangles: &[[u32; 3]], mirrored: bool) -> Vec<[f32; 3]> {
     let mut sums = vec![[0f64; 3]; local.len()];
     let sign = if mirrored { -1.0 } else { 1.0 };
@@ -412,7 +413,7 @@ mod tests {
 
     #[test]
     fn a_mirror_turns_faces_and_keeps_normals_outside() {
-        // Seen from +z, counter-clockwise; mirrored along x it must be so again.
+        // Counter-clockwise seen from +z, before and after the mirror along x.
         let place = Affine([[-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
         assert!(place.determinant() < 0.0);
         assert_eq!(turned([0.0, 0.0, 1.0], &place.normal_matrix(), false), [0.0, 0.0, 1.0]);

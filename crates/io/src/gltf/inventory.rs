@@ -1,4 +1,4 @@
-//! What else a file holds: counted for reports, and named where it is dropped.
+//! Inventory of the other contents of a file: counts for reports, and warnings for what is dropped.
 
 use serde_json::Value;
 
@@ -9,7 +9,7 @@ use crate::error::Warning;
 use crate::excerpt::excerpt;
 use crate::loaded::Contents;
 
-/// Names of attributes as reports give them.
+/// Attribute names as shown in reports.
 const NAMES: [(&str, &str); 6] = [
     ("NORMAL", "normals"),
     ("TEXCOORD_0", "uvs"),
@@ -19,14 +19,14 @@ const NAMES: [(&str, &str); 6] = [
     ("WEIGHTS_0", "weights"),
 ];
 
-/// Counts what is there; one warning for each kind of thing that is dropped.
+/// Counts the contents of a file; returns one warning for each kind of content that is dropped.
 pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<Warning>) {
     let count = |name: &str| list(json, name).len();
     let meshes = list(json, "meshes");
     let mut contents = Contents {
         meshes: placements.len(),
         materials: count("materials"),
-        // Several textures may show one image.
+        // Several textures may use the same image.
         textures: if count("images") > 0 { count("images") } else { count("textures") },
         skins: count("skins"),
         animations: count("animations"),
@@ -43,7 +43,7 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
                 }
                 let ours = NAMES.iter().find(|(gltf, _)| gltf == name);
                 let shown = ours.map_or_else(|| excerpt(name), |(_, ours)| (*ours).to_owned());
-                // A file may hold names without end; a report needs no more than these.
+                // A file may hold any number of names; a report needs no more than these.
                 if contents.attributes.len() < 64 && !contents.attributes.contains(&shown) {
                     contents.attributes.push(shown);
                     if !["NORMAL", "TEXCOORD_0", "COLOR_0"].contains(&name.as_str()) {
@@ -85,7 +85,7 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
     }
     let mut placed = vec![false; meshes.len()];
     placements.iter().for_each(|p| placed[p.mesh] = true);
-    // Those of lower levels go with the extension, which is named above.
+    // Meshes of lower levels are dropped with the extension, which is named above.
     for level in nodes_of_levels(json) {
         if let Some(flag) = number(&json["nodes"][level]["mesh"]).and_then(|m| placed.get_mut(m)) {
             *flag = true;

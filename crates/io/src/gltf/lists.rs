@@ -1,4 +1,4 @@
-//! Changing the lists of a file: entries in and out, and the numbers by which others name them.
+//! Edits of the lists of a file: inserting, removing and renumbering entries.
 
 use serde_json::{Map, Value, json};
 
@@ -6,7 +6,7 @@ use super::container::{list, number};
 use super::references::{Named, each_reference, has_extension};
 use super::repack::{Repacked, Span};
 
-/// Puts an entry at a place of a list, or behind all.
+/// Puts an entry at an index of a list, or at its end; returns its index.
 pub(super) fn put(json: &mut Value, name: &str, at: Option<usize>, entry: Map<String, Value>) -> usize {
     if !json[name].is_array() {
         json[name] = json!([]);
@@ -24,13 +24,13 @@ pub(super) fn drop_nulls(object: &mut Map<String, Value>) {
     object.retain(|_, value| !value.is_null());
 }
 
-/// Adds an entry behind all; its number.
+/// Appends an entry; returns its index.
 pub(super) fn append(json: &mut Value, name: &str, entry: Value) -> usize {
     let entry = entry.as_object().cloned().unwrap_or_default();
     put(json, name, None, entry)
 }
 
-/// Takes an extension off an element, and the map of extensions if it was the last.
+/// Removes and returns an extension of an element; removes the map of extensions too if it becomes empty.
 pub(super) fn take_extension(element: &mut Value, name: &str) -> Option<Value> {
     let extensions = element.get_mut("extensions")?.as_object_mut()?;
     let taken = extensions.shift_remove(name)?;
@@ -40,7 +40,7 @@ pub(super) fn take_extension(element: &mut Value, name: &str) -> Option<Value> {
     Some(taken)
 }
 
-/// Keeps the entries of a list that are not gone; a list that becomes empty goes too.
+/// Removes the entries of a list for which `is_gone` holds; a list that becomes empty is removed too.
 pub(super) fn retain(json: &mut Value, name: &str, is_gone: &dyn Fn(usize, &Value) -> bool) {
     let Some(all) = json.get_mut(name).and_then(Value::as_array_mut) else { return };
     let before = all.len();
@@ -57,7 +57,7 @@ pub(super) fn retain(json: &mut Value, name: &str, is_gone: &dyn Fn(usize, &Valu
     }
 }
 
-/// Takes accessors and views that are still free out of their lists, and gives the others their new numbers.
+/// Removes null accessors and views from their lists, and renumbers all references to the others.
 pub(super) fn renumber(json: &mut Value) {
     let ranks = |json: &Value, name: &str| {
         let mut next = 0;
@@ -81,14 +81,14 @@ pub(super) fn renumber(json: &mut Value) {
     retain(json, "bufferViews", &|_, v| v.is_null());
 }
 
-/// The bytes that a view names.
+/// Returns the byte range of a view.
 pub(super) fn span(view: &Value) -> Option<Span> {
     let start = number(&view["byteOffset"]).unwrap_or(0);
     let end = start.saturating_add(number(&view["byteLength"])?);
     Some(Span { buffer: number(&view["buffer"])?, bytes: start..end })
 }
 
-/// Says where the bytes of a view are now.
+/// Updates a view to the new position of its bytes.
 pub(super) fn move_view(view: &mut Value, repacked: &Repacked) {
     if view.is_null() {
         return;
@@ -101,7 +101,7 @@ pub(super) fn move_view(view: &mut Value, repacked: &Repacked) {
     }
 }
 
-/// Takes those of these extensions that nothing uses any more off the lists of the file.
+/// Removes those of these extensions that are no longer used from the lists of the file.
 pub(super) fn forget_extensions(json: &mut Value, names: &[&str]) {
     let gone: Vec<&str> = names.iter().copied().filter(|e| !has_extension(json, e)).collect();
     for name in ["extensionsUsed", "extensionsRequired"] {

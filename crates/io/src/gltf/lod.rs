@@ -6,9 +6,9 @@
 //!   animation, or a joint
 //! ```
 //!
-//! A reader without the extension sees level 0 and nothing else: no scene names the other nodes. They stand under the same
-//! parent as the node that has the extension, at the same place; so what else hangs on that node, or moves it, gets a node
-//! between.
+//! A reader without the extension sees only level 0: no scene contains the other nodes. They have the parent
+//! and the transform of the node with the extension. So a node that has children, a camera or other
+//! extensions, is animated or is a joint gets a new child, which takes over the mesh and its levels.
 //!
 //! Source: Khronos, "MSFT_lod" (vendor extension of glTF 2.0).
 
@@ -21,39 +21,39 @@ use serde_json::{Map, Value, json};
 use super::container::{list, list_mut, number};
 use super::lists::{append, take_extension};
 
-/// The extension.
+/// Name of the extension.
 pub(super) const NAME: &str = "MSFT_lod";
-/// Where its thresholds stand, in the extras of its node.
+/// Key of its thresholds in the extras of the node.
 const COVERAGE: &str = "MSFT_screencoverage";
-/// What a node of a level has from the node of level 0.
+/// Properties that nodes of levels copy from the node of level 0.
 const OF_NODE: [&str; 6] = ["matrix", "translation", "rotation", "scale", "skin", "weights"];
-/// The extension of a node that says where its mesh stands.
+/// Extension of a node that instances its mesh.
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// The levels of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct SceneLevels {
-    /// For each level, from level 0 on, what takes the place of each mesh. In level 0 `None` leaves a mesh as it is; in
-    /// others it takes the mesh of the level before.
+    /// For each level, from level 0 on, the replacement of each mesh. In level 0 `None` keeps the mesh; in
+    /// others it reuses the mesh of the level before.
     pub replaced: Vec<Vec<Option<TriMesh>>>,
-    /// For each mesh, and each level of it, the least share of the picture that the level is made for, falling; empty for
-    /// none.
+    /// For each mesh and each of its levels, the smallest share of the screen that the level is meant for,
+    /// descending; empty for no thresholds.
     pub coverage: Vec<Vec<f64>>,
-    /// What stands before the number of a level in names of meshes and nodes.
+    /// Text before the level number in names of meshes and nodes.
     pub mark: String,
-    /// Whether names of level 0 have its number too.
+    /// True if names of level 0 get a number too.
     pub names_first: bool,
 }
 
 impl SceneLevels {
-    /// Levels without thresholds.
+    /// Creates levels without thresholds.
     pub fn new(replaced: Vec<Vec<Option<TriMesh>>>) -> Self {
         Self { replaced, mark: "_LOD".to_owned(), ..Self::default() }
     }
 }
 
-/// The JSON with nodes and meshes for all levels, and what takes the place of each of its meshes.
+/// Returns the JSON with nodes and meshes for all levels, and the replacement of each of its meshes.
 pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(Value, Vec<Option<TriMesh>>)> {
     if nodes_of_levels(source).next().is_some() {
         let problem = "the scene has levels of detail already (MSFT_lod): start from a file without";
@@ -63,7 +63,7 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
     let mesh_count = list(source, "meshes").len();
     let mut replaced: Vec<Option<TriMesh>> = levels.replaced.first().cloned().unwrap_or_default();
     replaced.resize(mesh_count, None);
-    // The meshes of all levels but the first, by mesh.
+    // Indices of the meshes of levels 1 and up, by source mesh.
     let mut of_mesh: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for m in 0..mesh_count {
         let own = |level: &Vec<Option<TriMesh>>| level.get(m).cloned().flatten();
@@ -129,7 +129,7 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
     Ok((json, replaced))
 }
 
-/// The nodes that stand for lower levels of others.
+/// Returns the nodes that are lower levels of others.
 pub(super) fn nodes_of_levels(json: &Value) -> impl Iterator<Item = usize> + '_ {
     list(json, "nodes").iter().flat_map(|n| list(&n["extensions"][NAME], "ids")).filter_map(number)
 }
@@ -138,12 +138,13 @@ fn level_name(name: &str, mark: &str, level: usize) -> String {
     format!("{name}{mark}{level}")
 }
 
-/// The name of an element of a list; one without is called by what it is and its number.
+/// Returns the name of an element of a list; for one without, its kind and index.
 fn name_of(json: &Value, list: &str, what: &str, index: usize) -> String {
     json[list][index]["name"].as_str().map_or_else(|| format!("{what}_{index}"), str::to_owned)
 }
 
-/// Without scenes every node that is no child is a root: the nodes of levels would be too.
+/// Adds a scene if there is none: otherwise every node without a parent is a root, including the nodes of
+/// levels.
 fn name_the_scene(json: &mut Value) {
     if !list(json, "scenes").is_empty() {
         return;
@@ -158,7 +159,7 @@ fn name_the_scene(json: &mut Value) {
     }
 }
 
-/// Nodes on which more hangs than a mesh, or that move.
+/// Returns the nodes that hold more than a mesh, are joints, or are animated.
 fn needs_own_node(json: &Value) -> BTreeSet<usize> {
     let mut all = BTreeSet::new();
     for (n, node) in list(json, "nodes").iter().enumerate() {
@@ -175,7 +176,7 @@ fn needs_own_node(json: &Value) -> BTreeSet<usize> {
     all
 }
 
-/// Moves the mesh of a node to a child of its own, of this name; the number of that.
+/// Moves the mesh of a node to a new child of this name; returns the index of the child.
 fn own_node(json: &mut Value, n: usize, name: &str) -> usize {
     let mut child = json!({ "name": name });
     if let Some(node) = json["nodes"][n].as_object_mut() {
@@ -199,7 +200,7 @@ fn own_node(json: &mut Value, n: usize, name: &str) -> usize {
     child
 }
 
-/// What a node of a level has from that of level 0.
+/// Returns a node with the properties that levels copy from the node of level 0.
 fn copy_of(node: &Value) -> Value {
     let mut copy = Map::new();
     for key in OF_NODE {
@@ -214,7 +215,7 @@ fn copy_of(node: &Value) -> Value {
     copy
 }
 
-/// Lets the channels that morph a node's mesh do so at its new node, and at those of all levels.
+/// Redirects the morph weight channels of a node to `host`, and duplicates them for the nodes of all levels.
 fn morph_along(json: &mut Value, n: usize, host: usize, ids: &[usize]) {
     for animation in list_mut(json, "animations") {
         let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };

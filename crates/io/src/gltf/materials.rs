@@ -1,7 +1,7 @@
-//! The materials of a scene whose meshes become one, as a library (MTL) can say them.
+//! Materials of a scene whose meshes are merged, converted to a material library (MTL).
 //!
-//! Whoever writes an OBJ, or measures in texels, has one kind of description to understand. What it has no word for is
-//! kept by name, for warnings.
+//! The OBJ writer and measurements in texels then handle one kind of description only. Properties that MTL
+//! cannot express are kept by name, for warnings.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::fmt::Write as _;
@@ -15,15 +15,16 @@ use crate::assets::{Assets, Refusal};
 use crate::excerpt::excerpt;
 use crate::material::{Image, Library, Made, Regions, image_type};
 
-/// Faces that follow each other and have the same material.
+/// Consecutive faces with the same material.
 pub(super) struct Run {
-    /// The number of faces up to its end.
+    /// Number of faces up to its end.
     pub(super) end: usize,
     pub(super) material: Option<usize>,
 }
 
-/// The regions of the faces, one for each material, and the library that describes these; the region of each face where
-/// there is more than one. Faces without a material come first. Empty where no face has any.
+/// Returns the regions, one for each material, with the library that describes these, and the region of each
+/// face if there is more than one. The region without a material comes first. Empty if no face has a
+/// material.
 pub(super) fn regions(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -63,26 +64,26 @@ pub(super) fn regions(
     (Regions::of_materials(&names, library), (order.len() > 1).then_some(ids))
 }
 
-/// Writes a library.
+/// Writer of a library.
 struct Scribe<'a, 'b> {
     json: &'a Value,
     buffers: &'a Buffers<'b>,
     text: String,
-    /// Names of materials that are given away.
+    /// Names of materials that are taken.
     names: Names,
-    /// Names of files that are given away.
+    /// Names of files that are taken.
     files: Names,
     images: Vec<Image>,
-    /// What images are called, by number; `None` for those that stay behind.
+    /// Names of images, by index; `None` for those that are left out.
     known: HashMap<usize, Option<String>>,
     unsaid: BTreeSet<String>,
     missing: Vec<String>,
-    /// Bytes that images have so far, and that they may have: several can show the same ones.
+    /// Bytes of all images so far, and their limit: several images can use the same bytes.
     taken: usize,
     room: usize,
 }
 
-/// Bytes of a path: it stands in the library as often as materials name it. Guessed.
+/// Maximum bytes of a path: the library repeats it for every material that uses it. (Guessed.)
 const LONGEST: usize = 512;
 
 impl<'a, 'b> Scribe<'a, 'b> {
@@ -102,7 +103,7 @@ impl<'a, 'b> Scribe<'a, 'b> {
         }
     }
 
-    /// Describes a material; returns the name that it got.
+    /// Describes a material; returns its name in the library.
     fn material(&mut self, index: usize, material: &Value) -> String {
         let name = material["name"].as_str().map(clean).filter(|name| !name.is_empty());
         let name = self.names.free(name.unwrap_or_else(|| format!("material_{index}")), "");
@@ -114,7 +115,8 @@ impl<'a, 'b> Scribe<'a, 'b> {
             match word.as_str() {
                 "KHR_materials_emissive_strength" | "KHR_materials_unlit" => {}
                 "KHR_materials_pbrSpecularGlossiness" => {
-                    // The older way to say it; what is told beside it is for readers that do not know it.
+                    // The older workflow; the core properties beside it are a fallback for readers without
+                    // the extension.
                     surface = &extensions[word];
                     words = ["diffuseFactor", "diffuseTexture"];
                     is_metal_known = false;
@@ -154,7 +156,7 @@ impl<'a, 'b> Scribe<'a, 'b> {
         }
         if let Some(file) = self.texture(&surface[words[1]], words[1]) {
             let _ = writeln!(lines, "map_Kd {file}");
-            // A JPEG has no alpha: what reads one would take its brightness.
+            // A JPEG has no alpha: readers would use its brightness.
             let lower = file.to_lowercase();
             if !is_opaque && ![".jpg", ".jpeg"].iter().any(|ending| lower.ends_with(ending)) {
                 let _ = writeln!(lines, "map_d {file}");
@@ -181,13 +183,13 @@ impl<'a, 'b> Scribe<'a, 'b> {
     }
 
     fn leave_out(&mut self, word: &str) {
-        // A file may hold words without end; a warning needs no more.
+        // A file may hold any number of extensions; a warning needs no more.
         if self.unsaid.len() < 16 {
             self.unsaid.insert(excerpt(word));
         }
     }
 
-    /// The file that a material is to name for a texture.
+    /// Returns the file name of a texture; `None` if the texture is left out.
     fn texture(&mut self, slot: &Value, what: &str) -> Option<String> {
         let index = number(&slot["index"])?;
         let transform = &slot["extensions"]["KHR_texture_transform"];
@@ -206,7 +208,7 @@ impl<'a, 'b> Scribe<'a, 'b> {
             self.leave_out("clamped or mirrored textures");
         }
         let others = texture["extensions"].as_object().into_iter().flat_map(|e| e.values());
-        // A plain image is there for all programs, one in an extension for few.
+        // All programs read the plain image; few read one in an extension.
         let source = std::iter::once(*texture).chain(others).find_map(|t| number(&t["source"]))?;
         if let Some(known) = self.known.get(&source) {
             return known.clone();
@@ -222,7 +224,7 @@ impl<'a, 'b> Scribe<'a, 'b> {
         file
     }
 
-    /// What an image is called from now on; its bytes are taken along, unless it is a file.
+    /// Returns the file name of an image; keeps its bytes unless it is a separate file.
     fn image(&mut self, index: usize) -> Result<String, String> {
         let image = list(self.json, "images").get(index).ok_or("is not there")?;
         let at = format!("images[{index}]");
@@ -266,13 +268,13 @@ impl<'a, 'b> Scribe<'a, 'b> {
     }
 }
 
-/// Names that are given away.
+/// Set of names that are taken.
 #[derive(Default)]
 struct Names {
-    /// Whether large letters make no other name: some systems take such files for the same.
+    /// True if names that differ only in case are equal, as in some file systems.
     folds: bool,
     taken: HashSet<String>,
-    /// The last number that a name got.
+    /// Last number that was appended to a name.
     last: HashMap<String, usize>,
 }
 
@@ -281,12 +283,12 @@ impl Names {
         if self.folds { name.to_lowercase() } else { name.to_owned() }
     }
 
-    /// Whether nobody had it.
+    /// Takes a name; returns true if it was free.
     fn take(&mut self, name: &str) -> bool {
         self.taken.insert(self.key(name))
     }
 
-    /// A name with this ending that nobody has: with a number, if need be.
+    /// Takes a free name with this ending, numbered if necessary.
     fn free(&mut self, stem: String, ending: &str) -> String {
         let mut name = format!("{stem}{ending}");
         while !self.take(&name) {
@@ -299,15 +301,15 @@ impl Names {
     }
 }
 
-/// A name that can stand on a line, up to its end.
+/// Returns a name that is valid up to the end of a line.
 fn clean(name: &str) -> String {
     let plain: String = name.chars().map(|c| if c.is_control() { '_' } else { c }).collect();
     plain.trim().trim_end_matches('\\').trim_end().to_owned()
 }
 
-/// What a file of this name may be called anywhere, without its ending.
+/// Returns a file name that is valid on every system, without its ending.
 fn file_stem(name: &str) -> String {
-    // Guessed: long enough for people, short enough for every system.
+    // Guessed: long enough to read, short enough for every system.
     const MOST: usize = 64;
     let bare = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let endings = [".png", ".jpg", ".jpeg", ".webp", ".ktx2"];

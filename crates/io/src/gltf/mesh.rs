@@ -1,4 +1,5 @@
-//! One mesh of the file as a mesh with wedges: places joined across primitives, and a region for each primitive.
+//! Reader of one mesh with wedges: equal positions are welded across primitives, and each primitive is a
+//! region.
 
 use std::collections::HashMap;
 
@@ -18,13 +19,13 @@ use crate::limits::with_room;
 /// Names of types by their number of components.
 pub(super) const TYPES: [&str; 5] = ["nothing", "SCALAR", "VEC2", "VEC3", "VEC4"];
 
-/// What the meshes of one file may still ask for: many primitives may name the same few bytes.
+/// Limits on all meshes of one file together: many primitives may refer to the same few bytes.
 pub(super) struct Budget {
     pub(super) faces: Allowance,
     pub(super) numbers: Allowance,
 }
 
-/// Room for so many of something.
+/// A limit on a count, and how much of it is used.
 pub(super) struct Allowance {
     what: &'static str,
     limit: u64,
@@ -32,7 +33,7 @@ pub(super) struct Allowance {
 }
 
 impl Budget {
-    /// For a file, with its buffers, of this many bytes.
+    /// Returns the limits for a file of this many bytes, including its buffers.
     pub(super) fn new(bytes: usize) -> Self {
         let room = |what, per_byte: u64, always: u64| Allowance {
             what,
@@ -58,20 +59,21 @@ impl Allowance {
     }
 }
 
-/// A primitive on its way into the mesh.
+/// A decoded primitive, to be merged into the mesh.
 struct Part {
     region: RegionId,
     name: String,
-    /// Over the vertices of the primitive.
+    /// Triangles over the vertices of the primitive.
     triangles: Vec<[u32; 3]>,
     /// Vertices that triangles use, ascending: wedges of the mesh.
     used: Vec<u32>,
-    /// With their accessors, in the order of the file.
+    /// Attributes with their accessors, in the order of the file.
     attributes: Vec<(Slot, usize)>,
     accessor_of: HashMap<Slot, usize>,
 }
 
-/// A mesh of the file, in its own coordinates, and how many of its primitives end raggedly.
+/// Reads a mesh in its local coordinates; returns it with the number of primitives that end in an incomplete
+/// triangle.
 ///
 /// Wedges are the vertices that triangles use, primitive after primitive, in the order of the file.
 pub(super) fn read(
@@ -146,7 +148,7 @@ pub(super) fn read(
     Ok((out, ragged))
 }
 
-/// A primitive's triangles, the vertices that they use, and its attributes; all accessors are checked.
+/// Reads the triangles of a primitive, the vertices that they use, and its attributes; checks all accessors.
 fn part(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -181,7 +183,7 @@ fn part(
     Ok((Part { region, name, triangles, used, attributes, accessor_of }, is_ragged))
 }
 
-/// Attributes and morph targets of a primitive that a mesh can hold, with their accessors.
+/// Returns the attributes and morph targets of a primitive that a mesh can hold, with their accessors.
 fn attributes(json: &Value, primitive: &Value, name: &str) -> Result<Vec<(Slot, usize)>, ReadError> {
     let targets = list(primitive, "targets").iter().enumerate().map(|(i, t)| (Some(i), t));
     let mut found = Vec::new();
@@ -189,7 +191,7 @@ fn attributes(json: &Value, primitive: &Value, name: &str) -> Result<Vec<(Slot, 
         for key in object.as_object().into_iter().flat_map(|o| o.keys()) {
             let Some(index) = whole(object, key, name)? else { continue };
             let slot = Slot::of(target, key);
-            // A custom attribute may be of matrices, which stay in the file.
+            // Custom attributes of matrices are not read; they stay in the file.
             let is_matrix = list(json, "accessors")
                 .get(index)
                 .and_then(|a| a["type"].as_str())
@@ -219,10 +221,11 @@ fn check(accessor: &Accessor<'_>, slot: &Slot, name: &str) -> Result<(), ReadErr
     Ok(())
 }
 
-/// The vertices that triangles use, ascending.
+/// Returns the vertices that triangles use, ascending.
 fn used(triangles: &[[u32; 3]], vertices: usize) -> Vec<u32> {
     let corners = triangles.as_flattened();
-    // Guessed: with fewer corners, a few of very many vertices are used, and marks for all would cost more than sorting.
+    // Guessed: with fewer corners, few of the vertices are used, and flags for all would cost more than
+    // sorting.
     if corners.len() < vertices / 16 {
         let mut all = corners.to_vec();
         all.sort_unstable();
@@ -234,8 +237,8 @@ fn used(triangles: &[[u32; 3]], vertices: usize) -> Vec<u32> {
     (0..vertices as u32).filter(|&v| marks[v as usize]).collect()
 }
 
-/// The type of an attribute of a name whose numbers name something: integers that stand for themselves in all primitives
-/// that have it, or ids of another type. Of several types the first, if it holds all values.
+/// Returns the integer type of a custom attribute with discrete values: plain integers in all primitives that
+/// have it, or ids of another type. Of several types the first that holds all values.
 fn integer(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -259,7 +262,7 @@ fn integer(
     Ok(wanted.into_iter().chain(Integer::ALL).find(|of| values.iter().all(|&x| of.holds(x))))
 }
 
-/// Places, wedges, triangles and regions; no attributes.
+/// Builds a mesh without attributes: positions, wedges, triangles and regions.
 fn skeleton(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -268,7 +271,7 @@ fn skeleton(
 ) -> Result<TriMesh, ReadError> {
     let corners = gathered(json, buffers, parts, &Slot::Position, 3, wedges)?;
     let mut places = Distinct::with_room_for(0);
-    // Adding zero makes one of both zeros.
+    // Adding zero turns -0 into +0.
     let vertex_of: Vec<VertexId> = corners
         .as_chunks::<3>()
         .0
@@ -303,7 +306,7 @@ fn skeleton(
     Ok(mesh)
 }
 
-/// An attribute of all wedges; where a primitive does not have it, zeros, and white for colours.
+/// Returns an attribute of all wedges; zeros, or white for colours, where a primitive lacks it.
 fn gathered(
     json: &Value,
     buffers: &Buffers<'_>,

@@ -1,7 +1,7 @@
-//! Streams of `EXT_meshopt_compression` and `KHR_meshopt_compression`: bytes to the bytes of a view.
+//! Decoder of `EXT_meshopt_compression` and `KHR_meshopt_compression` streams.
 //!
-//! Nothing is reserved before the stream has been seen to hold it: each decoder grows its output as it goes, or counts
-//! first how many bytes the stream must have.
+//! Memory is only reserved once the stream is known to be long enough: each decoder grows its output as it
+//! decodes, or first counts how many bytes the stream must have.
 //!
 //! Source: Khronos, "KHR_meshopt_compression" (appendices A and B), of which the older extension is a part.
 
@@ -12,7 +12,7 @@ mod input;
 
 pub(super) use filters::Filter;
 
-/// What a stream holds.
+/// Content of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mode {
     /// Elements of any kind.
@@ -23,7 +23,7 @@ pub(super) enum Mode {
     Indices,
 }
 
-/// How a stream is laid out.
+/// Properties of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) mode: Mode,
@@ -34,7 +34,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// What the format does not allow; a clause that goes on after the name of a view.
+    /// Checks what the format allows. The error is a clause that follows the name of a view.
     pub(super) fn check(&self) -> Result<(), String> {
         let Self { mode, filter, count, stride } = *self;
         let needs = |what: &str| Err(format!("has a byteStride of {stride}, and {what}"));
@@ -63,10 +63,11 @@ impl Layout {
     }
 }
 
-/// The bytes that a stream holds: `count` elements of `stride` bytes. Errors go on after the name of a view.
+/// Decodes `count` elements of `stride` bytes from a stream. The error is a clause that follows the name of a
+/// view.
 ///
 /// # Panics
-/// If the layout is not one that [`Layout::check`] lets pass.
+/// If [`Layout::check`] refuses the layout.
 pub(super) fn decode(stream: &[u8], layout: Layout) -> Result<Vec<u8>, &'static str> {
     assert_eq!(layout.check(), Ok(()), "callers check first");
     let Layout { mode, filter, count, stride } = layout;
@@ -81,7 +82,7 @@ pub(super) fn decode(stream: &[u8], layout: Layout) -> Result<Vec<u8>, &'static 
     }
 }
 
-/// Indices as bytes, of 2 or of 4 each.
+/// Converts indices to bytes, 2 or 4 each.
 fn narrow(indices: &[u32], stride: usize) -> Vec<u8> {
     let mut out = Vec::with_capacity(indices.len() * stride);
     for i in indices {

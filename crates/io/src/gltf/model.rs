@@ -1,4 +1,4 @@
-//! A scene as what is to be seen: nodes, materials with their images, skins and animations.
+//! Conversion of a scene to a model for display: nodes, materials with their images, skins and animations.
 
 mod appearance;
 mod motion;
@@ -19,14 +19,15 @@ use crate::limits::Limits;
 use crate::model::BaseColor;
 
 impl Scene {
-    /// The scene as a model, and what of its looks cannot be shown.
+    /// Returns the scene as a model, and warnings on what cannot be shown.
     ///
-    /// Meshes are those of [`Scene::meshes`], shared. Nodes are those of the file, under the roots of the default scene; the
-    /// copies of `EXT_mesh_gpu_instancing` are further nodes, and so are all meshes where no node places one. Images that
-    /// materials use are decoded; those that are files are read as far as [`ReadOptions::assets`](crate::ReadOptions::assets) lets them.
-    /// Extensions beside `KHR_materials_unlit`, `KHR_materials_emissive_strength`, `KHR_texture_transform`,
-    /// `EXT_texture_webp` and the older `KHR_materials_pbrSpecularGlossiness` (without its highlights) are passed over.
-    /// Cost: O(nodes + pixels + keyframes).
+    /// Meshes are shared with [`Scene::meshes`]. Nodes are those of the file, under the roots of the default
+    /// scene; instances of `EXT_mesh_gpu_instancing` are further nodes, and so are all meshes if no node
+    /// refers to one. Images that materials use are decoded; separate files are read as far as
+    /// [`ReadOptions::assets`](crate::ReadOptions::assets) allows. Extensions other than
+    /// `KHR_materials_unlit`, `KHR_materials_emissive_strength`, `KHR_texture_transform`, `EXT_texture_webp`
+    /// and the older `KHR_materials_pbrSpecularGlossiness` (without its highlights) are ignored. Cost:
+    /// O(nodes + pixels + keyframes).
     pub fn model(&self) -> (Model, Vec<Warning>) {
         let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
         let json = &self.json;
@@ -45,7 +46,7 @@ impl Scene {
         for node in &mut nodes {
             node.children.retain(|&c| c < node_count);
         }
-        // Both were walked when the scene was read.
+        // Roots and nodes were checked when the scene was read.
         let mut roots = roots(json).unwrap_or_default();
         for i in 0..node_count {
             match copies(json, &buffers, i, &mut budget) {
@@ -77,11 +78,11 @@ impl Scene {
         (model, warnings)
     }
 
-    /// The images that give surfaces their colours, for each of [`Scene::meshes`] and each of its regions (one, where it
-    /// has none), and how texture coordinates look into them.
+    /// Returns the base colour images for each of [`Scene::meshes`] and each of its regions (one, if it has
+    /// none), and the mapping of texture coordinates to them.
     ///
-    /// Only base colours are decoded, up to so many pixels together; what is beyond, or cannot be decoded, is left out.
-    /// Cost: O(pixels).
+    /// Decodes base colours only, up to `pixels` pixels in total; images beyond that or that cannot be
+    /// decoded are left out. Cost: O(pixels).
     pub fn base_colors(&self, pixels: u64) -> Vec<Vec<Option<BaseColor>>> {
         let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
         let limits = Limits { pixels: pixels.min(self.limits.pixels), ..self.limits };
@@ -104,7 +105,7 @@ fn is_any_mesh_under(nodes: &[Node], roots: &[usize]) -> bool {
     false
 }
 
-/// A mesh with a material for each of its primitives.
+/// Returns a mesh with a material for each of its primitives.
 fn mesh(of: &super::SceneMesh, json: &Value, materials: usize) -> ModelMesh {
     let primitives = list(json, "primitives");
     let material = |p: &Value| number(&p["material"]).filter(|&m| m < materials);
@@ -134,7 +135,8 @@ fn node(json: &Value, skins: &motion::Skins, meshes: usize) -> Node {
     }
 }
 
-/// Where a node stands. Those of the scene are known to be sound; another one stands at the origin if it is not.
+/// Returns the transform of a node. Nodes of the scene have been checked; on others, invalid parts are the
+/// identity.
 fn transform(json: &Value) -> Transform {
     if let Ok(Some(columns)) = numbers::<16>(json, "matrix", "") {
         return Transform::Matrix(DMat4::from_cols_array(&columns));
@@ -148,14 +150,15 @@ fn transform(json: &Value) -> Transform {
     }
 }
 
-/// A rotation of length one; none for zero.
+/// Normalizes a rotation; zero becomes the identity.
 fn unit(q: [f64; 4]) -> DQuat {
     let q = DQuat::from_array(q);
     let length = q.length();
     if length > 0.0 && length.is_finite() { q / length } else { DQuat::IDENTITY }
 }
 
-/// Where the copies of a node's mesh stand as seen from it; `None` for a node that stands for itself.
+/// Returns the transforms of a node's mesh instances, relative to the node; `None` for a node without
+/// instancing.
 fn copies(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -171,7 +174,7 @@ fn copies(
     let Some(count) = [&moves, &turns, &scales].into_iter().flatten().map(|a| a.count).min() else {
         return Ok(None);
     };
-    // A node has more to it than the ten numbers of its place.
+    // A node takes more memory than the ten numbers of its transform.
     budget.numbers.take(64 * count as u64)?;
     let moves = moves.map(|a| a.floats::<3>(false)).transpose()?;
     let turns = turns.map(|a| a.floats::<4>(true)).transpose()?;

@@ -1,4 +1,4 @@
-//! Nodes over what a scene shows, cameras among them, and an animation that moves them.
+//! Export of node and camera animations: new nodes above those of a scene, and an animation that moves them.
 //!
 //! ```text
 //! scene ─┬─ "a"            scene ─┬─ "a_moves" ── "a"
@@ -14,33 +14,33 @@ use serde_json::{Value, json};
 use super::container::list;
 use super::lists::append;
 
-/// What moves in a scene; see [`Scene::with_motion`](super::Scene::with_motion).
+/// Nodes and an animation to add to a scene; see [`Scene::with_motion`](super::Scene::with_motion).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneMotion {
     /// Name of the animation.
     pub name: String,
-    /// Nodes that come to those of the scene.
+    /// Nodes to add to the scene.
     pub nodes: Vec<MovingNode>,
-    /// How they move; their nodes are numbers in the list above.
+    /// Channels of the animation; their nodes are indices into the list above.
     pub channels: Vec<Channel>,
 }
 
-/// A node that comes to a scene.
+/// A node to add to a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MovingNode {
     /// Its name.
     pub name: String,
-    /// The node before in the list under which it hangs; `None` for one that the scene names.
+    /// Its parent, by index of an earlier node of the list; `None` for a root of the scene.
     pub parent: Option<usize>,
-    /// What hangs under it: the scene's node with this number, from 0.
+    /// The root of the scene that becomes its child, by index in the list of roots, from 0.
     pub over: Option<usize>,
-    /// Where its origin is.
+    /// Translation of its origin.
     pub translation: [f64; 3],
-    /// How it is turned: a quaternion of length one, its real part last.
+    /// Rotation: a quaternion of length one, its real part last.
     pub rotation: [f64; 4],
-    /// How much larger it is.
+    /// Uniform scale factor.
     pub scale: f64,
-    /// The camera in it, which looks along -z.
+    /// Its camera, which looks along -z.
     pub lens: Option<SceneLens>,
 }
 
@@ -51,16 +51,17 @@ impl Default for MovingNode {
     }
 }
 
-/// A camera, which sees as far as there is something.
+/// A perspective camera without a far plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneLens {
-    /// Angle from the lower to the upper edge.
+    /// Vertical field of view, in radians.
     pub fov_y_rad: f64,
-    /// What is nearer is not seen.
+    /// Distance of the near plane.
     pub near: f64,
 }
 
-/// The JSON with nodes, cameras and an animation, and the buffer that holds its numbers; `None` where nothing moves.
+/// Returns the JSON with the nodes, cameras and animation, and the buffer of its numbers; `None` if nothing
+/// moves.
 pub(super) fn with_motion(source: &Value, motion: &SceneMotion) -> (Value, Option<Vec<u8>>) {
     let mut json = source.clone();
     let first = list(&json, "nodes").len();
@@ -91,7 +92,7 @@ pub(super) fn with_motion(source: &Value, motion: &SceneMotion) -> (Value, Optio
                 children.push(number);
                 parent["children"] = children.into();
             }
-            // It stands where what hangs under it stood.
+            // It takes the place of its child among the roots.
             None => match below {
                 Some(over) => roots[over] = json!([number]),
                 None => roots.push(number),
@@ -116,7 +117,7 @@ pub(super) fn with_motion(source: &Value, motion: &SceneMotion) -> (Value, Optio
     (json, bytes)
 }
 
-/// Adds the animation; the bytes of its numbers.
+/// Adds the animation; returns the bytes of its numbers.
 fn animate(json: &mut Value, motion: &SceneMotion, first: usize) -> Option<Vec<u8>> {
     let of_nodes = |c: &&Channel| c.node < motion.nodes.len() && !c.times.is_empty();
     let channels: Vec<&Channel> = motion.channels.iter().filter(of_nodes).collect();
@@ -152,11 +153,11 @@ fn animate(json: &mut Value, motion: &SceneMotion, first: usize) -> Option<Vec<u
     Some(data.bytes)
 }
 
-/// Numbers of an animation: one view, in which accessors lie one after the other.
+/// Data of an animation: one view that holds all accessors, one after another.
 struct Numbers {
     bytes: Vec<u8>,
     view: usize,
-    /// Accessors of moments that are there already.
+    /// Accessors of keyframe times that exist already.
     times: HashMap<Vec<u32>, usize>,
 }
 

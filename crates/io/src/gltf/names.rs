@@ -1,24 +1,24 @@
-//! What stands over the meshes of a file, by name.
+//! Names of the nodes and materials that belong to the meshes of a file.
 
 use serde_json::Value;
 
 use super::container::list;
 
-/// Names under which a mesh of a scene, or a primitive of it, can be asked for.
+/// Names by which a mesh of a scene, or a primitive of it, can be selected.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct MeshNames {
     /// Names of the nodes that hold the mesh and of the nodes above them, each once.
     pub nodes: Vec<String>,
-    /// The name of the material of each primitive, whose number is that of its region; `None` where there is none.
+    /// Name of the material of each primitive, whose index is that of its region; `None` if it has none.
     pub materials: Vec<Option<String>>,
 }
 
-/// Nodes above a mesh that are looked at. (Guessed; more than any tool's trees are deep.)
+/// Maximum number of ancestors of a mesh that are visited. (Guessed; deeper than the trees of any tool.)
 const LEVELS: usize = 100;
 
 impl MeshNames {
-    /// Those of all meshes.
+    /// Returns the names of all meshes.
     pub(super) fn all(json: &Value) -> Vec<Self> {
         let number = |v: &Value| v.as_u64().and_then(|n| usize::try_from(n).ok());
         let materials = list(json, "materials");
@@ -43,7 +43,7 @@ impl MeshNames {
         }
         for (i, node) in nodes.iter().enumerate() {
             let Some(names) = number(&node["mesh"]).and_then(|m| all.get_mut(m)) else { continue };
-            // Nodes beside the scene may go round in a circle.
+            // Nodes outside the scene may form cycles.
             let above = std::iter::successors(Some(i), |&n| parent[n]).take(LEVELS);
             names.nodes.extend(above.filter_map(|n| nodes[n]["name"].as_str()).map(str::to_owned));
         }

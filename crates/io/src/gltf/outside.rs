@@ -1,8 +1,8 @@
-//! The files beside its buffers that a scene names.
+//! References of a scene to external files other than buffers.
 
 use serde_json::Value;
 
-/// Calls for the uri of each file outside.
+/// Calls `found` for the URI of each external file.
 pub(super) fn outside_uris<'v>(json: &'v Value, found: &mut dyn FnMut(&'v String)) {
     let mut open = vec![(json, 0)];
     while let Some((value, depth)) = open.pop() {
@@ -11,7 +11,7 @@ pub(super) fn outside_uris<'v>(json: &'v Value, found: &mut dyn FnMut(&'v String
                 for (key, inner) in object.iter().rev() {
                     match inner {
                         Value::String(uri) if key == "uri" && is_file(uri) => found(uri),
-                        // What extras mean is not known; the buffers are inside.
+                        // The meaning of extras is unknown; buffers are embedded.
                         _ if key == "extras" || (depth == 0 && key == "buffers") => {}
                         _ => open.push((inner, depth + 1)),
                     }
@@ -23,7 +23,7 @@ pub(super) fn outside_uris<'v>(json: &'v Value, found: &mut dyn FnMut(&'v String
     }
 }
 
-/// Gives the files outside other names.
+/// Renames external files.
 pub(super) fn relink(json: &mut Value, depth: usize, new: &dyn Fn(&str) -> Option<String>) {
     match json {
         Value::Object(object) => {
@@ -44,7 +44,7 @@ pub(super) fn relink(json: &mut Value, depth: usize, new: &dyn Fn(&str) -> Optio
     }
 }
 
-/// Whether a uri names a file, and not data or an address on the network.
+/// Returns true if a URI names a file, not data or a network address.
 pub(super) fn is_file(uri: &str) -> bool {
     !uri.is_empty() && !uri.starts_with("data:") && !uri.contains("://")
 }

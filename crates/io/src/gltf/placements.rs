@@ -1,4 +1,4 @@
-//! Which meshes stand where: nodes form trees, and the place of a node is relative to its parent.
+//! Placements of meshes: world transforms computed from the trees of nodes.
 
 use serde_json::Value;
 
@@ -14,7 +14,7 @@ impl Affine {
     pub(super) const IDENTITY: Self =
         Self([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
 
-    /// First `inner`, then this.
+    /// Returns the composition: first `inner`, then this.
     pub(super) fn after(&self, inner: &Self) -> Self {
         let (a, b) = (&self.0, &inner.0);
         Self([0, 1, 2].map(|r| {
@@ -34,14 +34,14 @@ impl Affine {
         self.0.map(|r| r[3])
     }
 
-    /// Volume of the unit cube's image; negative if left and right change places.
+    /// Returns the signed volume of the unit cube's image; negative for a mirror.
     pub(super) fn determinant(&self) -> f64 {
         let m = &self.0;
         let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
         m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1)
     }
 
-    /// The largest factor by which it makes a length longer, or least shorter.
+    /// Returns the largest factor by which it scales a length: its largest singular value.
     pub(super) fn largest_scale(&self) -> f64 {
         let m = &self.0;
         let column = |c: usize| [m[0][c], m[1][c], m[2][c]];
@@ -49,19 +49,19 @@ impl Affine {
         if !(largest > 0.0 && largest.is_finite()) {
             return largest;
         }
-        // Scaled first, so that squares stay numbers.
+        // Scaled first, so that squares neither overflow nor underflow.
         let dot = |a: usize, b: usize| {
             (0..3).map(|k| column(a)[k] / largest * (column(b)[k] / largest)).sum::<f64>()
         };
         let (a, b, c) = (dot(0, 0), dot(1, 1), dot(2, 2));
         let (d, e, f) = (dot(0, 1), dot(1, 2), dot(0, 2));
-        // The largest eigenvalue of the symmetric matrix of products, by the formula with a cosine.
+        // Largest eigenvalue of the symmetric matrix of dot products, by the trigonometric formula.
         let mean = (a + b + c) / 3.0;
         let spread =
             ((a - mean).powi(2) + (b - mean).powi(2) + (c - mean).powi(2) + 2.0 * (d * d + e * e + f * f))
                 / 6.0;
         let p = spread.sqrt();
-        // Guessed: a spread of a rounding error is none, and the matrix a rotation with a scale.
+        // Guessed: a spread this small is rounding error, and the matrix a rotation with uniform scale.
         if p <= 1e-12 * mean {
             return largest * mean.sqrt();
         }
@@ -72,7 +72,7 @@ impl Affine {
         largest * (mean + 2.0 * p * angle.cos()).max(0.0).sqrt()
     }
 
-    /// The matrix for normals: the inverse transpose up to a positive factor.
+    /// Returns the matrix for normals: the inverse transpose up to a positive factor.
     pub(super) fn normal_matrix(&self) -> [[f64; 3]; 3] {
         let m = &self.0;
         let sign = if self.determinant() < 0.0 { -1.0 } else { 1.0 };
@@ -84,17 +84,18 @@ impl Affine {
     }
 }
 
-/// Faces and vertices that the nodes of one file may place: a small file can place a large mesh very often. Guessed: room
-/// for more than anyone has asked for, within the memory of a workstation.
+/// Maximum number of faces, and of vertices, that the nodes of one file may place: a small file can instance
+/// a large mesh very often. Guessed: more than any user has needed, within the memory of a workstation.
 const MOST_PLACED: u64 = 1 << 28;
 
-/// The same for each byte of the file, or of its buffers if they are more: a few kilobytes shall not ask for gigabytes. Guessed: a mesh has
-/// some 20 bytes for each triangle, so this is room for a thousand copies; a million are always allowed.
+/// Maximum number of placed faces, and of vertices, per byte of the file, or of its buffers if they are
+/// larger: a few kilobytes must not ask for gigabytes. Guessed: a mesh has some 20 bytes per triangle, so
+/// this allows a thousand copies; a million faces are always allowed.
 const MOST_PLACED_PER_BYTE: u64 = 64;
 const ALWAYS_PLACED: u64 = 1 << 20;
 
-/// Refuses more faces or vertices than the nodes of a file of so many bytes may place: the same rule for all who work on
-/// each copy, whether they join the copies or draw them.
+/// Returns an error if the nodes of a file of this size place too many faces or vertices. Shared by all
+/// callers that process each instance, whether they merge or draw them.
 pub(super) fn check_placed(faces: u64, vertices: u64, bytes: usize) -> Result<(), ReadError> {
     let by_bytes = (bytes as u64).saturating_mul(MOST_PLACED_PER_BYTE).saturating_add(ALWAYS_PLACED);
     let limit = MOST_PLACED.min(by_bytes);
@@ -114,7 +115,7 @@ pub(super) fn check_placed(faces: u64, vertices: u64, bytes: usize) -> Result<()
     Ok(())
 }
 
-/// A mesh at its place in the world.
+/// A mesh with its world transform.
 #[derive(Clone, Debug)]
 pub(super) struct Placement {
     pub(super) node: Option<usize>,
@@ -122,7 +123,8 @@ pub(super) struct Placement {
     pub(super) world_from_mesh: Affine,
 }
 
-/// The meshes of the default scene; of all roots if there is no scene; all meshes as they stand if no node places one.
+/// Returns the meshes of the default scene; of all roots if there is no scene; all meshes, untransformed, if
+/// no node refers to one.
 pub(super) fn placements(json: &Value) -> Result<Vec<Placement>, ReadError> {
     let mut placements = placed(json)?;
     if placements.is_empty() {
@@ -132,13 +134,13 @@ pub(super) fn placements(json: &Value) -> Result<Vec<Placement>, ReadError> {
     Ok(placements)
 }
 
-/// The meshes that nodes of the default scene place; of all roots if there is no scene.
+/// Returns the meshes that nodes of the default scene place; of all roots if there is no scene.
 pub(super) fn placed(json: &Value) -> Result<Vec<Placement>, ReadError> {
     let nodes = list(json, "nodes");
     let roots = roots(json)?;
     let mut placements = Vec::new();
     let mut seen = vec![false; nodes.len()];
-    // A stack of our own: a chain of nodes may be longer than the machine's.
+    // An explicit stack: a chain of nodes may be too long for recursion.
     let mut open: Vec<(usize, Affine)> = roots.into_iter().rev().map(|r| (r, Affine::IDENTITY)).collect();
     while let Some((index, world_from_parent)) = open.pop() {
         let (node, name) = entry(json, "nodes", index, "the scene")?;
@@ -159,7 +161,7 @@ pub(super) fn placed(json: &Value) -> Result<Vec<Placement>, ReadError> {
     Ok(placements)
 }
 
-/// Nodes from which the default scene is reached; all without a parent if there is no scene.
+/// Returns the roots of the default scene; all nodes without a parent if there is no scene.
 pub(super) fn roots(json: &Value) -> Result<Vec<usize>, ReadError> {
     let nodes = list(json, "nodes");
     let scenes = list(json, "scenes");
@@ -173,7 +175,7 @@ pub(super) fn roots(json: &Value) -> Result<Vec<usize>, ReadError> {
                 }
             }
         }
-        // Lower levels of detail stand where their node does, and are no roots.
+        // Lower levels of detail belong to their node and are not roots.
         for level in nodes_of_levels(json) {
             if let Some(flag) = has_parent.get_mut(level) {
                 *flag = true;
@@ -188,7 +190,7 @@ pub(super) fn roots(json: &Value) -> Result<Vec<usize>, ReadError> {
     Ok(roots)
 }
 
-/// A list of whole numbers.
+/// Returns a list of indices.
 fn indices(object: &Value, list_name: &str, at: &str) -> Result<Vec<usize>, ReadError> {
     let number = |v: &Value| {
         let number = v.as_u64().and_then(|n| usize::try_from(n).ok());
@@ -197,7 +199,7 @@ fn indices(object: &Value, list_name: &str, at: &str) -> Result<Vec<usize>, Read
     list(object, list_name).iter().map(number).collect()
 }
 
-/// The place of a node in its parent: a matrix, or translation, rotation and scale.
+/// Returns the transform of a node relative to its parent: a matrix, or translation, rotation and scale.
 fn local(node: &Value, name: &str) -> Result<Affine, ReadError> {
     if let Some(m) = numbers::<16>(node, "matrix", name)? {
         // Column by column; the last row is 0 0 0 1.
@@ -207,7 +209,7 @@ fn local(node: &Value, name: &str) -> Result<Affine, ReadError> {
     let q = numbers::<4>(node, "rotation", name)?.unwrap_or([0.0, 0.0, 0.0, 1.0]);
     let s = numbers::<3>(node, "scale", name)?.unwrap_or([1.0; 3]);
     let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
-    // Quaternions should have length one; rounded ones nearly have.
+    // Quaternions should have length one; rounded ones only nearly do.
     let [x, y, z, w] = if length > 0.0 { q.map(|c| c / length) } else { [0.0, 0.0, 0.0, 1.0] };
     let rotation = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
@@ -217,7 +219,7 @@ fn local(node: &Value, name: &str) -> Result<Affine, ReadError> {
     Ok(Affine([0, 1, 2].map(|r| [rotation[r][0] * s[0], rotation[r][1] * s[1], rotation[r][2] * s[2], t[r]])))
 }
 
-/// A list of so many numbers, if it is there.
+/// Returns a list of `N` numbers; `None` if it is missing.
 pub(super) fn numbers<const N: usize>(
     node: &Value,
     what: &str,
@@ -250,7 +252,7 @@ mod tests {
         let p = m.point([1.0, 0.0, 0.0]);
         assert!((p[0] - 10.0).abs() < 1e-12 && (p[1] - 2.0).abs() < 1e-12, "{p:?}");
         assert!((m.determinant() + 8.0).abs() < 1e-9);
-        // The mirror is along z: a normal along z turns round.
+        // The mirror is along z: a normal along z is reversed.
         assert!(m.normal_matrix()[2][2] < 0.0 && m.normal_matrix()[1][0] > 0.0);
     }
 

@@ -1,4 +1,4 @@
-//! The triangles of one primitive: its corners in order, and what its mode makes of them.
+//! Triangles of one primitive, from its indices and its mode.
 
 use serde_json::Value;
 
@@ -7,7 +7,7 @@ use super::buffers::Buffers;
 use super::container::{number, whole};
 use crate::error::ReadError;
 
-/// How corners become triangles.
+/// Topology of a primitive with triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     Triangles,
@@ -15,25 +15,25 @@ enum Mode {
     Fan,
 }
 
-/// A primitive of triangles; nothing is decoded.
+/// A primitive with triangles, not decoded yet.
 pub(super) struct Primitive {
     pub(super) name: String,
     mode: Mode,
-    /// The accessor; without one, the vertices stand in order.
+    /// Accessor of the indices; without one, vertices are used in order.
     indices: Option<usize>,
-    /// Number of corners in order.
+    /// Number of indices, or of vertices if there are no indices.
     pub(super) corners: usize,
-    /// The number of its material, which need not be there.
+    /// Index of its material, which may not exist.
     pub(super) material: Option<usize>,
 }
 
 impl Primitive {
-    /// Whether these are triangles, and not points or lines.
+    /// Returns true for triangles, false for points and lines.
     pub(super) fn has_faces(primitive: &Value, name: &str) -> Result<bool, ReadError> {
         mode(primitive, name).map(|m| m.is_some())
     }
 
-    /// A primitive that has faces, with this many vertices.
+    /// Returns a primitive with faces and this many vertices.
     pub(super) fn new(
         json: &Value,
         buffers: &Buffers<'_>,
@@ -57,7 +57,8 @@ impl Primitive {
         }
     }
 
-    /// Its triangles over its own vertices, of which there are `count`; and whether one or two corners are left over.
+    /// Decodes the triangles over the primitive's `count` vertices; also returns true if one or two indices
+    /// are left over.
     pub(super) fn triangles(
         &self,
         json: &Value,
@@ -87,7 +88,7 @@ impl Primitive {
                 let (triangles, rest) = corners.as_chunks::<3>();
                 (triangles.to_vec(), !rest.is_empty())
             }
-            // Strips turn every other triangle; those that name a vertex twice are stitches.
+            // Strips flip every other triangle; degenerate ones only connect strips.
             Mode::Strip => {
                 let triangles = corners
                     .windows(3)
@@ -106,7 +107,7 @@ impl Primitive {
     }
 }
 
-/// How the corners become triangles; `None` for points and lines.
+/// Returns the topology; `None` for points and lines.
 fn mode(primitive: &Value, name: &str) -> Result<Option<Mode>, ReadError> {
     Ok(Some(match whole(primitive, "mode", name)?.unwrap_or(4) {
         4 => Mode::Triangles,

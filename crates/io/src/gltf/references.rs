@@ -1,18 +1,18 @@
-//! Everything in a file that names an accessor or a view by its number.
+//! Visitor of all references to accessors and views in a file.
 
 use serde_json::Value;
 
-/// What is named.
+/// Kind of a referenced element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Named {
     Accessor,
     View,
 }
 
-/// Calls for each reference; what is no number is left to the callee.
+/// Calls `visit` for each reference; values that are not numbers are left to the callee.
 ///
-/// Extensions are looked through for `accessor` and `bufferView`, which is what they call them by custom, and for what is
-/// known of some; a reference under another name is not seen.
+/// Extensions are searched for `accessor` and `bufferView`, the keys that they use by convention, and for the
+/// keys of a few known ones; a reference under another key is missed.
 pub(super) fn each_reference(json: &mut Value, visit: &mut dyn FnMut(Named, &mut Value)) {
     for mesh in entries(json, "meshes") {
         for primitive in entries(mesh, "primitives") {
@@ -35,7 +35,7 @@ pub(super) fn each_reference(json: &mut Value, visit: &mut dyn FnMut(Named, &mut
     extensions(json, false, visit);
 }
 
-/// Calls for each view that an accessor names.
+/// Calls `visit` for each view that an accessor refers to.
 pub(super) fn views_of(accessor: &mut Value, visit: &mut dyn FnMut(Named, &mut Value)) {
     one(accessor, "bufferView", Named::View, visit);
     for part in ["indices", "values"] {
@@ -45,7 +45,7 @@ pub(super) fn views_of(accessor: &mut Value, visit: &mut dyn FnMut(Named, &mut V
     }
 }
 
-/// Whether any extension of this name is somewhere.
+/// Returns true if any element has an extension of this name.
 pub(super) fn has_extension(json: &Value, name: &str) -> bool {
     match json {
         Value::Object(object) => {
@@ -57,7 +57,7 @@ pub(super) fn has_extension(json: &Value, name: &str) -> bool {
     }
 }
 
-/// The entries of a list.
+/// Returns the entries of a list, mutably.
 fn entries<'v>(object: &'v mut Value, name: &str) -> impl Iterator<Item = &'v mut Value> {
     object.get_mut(name).and_then(Value::as_array_mut).into_iter().flatten()
 }
@@ -73,7 +73,7 @@ fn values(object: Option<&mut Value>, named: Named, visit: &mut dyn FnMut(Named,
     all.for_each(|v| visit(named, v));
 }
 
-/// Looks through extensions, wherever they are. Extras may mean anything, and are left alone.
+/// Visits references in extensions, wherever they are. Extras may mean anything and are skipped.
 fn extensions(value: &mut Value, is_inside: bool, visit: &mut dyn FnMut(Named, &mut Value)) {
     match value {
         Value::Object(object) => {

@@ -1,38 +1,38 @@
-//! The bytes of several buffers in one, without those that nothing needs any more.
+//! Merging of several buffers into one, without unused bytes.
 
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Some bytes of a buffer.
+/// A byte range of a buffer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Span {
     pub(super) buffer: usize,
     pub(super) bytes: Range<usize>,
 }
 
-/// All buffers one after another, and where each byte went.
+/// All buffers one after another, and a map from old to new offsets.
 #[derive(Debug)]
 pub(super) struct Repacked {
     pub(super) bytes: Vec<u8>,
     buffers: Vec<Cut>,
 }
 
-/// A buffer among the others.
+/// Position of one buffer in the merged one, and what was cut.
 #[derive(Debug)]
 struct Cut {
-    /// Where it begins now.
+    /// Its new start.
     begin: usize,
-    /// Its length before.
+    /// Its old length.
     length: usize,
-    /// What was cut out of it, in order, each with the sum of all before it.
+    /// Ranges that were cut out of it, in order, each with the total length of all before it.
     cuts: Vec<(Range<usize>, usize)>,
 }
 
-/// Bytes move by multiples of this, so that numbers of any type stay where they may be.
+/// Bytes move by multiples of this, so that numbers of any type stay aligned.
 const STEP: usize = 8;
 
 impl Repacked {
-    /// Cuts out what is freed and not kept; bytes that are neither stay.
+    /// Cuts out bytes that are freed and not kept; bytes that are neither stay.
     pub(super) fn new(buffers: &[Arc<Vec<u8>>], kept: &[Span], freed: &[Span]) -> Self {
         let mut out = Self { bytes: Vec::new(), buffers: Vec::new() };
         let by_buffer = |spans: &[Span]| {
@@ -45,10 +45,10 @@ impl Repacked {
             all
         };
         for ((buffer, kept), freed) in buffers.iter().zip(by_buffer(kept)).zip(by_buffer(freed)) {
-            // Zeros between two spans are there for alignment alone.
+            // A few zeros between two spans are padding.
             let is_padding = |gap: Range<usize>| gap.len() < STEP && buffer[gap].iter().all(|b| *b == 0);
             let mut freed = joined(freed, is_padding);
-            // So are those before the end.
+            // So are those before the end of the buffer.
             if let Some(last) = freed.last_mut().filter(|last| is_padding(last.end..buffer.len())) {
                 last.end = buffer.len();
             }
@@ -74,7 +74,7 @@ impl Repacked {
         out
     }
 
-    /// Where a byte of a buffer is now; `None` for a buffer that is not there.
+    /// Returns the new offset of a byte of a buffer; `None` for a buffer that does not exist.
     pub(super) fn place(&self, buffer: usize, offset: usize) -> Option<usize> {
         let Cut { begin, length, cuts } = self.buffers.get(buffer)?;
         let offset = offset.min(*length);
@@ -85,7 +85,7 @@ impl Repacked {
     }
 }
 
-/// The spans in order, those that touch or whose gap may go as one.
+/// Returns the spans sorted; those that touch, or whose gap `may_go`, are merged.
 fn joined(mut spans: Vec<Range<usize>>, may_go: impl Fn(Range<usize>) -> bool) -> Vec<Range<usize>> {
     spans.retain(|s| s.start < s.end);
     spans.sort_unstable_by_key(|s| (s.start, s.end));
@@ -101,7 +101,7 @@ fn joined(mut spans: Vec<Range<usize>>, may_go: impl Fn(Range<usize>) -> bool) -
     out
 }
 
-/// What of `spans` is not in `kept`; both are in order and apart.
+/// Returns the parts of `spans` that are not in `kept`; both are sorted and disjoint.
 fn without(spans: &[Range<usize>], kept: &[Range<usize>]) -> Vec<Range<usize>> {
     let mut out = Vec::new();
     let mut next = 0;

@@ -1,4 +1,4 @@
-//! A scene on its way out, with other meshes in the places of some.
+//! Writer of a scene with some meshes replaced.
 //!
 //! ```text
 //! for each replaced mesh:  its primitives let go of their accessors; the new numbers become pieces
@@ -37,7 +37,7 @@ use crate::attributes::rounding;
 use crate::error::Warning;
 use crate::format::Format;
 
-/// Extensions of a primitive that hold for any vertices.
+/// Extensions of a primitive that do not depend on its vertices.
 const OF_PRIMITIVES: [&str; 3] = ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
 
 pub(super) fn write(
@@ -68,7 +68,7 @@ fn invalid(problem: String) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, problem)
 }
 
-/// The one buffer that there is now.
+/// Makes `bytes` the only buffer of the file.
 fn set_buffer(json: &mut Value, bytes: &[u8], glb: bool) {
     let Some(root) = json.as_object_mut() else { return };
     if bytes.is_empty() {
@@ -91,7 +91,7 @@ fn set_buffer(json: &mut Value, bytes: &[u8], glb: bool) {
 }
 
 impl Edit<'_> {
-    /// Puts a mesh in the place of another.
+    /// Replaces a mesh.
     fn replace(&mut self, index: usize, mesh: &TriMesh) -> io::Result<()> {
         let name = format!("meshes[{index}]");
         let Some(source) = list(self.source, "meshes").get(index) else {
@@ -161,7 +161,7 @@ impl Edit<'_> {
         Ok(())
     }
 
-    /// Empties a primitive: what it named has the value null until a piece takes its place.
+    /// Releases the accessors of a primitive: references become null until a piece replaces them.
     fn let_go(&mut self, mesh: usize, primitive: usize) {
         let Self { json, let_go, .. } = self;
         let primitive = &mut json["meshes"][mesh]["primitives"][primitive];
@@ -258,7 +258,8 @@ impl Edit<'_> {
                 }
             }
             if self.pieces.len() == before {
-                // All primitives have the same number of targets, and animations count on it: this one moves nothing.
+                // All primitives need the same number of targets, and animations rely on it: this one moves
+                // nothing.
                 let encoded = encode(&vec![0.0; 3 * used.len()], 3, Kind::FLOAT, false);
                 let old = number(&target["POSITION"]);
                 self.nowhere(at(Part::Target(t, "POSITION".to_owned())), old, encoded, used.len());
@@ -272,7 +273,7 @@ impl Edit<'_> {
         used.iter().for_each(|w| task.local[w.index()] = u32::MAX);
     }
 
-    /// The weights of a primitive, all sets together; empty if the mesh lacks one.
+    /// Returns the weights of a primitive, all sets; empty if the mesh lacks one.
     fn weights(
         &self,
         task: &mut Task<'_>,
@@ -291,13 +292,13 @@ impl Edit<'_> {
             keys.push(key.clone());
             sets.push(values);
         }
-        // Integers of two types: those of the shorter are among those of the longer.
+        // With two integer types, the values of the shorter are exact in the longer.
         let one = ones.into_iter().flatten().fold(None, |a: Option<f32>, b| Some(a.map_or(b, |a| a.min(b))));
         settle_weights(&mut sets, one);
         keys.into_iter().zip(sets).collect()
     }
 
-    /// The type of an accessor's numbers.
+    /// Returns the type of an accessor's numbers.
     fn kind_of(&self, accessor: &Value) -> Option<Kind> {
         let accessor = list(self.source, "accessors").get(number(accessor)?)?;
         let component = Component::from_code(number(&accessor["componentType"])?)?;
@@ -311,25 +312,25 @@ impl Edit<'_> {
     }
 }
 
-/// A mesh that is being taken apart.
+/// State of the replacement of one mesh.
 struct Task<'m> {
     index: usize,
     mesh: &'m TriMesh,
     /// Attributes that no primitive had.
     added: Vec<Slot>,
-    /// What the mesh has, and how many values a wedge has.
+    /// Attributes of the mesh, each with its number of components.
     values: HashMap<Slot, (usize, &'m [f32])>,
-    /// The vertex of the primitive for each wedge, while one is made.
+    /// For each wedge, its vertex in the current primitive.
     local: Vec<u32>,
     /// Attributes that the mesh does not have any more.
     lost: BTreeSet<String>,
-    /// Normals and tangents without length.
+    /// Number of normals and tangents without length.
     no_direction: usize,
 }
 
 impl Task<'_> {
-    /// The values of some wedges, as glTF has them, and how many each has: the accessor's number before, or that of the
-    /// mesh. `None` if the mesh does not have them.
+    /// Returns the number of components and the values of some wedges, in glTF conventions. The number is
+    /// that of the accessor before (`width`), or that of the mesh. `None` if the mesh lacks the attribute.
     fn gather(&mut self, slot: &Slot, width: Option<usize>, used: &[WedgeId]) -> Option<(usize, Vec<f32>)> {
         if *slot == Slot::Position {
             let place = |w: &WedgeId| -> [f32; 3] {
@@ -348,7 +349,7 @@ impl Task<'_> {
             element.iter_mut().zip(&values[w.index() * own..][..own]).for_each(|(to, from)| *to = *from);
         }
         match slot {
-            // glTF counts from the upper left corner of the image.
+            // In glTF, texture coordinates start at the upper left corner of the image.
             _ if slot.is_uv() => out.as_chunks_mut::<2>().0.iter_mut().for_each(|uv| uv[1] = 1.0 - uv[1]),
             Slot::Normal => self.no_direction += unit_directions(&mut out, width, [0.0, 0.0, 1.0]),
             Slot::Further(Semantic::Tangent) => {
@@ -362,7 +363,8 @@ impl Task<'_> {
     }
 }
 
-/// The type for integers of a mesh: its own, or, since the format has no such vertices of 32 bits, the first that holds them.
+/// Returns the type for integers of a mesh: their own, or, as glTF has no 32-bit integer attributes, the
+/// first that holds the values.
 fn fitting(of: Integer, values: &[f32]) -> Option<Kind> {
     let all = [Component::U8, Component::I8, Component::U16, Component::I16];
     let is_own = |c: &Component| c.integer() == Some(of);
@@ -371,7 +373,7 @@ fn fitting(of: Integer, values: &[f32]) -> Option<Kind> {
     Some(Kind { component, normalized: false })
 }
 
-/// The type that numbers are to have: that of the source, where the format has it for this attribute.
+/// Returns the type to write: that of the source, if glTF allows it for this attribute.
 fn settled(slot: &Slot, source: Option<Kind>, values: &[f32]) -> Kind {
     let component = source.map_or(Component::F32, |k| k.component);
     match slot {

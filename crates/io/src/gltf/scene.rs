@@ -1,4 +1,4 @@
-//! A whole file: its meshes can be taken out and replaced, all else stays.
+//! A whole glTF file: its meshes can be read and replaced, everything else is preserved.
 
 use std::collections::{HashMap, HashSet};
 use std::io::{self, Write};
@@ -28,13 +28,13 @@ use crate::loaded::Contents;
 use crate::material::image_type;
 use crate::options::ReadOptions;
 
-/// A glTF file as a whole: nodes, materials, animations and all else as they are, and its meshes one by one.
+/// A whole glTF file: its meshes one by one; nodes, materials, animations and everything else unchanged.
 ///
-/// [`Scene::write`] gives the file back with other meshes in the places of these. For one mesh of all that is placed, see
-/// [`read`](super::read).
+/// [`Scene::write`] writes the file with meshes replaced. [`read`](super::read) merges all placed meshes into
+/// one instead.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// The JSON as it was; the `uri` of a buffer is empty, since its bytes are here.
+    /// JSON of the file; the `uri` of each buffer is empty, since its bytes are in `buffers`.
     pub(super) json: Value,
     pub(super) buffers: Vec<Arc<Vec<u8>>>,
     meshes: Vec<SceneMesh>,
@@ -42,16 +42,16 @@ pub struct Scene {
     contents: Contents,
     warnings: Vec<Warning>,
     format: Format,
-    /// How many bytes of the buffers came out of compressed streams.
+    /// Number of bytes of the buffers that were decoded from compressed streams.
     pub(super) unpacked: usize,
-    /// Where images are that are files.
+    /// Location of images in separate files.
     pub(super) assets: Assets,
     pub(super) limits: Limits,
-    /// Bytes of the file, or of its buffers if they are more.
+    /// Size in bytes of the file, or of its buffers if they are larger.
     size: usize,
 }
 
-/// Bytes of the images that lie in buffers.
+/// Returns the number of bytes of images that are stored in buffers.
 fn bytes_of_images(json: &Value) -> u64 {
     let views = list(json, "bufferViews");
     let view = |image: &Value| views.get(number(&image["bufferView"])?)?["byteLength"].as_u64();
@@ -62,35 +62,35 @@ fn bytes_of_images(json: &Value) -> u64 {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct SceneMesh {
-    /// Its name; `meshes[2]` for one without.
+    /// Its name; for one without, its index, as in `meshes[2]`.
     pub name: String,
-    /// Its triangles, in its own coordinates. Faces of primitive i have `RegionId(i)`; there are no regions where the
-    /// mesh has one primitive alone. Vertices at the same place are one, across primitives too; wedges are the vertices
-    /// of the file. Points and lines are not among them, so there may be no face.
+    /// Its triangles, in local coordinates. Faces of primitive i have `RegionId(i)`; a mesh with one
+    /// primitive has no regions. Vertices at equal positions are welded, across primitives too; wedges are
+    /// the vertices of the file. Points and lines are left out, so there may be no faces.
     ///
     /// An attribute that only some primitives have is zero on the others, or white if it is a colour.
     pub mesh: Arc<TriMesh>,
-    /// How often nodes of the default scene place it (of all roots where there is no scene); 0 if none does.
+    /// Number of instances in the default scene (under all roots if there is no scene).
     pub instances: usize,
-    /// The largest factor by which a node that places it makes lengths longer; 1 if none does. What joints do to a
-    /// skinned mesh is left out.
+    /// Largest factor by which a node that places it scales lengths; 1 if none does. Joints of a skinned mesh
+    /// are ignored.
     pub scale: f64,
-    /// The rows of the matrix by which it is placed, if it is placed once. Meshes with equal ones lie in one system of
-    /// coordinates.
+    /// Rows of its world transform, if it is placed exactly once. Meshes with equal transforms share a
+    /// coordinate system.
     pub world_from_mesh: Option<[[f64; 4]; 3]>,
-    /// Whether a node places it with a skin.
+    /// True if a node places it with a skin.
     pub skinned: bool,
 }
 
 impl Scene {
     /// Reads a glTF 2.0 file, JSON or GLB.
     ///
-    /// Meshes come with all their attributes and morph targets; see [`SceneMesh`]. All buffers are read, those that are
-    /// files as far as [`ReadOptions::assets`] lets them; images that are files are not opened. A scene without faces
-    /// is no error. Cost: O(bytes + triangles).
+    /// Meshes have all their attributes and morph targets; see [`SceneMesh`]. All buffers are read, separate
+    /// files as far as [`ReadOptions::assets`] allows; separate image files are not opened. A scene without
+    /// faces is not an error. Cost: O(bytes + triangles).
     ///
     /// # Errors
-    /// As [`read`](super::read), [`ReadError::NoFaces`] excepted.
+    /// As [`read`](super::read), except [`ReadError::NoFaces`].
     pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Self, ReadError> {
         let document = Document::parse(bytes, options.limits, 2)?;
         document.check_version()?;
@@ -105,8 +105,9 @@ impl Scene {
             }
         }
 
-        // The file, its buffers, and meshes made of what is no image: with a table of places, and the indices that they came
-        // from. (Measured: 2.6 times the buffers, docs/decisions/0022.)
+        // Memory of the file, its buffers, and the meshes, which come from all bytes that are not images:
+        // with a table of positions and the source indices. (Measured: 2.6 times the buffers,
+        // docs/decisions/0022.)
         let held: u64 = buffers.iter().map(|b| b.len() as u64).sum();
         let geometry = held.saturating_sub(bytes_of_images(&json));
         let need = (bytes.len() as u64).saturating_add(held).saturating_add(geometry.saturating_mul(11) / 4);
@@ -148,13 +149,13 @@ impl Scene {
         Ok(Self { json, buffers, meshes, bounds, contents, warnings, format, unpacked, assets, limits, size })
     }
 
-    /// Bytes of memory that its buffers take.
+    /// Returns the memory of its buffers, in bytes.
     pub fn buffer_bytes(&self) -> u64 {
         self.buffers.iter().map(|b| b.len() as u64).sum()
     }
 
-    /// Refuses what [`read`](super::read) refuses: more faces or vertices than nodes may place in a file of this size. For
-    /// those who work on each copy of a mesh.
+    /// Returns an error if nodes place more faces or vertices than a file of this size may, as
+    /// [`read`](super::read) does. For callers that process each instance of a mesh.
     ///
     /// # Errors
     /// [`ReadError::Limit`].
@@ -167,50 +168,51 @@ impl Scene {
         placements::check_placed(faces, vertices, self.size)
     }
 
-    /// The meshes, in the order of the file.
+    /// Returns the meshes, in the order of the file.
     pub fn meshes(&self) -> &[SceneMesh] {
         &self.meshes
     }
 
-    /// What stands over each of [`Scene::meshes`] beside its own name, in their order.
+    /// Returns the names of nodes and materials for each of [`Scene::meshes`], in their order.
     pub fn names(&self) -> Vec<MeshNames> {
         MeshNames::all(&self.json)
     }
 
-    /// A box round all that is placed, from the boxes of the meshes: as large as the scene, or somewhat larger.
+    /// Returns a bounding box of all placed meshes, from the boxes of the meshes: it may be somewhat too
+    /// large.
     pub fn bounds(&self) -> Option<Bounds> {
         self.bounds
     }
 
-    /// What the file holds; meshes and faces count as often as nodes place them.
+    /// Returns the contents of the file; meshes and faces are counted once per instance.
     pub fn contents(&self) -> &Contents {
         &self.contents
     }
 
-    /// What the user should know of the file as it was read.
+    /// Returns the warnings of reading the file.
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
     }
 
-    /// The format that it was in.
+    /// Returns the format of the file that was read.
     pub fn format(&self) -> Format {
         self.format
     }
 
-    /// Writes the scene with some meshes replaced, as JSON with its buffer inside or as GLB.
+    /// Writes the scene with some meshes replaced, as JSON with an embedded buffer or as GLB.
     ///
-    /// `replaced[i]` takes the place of mesh i; where it is `None`, or where the list is shorter, the mesh stays as it
-    /// was, to the byte. The faces of a replaced mesh go to the primitives that their regions name; without regions, to
-    /// the first with triangles. A primitive keeps the attributes that it had, if the mesh has them, and their types
-    /// where these hold the values; a primitive without faces goes, and so does a mesh without primitives. An attribute
-    /// that no primitive had is added to all. The several buffers of a file become one; their bytes keep their order, and
-    /// those that nothing needs any more are left out.
+    /// `replaced[i]` replaces mesh i; if it is `None`, or if the list is shorter, the mesh stays the same to
+    /// the byte. The regions of a replacement's faces select their primitives; without regions, all faces go
+    /// to the first primitive with triangles. A primitive keeps its attributes if the mesh has them, and
+    /// their types if these represent the values; an attribute that no primitive had is added to all.
+    /// Primitives without faces are removed, and so are meshes without primitives. All buffers of a file are
+    /// merged into one; their bytes keep their order, and unused ones are left out.
     ///
-    /// `relink` is asked for every uri of [`Scene::outside_files`], and may give another.
+    /// `relink` is called for every URI of [`Scene::outside_files`], and may return another.
     ///
     /// # Errors
-    /// What the stream answers; [`io::ErrorKind::InvalidInput`] for another format, a region that is no primitive of
-    /// triangles, and beyond the 4 GiB of a GLB.
+    /// I/O errors of the stream; [`io::ErrorKind::InvalidInput`] for another format, for a region that is not
+    /// a primitive with triangles, and for a GLB of more than 4 GiB.
     pub fn write(
         &self,
         replaced: &[Option<TriMesh>],
@@ -221,10 +223,10 @@ impl Scene {
         replace::write((&self.json, &self.buffers), replaced, format, relink, out)
     }
 
-    /// Writes the scene with levels of detail, by the extension `MSFT_lod`: every node with a mesh that has levels names
-    /// others with those, which no scene does. Levels share materials, textures, skins and whatever else they name; a
-    /// mesh of them has primitives as level 0 has them. Morph targets and their animations come along. In all else as
-    /// [`Scene::write`].
+    /// Writes the scene with levels of detail, by the extension `MSFT_lod`: every node whose mesh has levels
+    /// refers to nodes with those, which are in no scene. Levels share materials, textures, skins and
+    /// everything else they refer to; their meshes have the primitives of level 0. Morph targets and their
+    /// animations are kept. Otherwise as [`Scene::write`].
     ///
     /// # Errors
     /// As [`Scene::write`]; [`io::ErrorKind::InvalidInput`] for a scene that has levels of detail already.
@@ -239,22 +241,22 @@ impl Scene {
         replace::write((&json, &self.buffers), &replaced, format, relink, out)
     }
 
-    /// The scene with a copy of all that it shows at each of these places, under a node of its own. Copies share meshes,
-    /// materials and all that lies in buffers; each has nodes and skins of its own, and animations move all of them. What
-    /// stands in other scenes of the file is in none any more.
+    /// Returns the scene with a copy of its contents at each of these places, under its own node. Copies
+    /// share meshes, materials and all data in buffers; each has its own nodes and skins, and animations move
+    /// all of them. Nodes of other scenes of the file are in no scene any more.
     ///
     /// # Errors
-    /// [`ReadError::Malformed`] for nodes that form no tree.
+    /// [`ReadError::Malformed`] if the nodes do not form trees.
     pub fn with_copies(&self, places: &[CopyPlace]) -> Result<Self, ReadError> {
         self.with_nodes(copies::with_copies(&self.json, places)?)
     }
 
-    /// The scene with more nodes and cameras, and an animation that moves them. Its numbers go into a buffer of their own,
-    /// which is one with the others when the scene is written. Moments of a channel must rise; of a node or a channel that
-    /// names what is not there, that part is left out.
+    /// Returns the scene with further nodes and cameras, and an animation that moves them. Its numbers go
+    /// into their own buffer, which is merged with the others when the scene is written. Times of a channel
+    /// must be ascending; channels and references with invalid indices are left out.
     ///
     /// # Errors
-    /// [`ReadError::Malformed`] for nodes that form no tree.
+    /// [`ReadError::Malformed`] if the nodes do not form trees.
     pub fn with_motion(&self, motion: &SceneMotion) -> Result<Self, ReadError> {
         if motion.nodes.is_empty() {
             return Ok(self.clone());
@@ -265,7 +267,7 @@ impl Scene {
         scene.with_nodes(json)
     }
 
-    /// The scene with other nodes.
+    /// Returns the scene with this JSON, which has other nodes.
     fn with_nodes(&self, json: Value) -> Result<Self, ReadError> {
         let placed = placements::placed(&json)?;
         let mut meshes = self.meshes.clone();
@@ -279,13 +281,13 @@ impl Scene {
         Ok(Self { json, meshes, contents, bounds, ..self.clone() })
     }
 
-    /// Whether nodes name others as levels of detail.
+    /// Returns true if nodes refer to others as levels of detail.
     pub fn has_levels(&self) -> bool {
         lod::nodes_of_levels(&self.json).next().is_some()
     }
 
-    /// Takes an image that is a file of its own into the scene: `bytes` are those of the file that `uri` names. Whether
-    /// an image of a known type has that name; if none has, nothing changes.
+    /// Embeds a separate image file: `bytes` is the content of the file that `uri` names. Returns true if an
+    /// image of a known type has that URI; otherwise nothing changes.
     pub fn embed(&mut self, uri: &str, bytes: Vec<u8>) -> bool {
         let named = |i: &Value| i["uri"] == uri && is_file(uri);
         let Some(first) = list(&self.json, "images").iter().find(|i| named(i)) else { return false };
@@ -308,10 +310,10 @@ impl Scene {
         true
     }
 
-    /// Takes images that are files into the scene, as far as they may be read. Says which of the files that it names are
-    /// no images, or are not where a model may look for them; all that is not taken stays a file that the scene names.
+    /// Embeds separate image files, as far as they may be read. Returns a warning for each external file that
+    /// is not an image, or not where a model may look for it; such a file stays external.
     pub fn embed_files(&mut self) -> Vec<Warning> {
-        // More would help nobody. Guessed.
+        // Guessed: more warnings would not help.
         const SHOWN: usize = 16;
         let mut left = MOST_IMAGE_BYTES.min(self.limits.most_bytes());
         let (mut warnings, mut more) = (Vec::new(), 0);
@@ -334,13 +336,13 @@ impl Scene {
         warnings
     }
 
-    /// Adds something to say.
+    /// Adds a warning.
     pub(crate) fn warn(&mut self, warning: Warning) {
         self.warnings.push(warning);
     }
 
-    /// The files that the scene names beside its buffers, as `uri` names them: images above all. Addresses on the
-    /// network are not among them. Each stands here once.
+    /// Returns the external files other than buffers, mostly images, by `uri` and each once. Network
+    /// addresses are left out.
     pub fn outside_files(&self) -> Vec<String> {
         let (mut found, mut known) = (Vec::new(), HashSet::new());
         outside_uris(&self.json, &mut |uri| {
@@ -352,7 +354,7 @@ impl Scene {
     }
 }
 
-/// What the file holds; meshes and faces as often as they are placed.
+/// Returns the contents of the file; meshes and faces are counted once per instance.
 fn contents(json: &Value, placed: &[placements::Placement], meshes: &[SceneMesh]) -> Contents {
     let (mut contents, _) = inventory::take(json, placed);
     contents.meshes = meshes.iter().fold(0, |n, m| m.instances.saturating_add(n));
@@ -361,9 +363,9 @@ fn contents(json: &Value, placed: &[placements::Placement], meshes: &[SceneMesh]
     contents
 }
 
-/// The box round the corners of the meshes' boxes where they are placed.
+/// Returns the bounding box of the transformed corners of the meshes' boxes.
 fn bounds(placed: &[placements::Placement], meshes: &[SceneMesh]) -> Option<Bounds> {
-    // Of each mesh once, however often it is placed.
+    // Computed once per mesh, however often it is placed.
     let mut of_meshes: Vec<Option<Option<Bounds>>> = vec![None; meshes.len()];
     let mut all: Option<Bounds> = None;
     for placement in placed {
@@ -381,7 +383,7 @@ fn bounds(placed: &[placements::Placement], meshes: &[SceneMesh]) -> Option<Boun
     all
 }
 
-/// Says of each mesh how often, how large and how it is placed.
+/// Sets the number of instances, the scale, the transform and the skin flag of each mesh.
 fn count_instances(
     json: &Value,
     buffers: &Buffers<'_>,

@@ -1,12 +1,12 @@
-//! Which attribute of a primitive is which attribute of a mesh.
+//! Mapping between attributes of primitives and attributes of meshes.
 
 use std::ops::RangeInclusive;
 
 use lodsmith_core::TriMesh;
 use lodsmith_core::mesh::{Integer, Morphed, Semantic};
 
-/// Where an attribute of a primitive stands in a mesh. One that has a name of its own is [`Semantic::Custom`] here, discrete
-/// or not.
+/// Attribute of a mesh that an attribute of a primitive maps to. Custom attributes are [`Semantic::Custom`]
+/// here, discrete or not.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Slot {
     Position,
@@ -17,7 +17,7 @@ pub(super) enum Slot {
 }
 
 impl Slot {
-    /// The slot of an attribute, or of what a morph target adds to one.
+    /// Returns the slot of an attribute, or of its displacement by a morph target.
     pub(super) fn of(target: Option<usize>, name: &str) -> Self {
         if let Some(target) = target {
             let of = match name {
@@ -31,7 +31,7 @@ impl Slot {
                 _ => Semantic::Custom(format!("targets[{target}].{name}")),
             });
         }
-        // Numbers without leading zeros, so that every name has a slot of its own.
+        // Without leading zeros, so that every name has its own slot.
         let numbered = |prefix: &str| {
             let digits = name.strip_prefix(prefix)?;
             digits.parse::<u8>().ok().filter(|n| n.to_string() == digits)
@@ -56,7 +56,7 @@ impl Slot {
         }
     }
 
-    /// The name that glTF has for it; `None` for what belongs to a morph target, and for names that glTF does not allow.
+    /// Returns the glTF name; `None` for morph targets, and for names that glTF does not allow.
     pub(super) fn name(&self) -> Option<String> {
         Some(match self {
             Self::Position => "POSITION".to_owned(),
@@ -75,7 +75,7 @@ impl Slot {
         })
     }
 
-    /// How many components glTF allows.
+    /// Returns the numbers of components that glTF allows.
     pub(super) fn widths(&self) -> RangeInclusive<usize> {
         match self {
             Self::Position | Self::Normal | Self::Further(Semantic::Morph { .. }) => 3..=3,
@@ -94,19 +94,19 @@ impl Slot {
         matches!(self, Self::Color | Self::Further(Semantic::Color(_)))
     }
 
-    /// Whether whole numbers always stand for 0..1 here, whatever the file says.
+    /// Returns true if integers are always normalized to 0..1 here, whatever the file declares.
     pub(super) fn is_part_of_one(&self) -> bool {
         self.is_color() || matches!(self, Self::Further(Semantic::Weights(_)))
     }
 
-    /// Whether it holds whole numbers that name something, whatever their type: ids of `EXT_mesh_features`, which may be
-    /// floats, and those of tiles before it.
+    /// Returns true if it holds integer ids, whatever their type: those of `EXT_mesh_features`, which may be
+    /// floats, and the older batch ids of 3D Tiles.
     pub(super) fn is_of_ids(&self) -> bool {
         let Self::Further(Semantic::Custom(name)) = self else { return false };
         name.starts_with("_FEATURE_ID_") || name == "_BATCHID"
     }
 
-    /// The integers that a mesh has here; `None` where it has other values.
+    /// Returns the integer type of a mesh's attribute; `None` if it is not discrete.
     pub(super) fn integer(&self, mesh: &TriMesh) -> Option<Integer> {
         let all = mesh.further_attributes().iter().filter(|a| Self::of_mesh(&a.semantic) == *self);
         all.filter_map(|a| if let Semantic::Discrete { of, .. } = a.semantic { Some(of) } else { None })
@@ -120,7 +120,8 @@ impl Slot {
         })
     }
 
-    /// The values of a mesh and how many a wedge has; `None` for positions and for what the mesh does not have.
+    /// Returns the number of components and the values of a mesh; `None` for positions and for attributes it
+    /// lacks.
     pub(super) fn values<'m>(&self, mesh: &'m TriMesh) -> Option<(usize, &'m [f32])> {
         match self {
             Self::Position => None,
@@ -134,7 +135,7 @@ impl Slot {
         }
     }
 
-    /// All that a mesh has, without its positions.
+    /// Returns all attributes of a mesh except positions.
     pub(super) fn all_of(mesh: &TriMesh) -> Vec<Self> {
         let own = [
             (mesh.normals().is_some(), Self::Normal),

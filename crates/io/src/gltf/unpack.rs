@@ -1,4 +1,4 @@
-//! Compressed geometry on its way in: afterwards the file is as if it had never been compressed.
+//! Decoding of compressed geometry: afterwards the file is as if it had never been compressed.
 //!
 //! ```text
 //! decode each stream, within what a file of this size may ask for
@@ -23,12 +23,12 @@ pub(super) use extensions::fallbacks;
 use extensions::{DRACO, MESHOPT, extension};
 use fresh::Room;
 
-/// Bytes for each byte of a file that its compressed streams may become, and that any file may have. Guessed: the best
-/// streams of real meshes come to a tenth, and only zeros without end to less than a hundredth.
+/// Limits on decoded bytes: per byte of the file, and a total that any file may reach. Guessed: the best
+/// streams of real meshes shrink to a tenth, and only endless zeros to less than a hundredth.
 const PER_BYTE: u64 = 256;
 const ALWAYS: u64 = 16 << 20;
 
-/// Whether anything in the file is compressed.
+/// Returns true if anything in the file is compressed.
 pub(super) fn is_needed(json: &Value) -> bool {
     let views = list(json, "bufferViews").iter();
     let mut primitives = list(json, "meshes").iter().flat_map(|m| list(m, "primitives"));
@@ -36,7 +36,7 @@ pub(super) fn is_needed(json: &Value) -> bool {
         || primitives.any(|p| !p["extensions"][DRACO].is_null())
 }
 
-/// Decodes all that is compressed. How many bytes of the buffers came out of streams.
+/// Decodes all compressed streams; returns the number of bytes of the buffers that came out of them.
 pub(super) fn unpack(
     json: &mut Value,
     buffers: &mut Vec<Arc<Vec<u8>>>,

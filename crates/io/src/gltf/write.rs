@@ -1,4 +1,4 @@
-//! From a mesh to a glTF file.
+//! Writer of a mesh as a glTF file.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -13,7 +13,7 @@ use crate::attributes::rounding;
 use crate::error::Warning;
 use crate::material::{Look, Looks};
 
-/// Numbers that the format gives to types and uses.
+/// glTF codes of component types and of view targets.
 const U8: u32 = 5121;
 const U16: u32 = 5123;
 const U32: u32 = 5125;
@@ -29,7 +29,7 @@ pub(super) fn write(
 ) -> io::Result<Vec<Warning>> {
     let mut warnings = std::mem::take(&mut looks.warnings);
     let mut file = File::default();
-    // Without attributes, wedges say nothing: the vertices are written as they are.
+    // Without attributes, wedges are of no use: the vertices are written as they are.
     let split = mesh.has_attributes() && mesh.vertex_map().is_some();
     let surface;
     let (count, triangles): (usize, &[[u32; 3]]) = if split {
@@ -57,7 +57,7 @@ pub(super) fn write(
     }
     if let Some(uvs) = mesh.uvs() {
         file.begin(F32, "VEC2", uvs.len(), VERTICES);
-        // glTF counts from the upper left corner of the image.
+        // In glTF, texture coordinates start at the upper left corner of the image.
         uvs.iter().for_each(|uv| file.floats(&[uv[0], 1.0 - uv[1]]));
         attributes["TEXCOORD_0"] = file.end().into();
     }
@@ -85,17 +85,18 @@ pub(super) fn write(
     Ok(warnings)
 }
 
-/// A material, if there is one, and the triangles that have it.
+/// A material, if any, and its triangles.
 type Group<'t> = (Option<usize>, Cow<'t, [[u32; 3]]>);
 
-/// The triangles of each material, in the order of the file; materials in the order in which they first appear.
+/// Groups the triangles by material, in the order of the file; materials in the order in which they first
+/// appear.
 fn by_look<'t>(mesh: &TriMesh, looks: &Looks, triangles: &'t [[u32; 3]]) -> Vec<Group<'t>> {
     let of_region = |region: usize| looks.of_region.get(region).copied().flatten();
     let Some(regions) = mesh.regions().filter(|_| looks.all.len() > 1 || looks.of_region.contains(&None))
     else {
         return vec![(of_region(0), Cow::Borrowed(triangles))];
     };
-    // The last place is for faces without a material.
+    // The last group is for faces without a material.
     let mut groups: Vec<Vec<[u32; 3]>> = vec![Vec::new(); looks.all.len() + 1];
     for (&triangle, region) in triangles.iter().zip(regions) {
         groups[of_region(region.index()).unwrap_or(looks.all.len())].push(triangle);
@@ -109,7 +110,7 @@ fn by_look<'t>(mesh: &TriMesh, looks: &Looks, triangles: &'t [[u32; 3]]) -> Vec<
     all
 }
 
-/// A material as glTF has it.
+/// Converts a material to glTF.
 fn material(look: &Look) -> Value {
     let [r, g, b] = if look.color_image.is_some() && !look.is_tinted { [1.0; 3] } else { look.color };
     let mut surface = json!({ "metallicFactor": look.metalness, "roughnessFactor": look.roughness });
@@ -135,14 +136,15 @@ fn material(look: &Look) -> Value {
     material
 }
 
-/// What the node's translation takes from double positions: the middle of their box, if that is far out for its size.
+/// Returns the part of double positions that becomes the node's translation: the centre of their box, if it
+/// is far from the origin for the size of the box.
 fn center(mesh: &TriMesh) -> Option<[f64; 3]> {
     if !matches!(mesh.positions(), Positions::F64(_)) {
         return None;
     }
     let bounds = mesh.positions().view().bounds()?;
     let Bounds { min, max } = bounds;
-    // Rounded to a float: it is short in JSON, and read back without a loss whatever reads it.
+    // Rounded to a float: short in JSON, and exact for every reader.
     let middle = [0, 1, 2].map(|k| f64::from((min[k] / 2.0 + max[k] / 2.0) as f32));
     let far = middle.iter().fold(0f64, |m, x| m.max(x.abs()));
     (far > bounds.diagonal() && far.is_finite()).then_some(middle)
@@ -154,7 +156,7 @@ struct File {
     bytes: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
-    /// Where the view begins that is being filled.
+    /// Start of the view that is being filled.
     start: usize,
 }
 
@@ -168,7 +170,7 @@ impl File {
         }));
     }
 
-    /// Ends it; its index.
+    /// Ends the accessor; returns its index.
     fn end(&mut self) -> usize {
         let last = self.views.len() - 1;
         self.views[last]["byteLength"] = (self.bytes.len() - self.start).into();
@@ -188,7 +190,7 @@ impl File {
         let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for p in positions {
             self.floats(p);
-            // JSON has no numbers that are none.
+            // JSON has no NaN or infinity.
             for k in (0..3).filter(|&k| p[k].is_finite()) {
                 min[k] = min[k].min(p[k]);
                 max[k] = max[k].max(p[k]);
@@ -206,7 +208,7 @@ impl File {
         let mut replaced = 0usize;
         for &n in normals {
             let length = n.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
-            // glTF wants unit length; the bound is well within what its validator takes.
+            // glTF requires unit length; the tolerance is well within that of its validator.
             let n = if (length - 1.0).abs() <= 1e-4 {
                 n
             } else if length > 0.0 && length.is_finite() {
@@ -239,7 +241,7 @@ impl File {
     }
 
     fn indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> usize {
-        // The largest number of a type is not an index.
+        // The largest value of a type is not allowed as an index.
         let small = vertices <= usize::from(u16::MAX);
         self.begin(if small { U16 } else { U32 }, "SCALAR", triangles.len() * 3, INDICES);
         if small {

@@ -1,4 +1,4 @@
-//! Levels with a fit, and which element of the original each one is.
+//! Codec of checkpoints, and of the numbering of the original mesh.
 
 use lodsmith_core::splits::{Checkpoint, Counts, NO_ORIGINAL, Original};
 use lodsmith_core::{FaceId, VertexId, WedgeId};
@@ -8,7 +8,7 @@ use super::range::{Below, Bit, Coded, Coder, Damaged, Decoder, Encoder, Number};
 use super::values::{PlaceCode, code_f32, value_f32};
 use super::walk::Walk;
 
-/// Codes one checkpoint after the other.
+/// Codec of a sequence of checkpoints.
 #[derive(Default)]
 pub(super) struct Checkpoints {
     counts: [Number; 2],
@@ -17,21 +17,21 @@ pub(super) struct Checkpoints {
     changes: Vec<Number>,
 }
 
-/// What the numbers of a checkpoint mean.
+/// Coding of the numbers of a checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum FitCode {
-    /// Places of floats.
+    /// Floats by their rank.
     Exact,
-    /// Steps of this power of two for moves, and for changes of values.
+    /// Steps of these powers of two: for moves, and for changes of values.
     Steps([i16; 2]),
 }
 
-/// A fit is rounded to steps not larger than this share of the error that it leaves. An error of even spread is then
-/// 0.29 / 4 of it along the normal, which together makes 0.3 % more.
+/// A fit is rounded to steps of at most its residual error divided by this. A uniform rounding error then has
+/// an RMS of 0.29 / 4 of that error along the normal, which raises the total by 0.3 %.
 const SHARE: f64 = 4.0;
-/// Changes of values are rounded to this share of the largest.
+/// Changes of values are rounded to steps of the largest change divided by this.
 const OF_LARGEST: f64 = 256.0;
-/// Stands for floats.
+/// Marks numbers stored as floats.
 const EXACT: i16 = i16::MAX;
 
 impl FitCode {
@@ -39,12 +39,12 @@ impl FitCode {
         let largest = checkpoint.changes.iter().fold(0f32, |m, x| m.max(x.abs()));
         let moves = checkpoint.moves.as_flattened();
         let farthest = moves.iter().fold(0f32, |m, x| m.max(x.abs()));
-        // What is on a grid anyhow needs no finer fit.
+        // Positions on a grid need no finer fit.
         let finest = match head.places {
             PlaceCode::Grid { step, .. } => step,
             _ => 0.0,
         };
-        // Beyond 2^30 steps, and for what is no number, there is no use in rounding.
+        // Beyond 2^30 steps, and for numbers that are not finite, rounding is of no use.
         let power = |step: f64, reach: f32| {
             let power = step.log2().floor();
             let fits =
@@ -73,7 +73,7 @@ impl FitCode {
     }
 }
 
-/// The next larger model for a number, by the size of the one before.
+/// Number of models for a number, selected by the size of the number before.
 const SIZES: usize = 12;
 
 fn size_of(code: i64) -> usize {
@@ -149,7 +149,7 @@ impl Checkpoints {
     }
 }
 
-/// The next of rising numbers.
+/// Codes the next of ascending numbers.
 fn rise<C: Coder>(c: &mut C, model: &mut Number, at: &mut u32, wanted: u32) -> Coded<u32> {
     let gap = c.number(model, u64::from(wanted.wrapping_sub(*at)))?;
     let now = u64::from(*at).checked_add(gap).filter(|&now| now < u64::from(u32::MAX));
@@ -158,14 +158,14 @@ fn rise<C: Coder>(c: &mut C, model: &mut Number, at: &mut u32, wanted: u32) -> C
     Ok(now)
 }
 
-/// Elements in the order of the original: mostly, one comes near the one before.
+/// Models of elements in the order of the original: most are near the one before.
 struct Order {
     is_near: [Bit; 2],
     near: [Bit; 64],
     any: Below,
 }
 
-/// The most neighbours that are looked at.
+/// Maximum number of neighbours considered.
 const NEAR: usize = 63;
 
 pub(super) fn write_original(walk: &Walk, original: &Original) -> Vec<u8> {
@@ -196,7 +196,7 @@ fn code_original<C: Coder>(c: &mut C, walk: &Walk, want: Option<&Original>) -> C
             near.extend(walk.corners_of(walk.vertex_of[w as usize]).take(NEAR / 3).map(|c| c / 3));
         }
     })?;
-    // As a rule vertices are numbered as faces meet them.
+    // Usually vertices are numbered in the order in which faces use them.
     let met = |of_wedge: &dyn Fn(u32) -> u32| -> Vec<u32> {
         face_order.iter().flat_map(|&f| walk.faces[f as usize]).map(of_wedge).collect()
     };
@@ -234,8 +234,8 @@ fn code_original<C: Coder>(c: &mut C, walk: &Walk, want: Option<&Original>) -> C
     })
 }
 
-/// Elements in the order of the original: the next that faces meet and that was not named yet, a neighbour of the one
-/// before, or any.
+/// Codes elements in the order of the original: the next one that faces use and that has not been coded, a
+/// neighbour of the one before, or any.
 fn code_order<C: Coder>(
     c: &mut C,
     count: u32,

@@ -1,8 +1,8 @@
-//! Chunks: a length, four letters, bytes, and a checksum over letters and bytes.
+//! Chunks: a length, a kind of four letters, content, and a checksum over kind and content.
 
 use std::io::{self, Read, Write};
 
-/// First bytes of a file: they tell what it is, and show whether something took it for text.
+/// First bytes of a file: they identify the format, and reveal a conversion as text.
 pub(crate) const MAGIC: [u8; 8] = [0x89, b'L', b'P', b'M', b'\r', b'\n', 0x1a, b'\n'];
 
 pub(super) const HEAD: [u8; 4] = *b"HEAD";
@@ -13,10 +13,10 @@ pub(super) const CHECKPOINT: [u8; 4] = *b"CHKP";
 pub(super) const ORIGINAL: [u8; 4] = *b"ORIG";
 pub(super) const DONE: [u8; 4] = *b"DONE";
 
-/// Bytes of a chunk beside its content.
+/// Bytes of a chunk in addition to its content.
 pub(super) const AROUND: u64 = 12;
 
-/// Writes a chunk; returns how many bytes that makes.
+/// Writes a chunk; returns the number of bytes written.
 pub(super) fn write_chunk(out: &mut dyn Write, kind: [u8; 4], bytes: &[u8]) -> io::Result<u64> {
     let length = u32::try_from(bytes.len())
         .map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, "a chunk of LPM holds up to 4 GiB"))?;
@@ -34,22 +34,22 @@ fn checksum(kind: [u8; 4], bytes: &[u8]) -> u32 {
     sum.finalize()
 }
 
-/// What comes next.
+/// Result of reading the next chunk.
 #[derive(Debug)]
 pub(super) enum Next {
     Chunk {
         kind: [u8; 4],
         bytes: Vec<u8>,
     },
-    /// The bytes end, where one chunk does or within one.
+    /// The bytes end, at the end of a chunk or within one.
     End,
-    /// The checksum says that the bytes are not those that were written.
+    /// The checksum does not match.
     Damaged,
-    /// So many bytes are more than are allowed.
+    /// The chunk exceeds the size limit.
     TooLarge,
 }
 
-/// Chunks out of a stream.
+/// Reader of chunks from a stream.
 #[derive(Debug)]
 pub(super) struct Chunks<R> {
     from: R,
@@ -62,13 +62,13 @@ impl<R: Read> Chunks<R> {
     pub(super) fn new(from: R, most: u64) -> Self {
         Self { from, at: 0, most }
     }
-    /// Whether the first bytes are those of the format.
+    /// Reads the first bytes; returns true if they are those of the format.
     pub(super) fn magic(&mut self) -> io::Result<bool> {
         Ok(self.take(MAGIC.len() as u64)? == MAGIC)
     }
     fn take(&mut self, count: u64) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
-        // Grows by what comes, not by what is announced.
+        // Grows with the bytes that arrive, not with the announced length.
         self.from.by_ref().take(count).read_to_end(&mut bytes)?;
         self.at += bytes.len() as u64;
         Ok(bytes)

@@ -1,31 +1,31 @@
-//! What a file holds.
+//! Contents of a file.
 
 use lodsmith_core::splits::{Counts, Splits};
 
 use crate::error::Warning;
 use crate::material::Regions;
 
-/// A file, or its beginning.
+/// Contents of a file, or of a prefix of one.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Lpm {
-    /// The base and the splits that there are.
+    /// Base and splits that were read.
     pub splits: Splits,
-    /// What the regions of its faces stand for.
+    /// Descriptions of the regions of its faces.
     pub regions: Regions,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
-    /// Whether all of it is there. If not, a warning says how far it goes.
+    /// True if the file is complete. If not, a warning reports how much was read.
     pub is_complete: bool,
-    /// Splits and elements of the full mesh, as the file announces them.
+    /// Number of splits and elements of the full mesh, as declared in the file.
     pub announced: (usize, Counts),
-    /// Bits of a coordinate; `None` where every bit is kept.
+    /// Bits of a coordinate; `None` if every bit is kept.
     pub bits: Option<u8>,
-    /// Where the bytes are.
+    /// Sizes of the parts of the file.
     pub sizes: LpmSizes,
 }
 
-/// Bytes by what they are for.
+/// Sizes of the parts of a file, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LpmSizes {
@@ -37,18 +37,18 @@ pub struct LpmSizes {
     pub base: u64,
     /// Splits.
     pub splits: u64,
-    /// Chunks that they are in.
+    /// Number of chunks of splits.
     pub chunks: u64,
-    /// Levels with a fit.
+    /// Checkpoints.
     pub checkpoints: u64,
-    /// The order of the original.
+    /// The numbering of the original.
     pub original: u64,
-    /// The end mark, and what is skipped here.
+    /// The end mark, and skipped chunks.
     pub others: u64,
 }
 
 impl LpmSizes {
-    /// All of them.
+    /// Returns the total number of bytes.
     pub fn total(&self) -> u64 {
         self.head + self.materials + self.base + self.splits + self.checkpoints + self.original + self.others
     }

@@ -1,4 +1,4 @@
-//! The head of the file: what stands in it, and how numbers mean positions and values.
+//! Head of the file: its properties, and the coding of positions and values.
 
 use lodsmith_core::mesh::Morphed;
 use lodsmith_core::splits::{Counts, Layout};
@@ -15,22 +15,22 @@ const HAS_REGIONS: u16 = 2;
 const IS_DOUBLE: u16 = 4;
 const IS_GRID: u16 = 8;
 
-/// All that is said before the first face.
+/// Properties of a file, which precede the base mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Head {
     pub(super) has_vertex_map: bool,
     pub(super) has_regions: bool,
-    /// What the file announces: splits, the full mesh, the base. Nothing is reserved on its word.
+    /// Declared counts: of splits, the full mesh, the base. No memory is reserved because of them.
     pub(super) splits: u32,
     pub(super) full: Counts,
     pub(super) base: Counts,
     pub(super) places: PlaceCode,
-    /// Bits of a position, where it is on a grid.
+    /// Bits of a coordinate, if positions are on a grid.
     pub(super) bits: u8,
     pub(super) columns: Vec<Column>,
 }
 
-/// An attribute.
+/// An attribute and its coding.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Column {
     pub(super) kind: Kind,
@@ -46,7 +46,7 @@ pub(super) enum Kind {
     Further(Semantic),
 }
 
-/// The attributes of a layout, in the order of a row.
+/// Returns the attributes of a layout, in the order of a row.
 pub(super) fn kinds(layout: &Layout) -> Vec<(Kind, usize)> {
     let first = [
         (layout.has_normals, (Kind::Normal, 3)),
@@ -71,11 +71,11 @@ impl Head {
             further: further.collect(),
         }
     }
-    /// Whole numbers for each wedge.
+    /// Returns the number of coded integers per wedge.
     pub(super) fn channels(&self) -> usize {
         self.columns.iter().map(|c| c.code.channels(c.width)).sum()
     }
-    /// Values for each wedge.
+    /// Returns the number of values per wedge.
     pub(super) fn width(&self) -> usize {
         self.columns.iter().map(|c| c.width).sum()
     }
@@ -176,7 +176,7 @@ impl Head {
             bits,
             columns,
         };
-        // The layout has room for one of each, before all others.
+        // The layout has one of each standard attribute, before all others.
         let wanted = kinds(&head.layout());
         match head.columns.iter().map(|c| (&c.kind, c.width)).eq(wanted.iter().map(|(k, w)| (k, *w))) {
             true => Ok(head),
@@ -186,7 +186,7 @@ impl Head {
 }
 
 fn column(bytes: &mut Bytes<'_>) -> Result<Column, ReadError> {
-    // A custom attribute of more values is no attribute of a mesh. Guessed.
+    // Guessed: no attribute of a mesh has more values.
     const WIDEST: u32 = 4096;
     let kind = bytes.byte()?;
     let set = u16::from_le_bytes(bytes.take()?);
@@ -213,7 +213,7 @@ fn column(bytes: &mut Bytes<'_>) -> Result<Column, ReadError> {
     Ok(Column { kind, width, code })
 }
 
-/// The number of a kind, of its set or morph target, and its name.
+/// Returns the code of a kind, the number of its set or morph target, and its name.
 fn kind_number(kind: &Kind) -> (u8, u16, &str) {
     match kind {
         Kind::Normal => (0, 0, ""),
@@ -258,7 +258,7 @@ fn bad(what: &str) -> ReadError {
     ReadError::element("the head", what)
 }
 
-/// Bytes that are taken from the front.
+/// Bytes that are still to be read.
 struct Bytes<'a>(&'a [u8]);
 
 impl<'a> Bytes<'a> {

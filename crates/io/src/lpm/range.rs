@@ -1,15 +1,15 @@
-//! Numbers into bits and back, by a range coder with models that learn.
+//! Adaptive binary range coder.
 //!
-//! One function says how a thing is coded, for both ways: a [`Coder`] that writes returns what it is given, one that reads
-//! returns what stands in the bytes.
+//! One function defines the coding in both directions: a [`Coder`] that writes returns the value that it is
+//! given, one that reads returns the value in the bytes.
 
-/// The bytes say what cannot be.
+/// Error: the bytes are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Damaged(pub(super) &'static str);
 
 pub(super) type Coded<T> = Result<T, Damaged>;
 
-/// How likely a bit is 0, learnt from those before: twice, once fast and once slowly, in 65536ths.
+/// Adaptive probability that a bit is 0: the mean of a fast and a slow estimate, in 65536ths.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bit {
     fast: u16,
@@ -22,12 +22,12 @@ impl Default for Bit {
     }
 }
 
-// Guessed: the one soon knows a new mesh, the other is right in the long run.
+// Guessed: the fast estimate soon adapts to a new mesh, the slow one is accurate in the long run.
 const FAST: u32 = 5;
 const SLOW: u32 = 7;
 
 impl Bit {
-    /// In 4096ths; neither 0 nor 4096.
+    /// Returns the probability in 4096ths; neither 0 nor 4096.
     fn share(self) -> u32 {
         (u32::from(self.fast) + u32::from(self.slow)) >> 5
     }
@@ -42,18 +42,18 @@ impl Bit {
     }
 }
 
-/// A range is never smaller than this between two bits.
+/// Minimum of the range between two bits.
 const LEAST: u32 = 1 << 24;
-/// Bits without a model that go through at once.
+/// Maximum number of bits without a model that are coded at once.
 const AT_ONCE: u32 = 12;
 
 pub(super) trait Coder {
-    /// A bit with its model.
+    /// Codes a bit with its model.
     fn bit(&mut self, model: &mut Bit, bit: bool) -> Coded<bool>;
-    /// Up to [`AT_ONCE`] bits that may be anything.
+    /// Codes up to [`AT_ONCE`] bits without a model.
     fn few(&mut self, value: u32, bits: u32) -> Coded<u32>;
 
-    /// Bits that may be anything, the highest first.
+    /// Codes any number of bits without a model, the highest first.
     fn plain(&mut self, value: u64, bits: u32) -> Coded<u64> {
         let (mut left, mut got) = (bits, 0);
         while left > 0 {
@@ -64,7 +64,7 @@ pub(super) trait Coder {
         }
         Ok(got)
     }
-    /// A number of so many bits, the highest first; `models` has as many as there are such numbers.
+    /// Codes a number of `bits` bits, the highest first; `models` has one entry for each such number.
     fn tree(&mut self, models: &mut [Bit], bits: u32, value: u32) -> Coded<u32> {
         let mut node = 1;
         for i in (0..bits).rev() {
@@ -73,7 +73,7 @@ pub(super) trait Coder {
         }
         Ok(node as u32 - (1 << bits))
     }
-    /// A number of any size, small ones in fewer bits.
+    /// Codes a number of any size, small ones in fewer bits.
     fn number(&mut self, model: &mut Number, value: u64) -> Coded<u64> {
         let size = self.tree(&mut model.size, 7, u64::BITS - value.leading_zeros())?;
         if size < 2 {
@@ -89,7 +89,7 @@ pub(super) trait Coder {
         let low = self.plain(value & ((1 << rest) - 1), rest)?;
         Ok((1 << modelled | u64::from(top)) << rest | low)
     }
-    /// A number with a sign.
+    /// Codes a signed number.
     fn signed(&mut self, model: &mut Number, value: i64) -> Coded<i64> {
         let size = self.number(model, value.unsigned_abs())?;
         if size == 0 {
@@ -98,7 +98,7 @@ pub(super) trait Coder {
         let is_negative = self.bit(&mut model.sign, value < 0)?;
         Ok(if is_negative { (size as i64).wrapping_neg() } else { size as i64 })
     }
-    /// A number below a count.
+    /// Codes a number below a count.
     fn below(&mut self, model: &mut Below, count: u32, value: u32) -> Coded<u32> {
         if count < 2 {
             return if count == 1 { Ok(0) } else { Err(Damaged("an element is named where there is none")) };
@@ -111,7 +111,7 @@ pub(super) trait Coder {
         let got = top << rest | low;
         if got < count { Ok(got) } else { Err(Damaged("an element is named that is not there")) }
     }
-    /// A count of things that the bytes have to pay for one by one.
+    /// Codes a count of items, each of which is coded in the bytes.
     fn count(&mut self, model: &mut Number, count: usize) -> Coded<usize> {
         let count = self.number(model, count as u64)?;
         if count < u64::from(u32::MAX) {
@@ -122,7 +122,7 @@ pub(super) trait Coder {
     }
 }
 
-/// A model of numbers: how many bits they have, and the two below the highest.
+/// Model of numbers: their number of bits, and the two bits below the highest.
 #[derive(Clone, Debug)]
 pub(super) struct Number {
     size: [Bit; 128],
@@ -136,7 +136,7 @@ impl Default for Number {
     }
 }
 
-/// A model of numbers below a count: their highest eight bits.
+/// Model of numbers below a count: their highest eight bits.
 #[derive(Clone, Debug)]
 pub(super) struct Below([Bit; 256]);
 
@@ -146,11 +146,11 @@ impl Default for Below {
     }
 }
 
-/// Writes.
+/// Coder that writes.
 pub(super) struct Encoder {
     low: u64,
     range: u32,
-    /// The last byte and the 0xff behind it, which a carry may still change; none at the very start.
+    /// Number of bytes that a carry may still change: `last` and the 0xff behind it; none at the very start.
     held: u64,
     last: u8,
     out: Vec<u8>,
@@ -179,7 +179,7 @@ impl Encoder {
             self.shift();
         }
     }
-    /// The bytes.
+    /// Flushes the coder; returns the bytes.
     pub(super) fn finish(mut self) -> Vec<u8> {
         (0..5).for_each(|_| self.shift());
         self.out
@@ -207,7 +207,7 @@ impl Coder for Encoder {
     }
 }
 
-/// Reads.
+/// Coder that reads.
 pub(super) struct Decoder<'a> {
     code: u32,
     range: u32,
@@ -234,7 +234,7 @@ impl<'a> Decoder<'a> {
         }
         Ok(())
     }
-    /// Whether nothing is left.
+    /// Returns true if no bytes are left.
     pub(super) fn is_at_end(&self) -> bool {
         self.bytes.len() == 0
     }
@@ -284,7 +284,7 @@ mod tests {
     fn what_is_written_is_read() {
         let mut wanted: Vec<i64> = (0..64).flat_map(|i| [1 << i, -(1i64 << (i % 63)), i, -i]).collect();
         wanted.extend([i64::MIN, i64::MAX, 0, 0, 0]);
-        // Carries run through long rows of 0xff only now and then.
+        // Carries through long runs of 0xff are rare.
         wanted.extend((0..50_000i64).map(|i| (i * i * 2_654_435_761) % 977 - 400));
         let mut encoder = Encoder::new();
         all(&mut encoder, &wanted).unwrap();

@@ -1,4 +1,4 @@
-//! Splits on their way in, chunk by chunk.
+//! Reader of progressive meshes, chunk by chunk.
 
 use std::io::Read;
 
@@ -16,7 +16,7 @@ use crate::error::{ReadError, Warning};
 use crate::limits::Limits;
 use crate::material::Regions;
 
-/// Reads a file chunk by chunk: after each one there is a mesh.
+/// Reads a file chunk by chunk: after each one a mesh is available.
 pub struct LpmReader<R> {
     chunks: Chunks<R>,
     head: Head,
@@ -33,14 +33,14 @@ pub struct LpmReader<R> {
     data: SplitData,
 }
 
-/// How far the bytes went.
+/// Progress of reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Open,
     Whole,
     /// The bytes end too early.
     Cut,
-    /// The bytes are not those that were written.
+    /// The bytes are damaged.
     Damaged,
 }
 
@@ -52,7 +52,7 @@ impl<R: Read> LpmReader<R> {
     /// Reads up to the base mesh.
     ///
     /// # Errors
-    /// [`ReadError`] where the bytes are of another format, or end or are damaged before the base is there.
+    /// [`ReadError`] if the bytes are of another format, or end or are damaged before the end of the base.
     pub fn new(from: R, limits: Limits) -> Result<Self, ReadError> {
         let mut chunks = Chunks::new(from, limits.most_bytes());
         if !chunks.magic()? {
@@ -63,7 +63,7 @@ impl<R: Read> LpmReader<R> {
             return Err(ReadError::byte(8, "the head is missing"));
         }
         let head = Head::from_bytes(&bytes)?;
-        // Guessed: no mesh has as much on a wedge, and so much has to be made of a few bytes.
+        // Guessed: no mesh has as many values per wedge, and a few bytes could ask for them all.
         const WIDEST: usize = 1 << 12;
         if head.channels() > WIDEST || head.width() > WIDEST {
             return Err(ReadError::element("the head", "it has more than 4,096 values for each wedge"));
@@ -129,32 +129,33 @@ impl<R: Read> LpmReader<R> {
         }
     }
 
-    /// Splits read so far: the level of the mesh that there is.
+    /// Returns the number of splits read so far: the level of the current mesh.
     pub fn level(&self) -> usize {
         self.data.counts.len() - 1
     }
-    /// Elements of that mesh, holes included.
+    /// Returns the number of elements of the current mesh, holes included.
     pub fn counts(&self) -> Counts {
         self.walk.counts()
     }
-    /// What the head announces of the full mesh; nobody has checked it.
+    /// Returns the number of splits and elements of the full mesh, as declared in the head; they are not
+    /// checked.
     pub fn announced(&self) -> (usize, Counts) {
         (self.head.splits as usize, self.head.full)
     }
-    /// Whether all of the file is read, and sound.
+    /// Returns true if the whole file has been read and is valid.
     pub fn is_complete(&self) -> bool {
         self.state == State::Whole
     }
-    /// What there is to say so far.
+    /// Returns the warnings so far.
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
     }
 
-    /// Reads one more chunk, and says whether more may come. Where bytes are missing or damaged, what came before stays as
-    /// it is, and a warning says how far that went.
+    /// Reads one more chunk; returns true if more may follow. If bytes are missing or damaged, everything
+    /// before stays valid, and a warning reports how much was read.
     ///
     /// # Errors
-    /// [`ReadError::Io`] where the stream fails, [`ReadError::Limit`].
+    /// [`ReadError::Io`] if the stream fails; [`ReadError::Limit`] if a chunk is too large.
     pub fn next_chunk(&mut self) -> Result<bool, ReadError> {
         if self.state != State::Open {
             return Ok(false);
@@ -180,16 +181,17 @@ impl<R: Read> LpmReader<R> {
         Ok(self.state == State::Open)
     }
 
-    /// Reads all that comes. A file that ends too early gives what it has; one that is damaged gives nothing.
+    /// Reads the rest of the file. One that ends too early gives the part that was read; a damaged one is an
+    /// error.
     ///
     /// # Errors
-    /// As [`LpmReader::next_chunk`], where bytes are damaged, and where the splits do not fit together.
+    /// As [`LpmReader::next_chunk`]; also if bytes are damaged, or if the splits are inconsistent.
     pub fn finish(mut self) -> Result<Lpm, ReadError> {
         self.read_on()?;
         self.into_lpm()
     }
 
-    /// Reads all that comes; damage is an error.
+    /// Reads the rest of the file; damage is an error.
     pub(super) fn read_on(&mut self) -> Result<(), ReadError> {
         while self.next_chunk()? {}
         match self.warnings.pop_if(|_| self.state == State::Damaged) {
@@ -198,10 +200,10 @@ impl<R: Read> LpmReader<R> {
         }
     }
 
-    /// What came so far.
+    /// Returns everything read so far.
     ///
     /// # Errors
-    /// Where the splits do not fit together.
+    /// If the splits are inconsistent.
     pub fn into_lpm(self) -> Result<Lpm, ReadError> {
         let is_complete = self.is_complete();
         let splits = Splits::new(self.data).map_err(|e| ReadError::file(e.to_string()))?;
@@ -267,7 +269,7 @@ impl<R: Read> LpmReader<R> {
         self.read_steps(bytes, u32::from_le_bytes(*count))
     }
 
-    /// Reads steps and keeps those that are sound, up to the first that is not.
+    /// Reads steps, and keeps all before the first that is invalid.
     fn read_steps(&mut self, bytes: &[u8], count: u32) -> Coded<()> {
         let mut decoder = Decoder::new(bytes)?;
         let nothing = Step::default();
@@ -295,9 +297,9 @@ impl<R: Read> LpmReader<R> {
             (step.places.len() + step.moved.len(), 48),
             (step.corners.len() + step.owners.len(), 8),
         ];
-        // About what it takes in memory.
+        // Approximate memory that it takes.
         self.unpacked += sizes.iter().map(|(count, size)| *count as u64 * size).sum::<u64>();
-        // (Measured: what is made of it takes up to twice as much.)
+        // (Measured: the result takes up to twice as much.)
         if self.unpacked > self.limits.bytes.min(self.limits.memory / 2) {
             return Err(Damaged("more is unpacked than the limit allows (--max-memory)"));
         }
@@ -337,7 +339,7 @@ impl<R: Read> LpmReader<R> {
         Ok(())
     }
 
-    /// No more can be read; says why and how far it went.
+    /// Stops reading; adds a warning with the reason and with how much was read.
     fn stop(&mut self, state: State, why: &str) {
         self.state = state;
         let counts = self.walk.counts();
@@ -351,11 +353,11 @@ impl<R: Read> LpmReader<R> {
         self.warnings.push(Warning::lost(text));
     }
 
-    /// The mesh of the splits read so far, without the elements that no face uses. Once all are read, it is the mesh that was
-    /// written, in its order, where the file says what that was.
+    /// Returns the mesh of the splits read so far, without elements that no face uses. Once all are read, it
+    /// is the mesh that was written, in its original order if the file contains that.
     ///
     /// # Errors
-    /// [`ReadError::Mesh`] where the file says what cannot be.
+    /// [`ReadError::Mesh`] if the file describes an invalid mesh.
     pub fn mesh(&self) -> Result<TriMesh, ReadError> {
         let original = self.data.original.as_ref().filter(|_| self.state == State::Whole);
         mesh_of(&self.head, &self.walk, original)
@@ -426,7 +428,7 @@ fn mesh_of(head: &Head, walk: &Walk, original: Option<&Original>) -> Result<TriM
     Ok(mesh)
 }
 
-/// The elements of an original, in its order.
+/// Returns the elements of an original, in its order.
 fn order_of(numbers: &[u32]) -> Vec<u32> {
     let mut order: Vec<u32> =
         (0..numbers.len() as u32).filter(|&i| numbers[i as usize] != NO_ORIGINAL).collect();
@@ -434,7 +436,7 @@ fn order_of(numbers: &[u32]) -> Vec<u32> {
     order
 }
 
-/// The next chunk, where one has to be.
+/// Reads the next chunk, which has to exist.
 fn whole<R: Read>(chunks: &mut Chunks<R>, limits: Limits) -> Result<([u8; 4], Vec<u8>), ReadError> {
     let at = chunks.at as usize;
     match chunks.next()? {
@@ -452,7 +454,7 @@ fn too_large<R>(chunks: &Chunks<R>, limits: Limits) -> ReadError {
     ReadError::Limit { what: "the file", size: chunks.at, limit: limits.most_bytes() }
 }
 
-/// Whether a chunk of no known kind must not be skipped: its first letter is a capital.
+/// Returns true if a chunk of unknown kind must not be skipped: its first letter is a capital.
 fn is_needed(kind: [u8; 4]) -> bool {
     !kind[0].is_ascii_lowercase()
 }

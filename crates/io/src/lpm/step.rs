@@ -1,4 +1,4 @@
-//! How a split is told: by the ring of the vertex that it splits.
+//! Codec of vertex splits, relative to the ring of the vertex that is split.
 //!
 //! ```text
 //!      x               x          corners of the ring go over to the new vertex v or stay at u; where they
@@ -7,8 +7,8 @@
 //!    \ | /           \ | /
 //! ```
 //!
-//! What does not follow this picture is told by numbers, at any place: nothing is impossible to say. The base mesh is the
-//! split of an empty one.
+//! Changes that do not follow this pattern are coded by index, anywhere in the mesh: every split can be
+//! coded. The base mesh is coded as the split of an empty one.
 
 mod fields;
 
@@ -16,14 +16,14 @@ use super::range::{Below, Bit, Coded, Coder, Damaged, Number};
 use super::values::PlaceCode;
 use super::walk::{Ring, Step, Walk};
 
-/// Channels of rows that have a model of their own; those beyond share the last. Guessed: two morph targets.
+/// Number of channels of rows with their own model; further ones share the last. Guessed: two morph targets.
 const CHANNELS: usize = 32;
 
-/// Where the new vertex is looked for, from the old place along the way between the centres of both rings. On a regular
-/// mesh it stands half an edge from there, and the centres are 1.4 edges apart.
+/// Predicted displacement of the new vertex from the old one, as a share of the vector between the centres of
+/// both parts of the ring. On a regular mesh it is half an edge away, and the centres are 1.4 edges apart.
 const ALONG: f64 = 0.36;
 
-/// What does not change from split to split.
+/// Properties that all splits share.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
     pub(super) has_vertex_map: bool,
@@ -32,14 +32,14 @@ pub(super) struct Shape {
     pub(super) places: PlaceCode,
 }
 
-/// Elements told by number among those that a step changes.
+/// Models of changed elements that are coded by index.
 #[derive(Default)]
 struct Rest {
     count: Number,
     gap: Number,
 }
 
-/// All that is learnt on the way.
+/// All adaptive models.
 struct Models {
     born: [Number; 3],
     has_focus: Bit,
@@ -108,39 +108,39 @@ impl Default for Models {
     }
 }
 
-// What a corner goes by: how many before it went the same way, how often that has turned, how large the ring is, and
-// the way of the last.
+// Context of a corner: how many before it went to the same side, how often the side has changed, the size of
+// the ring, and the side of the last corner.
 const RUNS: usize = 8;
 const TURNS: usize = 4;
 const SIZES: usize = 13;
 
-/// A face that may be born at an edge of the ring.
+/// A face that may be created at an edge of the ring.
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     wedges: [u32; 3],
     /// The wedge of x on the other side of the edge.
     other: u32,
-    /// A face beside it.
+    /// An adjacent face.
     beside: u32,
 }
 
-/// Codes one split after the other.
+/// Codec of a sequence of splits.
 pub(super) struct Steps {
     shape: Shape,
     models: Box<Models>,
     ring: Ring,
-    /// The wedge of each corner of the ring after the split, and whether that is no longer at the old vertex.
+    /// Wedge of each corner of the ring after the split, and true if it is no longer at the old vertex.
     after: Vec<(u32, bool)>,
     candidates: Vec<Candidate>,
-    /// New wedges and the old ones whose corners they took.
+    /// New wedges, each with the old one whose corners it took.
     parents: Vec<(u32, u32)>,
     targets: Targets,
 }
 
-/// Which wedges corners went to.
+/// Wedges that corners went to.
 #[derive(Default)]
 struct Targets {
-    /// Old and new, the last few.
+    /// The last few pairs of old and new wedge.
     last: Vec<(u32, u32)>,
     used: u32,
 }
@@ -166,10 +166,11 @@ impl Steps {
         }
     }
 
-    /// Codes what leads from the mesh of the walk to the next: `want` on the way out; `got` either way.
+    /// Codes the step from the mesh of the walk to the next: `want` is used for writing; `got` is the result
+    /// in both cases.
     ///
     /// # Errors
-    /// [`Damaged`], on the way in only.
+    /// [`Damaged`], only when reading.
     pub(super) fn code<C: Coder>(
         &mut self,
         c: &mut C,
@@ -207,7 +208,7 @@ impl Steps {
         };
         let span = |before: u32, more: usize, times: u64| {
             let after = u64::from(before) + more as u64;
-            // The last number is kept free.
+            // The largest number is reserved.
             let fits = after * times < u64::from(u32::MAX);
             fits.then_some([before, after as u32]).ok_or(Damaged("more elements than numbers can name"))
         };
@@ -218,7 +219,7 @@ impl Steps {
         })
     }
 
-    /// The vertex that is split.
+    /// Codes the vertex that is split.
     fn focus<C: Coder>(&mut self, c: &mut C, walk: &Walk, want: &Step) -> Coded<Option<u32>> {
         let of_wedge = |w: u32| walk.vertex_of[w as usize];
         let by_corner = want.corners.first().map(|x| of_wedge(walk.corner(x.0)));
@@ -230,7 +231,7 @@ impl Steps {
         c.below(&mut self.models.focus, walk.places.len() as u32, focus.unwrap_or(0)).map(Some)
     }
 
-    /// Wedges that go to another vertex.
+    /// Codes the wedges that go to another vertex.
     fn owners<C: Coder>(&mut self, c: &mut C, span: Span, want: &Step, got: &mut Step) -> Coded<()> {
         let models = &mut *self.models;
         let mut last = false;
@@ -263,7 +264,7 @@ impl Steps {
         Ok(())
     }
 
-    /// The vertices of new wedges.
+    /// Codes the vertices of new wedges.
     fn vertices_of<C: Coder>(
         &mut self,
         c: &mut C,
@@ -291,7 +292,7 @@ impl Steps {
         Ok(())
     }
 
-    /// Corners that go to another wedge: of the ring first, then any.
+    /// Codes the corners that go to another wedge: those of the ring first, then any.
     fn corners<C: Coder>(
         &mut self,
         c: &mut C,
@@ -353,11 +354,11 @@ impl Steps {
         Ok(())
     }
 
-    /// The faces that the picture knows of.
+    /// Finds the faces that follow the pattern.
     fn find_candidates(&mut self, span: Span, got: &Step) {
         self.candidates.clear();
         let ring = &self.ring.corners;
-        // What stands opposite of an open end: a new wedge, or the old one where that stays behind.
+        // The wedge opposite an open end: a new one, or the old one if that stays behind.
         let opposite = |i: usize| {
             let (old, (now, goes)) = (ring[i].wedge, self.after[i]);
             if goes && now != old && find(&got.owners, old).is_none() { old } else { span.wedges[0] }
@@ -408,7 +409,7 @@ impl Steps {
             let face = want.faces.get(i).copied().unwrap_or_default();
             let mut told = None;
             if !self.candidates.is_empty() {
-                // Seven places, and none.
+                // Seven candidates, or none.
                 let known = self.candidates.iter().take(7).position(|x| turn_of(x, face).is_some());
                 let way = c.tree(&mut self.models.face[i.min(2)], 3, known.unwrap_or(7) as u32)? as usize;
                 if way < 7 {
@@ -438,7 +439,7 @@ impl Steps {
         Ok(())
     }
 
-    /// A face at an edge of the ring: which of its corners comes first, and what is not as foreseen.
+    /// Codes a face at an edge of the ring: its first corner, and differences from the prediction.
     fn near_face<C: Coder>(
         &mut self,
         c: &mut C,
@@ -451,7 +452,7 @@ impl Steps {
         let turn = turn_of(candidate, face).unwrap_or(0);
         let turn = c.tree(&mut models.turn[i.min(1)], 2, turn as u32)? as usize;
         let mut foreseen = candidate.wedges;
-        // Three is no turn, and read as none.
+        // Three is not a valid rotation and is read as none.
         foreseen.rotate_left(turn % 3);
         if c.bit(&mut models.is_plain, face == foreseen)? {
             return check_face(foreseen, span);
@@ -470,7 +471,7 @@ impl Steps {
         check_face(now, span)
     }
 
-    /// A face told by numbers.
+    /// Codes a face by indices.
     fn far_face<C: Coder>(
         &mut self,
         c: &mut C,
@@ -483,10 +484,10 @@ impl Steps {
         let mut now = [0u32; 3];
         let newest = span.wedges[0] + seen;
         for k in 0..3 {
-            // Those of the last face are known if there is one.
+            // The wedges of the last face are known, if there is one.
             let [a, b, d] = last.copied().unwrap_or([u32::MAX; 3]);
             let mut next = newest;
-            // A face may well be the first to name several.
+            // A face may be the first to use several wedges.
             for &w in &now[..k] {
                 next = next.max(w.saturating_add(1));
             }
@@ -512,7 +513,7 @@ impl Steps {
 }
 
 impl Models {
-    /// Models of what corners go to, in the ring or out of it.
+    /// Returns the models of the wedges that corners go to, in the ring or outside of it.
     fn any(&mut self, i: usize) -> (&mut [Bit; 4], &mut Below, &mut Below) {
         (&mut self.target[i], &mut self.born_wedge, &mut self.any_wedge)
     }
@@ -529,8 +530,8 @@ impl Models {
 }
 
 impl Targets {
-    /// The wedge that a corner goes to: the one that an earlier corner of the same wedge went to, the next new one, any
-    /// new one, or any.
+    /// Codes the wedge that a corner goes to: the one that an earlier corner of the same wedge went to, the
+    /// next new one, any new one, or any.
     fn code<C: Coder>(
         &mut self,
         c: &mut C,
@@ -562,7 +563,7 @@ impl Targets {
         if let Some(born) = now.checked_sub(span.wedges[0]) {
             self.used = self.used.max(born + 1);
         }
-        // Guessed: a split has hardly more wedges.
+        // Guessed: splits hardly ever have more wedges.
         if self.last.len() == 8 {
             self.last.remove(0);
         }
@@ -571,11 +572,11 @@ impl Targets {
     }
 }
 
-/// How often a candidate has to turn to become a face, but for what stands on its corners.
+/// Returns the rotation that turns a candidate into a face, apart from wedges across the edge.
 fn turn_of(candidate: &Candidate, face: [u32; 3]) -> Option<usize> {
     let is_near = |k: usize, w: u32| candidate.wedges[k] == w || (k == 1 && candidate.other == w);
     (0..3).find(|&turn| (0..3).all(|k| is_near((k + turn) % 3, face[k]))).or_else(|| {
-        // On a seam, two of three have to do.
+        // On a seam, two matching corners of three suffice.
         (0..3).find(|&turn| (0..3).filter(|&k| is_near((k + turn) % 3, face[k])).count() == 2)
     })
 }
@@ -591,7 +592,7 @@ fn find(list: &[(u32, u32)], at: u32) -> Option<u32> {
     list.binary_search_by_key(&at, |x| x.0).ok().map(|i| list[i].1)
 }
 
-/// The next of rising numbers.
+/// Codes the next of ascending numbers.
 fn gap<C: Coder>(c: &mut C, model: &mut Number, at: &mut u32, wanted: u32, end: u32) -> Coded<u32> {
     let gap = c.number(model, u64::from(wanted.wrapping_sub(*at)))?;
     match u64::from(*at).checked_add(gap).filter(|&now| now < u64::from(end)) {

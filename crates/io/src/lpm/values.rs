@@ -1,8 +1,8 @@
-//! Positions and values as whole numbers, which the file holds: floats by their order, or steps of a grid.
+//! Positions and values as the integers in the file: floats by their rank, or steps of a grid.
 
 use lodsmith_core::Positions;
 
-/// A float as the number of its place among all floats; and back.
+/// Converts a float to its rank among all floats, and back.
 pub(super) fn place_f32(bits: i32) -> i32 {
     bits ^ (((bits >> 31) as u32) >> 1) as i32
 }
@@ -19,12 +19,12 @@ pub(super) fn value_f32(code: i32) -> f32 {
     f32::from_bits(place_f32(code) as u32)
 }
 
-/// What the numbers of positions mean.
+/// Coding of positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum PlaceCode {
     F32,
     F64,
-    /// A grid: its first point, and the distance between two.
+    /// A grid: its first point, and its step.
     Grid {
         min: [f64; 3],
         step: f64,
@@ -46,7 +46,7 @@ impl PlaceCode {
             (_, Positions::F64(p)) => p[i].map(|x| place_f64(x.to_bits() as i64)),
         }
     }
-    /// The coordinates that predictions reckon with: those of the mesh, or steps of the grid.
+    /// Returns the coordinates that predictions use: those of the mesh, or steps of the grid.
     pub(super) fn reckoned(&self, code: [i64; 3]) -> [f64; 3] {
         match self {
             Self::Grid { .. } => code.map(|c| c as f64),
@@ -54,7 +54,7 @@ impl PlaceCode {
             Self::F64 => code.map(|c| f64::from_bits(place_f64(c) as u64)),
         }
     }
-    /// The number nearest to what was reckoned; `None` if that is no number.
+    /// Returns the code nearest to predicted coordinates; `None` if they are not finite.
     pub(super) fn nearest(&self, p: [f64; 3]) -> Option<[i64; 3]> {
         let is_finite = |x: &f64| match self {
             Self::F32 => (*x as f32).is_finite(),
@@ -84,21 +84,21 @@ impl PlaceCode {
     }
 }
 
-/// What the numbers of an attribute mean.
+/// Coding of an attribute.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum ValueCode {
     /// Floats.
     Float,
-    /// A grid for each value: its first point, and the distance between two.
+    /// A grid for each value: its first point, and its step.
     Grid { bits: u8, axes: Vec<[f64; 2]> },
-    /// A direction on an octahedron, whose half axis is so many bits long.
+    /// A direction in octahedral encoding, in signed coordinates of this many bits.
     Direction { bits: u8 },
-    /// The same, and the side of a tangent: 1 or -1.
+    /// A direction like this, and the side of a tangent: 1 or -1.
     Tangent { bits: u8 },
 }
 
 impl ValueCode {
-    /// Whole numbers for each row of `width` values.
+    /// Returns the number of integers for each row of `width` values.
     pub(super) fn channels(&self, width: usize) -> usize {
         match self {
             Self::Float | Self::Grid { .. } => width,
@@ -142,7 +142,7 @@ fn half_axis(bits: u8) -> f64 {
     f64::from((1u32 << (bits - 1)) - 1)
 }
 
-/// The sphere on an octahedron, that on a square [Cigolle et al. 2014].
+/// Encodes a direction: maps the sphere to an octahedron, and that to a square [Cigolle et al. 2014].
 fn onto_octahedron(n: [f32; 3], bits: u8) -> [i32; 2] {
     let n = n.map(f64::from);
     let sum = n[0].abs() + n[1].abs() + n[2].abs();

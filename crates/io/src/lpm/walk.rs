@@ -1,17 +1,18 @@
-//! The mesh that reader and writer walk along: what a split is told by.
+//! The current mesh of reader and writer: the context in which splits are coded.
 
 use lodsmith_core::splits::Counts;
 
 const NONE: u32 = u32::MAX;
 
-/// The most wedges and corners of a vertex by which a split is told; beyond, it is told by numbers.
+/// Maximum number of wedges, and of corners, of a vertex whose split is coded by its ring; others are coded
+/// by index.
 pub(super) const RING: usize = 64;
 
-/// Members of owners, in lists that go both ways.
+/// Members of owners, in doubly linked lists.
 #[derive(Clone, Debug, Default)]
 struct Lists {
     first: Vec<u32>,
-    /// The member before and the one behind.
+    /// The previous and the next member.
     beside: Vec<[u32; 2]>,
 }
 
@@ -39,7 +40,7 @@ impl Lists {
     }
 }
 
-/// The mesh at a level, elements by their birth.
+/// The mesh at a level, elements in the order of their creation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Walk {
     pub(super) faces: Vec<[u32; 3]>,
@@ -53,14 +54,14 @@ pub(super) struct Walk {
     wedges: Lists,
 }
 
-/// What a split does to a mesh. Elements are born in the order of their numbers; what changes is in the order of the
-/// numbers too, each once.
+/// Changes of a mesh by a split. New elements are in the order of their indices; so are changed ones, each
+/// once.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Step {
     pub(super) faces: Vec<[u32; 3]>,
     /// One for each face.
     pub(super) regions: Vec<u32>,
-    /// The vertex of each wedge that is born.
+    /// The vertex of each new wedge.
     pub(super) vertex_of: Vec<u32>,
     pub(super) rows: Vec<i32>,
     pub(super) places: Vec<[i64; 3]>,
@@ -86,12 +87,12 @@ impl Step {
     }
 }
 
-/// A corner of a vertex, and what lies beside it.
+/// A corner of a vertex, and its neighbours.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RingCorner {
     pub(super) corner: u32,
     pub(super) wedge: u32,
-    /// The wedges of the next and the last corner of its face.
+    /// The wedges of the next and the previous corner of its face.
     pub(super) next: u32,
     pub(super) last: u32,
 }
@@ -100,9 +101,9 @@ pub(super) struct RingCorner {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Ring {
     pub(super) corners: Vec<RingCorner>,
-    /// Where a fan ends, and whether it closes.
+    /// End of each fan, and true if it is closed.
     pub(super) fans: Vec<(usize, bool)>,
-    /// The wedges of the vertex, in the order of their numbers.
+    /// The wedges of the vertex, ascending.
     pub(super) wedges: Vec<u32>,
     loose: Vec<RingCorner>,
     is_taken: Vec<bool>,
@@ -119,15 +120,15 @@ impl Walk {
     pub(super) fn corner(&self, corner: u32) -> u32 {
         self.faces[corner as usize / 3][corner as usize % 3]
     }
-    /// The corners of all wedges of a vertex; the order is that of nothing.
+    /// Returns the corners of all wedges of a vertex, in no particular order.
     pub(super) fn corners_of(&self, vertex: u32) -> impl Iterator<Item = u32> + '_ {
         self.wedges.of(vertex).flat_map(|w| self.corners.of(w))
     }
 
-    /// Walks round a vertex. `false`, and an empty ring, if it has too many wedges or corners.
+    /// Collects the ring of a vertex. Returns false, and an empty ring, if it has too many wedges or corners.
     ///
-    /// Corners are sorted into fans: each begins with a corner that has none before it, or else with the first one left,
-    /// and goes on over the edge to the last vertex of each face.
+    /// Corners are sorted into fans: each begins with a corner that has none before it, or else with the
+    /// first one left, and continues across the edge to the last vertex of each face.
     pub(super) fn ring(&self, vertex: u32, ring: &mut Ring) -> bool {
         let Ring { corners, fans, wedges, loose, is_taken } = ring;
         corners.clear();
@@ -175,7 +176,7 @@ impl Walk {
         true
     }
 
-    /// Does what a split says; its numbers are all there.
+    /// Applies a split, whose indices must all exist.
     pub(super) fn take(&mut self, step: &Step) {
         for &vertex in &step.vertex_of {
             self.vertex_of.push(vertex);

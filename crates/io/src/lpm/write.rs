@@ -1,4 +1,4 @@
-//! Splits on their way out.
+//! Writer of progressive meshes.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -20,27 +20,29 @@ use crate::error::WriteError;
 use crate::material::Regions;
 use crate::write::write_file;
 
-/// Splits in a chunk. Guessed: a few kilobytes, so that a stream shows something new several times a second.
+/// Maximum number of splits in a chunk. Guessed: a few kilobytes, so that a stream refines the mesh several
+/// times a second.
 const IN_CHUNK: usize = 2048;
 
-/// Bits of a value of texture coordinates, weights and movements of morph targets.
+/// Bits of a value of texture coordinates, weights, joints and morph targets.
 const FINE: u8 = 16;
-/// Bits of a colour.
+/// Bits of a component of a colour.
 const COLOR: u8 = 8;
-/// A normal gets so many bits fewer than a position, within bounds: 12 at 16, which is 0.04 degrees.
+/// A normal gets this many bits fewer than a position, within bounds: 12 for 16, which is 0.04 degrees.
 const FEWER: u8 = 4;
 
 /// Writes a file.
 ///
-/// Within a split, changes are written in the order of their elements; of two changes of one element the later. Splits
-/// that are in that order come back bit for bit unless [`LpmOptions::bits`] is given, but for the fits of checkpoints, which
-/// are rounded to a quarter of the error that they leave. With bits, positions and attributes
-/// are rounded, and the numbers of the original are left out.
+/// Within a split, changes are written in the order of their elements; of several changes of one element the
+/// last. Splits in that order survive a round trip bit for bit unless [`LpmOptions::bits`] is given, except
+/// for the fits of checkpoints, which are rounded to a quarter of their residual error. With bits, positions
+/// and attributes are rounded, and the numbering of the original is left out.
 ///
 /// Cost: O(n).
 ///
 /// # Errors
-/// Where the stream fails, and of the kind `InvalidInput` where `bits` cannot be: positions that are no numbers.
+/// I/O errors of the stream; `InvalidInput` if `bits` cannot be used: out of range, or with positions that
+/// are not finite.
 pub fn write(
     splits: &Splits,
     regions: Option<&Regions>,
@@ -104,10 +106,11 @@ pub fn write(
     Ok(written)
 }
 
-/// The same to a path: to a temporary file beside it, which is then renamed. An existing file survives a failure.
+/// Writes a file to a path, by way of a temporary file beside it, which is then renamed. An existing file
+/// survives a failure.
 ///
 /// # Errors
-/// [`WriteError`], which names the path; nothing is left behind.
+/// [`WriteError`], which names the path; no temporary file is left behind.
 pub fn write_path(
     splits: &Splits,
     regions: Option<&Regions>,
@@ -118,7 +121,7 @@ pub fn write_path(
         .map_err(|source| WriteError::Io { path: path.to_owned(), source })
 }
 
-/// Makes a step of split s - 1, or of the base.
+/// Fills a step with split s - 1, or with the base.
 fn fill(data: &SplitData, head: &Head, s: usize, step: &mut Step) {
     step.clear();
     let before = if s == 0 { Counts::default() } else { data.counts[s - 1] };
@@ -157,7 +160,7 @@ fn fill(data: &SplitData, head: &Head, s: usize, step: &mut Step) {
     }
 }
 
-/// The changes of a split in the order of their elements; of several of one element the last.
+/// Visits the changes of a split in the order of their elements; of several of one element only the last.
 fn in_order<A, T>(
     changes: &Changes<A, T>,
     split: usize,
@@ -213,7 +216,7 @@ fn head_of(data: &SplitData, options: &LpmOptions) -> Result<Head, String> {
     })
 }
 
-/// The grid on which all positions of all levels have their places, with the same step along all axes.
+/// Returns the grid for all positions of all levels, with the same step along all axes.
 fn grid_of(data: &SplitData, bits: u8) -> Result<PlaceCode, String> {
     let all = || data.positions.view().iter().chain(data.places.to.view().iter()).collect::<Vec<_>>();
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -238,7 +241,7 @@ fn grid_of(data: &SplitData, bits: u8) -> Result<PlaceCode, String> {
     Ok(PlaceCode::Grid { min, step: if is_flat { 1.0 } else { step }, is_double })
 }
 
-/// How the values of an attribute are rounded; not at all where they are none of the usual ones.
+/// Returns the coding that rounds an attribute; floats if its values are not of the usual kind.
 fn code_of<'a, I: Iterator<Item = &'a [f32]>>(
     kind: &Kind,
     width: usize,

@@ -1,4 +1,4 @@
-//! How large the images of colours are, by the first bytes of their files.
+//! Sizes of the base colour images, from the first bytes of their files.
 
 use std::collections::{HashMap, HashSet};
 use std::io::Read;
@@ -9,9 +9,9 @@ use crate::error::Warning;
 use crate::excerpt::excerpt_of_bytes;
 
 impl Regions {
-    /// Width and height, in texels, of the image of colours (`map_Kd`) that each region shows, by the number of the
-    /// region; and what is to be said of images without a size. Images are not decoded: a small part of each file is
-    /// read.
+    /// Returns the width and height, in texels, of the base colour image (`map_Kd`) of each region, by the
+    /// number of the region; and a warning about images without a size. Images are not decoded: a small part
+    /// of each file is read.
     pub fn image_sizes(&self) -> (Vec<Option<[u32; 2]>>, Vec<Warning>) {
         let mut warnings = Vec::new();
         let mut of_material: HashMap<&[u8], Option<[u32; 2]>> =
@@ -25,7 +25,7 @@ impl Regions {
                 let keyword = &line[word];
                 if keyword.eq_ignore_ascii_case(b"newmtl") {
                     let name = line[rest..].trim_ascii();
-                    // Of two descriptions the first holds, and of what no face has nobody asks.
+                    // The first of two descriptions counts; materials that no face uses are skipped.
                     present =
                         Some(name).filter(|name| of_material.contains_key(name) && described.insert(*name));
                 } else if let (Some(name), true) = (present, keyword.eq_ignore_ascii_case(b"map_kd"))
@@ -44,7 +44,7 @@ impl Regions {
     }
 }
 
-/// Says of images that their size is not known.
+/// Returns the warning about images of unknown size.
 fn told(unknown: &[(&[u8], &str)]) -> Vec<Warning> {
     let Some(((path, why), others)) = unknown.split_first() else { return Vec::new() };
     let more = if others.is_empty() { String::new() } else { format!(", and {} more", others.len()) };
@@ -59,9 +59,9 @@ fn size_in(library: &Library, path: &[u8]) -> Result<[u32; 2], &'static str> {
     }
 }
 
-/// The size of an image by the bytes at its front.
+/// Returns the size of an image from the first bytes of its file.
 fn size_of_file(file: &mut impl Read) -> Result<[u32; 2], &'static str> {
-    // Most formats say it at once; a JPEG may have a profile and a preview before. Guessed.
+    // Most formats have the size at the start; in a JPEG a profile and a preview may come first. Guessed.
     const FRONT: u64 = 1 << 16;
     const MOST: u64 = 1 << 24;
     let mut bytes = Vec::new();
@@ -75,7 +75,7 @@ fn size_of_file(file: &mut impl Read) -> Result<[u32; 2], &'static str> {
 }
 
 fn size_of(bytes: &[u8]) -> Result<[u32; 2], &'static str> {
-    // More texels than this along an edge no program shows; what says so is damaged. Guessed.
+    // No program displays an image with a longer edge than this, so the header is damaged. Guessed.
     const MOST: usize = 1 << 20;
     let size = imagesize::blob_size(bytes).map_err(|_| "is no image of a known kind")?;
     let edge = |texels: usize| u32::try_from(texels).ok().filter(|_| (1..=MOST).contains(&texels));
@@ -101,7 +101,7 @@ mod tests {
             assert!(size_of(&png(640, 480)[..end]).is_err(), "{end}");
         }
         assert_eq!(size_of(b"P3 1 1"), Err("is no image of a known kind"));
-        // A frame of 2 by 3 behind a comment longer than what is read at first.
+        // A frame of 2 by 3 after a comment longer than the first read.
         let mut jpeg = b"\xff\xd8".to_vec();
         for _ in 0..3 {
             jpeg.extend(b"\xff\xfe\xff\xff");

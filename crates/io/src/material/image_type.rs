@@ -1,6 +1,6 @@
-//! Which kind of image some bytes are.
+//! Detection of image types.
 
-/// The type of an image, by its first bytes.
+/// Returns the media type of an image, from its first bytes.
 pub(crate) fn image_type(bytes: &[u8]) -> Option<&'static str> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => Some("image/png"),

@@ -1,7 +1,7 @@
-//! The libraries that describe the materials of an OBJ (MTL): where they are, and what in them names a texture.
+//! Material libraries of an OBJ (MTL): finding and reading them, and locating the textures that they name.
 //!
-//! Nothing of a library is understood beyond that; whoever writes one keeps every other byte. A file that describes its
-//! materials itself gets a library that was never a file, with its images inside ([`Library::made`]).
+//! Nothing else in a library is parsed; writers copy every other byte. A format with its own materials gets a
+//! library generated from them, with its images in memory ([`Library::made`]).
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -14,7 +14,7 @@ use crate::excerpt::excerpt_of_bytes;
 use crate::limits::Limits;
 use crate::lines::utf8_of;
 
-/// Bytes of all libraries of one file. Guessed: some hundred thousand materials.
+/// Maximum total bytes of the libraries of one file. Guessed: some hundred thousand materials.
 const MOST_BYTES: u64 = 64 << 20;
 
 /// A library of materials that an OBJ names.
@@ -22,36 +22,36 @@ const MOST_BYTES: u64 = 64 << 20;
 pub struct Library {
     name: Arc<[u8]>,
     text: Option<Arc<[u8]>>,
-    /// Where its textures are looked for: its own folder, then that of the OBJ.
+    /// The folders searched for its textures: its own, then that of the OBJ.
     assets: Assets,
-    /// What comes along with one that is no file.
+    /// The data of a library that is not a file.
     made: Option<Arc<Made>>,
 }
 
-/// What belongs to a library that was made from another format.
+/// The data of a library that was generated from another format.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Made {
-    /// Images that it names and that are no files; by their names, once the library has them.
+    /// Images in memory that it names; sorted by name once the library has them.
     pub(crate) images: Vec<Image>,
-    /// What it cannot say, for people.
+    /// Features that it cannot represent, as text for users.
     pub(crate) unsaid: Vec<String>,
-    /// Images that it should name, and why it does not.
+    /// Images that could not be carried over, and why.
     pub(crate) missing: Vec<String>,
-    /// Whether its colours count where there is an image too.
+    /// True if colours also apply where there is an image.
     pub(crate) tints: bool,
 }
 
-/// An image that is no file.
+/// An image in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Image {
-    /// What it is called by whoever names it.
+    /// The name by which the library refers to it.
     pub(crate) name: String,
-    /// Its type.
+    /// Its media type.
     pub(crate) kind: &'static str,
     pub(crate) bytes: Vec<u8>,
 }
 
-/// Where a texture of a library is.
+/// The location of a texture of a library.
 pub(crate) enum Texture<'l> {
     File(Asset),
     Inside(&'l Image),
@@ -61,11 +61,12 @@ impl Library {
     pub(crate) fn named(name: Arc<[u8]>) -> Self {
         Self { name, text: None, assets: Assets::default(), made: None }
     }
-    /// One that is no file; its other textures are looked for among the files of the model.
+    /// Creates a library that is not a file; textures not among its images are searched for in the files of
+    /// the model.
     pub(crate) fn made(text: String, assets: Assets, made: Made) -> Self {
         Self { assets, ..Self::packed(text.as_bytes(), made) }
     }
-    /// One that is no file, and has all of its textures inside.
+    /// Creates a library that is not a file and has all its textures in memory.
     pub(crate) fn packed(text: &[u8], mut made: Made) -> Self {
         made.images.sort_by(|a, b| a.name.cmp(&b.name));
         Self {
@@ -75,26 +76,26 @@ impl Library {
             made: Some(Arc::new(made)),
         }
     }
-    /// The name, as the OBJ has it; empty where the source is no OBJ, and the library no file.
+    /// Its name, as in the OBJ; empty if it is not a file.
     pub fn name(&self) -> &[u8] {
         &self.name
     }
-    /// What it says; `None` where it was not there or not looked for.
+    /// Its text; `None` if it was not found or not searched for.
     pub fn text(&self) -> Option<&[u8]> {
         self.text.as_deref()
     }
 
-    /// Whether it is no file.
+    /// Returns true if it is not a file.
     pub(crate) fn is_made(&self) -> bool {
         self.made.is_some()
     }
 
-    /// Whether its colours count where there is an image too: many programs write files in which they do not.
+    /// Returns true if its colours also apply where there is an image; in files of many programs they do not.
     pub(crate) fn is_tinted(&self) -> bool {
         self.made.as_ref().is_some_and(|made| made.tints)
     }
 
-    /// What it had to leave out, where it was made from another format.
+    /// Returns the losses of its conversion from another format.
     pub(crate) fn losses(&self) -> Vec<Warning> {
         let Some(made) = &self.made else { return Vec::new() };
         let mut warnings = left_out(&made.missing);
@@ -105,10 +106,10 @@ impl Library {
         warnings
     }
 
-    /// Where a texture that it names is.
+    /// Finds a texture that it names.
     ///
     /// # Errors
-    /// Why it is nowhere: a sentence's end for people.
+    /// The reason why it was not found: the end of a sentence for users.
     pub(crate) fn find_texture(&self, path: &[u8]) -> Result<Texture<'_>, &'static str> {
         if let Some(made) = &self.made
             && let Ok(at) = made.images.binary_search_by(|image| image.name.as_bytes().cmp(path))
@@ -119,7 +120,7 @@ impl Library {
     }
 }
 
-/// Reads the libraries that an OBJ names, as far as they are there; says which are not known.
+/// Reads the libraries that an OBJ names, if they exist; returns warnings about the others.
 pub(crate) fn look_up(libraries: &mut [Library], assets: &Assets, limits: Limits) -> Vec<Warning> {
     if !assets.has_folder() {
         return Vec::new();
@@ -138,7 +139,8 @@ fn read_library(library: &mut Library, assets: &Assets, left: &mut u64) -> Resul
     let bytes = file.read(*left)?;
     *left -= bytes.len() as u64;
     let text = utf8_of(&bytes);
-    // Any text of the folder could be named, and what is written beside an output keeps every line of a library.
+    // Any text file of the folder could be named, and the library written with an output copies every line of
+    // it.
     if !lines_of(&text).any(|line| material_in(line).is_some()) {
         return Err("has no line that begins with newmtl, so it is no material library".to_owned());
     }
@@ -147,9 +149,9 @@ fn read_library(library: &mut Library, assets: &Assets, left: &mut u64) -> Resul
     Ok(())
 }
 
-/// Says of textures that they do not go along; each text is a path and why.
+/// Returns warnings about textures that are left out; each text is a path and a reason.
 pub(crate) fn left_out(textures: &[String]) -> Vec<Warning> {
-    // More would help nobody. Guessed.
+    // A longer list would not help. Guessed.
     const SHOWN: usize = 16;
     let shown = textures.iter().take(SHOWN);
     let mut warnings: Vec<_> = shown.map(|text| Warning::lost(format!("texture {text}: left out"))).collect();
@@ -160,19 +162,19 @@ pub(crate) fn left_out(textures: &[String]) -> Vec<Warning> {
     warnings
 }
 
-/// Lines with the ends that they have.
+/// Returns the lines with their line ends.
 pub(crate) fn lines_of(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     text.split_inclusive(|&b| b == b'\n')
 }
 
-/// The material that begins in this line.
+/// Returns the material that begins in this line.
 pub(crate) fn material_in(line: &[u8]) -> Option<&[u8]> {
     let (word, rest) = next_word(line)?;
     line[word].eq_ignore_ascii_case(b"newmtl").then(|| line[rest..].trim_ascii())
 }
 
-/// Options that may stand before the path of a texture: the name, and how many words belong to it at most. Those that
-/// take several take only numbers.
+/// Options that may come before the path of a texture: the name, and the maximum number of arguments. Those
+/// with several arguments take only numbers.
 const OPTIONS: [(&[u8], usize); 14] = [
     (b"-blendu", 1),
     (b"-blendv", 1),
@@ -190,7 +192,7 @@ const OPTIONS: [(&[u8], usize); 14] = [
     (b"-type", 1),
 ];
 
-/// Where in this line the path of a texture stands, without blanks and quotation marks round it.
+/// Returns the range of a texture path in a line, without surrounding blanks and quotation marks.
 pub(crate) fn texture_in(line: &[u8]) -> Option<Range<usize>> {
     let (word, mut at) = next_word(line)?;
     let keyword = line[word].to_ascii_lowercase();
@@ -227,14 +229,14 @@ pub(crate) fn is_number(word: &[u8]) -> bool {
     std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok())
 }
 
-/// Where the next word stands, and where it ends.
+/// Returns the range of the next word, and its end.
 pub(crate) fn next_word(text: &[u8]) -> Option<(Range<usize>, usize)> {
     let begin = text.iter().position(|b| !b.is_ascii_whitespace())?;
     let length = text[begin..].iter().position(u8::is_ascii_whitespace).unwrap_or(text.len() - begin);
     Some((begin..begin + length, begin + length))
 }
 
-/// Windows writes paths with backslashes; everybody reads these.
+/// Replaces the backslashes of Windows paths by slashes, which work everywhere.
 pub(crate) fn with_slashes(path: &[u8]) -> Cow<'_, [u8]> {
     if !path.contains(&b'\\') {
         return Cow::Borrowed(path);
@@ -242,10 +244,11 @@ pub(crate) fn with_slashes(path: &[u8]) -> Cow<'_, [u8]> {
     path.iter().map(|&b| if b == b'\\' { b'/' } else { b }).collect()
 }
 
-/// The file that a path in a file of these folders means.
+/// Returns the file that a path in a library refers to.
 ///
-/// First as it stands, then with slashes for backslashes, without a comment behind it, and at last by its bare name: a
-/// path from another machine leads nowhere, but its file often lies beside.
+/// Tries the path unchanged, then with slashes for backslashes and without a trailing comment, and finally
+/// the bare file name: the folders of a path from another machine do not exist here, but the file is often
+/// beside the model.
 fn find(assets: &Assets, path: &[u8]) -> Result<Asset, Refusal> {
     let slashed = with_slashes(path);
     let before_comment = |path: &[u8]| {
@@ -264,7 +267,7 @@ fn find(assets: &Assets, path: &[u8]) -> Result<Asset, Refusal> {
     Err(refusal)
 }
 
-/// The path that bytes of a file mean: these very bytes where the system takes any, else as UTF-8.
+/// Returns the path that bytes of a file encode: the same bytes if the system allows any, else UTF-8.
 pub(crate) fn path_of(bytes: &[u8]) -> PathBuf {
     #[cfg(unix)]
     {
@@ -277,7 +280,7 @@ pub(crate) fn path_of(bytes: &[u8]) -> PathBuf {
     }
 }
 
-/// Without the quotation marks that some programs put round a name.
+/// Removes the quotation marks that some programs put round a name.
 pub(crate) fn unquoted(name: &[u8]) -> &[u8] {
     match name {
         [b'"', inner @ .., b'"'] => inner,

@@ -1,4 +1,4 @@
-//! What libraries say of materials, as far as glTF can say it too.
+//! Conversion of MTL materials to the properties that glTF has too.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -12,31 +12,32 @@ use crate::assets::MOST_IMAGE_BYTES;
 use crate::error::Warning;
 use crate::excerpt::excerpt_of_bytes;
 
-/// What materials are looked up for.
+/// The use of the converted materials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// To be written as glTF: PNG and JPEG as they are, and all that cannot be said is told.
+    /// Output as glTF: PNG and JPEG images only, unchanged, and warnings about everything that glTF cannot
+    /// represent.
     Gltf,
-    /// To be seen: images of any type, and only those are told that are missing.
+    /// Display: images of any type, and warnings about missing images only.
     Picture,
 }
 
-/// How a material looks.
+/// The properties of a material.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Look {
     pub(crate) name: String,
     pub(crate) color: [f64; 3],
-    /// Whether the colour counts where there is an image too: many programs write one that does not.
+    /// True if the colour also applies where there is an image; many programs write one that does not.
     pub(crate) is_tinted: bool,
     pub(crate) alpha: f64,
-    /// Whether the image of colours says how much is seen through.
+    /// True if the alpha of the base colour image is the opacity.
     pub(crate) is_blended: bool,
     pub(crate) emission: [f64; 3],
     pub(crate) metalness: f64,
     pub(crate) roughness: f64,
-    /// The exponent of highlights as older programs draw them, where there are any and nothing else is said.
+    /// The Phong exponent of highlights (`Ns`), if there are any and nothing else is specified.
     pub(crate) shininess: Option<f64>,
-    /// Images, by their numbers.
+    /// Images, by their indices.
     pub(crate) color_image: Option<usize>,
     pub(crate) normal_image: Option<usize>,
     pub(crate) emission_image: Option<usize>,
@@ -52,7 +53,7 @@ pub(crate) struct Looks {
     pub(crate) warnings: Vec<Warning>,
 }
 
-/// The materials that the regions of a mesh have, with their images; `None` where nothing is known of them.
+/// Returns the materials of the regions of a mesh, with their images; `None` if nothing is known about them.
 pub(crate) fn looks(mesh: &TriMesh, regions: &Regions, purpose: Purpose) -> Option<Looks> {
     if !regions.has_materials() || drops_materials(mesh, regions) {
         return None;
@@ -83,7 +84,7 @@ pub(crate) fn looks(mesh: &TriMesh, regions: &Regions, purpose: Purpose) -> Opti
 }
 
 impl Look {
-    /// What a material is of which nothing is said.
+    /// Returns the defaults of a material without a description.
     fn plain(name: &[u8]) -> Self {
         Self {
             name: String::from_utf8_lossy(name).into_owned(),
@@ -102,20 +103,20 @@ impl Look {
     }
 }
 
-/// What was met in the libraries.
+/// State of reading the libraries.
 struct Seen {
     purpose: Purpose,
-    /// Images by their files; `None` for those that do not go along.
+    /// Images by path; `None` for those that are left out.
     images: HashMap<PathBuf, Option<usize>>,
-    /// Bytes that images may still have.
+    /// Number of bytes left for images.
     left: u64,
-    /// Materials that are described: of two descriptions the first holds.
+    /// Materials with a description: the first of two counts.
     described: BTreeSet<usize>,
-    /// Statements that glTF has no word for.
+    /// Statements that glTF has no equivalent for.
     unsaid: BTreeSet<String>,
-    /// The same of highlights as older programs draw them: a way of shading, which another one replaces.
+    /// The statements about Phong highlights: a way of shading, which glTF replaces by another one.
     highlights: BTreeSet<String>,
-    /// Images that stay behind, and why.
+    /// Images that are left out, and why.
     missing: Vec<String>,
 }
 
@@ -138,7 +139,7 @@ impl Seen {
 
     fn read(&mut self, library: &Library, numbers: &HashMap<&[u8], usize>, looks: &mut Looks) {
         let mut present = None;
-        // Of the present material.
+        // State of the current material.
         let (mut color_path, mut has_emission, mut has_highlights) = (None, false, true);
         for line in lines_of(library.text().unwrap_or_default()) {
             let Some((word, rest)) = next_word(line) else { continue };
@@ -183,7 +184,7 @@ impl Seen {
                                 look.emission = [1.0; 3];
                             }
                         }
-                        // A map of normals is one, one of heights often is too.
+                        // `norm` always is a normal map; a bump map often is one too.
                         "norm" => look.normal_image = image.or(look.normal_image),
                         _ => look.normal_image = look.normal_image.or(image),
                     }
@@ -193,7 +194,7 @@ impl Seen {
                     looks.all[at].emission = triple.unwrap_or_default();
                     has_emission = true;
                 }
-                // The alpha of the image of colours, which glTF has there too.
+                // The opacity is the alpha of the base colour image, as in glTF.
                 "map_d" if color_path.is_some() && texture_in(line).map(|p| &line[p]) == color_path => {
                     looks.all[at].is_blended = true;
                 }
@@ -201,7 +202,7 @@ impl Seen {
                 "tr" => looks.all[at].alpha = 1.0 - numbers.first().copied().unwrap_or(0.0),
                 "pm" => looks.all[at].metalness = numbers.first().copied().unwrap_or(0.0),
                 "pr" => looks.all[at].roughness = numbers.first().copied().unwrap_or(1.0),
-                // The light that comes from nowhere, and hints for other ways to shade.
+                // Ambient light, and hints for other ways of shading.
                 "ka" | "map_ka" | "illum" | "ni" | "tf" => {}
                 "ks" | "ns" | "sharpness" => {
                     let shininess = &mut looks.all[at].shininess;
@@ -220,13 +221,13 @@ impl Seen {
     }
 
     fn leave_out(&mut self, statement: &str) {
-        // A library may hold words without end; a warning needs no more.
+        // A library may hold any number of words; a warning needs only some.
         if self.unsaid.len() < 16 {
             self.unsaid.insert(statement.to_owned());
         }
     }
 
-    /// The number of an image that is no file.
+    /// Returns the index of an image in memory.
     fn inside(&mut self, image: &Image, images: &mut Vec<Image>) -> Option<usize> {
         let key = PathBuf::from(&image.name);
         if let Some(known) = self.images.get(&key) {
@@ -244,7 +245,7 @@ impl Seen {
         number
     }
 
-    /// The number of an image; `None` if it does not go along.
+    /// Returns the index of an image; `None` if it is left out.
     fn image(&mut self, library: &Library, path: &[u8], images: &mut Vec<Image>) -> Option<usize> {
         let shown = excerpt_of_bytes(path);
         let file = match library.find_texture(path) {
@@ -264,7 +265,7 @@ impl Seen {
         });
         let number = match read {
             Ok((kind, bytes)) => {
-                // Some types are told by the ending alone.
+                // Some types are recognised by the extension only.
                 let name = Path::new(file.name());
                 let name = if self.purpose == Purpose::Gltf { name.file_stem() } else { name.file_name() };
                 let name = name.unwrap_or_default().to_string_lossy().into_owned();

@@ -1,4 +1,4 @@
-//! Regions, libraries and images as bytes, for a file that holds all of them.
+//! Serialisation of regions, libraries and images into one block of bytes, for formats that embed them.
 
 use std::collections::{HashMap, HashSet};
 use std::io::{self, Read, Write};
@@ -17,12 +17,12 @@ use crate::limits::Limits;
 use crate::read::most_unpacked;
 
 impl Regions {
-    /// How many materials and textures there are.
+    /// Returns the number of materials and of textures.
     pub(crate) fn counts(&self) -> (usize, usize) {
         counts(self)
     }
 
-    /// All of it as bytes, images from their files. Says what could not go along.
+    /// Serialises everything, images from their files. Returns warnings about images that were left out.
     pub(crate) fn pack(&self, with_textures: bool) -> io::Result<(Vec<u8>, Vec<Warning>)> {
         let mut packer =
             Packer { out: Vec::new(), images: Vec::new(), names: HashSet::new(), left: MOST_IMAGE_BYTES };
@@ -60,7 +60,7 @@ impl Regions {
         Ok((zlib.finish()?, warnings))
     }
 
-    /// The same out of bytes of anybody.
+    /// Deserialises untrusted bytes.
     pub(crate) fn unpack(bytes: &[u8], limits: Limits) -> Result<(Self, Vec<Warning>), ReadError> {
         let bad = |what: &str| ReadError::element("the materials", what);
         let most = most_unpacked(bytes.len(), limits).min(2 * MOST_IMAGE_BYTES);
@@ -110,7 +110,7 @@ impl Regions {
                 let name = rest.bytes().ok_or_else(short)?;
                 let bytes = rest.bytes().ok_or_else(short)?.to_vec();
                 let Some(name) = plain_name(name) else {
-                    // It might be written outside of the folder where it belongs.
+                    // Another name could be written outside the target folder.
                     warnings.push(Warning::lost("an image of the file has no plain name: left out"));
                     continue;
                 };
@@ -123,7 +123,7 @@ impl Regions {
     }
 }
 
-/// A name of a file without a way to it, if it is one.
+/// Returns the file name if it has no path and no special characters.
 fn plain_name(name: &[u8]) -> Option<String> {
     let name = std::str::from_utf8(name).ok()?;
     let is_plain = !name.is_empty()
@@ -150,7 +150,7 @@ impl Packer {
         self.out.extend_from_slice(bytes);
     }
 
-    /// The text of a library with the names that its images have in the file.
+    /// Returns the text of a library, with image paths replaced by their names in the packed file.
     fn library(
         &mut self,
         library: &Library,

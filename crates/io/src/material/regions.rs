@@ -1,7 +1,8 @@
-//! What the regions of an OBJ stand for: the object, the groups, the material and the smoothing group of their faces.
+//! Regions of an OBJ: the object, the groups, the material and the smoothing group of the faces.
 //!
-//! A line `o`, `g`, `usemtl` or `s` holds for the faces below it until the next of its kind. Sections of a file note
-//! where such lines stand ([`Headings`]); what they come to for each face is known when all sections are together.
+//! A line `o`, `g`, `usemtl` or `s` applies to the faces below it until the next of its kind. Each section of
+//! a file records the positions of such lines ([`Headings`]); the region of each face is resolved when all
+//! sections are joined.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
@@ -10,10 +11,10 @@ use lodsmith_core::{RegionId, TriMesh};
 
 use super::library::{Library, lines_of, material_in, texture_in, unquoted, with_slashes};
 
-/// No name: no such line stands above.
+/// No name: there is no such line above.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// The lines that hold for the faces below them.
+/// The lines that apply to the faces below them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Heading {
     Object,
@@ -25,18 +26,18 @@ pub(crate) enum Heading {
 impl Heading {
     pub(crate) const ALL: [Self; 4] = [Self::Object, Self::Groups, Self::Material, Self::Smoothing];
 
-    /// The word that the line begins with.
+    /// The first word of the line.
     pub(crate) const fn keyword(self) -> &'static str {
         ["o", "g", "usemtl", "s"][self as usize]
     }
-    /// What it is called for people.
+    /// Its plural name for users.
     pub(crate) const fn title(self) -> &'static str {
         ["objects", "groups", "materials", "smoothing groups"][self as usize]
     }
 }
 
-/// What all faces of a region stand under. Names are as the file has them, in its encoding; `None` where no such line
-/// stands above the faces.
+/// The object, groups, material and smoothing group that all faces of a region share. Names are as in the
+/// file, in its encoding; `None` if there is no such line above the faces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Region<'a> {
@@ -61,22 +62,22 @@ impl<'a> Region<'a> {
     }
 }
 
-/// What the regions of a mesh stand for, by their ids; and where their materials are described.
+/// The regions of a mesh, by their ids, and the libraries that describe their materials.
 ///
-/// A region is a distinct combination of object, groups, material and smoothing group; ids follow the faces. Of a glTF
-/// file only materials make regions, and those without one come first.
+/// A region is a distinct combination of object, groups, material and smoothing group; ids follow the order
+/// of the faces. In a glTF file only materials make regions, and the region without a material comes first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Regions {
     pub(crate) names: Vec<Arc<[u8]>>,
-    /// A name, or [`NONE`], for each [`Heading`].
+    /// The index of a name, or [`NONE`], for each [`Heading`].
     pub(crate) entries: Vec<[u32; 4]>,
-    /// The names of all materials that the file asks for, by their numbers.
+    /// The names of all materials that the file uses, by their indices.
     pub(crate) materials: Vec<u32>,
     pub(crate) libraries: Vec<Library>,
 }
 
 impl Regions {
-    /// One region for each of these materials, in their order; `None` for faces without one.
+    /// Creates one region for each of these materials, in their order; `None` for faces without one.
     pub(crate) fn of_materials(names: &[Option<String>], library: Library) -> Self {
         let mut all = Names::default();
         let number = |name: &Option<String>| name.as_ref().map_or(NONE, |n| all.number_of(n.as_bytes()));
@@ -85,7 +86,7 @@ impl Regions {
         Self { names: all.texts, entries, materials, libraries: vec![library] }
     }
 
-    /// Regions of these names, without libraries: what their materials look like is not known.
+    /// Creates regions with these names and without libraries, so that their materials are unknown.
     pub fn named(regions: &[Region<'_>]) -> Self {
         let mut all = Names::default();
         let mut materials = Vec::new();
@@ -102,24 +103,24 @@ impl Regions {
         Self { names: all.texts, entries, materials, libraries: Vec::new() }
     }
 
-    /// How many there are; 0 where the file has no such lines.
+    /// Number of regions; 0 if the file has no such lines.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
-    /// Whether there are none.
+    /// Returns true if there are no regions.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
-    /// What a region stands for.
+    /// Returns a region.
     pub fn get(&self, id: RegionId) -> Option<Region<'_>> {
         self.entries.get(id.index()).map(|&entry| self.region(entry))
     }
-    /// All regions, in the order of their ids.
+    /// Iterates over all regions, in the order of their ids.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Region<'_>> {
         self.entries.iter().map(|&entry| self.region(entry))
     }
-    /// For each region the first one with the same object, groups and material: what else differs (the smoothing group) is
-    /// a crease, not a border.
+    /// For each region, the first region with the same object, groups and material: regions that differ only
+    /// in the smoothing group meet at a crease, not at a border.
     pub fn classes(&self) -> Vec<RegionId> {
         let mut first: BTreeMap<[u32; 4], RegionId> = BTreeMap::new();
         let class = |(i, mut entry): (usize, [u32; 4])| {
@@ -128,7 +129,7 @@ impl Regions {
         };
         self.entries.iter().copied().enumerate().map(class).collect()
     }
-    /// Names of all materials that faces ask for, or would if there were any, in the order of their appearance.
+    /// Names of all materials that the file selects, even for no faces, in the order of their appearance.
     pub fn materials(&self) -> impl ExactSizeIterator<Item = &[u8]> {
         self.materials.iter().map(|&name| &*self.names[name as usize])
     }
@@ -137,26 +138,26 @@ impl Regions {
         &self.libraries
     }
 
-    /// Whether the file speaks of materials.
+    /// Returns true if the file has materials or libraries.
     pub(crate) fn has_materials(&self) -> bool {
         !self.materials.is_empty() || !self.libraries.is_empty()
     }
 
-    /// What tells regions from each other.
+    /// The headings in which regions differ.
     pub(crate) fn differing(&self) -> impl Iterator<Item = Heading> {
         let differs = |&h: &Heading| self.entries.windows(2).any(|w| w[0][h as usize] != w[1][h as usize]);
         Heading::ALL.into_iter().filter(differs)
     }
 
-    /// What a mesh without regions can say all the same: that in which all regions agree.
+    /// The names on which all regions agree, which a mesh without regions can keep.
     pub(crate) fn shared(&self) -> Region<'_> {
         let mut entry = self.entries.first().copied().unwrap_or([NONE; 4]);
         self.differing().for_each(|heading| entry[heading as usize] = NONE);
         self.region(entry)
     }
 
-    /// What is lost where a format knows nothing of this, for people; `None` if that is nothing. A lone group says
-    /// nothing, a lone material does.
+    /// Lists for users what is lost in a format without regions; `None` if nothing is. A single group is no
+    /// loss, a single material is.
     pub(crate) fn what_is_lost(&self, with_materials: bool) -> Option<String> {
         let is_lost = |heading: &Heading| match heading {
             Heading::Material => with_materials && self.has_materials(),
@@ -176,13 +177,13 @@ impl Regions {
     }
 }
 
-/// Titles with commas between them; `None` if there are none.
+/// Joins titles with commas; `None` if there are none.
 pub(crate) fn listed(headings: impl Iterator<Item = Heading>) -> Option<String> {
     let titles: Vec<_> = headings.map(Heading::title).collect();
     (!titles.is_empty()).then(|| titles.join(", "))
 }
 
-/// Where a section of a file says under what its faces stand.
+/// The headings of a section of a file.
 #[derive(Debug, Default)]
 pub(crate) struct Headings {
     names: Names,
@@ -191,24 +192,24 @@ pub(crate) struct Headings {
     libraries: Vec<Arc<[u8]>>,
 }
 
-/// Lines that stand between the same two faces; the last of a kind counts.
+/// Lines between the same two faces; the last of a kind counts.
 #[derive(Debug)]
 struct Change {
     at: Place,
-    /// A name for each [`Heading`], [`NONE`] where there is no such line.
+    /// The index of a name for each [`Heading`], [`NONE`] if there is no such line.
     names: [u32; 4],
 }
 
-/// A place between faces.
+/// A position between faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Place {
-    /// How many faces of three corners stand before it.
+    /// Number of triangles before it.
     pub(crate) triangles: usize,
-    /// How many of more corners.
+    /// Number of faces with more corners before it.
     pub(crate) polygons: usize,
 }
 
-/// Names of materials, once each, in the order of their appearance.
+/// Names of materials, without duplicates, in the order of their appearance.
 #[derive(Debug, Default)]
 struct Materials {
     all: Vec<u32>,
@@ -224,7 +225,7 @@ impl Materials {
 }
 
 impl Headings {
-    /// A line of this kind stands here.
+    /// Records a line of this kind.
     pub(crate) fn meet(&mut self, heading: Heading, name: &[u8], at: Place) {
         let name = self.names.number_of(clean(name));
         if heading == Heading::Material {
@@ -233,17 +234,17 @@ impl Headings {
         self.change_at(at)[heading as usize] = name;
     }
 
-    /// A line names libraries of materials.
+    /// Records a line that names material libraries.
     pub(crate) fn meet_libraries(&mut self, names: &[u8]) {
         for name in library_names(clean(names)) {
-            // A file that names more than this describes nothing. Guessed.
+            // A file that names more libraries than this is not a real model. Guessed.
             if self.libraries.len() < 256 && !self.libraries.iter().any(|l| **l == *name) {
                 self.libraries.push(name.into());
             }
         }
     }
 
-    /// Puts the headings of the section that follows behind these; so many faces are before it.
+    /// Appends the headings of the following section; `before` counts the faces before it.
     pub(crate) fn append(&mut self, next: Self, before: Place) {
         let numbers: Vec<u32> = next.names.texts.iter().map(|text| self.names.number_of(text)).collect();
         for change in next.changes {
@@ -272,9 +273,10 @@ impl Headings {
         &mut self.changes[last].names
     }
 
-    /// The table, and the region of each face where there is more than one.
+    /// Returns the regions, and the region of each face if there is more than one.
     ///
-    /// `polygon_sizes` are the corners of the larger faces in their order, each cut into two triangles fewer.
+    /// `polygon_sizes` are the corner counts of the larger faces in their order, each cut into two triangles
+    /// fewer.
     /// Cost: O(faces + lines).
     pub(crate) fn resolve(
         self,
@@ -309,7 +311,7 @@ impl Headings {
                     entries.push(present);
                     entries.len() as u32 - 1
                 });
-                // As long as there is one region, nobody has to be told.
+                // A single region needs no ids.
                 if regions.entries.len() > 1 {
                     ids.resize(begin, RegionId(0));
                     ids.resize(end, RegionId(id));
@@ -328,7 +330,7 @@ impl Headings {
     }
 }
 
-/// Texts, each with a number; the same text gets the same one.
+/// Interned names: equal texts have the same index.
 #[derive(Debug, Default)]
 struct Names {
     texts: Vec<Arc<[u8]>>,
@@ -347,7 +349,7 @@ impl Names {
     }
 }
 
-/// Without what would swallow the next line when it is written.
+/// Removes trailing backslashes, which would continue the line when it is written.
 fn clean(mut name: &[u8]) -> &[u8] {
     name = name.trim_ascii();
     while let Some(shorter) = name.strip_suffix(b"\\") {
@@ -356,7 +358,8 @@ fn clean(mut name: &[u8]) -> &[u8] {
     name
 }
 
-/// The names of a line `mtllib`. Blanks stand between names and, in many a file, within one: a name goes on to `.mtl`.
+/// Splits the names of a line `mtllib`. Blanks separate names and, in many files, are part of one: a name
+/// extends to `.mtl`.
 fn library_names(line: &[u8]) -> Vec<&[u8]> {
     let mut names = Vec::new();
     let mut rest = line;
@@ -373,12 +376,13 @@ fn library_names(line: &[u8]) -> Vec<&[u8]> {
     names
 }
 
-/// Whether a mesh cannot say any more which of several materials its faces have.
+/// Returns true if the mesh has lost the information which of several materials its faces have.
 pub(crate) fn drops_materials(mesh: &TriMesh, regions: &Regions) -> bool {
     mesh.regions().is_none() && regions.differing().any(|heading| heading == Heading::Material)
 }
 
-/// How many materials the file or its libraries name, and how many textures the libraries do.
+/// Returns the number of materials that the file or its libraries name, and of textures that the libraries
+/// name.
 pub(crate) fn counts(regions: &Regions) -> (usize, usize) {
     let mut materials: HashSet<&[u8]> = regions.materials().collect();
     let mut textures = HashSet::new();
@@ -411,7 +415,7 @@ mod tests {
         let mut headings = Headings::default();
         headings.meet(Heading::Groups, b"a", at(1, 0));
         headings.meet(Heading::Material, b"wood", at(1, 0));
-        // A face of five corners in between, then back to what was.
+        // A face of five corners in between, then the earlier group again.
         headings.meet(Heading::Groups, b" b c ", at(1, 1));
         headings.meet(Heading::Groups, b"unused", at(2, 1));
         headings.meet(Heading::Groups, b"a", at(2, 1));

@@ -1,4 +1,5 @@
-//! The library and the textures that go along with an OBJ: copied beside it, or linked from there.
+//! Writing of the material library of an OBJ, with its textures copied beside it or referred to where they
+//! are.
 
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
@@ -13,48 +14,49 @@ use crate::error::{Warning, WriteError};
 use crate::excerpt::excerpt_of_bytes;
 use crate::files::{temporary_in, write_file};
 
-/// What becomes of materials and their textures where these are files of their own.
+/// Treatment of materials and textures that are separate files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Textures {
-    /// A library of materials is written beside the output, and textures are copied there.
+    /// Write a material library beside the output, and copy the textures there.
     #[default]
     Copy,
-    /// A library of materials is written beside the output; it leads to the textures where they are.
+    /// Write a material library beside the output; it refers to the textures where they are.
     Link,
-    /// Neither materials nor textures.
+    /// Write neither materials nor textures.
     None,
 }
 
-/// A library that names so many textures in vain was made to keep the system busy. Guessed.
+/// A library with more missing textures than this was crafted to keep the system busy. Guessed.
 const MOST_MISSING: usize = 10_000;
 
-/// What was written beside an OBJ.
+/// The files written beside an OBJ.
 #[derive(Debug, Default)]
 pub(crate) struct Beside {
-    /// What the OBJ is to name.
+    /// The names of libraries for the OBJ.
     pub(crate) libraries: Vec<Vec<u8>>,
     pub(crate) warnings: Vec<Warning>,
     created: Vec<PathBuf>,
 }
 
 impl Beside {
-    /// Takes back what was made, where the OBJ itself came to nothing.
+    /// Removes the created files, after writing the OBJ itself has failed.
     pub(crate) fn remove(self) {
         for path in self.created {
-            // It is in nobody's way if it stays.
+            // A remaining file does no harm.
             let _ = fs::remove_file(path);
         }
     }
 }
 
-/// Writes the libraries as one beside the OBJ at `target`, under its name, and brings the textures along. Images that are
-/// no files become some, whatever the policy.
+/// Writes all libraries as one file beside the OBJ at `target`, under its name, and copies or links the
+/// textures. Images in memory are written as files with both of these policies.
 ///
-/// Every statement is kept as it stands but for the paths of textures. Libraries that were not read keep their names.
+/// Every statement is copied unchanged except for the paths of textures. Libraries that were not read keep
+/// their names.
 ///
 /// # Errors
-/// Where the system cannot write; nothing is left behind then. What is missing is a warning.
+/// If the system cannot write; the created files are removed then. Missing textures are warnings.
 pub(crate) fn write_beside(regions: &Regions, target: &Path, policy: Textures) -> Result<Beside, WriteError> {
     let mut beside = Beside::default();
     let folder = match target.parent() {
@@ -65,7 +67,7 @@ pub(crate) fn write_beside(regions: &Regions, target: &Path, policy: Textures) -
         beside.libraries = names_of(regions);
         return Ok(beside);
     }
-    // Writing the OBJ says better what is wrong with the place.
+    // The later error of writing the OBJ describes the problem with the folder better.
     if !folder.is_dir() || fs::metadata(target).is_ok_and(|about| !about.is_file()) {
         return Ok(beside);
     }
@@ -85,12 +87,12 @@ pub(crate) fn write_beside(regions: &Regions, target: &Path, policy: Textures) -
     }
 }
 
-/// The libraries by the names that the source has for them; those that are files.
+/// Returns the names of the libraries that are files, as in the source.
 pub(crate) fn names_of(regions: &Regions) -> Vec<Vec<u8>> {
     regions.libraries.iter().filter(|l| !l.is_made()).map(|l| l.name().to_vec()).collect()
 }
 
-/// All libraries in one, with paths that are right in `folder`.
+/// Joins all libraries in one text, with paths relative to `folder`.
 fn library_text(
     regions: &Regions,
     folder: &Path,
@@ -101,7 +103,7 @@ fn library_text(
     let mut left = MOST_IMAGE_BYTES;
     let mut text = Vec::new();
     for library in &regions.libraries {
-        // A texture is often named by several materials.
+        // Several materials often share a texture.
         let mut paths: HashMap<&[u8], Vec<u8>> = HashMap::new();
         if !text.is_empty() && !text.ends_with(b"\n") {
             text.push(b'\n');
@@ -125,7 +127,8 @@ fn library_text(
     Ok(text)
 }
 
-/// The path that leads from `folder` to what `old` means in a library; the texture is copied there if need be.
+/// Returns the path from `folder` to the texture `old` of a library; copies the texture to the folder if
+/// necessary.
 fn path_from(
     folder: &Path,
     library: &Library,
@@ -166,12 +169,13 @@ fn path_from(
             return Ok(old.to_vec());
         }
     };
-    // A link is copied under its own name, not that of the file which it leads to.
+    // A link is copied under its own name, not that of its target.
     let name = copy_into(folder, found.name(), &bytes, beside)?;
     Ok(bytes_of(Path::new(&name)))
 }
 
-/// Writes an image into a folder under its own name, or a numbered one where another file has that; returns the name.
+/// Writes an image into a folder under its own name, or a numbered one if another file has that; returns the
+/// name.
 fn copy_into(folder: &Path, own: &OsStr, bytes: &[u8], beside: &mut Beside) -> Result<OsString, WriteError> {
     let named = |path: &Path, source: io::Error| WriteError::Io { path: path.to_owned(), source };
     let mut copy = None;
@@ -197,7 +201,7 @@ fn copy_into(folder: &Path, own: &OsStr, bytes: &[u8], beside: &mut Beside) -> R
                 beside.created.push(target);
                 return Ok(name);
             }
-            // Somebody was faster.
+            // Another process created the file in the meantime.
             Err(e) if e.error.kind() == io::ErrorKind::AlreadyExists => {
                 copy = Some(e.file);
                 if is_file_of(bytes, &target).map_err(|e| named(&target, e))? {
@@ -210,9 +214,10 @@ fn copy_into(folder: &Path, own: &OsStr, bytes: &[u8], beside: &mut Beside) -> R
     unreachable!("some number is free")
 }
 
-/// Puts the library beside the OBJ; returns its name.
+/// Writes the library beside the OBJ; returns its name.
 ///
-/// An older one of ours is replaced; any other file that has the name and says something else is left alone.
+/// An older library written by Lodsmith is replaced; any other file with that name and other content is left
+/// alone.
 fn put_library(
     text: &[u8],
     target: &Path,
@@ -257,7 +262,7 @@ fn put_library(
     unreachable!("some number is free")
 }
 
-/// A name, from the second time on with a number before its ending.
+/// Inserts a number before the extension, except for number 0.
 fn numbered(name: &OsStr, number: u32) -> OsString {
     if number == 0 {
         return name.to_owned();
@@ -272,7 +277,7 @@ fn numbered(name: &OsStr, number: u32) -> OsString {
     new
 }
 
-/// Whether these are the bytes of a file.
+/// Returns true if the file has exactly these bytes.
 fn is_file_of(bytes: &[u8], target: &Path) -> io::Result<bool> {
     let length = bytes.len() as u64;
     if !fs::metadata(target).is_ok_and(|about| about.is_file() && about.len() == length) {
@@ -283,7 +288,8 @@ fn is_file_of(bytes: &[u8], target: &Path) -> io::Result<bool> {
     Ok(there == bytes)
 }
 
-/// The way from a folder to a file, both without links; the file's own path where there is none, as between drives.
+/// Returns the relative path from a folder to a file, both with links resolved; the file's own path if there
+/// is none, as between drives.
 fn relative(file: &Path, folder: &Path) -> PathBuf {
     let shared = file.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     if shared == 0 {
@@ -293,7 +299,7 @@ fn relative(file: &Path, folder: &Path) -> PathBuf {
     up.chain(file.components().skip(shared)).collect()
 }
 
-/// A path as files name it, with slashes.
+/// Returns a path with slashes, for use in files.
 fn bytes_of(path: &Path) -> Vec<u8> {
     let bytes = path.as_os_str().as_encoded_bytes();
     if std::path::MAIN_SEPARATOR == '\\' {
@@ -302,7 +308,7 @@ fn bytes_of(path: &Path) -> Vec<u8> {
     bytes.to_vec()
 }
 
-/// Textures that cannot be brought along.
+/// Textures that cannot be copied or referred to.
 #[derive(Debug, Default)]
 struct Missing {
     count: usize,
@@ -312,7 +318,7 @@ struct Missing {
 impl Missing {
     fn add(&mut self, path: &[u8], why: &str) {
         self.count += 1;
-        // More would help nobody. Guessed.
+        // A longer list would not help. Guessed.
         if self.warnings.len() < 16 {
             let text = format!("texture {} {why}: its name is kept", excerpt_of_bytes(path));
             self.warnings.push(Warning::note(text));

@@ -1,4 +1,4 @@
-//! Images of a file into pixels.
+//! Decoding of the images of a file.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -16,21 +16,22 @@ use crate::error::Warning;
 use crate::excerpt::excerpt;
 use crate::limits::Limits;
 
-/// Pixels along a side. Guessed: twice what graphics cards take.
+/// Maximum pixels along an edge. Guessed: twice the limit of graphics cards.
 const LONGEST: u32 = 1 << 15;
 
-/// The images that materials ask for, numbered in the order in which they do.
+/// The images that materials use, numbered in the order of their first use.
 #[derive(Default)]
 pub(crate) struct Pictures {
     asked: Vec<usize>,
     number_of: HashMap<usize, usize>,
 }
 
-/// Bytes of an image and what it is called, which may end in its type; or why there are none.
+/// The encoded bytes of an image and its name, whose extension may give its type; or the reason why it is
+/// missing.
 pub(crate) type Encoded<'a> = Result<(Cow<'a, [u8]>, String), String>;
 
 impl Pictures {
-    /// The number under which an image of the file will stand in the model.
+    /// Registers an image of the file and returns its index in the model.
     pub(crate) fn ask_for(&mut self, image: usize) -> usize {
         *self.number_of.entry(image).or_insert_with(|| {
             self.asked.push(image);
@@ -38,14 +39,14 @@ impl Pictures {
         })
     }
 
-    /// The number in the file of an image that was asked for.
+    /// Returns the index in the file of a registered image.
     pub(crate) fn in_file(&self, number: usize) -> usize {
         self.asked[number]
     }
 
-    /// Decodes what was asked for. Textures whose images cannot be shown go from the materials.
+    /// Decodes the registered images. Textures whose images cannot be decoded are removed from the materials.
     ///
-    /// `fits` may refuse an image for a slot, by the slot's place in [`Material::textures_mut`].
+    /// `fits` may refuse an image for a slot, by the index of the slot in [`Material::textures_mut`].
     pub(crate) fn decode<'a>(
         self,
         materials: &mut [Material],
@@ -53,7 +54,7 @@ impl Pictures {
         encoded: impl Fn(usize) -> Encoded<'a>,
         fits: impl Fn(usize, &Image) -> bool,
     ) -> (Vec<Arc<Image>>, Vec<Warning>) {
-        // Four bytes each, and as many while they are decoded.
+        // Four bytes per pixel, and as many again during decoding.
         let mut left = limits.pixels.min(limits.memory / 8);
         let ready: Vec<_> = self.asked.iter().map(|&i| sized(encoded(i), &mut left)).collect();
         let decoded: Vec<Result<Arc<Image>, String>> =
@@ -81,9 +82,9 @@ impl Pictures {
     }
 }
 
-/// The first of what there is to say, and how much more there is.
+/// Returns the first few texts as warnings, and a count of the others.
 fn listed(mut texts: Vec<String>) -> Vec<Warning> {
-    // More would help nobody. Guessed.
+    // A longer list would not help. Guessed.
     const SHOWN: usize = 16;
     let more = texts.len().saturating_sub(SHOWN);
     texts.truncate(SHOWN);
@@ -102,7 +103,7 @@ struct Ready<'a> {
 
 fn sized<'a>(encoded: Encoded<'a>, left: &mut u64) -> Result<Ready<'a>, String> {
     let (bytes, name) = encoded?;
-    // A type without a mark of its own is told by the name.
+    // A type without a signature is recognised by the extension.
     let by_name = || ImageFormat::from_path(Path::new(&name)).ok().filter(|f| *f == ImageFormat::Tga);
     let format = image::guess_format(&bytes).ok().or_else(by_name);
     let format = format.ok_or("is of no type that is decoded here (PNG, JPEG, WebP, BMP, TGA)")?;
@@ -115,7 +116,7 @@ fn sized<'a>(encoded: Encoded<'a>, left: &mut u64) -> Result<Ready<'a>, String> 
     Ok(Ready { bytes, format, size: (width, height) })
 }
 
-/// Width and height as the header says them.
+/// Returns the width and height in the header.
 fn size_of(bytes: &[u8], format: ImageFormat) -> Option<(u32, u32)> {
     if format == ImageFormat::Tga {
         let at = |k: usize| Some(u32::from(u16::from_le_bytes([*bytes.get(k)?, *bytes.get(k + 1)?])));
@@ -127,8 +128,8 @@ fn size_of(bytes: &[u8], format: ImageFormat) -> Option<(u32, u32)> {
 
 impl Ready<'_> {
     fn decode(self) -> Result<Image, String> {
-        // (Not by a reader with limits of its own, which would build all decoders once more: docs/decisions/0019. What an
-        // image may take while it is decoded is half a gigabyte.)
+        // (Not with a reader that has its own limits, which would compile all decoders a second time:
+        // docs/decisions/0019. An image may take half a gigabyte while it is decoded.)
         let decoded = match self.format {
             ImageFormat::Tga => {
                 TgaDecoder::new(Cursor::new(&*self.bytes)).and_then(DynamicImage::from_decoder)

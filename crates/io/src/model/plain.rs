@@ -1,4 +1,4 @@
-//! A mesh of a format without scenes, and the materials of its regions.
+//! Models of a mesh from a format without scenes, with the materials of its regions.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use crate::error::Warning;
 use crate::limits::Limits;
 use crate::material::{Look, Looks, Purpose, Regions, looks};
 
-/// The place of the map of normals in [`Material::textures_mut`].
+/// The index of the normal map in [`Material::textures_mut`].
 const NORMALS: usize = 2;
 
 pub(super) fn model(mesh: TriMesh, regions: &Regions, limits: Limits) -> (Model, Vec<Warning>) {
@@ -21,7 +21,7 @@ pub(super) fn model(mesh: TriMesh, regions: &Regions, limits: Limits) -> (Model,
     let mut pictures = Pictures::default();
     let mut materials: Vec<Material> = all.into_iter().map(|look| material(look, &mut pictures)).collect();
     let encoded = |i: usize| Ok((Cow::Borrowed(&*images[i].bytes), images[i].name.clone()));
-    // `map_bump` is a map of heights as often as one of normals; heights are grey.
+    // `map_bump` is a height map as often as a normal map; height maps are grey.
     let is_grey = |image: &Image| image.pixels().iter().all(|[r, g, b, _]| r == g && g == b);
     let (decoded, more) =
         pictures.decode(&mut materials, limits, encoded, |slot, image| slot != NORMALS || !is_grey(image));
@@ -35,10 +35,12 @@ pub(super) fn model(mesh: TriMesh, regions: &Regions, limits: Limits) -> (Model,
     (model, warnings)
 }
 
-/// An image of colours, and how texture coordinates look into it. (The image's number in a model means nothing here.)
+/// A base colour image, and its mapping by texture coordinates. (The image index of the mapping has no
+/// meaning here.)
 pub type BaseColor = (Arc<Image>, TextureRef);
 
-/// The base colours of the regions of a mesh; see [`Loaded::base_colors`](crate::Loaded::base_colors).
+/// Returns the base colours of the regions of a mesh; see
+/// [`Loaded::base_colors`](crate::Loaded::base_colors).
 pub(super) fn base_colors(mesh: &TriMesh, regions: &Regions, limits: Limits) -> Vec<Option<BaseColor>> {
     let Some(Looks { all, images, of_region, .. }) = looks(mesh, regions, Purpose::Picture) else {
         return Vec::new();
@@ -65,7 +67,7 @@ fn material(look: Look, pictures: &mut Pictures) -> Material {
     };
     let [r, g, b] = if look.color_image.is_some() && !look.is_tinted { [1.0; 3] } else { look.color };
     let is_blended = look.alpha < 1.0 || (look.is_blended && look.color_image.is_some());
-    // The exponent of a highlight as a roughness of the same width, whose square is what shading takes.
+    // Converts a Phong exponent to the roughness of a highlight of the same width; shading uses its square.
     let roughness = look.shininess.map_or(look.roughness, |n| (2.0 / (n.max(0.0) + 2.0)).powf(0.25));
     Material {
         name: look.name,
@@ -77,7 +79,7 @@ fn material(look: Look, pictures: &mut Pictures) -> Material {
         emissive: look.emission.map(|x| x as f32),
         emissive_texture: texture(look.emission_image),
         alpha: if is_blended { AlphaMode::Blend } else { AlphaMode::Opaque },
-        // Nothing in the format says that a back is not seen.
+        // The format has no backface culling.
         double_sided: true,
         ..Material::default()
     }

@@ -1,8 +1,8 @@
-//! From the lines of an OBJ to a mesh.
+//! Parser of OBJ files.
 //!
-//! The file is cut into sections at line ends, which are read at the same time and put together in their order. What a
-//! section cannot know (how many positions came before it, on which line it begins) is added then. If anything is
-//! wrong the file is read once more as one section, so that the error names the first wrong line.
+//! The file is cut into sections at line ends, which are parsed in parallel and joined in order. Values that
+//! depend on earlier sections (the number of positions, the line number) are adjusted then. If there is an
+//! error, the file is parsed again as one section, so that the message names the first wrong line.
 
 use lodsmith_core::mesh::MeshError;
 use lodsmith_core::polygon::Triangulator;
@@ -20,17 +20,19 @@ use crate::material::{Heading, Headings, Place, counts, look_up};
 use crate::numbers::short_whole;
 use crate::options::ReadOptions;
 
-/// Reads the bytes of an OBJ file; UTF-8 or any other encoding in which ASCII is ASCII.
+/// Reads the bytes of an OBJ file in UTF-8 or any other encoding that contains ASCII.
 ///
-/// Faces keep their order; polygons are cut into triangles. Corners that share position, texture coordinates and normal
-/// share a wedge, and a mesh without seams has no map. A face may name positions that come after it.
-/// Where some corners have texture coordinates or normals and others have none, those get zeros, and a warning says so.
-/// `nan` and `inf` are numbers. Lines that begin with an unknown word are passed over with a warning.
-/// Cost: O(bytes); memory about 1.5 times the size of the file at most, besides the mesh.
+/// Faces keep their order; polygons are cut into triangles. Corners that share position, texture coordinates
+/// and normal share a wedge, and a mesh without seams has no vertex map. A face may refer to positions that
+/// come after it. If some corners have texture coordinates or normals and others have none, the latter get
+/// zeros, and there is a warning. `nan` and `inf` are numbers. Lines that begin with an unknown word are
+/// skipped with a warning. Cost: O(bytes); memory about 1.5 times the size of the file at most, besides the
+/// mesh.
 ///
 /// # Errors
-/// [`ReadError::Malformed`] with the line: a word that is no number, a position with fewer than three coordinates, an
-/// index that is 0 or beyond what the file holds. [`ReadError::Mesh`] if there is more than 32-bit ids can name.
+/// [`ReadError::Malformed`] with the line: a word that is not a number, a position with fewer than three
+/// coordinates, an index that is 0 or out of range. [`ReadError::Mesh`] if the mesh is too large for 32-bit
+/// ids.
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let sections_or_whole = |precise: bool| match read_sections(bytes, precise) {
@@ -48,18 +50,18 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     section.finish(options)
 }
 
-/// Reads the sections of a file at the same time; `None` where one of them cannot do without those before it, be it for
-/// the sake of an index that counts backwards or of an error's line.
+/// Parses the sections of a file in parallel; `None` if one of them depends on earlier ones, because of a
+/// negative index or for the line number of an error.
 fn read_sections(bytes: &[u8], precise: bool) -> Option<Section> {
     let pieces = sections(bytes, rayon::current_num_threads());
     let read = |(i, piece): (usize, &&[u8])| Section::read(piece, UNKNOWN, i == 0, precise).ok();
     Section::joined(pieces.par_iter().enumerate().map(read).collect::<Option<Vec<_>>>()?)
 }
 
-/// Guessed: reading this much takes a few milliseconds, far more than to hand it to a thread.
+/// Guessed: parsing this much takes a few milliseconds, far more than handing it to a thread.
 pub(super) const SMALL: usize = 1 << 20;
 
-/// Cuts a file at line ends into at most so many sections.
+/// Cuts a file at line ends into at most `count` sections.
 fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
     let count = count.clamp(1, bytes.len() / SMALL + 1);
     let (mut rest, mut pieces) = (bytes, Vec::with_capacity(count));
@@ -75,60 +77,60 @@ fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
     pieces
 }
 
-/// How many positions, texture coordinates and normals there are, as long as nobody knows.
+/// Limits on position, texture coordinate and normal indices while the counts are unknown.
 pub(super) const UNKNOWN: [usize; 3] = [NONE as usize; 3];
 
-/// The three things that a corner names, in this order.
+/// The three kinds of indices of a corner, in this order.
 const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
-/// What a piece of the file holds.
+/// The parsed contents of a section of the file.
 pub(super) struct Section {
-    /// Single precision until a number needs more.
+    /// Single precision until a number needs double.
     positions: Positions,
-    /// Whether that came too late: the section is to be read again with double precision from the start.
+    /// True if that happened after other positions: the section must be parsed again in double precision.
     pub(super) wants_precision: bool,
-    /// As many as there are positions, or none.
+    /// As many as positions, or none.
     colors: Vec<[f32; 4]>,
     uvs: Vec<[f32; 2]>,
     normals: Vec<[f32; 3]>,
-    /// Faces of three corners: position, texture coordinate and normal of each. The last two are as long as the first
-    /// where they are `Own`, else empty.
+    /// Triangular faces: position, texture coordinate and normal index of each corner. The last two are as
+    /// long as the first if they are `Own`, else empty.
     triangles: [Vec<[u32; 3]>; 3],
     /// The first is always `Own`.
     storage: [Storage; 3],
-    /// Faces of more corners.
+    /// Faces with more than three corners.
     polygons: Vec<Polygon>,
     polygon_corners: Vec<[u32; 3]>,
-    /// The greatest index of each kind, plus one.
+    /// The largest index of each kind, plus one.
     ends: [u32; 3],
-    /// Whether the file begins here, so that all counts are those of the file.
+    /// True if the file begins with this section, so that its counts are those of the file.
     is_first: bool,
     line_count: usize,
     notes: Notes,
     headings: Headings,
 }
 
-/// How the indices of one kind are kept.
+/// Storage of the indices of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Storage {
-    /// No triangle has any.
+    /// No triangle has indices.
     #[default]
     Absent,
-    /// All triangles have the indices of their positions.
+    /// All triangles have the same indices as for their positions.
     Same,
-    /// In a buffer.
+    /// The indices have their own buffer.
     Own,
 }
 
-/// A face of more than three corners.
+/// A face with more than three corners.
 struct Polygon {
-    /// How many triangles stand before it.
+    /// Number of triangles before it.
     after: usize,
-    /// How many corners it has.
+    /// Number of corners.
     size: usize,
 }
 
-/// What the user may want to know.
+/// Counts for warnings.
 #[derive(Default)]
 struct Notes {
     objects: usize,
@@ -136,12 +138,13 @@ struct Notes {
     small_faces: usize,
     lines_and_points: usize,
     free_forms: usize,
-    /// Lines that begin with an unknown word, and the first of them.
+    /// Lines that begin with an unknown word: their number, the line of the first one, and its word.
     strange: Option<(usize, usize, Vec<u8>)>,
 }
 
 impl Section {
-    /// An empty section; `is_first` if the file begins with it, `precise` to keep double precision whatever the numbers.
+    /// Creates an empty section; `is_first` if the file begins with it, `precise` to use double precision
+    /// from the start.
     pub(super) fn new(is_first: bool, precise: bool) -> Self {
         Self {
             positions: if precise { Positions::F64(Vec::new()) } else { Positions::F32(Vec::new()) },
@@ -161,14 +164,14 @@ impl Section {
         }
     }
 
-    /// Reads a piece; an index of `counts` or more is an error.
+    /// Parses a piece; an index of `counts` or more is an error.
     fn read(bytes: &[u8], counts: [usize; 3], is_first: bool, precise: bool) -> Result<Self, ReadError> {
         let mut section = Self::new(is_first, precise);
         section.take(bytes, counts)?;
         Ok(section)
     }
 
-    /// Puts sections behind each other.
+    /// Joins consecutive sections.
     pub(super) fn joined(sections: Vec<Self>) -> Option<Self> {
         sections.into_iter().reduce(|mut all, section| {
             all.append(section);
@@ -176,7 +179,7 @@ impl Section {
         })
     }
 
-    /// Goes on with more whole lines; an index of `counts` or more is an error.
+    /// Parses more whole lines; an index of `counts` or more is an error.
     pub(super) fn take(&mut self, bytes: &[u8], counts: [usize; 3]) -> Result<(), ReadError> {
         let section = self;
         let mut lines = Lines::new(bytes);
@@ -217,7 +220,7 @@ impl Section {
         Ok(())
     }
 
-    /// Puts the section that follows behind this one.
+    /// Appends the following section.
     fn append(&mut self, mut next: Self) {
         if !self.colors.is_empty() || !next.colors.is_empty() {
             self.colors.resize(self.positions.len(), NO_COLOR);
@@ -275,7 +278,7 @@ impl Section {
                 more[count] = lines.decimal()?.value as f32;
                 count += 1;
             }
-            // One number more is a weight, which plain meshes do not use.
+            // A single extra number is a weight, which plain meshes do not use.
             if count >= 3 {
                 self.colors.resize(self.positions.len(), NO_COLOR);
                 self.notes.colored += 1;
@@ -340,7 +343,7 @@ impl Section {
         Ok(())
     }
 
-    /// Reads the indices of a corner.
+    /// Parses the indices of a corner.
     #[inline(always)]
     fn corner(
         &self,
@@ -368,18 +371,18 @@ impl Section {
         Ok(corner)
     }
 
-    /// Remembers the greatest indices.
+    /// Updates the largest indices.
     #[inline(always)]
     fn count(&mut self, corners: &[[u32; 3]]) {
         for corner in corners {
             for (end, index) in self.ends.iter_mut().zip(corner) {
-                // What is not there becomes 0.
+                // A missing index (`NONE`) wraps to 0.
                 *end = index.wrapping_add(1).max(*end);
             }
         }
     }
 
-    /// A face that is none; what it names must be there all the same.
+    /// Counts a face with fewer than three corners; its indices are checked all the same.
     #[cold]
     fn small_faces(&mut self, corners: &[[u32; 3]]) {
         self.notes.small_faces += 1;
@@ -396,7 +399,7 @@ impl Section {
         }
     }
 
-    /// Puts the indices of a kind into a buffer of their own.
+    /// Gives the indices of a kind their own buffer.
     fn store(&mut self, kind: usize) {
         match self.storage[kind] {
             Storage::Own => {}
@@ -406,8 +409,8 @@ impl Section {
         self.storage[kind] = Storage::Own;
     }
 
-    /// Reads an index. `lengths` are those of the last indices of each kind: mostly the next one is as long, and where it
-    /// ends need not wait for its digits to be looked at.
+    /// Parses an index. `lengths` are those of the last index of each kind: the next one mostly has the same
+    /// length, so its end can be predicted before its digits are examined.
     #[inline(always)]
     fn index(
         &self,
@@ -434,7 +437,7 @@ impl Section {
         let have = self.counts();
         let number = lines.whole()?;
         let index = if number > 0 { number - 1 } else { have[kind] as i64 + number };
-        // Seen as unsigned, what is below zero is beyond everything.
+        // As unsigned, negative indices are out of range.
         if number <= 0 && !self.is_first {
             return Err(lines.error("an index that counts backwards needs the whole file"));
         }
@@ -473,12 +476,12 @@ impl Section {
         [self.positions.len(), self.uvs.len(), self.normals.len()]
     }
 
-    /// Whether every index names something.
+    /// Returns true if every index is in range.
     pub(super) fn is_sound(&self) -> bool {
         (0..3).all(|kind| self.ends[kind] as usize <= self.counts()[kind])
     }
 
-    /// Cuts the polygons into triangles and puts these between the others.
+    /// Cuts the polygons into triangles and inserts these between the others.
     fn cut_polygons(&mut self) {
         if self.polygons.is_empty() {
             return;
@@ -523,7 +526,7 @@ impl Section {
         let polygons = self.triangles[0].len() + self.polygons.len();
         self.cut_polygons();
         let [mut triangles, uv_of, normal_of] = std::mem::take(&mut self.triangles);
-        // Wedges are counted by 32-bit numbers before the mesh can refuse them.
+        // Wedges have 32-bit numbers, which could overflow before the mesh checks its size.
         if triangles.len() >= (u32::MAX / 3) as usize {
             return Err(MeshError::TooLarge { what: "triangles", count: triangles.len() }.into());
         }
@@ -606,7 +609,7 @@ impl Section {
 }
 
 impl Notes {
-    /// Adds the notes of a section with so many lines before it.
+    /// Adds the notes of the following section, which begins after `lines` lines.
     fn append(&mut self, next: Self, lines: usize) {
         self.objects += next.objects;
         self.colored += next.colored;
@@ -648,7 +651,7 @@ impl Notes {
     }
 }
 
-/// Out of line, so that it stays a branch, which the processor foresees.
+/// Not inlined, so that the caller keeps a branch, which the processor predicts.
 #[cold]
 #[inline(never)]
 fn set(length: &mut usize, new: usize) {
@@ -659,7 +662,7 @@ fn get_or_zero<const N: usize>(buffer: &[[f32; N]], index: u32) -> [f32; N] {
     buffer.get(index as usize).copied().unwrap_or([0.0; N])
 }
 
-/// Reads N numbers, of which the last may be missing beyond `least`; what follows them is left.
+/// Parses N numbers, of which those after the first `least` may be missing; the rest of the line is left.
 #[inline]
 fn coordinates<const N: usize>(
     lines: &mut Lines<'_>,

@@ -1,7 +1,7 @@
-//! An OBJ file read piece by piece: the file itself is never in memory as a whole.
+//! Reading of OBJ files in pieces: the file is never in memory as a whole.
 //!
-//! That is for sound files. Whatever needs the text before or behind it (an error's line, an index that counts
-//! backwards in a later section) is left to the reader of a whole file.
+//! Only for valid files. Whatever needs more context (the line number of an error, a negative index in a
+//! later section) is left to the reader of whole files.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -16,14 +16,14 @@ use crate::lines::ends_line;
 use crate::loaded::Loaded;
 use crate::options::ReadOptions;
 
-/// Bytes that are read at once. Guessed: enough for a call to the system, and within the cache of a core.
+/// Bytes per read. Guessed: enough for a system call, and within the cache of a core.
 const PIECE: usize = 1 << 18;
 
-/// Reads the file at `path`, of which the caller knows that it is OBJ in UTF-8 or like it and has `size` bytes; `None`
-/// if it is to be read as a whole, because something is wrong or cannot be known here.
+/// Reads the file at `path`, which is known to be OBJ in UTF-8 or similar and to have `size` bytes; `None` if
+/// it must be read as a whole, because of an error or missing context.
 ///
 /// # Errors
-/// [`ReadError::Mesh`] as the reader of a whole file.
+/// [`ReadError::Mesh`] like the reader of whole files.
 pub(crate) fn read_file(path: &Path, size: u64, options: &ReadOptions) -> Result<Option<Loaded>, ReadError> {
     let Ok(Some(ranges)) = ranges(path, size) else { return Ok(None) };
     let read_all = |precise: bool| {
@@ -45,7 +45,7 @@ pub(crate) fn read_file(path: &Path, size: u64, options: &ReadOptions) -> Result
     }
 }
 
-/// Cuts a file at line ends into ranges of bytes, one for each thread; `None` where a line is too long for that.
+/// Cuts a file at line ends into byte ranges, one per thread; `None` if a line is too long for that.
 fn ranges(path: &Path, size: u64) -> io::Result<Option<Vec<Range<u64>>>> {
     let threads = rayon::current_num_threads() as u64;
     let count = threads.clamp(1, size / SMALL as u64 + 1);
@@ -57,7 +57,7 @@ fn ranges(path: &Path, size: u64) -> io::Result<Option<Vec<Range<u64>>>> {
         file.seek(SeekFrom::Start(aim))?;
         piece.clear();
         (&mut file).take(PIECE as u64).read_to_end(&mut piece)?;
-        // The first bytes may stand behind a backslash that is not seen here.
+        // The first bytes may follow a backslash that is not visible here.
         let end = memchr::memchr_iter(b'\n', &piece).find(|&n| n >= 2 && ends_line(&piece[..n]));
         let Some(end) = end else { return Ok(None) };
         let end = aim + end as u64 + 1;
@@ -68,7 +68,7 @@ fn ranges(path: &Path, size: u64) -> io::Result<Option<Vec<Range<u64>>>> {
     Ok(Some(ranges))
 }
 
-/// Reads a range into an empty section; only its front where the section must be read again anyway.
+/// Parses a range into an empty section; stops early if the section must be parsed again anyway.
 fn read_range(path: &Path, range: Range<u64>, mut section: Section, is_last: bool) -> Option<Section> {
     let mut file = File::open(path).ok()?;
     file.seek(SeekFrom::Start(range.start)).ok()?;
@@ -92,12 +92,12 @@ fn read_range(path: &Path, range: Range<u64>, mut section: Section, is_last: boo
             buffer.copy_within(end + 1..filled, 0);
             filled -= end + 1;
         } else if filled == buffer.len() {
-            // A line of many megabytes, or of no OBJ file.
+            // A line of many megabytes, or not an OBJ file.
             buffer.resize(buffer.len() * 2, 0);
         }
     }
     section.take(&buffer[..filled], UNKNOWN).ok()?;
-    // Someone may be writing the file.
+    // Another process may be writing the file.
     let is_whole = taken == length && (!is_last || left.into_inner().read(&mut [0]).ok()? == 0);
     is_whole.then_some(section)
 }
@@ -110,7 +110,7 @@ mod tests {
 
     use super::*;
 
-    /// Many vertices, then faces; every seventh line goes on in the next one.
+    /// Returns many vertices, then faces; every seventh line continues in the next one.
     fn text(side: usize, extra: &str) -> String {
         let mut text = String::new();
         for i in 0..side * side {
@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn pieces_give_what_the_whole_gives() {
         let mut text = text(400, "vn 0 0 1\nvn 0 1 0\nusemtl a\nwhat is this\n");
-        // Regions that begin within the later pieces, with faces of the earlier ones before them.
+        // Regions that begin within the later pieces, after faces of the earlier ones.
         let half = text.rfind("f 150001").unwrap();
         text.insert_str(half, "usemtl b\ns 1\n");
         text.push_str("g z\nf 1//1 2//1 3//1\n");

@@ -1,27 +1,27 @@
-//! Corners that name position, texture coordinates and normal apart, into wedges.
+//! Construction of wedges from corners with separate indices of position, texture coordinates and normal.
 
 use std::collections::HashMap;
 
-/// An index that is not there.
+/// A missing index.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Wedges for corners.
+/// The wedges of a mesh.
 #[derive(Debug, Default)]
 pub(super) struct Wedges {
-    /// The position of each wedge; `None` where wedge i is position i.
+    /// The position of each wedge; `None` if wedge i is position i.
     pub(super) vertex_of: Option<Vec<u32>>,
-    /// Texture coordinates and normal of each wedge, [`NONE`] where it has none.
+    /// Texture coordinates and normal of each wedge, [`NONE`] if it has none.
     pub(super) attributes: Vec<[u32; 2]>,
 }
 
-/// How the corners of triangles name texture coordinates or normals.
+/// The texture coordinate or normal indices of triangle corners.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Indices<'a> {
-    /// They do not.
+    /// No indices.
     Absent,
-    /// By the numbers of the positions.
+    /// The indices of the positions.
     Same,
-    /// By their own, as many as there are triangles.
+    /// Separate indices, one triple per triangle.
     Own(&'a [[u32; 3]]),
 }
 
@@ -36,19 +36,19 @@ impl Indices<'_> {
     }
 }
 
-/// Gives corners with the same three indices the same wedge, and writes the wedges into `triangles`, which holds the
-/// positions before.
+/// Gives corners with the same three indices the same wedge, and replaces the position indices in `triangles`
+/// by wedges.
 ///
-/// Where no position has two wedges, wedges get the numbers of the positions; else they are numbered as they appear.
-/// Every index of `triangles` is below `vertex_count`.
-/// Cost: O(corners); the wedges of a position form a short list, long ones go on in a hash table.
+/// If no position has two wedges, wedges get the numbers of the positions; else they are numbered in the
+/// order of appearance. Every index of `triangles` must be below `vertex_count`. Cost: O(corners); the wedges
+/// of a position form a short linked list, those beyond its maximum length are in a hash table.
 pub(super) fn number_wedges(
     triangles: &mut [[u32; 3]],
     uvs: Indices<'_>,
     normals: Indices<'_>,
     vertex_count: usize,
 ) -> Wedges {
-    // Guessed: a list of this length is still faster than the table.
+    // Guessed: a list of this length is still faster than the hash table.
     const LONG: usize = 24;
     let mut first = vec![NONE; vertex_count];
     let mut wedges: Vec<Wedge> = Vec::with_capacity(vertex_count);
@@ -99,7 +99,7 @@ pub(super) fn number_wedges(
     Wedges { vertex_of: None, attributes }
 }
 
-/// A wedge while they are found.
+/// A wedge during construction.
 struct Wedge {
     vertex: u32,
     attributes: [u32; 2],

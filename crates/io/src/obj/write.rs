@@ -1,4 +1,4 @@
-//! From a mesh to the lines of an OBJ.
+//! Writer of OBJ files.
 
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -10,24 +10,25 @@ use crate::material::{Heading, Library, Region, Regions, Textures, drops_materia
 use crate::numbers::TextOut;
 use crate::options::WriteOptions;
 
-/// Writes a mesh as OBJ; returns what the format could not carry.
+/// Writes a mesh as OBJ; returns warnings about what the format cannot carry.
 ///
-/// Every number is the shortest decimal that reads back the same, in the precision that the mesh has. Equal texture
-/// coordinates and equal normals are written once. Colours stand behind the positions, as many programs read them;
-/// they belong to vertices there, so where the wedges of a vertex differ the first one's is written, and alpha has no
-/// place: both are warned of.
+/// Every number is the shortest decimal that reads back the same, in the precision of the mesh. Equal texture
+/// coordinates and equal normals are written once. Colours follow the positions, as many programs read them;
+/// there they belong to vertices, so if the wedges of a vertex differ, the first one's is written, and alpha
+/// is dropped: there are warnings about both.
 ///
-/// With the table of regions in the options, faces stand in the order of their regions, in that of the mesh within
-/// each, under lines `o`, `g`, `usemtl` and `s`. Where the mesh has no regions but the table has several, only that is
-/// written in which all of them agree, which is warned of. Libraries of materials are named as their source has them.
+/// With regions in the options, faces are written in the order of their regions, in mesh order within each,
+/// under lines `o`, `g`, `usemtl` and `s`. If the mesh has no regions but the options have several, only the
+/// names on which all of them agree are written, with a warning. Material libraries keep the names of their
+/// source.
 ///
 /// # Errors
-/// What the stream answers.
+/// The errors of the stream.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
     write_naming(mesh, options, None, out)
 }
 
-/// As [`write()`], with these names of libraries.
+/// Like [`write()`], with these library names.
 pub(crate) fn write_naming(
     mesh: &TriMesh,
     options: &WriteOptions,
@@ -118,18 +119,18 @@ pub(crate) fn write_naming(
     Ok(warnings)
 }
 
-/// What stands over the faces.
+/// The headings of the faces.
 struct Over<'a> {
     regions: &'a Regions,
     with_materials: bool,
 }
 
 impl Over<'_> {
-    /// Writes what changes from one region to the next.
+    /// Writes the lines that change from one region to the next.
     fn lines(&self, out: &mut TextOut<'_>, from: Region<'_>, to: Region<'_>) -> io::Result<()> {
         for heading in Heading::ALL {
             let name = to.name(heading);
-            // The table has every name once; long ones are not compared letter by letter for each region.
+            // Names are interned, so comparing pointers suffices and is fast for long names.
             let is_same = match (from.name(heading), name) {
                 (Some(before), Some(now)) => std::ptr::eq(before, now),
                 (before, now) => before.is_none() && now.is_none(),
@@ -138,7 +139,7 @@ impl Over<'_> {
                 continue;
             }
             out.text(heading.keyword());
-            // Nothing stands over faces again only in a table that is not from a file.
+            // A heading can end only in regions that were not read from a file.
             let nothing: &[u8] = if heading == Heading::Smoothing { b"off" } else { b"" };
             let name = name.unwrap_or(nothing);
             if !name.is_empty() {
@@ -150,7 +151,7 @@ impl Over<'_> {
         Ok(())
     }
 
-    /// Says what the faces cannot be put under.
+    /// Returns the warning about headings that cannot be assigned to faces.
     fn warning(&self, mesh: &TriMesh) -> Option<Warning> {
         if mesh.regions().is_some() {
             return None;
@@ -161,9 +162,9 @@ impl Over<'_> {
     }
 }
 
-/// Which line each wedge names, counted from 1.
+/// The line number that each wedge refers to, counted from 1.
 enum Numbers {
-    /// That of its own number.
+    /// The number of the wedge itself, plus one.
     Own,
     Table(Vec<u32>),
 }
@@ -177,8 +178,8 @@ impl Numbers {
     }
 }
 
-/// Writes vectors, equal ones once. Without seams each vertex writes its own: then corners need one number only, and
-/// readers see that there are no seams.
+/// Writes vectors, equal ones once. Without seams each vertex writes its own, so that corners need only one
+/// number and readers see that there are no seams.
 fn write_once<const N: usize>(
     out: &mut TextOut<'_>,
     keyword: &str,
@@ -207,7 +208,7 @@ fn write_once<const N: usize>(
     Ok(Numbers::Table(table))
 }
 
-/// Red, green and blue for each vertex; white for one without a wedge.
+/// Returns red, green and blue of each vertex; white for a vertex without a wedge.
 fn vertex_colors(mesh: &TriMesh, colors: &[[f32; 4]], warnings: &mut Vec<Warning>) -> Vec<[f32; 3]> {
     if colors.iter().any(|c| c[3] != 1.0) {
         warnings.push(Warning::lost("OBJ cannot carry the alpha of colours: dropped"));

@@ -1,4 +1,4 @@
-//! From the lines of an OFF file to a mesh.
+//! Parser of OFF files.
 
 use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{Positions, TriMesh, VertexId};
@@ -15,15 +15,15 @@ use crate::sniff::off_prefix;
 
 /// Reads the bytes of an OFF file.
 ///
-/// Colours count to 1, or to 255 if any is above 1. With the prefix `4` positions are divided by their weight.
-/// Polygons are cut into triangles; faces of fewer than three corners are dropped with a warning. The count of edges is
-/// not looked at and may be missing; so may the word `OFF`.
-/// Cost: O(bytes). No memory is taken on the word of the header.
+/// Colours are in 0..1, or in 0..255 if any is above 1. With the prefix `4` positions are divided by their
+/// weight. Polygons are cut into triangles; faces with fewer than three corners are dropped with a warning.
+/// The count of edges is ignored and may be missing; so may the word `OFF`. Cost: O(bytes). No memory is
+/// allocated by the header's counts alone.
 ///
 /// # Errors
-/// [`ReadError::Malformed`] with the line: counts beyond what the bytes can hold, fewer vertices or faces than the
-/// header says, a word that is no number, an index beyond the vertices. [`ReadError::Unsupported`] for the binary kind
-/// and for dimensions other than 3.
+/// [`ReadError::Malformed`] with the line: counts beyond the size of the file, fewer vertices or faces than
+/// in the header, a word that is not a number, an index out of range. [`ReadError::Unsupported`] for the
+/// binary variant and for dimensions other than 3.
 pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
     let mut lines = Lines::new(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes));
     let kind = header(&mut lines)?;
@@ -34,7 +34,7 @@ pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
     finish(vertices, triangles, face_count, notes)
 }
 
-/// What stands on a vertex.
+/// The attributes of vertices.
 #[derive(Default)]
 struct Kind {
     has_uvs: bool,
@@ -44,7 +44,7 @@ struct Kind {
 }
 
 impl Kind {
-    /// How many numbers a vertex has at least.
+    /// Returns the minimum count of numbers per vertex.
     fn numbers(&self) -> usize {
         3 + usize::from(self.has_weights)
             + 3 * usize::from(self.has_normals)
@@ -55,14 +55,14 @@ impl Kind {
 
 #[derive(Default)]
 struct Notes {
-    /// Vertices with more on their line than they should have.
+    /// Number of vertices followed by extra words on their line.
     long_vertices: usize,
-    /// Faces with more on their line, which are colours.
+    /// Number of faces followed by extra words on their line, which are colours.
     colored_faces: usize,
     small_faces: usize,
 }
 
-/// Goes to the next word, over blank lines and comments.
+/// Moves to the next word, across blank lines and comments; returns false at the end of the file.
 #[inline]
 fn go_to_word(lines: &mut Lines<'_>) -> bool {
     while lines.ends() {
@@ -79,7 +79,7 @@ fn header(lines: &mut Lines<'_>) -> Result<Kind, ReadError> {
         return Err(ReadError::file("no OFF header: the file holds nothing"));
     }
     let word = lines.word();
-    // A comment may be glued to it.
+    // A comment may follow without a blank.
     let word = word.split(|&b| b == b'#').next().unwrap_or_default();
     let Some(prefix) = off_prefix(word) else {
         if word.iter().all(u8::is_ascii_digit) {
@@ -108,7 +108,7 @@ fn header(lines: &mut Lines<'_>) -> Result<Kind, ReadError> {
     })
 }
 
-/// The counts of vertices and faces, which the bytes can hold.
+/// Reads the counts of vertices and faces, and checks them against the size of the file.
 fn counts(lines: &mut Lines<'_>, kind: &Kind) -> Result<[usize; 2], ReadError> {
     let mut counts = [0usize; 2];
     for (count, what) in counts.iter_mut().zip(["vertices", "faces"]) {
@@ -122,7 +122,7 @@ fn counts(lines: &mut Lines<'_>, kind: &Kind) -> Result<[usize; 2], ReadError> {
         *count = usize::try_from(number)
             .map_err(|_| lines.error(format!("the header says {number} {what}, which cannot be")))?;
     }
-    // A number takes a digit and a blank; a face has at least the number of its corners.
+    // A number takes a digit and a blank; a face has at least its corner count.
     for (count, what, bytes) in [(counts[0], "vertices", 2 * kind.numbers()), (counts[1], "faces", 2)] {
         // The last line may have no end.
         let room = (lines.ahead().len() + 1) / bytes;
@@ -184,7 +184,7 @@ fn vertices(
             for c in &mut color[..3] {
                 *c = next(lines)? as f32;
             }
-            // Alpha may be there or not; how many numbers the line goes on with tells.
+            // Alpha is optional; the count of remaining numbers on the line decides.
             let more = numbers_ahead(lines);
             if more == if kind.has_uvs { 3 } else { 1 } {
                 color[3] = next(lines)? as f32;
@@ -201,7 +201,7 @@ fn vertices(
     Ok(vertices)
 }
 
-/// How many words this line goes on with, but not more than four.
+/// Counts the remaining words of this line, up to four.
 fn numbers_ahead(lines: &Lines<'_>) -> usize {
     let mut ahead = lines.clone();
     let mut count = 0;

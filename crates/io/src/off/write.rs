@@ -1,4 +1,4 @@
-//! From a mesh to the lines of an OFF file.
+//! Writer of OFF files.
 
 use std::io::{self, Write};
 
@@ -8,14 +8,15 @@ use crate::error::Warning;
 use crate::numbers::TextOut;
 use crate::options::WriteOptions;
 
-/// Writes a mesh as OFF, with the prefixes that its attributes need; returns what the format could not carry.
+/// Writes a mesh as OFF, with the prefixes that its attributes need; returns warnings about what the format
+/// cannot carry.
 ///
-/// Vertices of OFF have one set of attributes each: a vertex on a seam is written once for each of its wedges, at the
-/// same place, and a warning counts them. Every number is the shortest decimal that reads back the same. Colours are
-/// whole numbers up to 255 where that is exact.
+/// Vertices of OFF have one set of attributes each: a vertex on a seam is written once per wedge, at the same
+/// position, and a warning counts these. Every number is the shortest decimal that reads back the same.
+/// Colours are integers up to 255 if that is exact.
 ///
 /// # Errors
-/// What the stream answers.
+/// The errors of the stream.
 pub fn write(mesh: &TriMesh, _options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
     let mut warnings = Vec::new();
     let is_split = mesh.vertex_map().is_some() && mesh.has_attributes();
@@ -83,8 +84,8 @@ fn words<const N: usize>(out: &mut TextOut<'_>, numbers: [impl zmij::Float; N]) 
     }
 }
 
-/// Whether all colours are a whole number of 255ths, and one of them is more than a single one: readers tell by a value
-/// above 1 that they count to 255.
+/// Returns true if all colours are integer multiples of 1/255, and at least one is above 1/255: readers
+/// detect the range 0..255 by a value above 1.
 fn counts_to_255(colors: &[[f32; 4]]) -> bool {
     let is_whole = |c: f32| (0.0..=1.0).contains(&c) && (c * 255.0).round() / 255.0 == c;
     colors.iter().flatten().all(|&c| is_whole(c)) && colors.iter().flatten().any(|&c| c * 255.0 > 1.5)

@@ -1,4 +1,4 @@
-//! The body: records of the elements that the header declared.
+//! Parser of the PLY body: records of the elements that the header declares.
 
 use lodsmith_core::{Integer, Positions};
 
@@ -7,53 +7,53 @@ use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::limits::with_room;
 
-/// What the body holds, as the file has it.
+/// The contents of the body.
 pub(super) struct Body {
     pub(super) vertices: Vertices,
     pub(super) faces: Faces,
     pub(super) warnings: Vec<Warning>,
 }
 
-/// Buffers with one entry for each vertex.
+/// Buffers with one entry per vertex.
 pub(super) struct Vertices {
     pub(super) positions: Positions,
     pub(super) normals: Option<Vec<[f32; 3]>>,
     pub(super) colors: Option<Vec<[f32; 4]>>,
     pub(super) uvs: Option<Vec<[f32; 2]>>,
-    /// Integers that the mesh carries by their names.
+    /// Integer properties that become attributes of the mesh.
     pub(super) discrete: Vec<Discrete>,
-    /// Names of the properties that the mesh does not carry.
+    /// Names of the properties that are not in the mesh.
     pub(super) unknown: Vec<String>,
-    /// Single numbers that are wanted beside the mesh, carried or not.
+    /// Requested scalar properties, whether in the mesh or not.
     pub(super) wanted: Vec<(String, Vec<f32>)>,
 }
 
-/// An integer of each vertex.
+/// An integer property of the vertices.
 pub(super) struct Discrete {
     pub(super) name: String,
     pub(super) of: Integer,
     pub(super) values: Vec<f32>,
-    /// Whether the values are those of the file: single precision does not hold all integers of 32 bits.
+    /// True if all values are exact: single precision does not hold all 32-bit integers.
     is_exact: bool,
 }
 
-/// Faces by vertex indices that have been checked.
+/// Faces with checked vertex indices.
 pub(super) enum Faces {
     Triangles(Vec<[u32; 3]>),
     Polygons(Corners),
 }
 
-/// Polygons: the corners of all, one after the other, and where each ends.
+/// Polygons: the corners of all, concatenated, and the end of each.
 #[derive(Default)]
 pub(super) struct Corners {
     pub(super) indices: Vec<u32>,
     pub(super) ends: Vec<usize>,
-    /// Texture coordinates, one for each corner.
+    /// Texture coordinates, one per corner.
     pub(super) uvs: Option<Vec<[f32; 2]>>,
 }
 
 impl Body {
-    /// Reads the records; `wanted` names properties of vertices that are to be had beside the mesh.
+    /// Reads the records; `wanted` names vertex properties to return besides the mesh.
     pub(super) fn read(header: &Header, bytes: &[u8], wanted: &[String]) -> Result<Self, ReadError> {
         match header.encoding {
             Encoding::Ascii => Self::read_from(header, Text { bytes, at: header.body }, wanted),
@@ -99,7 +99,7 @@ impl Body {
     }
 }
 
-/// Faces and strips in one file are all faces.
+/// Joins the faces of several elements (faces and strips).
 fn join(first: Option<Faces>, second: Faces) -> Faces {
     match (first, second) {
         (None, faces) => faces,
@@ -133,22 +133,22 @@ fn polygons(faces: Faces) -> Corners {
 
 // ---- vertices
 
-/// Where a number of a vertex goes.
+/// The destination of a vertex property.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Target {
     Position(usize),
     Normal(usize),
     Color(usize),
     Uv(usize),
-    /// A number of a name, in this place of the integers that the mesh carries, and of the numbers beside it.
+    /// A named number: its index among the discrete attributes, and among the requested properties.
     Named(Option<usize>, Option<usize>),
     Nothing,
 }
 
-/// Names of a group of properties, and where the k-th of them goes.
+/// Names of a group of properties, and the destination of the k-th of them.
 type Group = (&'static [&'static str], fn(usize) -> Target);
 
-/// Names by which properties of vertices are known: whole groups only, the first group of a kind counts.
+/// Names of the known vertex properties: only complete groups, and only the first group of a kind, are used.
 const GROUPS: [Group; 8] = [
     (&["x", "y", "z"], Target::Position),
     (&["nx", "ny", "nz"], Target::Normal),
@@ -160,8 +160,8 @@ const GROUPS: [Group; 8] = [
     (&["texture_u", "texture_v"], Target::Uv),
 ];
 
-/// What becomes of each property of the vertices, and the named numbers among them: integers that the mesh carries, and
-/// what goes beside it.
+/// Returns the destination of each vertex property, the discrete attributes of the mesh, and the requested
+/// properties.
 fn targets(element: &Element, wanted: &[String]) -> (Vec<Target>, Vec<Discrete>, Vec<String>) {
     let one =
         |name: &str| element.properties.iter().position(|p| p.name == name && matches!(p.kind, Kind::One(_)));
@@ -197,7 +197,7 @@ fn targets(element: &Element, wanted: &[String]) -> (Vec<Target>, Vec<Discrete>,
     (targets, discrete, aside)
 }
 
-/// Factor that takes a colour of this type to 0..1; integers wider than 16 bits hold bytes in practice.
+/// The value that maps to 1 in a colour of this type; integers wider than 16 bits hold bytes in practice.
 fn color_scale(kind: Scalar) -> f32 {
     match kind {
         Scalar::F32 | Scalar::F64 => 1.0,
@@ -279,7 +279,7 @@ fn read_vertices<S: Source>(
         }
     }
     let positions = if wide { Positions::F64(double) } else { Positions::F32(narrow) };
-    // A number that names something is of no use if it is another one.
+    // An inexact integer identifies something else, so it is useless.
     unknown.extend(discrete.iter().filter(|d| !d.is_exact).map(|d| d.name.clone()));
     discrete.retain(|d| d.is_exact);
     if !unknown.is_empty() {
@@ -299,7 +299,7 @@ impl Discrete {
     }
 }
 
-/// A normal of length one; what is none already (to a thousandth) or has no length stays as it is.
+/// Normalises a normal; it stays unchanged if it is unit length already (to a thousandth) or has no length.
 fn unit(n: [f32; 3]) -> [f32; 3] {
     let length_sq: f64 = n.iter().map(|&x| f64::from(x) * f64::from(x)).sum();
     if (length_sq - 1.0).abs() <= 2e-3 || length_sq <= 0.0 || !length_sq.is_finite() {
@@ -308,7 +308,7 @@ fn unit(n: [f32; 3]) -> [f32; 3] {
     n.map(|x| (f64::from(x) / length_sq.sqrt()) as f32)
 }
 
-/// At most eight names for a warning.
+/// Joins at most eight names for a warning.
 fn some_names(names: &[String]) -> String {
     let mut text = names[..names.len().min(8)].join(", ");
     if names.len() > 8 {
@@ -345,7 +345,7 @@ fn read_faces<S: Source>(
             skip_bytes_of_triangles(element, source);
             return Ok(Faces::Triangles(triangles));
         }
-        // The slow way names what is wrong.
+        // The general parser below reports the error.
     }
 
     let mut corners = Corners { uvs: texcoord.map(|_| Vec::new()), ..Corners::default() };
@@ -404,8 +404,8 @@ fn skip_bytes_of_triangles<S: Source>(element: &Element, source: &mut S) {
     source.advance(size * element.count);
 }
 
-/// Size of a face's record and the place of its list in it, if its one list has a byte for the count and three
-/// 32-bit indices.
+/// Returns the size of a face record and the offset of its list, if its only list has a one-byte count and
+/// three 32-bit indices.
 fn triangle_record(element: &Element) -> Option<(usize, usize)> {
     let (mut size, mut place) = (0, None);
     for p in &element.properties {
@@ -471,7 +471,7 @@ fn read_strips<S: Source>(
                         let index = usize::try_from(i).ok().filter(|&i| i < vertex_count);
                         let c = index.ok_or(Fault::Index(i, vertex_count))? as u32;
                         if let [Some(a), Some(b)] = last {
-                            // Strips are stitched with triangles that name a vertex twice.
+                            // Strips are joined by degenerate triangles, which are skipped.
                             if a != b && b != c && c != a {
                                 triangles.push(if turned { [b, a, c] } else { [a, b, c] });
                             }
@@ -495,7 +495,7 @@ fn skip<S: Source>(element: &Element, source: &mut S) -> Result<(), ReadError> {
         return Ok(());
     }
     if let (true, Some(size)) = (S::BINARY, element.fixed_size()) {
-        // That the bytes are there was checked with the header, if no list stands before.
+        // The header check covers the size only if no list comes before.
         let fits = size.checked_mul(element.count).filter(|&n| n <= source.left());
         let bytes = fits.ok_or_else(|| source.error(Fault::End, &element.name, 0, "its records"))?;
         source.advance(bytes);
@@ -515,22 +515,22 @@ fn skip<S: Source>(element: &Element, source: &mut S) -> Result<(), ReadError> {
 
 // ---- numbers
 
-/// Why a number could not be had.
+/// A reason why a number could not be read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
-    /// The file ends.
+    /// End of file.
     End,
-    /// Text that is no number: from here to there.
+    /// Text that is not a number: its range of bytes.
     Word(usize, usize),
-    /// A number with a fraction where an index or a count is wanted.
+    /// A number with a fraction where an index or a count is expected.
     Fraction(f64),
-    /// The length of a list is negative or more than the bytes that are left can hold.
+    /// A list length that is negative or too large for the remaining bytes.
     Length(i64, usize),
-    /// No such vertex.
+    /// A vertex index out of range.
     Index(i64, usize),
 }
 
-/// A body from which numbers are taken one after the other.
+/// A stream of numbers in the body.
 trait Source {
     const BINARY: bool;
 
@@ -540,12 +540,12 @@ trait Source {
     fn advance(&mut self, bytes: usize);
     fn bytes(&self) -> (&[u8], usize);
 
-    /// All positions at once, where the records allow it. Nothing is taken.
+    /// Returns all positions at once, if the record layout allows it; does not advance.
     fn f32_positions(&self, element: &Element, targets: &[Target]) -> Option<Vec<[f32; 3]>>;
-    /// All faces at once, where each is a triangle. Nothing is taken.
+    /// Returns all faces at once, if each is a triangle; does not advance.
     fn triangles(&self, element: &Element, at: usize) -> Option<Vec<[u32; 3]>>;
 
-    /// Number of entries of a list, held against what is left of the file.
+    /// Reads the length of a list and checks it against the rest of the file.
     fn list_length(&mut self, count: Scalar, item: Scalar) -> Result<usize, Fault> {
         let n = self.integer(count)?;
         let least = if Self::BINARY { item.size() } else { 2 };
@@ -590,16 +590,16 @@ trait Source {
 
 fn count_lines(bytes: &[u8]) -> usize {
     let ends = bytes.iter().filter(|&&b| b == b'\n').count();
-    // Old files end lines with a carriage return alone.
+    // Old files end lines in a lone carriage return.
     if ends > 0 { ends } else { bytes.iter().filter(|&&b| b == b'\r').count() }
 }
 
 fn whole(x: f64) -> Result<i64, Fault> {
-    // Beyond 2^53 a double is no index of anything that fits in memory.
+    // Above 2^53 a double is not a valid index of anything that fits in memory.
     if x.fract() == 0.0 && x.abs() <= 9e15 { Ok(x as i64) } else { Err(Fault::Fraction(x)) }
 }
 
-/// Numbers as bytes.
+/// Binary numbers.
 struct Binary<'a, const BIG: bool> {
     bytes: &'a [u8],
     at: usize,
@@ -616,7 +616,7 @@ impl<const BIG: bool> Binary<'_, BIG> {
         Ok(b)
     }
 
-    /// Four bytes at a place of a record.
+    /// Returns four bytes at an offset in a record.
     #[inline]
     fn four(record: &[u8], at: usize) -> [u8; 4] {
         let mut b = [record[at], record[at + 1], record[at + 2], record[at + 3]];
@@ -723,7 +723,7 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
     }
 }
 
-/// Numbers as words between blanks; how they are spread over lines does not matter.
+/// Text numbers, separated by blanks; line breaks do not matter.
 struct Text<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -752,7 +752,7 @@ impl Source for Text<'_> {
     #[inline]
     fn integer(&mut self, _: Scalar) -> Result<i64, Fault> {
         let word = self.word()?;
-        // Up to nine digits fit without a check for overflow.
+        // Up to nine digits cannot overflow.
         if word.len() <= 9 && word.iter().all(u8::is_ascii_digit) {
             return Ok(word.iter().fold(0, |n, d| n * 10 + i64::from(d - b'0')));
         }
@@ -777,7 +777,8 @@ impl Source for Text<'_> {
     }
 }
 
-/// A number as C prints it, with the spellings of old Windows libraries for what is no number (`-1.#IND`).
+/// Parses a number as C prints it, including the NaN and infinity spellings of old Windows libraries
+/// (`-1.#IND`).
 fn parse_number(word: &[u8]) -> Option<f64> {
     let text = std::str::from_utf8(word).ok()?;
     if let Ok(x) = text.parse() {

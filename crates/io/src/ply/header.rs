@@ -1,11 +1,11 @@
-//! The header: which elements follow, and what a record of each holds.
+//! The PLY header: elements and their properties.
 
 use lodsmith_core::Integer;
 
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
 
-/// How the numbers of the body are written.
+/// The encoding of numbers in the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -13,7 +13,7 @@ pub(super) enum Encoding {
     Big,
 }
 
-/// A type of number.
+/// A numeric type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scalar {
     I8,
@@ -41,7 +41,7 @@ impl Scalar {
         })
     }
 
-    /// The type that a mesh knows its integers by.
+    /// Returns the corresponding integer type of mesh attributes.
     pub(super) const fn integer(self) -> Option<Integer> {
         Some(match self {
             Self::I8 => Integer::I8,
@@ -54,7 +54,7 @@ impl Scalar {
         })
     }
 
-    /// Bytes of one in a binary body.
+    /// Returns the size in a binary body in bytes.
     pub(super) const fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -65,7 +65,7 @@ impl Scalar {
     }
 }
 
-/// What a property is.
+/// The type of a property.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     One(Scalar),
@@ -86,7 +86,8 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Least number of bytes that a record takes: lists are empty, numbers in text have one digit and one blank.
+    /// Returns the minimum size of a record in bytes: lists are empty, text numbers have one digit and one
+    /// blank.
     fn least_size(&self, encoding: Encoding) -> u64 {
         let size = |p: &Property| match (encoding, p.kind) {
             (Encoding::Ascii, _) => 2,
@@ -95,7 +96,7 @@ impl Element {
         self.properties.iter().map(size).sum()
     }
 
-    /// Bytes of a binary record, if no property is a list.
+    /// Returns the size of a binary record in bytes, if no property is a list.
     pub(super) fn fixed_size(&self) -> Option<usize> {
         self.properties
             .iter()
@@ -107,12 +108,12 @@ impl Element {
     }
 }
 
-/// What the header says.
+/// A parsed header.
 #[derive(Clone, Debug)]
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
-    /// Where the body begins, in bytes from the start of the file.
+    /// Offset of the body from the start of the file, in bytes.
     pub(super) body: usize,
     /// Number of `comment TextureFile` lines.
     pub(super) texture_files: usize,
@@ -123,7 +124,7 @@ impl Header {
         self.elements.iter().find(|e| e.name == name)
     }
 
-    /// Reads the header of a file.
+    /// Parses the header of a file.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, ReadError> {
         let mut lines = Lines::new(bytes);
         if lines.next().is_none_or(|(_, l)| l.trim() != "ply") {
@@ -171,13 +172,13 @@ impl Header {
         Err(ReadError::file("the header has no end: a line `end_header` is missing"))
     }
 
-    /// Holds the counts against the bytes that are there, before anything is reserved.
+    /// Checks the counts against the size of the file, before any allocation.
     pub(super) fn check_size(&self, file: usize) -> Result<(), ReadError> {
         let present = (file - self.body) as u64;
         let mut wanted = 0u64;
         for e in &self.elements {
             wanted = wanted.saturating_add((e.count as u64).saturating_mul(e.least_size(self.encoding)));
-            // The last number of a text needs no blank after it.
+            // The last text number needs no blank after it.
             if wanted > present + 1 || (wanted > present && self.encoding != Encoding::Ascii) {
                 let (name, count) = (&e.name, e.count);
                 return Err(ReadError::file(format!(
@@ -189,18 +190,18 @@ impl Header {
         Ok(())
     }
 
-    /// About how many bytes of memory the mesh takes, by the counts, while it is made.
+    /// Estimates from the counts the bytes of memory that the mesh takes while it is built.
     pub(super) fn mesh_bytes(&self) -> u64 {
         let vertex = |p: &Property| match p.kind {
             Kind::One(Scalar::F64 | Scalar::I32 | Scalar::U32) if is_named(p, &["x", "y", "z"]) => 8,
             _ if is_named(p, &["s", "t", "u", "v", "texture_u", "texture_v", "alpha"]) => 4,
             _ if is_named(p, &["x", "y", "z", "nx", "ny", "nz", "red", "green"]) => 4,
-            // With it comes room for alpha.
+            // Includes the space for alpha.
             _ if is_named(p, &["blue"]) => 8,
             Kind::One(_) => 4,
             Kind::List { .. } => 0,
         };
-        // Triangles of little endian bytes are taken as they stand; others pass through a list of corners.
+        // Little-endian triangles are copied directly; others go through a list of corners.
         let face = if self.encoding == Encoding::Little { 12 } else { 32 };
         let bytes = |e: &Element| {
             let each = if e.name == "vertex" { e.properties.iter().map(vertex).sum() } else { face };
@@ -210,7 +211,7 @@ impl Header {
     }
 }
 
-/// Whether a property has one of these names.
+/// Returns true if a property has one of these names.
 fn is_named(property: &Property, names: &[&str]) -> bool {
     names.contains(&property.name.as_str())
 }
@@ -240,7 +241,8 @@ fn scalar_named(number: usize, name: &str) -> Result<Scalar, ReadError> {
         .ok_or_else(|| ReadError::line(number, format!("`{}` is no PLY type of numbers", excerpt(name))))
 }
 
-/// Lines of a header: their number from 1, and their text. The first line decides what ends a line.
+/// An iterator over header lines: their number from 1, and their text. The first line decides the line
+/// ending.
 struct Lines<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -258,7 +260,8 @@ impl<'a> Lines<'a> {
     }
 
     fn next(&mut self) -> Option<(usize, std::borrow::Cow<'a, str>)> {
-        // Guessed: no line of a header is longer; a binary file that lost its header's end is not scanned as one line.
+        // Guessed: no header line is longer; without this, a binary file whose header has no end would be
+        // scanned as one line.
         const LONGEST: usize = 1 << 16;
         let rest = &self.bytes[self.at..];
         let rest = &rest[..rest.len().min(LONGEST)];

@@ -1,4 +1,4 @@
-//! From a mesh to a PLY file.
+//! Writer of PLY files.
 
 use std::io::{self, Write};
 
@@ -6,12 +6,12 @@ use lodsmith_core::{Attribute, Integer, Positions, Semantic, TriMesh, VertexId, 
 
 use crate::error::Warning;
 
-/// Bytes are handed to the stream in pieces of about this size.
+/// Approximate size in bytes of the chunks written to the stream.
 const PIECE: usize = 1 << 16;
 
 pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
     let mut warnings = Vec::new();
-    // Without attributes, wedges say nothing: the vertices are written as they are.
+    // Without attributes, wedges carry no information: the vertices are written.
     let split = mesh.has_attributes() && mesh.vertex_map().is_some();
     let surface;
     let (count, triangles): (usize, &[[u32; 3]]) = if split {
@@ -81,19 +81,19 @@ pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Res
 
 struct Colors<'a> {
     values: &'a [[f32; 4]],
-    /// Whether bytes hold them exactly.
+    /// True if bytes hold the colours exactly.
     bytes: bool,
-    /// Whether any is not opaque.
+    /// True if any colour is not opaque.
     alpha: bool,
 }
 
-/// The integers that an attribute is written as: its own, if they hold its values.
+/// Returns the integer type to write an attribute as: its own, if that holds all its values.
 fn integers_of(a: &Attribute) -> Option<Integer> {
     let Semantic::Discrete { of, .. } = a.semantic else { return None };
     a.values.iter().all(|&x| of.holds(x)).then_some(of)
 }
 
-/// What PLY calls a type of integers.
+/// Returns the PLY name of an integer type.
 fn type_name(of: Integer) -> &'static str {
     match of {
         Integer::I8 => "char",
@@ -105,8 +105,9 @@ fn type_name(of: Integer) -> &'static str {
     }
 }
 
-/// The properties of named attributes, with the type of their numbers: the name in small letters, without the underscore that glTF asks for, and for several
-/// values the axis or number of each. What PLY cannot have in a name is an underscore, and a name comes once.
+/// Returns the properties of named attributes, with their numeric types: the name in lower case, without the
+/// leading underscore of glTF, plus the axis or index for several values. Characters not allowed in PLY
+/// become underscores, and duplicates get underscores appended.
 fn names_of(named: &[(&Attribute, Option<Integer>)]) -> Vec<(String, &'static str)> {
     let mut names: Vec<(String, &'static str)> = Vec::new();
     for (a, integer) in named {
@@ -128,7 +129,7 @@ fn names_of(named: &[(&Attribute, Option<Integer>)]) -> Vec<(String, &'static st
     names
 }
 
-/// What other properties are called.
+/// Names of the other properties.
 const KNOWN: [&str; 13] = ["", "x", "y", "z", "nx", "ny", "nz", "s", "t", "red", "green", "blue", "alpha"];
 
 fn are_bytes(colors: &[[f32; 4]]) -> bool {
@@ -169,14 +170,14 @@ fn header(
     }
     named.iter().for_each(|(name, kind)| line(&["property", kind, name]));
     line(&["element", "face", &faces.to_string()]);
-    // Most readers want signed indices; they reach to 2^31.
+    // Most readers expect signed indices, which suffice up to 2^31.
     let index = if vertices > i32::MAX as usize { "uint" } else { "int" };
     line(&["property", "list", "uchar", index, "vertex_indices"]);
     line(&["end_header"]);
     out.write_all(text.as_bytes())
 }
 
-/// Takes numbers, as bytes or as words.
+/// A buffered writer of numbers, in binary or text.
 struct Sink<'a> {
     out: &'a mut dyn Write,
     piece: Vec<u8>,
@@ -201,7 +202,7 @@ impl Sink<'_> {
     fn index(&mut self, x: u32) {
         self.put(x.to_le_bytes(), |to| word(to, format_args!("{x}")));
     }
-    /// A value that a type holds.
+    /// Writes a value that fits the type.
     #[inline]
     fn integer(&mut self, of: Integer, x: f32) {
         let x = x as i64;
@@ -217,7 +218,7 @@ impl Sink<'_> {
     #[inline]
     fn f32(&mut self, x: f32) {
         self.put(x.to_le_bytes(), |to| {
-            // Both spellings are the shortest that read back as the same number.
+            // Both notations are the shortest that read back as the same number.
             if is_plain(x.into()) { word(to, format_args!("{x}")) } else { word(to, format_args!("{x:e}")) }
         });
     }
@@ -241,13 +242,13 @@ impl Sink<'_> {
     }
 }
 
-/// Whether a number is short without an exponent.
+/// Returns true if a number is short without an exponent.
 fn is_plain(x: f64) -> bool {
     x == 0.0 || (1e-4..1e9).contains(&x.abs())
 }
 
 fn word(to: &mut Vec<u8>, text: std::fmt::Arguments<'_>) {
-    // A vector takes whatever it is given.
+    // Writing to a vector cannot fail.
     let _ = to.write_fmt(text);
 }
 

@@ -1,9 +1,9 @@
-//! Facets as they are met, and their corners.
+//! The triangle soup of an STL file during reading.
 
 use crate::distinct::Distinct;
 use crate::error::Warning;
 
-/// What both kinds of file give.
+/// The common result of both encodings.
 pub(super) struct Soup {
     pub(super) corners: Distinct,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -12,17 +12,17 @@ pub(super) struct Soup {
 }
 
 impl Soup {
-    /// Room for facets whose bytes have been seen to be there.
+    /// Creates an empty soup with capacity for facets whose bytes are known to exist.
     pub(super) fn with_room_for(facets: usize) -> Self {
         // A closed surface has half as many vertices as faces.
         let corners = Distinct::with_room_for(facets / 2 + 2);
         Self { corners, triangles: Vec::with_capacity(facets), solids: 0, warnings: Vec::new() }
     }
 
-    /// The number of a corner.
+    /// Returns the vertex index of a corner.
     #[inline]
     pub(super) fn corner(&mut self, position: [f32; 3]) -> u32 {
-        // Adding zero makes zero of minus zero.
+        // Adding zero turns minus zero into zero.
         self.corners.id_of(position.map(|x| (x + 0.0).to_bits()))
     }
 }

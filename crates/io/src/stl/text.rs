@@ -9,7 +9,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
     let mut soup = Soup::with_room_for(0);
     let mut words = Words { bytes, at: if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 } };
     let mut facet: Vec<u32> = Vec::new();
-    // Whether a solid, and whether a loop, is open.
+    // State: inside a solid, inside a loop.
     let (mut solid_open, mut loop_open) = (false, false);
     while let Some(word) = words.next() {
         match Keyword::of(word) {
@@ -23,7 +23,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
                 solid_open = false;
             }
             Some(Keyword::Normal) => {
-                // Zero to three numbers; what they say, the positions say too.
+                // Zero to three numbers, which are ignored: the positions define the normal.
                 for _ in 0..3 {
                     let before = words.at;
                     if words.next().is_none_or(|w| number(w).is_none()) {
@@ -54,7 +54,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
                         words.error(format!("the facet has {} corners; three are needed", facet.len()))
                     );
                 }
-                // Some programs write polygons as one loop; they are convex as far as seen.
+                // Some programs write polygons as one loop; those seen so far are convex.
                 for k in 1..facet.len() - 1 {
                     soup.triangles.push([facet[0], facet[k], facet[k + 1]]);
                 }
@@ -84,7 +84,7 @@ enum Keyword {
     Outer,
     Vertex,
     EndLoop,
-    /// Words that say nothing new.
+    /// Keywords without effect.
     Other,
 }
 
@@ -112,7 +112,7 @@ fn number(word: &[u8]) -> Option<f32> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// Words between blanks, and where they stand.
+/// An iterator over words separated by blanks, which tracks its position.
 struct Words<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -134,7 +134,7 @@ impl<'a> Words<'a> {
         self.at += rest.iter().position(|&b| b == b'\n' || b == b'\r').unwrap_or(rest.len());
     }
 
-    /// Something is wrong with the word before.
+    /// Creates an error about the previous word.
     fn error(&self, problem: impl Into<String>) -> ReadError {
         let before = &self.bytes[..self.at];
         let ends = before.iter().filter(|&&b| b == b'\n').count();

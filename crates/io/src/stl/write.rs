@@ -1,4 +1,4 @@
-//! From a mesh to an STL file.
+//! Writer of STL files.
 
 use std::io::{self, Write};
 
@@ -7,7 +7,7 @@ use lodsmith_core::TriMesh;
 use crate::attributes::rounding;
 use crate::error::Warning;
 
-/// Bytes are handed to the stream in pieces of about this size.
+/// Approximate size in bytes of the chunks written to the stream.
 const PIECE: usize = 1 << 16;
 
 pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
@@ -17,7 +17,7 @@ pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Res
     if ascii {
         piece.extend_from_slice(b"solid lodsmith\n");
     } else {
-        // A header that begins with `solid` would pass for text.
+        // A header that begins with `solid` could be mistaken for text.
         piece.extend_from_slice(b"binary STL, written by lodsmith");
         piece.resize(80, b' ');
         // A mesh has fewer than 2^32 corners.
@@ -48,7 +48,7 @@ pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Res
     Ok(warnings(mesh))
 }
 
-/// What is lost.
+/// Returns the warnings about lost data.
 fn warnings(mesh: &TriMesh) -> Vec<Warning> {
     let mut names = Vec::new();
     if mesh.normals().is_some() {
@@ -66,10 +66,10 @@ fn warnings(mesh: &TriMesh) -> Vec<Warning> {
     warnings
 }
 
-/// Unit normal of a facet; zero where it has no area or a corner is not finite.
+/// Returns the unit normal of a facet; zero if it has no area or a corner is not finite.
 fn normal([a, b, c]: [[f64; 3]; 3]) -> [f32; 3] {
     let (u, v) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
-    // Scaled first, so that facets of 1e-200 and of 1e200 have normals too.
+    // Scaled first to avoid underflow and overflow, for facets from 1e-200 to 1e200.
     let scale = |d: [f64; 3]| {
         let largest = d.iter().fold(0f64, |m, x| m.max(x.abs()));
         if largest > 0.0 { d.map(|x| x / largest) } else { d }

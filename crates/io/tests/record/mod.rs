@@ -1,10 +1,10 @@
-//! Splits of any mesh, by contracting pairs of vertices at random: the mesh before each contraction against the one
-//! after it, element by element.
+//! Vertex splits of any mesh, by collapsing random pairs of vertices: the mesh before each collapse is
+//! compared with the mesh after it, element by element.
 
 use lodsmith_core::splits::{Changes, Checkpoint, Counts, Layout, NO_ORIGINAL, Original, SplitData, Splits};
 use lodsmith_core::{FaceId, Positions, RegionId, TriMesh, VertexId, WedgeId};
 
-/// Random enough, and the same everywhere.
+/// A random generator that gives the same numbers on every machine.
 pub(crate) struct Dice(pub(crate) u64);
 
 impl Dice {
@@ -42,7 +42,7 @@ impl State {
         }
     }
 
-    /// Brings `gone` to `kept`: its wedges go over, or into one of those that are there.
+    /// Collapses `gone` into `kept`: its wedges move there, or merge with existing ones.
     fn contract(&mut self, kept: usize, gone: usize, has_map: bool, dice: &mut Dice) {
         let single = matches!(self.places[kept], Some(p) if p.iter().all(|x| (*x as f32) as f64 == *x));
         let (Some(p), Some(q)) = (self.places[kept], self.places[gone].take()) else { return };
@@ -75,7 +75,7 @@ impl State {
     }
 }
 
-/// Contracts until so many faces are left, several pairs at the first step; two checkpoints on the way.
+/// Collapses until `left` faces remain, several pairs in the first step, with two checkpoints.
 pub(crate) fn record(mesh: &TriMesh, left: usize, seed: u64) -> Splits {
     let dice = &mut Dice(seed);
     let has_map = mesh.vertex_map().is_some();
@@ -105,7 +105,7 @@ pub(crate) fn record(mesh: &TriMesh, left: usize, seed: u64) -> Splits {
     splits_of(&states, mesh, dice)
 }
 
-/// Numbers by birth: for each element its number, and all in their order.
+/// Numbers elements in the order of creation: returns the number of each element, and all elements in order.
 fn births(
     states: &[State],
     count: usize,

@@ -1,4 +1,4 @@
-//! Small glTF scenes, made by hand.
+//! Small glTF scenes, built by hand.
 
 mod pack;
 
@@ -14,7 +14,7 @@ pub(crate) fn gltf(json: &Value, bin: &[u8]) -> Vec<u8> {
     json.to_string().into_bytes()
 }
 
-/// The JSON and the bytes of a file with one buffer.
+/// Returns the JSON and the bytes of a file with one buffer.
 pub(crate) fn split(file: &[u8]) -> (Value, Vec<u8>) {
     let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
     let (json, bin): (Value, Vec<u8>) = if file.starts_with(b"glTF") {
@@ -31,7 +31,7 @@ pub(crate) fn split(file: &[u8]) -> (Value, Vec<u8>) {
     (json, bin[..length].to_vec())
 }
 
-/// One triangle.
+/// Returns one triangle.
 pub(crate) fn small() -> (Value, Vec<u8>) {
     let mut pack = Pack::default();
     let positions = pack.positions(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);

@@ -1,10 +1,10 @@
-//! Buffers with views and accessors, and the files that they make.
+//! Builder of glTF files: a buffer with views and accessors.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
-/// Stands for an image; nobody looks inside.
+/// A placeholder for an image; its content is not examined.
 pub(crate) const PNG: &[u8] = b"\x89PNG not really, and of odd length";
 
 /// A buffer with its views and accessors.
@@ -46,7 +46,7 @@ impl Pack {
         let bytes: Vec<u8> = indices.iter().flat_map(|x| x.to_le_bytes()).collect();
         self.push("SCALAR", 5123, &bytes, indices.len())
     }
-    /// The rest of a file about this buffer.
+    /// Returns the JSON of a file with this buffer and other properties.
     pub(crate) fn json(&self, rest: Value) -> Value {
         let mut json = json!({"asset": {"version": "2.0"}});
         rest.as_object().unwrap().iter().for_each(|(key, value)| json[key] = value.clone());

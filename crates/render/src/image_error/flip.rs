@@ -1,7 +1,7 @@
-//! The difference that the eye sees when it goes back and forth between two pictures.
+//! FLIP: the difference perceived when flipping between two pictures.
 //!
-//! Colours are blurred as the eye blurs them at arm's length, and compared where its steps are even; edges and points are
-//! compared by themselves, and a difference of these makes one of colours larger.
+//! Colours are blurred as the eye does at the viewing distance, and compared in a perceptually uniform space;
+//! edges and points are compared separately, and a difference in these amplifies that of colours.
 
 use lodsmith_core::Image;
 use rayon::prelude::*;
@@ -9,29 +9,31 @@ use rayon::prelude::*;
 use super::planes::{Plane, Rgb, linear_of};
 use super::size::{SizeError, check_sizes};
 
-/// How many pixels of a screen the eye has in a degree: one of 0.7 m and 3840 pixels, seen from 0.7 m. As in the paper.
+/// Pixels per degree of visual angle: a screen of 0.7 m and 3840 pixels, seen from 0.7 m. As in the paper.
 pub const PIXELS_PER_DEGREE: f32 = 67.020_645;
 
-/// Exponents and bounds of the paper.
+/// Exponents and limits from the paper.
 const COLOR_EXPONENT: f32 = 0.7;
 const FEATURE_EXPONENT: f32 = 0.5;
-/// Below this part of the largest difference, differences take [`LOWER_SHARE`] of the room.
+/// Differences below this fraction of the largest are mapped linearly to 0 to [`LOWER_SHARE`].
 const LOWER_PART: f32 = 0.4;
 const LOWER_SHARE: f32 = 0.95;
-/// Width of what is seen as an edge or a point, in degrees.
+/// Width of the edge and point filters, in degrees.
 const FEATURE_WIDTH: f32 = 0.082;
 
-/// Sensitivity to contrast as Gaussians of frequency, weight and width of each: achromatic, red to green, blue to yellow.
+/// Contrast sensitivity as Gaussians, with weight and width of each: achromatic, red-green, blue-yellow.
 const SENSITIVITY: [&[[f32; 2]]; 3] = [&[[1.0, 0.0047]], &[[1.0, 0.0053]], &[[34.1, 0.04], [13.5, 0.025]]];
-/// The widest of them says how far all blurs reach.
+/// The largest width; determines the radius of all blurs.
 const WIDEST: f32 = 0.04;
 
-/// FLIP of each pixel, from 0 to 1, row after row; `pixels_per_degree` is mostly [`PIXELS_PER_DEGREE`].
+/// Computes the FLIP value of each pixel, from 0 to 1, row after row; `pixels_per_degree` is usually
+/// [`PIXELS_PER_DEGREE`].
 ///
-/// What is seen through lies before mid-grey. Uses the caller's rayon pool. Cost: O(pixels · pixels per degree).
+/// Transparent parts are blended over mid-grey. Uses the caller's rayon pool. Cost: O(pixels · pixels per
+/// degree).
 ///
 /// # Errors
-/// [`SizeError`] if the pictures are not of one size, or empty.
+/// [`SizeError`] if the sizes of the pictures differ, or they are empty.
 ///
 /// Source: [Andersson et al. 2020], for low dynamic range.
 pub fn flip(reference: &Image, candidate: &Image, pixels_per_degree: f32) -> Result<Vec<f32>, SizeError> {
@@ -39,7 +41,7 @@ pub fn flip(reference: &Image, candidate: &Image, pixels_per_degree: f32) -> Res
     Ok(of_lights(&linear_of(reference), &linear_of(candidate), pixels_per_degree).values)
 }
 
-/// The same of amounts of light.
+/// Computes FLIP from linear light.
 pub(super) fn of_lights(reference: &Rgb, candidate: &Rgb, pixels_per_degree: f32) -> Plane {
     let opponents = [reference, candidate].map(opponent);
     let [a, b] = [&opponents[0], &opponents[1]].map(|o| perceived(o, pixels_per_degree));
@@ -54,7 +56,7 @@ pub(super) fn of_lights(reference: &Rgb, candidate: &Rgb, pixels_per_degree: f32
     Plane { width: reference[0].width, values: (0..a.len()).into_par_iter().map(value).collect() }
 }
 
-/// From amounts of red, green and blue to X, Y and Z, for sRGB under the light of day (D65).
+/// Linear sRGB to XYZ (D65).
 const XYZ_FROM_RGB: [[f32; 3]; 3] = [
     [0.412_390_8, 0.357_584_33, 0.180_480_8],
     [0.212_639, 0.715_168_65, 0.072_192_32],
@@ -70,14 +72,14 @@ fn times(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     m.map(|[a, b, c]| a * v[0] + b * v[1] + c * v[2])
 }
 
-/// X, Y and Z as parts of those of white.
+/// Returns XYZ relative to white.
 fn whites_share(rgb: [f32; 3]) -> [f32; 3] {
     let white = times(&XYZ_FROM_RGB, [1.0; 3]);
     let xyz = times(&XYZ_FROM_RGB, rgb);
     [0, 1, 2].map(|k| xyz[k] / white[k])
 }
 
-/// The three channels in which the eye sends colours on, without the roots of CIELAB: YCxCz.
+/// Converts to opponent channels, the linear form of CIELAB: YCxCz.
 fn opponent(rgb: &Rgb) -> [Plane; 3] {
     let all: Vec<[f32; 3]> = (0..rgb[0].values.len())
         .map(|i| {
@@ -95,7 +97,7 @@ fn rgb_of_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     times(&RGB_FROM_XYZ, [0, 1, 2].map(|k| share[k] * white[k]))
 }
 
-/// Colours as they arrive: blurred, and in CIELAB with less colour where it is dark (Hunt's effect).
+/// Perceived colours: blurred, and in CIELAB with less chroma where it is dark (Hunt effect).
 fn perceived(opponent: &[Plane; 3], pixels_per_degree: f32) -> Vec<[f32; 3]> {
     use std::f32::consts::PI;
     let radius = (3.0 * (WIDEST / (2.0 * PI * PI)).sqrt() * pixels_per_degree).ceil() as i32;
@@ -111,7 +113,7 @@ fn perceived(opponent: &[Plane; 3], pixels_per_degree: f32) -> Vec<[f32; 3]> {
                     (weight * (PI / width).sqrt(), (-radius..=radius).map(g).collect())
                 })
                 .collect();
-            // A sum of squares of kernels; all of it has weight one.
+            // A weighted sum of squared kernels; normalized to a total weight of one.
             let total: f32 = kernels.iter().map(|(weight, k)| weight * k.iter().sum::<f32>().powi(2)).sum();
             let mut sum = Plane { width: plane.width, values: vec![0.0; plane.values.len()] };
             for (weight, kernel) in &kernels {
@@ -140,12 +142,12 @@ fn hunt([l, a, b]: [f32; 3]) -> [f32; 3] {
     [l, 0.01 * l * a, 0.01 * l * b]
 }
 
-/// The distance for large differences: city blocks between lightness and colour.
+/// HyAB distance for large differences: city-block distance of lightness and chroma.
 fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
 }
 
-/// The difference that stands for one: from green to blue.
+/// The difference that is mapped to one: from green to blue.
 fn largest_difference() -> f32 {
     let [green, blue] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|rgb| hunt(lab(rgb)));
     hyab(green, blue).powf(COLOR_EXPONENT)
@@ -161,7 +163,7 @@ fn color_difference(a: [f32; 3], b: [f32; 3], largest: f32) -> f32 {
     }
 }
 
-/// How much of an edge and of a point each pixel is.
+/// Edge and point response of each pixel.
 struct Features {
     edges: Vec<f32>,
     points: Vec<f32>,
@@ -175,7 +177,7 @@ impl Features {
         let gaussian = |x: f32| (-x * x / (2.0 * deviation * deviation)).exp();
         let kernel = |f: &dyn Fn(f32) -> f32| -> Vec<f32> {
             let values: Vec<f32> = (-radius..=radius).map(|x| f(x as f32)).collect();
-            // What is above zero sums to one, what is below to minus one.
+            // Normalized so that positive weights sum to one, negative ones to minus one.
             let above: f32 = values.iter().filter(|x| **x > 0.0).sum();
             let below: f32 = -values.iter().filter(|x| **x < 0.0).sum::<f32>();
             values
@@ -224,7 +226,7 @@ mod tests {
         assert!((got - at_30_20).abs() < 5e-4, "{got} for {at_30_20}");
     }
 
-    /// The numbers are those of the authors' program (version 1.7) for the same pictures.
+    /// Reference values from the authors' program (version 1.7) for the same pictures.
     #[test]
     fn the_authors_numbers_come_out() {
         let reference = picture(pattern);

@@ -1,4 +1,4 @@
-//! Pictures as planes of numbers, and blurring them.
+//! Image planes of floats, and separable filters.
 
 use lodsmith_core::Image;
 use rayon::prelude::*;
@@ -18,8 +18,8 @@ impl Plane {
         Self { width: self.width, values: self.values.par_iter().map(|&x| f(x)).collect() }
     }
 
-    /// Weights across and down, of odd lengths with the pixel itself in the middle. Beyond the edges the last pixels go
-    /// on.
+    /// Separable filter with horizontal and vertical weights, of odd lengths with the pixel itself in the
+    /// middle. Borders are clamped.
     pub(super) fn filtered(&self, across: &[f32], down: &[f32]) -> Self {
         let width = self.width;
         let height = self.values.len() / width;
@@ -44,7 +44,7 @@ impl Plane {
     }
 }
 
-/// Amounts of light from 0 to 1, with mid-grey behind what is seen through.
+/// Converts an image to linear light from 0 to 1, blended over mid-grey.
 pub(super) fn linear_of(image: &Image) -> Rgb {
     let table: Vec<f32> = (0..=255u8).map(|x| decoded(f32::from(x) / 255.0)).collect();
     let behind = decoded(0.5);
@@ -61,17 +61,17 @@ pub(super) fn linear_of(image: &Image) -> Rgb {
     })
 }
 
-/// From sRGB to an amount of light.
+/// sRGB to linear light.
 fn decoded(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// From an amount of light to sRGB.
+/// Linear light to sRGB.
 pub(super) fn encoded(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Brightness of encoded colours, by the weights of television.
+/// Luma of encoded colours, with the weights of ITU-R BT.601.
 pub(super) fn grey_level(rgb: &Rgb) -> Plane {
     let [r, g, b] = rgb;
     let level = |i: usize| 0.299 * r.values[i] + 0.587 * g.values[i] + 0.114 * b.values[i];

@@ -1,8 +1,8 @@
-//! Only pictures of one size can be compared.
+//! Check that two pictures have the same size.
 
 use lodsmith_core::Image;
 
-/// Pictures of different sizes cannot be compared, and nor can empty ones.
+/// The pictures differ in size, or are empty, and cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("pictures of {}x{} and {}x{} pixels cannot be compared", reference[0], reference[1], candidate[0], candidate[1])]
 pub struct SizeError {
@@ -12,7 +12,7 @@ pub struct SizeError {
     pub candidate: [usize; 2],
 }
 
-/// Says whether two pictures can be compared.
+/// Checks that two pictures can be compared.
 pub(super) fn check_sizes(reference: &Image, candidate: &Image) -> Result<(), SizeError> {
     let size = |image: &Image| [image.width(), image.height()];
     let [reference, candidate] = [reference, candidate].map(size);

@@ -2,14 +2,14 @@
 
 use super::planes::Plane;
 
-/// Of a window's weights: 11 by 11 pixels, as the paper has them.
+/// Radius of the window: 11 by 11 pixels, as in the paper.
 const RADIUS: i32 = 5;
 const DEVIATION: f32 = 1.5;
-/// The paper's, for levels from 0 to 1.
+/// Constants of the paper, for levels from 0 to 1.
 const C1: f32 = 0.01 * 0.01;
 const C2: f32 = 0.03 * 0.03;
 
-/// The similarity round each pixel, from -1 to 1. Beyond the edges the last pixels go on, which the paper leaves open.
+/// Computes the similarity around each pixel, from -1 to 1. Borders are clamped, which the paper leaves open.
 ///
 /// Source: [Wang et al. 2004].
 pub(super) fn map(a: &Plane, b: &Plane) -> Plane {

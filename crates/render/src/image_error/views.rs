@@ -1,21 +1,22 @@
-//! From where two models are looked at.
+//! Cameras for comparing two models.
 
 use glam::DVec3;
 use lodsmith_core::Bounds;
 
 use crate::camera::{Camera, StandardView};
 
-/// So many cameras round a box, spread evenly over the sphere, each with all of the box in a picture of `aspect` (width over
-/// height). The same for the same box and count.
+/// Returns `count` cameras around a box, distributed evenly over the sphere, each with all of the box in a
+/// picture of `aspect` (width over height). Deterministic.
 pub fn cameras(bounds: &Bounds, count: usize, aspect: f64) -> Vec<Camera> {
     let usual = Camera::fitting(bounds, StandardView::Front, aspect);
     let from = |to_eye: DVec3| Camera { eye: usual.target + to_eye, ..usual }.framing(bounds, aspect);
     directions(count).into_iter().map(from).collect()
 }
 
-/// Directions to so many eyes: along a spiral from above to below, each a golden section of a turn further. Unit length.
+/// Returns `count` directions to eyes: along a spiral from above to below, each a golden angle further. Unit
+/// length.
 fn directions(count: usize) -> Vec<DVec3> {
-    // A full turn over the square of the golden section.
+    // A full turn divided by the square of the golden ratio.
     let golden_angle_rad = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let direction = |i: usize| {
         let y = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
@@ -38,7 +39,7 @@ mod tests {
         for (i, a) in all.iter().enumerate() {
             let nearest =
                 all.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, b)| a.dot(*b)).fold(-1.0, f64::max);
-            // On a sphere in 24 equal parts, neighbours are some 45 degrees apart.
+            // On a sphere divided into 24 equal parts, neighbours are some 45 degrees apart.
             assert!((25.0..55.0).contains(&nearest.acos().to_degrees()), "{i}: {nearest}");
         }
         assert_eq!(directions(1), [DVec3::Z]);

@@ -1,24 +1,24 @@
-//! The samples of some rows of the picture, and the triangles that cover them.
+//! The samples of a band of rows, and triangle coverage.
 
 use wide::{f32x4, i32x4, u32x4};
 
-/// Where in a pixel its four samples lie, from its middle: each in a column and a row of its own.
+/// Offsets of the four samples from the centre of the pixel: each in a column and a row of its own.
 pub(crate) const SAMPLES: [[f32; 2]; 4] =
     [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
-/// No face.
+/// Marks a sample without a face.
 pub(crate) const NONE: u32 = u32::MAX;
-/// Pixels along a side of what [`Depths`] are told of.
+/// Side of a tile of [`Depths`] in pixels.
 const TILE: usize = 8;
 
-/// A corner on the screen: its place in pixels, how near it is, and nothing.
+/// A corner on the screen: position in pixels, nearness, unused.
 pub(crate) type Corner = [f32; 4];
 
 /// The four samples of a pixel.
 #[derive(Clone, Copy)]
 pub(crate) struct Cell {
-    /// How near what each sees is.
+    /// Nearness of what each sample sees.
     pub(crate) near: f32x4,
-    /// The face that each sees.
+    /// The face that each sample sees.
     pub(crate) face: u32x4,
 }
 
@@ -31,36 +31,36 @@ pub(crate) struct Band {
     pub(crate) cells: Vec<Cell>,
 }
 
-/// How near the farthest thing is that any sample of a tile of the picture sees.
+/// Smallest nearness of any sample in each tile: a coarse depth buffer for occlusion tests.
 pub(crate) struct Depths {
     first_row: usize,
     columns: usize,
     least: Vec<f32>,
 }
 
-/// Pixels, each end excluded.
+/// A rectangle of pixels, ends excluded.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Pixels {
     pub(crate) x: [u16; 2],
     pub(crate) y: [u16; 2],
 }
 
-/// Four triangles side by side, ready to be drawn.
+/// Four triangles in SIMD lanes, set up for drawing.
 pub(crate) struct Four {
-    /// Opposite the corners: factors of x and y, where it is measured from, and what counts as inside.
+    /// Edge functions opposite the corners: factors of x and y, their origin, and the smallest value inside.
     sides: [[f32x4; 5]; 3],
-    /// How near the first corner is, how that changes along rows and down, and where it is: in pixels.
+    /// Nearness of the first corner, its gradient in x and y, and the corner's position, in pixels.
     near: [f32x4; 5],
     range: [f32x4; 2],
     first: [i32x4; 2],
     end: [i32x4; 2],
 }
 
-/// The corners of four triangles by their coordinates: x, y and how near of the first, of the second, of the third. Asked
-/// for by triangle and corner.
+/// Transposes the corners of four triangles into SIMD lanes: x, y and nearness of the first, second and third
+/// corner. `of` is called with triangle and corner.
 #[inline(always)]
 pub(crate) fn side_by_side(of: impl Fn(usize, usize) -> Corner) -> [[f32x4; 3]; 3] {
-    // Spelled out: arrays of so many numbers are else copied by calls.
+    // Written out: otherwise arrays this large are copied by function calls.
     let corner = |k: usize| {
         let all = [of(0, k).into(), of(1, k).into(), of(2, k).into(), of(3, k).into()];
         let [x, y, near, _] = f32x4::transpose(all);
@@ -69,14 +69,14 @@ pub(crate) fn side_by_side(of: impl Fn(usize, usize) -> Corner) -> [[f32x4; 3]; 
     [corner(0), corner(1), corner(2)]
 }
 
-/// Twice the area on the screen, whose rows count downwards: positive if the corners go round clockwise.
+/// Returns twice the signed area on the screen, where y points down: positive if the corners are clockwise.
 #[inline(always)]
 pub(super) fn doubled_areas([a, b, c]: &[[f32x4; 3]; 3]) -> f32x4 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// The columns, or rows, of pixels whose samples lie between two numbers: the first, and the one after the last. The
-/// outermost samples stand 3/8 from the middle of a pixel.
+/// Returns the columns, or rows, of pixels with samples between two numbers: the first, and one past the
+/// last. The outermost samples are 3/8 from the centre of a pixel.
 #[inline(always)]
 pub(super) fn pixels_between(low: f32x4, high: f32x4) -> [i32x4; 2] {
     let zero = f32x4::splat(0.0);
@@ -86,7 +86,7 @@ pub(super) fn pixels_between(low: f32x4, high: f32x4) -> [i32x4; 2] {
     [below - is_below, (high + 0.875).fast_max(zero).fast_trunc_int()]
 }
 
-/// The smallest and the largest of three numbers.
+/// Returns the smallest and the largest of three numbers.
 #[inline(always)]
 pub(super) fn range([a, b, c]: [f32x4; 3]) -> [f32x4; 2] {
     [a.fast_min(b).fast_min(c), a.fast_max(b).fast_max(c)]
@@ -103,8 +103,8 @@ impl Four {
             [[0, 1, 2].map(|k| turned.select(c[k], b[k])), [0, 1, 2].map(|k| turned.select(b[k], c[k]))];
         let doubled = doubled.abs();
         let side = |p: [f32x4; 3], q: [f32x4; 3]| {
-            // Both neighbours measure from the same end, so that they get the same number but for its sign: no sample is
-            // lost between them, none is taken twice.
+            // Both neighbours measure from the same end, so they get the same number except for its sign: no
+            // sample between them is lost or taken twice.
             let is_first = p[1].simd_lt(q[1]) | (p[1].simd_eq(q[1]) & p[0].simd_lt(q[0]));
             let least = is_first.select(f32x4::splat(0.0), f32x4::splat(f32::MIN_POSITIVE));
             [p[1] - q[1], q[0] - p[0], is_first.select(p[0], q[0]), is_first.select(p[1], q[1]), least]
@@ -113,7 +113,7 @@ impl Four {
         let per_area = f32x4::splat(1.0) / doubled;
         let (nb, nc) = (b[2] - a[2], c[2] - a[2]);
         let slope = |k: usize| (sides[1][k] * nb + sides[2][k] * nc) * per_area;
-        // Also what is no number.
+        // False also for NaN.
         let is_there = doubled.simd_gt(f32x4::splat(0.0)) & doubled.simd_lt(f32x4::splat(f32::INFINITY));
         let is_there: i32x4 = bytemuck::cast(is_there);
         let [x, y] = [0, 1].map(|k| {
@@ -154,7 +154,7 @@ impl Band {
         self.cells = cells;
     }
 
-    /// Draws one of four triangles where `keeps` leaves samples of those that it covers.
+    /// Draws one of four triangles, with the covered samples filtered by `keeps`.
     #[inline(never)]
     pub(super) fn draw(
         &mut self,
@@ -177,7 +177,7 @@ impl Band {
         self.cells = cells;
     }
 
-    /// Walks the pixels of which a triangle covers samples: the cell, column and row of each, the samples, how near they are.
+    /// Visits the pixels in which a triangle covers samples: cell, column, row, sample mask, nearness.
     #[inline(always)]
     pub(super) fn walk(
         &self,
@@ -238,7 +238,7 @@ impl Depths {
         depths
     }
 
-    /// Whether nothing that is no nearer than this can be seen in some pixels.
+    /// True if nothing of this nearness or farther away can be seen in a rectangle of pixels.
     #[inline(always)]
     pub(super) fn hide(&self, near: f32, pixels: &Pixels) -> bool {
         let [x0, x1] = pixels.x.map(usize::from);

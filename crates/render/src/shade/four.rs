@@ -1,4 +1,4 @@
-//! Colours of many places, four side by side.
+//! Shading of four points at a time with SIMD.
 
 use glam::{Mat3, Vec3};
 use lodsmith_core::{Positions, WedgeId};
@@ -8,28 +8,28 @@ use super::{Hit, Normals, Place, Shader};
 use crate::look::Shading;
 use crate::raster::{Placed, side_by_side};
 
-/// How much light a plain surface throws straight back, and how narrow that gleam is: 2 to this power. (By eye.)
+/// Specular strength of a plain surface, and exponent of the highlight as a power of two. (By eye.)
 const GLEAM: f32 = 0.10;
 const GLEAM_SQUARINGS: u32 = 3;
 
-/// What is to be coloured.
+/// A point to be shaded.
 #[derive(Clone, Copy)]
 struct Wanted {
     face: u32,
     at: [f32; 2],
-    /// The pixel, and how much of it.
+    /// The pixel, and the weight of this point in it.
     pixel: u32,
     share: f32,
 }
 
-/// Places on faces, until there are four.
+/// Points collected until there are four.
 #[derive(Default)]
 pub(crate) struct Batch {
     waiting: Vec<Wanted>,
 }
 
 impl Batch {
-    /// Adds a face at a place of the screen, which is a share of a pixel, to the colours.
+    /// Adds a point of a face, which contributes a share of a pixel.
     #[inline(always)]
     pub(crate) fn add(
         &mut self,
@@ -46,7 +46,7 @@ impl Batch {
         }
     }
 
-    /// Colours what still waits.
+    /// Shades the remaining points.
     pub(crate) fn finish(&mut self, shader: &Shader<'_>, colors: &mut [[f32; 4]]) {
         if let Some(&last) = self.waiting.last() {
             let count = self.waiting.len();
@@ -90,7 +90,7 @@ impl Vectors {
     fn turned(self, m: &Mat3) -> Self {
         Self([0, 1, 2].map(|k| self.dot(m.row(k).to_array().map(f32x4::splat))))
     }
-    /// The other way where a sign is negative.
+    /// Negates where `is_other` is set.
     #[inline(always)]
     fn flipped(self, is_other: f32x4) -> Self {
         Self(self.0.map(|x| is_other.select(-x, x)))
@@ -106,12 +106,12 @@ impl Vectors {
     }
 }
 
-/// Four places on faces of one part.
+/// Four points on faces of one part.
 struct Places {
     wedges: [[WedgeId; 3]; 4],
-    /// On the face in the world.
+    /// Barycentric coordinates on the face in space.
     b: [f32x4; 3],
-    /// In the view.
+    /// Position in view coordinates.
     at: Vectors,
     normal: Vectors,
 }
@@ -141,7 +141,7 @@ impl Shader<'_> {
         }
     }
 
-    /// Colours without a material.
+    /// Shades without materials.
     #[inline(always)]
     fn plain(&self, part: usize, wanted: &[Wanted; 4]) -> [[f32; 4]; 4] {
         let placed = &self.screen.placed[part];
@@ -217,7 +217,7 @@ impl Shader<'_> {
                 Normals::OfVertices(all) => (of_shape(all, &vertices), !is_front),
                 Normals::OfWedges(all) => {
                     let own = of_shape(all, &wedges.map(|of_face| of_face.map(WedgeId::index)));
-                    // Those of a file may point to either side of its faces.
+                    // Normals from a file may point to either side of a face.
                     let outer = outer_normals(placed, vertices).turned(&shaded.to_view);
                     let is_inner = own.dot(outer.0).simd_lt(f32x4::splat(0.0));
                     (own, is_inner ^ !is_front)
@@ -238,7 +238,7 @@ impl Shader<'_> {
         places
     }
 
-    /// A place on a face that had to be clipped, or one without a normal of its own.
+    /// Shades one point on a clipped face, or on one without a valid normal.
     #[cold]
     fn one_by_one(&self, hit: &Hit<'_>, i: usize, places: &mut Places) {
         for k in 0..3 {
@@ -255,7 +255,7 @@ impl Shader<'_> {
         );
     }
 
-    /// What a plain surface shows under the lights.
+    /// Shades a plain surface under the lights.
     #[inline(always)]
     fn lit(&self, albedo: Vectors, n: Vectors, at: Vectors) -> Vectors {
         let (zero, one) = (f32x4::splat(0.0), f32x4::splat(1.0));
@@ -290,18 +290,19 @@ impl Shader<'_> {
         Vectors([0, 1, 2].map(|k| albedo.0[k] * diffuse[k] + gleam[k] * GLEAM))
     }
 
-    /// The same at one place.
+    /// Shades a plain surface at one point.
     pub(super) fn lit_one(&self, albedo: Vec3, n: Vec3, hit: &Hit<'_>) -> Vec3 {
         self.lit(Vectors::splat(albedo), Vectors::splat(n), Vectors::splat(self.place(hit))).one(0)
     }
 }
 
-/// The normals of faces to the side that winds counter-clockwise, in the mesh; not of unit length, but none is long.
+/// Returns face normals towards the counter-clockwise side, in mesh coordinates; not normalized, but never
+/// long.
 #[inline(always)]
 fn outer_normals(placed: &Placed<'_>, vertices: [[usize; 3]; 4]) -> Vectors {
     let (p, q) = match placed.drawn.mesh.positions() {
         Positions::F32(all) => {
-            // Halves first: a difference may be larger than numbers go.
+            // Halved first: a difference may overflow.
             let corner =
                 |k: usize| Vectors::of(vertices.map(|v| Vec3::from(all[v[k]]))).times(f32x4::splat(0.5));
             let [a, b, c] = [corner(0), corner(1), corner(2)];

@@ -1,4 +1,4 @@
-//! Materials of glTF 2.0 under the lights: base colour, metal and roughness, normal map, occlusion, own light.
+//! Shading with glTF 2.0 materials: base colour, metallic and roughness, normal map, occlusion, emission.
 
 use glam::{DVec3, Vec2, Vec3};
 use lodsmith_core::model::{AlphaMode, Material, TextureRef};
@@ -7,12 +7,12 @@ use lodsmith_core::{Semantic, WedgeId};
 use super::{Hit, Shader};
 use crate::texture::Meaning;
 
-/// Light that a surface without metal throws straight back, seen from above. (As glTF 2.0 has it.)
+/// Reflectance of a dielectric surface at normal incidence. (As in glTF 2.0.)
 const PLAIN_REFLECTANCE: f32 = 0.04;
-/// The smoothest a surface may be: a perfect mirror would show lights as points, which no sample hits.
+/// Minimum roughness: a perfect mirror would show lights as points, which no sample hits.
 const ROUGHNESS_LEAST: f32 = 0.08;
 
-/// Texture coordinates at a place, and where its neighbours to the right and below look.
+/// Texture coordinates at a point, and those of the neighbouring pixels to the right and below.
 #[derive(Clone, Copy)]
 struct Spot {
     uv: [f32; 2],
@@ -21,7 +21,7 @@ struct Spot {
 }
 
 impl Shader<'_> {
-    /// The material of a face; `None` for a plain one.
+    /// Returns the material of a face; `None` for a plain one.
     fn material(&self, hit: &Hit<'_>) -> Option<&Material> {
         let mesh = &hit.placed.drawn.mesh;
         let region = mesh.regions().map_or(0, |r| r[hit.face].index());
@@ -29,7 +29,7 @@ impl Shader<'_> {
         self.subject.surfaces.materials.get(index)
     }
 
-    /// Whether a face with holes is there at a place of the screen.
+    /// True if an alpha-tested face is opaque at a point of the screen.
     pub(crate) fn is_there(&self, whole: u32, x: f32, y: f32) -> bool {
         let hit = self.hit(whole, x, y);
         let Some(material) = self.material(&hit) else { return true };
@@ -58,7 +58,7 @@ impl Shader<'_> {
         (self.reflected(hit, base, n, roughness, metallic, open) + own, alpha)
     }
 
-    /// Linear colour and opacity before any light.
+    /// Returns linear colour and opacity before lighting.
     fn base_color(&self, hit: &Hit<'_>, material: Option<&Material>) -> (Vec3, f32) {
         let (color, alpha) = self.vertex_color(hit.placed, hit.wedges, hit.b);
         let Some(material) = material else { return (color, alpha) };
@@ -69,7 +69,7 @@ impl Shader<'_> {
         (color * Vec3::new(r, g, b) * image, alpha * a * opacity)
     }
 
-    /// What is reflected of all lights. Lights shine as if white paper were as bright as they are strong.
+    /// Returns the reflected light of all lights. A light of intensity one makes white paper white.
     fn reflected(
         &self,
         hit: &Hit<'_>,
@@ -107,14 +107,14 @@ impl Shader<'_> {
             |straight: Vec3| (Vec3::splat(1.0 - roughness).max(straight) - straight) * (1.0 - n_eye).powi(5);
         if let Some(environment) = &self.environment {
             let [n, mirrored] = [n, mirrored].map(|v| self.projection.direction_to_world(v));
-            // What is plain and what is metal side by side: each throws back all that it takes, if it is white.
+            // Dielectric and metallic parts mixed: each reflects all incoming light if it is white.
             let plain = Vec3::splat(PLAIN_REFLECTANCE);
             let plain = plain + rim_over(plain);
             let thrown = plain.lerp(base + rim_over(base), metallic);
             let around = environment.mirrored(mirrored, roughness) * thrown;
             return light + (environment.matt(n) * matt * (Vec3::ONE - plain) + around) * open;
         }
-        // What is around is a sky over a ground; the rougher the surface, the more of both at once.
+        // Without an environment it is a sky over a ground; the rougher the surface, the more both are mixed.
         let around = self.ambient(mirrored.lerp(n, roughness));
         light + (self.ambient(n) * matt + around * (straight + rim_over(straight))) * open
     }
@@ -128,7 +128,7 @@ impl Shader<'_> {
         (t * x + b * y + n * z).normalize_or(n)
     }
 
-    /// The directions of u and v on the surface, square to the normal.
+    /// Returns the tangent and bitangent, perpendicular to the normal.
     fn tangents(&self, hit: &Hit<'_>, n: Vec3, image: &Option<TextureRef>) -> Option<(Vec3, Vec3)> {
         let mesh = &hit.placed.drawn.mesh;
         let set = image.as_ref().map_or(0, |i| i.uv_set);
@@ -142,11 +142,11 @@ impl Shader<'_> {
             let t = linear * DVec3::new(sum[0].into(), sum[1].into(), sum[2].into());
             let t = t.try_normalize()?.as_vec3();
             let t = (t - n * n.dot(t)).try_normalize()?;
-            // The side is told for the normal as the file has it.
+            // The sign of the bitangent refers to the normal in the file.
             let outer = if n.dot(self.own_normal(hit)) < 0.0 { -n } else { n };
             return Some((t, outer.cross(t) * sum[3].signum()));
         }
-        // Along the face by its texture coordinates.
+        // Otherwise computed from the texture coordinates of the face.
         let uv = |w: WedgeId| uv_of(hit, w, set).map(Vec2::from);
         let [u0, u1, u2] = [uv(hit.wedges[0])?, uv(hit.wedges[1])?, uv(hit.wedges[2])?];
         let (d1, d2) = (u1 - u0, u2 - u0);
@@ -160,7 +160,7 @@ impl Shader<'_> {
         Some((t, (b - n * n.dot(b) - t * t.dot(b)).try_normalize()?))
     }
 
-    /// Linear colour and opacity of an image; white where there is none.
+    /// Returns linear colour and opacity of a texture; white if there is none.
     fn colors(&self, hit: &Hit<'_>, image: &Option<TextureRef>) -> (Vec3, f32) {
         let [r, g, b, a] = self.looked_up(hit, image, Meaning::Colors).unwrap_or([1.0; 4]);
         (Vec3::new(r, g, b), a)
@@ -193,7 +193,7 @@ impl Shader<'_> {
     }
 }
 
-/// Texture coordinates of a wedge in a set.
+/// Returns the texture coordinates of a wedge in a set.
 fn uv_of(hit: &Hit<'_>, wedge: WedgeId, set: u8) -> Option<[f32; 2]> {
     let mesh = &hit.placed.drawn.mesh;
     if set == 0 {

@@ -1,23 +1,23 @@
-//! Which faces to turn over, so that neighbours agree and closed parts look outward.
+//! Consistent face orientation: neighbours agree, and closed components face outward.
 
 use lodsmith_core::topology::Topology;
 use lodsmith_core::{Bounds, FaceId, HalfEdgeId, Surface};
 
-/// A closed part with less volume than this share of its area, to the power of 3/2, has no inside to speak of: rounding
-/// of single precision on flat parts. A sphere has 0.094.
+/// A closed component whose volume is below this share of its area, to the power of 3/2, has no meaningful
+/// inside: rounding of single precision on flat components. A sphere has 0.094.
 const FLAT: f64 = 1e-7;
 
-/// Faces that hang together across edges with two faces.
+/// Faces connected across edges with two faces.
 struct Patch {
     faces: Vec<FaceId>,
     is_closed: bool,
-    /// Signed volume, and the area, as the faces are turned now.
+    /// Signed volume, and the area, in the present orientation.
     volume: f64,
     area: f64,
     bounds: Bounds,
 }
 
-/// For each face whether it is to be turned over.
+/// Returns for each face whether it has to be flipped.
 pub(crate) fn turned(surface: &Surface<'_>) -> Vec<bool> {
     let topology = Topology::unwelded(surface);
     let count = surface.triangles().len();
@@ -57,7 +57,7 @@ pub(crate) fn turned(surface: &Surface<'_>) -> Vec<bool> {
         };
         let left = disagreements(&turned);
         if left > 0 && left >= disagreements(&none) {
-            // One-sided, and no worse before.
+            // One-sided, and no better than before.
             faces.iter().for_each(|f| turned[f.index()] = false);
         }
         if faces.iter().filter(|f| turned[f.index()]).count() * 2 > faces.len() {
@@ -69,7 +69,7 @@ pub(crate) fn turned(surface: &Surface<'_>) -> Vec<bool> {
     let looks_inward = |p: &Patch| p.is_closed && p.volume < -FLAT * p.area.powf(1.5);
     let doubtful: Vec<usize> = (0..patches.len()).filter(|&i| looks_inward(&patches[i])).collect();
     for (&i, is_inside) in doubtful.iter().zip(inside_others(surface, &patches, &patch_of, &doubtful)) {
-        // One inside another may be a cavity.
+        // A patch inside another may be a cavity.
         if !is_inside {
             patches[i].faces.iter().for_each(|f| turned[f.index()] ^= true);
         }
@@ -85,7 +85,8 @@ fn measured(surface: &Surface<'_>, faces: Vec<FaceId>, turned: &[bool]) -> Patch
         bounds.min = [0, 1, 2].map(|k| bounds.min[k].min(p[k]));
         bounds.max = [0, 1, 2].map(|k| bounds.max[k].max(p[k]));
     }
-    // About the middle, and in sizes of the part: no digits are lost far from the origin, and no square leaves the range.
+    // Relative to the centre and size of the patch: no cancellation far from the origin, no overflow of
+    // squares.
     let size = (0..3).map(|k| bounds.max[k] - bounds.min[k]).fold(f64::MIN_POSITIVE, f64::max);
     let middle = [0, 1, 2].map(|k| bounds.min[k] / 2.0 + bounds.max[k] / 2.0);
     let (mut volume, mut area) = (0.0, 0.0);
@@ -99,7 +100,7 @@ fn measured(surface: &Surface<'_>, faces: Vec<FaceId>, turned: &[bool]) -> Patch
     Patch { faces, is_closed: true, volume, area, bounds }
 }
 
-/// A patch is closed where each of its edges is passed as often one way as the other.
+/// Marks patches as open unless each of their edges is used equally often in both directions.
 fn find_closed(topology: &Topology, turned: &[bool], patch_of: &[usize], patches: &mut [Patch]) {
     let mut sums: Vec<(usize, i32)> = Vec::new();
     for first in topology.edges() {
@@ -118,9 +119,9 @@ fn find_closed(topology: &Topology, turned: &[bool], patch_of: &[usize], patches
     }
 }
 
-/// For some patches whether each lies inside an odd number of other closed ones.
+/// Returns for some patches whether each lies inside an odd number of other closed ones.
 ///
-/// A ray upwards from a point of each patch is tested against the faces over its cell of a grid in x and y.
+/// A ray upwards from a point of each patch is tested against the faces in its cell of a grid in x and y.
 fn inside_others(surface: &Surface<'_>, patches: &[Patch], patch_of: &[usize], asked: &[usize]) -> Vec<bool> {
     let holds = |outer: &Bounds, inner: &Bounds| {
         (0..3).all(|k| outer.min[k] <= inner.min[k] && outer.max[k] >= inner.max[k])
@@ -144,10 +145,10 @@ fn inside_others(surface: &Surface<'_>, patches: &[Patch], patch_of: &[usize], a
         let part = if width > 0.0 { (x - all.min[k]) / width } else { 0.0 };
         ((part * side as f64).max(0.0) as usize).min(side - 1)
     };
-    // Only cells with a point that is asked about are filled.
+    // Only cells with a query point are filled.
     let point = |i: usize| {
         let [a, b, c] = corners(patches[i].faces[0]);
-        // Not on a symmetry of the shape, if it has one.
+        // Off any symmetry plane of the shape.
         [0, 1, 2].map(|k| a[k] * 0.381 + b[k] * 0.327 + c[k] * 0.292)
     };
     let mut slot = vec![usize::MAX; side * side];
@@ -189,20 +190,21 @@ fn inside_others(surface: &Surface<'_>, patches: &[Patch], patch_of: &[usize], a
                 }
             }
             crossed.sort_unstable();
-            // Inside each that is crossed an odd number of times.
+            // It is inside each patch that the ray crosses an odd number of times.
             crossed.chunk_by(|a, b| a == b).filter(|c| c.len() % 2 == 1).count() % 2 == 1
         })
         .collect()
 }
 
-/// Whether a ray upwards from a point passes through a triangle. A point over an edge counts for one of its two faces.
+/// True if a ray upwards from a point crosses a triangle. A point below an edge counts for one of its two
+/// faces.
 fn is_below(p: [f64; 3], corners: [[f64; 3]; 3]) -> bool {
     let side = |a: [f64; 3], b: [f64; 3]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
     let mut is_in = false;
     for k in 0..3 {
         let (a, b) = (corners[k], corners[(k + 1) % 3]);
         if (a[1] > p[1]) != (b[1] > p[1]) {
-            // The same sum from either face of the edge.
+            // Evaluated in the same order from either face of the edge.
             let (low, high) = if a[1] < b[1] { (a, b) } else { (b, a) };
             is_in ^= side(low, high) > 0.0;
         }
@@ -213,6 +215,6 @@ fn is_below(p: [f64; 3], corners: [[f64; 3]; 3]) -> bool {
     let [a, b, c] = corners.map(|q| [0, 1, 2].map(|k| q[k] - p[k]));
     let (u, v) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
     let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    // The height of the plane over the point.
+    // Height of the plane over the point.
     n[2] != 0.0 && (n[0] * a[0] + n[1] * a[1] + n[2] * a[2]) / n[2] > 0.0
 }

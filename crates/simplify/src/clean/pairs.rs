@@ -1,7 +1,7 @@
-//! Which two faces stay joined along an edge, and the vertices that follow from it.
+//! Pairing of faces along non-manifold edges, and the vertices that result.
 //!
-//! Round an edge in the order of their angles, each face that begins an inside is paired with the one that ends it, as
-//! brackets are; what is left over gets a border. Corners that hang together across pairs share a vertex.
+//! Around an edge in angular order, each face that opens an inside is paired with the one that closes it,
+//! like brackets; unpaired faces get a border. Corners connected across pairs share a vertex.
 
 use glam::DVec3;
 use lodsmith_core::mesh::weld::Weld;
@@ -10,14 +10,14 @@ use lodsmith_core::{FaceId, HalfEdgeId, Surface, VertexId};
 
 const NO_PAIR: u32 = u32::MAX;
 
-/// A surface that was parted: faces over vertices, some of them new.
+/// A cut surface: faces over vertices, some of them new.
 pub(super) struct Parted {
     pub(super) faces: Vec<[VertexId; 3]>,
-    /// For each new vertex, from the first number that was free, the one at whose place it stands.
+    /// For each new vertex, in order of index, the one whose position it copies.
     pub(super) copy_of: Vec<VertexId>,
 }
 
-/// Parts a surface so that it becomes manifold and oriented, with borders.
+/// Cuts a surface so that it becomes manifold and oriented, with borders.
 pub(super) fn parted(surface: &Surface<'_>) -> Parted {
     let topology = Topology::unwelded(surface);
     let mut pair = vec![NO_PAIR; topology.face_count() * 3];
@@ -30,18 +30,18 @@ pub(super) fn parted(surface: &Surface<'_>) -> Parted {
             pair[g.index()] = h.0;
         });
     }
-    // Each round but the last takes pairs apart, and none makes any.
+    // All rounds but the last separate pairs, and none creates any.
     let mut round = 0;
     loop {
         let parted = by_fans(surface, &topology, &pair);
-        // An edge whose two pairs have both ends in common still has four faces.
+        // An edge whose two pairs share both ends still has four faces.
         let triangles = parted.faces.clone();
         let places: Vec<[f64; 3]> = vec![[0.0; 3]; surface.positions().len() + parted.copy_of.len()];
         let positions = lodsmith_core::PositionsView::F64(&places);
         let Ok(whole) = Surface::with_triangles(positions, triangles) else { return parted };
         let now = Topology::unwelded(&whole);
         let is_bad = |h: HalfEdgeId| match now.twin(h) {
-            // Two that were left over may meet all the same, as the two ends of one fan.
+            // Two unpaired half-edges may still meet, as the two ends of one fan.
             Some(g) => {
                 pair[h.index()] != g.0 && pair[h.index()] & pair[g.index()] != NO_PAIR
                     || now.origin(h) == now.origin(g)
@@ -58,7 +58,7 @@ pub(super) fn parted(surface: &Surface<'_>) -> Parted {
             ends.extend([topology.origin(h), topology.target(h)]);
         }
         if !unpaired {
-            // Each face round both ends by itself: then there is no edge left to be wrong.
+            // Separates all faces around both ends: then no edge there can be wrong.
             ends.sort_unstable();
             ends.dedup();
             for c in ends.iter().flat_map(|&v| topology.vertex(v).corners()) {
@@ -72,7 +72,7 @@ pub(super) fn parted(surface: &Surface<'_>) -> Parted {
     }
 }
 
-/// Whether it had a pair.
+/// Dissolves the pair of a half-edge. Returns true if it had one.
 fn unpair(pair: &mut [u32], h: HalfEdgeId) -> bool {
     let g = std::mem::replace(&mut pair[h.index()], NO_PAIR);
     if g != NO_PAIR {
@@ -81,7 +81,8 @@ fn unpair(pair: &mut [u32], h: HalfEdgeId) -> bool {
     g != NO_PAIR
 }
 
-/// Which vertices become one when borders at the same places are sewn, two to an edge; and how many edges are.
+/// Sews coincident borders, two half-edges per edge. Returns the vertices to merge and the number of sewn
+/// edges.
 pub(super) fn sewn(surface: &Surface<'_>, place: &Weld) -> (Weld, usize) {
     let triangles = surface.triangles().iter().map(|t| t.map(|v| place.of(v))).collect();
     let mut root: Vec<VertexId> = (0..surface.positions().len()).map(VertexId::new).collect();
@@ -105,7 +106,7 @@ pub(super) fn sewn(surface: &Surface<'_>, place: &Weld) -> (Weld, usize) {
     (Weld::from_representatives(all), count)
 }
 
-/// Pairs the half-edges of an edge that go opposite ways.
+/// Pairs the opposite half-edges of an edge.
 fn match_ring(
     surface: &Surface<'_>,
     topology: &Topology,
@@ -131,7 +132,8 @@ fn match_ring(
         let d = at(topology.target(h.next())) - at(from);
         d.dot(y).atan2(d.dot(x))
     };
-    // The inside lies behind a face: with the angle for one that goes against the axis. At one angle an inside ends first.
+    // The inside lies behind a face: towards larger angles for a face against the axis. At equal angles an
+    // inside closes first.
     let mut sorted: Vec<(f64, bool, HalfEdgeId)> =
         ring.iter().map(|&h| (angle(h), !is_along(h), h)).collect();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
@@ -144,14 +146,14 @@ fn match_ring(
             (false, false) => paired(open.pop().expect("it is not empty"), h),
         }
     }
-    // What began last ends with the first, once round.
+    // The last ones opened pair with the first ones closed, across the end of the circle.
     for h in unmatched {
         let Some(g) = open.pop() else { break };
         paired(g, h);
     }
 }
 
-/// Vertices for corners that hang together: the first fan keeps the vertex, further ones get new ones.
+/// Assigns vertices to connected corners: the first fan keeps the vertex, further ones get new ones.
 fn by_fans(surface: &Surface<'_>, topology: &Topology, pair: &[u32]) -> Parted {
     let mut root: Vec<VertexId> = (0..pair.len()).map(VertexId::new).collect();
     for h in (0..pair.len()).map(HalfEdgeId::new) {

@@ -1,11 +1,11 @@
-//! Faces without area.
+//! Removal of zero-area faces.
 //!
-//! Each step that is taken lowers a measure, so that the steps come to an end: first the number of faces without area,
-//! then, where that stays, the sum of the lengths of all edges. A face that is removed lowers the first. A turn beside a
-//! face with area may leave none without, and lowers it too; one between two faces without area has to leave fewer of
-//! them, or the same number and a shorter edge. (Without the last rule, two such faces beside each other turned their
-//! common edge back and forth without end.) Only finitely many edges are possible, and [`TURNS`] keeps the number of steps
-//! in proportion to that of faces.
+//! Every step lowers a measure, so the process terminates: first the number of zero-area faces, then, if that
+//! stays the same, the sum of all edge lengths. Removing a face lowers the first. A flip beside a face with
+//! area must leave no zero-area face, and so lowers it too; a flip between two zero-area faces must leave
+//! fewer of them, or the same number and a shorter edge. (Without the last rule, two adjacent ones flipped
+//! their common edge back and forth without end.) Only finitely many edges are possible, and [`TURNS`] keeps
+//! the number of steps proportional to that of faces.
 
 use std::collections::HashMap;
 
@@ -14,36 +14,37 @@ use lodsmith_core::{VertexId, WedgeId};
 
 use super::Work;
 
-/// Turns that a face without area may begin: eight in all keep the steps linear in the faces. (Guessed; few need three.)
+/// Maximum number of flips that one zero-area face may start, so that the steps are linear in the faces.
+/// (Guessed; few need three.)
 const TURNS: u8 = 8;
 
-/// The edges that a face without area has a corner on.
+/// The edges with a corner of a zero-area face.
 type Edges = HashMap<(VertexId, VertexId), FacesAt>;
 
-/// The faces at an edge: how many, and their numbers joined by exclusive or. So a face comes and goes at once however many
-/// there are, and of two each tells the other.
+/// The faces at an edge: their number, and the exclusive or of their indices. Adding or removing a face takes
+/// constant time, and of two faces each gives the other.
 #[derive(Clone, Copy, Default)]
 struct FacesAt {
     count: usize,
     joined: usize,
 }
 
-/// What was done, and at what cost.
+/// Result of the repair, and its cost.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Mended {
-    /// Faces that went or got an area.
+    /// Faces that were removed or got an area.
     pub(super) faces: usize,
-    /// Faces looked at, each as often as it was.
+    /// Number of faces visited, repeats included.
     pub(super) steps: usize,
 }
 
-/// Takes faces without area out.
+/// Removes zero-area faces.
 ///
-/// A sliver's longest edge runs through its third corner. So the neighbour over that edge is divided there instead: the
-/// edge is turned, and both faces have an area. Where there is no neighbour, or nothing beyond the other edges, the sliver goes. It stays where the longest
-/// edge has more than two faces, is a seam or a border of regions, where the turned edge is there already, and where two
-/// of its corners are all but one place.
-/// Cost: O(n), whatever the number of faces at an edge.
+/// The longest edge of a sliver runs through its third corner. So the neighbour over that edge is divided
+/// there: the edge is flipped, and both faces get an area. If there is no neighbour, or none beyond the other
+/// two edges, the sliver is removed. It stays if the longest edge has more than two faces, is a seam or a
+/// border of regions, if the flipped edge already exists, and if two of its corners almost coincide. Cost:
+/// O(n), whatever the number of faces at an edge.
 pub(super) fn mend(work: &mut Work<'_>) -> Mended {
     let mut waiting: Vec<usize> =
         (0..work.faces.len()).rev().filter(|&f| is_sliver(work, work.faces[f])).collect();
@@ -85,7 +86,7 @@ pub(super) fn mend(work: &mut Work<'_>) -> Mended {
         } else if count == 2 {
             let g = joined ^ f;
             if turn(work, &mut edges, f, longest, g) {
-                // (Counted for the one that began it, so that each turn is.)
+                // (Counted for the face that started it, so that every flip counts.)
                 turns[f] += 1;
                 waiting.extend([f, g]);
             }
@@ -126,7 +127,7 @@ fn remove(work: &Work<'_>, edges: &mut Edges, f: usize) {
     }
 }
 
-/// Turns the edge that leaves corner `k` of `f` and that it shares with `g`, if that may be.
+/// Flips the edge that leaves corner `k` of `f` and is shared with `g`, if allowed.
 ///
 /// ```text
 ///       c                c
@@ -138,7 +139,7 @@ fn remove(work: &Work<'_>, edges: &mut Edges, f: usize) {
 fn turn(work: &mut Work<'_>, edges: &mut Edges, f: usize, k: usize, g: usize) -> bool {
     let [fa, fb, fc] = [0, 1, 2].map(|i| work.faces[f][(k + i) % 3]);
     let same_region = work.regions.as_ref().is_none_or(|r| r[f] == r[g]);
-    // The same wedges, the other way round.
+    // The same wedges, in the opposite direction.
     let Some(j) = (0..3).find(|&j| work.faces[g][j] == fb && work.faces[g][(j + 1) % 3] == fa) else {
         return false;
     };

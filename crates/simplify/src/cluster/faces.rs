@@ -1,4 +1,4 @@
-//! The faces that are left: those with corners in three clusters, each once.
+//! Faces of the clustered mesh: those with corners in three clusters, without duplicates.
 
 use std::ops::Range;
 
@@ -6,32 +6,33 @@ use lodsmith_core::VertexId;
 
 use super::pieces;
 
-/// Three clusters, the least one first, and the first face of the model that joins them.
+/// Three clusters, the lowest first, and the first face of the model that connects them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Face {
     pub(super) corners: [u32; 3],
     pub(super) from: u32,
 }
 
-/// More faces than these that share their least cluster are sorted instead of compared in pairs.
+/// Buckets of faces with the same lowest cluster are sorted above this size, and compared in pairs up to it.
 const MANY: usize = 24;
 
-/// Clusters in a row, shared out; no result depends on how. It is known which faces have a corner in each share.
+/// Division of the clusters into contiguous shares; no result depends on it. Records which faces have a
+/// corner in each share.
 pub(super) struct Shares {
     pub(super) count: usize,
-    /// Shares in a block of clusters, times 2^32.
+    /// Shares per block of clusters, times 2^32.
     each: u64,
-    /// Bits for a face, one for each share, as a power of two.
+    /// Base-2 logarithm of the number of bits per face, one for each share.
     bits: u32,
-    /// Of each face, the shares that it has a corner in; nothing where there is one share alone.
+    /// Bit set of the shares that each face has a corner in; empty if there is only one share.
     touched: Vec<u64>,
 }
 
-/// Shares for each thread, so that one who comes late finds work left, and how many there are at most. (Guessed: to find a
-/// share's faces, all marks are looked through once more.)
+/// Shares per thread, so that late threads still find work, and the maximum number of shares. (Guessed: to
+/// find a share's faces, all marks are scanned once more.)
 const SHARES: usize = 2;
 const MOST_SHARES: usize = 32;
-/// Shares begin at multiples of so many clusters.
+/// Shares start at multiples of this number of clusters.
 pub(super) const BLOCK: usize = 1 << 6;
 
 impl Shares {
@@ -45,12 +46,12 @@ impl Shares {
         let words = if count > 1 { faces.div_ceil(64 >> bits) } else { 0 };
         Self { count, each: ((count as u64) << 32) / blocks as u64, bits, touched: vec![0; words] }
     }
-    /// The share of a cluster.
+    /// Returns the share of a cluster.
     #[inline(always)]
     pub(super) fn of(&self, cluster: u32) -> usize {
         ((u64::from(cluster) / BLOCK as u64 * self.each) >> 32) as usize
     }
-    /// The clusters of a share, of so many.
+    /// Returns the clusters of a share, out of `clusters`.
     pub(super) fn range(&self, share: usize, clusters: usize) -> Range<usize> {
         let start = |k: usize| match k < self.count {
             true => ((k as u64) << 32).div_ceil(self.each) as usize * BLOCK,
@@ -58,13 +59,14 @@ impl Shares {
         };
         start(share)..start(share + 1)
     }
-    /// Calls `look` with the faces that have a corner in a share, where there are several: in their order, as many at a time
-    /// as the list holds, and fewer at the end.
+    /// Calls `look` with the faces that have a corner in a share, if there are several shares: in order, `N`
+    /// at a time, and fewer at the end.
     pub(super) fn touching<const N: usize>(&self, share: usize, mut look: impl FnMut(&[u32])) {
         let each = 64u32 >> self.bits;
-        // The bit of the first share, for all faces of a word.
+        // Bit of the first share for every face of a word.
         let ones = u64::MAX / (u64::MAX >> (64 - (1u32 << self.bits)));
-        // Room for those of one more word. Which of them are in the share no processor could guess.
+        // Double-sized to hold the faces of one more word. Written without the unpredictable branch on
+        // whether a face is in the share.
         let mut found = [[0u32; N]; 2];
         let mut count = 0;
         for (first, word) in (0..).step_by(each as usize).zip(&self.touched) {
@@ -96,8 +98,9 @@ impl Shares {
     }
 }
 
-/// The faces between different clusters, by their least one and then by their order in the model: for each share of the
-/// least ones. Of several between the same three the first stays, unless it goes the other way round. Cost: O(F).
+/// Returns the faces between different clusters, sorted by their lowest cluster and then by their order in
+/// the model, one list per share. Of several between the same three clusters the first of each orientation is
+/// kept. Cost: O(F).
 pub(super) fn between(
     faces: &[[VertexId; 3]],
     cluster_of: &[u32],
@@ -125,16 +128,17 @@ pub(super) fn between(
     (kept, shares)
 }
 
-/// Faces by the share of their least cluster, otherwise in their order; where each share begins, and the last ends.
+/// Faces sorted by the share of their lowest cluster, otherwise in order; and the start of each share, with
+/// the end of the last.
 struct Left {
     faces: Vec<Face>,
     at: Vec<usize>,
 }
 
-/// Faces looked at before those that are left are made.
+/// Number of faces filtered before the kept ones are built.
 const SOME: usize = 1 << 11;
 
-/// Those of some faces that are left, and which shares each of all touches.
+/// Filters the kept faces of a range, and records the shares that each face touches.
 fn left(
     faces: &[[VertexId; 3]],
     range: Range<usize>,
@@ -144,7 +148,7 @@ fn left(
 ) -> Left {
     let clusters = |t: &[VertexId; 3]| t.map(|v| cluster_of[v.index()]);
     let is_left = |[a, b, c]: [u32; 3]| usize::from((a != b) & (b != c) & (c != a));
-    // Which are left no processor could guess.
+    // Appended without the unpredictable branch on whether a face is kept.
     let mut left = [0u32; SOME];
     let mut kept = Vec::new();
     let (each, width) = (64 >> shares.bits, 1u32 << shares.bits);
@@ -185,7 +189,7 @@ fn left(
     by_share(kept, shares)
 }
 
-/// Brings faces into the order of their shares.
+/// Sorts faces by share.
 fn by_share(faces: Vec<Face>, shares: &Shares) -> Left {
     if shares.count == 1 {
         return Left { at: vec![0, faces.len()], faces };
@@ -203,7 +207,7 @@ fn by_share(faces: Vec<Face>, shares: &Shares) -> Left {
     Left { faces: sorted, at }
 }
 
-/// The distinct ones among faces whose least clusters are `first` and the `count` - 1 after it.
+/// Removes duplicates among faces whose lowest clusters are `first` and the `count` - 1 after it.
 fn distinct<'a, I: Iterator<Item = &'a Face>>(
     faces: impl Fn() -> I,
     first: usize,
@@ -221,7 +225,7 @@ fn distinct<'a, I: Iterator<Item = &'a Face>>(
         sorted[*slot as usize] = *f;
         *slot += 1;
     }
-    // Now `at` is where each bucket ends.
+    // Now `at` holds the end of each bucket.
     let (mut start, mut len) = (0, 0);
     for &end in &at[..count] {
         let end = end as usize;
@@ -244,14 +248,16 @@ fn distinct<'a, I: Iterator<Item = &'a Face>>(
     sorted
 }
 
-/// How many edges have more than two of these faces, which stand in the order of their least clusters. Cost: O(F).
+/// Counts the edges with more than two of these faces, which are sorted by their lowest clusters. Cost: O(F).
 pub(super) fn non_manifold_edges(parts: &[Vec<Face>], clusters: usize) -> usize {
-    // Of the three edges of a face two are at its least cluster, and at hand there; the third waits at the lesser of its
-    // ends, which comes later: the last one there, and for each the greater end and the one before it.
+    // Two of the three edges of a face are at its lowest cluster and are counted there; the third is queued
+    // at the lower of its ends, which comes later: a linked list per cluster, of the higher end and the
+    // previous entry.
     const NONE: u32 = u32::MAX;
     let mut waiting = vec![NONE; clusters];
     let mut before: Vec<[u32; 2]> = Vec::with_capacity(parts.iter().map(Vec::len).sum());
-    // The last cluster that each has had an edge with, and how many: four of them are as good as three.
+    // For each cluster, the last lowest cluster that it had an edge with, and the number of those edges,
+    // saturated at 3.
     let mut counts = vec![0u64; clusters];
     let mut found = 0;
     let mut bump = |least: u64, other: u32| {
@@ -262,7 +268,7 @@ pub(super) fn non_manifold_edges(parts: &[Vec<Face>], clusters: usize) -> usize 
     };
     let mut faces = parts.iter().flatten().peekable();
     for least in 0..clusters as u32 {
-        // No mark is of cluster 0 before it was there.
+        // Offset by 1, so that the initial 0 does not stand for cluster 0.
         let key = u64::from(least) + 1;
         while let Some(f) = faces.next_if(|f| f.corners[0] == least) {
             let [_, b, c] = f.corners;

@@ -1,22 +1,24 @@
-//! Cells, and which of them each vertex lies in.
+//! The grid: its cells, and the cell of each vertex.
 
 use glam::{DVec3, Mat4, Vec4};
 
 use super::model::{Framed, LANES, MARKERS, Model, Place};
 use super::pieces;
 
-/// Cells along the longest edge of the box, at most: 21 bits of each coordinate make a key.
+/// Maximum number of cells along the longest edge of the box: a key has 21 bits for each coordinate.
 pub(super) const FINEST: f64 = 2_000_000.0;
-/// What single precision rounds a place by, in longest edges of the box, at most. (Three roundings by 2^-26 and 2^-25.)
+/// Maximum rounding error of a single-precision position, in longest edges of the box. (Three roundings by
+/// 2^-26 and 2^-25.)
 const ROUNDED: f64 = 1.0 / (1u64 << 23) as f64;
-/// What is added to a float of moderate size loses its fraction, and its low bits are a number.
+/// Adding this to a float of moderate size rounds it to an integer, which is then in its low bits.
 const WHOLE: f32 = (3u32 << 22) as f32;
 const LOW: u32 = (1 << 22) - 1;
 
-/// Cubes side by side, centred on the box.
+/// Grid of cubes, centred on the box.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
-    /// Of the box, and of the grid in cells: kept apart, so that nothing is rounded to the steps of large coordinates.
+    /// Centre of the box, and half the grid in cells: kept apart, so that nothing is rounded to the precision
+    /// of large coordinates.
     middle: DVec3,
     half: DVec3,
     pub(super) cell: f64,
@@ -24,17 +26,18 @@ pub(super) struct Grid {
     scale: f32,
     /// Cells along each axis.
     count: [u32; 3],
-    /// How far a place in cells may be off.
+    /// Maximum rounding error of a position in cells.
     pub(super) rounding: f32,
 }
 
-/// The whole number nearest to half below: the cell of a place. What lies between two belongs to either.
+/// Returns the cell of a coordinate: the integer nearest to it minus a half. A coordinate on a boundary may
+/// get either cell.
 #[inline(always)]
 fn whole(place: f32) -> u32 {
     (place - 0.5 + WHOLE).to_bits() & LOW
 }
 
-/// Vertices in eights, the last of them filled up.
+/// Splits vertices into groups of eight, the last one padded.
 #[inline(always)]
 fn eights(frame: &[Framed]) -> impl Iterator<Item = [Framed; LANES]> {
     let (whole, rest) = frame.as_chunks::<LANES>();
@@ -47,25 +50,26 @@ fn eights(frame: &[Framed]) -> impl Iterator<Item = [Framed; LANES]> {
 }
 
 impl Grid {
-    /// With so many cells along the longest edge of the box. The last ones stand out, as far on either side.
+    /// Builds a grid with `resolution` cells along the longest edge of the box. It exceeds the box equally on
+    /// both sides.
     pub(super) fn new<P: Place>(model: &Model<'_, P>, resolution: f64) -> Self {
         let scale = resolution as f32;
         let resolution = f64::from(scale);
         let extent = model.extent();
         let longest = extent.max_element();
         let rounding = ROUNDED * resolution;
-        // Room for what is rounded, so that no place lies outside.
+        // Margin for rounding, so that no position lies outside.
         let count = (extent / longest * resolution + 2.0 * rounding).as_uvec3() + 1;
         let half = 0.5 * count.as_dvec3();
         let cell = longest / resolution;
         Self { middle: model.middle(), half, cell, scale, count: count.to_array(), rounding: rounding as f32 }
     }
-    /// Places in cells from the origin: what a vertex of the frame is multiplied by, and what is added then.
+    /// Factor and summand that convert framed coordinates to positions in cells from the origin.
     #[inline(always)]
     pub(super) fn places(&self) -> (Vec4, Vec4) {
         (Vec4::splat(self.scale), self.half.as_vec3().extend(0.0))
     }
-    /// The same for some vertices, by axis.
+    /// Positions in cells of some vertices, by axis.
     #[inline(always)]
     fn places_of(&self, frame: &[Framed; LANES]) -> [[f32; LANES]; 3] {
         let half = self.half.as_vec3();
@@ -83,38 +87,38 @@ impl Grid {
             place(low.z_axis, high.z_axis, half.z),
         ]
     }
-    /// The cells of some vertices; of those without a face, any.
+    /// Returns the cells of some vertices; for those without a face, any cell.
     #[inline(always)]
     fn cells_at(&self, frame: &[Framed; LANES]) -> [[u32; LANES]; 3] {
         let places = self.places_of(frame);
         let last = self.count.map(|n| n as f32 - 0.5);
-        // Written out so that it is a pair of instructions, and what is no number has a cell too.
+        // Written out so that it compiles to two instructions, and NaN gets a cell too.
         let inside = |x: f32, last: f32| {
             let x = if x > 0.5 { x } else { 0.5 };
             if x < last { x } else { last }
         };
         [0, 1, 2].map(|k| places[k].map(|x| whole(inside(x, last[k]))))
     }
-    /// The cell of a vertex that has a face.
+    /// Returns the cell of a vertex that has a face.
     pub(super) fn cell_of<P: Place>(&self, model: &Model<'_, P>, v: usize) -> [u32; 3] {
         self.cells_at(&[model.frame[v]; LANES]).map(|axis| axis[0])
     }
-    /// The cell of a place, as whole numbers.
+    /// Returns the cell of a position, as integral floats.
     #[inline(always)]
     pub(super) fn cell_in(place: Vec4) -> Vec4 {
         let whole = Vec4::splat(WHOLE);
         (place - 0.5 + whole) - whole
     }
-    /// Where in its cell a place is.
+    /// Returns a position relative to its cell.
     #[inline(always)]
     pub(super) fn inside(place: Vec4) -> Vec4 {
         place - Self::cell_in(place)
     }
-    /// The position of a place in cells.
+    /// Converts a position in cells to user units.
     pub(super) fn user(&self, p: DVec3) -> [f64; 3] {
         ((p - self.half) * self.cell + self.middle).to_array()
     }
-    /// Numbers that tell the cells of near vertices apart.
+    /// Computes hash keys that differ between the cells of nearby vertices.
     pub(super) fn keys<P: Place>(&self, model: &Model<'_, P>, keys: &mut [u32]) {
         pieces::fill(keys, |start, piece| {
             for (keys, frame) in piece.chunks_mut(LANES).zip(eights(&model.frame[start..])) {
@@ -127,12 +131,13 @@ impl Grid {
             }
         });
     }
-    /// Blocks of 4³ cells along each axis.
+    /// Number of blocks of 4³ cells along each axis.
     fn blocks(&self) -> [usize; 3] {
         self.count.map(|n| (n as usize).div_ceil(4))
     }
 
-    /// The number of each vertex's cell among those with a vertex, and where those cells are: so far along each axis.
+    /// Returns for each vertex the index of its cell among the occupied ones, and the coordinates of those
+    /// cells.
     pub(super) fn cells<P: Place>(&self, model: &Model<'_, P>) -> (Vec<u32>, Vec<[u32; 3]>) {
         let blocks = self.blocks();
         let all = blocks.iter().try_fold(1usize, |n, &b| n.checked_mul(b));
@@ -142,7 +147,7 @@ impl Grid {
         }
     }
 
-    /// A bit for each cell, a word for each block.
+    /// Numbers the cells with a bit set: one bit per cell, one word per block.
     fn cells_by_bits<P: Place>(&self, model: &Model<'_, P>, words: usize) -> (Vec<u32>, Vec<[u32; 3]>) {
         let [wide, high, _] = self.blocks().map(|n| n as u32);
         let mut of = vec![0u32; model.points.len()];
@@ -211,7 +216,7 @@ impl Grid {
         (of, cells)
     }
 
-    /// Keys of all vertices in order: for grids that are far finer than the vertices are dense.
+    /// Numbers the cells by sorted keys: for grids much finer than the vertex density.
     fn cells_by_keys<P: Place>(&self, model: &Model<'_, P>) -> (Vec<u32>, Vec<[u32; 3]>) {
         let mut keys = vec![(0u64, 0u32); model.points.len()];
         pieces::fill(&mut keys, |start, piece| {

@@ -1,4 +1,4 @@
-//! Locked places: clusters of their own.
+//! Locked positions, which become clusters of their own.
 
 use std::collections::HashMap;
 
@@ -7,20 +7,20 @@ use lodsmith_core::VertexId;
 
 use super::model::{Model, Place};
 
-/// The distinct places of locked vertices, and who stands there.
+/// The distinct positions of locked vertices, and the vertices there.
 #[derive(Default)]
 pub(super) struct Locked {
-    /// A vertex at each place.
+    /// One vertex at each position.
     pub(super) places: Vec<VertexId>,
-    /// Vertices, and the place of each.
+    /// Vertices at locked positions, each with the index of its position.
     standing: Vec<(u32, u32)>,
-    /// Faces all of whose vertices stand at such places.
+    /// Number of faces with all vertices at such positions.
     pub(super) faces: usize,
-    /// The number of each place.
+    /// Index of each position.
     number: HashMap<[u64; 3], u32>,
 }
 
-/// What tells places apart. (Minus zero is zero.)
+/// Hash key of a position. (Minus zero equals zero.)
 fn key(p: DVec3) -> [u64; 3] {
     p.to_array().map(|x| (x + 0.0).to_bits())
 }
@@ -45,12 +45,12 @@ impl Locked {
         Self { places, standing, faces, number }
     }
 
-    /// Whether a locked vertex stands there.
+    /// True if a locked vertex is at this position.
     pub(super) fn is_taken(&self, place: DVec3) -> bool {
         !self.number.is_empty() && self.number.contains_key(&key(place))
     }
 
-    /// Gives those that stand at locked places clusters from `first` on.
+    /// Assigns the vertices at locked positions to clusters from `first` on.
     pub(super) fn set_apart(&self, cluster_of: &mut [u32], first: usize) {
         for &(v, place) in &self.standing {
             cluster_of[v as usize] = first as u32 + place;

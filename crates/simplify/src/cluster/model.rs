@@ -1,4 +1,4 @@
-//! What is clustered: positions of either precision, and the faces that have three finite corners.
+//! Input of the clustering: positions in either precision, and the faces with three finite corners.
 
 use std::borrow::Cow;
 
@@ -10,13 +10,13 @@ use super::pieces;
 use crate::SimplifyError;
 use crate::report::Cleanup;
 
-/// A position of either precision.
+/// A position in single or double precision.
 pub(super) trait Place: Copy + Send + Sync {
-    /// Widened.
+    /// Converts to double precision.
     fn wide(self) -> DVec3;
-    /// Rounded to this precision.
+    /// Rounds to this precision.
     fn of(p: [f64; 3]) -> Self;
-    /// As a mesh has them.
+    /// Converts a list to mesh positions.
     fn positions(all: Vec<Self>) -> Positions;
 }
 
@@ -46,13 +46,14 @@ impl Place for [f64; 3] {
     }
 }
 
-/// Vertices worked on side by side.
+/// Number of vertices processed side by side.
 pub(super) const LANES: usize = 8;
 
-/// Coordinates of a vertex, from the middle of the box and in its longest edge, and 0: four make one load. (Single
-/// precision: what it rounds is a small share of the smallest cell, and [`Grid`](super::grid::Grid) knows it.) The zero is
-/// negative where the faces of the vertex leave a gap: no sum or product feels that. (A vertex is taken for closed where the
-/// numbers of those around it happen to cancel out; those of one fan cannot.)
+/// Coordinates of a vertex, relative to the centre of the box and in units of its longest edge, and 0: four
+/// make one load. (Single precision: the rounding is a small share of the smallest cell, and
+/// [`Grid`](super::grid::Grid) allows for it.) The zero is negative if the faces of the vertex leave a gap:
+/// no sum or product is affected by that. (A vertex counts as closed if the indices of its neighbours happen
+/// to cancel out; those of one fan cannot.)
 pub(super) type Framed = [f32; 4];
 
 /// The input of the method.
@@ -60,30 +61,30 @@ pub(super) struct Model<'a, P> {
     pub(super) points: &'a [P],
     /// All corners of these are finite.
     pub(super) faces: Cow<'a, [[VertexId; 3]]>,
-    /// The face of the input that each one is, where some were left out.
+    /// Index of each face in the input, if some were dropped.
     pub(super) origin: Option<Vec<u32>>,
-    /// All vertices; of those without a face, anything.
+    /// All vertices; unspecified for those without a face.
     pub(super) frame: Vec<Framed>,
-    /// Of each vertex whether it has a face, and whether its faces leave a gap.
+    /// For each vertex, a code: 0 without a face, 1 if its faces close, more if they leave a gap.
     marks: Vec<u32>,
-    /// Whether any vertex is open.
+    /// True if any vertex is open.
     pub(super) has_open: bool,
     min: DVec3,
     max: DVec3,
     pub(super) cleanup: Cleanup,
 }
 
-/// Adds a face to the mark of a vertex: the sum of the vertices that follow it at its faces, less those before it. Nothing is
-/// left where faces stand all round. The lowest bit says that there is a face.
+/// Adds a face to the mark of a vertex: the sum of the vertices after it in its faces, minus those before it.
+/// It cancels where faces close the fan. The lowest bit is set once there is a face.
 #[inline(always)]
 fn mark(mark: &mut u32, next: VertexId, before: VertexId) {
     *mark = mark.wrapping_add(next.0.wrapping_sub(before.0) << 1) | 1;
 }
 
-/// What is marked anywhere is marked side by side in so many shares at most, each with marks of its own.
+/// Maximum number of parallel shares with marks of their own.
 pub(super) const MARKERS: usize = 4;
 
-/// The box round places, and the sum of their products with 0: that is 0 where all are finite.
+/// Bounding box of positions, and the sum of their products with 0: zero if all are finite.
 type Looked = (DVec3, DVec3, DVec3);
 const NOTHING: Looked = (DVec3::INFINITY, DVec3::NEG_INFINITY, DVec3::ZERO);
 
@@ -95,15 +96,15 @@ fn together(a: Looked, b: Looked) -> Looked {
     (a.0.min(b.0), a.1.max(b.1), a.2 + b.2)
 }
 
-/// A share of the marks of all vertices.
+/// Marks of all vertices by a share of the faces.
 struct Share {
     marks: Vec<u32>,
-    /// Faces that do not name three vertices.
+    /// Faces that do not name three distinct vertices.
     degenerate: usize,
     looked: Looked,
 }
 
-/// Marks of all vertices, a share of the faces in each, and a look at a share of the places.
+/// Marks all vertices, one share of the faces at a time, and scans a share of the positions in each.
 fn shares<P: Place>(faces: &[[VertexId; 3]], points: &[P]) -> Vec<Share> {
     let count = pieces::threads(faces.len()).min(MARKERS);
     pieces::each(count, |k| {
@@ -125,7 +126,7 @@ fn shares<P: Place>(faces: &[[VertexId; 3]], points: &[P]) -> Vec<Share> {
 }
 
 impl<'a, P: Place> Model<'a, P> {
-    /// Leaves out what has no place. Cost: O(V + F).
+    /// Builds the model, without faces that have non-finite corners. Cost: O(V + F).
     ///
     /// # Errors
     /// [`SimplifyError::NoFaces`] if no face has an area.
@@ -164,7 +165,7 @@ impl<'a, P: Place> Model<'a, P> {
         cleanup.unused_vertices = points.len() - used;
         let (min, max, _) = match used == points.len() {
             true => looked,
-            // The box is that of the faces.
+            // The box covers only vertices with faces.
             false => pieces::map(points.len(), |range| {
                 let used = points[range.clone()].iter().zip(&marks[range]).filter(|x| *x.1 > 0);
                 used.fold(NOTHING, |all, (p, _)| look(all, p.wide()))
@@ -180,7 +181,7 @@ impl<'a, P: Place> Model<'a, P> {
 
     fn framed(&self) -> Vec<Framed> {
         let (middle, longest) = (self.middle(), self.extent().max_element());
-        // (A length below the least normal number has no inverse.)
+        // (Lengths below the smallest normal number have no finite inverse.)
         let scale = longest.max(f64::MIN_POSITIVE).recip();
         let (points, marks) = (self.points, &self.marks[..self.points.len()]);
         pieces::list(points.len(), |v| {
@@ -196,19 +197,19 @@ impl<'a, P: Place> Model<'a, P> {
     pub(super) fn is_used(&self, v: usize) -> bool {
         self.marks[v] > 0
     }
-    /// The face of the input that a face is.
+    /// Returns the index of a face in the input.
     pub(super) fn origin(&self, face: u32) -> usize {
         self.origin.as_ref().map_or(face, |o| o[face as usize]) as usize
     }
-    /// Faces that name three vertices.
+    /// Number of faces with three distinct vertices.
     pub(super) fn sound_faces(&self) -> usize {
         self.faces.len() - self.cleanup.degenerate_faces
     }
-    /// Edges of the box round the faces.
+    /// Edge lengths of the bounding box of the faces.
     pub(super) fn extent(&self) -> DVec3 {
         self.max - self.min
     }
-    /// Middle of the box. (Halved first: the sum of two huge coordinates may be no number.)
+    /// Centre of the box. (Halved first: the sum of two huge coordinates may overflow.)
     pub(super) fn middle(&self) -> DVec3 {
         self.min * 0.5 + self.max * 0.5
     }

@@ -1,4 +1,4 @@
-//! Work in pieces, joined in their order: the same bytes on any number of threads.
+//! Parallel work in chunks whose results are joined in order: the same bytes with any number of threads.
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
@@ -6,18 +6,19 @@ use std::sync::{Mutex, PoisonError};
 #[cfg(feature = "rayon")]
 use rayon::prelude::*;
 
-/// Elements in a piece at least: handing one out takes as long as some thousand elements. Multiples of it, so that a piece
-/// begins at a full word of bits.
+/// Minimum number of elements per chunk: scheduling one takes as long as some thousand elements. Chunk
+/// lengths are multiples of it, so that a chunk starts at a full word of a bit set.
 const LEAST: usize = 1 << 11;
-/// Elements in a piece at most: what is made of one is still in the cache when it is read again.
+/// Maximum number of elements per chunk: its results are still in the cache when they are read again.
 const MOST: usize = 1 << 14;
-/// Pieces for each thread, so that one who comes late finds work left.
+/// Chunks per thread, so that late threads still find work.
 const EACH: usize = 4;
-/// With fewer elements than these one thread is as fast. (Guessed, between `cow` with 5,804 faces, which two threads made
-/// slower, and `bunny` with 69,451, which they do not: a step of a small mesh takes less than it takes to wake a thread.)
+/// Up to this number of elements one thread is as fast. (Guessed, between `cow` with 5,804 faces, which two
+/// threads slowed down, and `bunny` with 69,451, which they do not: a step of a small mesh takes less time
+/// than waking a thread.)
 const ALONE: usize = 1 << 13;
 
-/// How many threads share work on so many elements; no result depends on it.
+/// Returns the number of threads for `count` elements; no result depends on it.
 pub(super) fn threads(count: usize) -> usize {
     #[cfg(feature = "rayon")]
     let all = rayon::current_num_threads();
@@ -26,7 +27,7 @@ pub(super) fn threads(count: usize) -> usize {
     if count > ALONE { all } else { 1 }
 }
 
-/// How long pieces of so many elements are; no result depends on it.
+/// Returns the chunk length for `count` elements; no result depends on it.
 pub(super) fn len(count: usize) -> usize {
     match threads(count) {
         1 => MOST,
@@ -34,13 +35,14 @@ pub(super) fn len(count: usize) -> usize {
     }
 }
 
-/// Calls `work` for each piece of `0..count`; results in the order of the pieces.
+/// Calls `work` for each chunk of `0..count`; results in the order of the chunks.
 pub(super) fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
     let len = len(count);
     each(count.div_ceil(len), |k| work(k * len..((k + 1) * len).min(count)))
 }
 
-/// What `make` makes of each number below `count`: written where it stays, for memory that is cleared first is written twice.
+/// Collects `make(i)` for each number below `count`; written in place, since zeroed memory would be written
+/// twice.
 pub(super) fn list<T: Send>(count: usize, make: impl Fn(usize) -> T + Sync) -> Vec<T> {
     #[cfg(feature = "rayon")]
     if threads(count) > 1 {
@@ -49,13 +51,13 @@ pub(super) fn list<T: Send>(count: usize, make: impl Fn(usize) -> T + Sync) -> V
     (0..count).map(make).collect()
 }
 
-/// Calls `work` for each piece of a slice, with the index where it begins.
+/// Calls `work` for each chunk of a slice, with the index of its first item.
 pub(super) fn fill<T: Send>(items: &mut [T], work: impl Fn(usize, &mut [T]) + Sync) {
     let len = len(items.len());
     shared(items, len, |k, piece| work(k * len, piece));
 }
 
-/// Calls `work` for each run of `len` items, with the number of the run; results in their order.
+/// Calls `work` for each run of `len` items, with the index of the run; results in their order.
 pub(super) fn shared<T: Send, R: Send>(
     items: &mut [T],
     len: usize,
@@ -64,7 +66,7 @@ pub(super) fn shared<T: Send, R: Send>(
     over(items.chunks_mut(len).collect(), work)
 }
 
-/// Calls `work` with each item and its number; results in their order.
+/// Calls `work` with each item and its index; results in their order.
 pub(super) fn over<T: Send, R: Send>(items: Vec<T>, work: impl Fn(usize, T) -> R + Sync) -> Vec<R> {
     let items: Vec<Mutex<Option<T>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
     each(items.len(), |k| work(k, take(&items[k])))
@@ -80,14 +82,16 @@ pub(crate) fn each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> V
     done.iter().map(take).collect()
 }
 
-/// Each is put in once and taken once, by one thread each.
+/// Takes an item out; each is put in once and taken once, by one thread each.
 fn take<T>(of: &Mutex<Option<T>>) -> T {
     of.lock().unwrap_or_else(PoisonError::into_inner).take().expect("put in, and not taken yet")
 }
 
-/// Calls `work` with each number below `count`, on all threads. (Not built for each kind of work: docs/decisions/0019.)
+/// Calls `work` with each number below `count`, on all threads. (Not generic, so it is compiled only once:
+/// docs/decisions/0019.)
 fn hand_out(count: usize, work: &(dyn Fn(usize) + Sync)) {
-    // One alone is not worth the way to another thread: tens of microseconds, where a small mesh takes hundreds.
+    // Scheduling a single chunk on another thread costs tens of microseconds; a small mesh takes hundreds in
+    // total.
     #[cfg(feature = "rayon")]
     if count > 1 && rayon::current_num_threads() > 1 {
         return (0..count).into_par_iter().for_each(work);
@@ -95,12 +99,12 @@ fn hand_out(count: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..count).for_each(work);
 }
 
-/// Parts of a slice, each so long.
+/// Splits a slice into parts of the given lengths.
 pub(super) fn cut<T>(mut items: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
     lengths.map(|n| items.split_off_mut(..n).expect("as long as its parts")).collect()
 }
 
-/// Sorts by whatever tells all items apart.
+/// Sorts items whose order is total: equal items are identical.
 pub(super) fn sort<T: Ord + Send>(items: &mut [T]) {
     #[cfg(feature = "rayon")]
     if threads(items.len()) > 1 {
@@ -109,7 +113,7 @@ pub(super) fn sort<T: Ord + Send>(items: &mut [T]) {
     items.sort_unstable();
 }
 
-/// Both results, made side by side where there are threads and the work is on so many elements.
+/// Returns both results, computed in parallel if there are threads and `count` is large enough.
 pub(super) fn both<A: Send, B: Send>(
     count: usize,
     a: impl FnOnce() -> A + Send,

@@ -1,4 +1,4 @@
-//! Where the vertex of a cell goes: the least squared distance to the planes of its faces, and to its borders.
+//! Vertex placement: minimises the squared distance to the planes of the faces in a cell, and to its borders.
 
 use glam::{BVec4A, Mat4, UVec3, Vec3, Vec3A, Vec4, Vec4Swizzles};
 
@@ -11,63 +11,66 @@ use super::model::{Model, Place};
 use super::pieces;
 use super::search::Clusters;
 
-/// The bits of four numbers that a mask lets through: one instruction, where a choice between lanes is three.
+/// Bitwise AND of four floats and a mask: one instruction, where a blend takes three.
 #[inline(always)]
 fn masked(four: Vec4, mask: [u32; 4]) -> Vec4 {
     let (four, mask): (f32x4, f32x4) = (bytemuck::cast(four), bytemuck::cast(mask));
     bytemuck::cast(four & mask)
 }
 
-/// Sums over the faces with a corner in a cell, in edges of the cell and from its least corner: a line of a cache, four
-/// numbers side by side. [Lindstrom 2000]
+/// Sums over the faces with a corner in a cell, in units of the cell and relative to its lowest corner: one
+/// cache line, in SIMD groups of four. [Lindstrom 2000]
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
 struct Sum {
-    /// Squared distance to the planes, times doubled areas: x'Ax - 2b'x + c. Of A xx, yy, zz; and those areas.
+    /// Squared distance to the planes, weighted by doubled areas: x'Ax - 2b'x + c. Here xx, yy, zz of A, and
+    /// the weight.
     squares: Vec4,
-    /// Of A xz, xy, yz; and c.
+    /// xz, xy, yz of A; and c.
     products: Vec4,
     b: Vec4,
-    /// Corners in the cell, times doubled areas.
+    /// Sum of the corners in the cell, weighted by doubled areas.
     corners: Vec4,
 }
 
-/// Directions and moments of the edges round the faces. Where two faces share an edge they cancel, so what is left belongs
-/// to open borders, and only open vertices have any. [Lindstrom-Silva 2001]
+/// Summed directions and moments of the edges of faces. Edges shared by two faces cancel, so only open
+/// borders remain, and only open vertices have any. [Lindstrom-Silva 2001]
 #[derive(Clone, Copy, Default)]
 struct Rim {
     direction: Vec3A,
     moment: Vec3A,
 }
 
-/// Faces whose corners are fetched together: memory then answers many at once.
+/// Number of faces whose corners are fetched together, so that the memory accesses overlap.
 const AHEAD: usize = 32;
-/// What borders count beside planes. (Measured: on terrain and on open scans 1 to 10 are alike.)
+/// Weight of borders relative to planes. (Measured: on terrain and on open scans 1 to 10 are alike.)
 const BORDER: f64 = 3.0;
-/// Directions in which the planes say less than this share of their sum are left at the mean. ([Lindstrom 2000] cuts
-/// singular values off at this share; a gradual end is as good, as measured, and needs no eigenvectors.)
+/// Directions in which the planes contribute less than this share of their sum stay at the mean. ([Lindstrom
+/// 2000] cuts singular values off at this share; a gradual cutoff is as good, as measured, and needs no
+/// eigenvectors.)
 const LEAST: f32 = 1e-3;
-/// Doubled areas below this say nothing: their products would leave the range of single precision.
+/// Doubled areas below this are ignored: their products would leave the range of single precision.
 const NOTHING: f32 = 1e-30;
-/// Vertices stay so far inside their cells, in edges of it: two on one corner would be at one place.
+/// Minimum distance of vertices from the sides of their cells, in cells: two at one corner would coincide.
 const APART: f32 = 1e-3;
 
-/// What a cluster is numbered that no face has.
+/// Index of clusters without a face.
 pub(super) const UNUSED: u32 = u32::MAX;
 
-/// Positions of the vertices of clusters with a face, in user units, and the squared distance to the planes in the mean.
+/// Positions of the vertices of clusters with a face, in user units, and the mean squared distance to the
+/// planes.
 pub(super) struct Placed<P> {
-    /// For each share.
+    /// One list per share.
     pub(super) points: Vec<Vec<P>>,
-    /// The number of each cluster among those of its share that have a face, or [`UNUSED`].
+    /// Index of each cluster among those of its share that have a face, or [`UNUSED`].
     number: Vec<u32>,
-    /// How many points are in the shares before.
+    /// Number of points in the preceding shares.
     starts: Vec<u32>,
     pub(super) mean_square: f64,
 }
 
 impl<P> Placed<P> {
-    /// The number of a cluster among all that have a face, if it has one.
+    /// Returns the index of a cluster among all that have a face, if it has one.
     #[inline(always)]
     pub(super) fn number(&self, shares: &Shares, cluster: u32) -> Option<u32> {
         let number = self.number[cluster as usize];
@@ -75,7 +78,7 @@ impl<P> Placed<P> {
     }
 }
 
-/// Places a vertex in each cluster; `borders` is what they count, times what they count by default. None leaves its cell.
+/// Places a vertex in each cluster; `borders` scales the default border weight. No vertex leaves its cell.
 /// Cost: O(V + F).
 pub(super) fn place<P: Place>(model: &Model<'_, P>, clusters: &Clusters, borders: f64) -> Placed<P> {
     let all = clusters.cells.len();
@@ -100,15 +103,15 @@ pub(super) fn place<P: Place>(model: &Model<'_, P>, clusters: &Clusters, borders
     Placed { points, number, starts, mean_square }
 }
 
-/// Some clusters in a row.
+/// Result of a contiguous range of clusters.
 struct Part<P> {
     points: Vec<P>,
-    /// Cost and weight of each block, summed cell by cell.
+    /// Cost and weight of each block, summed in cell order.
     costs: Vec<(f64, f64)>,
 }
 
-/// Places the vertices of a share of the clusters, and numbers those that have a face. The share has the faces with a corner
-/// in its cells, in their order, so every sum has one order of its own.
+/// Places the vertices of a share of the clusters, and numbers those with a face. Faces are added in their
+/// order, so every sum has a fixed order.
 fn part<P: Place, const RIMS: bool>(
     model: &Model<'_, P>,
     clusters: &Clusters,
@@ -168,16 +171,16 @@ fn part<P: Place, const RIMS: bool>(
     part
 }
 
-/// Some faces, worked on a step at a time: what one waits for, be it memory or a root, is then under way for many.
+/// A batch of faces, processed one step at a time: memory accesses and square roots then overlap.
 struct Batch {
     faces: [[VertexId; 3]; AHEAD],
-    /// Of the corners, the clusters and the places in cells from the origin.
+    /// Clusters of the corners, and their positions in cells from the origin.
     clusters: [[u32; 3]; AHEAD],
     places: [[Vec4; 3]; AHEAD],
-    /// A bit for each corner that is open.
+    /// One bit for each corner at an open vertex.
     open: [u32; AHEAD],
     normals: [Vec4; AHEAD],
-    /// Doubled areas, and what makes normals unit normals.
+    /// Doubled areas, and their inverses, which scale normals to unit length.
     doubled: [f32; AHEAD],
     inverse: [f32; AHEAD],
 }
@@ -226,7 +229,7 @@ impl Batch {
         let last = masked(doubled, [0, 0, 0, u32::MAX]);
         Planes {
             squares: normal * unit + last,
-            // zx, xy, yz.
+            // The order of the components: zx, xy, yz.
             products: normal * unit.zxyw() + last,
             normal,
             unit,
@@ -235,7 +238,8 @@ impl Batch {
     }
 }
 
-/// Adds a face to those of its cells that `sums` holds, from cell `first` on; if it is left, they are used.
+/// Adds a face to those of its cells that `sums` holds, from cell `first` on; if the face is kept, marks them
+/// as used.
 #[inline(always)]
 fn add(
     (sums, is_used): (&mut [Sum], &mut [bool]),
@@ -253,7 +257,7 @@ fn add(
         return;
     }
     let is_left = clusters[0] != clusters[1] && clusters[1] != clusters[2] && clusters[2] != clusters[0];
-    // Corner by corner, whether two share a cell or not: which it is, no processor could guess.
+    // One corner at a time even if two share a cell: that would be an unpredictable branch.
     for (k, place) in [a, b, c].into_iter().enumerate() {
         if let (Some(sum), Some(is_used)) = (sums.get_mut(slot(k)), is_used.get_mut(slot(k))) {
             let at = Grid::inside(place);
@@ -263,8 +267,8 @@ fn add(
     }
 }
 
-/// Adds the edges of a face to the rims of its cells: at each open corner the two that end there, out to the next corner and
-/// in from the one after.
+/// Adds the border edges of a face to the rims of its cells: at each open corner the edge to the next corner
+/// and the edge from the one before.
 fn add_rims(rims: &mut [Rim], first: u32, (clusters, open): (&[u32; 3], u32), places: &[Vec4; 3]) {
     let [a, b, c] = places.map(Vec3A::from_vec4);
     let edges = [(b - a, c - a), (c - b, a - b), (a - c, b - c)];
@@ -277,7 +281,7 @@ fn add_rims(rims: &mut [Rim], first: u32, (clusters, open): (&[u32; 3], u32), pl
     }
 }
 
-/// What a face adds to the sums of its cells, but for where it lies in them.
+/// Contribution of a face to the sums of its cells, apart from its position in them.
 struct Planes {
     squares: Vec4,
     products: Vec4,
@@ -287,7 +291,8 @@ struct Planes {
 }
 
 impl Sum {
-    /// Adds a plane through a place, for so many corners. (No lane is written alone: a load of four after that would wait.)
+    /// Adds a plane through a position, `corners` times. (Never writes a single lane: a load of four after
+    /// that would stall.)
     #[inline(always)]
     fn add(&mut self, planes: &Planes, corners: f32, at: Vec4, all: Vec4) {
         let corners = Vec4::splat(corners);
@@ -301,7 +306,7 @@ impl Sum {
     }
 }
 
-/// Forms of four cells: of x'Ax - 2b'x + c, each with a lane for each cell.
+/// Quadratic forms x'Ax - 2b'x + c of four cells, one SIMD lane per cell.
 #[derive(Default)]
 struct Forms {
     xx: Vec4,
@@ -314,7 +319,7 @@ struct Forms {
 }
 
 impl Forms {
-    /// What borders want.
+    /// Returns the quadratic forms of the borders.
     fn of(rims: &[Rim], borders: f64) -> Self {
         let mut forms = Self::default();
         for (k, rim) in rims.iter().enumerate() {
@@ -337,7 +342,7 @@ impl Forms {
     }
 }
 
-/// Rows of four cells, as a lane for each cell.
+/// Transposes rows of four cells to one lane per cell.
 #[inline(always)]
 fn lanes(sums: &[Sum; 4], row: impl Fn(&Sum) -> Vec4) -> [Vec4; 4] {
     let [a, b, c, d] = [0, 1, 2, 3].map(|k| row(&sums[k]));
@@ -345,7 +350,7 @@ fn lanes(sums: &[Sum; 4], row: impl Fn(&Sum) -> Vec4) -> [Vec4; 4] {
     [turned.x_axis, turned.y_axis, turned.z_axis, turned.w_axis]
 }
 
-/// The places in four cells, and what each costs.
+/// Returns the optimal positions in four cells, and the cost of each.
 fn solve(sums: &[Sum; 4], border: &Forms, rounding: f32) -> ([Vec3; 4], [f32; 4]) {
     let [xx, yy, zz, weight] = lanes(sums, |s| s.squares);
     let [xz, xy, yz, c] = lanes(sums, |s| s.products);
@@ -362,7 +367,7 @@ fn solve(sums: &[Sum; 4], border: &Forms, rounding: f32) -> ([Vec3; 4], [f32; 4]
         [xx + border.xx, yy + border.yy, zz + border.zz, xz + border.xz, xy + border.xy, yz + border.yz];
     let at_mean = times(all, mean);
     let r = [0, 1, 2].map(|k| b[k] + border.b[k] - at_mean[k]);
-    // As a product of triangles: the damping keeps what it divides by away from zero.
+    // LDLᵀ factorisation: the damping keeps the pivots away from zero.
     let [xx_, yy_, zz_, xz_, xy_, yz_] = all;
     let damping = (xx_ + yy_ + zz_) * LEAST;
     let first = one / (xx_ + damping);
@@ -378,7 +383,7 @@ fn solve(sums: &[Sum; 4], border: &Forms, rounding: f32) -> ([Vec3; 4], [f32; 4]
     let low = Vec4::splat(rounding.clamp(APART, 0.5));
     let step = [x, y, z];
     let places = [0, 1, 2].map(|k| {
-        // A step that is no number is none.
+        // Rejects steps that are NaN or too large.
         let step = Vec4::select(step[k].abs().cmplt(Vec4::splat(4.0)), step[k], Vec4::ZERO);
         Vec4::select(says, mean[k] + step, Vec4::splat(0.5)).clamp(low, one - low)
     });

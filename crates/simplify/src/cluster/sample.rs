@@ -1,4 +1,4 @@
-//! A guess at how many faces a grid leaves: they are counted, but none is made.
+//! Estimate of the number of faces that a grid leaves, by counting without building them.
 
 use glam::Vec4;
 use lodsmith_core::VertexId;
@@ -7,28 +7,27 @@ use super::grid::Grid;
 use super::model::{Model, Place};
 use super::pieces;
 
-/// Faces looked at in the first tries: one of so many, within bounds.
+/// Faces sampled in the first tries: one in `ONE_OF`, within bounds.
 const ONE_OF: usize = 10;
 const LEAST: usize = 8192;
 const MOST: usize = 100_000;
-/// Faces whose area is looked at.
+/// Number of faces sampled for the area.
 const AREAS: usize = 512;
-/// From as near as this the rest is a step along what was seen; by some of the faces, or by as much as chance says if that
-/// is more. There are no more than so many tries.
+/// Relative tolerance below which one more step along the slope is enough; for samples the standard error
+/// counts if it is larger. At most `TRIES` tries are made.
 const NEAR: f64 = 0.03;
 const SOME_NEAR: f64 = 0.06;
 const TRIES: usize = 3;
 
-/// A grid for a count.
+/// An estimated resolution for a count.
 #[derive(Clone, Copy)]
 pub(super) struct Guess {
     pub(super) resolution: f64,
-    /// How the logarithm of the count goes with that of the resolution there: with the square, about, and more slowly near
-    /// the full count.
+    /// Slope of the logarithm of the count over that of the resolution: about 2, lower near the full count.
     pub(super) slope: f64,
 }
 
-/// Counts faces with corners in three cells.
+/// Counter of faces with corners in three cells.
 pub(super) struct Counter<'m, 'a, P> {
     model: &'m Model<'a, P>,
     keys: Vec<u32>,
@@ -39,7 +38,7 @@ impl<'m, 'a, P: Place> Counter<'m, 'a, P> {
         Self { model, keys: vec![0; model.frame.len()] }
     }
 
-    /// How many there are in a grid with so many cells along the longest edge of the box.
+    /// Counts them in a grid with `resolution` cells along the longest edge of the box.
     fn all(&mut self, resolution: f64) -> f64 {
         Grid::new(self.model, resolution).keys(self.model, &mut self.keys);
         let (faces, keys) = (&self.model.faces, &self.keys);
@@ -51,7 +50,7 @@ impl<'m, 'a, P: Place> Counter<'m, 'a, P> {
         left.iter().sum::<usize>() as f64
     }
 
-    /// The same, about, by one of `stride` faces.
+    /// Estimates this count from one of `stride` faces.
     fn some(&self, resolution: f64, stride: usize) -> f64 {
         let (faces, frame) = (&self.model.faces, &self.model.frame);
         let grid = Grid::new(self.model, resolution);
@@ -67,7 +66,7 @@ impl<'m, 'a, P: Place> Counter<'m, 'a, P> {
         left.iter().sum::<usize>() as f64 * faces.len() as f64 / looks as f64
     }
 
-    /// Where so many faces are left, about, by the area of some.
+    /// Estimates the resolution that leaves `faces` faces, from the area of a sample.
     fn first(&self, faces: f64) -> f64 {
         let model = self.model;
         let stride = (model.faces.len() / AREAS).max(1);
@@ -78,12 +77,12 @@ impl<'m, 'a, P: Place> Counter<'m, 'a, P> {
             (b - a).cross(c - a).length()
         };
         let area = 0.5 * (0..looks).map(doubled).sum::<f64>() * model.faces.len() as f64 / looks as f64;
-        // Squares of cells for each face. (Measured: from .34 to .38 at 1 % to .46 at 50 % of dense meshes.)
+        // Cell squares per face. (Measured: from .34 to .38 at 1 % to .46 at 50 % of dense meshes.)
         let squares = 0.36 + 0.2 * faces / model.faces.len() as f64;
         (squares * faces / area).sqrt()
     }
 
-    /// Searches for the grid that leaves about so many faces, from `coarsest` to `finest`.
+    /// Searches for the grid that leaves about `wanted` faces, from `coarsest` to `finest`.
     pub(super) fn guess(&mut self, wanted: f64, [coarsest, finest]: [f64; 2]) -> Guess {
         let all = self.model.faces.len();
         let stride = all / (all / ONE_OF).clamp(LEAST, MOST).min(all);
@@ -128,7 +127,7 @@ impl<'m, 'a, P: Place> Counter<'m, 'a, P> {
     }
 }
 
-/// One out of each stretch, not always the same: rows of a mesh may be as long as the stretch.
+/// Varies the sampled element of each stretch: rows of a mesh may be as long as the stretch.
 fn spread(k: usize, stride: usize) -> usize {
     (k.wrapping_mul(0x9E37_79B9) >> 7) % stride
 }

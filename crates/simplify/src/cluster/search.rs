@@ -1,4 +1,4 @@
-//! The grid for a count.
+//! Search for the grid that meets a count.
 
 use super::faces::{self, Face, Shares};
 use super::grid::{FINEST, Grid};
@@ -7,16 +7,16 @@ use super::model::{Model, Place};
 use super::sample::{Counter, Guess};
 use crate::collapse::Goal;
 
-/// Which cluster each vertex is in, and the faces between them.
+/// Assignment of vertices to clusters, and the faces between them.
 pub(super) struct Clusters {
     pub(super) grid: Grid,
-    /// For each vertex of the input.
+    /// Cluster of each vertex of the input.
     pub(super) of: Vec<u32>,
-    /// The cell of each cluster, so far along each axis.
+    /// Grid coordinates of the cell of each cluster.
     pub(super) cells: Vec<[u32; 3]>,
-    /// The first cluster that is a locked place and not a cell.
+    /// Index of the first cluster that is a locked position instead of a cell.
     pub(super) first_locked: usize,
-    /// By the shares of their least clusters.
+    /// Faces by the share of their lowest cluster.
     pub(super) faces: Vec<Vec<Face>>,
     pub(super) shares: Shares,
 }
@@ -32,12 +32,12 @@ impl Clusters {
         Self { grid, of, cells, first_locked, faces, shares }
     }
 
-    /// How many faces there are.
+    /// Number of faces.
     pub(super) fn face_count(&self) -> usize {
         self.faces.iter().map(Vec::len).sum()
     }
 
-    /// Clusters with a face.
+    /// Number of clusters with a face.
     pub(super) fn vertices(&self) -> usize {
         let mut is_used = vec![false; self.cells.len()];
         self.faces.iter().flatten().flat_map(|f| f.corners).for_each(|c| is_used[c as usize] = true);
@@ -45,31 +45,31 @@ impl Clusters {
     }
 }
 
-/// Passes over the whole mesh in search of a count, at most.
+/// Maximum number of passes over the whole mesh in a search.
 const PASSES: usize = 12;
-/// A count is near enough from so far below the goal on, as a share of it; after so many passes ...
+/// Accepted shortfall below the goal, as a share of it, in the first `PATIENCE` passes.
 const NEAR: f64 = 0.06;
 const PATIENCE: usize = 4;
-/// ... from as far as this; and where there are so few that a cell more or less is a jump, from farther.
+/// Accepted shortfall after that; for small goals, where one cell changes the count a lot, it is larger.
 const LEAST_NEAR: f64 = 0.1;
 fn near(goal: usize, pass: usize) -> f64 {
     let by_pass = if pass < PATIENCE { NEAR } else { LEAST_NEAR };
     by_pass.max((goal.max(1) as f64).sqrt().recip().min(0.25))
 }
-/// How far below the goal is aimed at, in what is near enough at first.
+/// Shortfall that the search aims at, as a share of the accepted one.
 const AIM: f64 = 0.4;
-/// Of faces with corners in three cells so many are left when each stands once. (Measured: 0.96 to 1.)
+/// Share of the faces with corners in three cells that remain without duplicates. (Measured: 0.96 to 1.)
 const DISTINCT: f64 = 0.992;
 
-/// How a search for a count came out.
+/// Result of a search for a count.
 pub(super) struct Found {
-    /// The most faces within the goal; the fewest, if none are.
+    /// The result with the most faces within the goal; if there is none, the one with the fewest.
     pub(super) clusters: Clusters,
     pub(super) is_within: bool,
 }
 
-/// Searches for the finest grid that keeps the goal, none coarser than `coarsest`. `go_on` is asked before each pass: with
-/// the share that is done; false ends the search with what there is.
+/// Searches for the finest grid within the goal, none coarser than `coarsest`. Calls `go_on` before each pass
+/// with the share done; false ends the search with the best result so far.
 pub(super) fn search<P: Place, E>(
     model: &Model<'_, P>,
     locked: &Locked,
@@ -81,12 +81,12 @@ pub(super) fn search<P: Place, E>(
         let of = |count: usize, goal: usize| count as f64 / goal.max(1) as f64;
         let by_faces = goal.faces.map(|n| of(clusters.face_count(), n));
         let by_vertices = goal.vertices.map(|n| of(clusters.vertices(), n));
-        // The first one met is enough.
+        // The stop met first is enough.
         by_faces.into_iter().chain(by_vertices).fold(f64::INFINITY, f64::min)
     };
     let wanted = goal.faces.into_iter().chain(goal.vertices.map(|n| n.saturating_mul(2))).max();
     let coarsest = coarsest.unwrap_or(1.0);
-    // Bounds of the resolution: too coarse or just right, and too fine.
+    // Bounds of the resolution: too coarse or within the goal, and too fine.
     let (mut low, mut high) = (coarsest, FINEST);
     let count = wanted.unwrap_or(usize::MAX);
     let aim = 1.0 - AIM * near(count, 0);

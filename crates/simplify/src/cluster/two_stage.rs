@@ -1,4 +1,5 @@
-//! Clusters first, and the rest by edge collapse: huge meshes in little time and memory. [Garland-Shaffer 2002]
+//! Two-stage simplification: clustering first, then edge collapse, for huge meshes in little time and memory.
+//! [Garland-Shaffer 2002]
 
 use lodsmith_core::WedgeId;
 
@@ -14,20 +15,20 @@ use crate::report::{Clustered, Report, StoppedBy};
 use crate::run;
 use crate::{Simplified, SimplifyError};
 
-/// How many times the goal the first stage leaves. (Measured in docs/methods/cluster.md.)
+/// Size of the first stage's result, as a multiple of the goal. (Measured in docs/methods/cluster.md.)
 const FACTOR: usize = 8;
-/// It leaves no more than this share of the input, for else it would save nothing...
+/// Largest share of the input that the first stage may leave; above it the stage saves too little.
 const MOST: f64 = 0.35;
-/// ... and nothing is clustered that would leave less than so many times the goal.
+/// Without room for this multiple of the goal, the clustering is skipped.
 const LEAST_FACTOR: f64 = 3.0;
-/// Share of an error that an edge of a cell takes, where the error alone ends the run. (Measured: the distance is about
-/// half a diagonal of a cell at most, so three quarters and more are left to the collapses.)
+/// Cell size as a share of the error limit, if only the error ends the run. (Measured: the distance is about
+/// half a cell diagonal at most, so three quarters and more are left to the collapses.)
 const CELL_OF_ERROR: f64 = 0.25;
-/// Second stages in search of an error, at most.
+/// Maximum number of second stages in the search for an error.
 const RUNS: usize = 4;
 
 impl<P: Place> Run<'_, P> {
-    /// Both stages. The second works on the clusters alone; what is measured is the distance from the input.
+    /// Runs both stages. The second sees only the clustered mesh; distances are measured from the input.
     pub(super) fn in_two_stages(
         mut self,
         control: &mut dyn Control,
@@ -45,7 +46,7 @@ impl<P: Place> Run<'_, P> {
             (MOST * all as f64 / goal.max(1) as f64).min(FACTOR as f64)
         });
         let by_faces = goal.faces.map(|n| factor(n, faces));
-        // The first stop met ends the run, so the one that leaves more counts.
+        // The first stop met ends the run, so the one that leaves more faces counts.
         let least = by_faces
             .into_iter()
             .chain(goal.vertices.map(|n| factor(n, vertices)))
@@ -55,7 +56,7 @@ impl<P: Place> Run<'_, P> {
         self.goal = Goal { faces: goal.faces.map(times), vertices: goal.vertices.map(times) };
         let limit = self.options.stop.error.map(|e| e.in_units(self.diagonal));
         if let Some(limit) = limit {
-            // The finer of both: an error is no reason to leave more than the goal needs.
+            // Applies only without a count: an error is no reason to leave more than the goal needs.
             let by_error = self.longest() / (CELL_OF_ERROR * limit.max(f64::MIN_POSITIVE));
             if self.goal.faces.is_none() && self.goal.vertices.is_none() {
                 self.coarsest = Some(self.coarsest.unwrap_or(1.0).max(by_error).min(super::FINEST));
@@ -75,7 +76,7 @@ impl<P: Place> Run<'_, P> {
             ..memoryless.clone()
         };
         options.guards.max_edge = options.guards.max_edge.map(|l| Length::Units(l.in_units(self.diagonal)));
-        // What the second stage keeps is a distance from the clusters; the promise is made of the input.
+        // The second stage bounds the distance from the clustered mesh; the promise refers to the input.
         if limit.is_none() {
             options.bound = Bound::Estimate;
         }
@@ -100,7 +101,7 @@ impl<P: Place> Run<'_, P> {
                 continue;
             }
             if done.report.stopped_by == StoppedBy::Refusals && !done.report.reached && !is_over {
-                // Clusters that grew together can be in the way: then all the detail is needed after all.
+                // Merged sheets can block collapses: then the full detail is needed after all.
                 let alone = at_once(self.input, &memoryless, control)?;
                 if alone.0.report.faces < done.report.faces {
                     return Ok(alone);
@@ -137,7 +138,7 @@ impl<P: Place> Run<'_, P> {
     }
 }
 
-/// The second stage without the first.
+/// Runs the second stage without the first.
 fn at_once(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -149,7 +150,7 @@ fn at_once(
     Ok((done, held))
 }
 
-/// What the first stage held, where the second held it on.
+/// Maps the held wedges of the second stage back to the input, through the first.
 fn through(first: &Made, second: &Held, faces: usize) -> Held {
     let mut source: Vec<Option<WedgeId>> = vec![None; first.mesh.wedge_count()];
     for (f, t) in first.mesh.triangles().iter().enumerate() {

@@ -1,20 +1,20 @@
-//! How far a lighter group lies from the original: places on its faces from there, ever closer where they may be farther
-//! than all that were seen, and places of the original from it.
+//! Deviation of a simplified group from the original: sampled adaptively on its faces, with finer samples
+//! where larger distances are possible, and at samples of the original.
 
 use lodsmith_core::spatial::bvh::{Bvh, Hint};
 use lodsmith_core::{FaceId, TriMesh, VertexId};
 
-/// Places of the original that a cluster remembers: half of them those that lay farthest off. (All vertices and middles of
-/// faces for two rounds. With 64, what was measured was up to twice what was said.)
+/// Maximum number of samples of the original that a cluster keeps: half of them the farthest ones. (All
+/// vertices and face centres for two rounds. With 64, measured distances were up to twice the reported ones.)
 const SAMPLES: usize = 1024;
-/// How much farther off a place on a face is believed to be than the corners, as a share of the longest side, and how much
-/// farther than those and the middles of the sides, as a share of what these differ by. (Measured: with .2 and no second
-/// look nothing more is found on four models, in four times the time.)
+/// Assumed excess of the distance inside a face: over its corners, as a share of the longest side (`SLOPE`);
+/// over its corners and edge midpoints, as a share of their range (`BUMP`). (Measured: with .2 and no second
+/// check nothing more is found on four models, in four times the time.)
 const SLOPE: f64 = 0.15;
 const BUMP: f64 = 1.0;
-/// How often a face is cut into four.
+/// Maximum depth of the subdivision of a face into four.
 const DEPTH: usize = 4;
-/// What lies between the places that were looked at may be farther off by this factor. (Measured: see docs/cluster-lod.md.)
+/// Safety factor for the distance between samples. (Measured: see docs/cluster-lod.md.)
 const MARGIN: f64 = 1.08;
 
 /// The original surface.
@@ -22,7 +22,7 @@ pub(super) struct Original {
     tree: Bvh,
 }
 
-/// The distance of a lighter group, and the places of the original for each of its faces' clusters.
+/// Distance of a simplified group, and the samples of the original for each of its clusters.
 pub(super) struct Deviation {
     pub(super) error: f64,
     pub(super) samples: Vec<Vec<[f64; 3]>>,
@@ -33,7 +33,7 @@ impl Original {
         Self { tree: Bvh::new(&mesh.surface()) }
     }
 
-    /// Places on some faces of the original: corners and middles.
+    /// Returns samples on some faces of the original: vertices and face centres.
     pub(super) fn samples(&self, mesh: &TriMesh, faces: &[FaceId]) -> Vec<[f64; 3]> {
         let corners = faces.iter().flat_map(|f| mesh.triangles()[f.index()]);
         let mut vertices: Vec<VertexId> = corners.map(|w| mesh.vertex_of(w)).collect();
@@ -49,7 +49,8 @@ impl Original {
         all.into_iter().step_by(every).collect()
     }
 
-    /// Measures a mesh that stands for the places `samples`; `pieces` are its clusters, in the order of its faces.
+    /// Measures a mesh that replaces the surface at `samples`; `pieces` are its clusters, in the order of its
+    /// faces.
     pub(super) fn deviation(&self, mesh: &TriMesh, pieces: &[Vec<u32>], samples: &[[f64; 3]]) -> Deviation {
         let surface = mesh.surface();
         let positions = surface.positions();
@@ -82,8 +83,8 @@ fn side(p: [f64; 3], q: [f64; 3]) -> f64 {
     (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Looks at the middles of the sides of a triangle, whose corners are given with their distances, and at the four parts of it,
-/// as long as anything may be farther off than `error`.
+/// Measures at the edge midpoints of a triangle, whose corners are given with their distances, and subdivides
+/// it into four as long as some distance may exceed `error`.
 fn look_closer(
     corners: [([f64; 3], f64); 3],
     depth: usize,
@@ -112,10 +113,10 @@ fn look_closer(
     }
 }
 
-/// Half of what may stay are those farthest off, the others every so many of the rest.
+/// Thins samples out: half of those kept are the farthest, the others an even selection of the rest.
 fn thinned(mut samples: Vec<(f64, [f64; 3])>) -> Vec<[f64; 3]> {
     if samples.len() > SAMPLES {
-        // Stable: equal distances stay in their order.
+        // The sort is stable: equal distances keep their order.
         samples.sort_by(|a, b| b.0.total_cmp(&a.0));
         let rest = samples.split_off(SAMPLES / 2);
         let every = rest.len().div_ceil(SAMPLES - SAMPLES / 2);

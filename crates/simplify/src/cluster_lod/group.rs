@@ -1,23 +1,24 @@
-//! Clusters into groups: those with the most border between them, and what their groups share with others.
+//! Grouping of clusters that share much border, and the borders between groups.
 
 use lodsmith_core::VertexId;
 
 use super::{Build, Front};
 
-/// What a shared edge counts that lay on the border of two groups before: it was locked, and should become free.
-/// (Guessed.)
+/// Weight of a shared edge that was on the border of two groups before: it was locked, and should become
+/// free. (Guessed.)
 const OLD_BORDER: u32 = 2;
 
-/// An edge by its ends, the lesser first.
+/// An edge as a vertex pair, lower index first.
 pub(super) type Edge = [VertexId; 2];
 
-/// An edge of a cluster that faces of other clusters may share.
+/// An edge of a cluster that may be shared with other clusters.
 struct Open {
     edge: Edge,
     member: u32,
 }
 
-/// The edges of clusters that are not between two faces of theirs that look the same way.
+/// Returns the open edges of each cluster: those not between exactly two of its faces with consistent
+/// orientation.
 fn open_edges(build: &Build, front: &[Front]) -> Vec<Open> {
     let per_cluster = crate::cluster::pieces::each(front.len(), |member| {
         let mut edges: Vec<(Edge, i32)> = Vec::new();
@@ -34,7 +35,7 @@ fn open_edges(build: &Build, front: &[Front]) -> Vec<Open> {
     all
 }
 
-/// The edges of a face, with 1 or -1 for the way that they go.
+/// Returns the edges of a face, with 1 or -1 for their direction.
 pub(super) fn directed(t: [VertexId; 3]) -> [(Edge, i32); 3] {
     [0, 1, 2].map(|k| {
         let (a, b) = (t[k], t[(k + 1) % 3]);
@@ -42,7 +43,7 @@ pub(super) fn directed(t: [VertexId; 3]) -> [(Edge, i32); 3] {
     })
 }
 
-/// Which clusters share how much border: pairs in both directions, sorted.
+/// Returns the length of the border shared by each pair of clusters, in both directions, sorted.
 fn links(build: &Build, front: &[Front]) -> Vec<(u32, u32, u32)> {
     let open = open_edges(build, front);
     let from = |i: u32| build.clusters[front[i as usize].cluster].from;
@@ -59,7 +60,8 @@ fn links(build: &Build, front: &[Front]) -> Vec<(u32, u32, u32)> {
     sums.map(|run| (run[0].0, run[0].1, run.iter().map(|l| l.2).sum())).collect()
 }
 
-/// Groups of clusters, by their places in the front: about `wanted` in each, half as many to twice as many.
+/// Partitions clusters, given by indices into the front, into groups: about `wanted` in each, half to twice
+/// as many.
 pub(super) fn group(build: &Build, front: &[Front], wanted: usize) -> Vec<Vec<usize>> {
     if front.len() <= 2 * wanted {
         return vec![(0..front.len()).collect()];
@@ -101,7 +103,8 @@ pub(super) fn group(build: &Build, front: &[Front], wanted: usize) -> Vec<Vec<us
     groups
 }
 
-/// Groups that are too small join the one with which they share most; those that touch none join each other.
+/// Merges groups that are too small into the neighbour with which they share most; isolated ones are merged
+/// with each other.
 fn join_small<'a, L: Iterator<Item = &'a (u32, u32, u32)>>(
     groups: &mut [Vec<usize>],
     group_of: &mut [usize],
@@ -142,18 +145,18 @@ fn join_small<'a, L: Iterator<Item = &'a (u32, u32, u32)>>(
     }
 }
 
-/// What groups share with others.
+/// Borders between all groups.
 pub(super) struct Borders {
-    /// Whether several groups use a vertex, by its number in the pool.
+    /// True for vertices of the pool that several groups use.
     shared: Vec<bool>,
-    /// Edges that several groups have, by the number of the group.
+    /// Edges shared by several groups, each with the index of the group.
     edges: Vec<(u32, Edge)>,
 }
 
-/// What one group shares with others.
+/// Border of one group.
 pub(super) struct Border<'a> {
     shared: &'a [bool],
-    /// Edges that other groups have too, sorted.
+    /// Edges shared with other groups, sorted.
     edges: &'a [(u32, Edge)],
 }
 
@@ -169,7 +172,7 @@ impl Border<'_> {
     pub(super) fn is_shared(&self, vertex: VertexId) -> bool {
         self.shared[vertex.index()]
     }
-    /// Whether there is any.
+    /// True if the group shares any edge.
     pub(super) fn is_any(&self) -> bool {
         !self.edges.is_empty()
     }
@@ -181,7 +184,7 @@ impl Border<'_> {
     }
 }
 
-/// Finds what groups share.
+/// Finds the vertices and edges that groups share.
 pub(super) fn borders(build: &Build, front: &[Front], groups: &[Vec<usize>]) -> Borders {
     const NONE: u32 = u32::MAX;
     let mut owner = vec![NONE; build.pool.vertex_count()];

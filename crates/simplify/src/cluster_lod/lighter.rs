@@ -1,4 +1,4 @@
-//! One group: half its faces, clusters again, and whether its border stayed.
+//! Simplification of one group: halves its faces, re-clusters them, and verifies the border.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -14,34 +14,34 @@ use crate::control::NoControl;
 use crate::options::{SimplifyOptions, Stop};
 use crate::{Simplified, SimplifyError, simplify};
 
-/// The part of its faces that a group is to keep.
+/// Target fraction of the faces of a group.
 const WANTED: f64 = 0.5;
-/// ... and the most that is asked for, where that fills clusters better.
+/// Maximum target fraction, if that fills clusters better.
 const MOST_WANTED: f64 = 0.6;
 
-/// What became of a group.
+/// Result of simplifying a group.
 pub(super) enum Outcome {
-    /// It is lighter.
+    /// It was simplified.
     Lighter(Box<Made>),
-    /// Too little could go.
+    /// Too few faces could be removed.
     Stuck,
-    /// Its border is not what it was.
+    /// Its border was not preserved.
     Broken,
 }
 
-/// A lighter group.
+/// A simplified group.
 pub(super) struct Made {
-    /// Its faces, cluster after cluster.
+    /// Its faces, cluster by cluster.
     pub(super) mesh: TriMesh,
-    /// What of it is in the pool already.
+    /// Its vertices and wedges that are in the pool already.
     pub(super) known: Known,
     pub(super) pieces: Vec<Vec<u32>>,
     pub(super) error: f64,
-    /// Places of the original, for each cluster.
+    /// Samples of the original, for each cluster.
     pub(super) samples: Vec<Vec<[f64; 3]>>,
 }
 
-/// Makes a group lighter, up to its border.
+/// Simplifies a group and keeps its border.
 pub(super) fn lighter(
     build: &Build,
     members: &[&Front],
@@ -71,7 +71,7 @@ pub(super) fn lighter(
     let mut to = |wanted| {
         inner.stop = Stop::faces(wanted);
         match simplify(&group.mesh, &inner, &mut NoControl) {
-            // Nothing but needles: there is nothing to go by.
+            // Only zero-area faces: nothing can be simplified.
             Err(SimplifyError::NoFaces { .. }) => Ok(None),
             done => done.map(Some),
         }
@@ -79,7 +79,7 @@ pub(super) fn lighter(
     let mut done = to(wanted)?;
     let tears = |done: &Option<Simplified>| done.as_ref().is_some_and(|d| d.report.seams_relaxed);
     if tears(&done) && border.is_any() {
-        // Seams need not give way here: in another group they may have more room.
+        // Seams need not be relaxed here: another grouping may leave them more room.
         done = to(most)?.filter(|d| !d.report.seams_relaxed);
     }
     let Some(lighter) = done.map(|d| d.mesh).filter(|m| (1..=most).contains(&m.face_count())) else {
@@ -105,7 +105,7 @@ pub(super) fn lighter(
     })))
 }
 
-/// How much more often faces go along each edge in one direction than in the other, where they do.
+/// Returns the edges with more faces in one direction than in the other, and the difference.
 fn open_edges(faces: impl Iterator<Item = [VertexId; 3]>) -> HashMap<Edge, i32> {
     let mut net: HashMap<Edge, i32> = HashMap::new();
     for (edge, way) in faces.flat_map(directed) {
@@ -115,12 +115,13 @@ fn open_edges(faces: impl Iterator<Item = [VertexId; 3]>) -> HashMap<Edge, i32> 
     net
 }
 
-/// Whether the edges that other groups share go the same way as before, and whether what was closed but for them still is.
+/// True if the edges shared with other groups keep their faces per direction, and if a group that was closed
+/// apart from them still is.
 fn keeps_border(group: &Part, made: &TriMesh, known: &Known, border: &Border<'_>) -> bool {
     let before = open_edges(
         group.mesh.triangles().iter().map(|t| t.map(|w| group.vertices[group.mesh.vertex_of(w).index()])),
     );
-    // New vertices get numbers that none of the pool has.
+    // New vertices get numbers not used in the pool.
     let name = |v: VertexId| known.vertices[v.index()].unwrap_or(VertexId(u32::MAX - v.0));
     let after = open_edges(made.triangles().iter().map(|t| t.map(|w| name(made.vertex_of(w)))));
     let stays = border.edges().all(|e| before.get(&e) == after.get(&e));

@@ -1,8 +1,9 @@
-//! Faces into clusters: halves of halves, each cut across its longest way along the surface.
+//! Partition of faces into clusters by recursive bisection across the longest extent along the surface.
 //!
-//! Large meshes are first cut by planes into pieces of some clusters. Each piece is then cut by the walk over shared
-//! edges: two faces as far apart as the piece allows, and the line that is equally far from both. The halves of what is
-//! connected hang together nearly always, and the sizes are chosen so that clusters get full.
+//! Large meshes are first cut by planes into pieces of several clusters. Each piece is then bisected by
+//! geodesic distance over shared edges: two seed faces as far apart as possible, and the line at equal
+//! distance from both. The halves of a connected piece are nearly always connected, and their sizes are
+//! chosen to fill clusters.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -11,13 +12,14 @@ use lodsmith_core::{TriMesh, VertexId, WedgeId};
 
 use crate::cluster::pieces::each;
 
-/// Pieces cut by planes hold at most so many clusters: the walk costs more, and gains little on larger ones.
+/// Maximum number of clusters in a piece cut by planes: the geodesic search costs more, and gains little on
+/// larger ones.
 const PIECE: usize = 8;
-/// How many vertices a compact patch of n triangles has beyond n / 2, over the root of n: half of its border. (A hexagon
-/// has 1.2; ragged ones more; guessed.)
+/// Number of vertices of a compact patch of n triangles beyond n / 2, over the root of n: half of its border.
+/// (A hexagon has 1.2; ragged ones more; guessed.)
 const BORDER: f64 = 2.0;
 
-/// What a cluster may hold.
+/// Capacity of a cluster.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
     pub(super) triangles: usize,
@@ -25,19 +27,20 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    /// How many faces a cluster gets where there are so many wedges on so many faces.
+    /// Returns the number of faces to put into a cluster, for a mesh of `faces` faces and `wedges` wedges.
     pub(super) fn faces(&self, wedges: usize, faces: usize) -> usize {
         let count = faces.max(1) as f64;
         // Without the border of the set itself.
         let each = ((wedges as f64 - BORDER * count.sqrt()) / count).max(0.5);
         let fits = |n: &usize| each * *n as f64 + BORDER * (*n as f64).sqrt() <= self.vertices as f64;
-        // Where every corner is a wedge of its own there is no border to share.
+        // If every corner has its own wedge, no border is shared.
         let alone = self.vertices / 3;
         (1..=self.triangles).rev().find(fits).unwrap_or(1).max(alone.min(self.triangles)).max(1)
     }
 }
 
-/// The faces of each cluster; neighbours in the list lie near each other. In a cluster faces of one region stand together.
+/// Returns the faces of each cluster; clusters close together in the list are close in space. The faces of a
+/// cluster are sorted by region.
 pub(super) fn split(mesh: &TriMesh, budget: &Budget) -> Vec<Vec<u32>> {
     let centres = centres(mesh);
     let mut all: Vec<u32> = (0..mesh.face_count() as u32).collect();
@@ -47,7 +50,7 @@ pub(super) fn split(mesh: &TriMesh, budget: &Budget) -> Vec<Vec<u32>> {
     clusters.into_iter().flatten().collect()
 }
 
-/// The middle of each face, in a box of size 1.
+/// Returns the centre of each face, in a box of size 1.
 fn centres(mesh: &TriMesh) -> Vec<[f32; 3]> {
     let positions = mesh.positions().view();
     let Some(bounds) = positions.bounds() else { return vec![[0.0; 3]; mesh.face_count()] };
@@ -59,7 +62,7 @@ fn centres(mesh: &TriMesh) -> Vec<[f32; 3]> {
     mesh.triangles().iter().map(centre).collect()
 }
 
-/// The axis along which points lie farthest apart.
+/// Returns the axis with the largest extent of the face centres.
 fn longest_axis(faces: impl Iterator<Item = u32>, centres: &[[f32; 3]]) -> usize {
     let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for f in faces {
@@ -91,21 +94,21 @@ fn by_planes<'a>(
     by_planes(right, centres, most, each, out);
 }
 
-/// How many of so many items go left if they are to become so many parts of one size.
+/// Returns how many of `count` items go left, so that `parts` parts of equal size result.
 fn first_half(count: usize, parts: usize) -> usize {
     (count * (parts / 2)).div_ceil(parts.max(1)).clamp(1, count - 1)
 }
 
-/// Some faces, and which of them share edges.
+/// A set of faces with its edge adjacency.
 struct Piece<'a> {
     mesh: &'a TriMesh,
     centres: &'a [[f32; 3]],
-    /// Faces of the mesh; a face is called by its place here.
+    /// Faces of the mesh; all other fields use indices into this list.
     faces: Vec<u32>,
-    /// Neighbours, and where those of each face begin.
+    /// Neighbours of all faces, and the start of each face's range.
     neighbours: Vec<u32>,
     starts: Vec<u32>,
-    /// Which set each face belongs to at present.
+    /// Current set of each face.
     set_of: Vec<u32>,
     sets: u32,
     way: Vec<f32>,
@@ -170,7 +173,7 @@ impl<'a> Piece<'a> {
         done
     }
 
-    /// The faces of a set by their numbers in the mesh, by region.
+    /// Returns the mesh indices of the faces of a set, sorted by region.
     fn named(&self, set: Vec<u32>) -> Vec<u32> {
         let mut faces: Vec<u32> = set.into_iter().map(|i| self.faces[i as usize]).collect();
         faces.sort_unstable();
@@ -184,7 +187,7 @@ impl<'a> Piece<'a> {
         self.centres[self.faces[i as usize] as usize]
     }
 
-    /// Cuts a set into `at` faces and the rest.
+    /// Splits a set into `at` faces and the rest.
     fn halves(&mut self, set: Vec<u32>, at: usize) -> (Vec<u32>, Vec<u32>) {
         let (mut left, mut right) = (Vec::with_capacity(at), Vec::with_capacity(set.len() - at));
         for mut part in self.connected(&set) {
@@ -202,7 +205,7 @@ impl<'a> Piece<'a> {
         (left, right)
     }
 
-    /// The connected parts of a set, along its longest axis.
+    /// Returns the connected components of a set, sorted along its longest axis.
     fn connected(&mut self, set: &[u32]) -> Vec<Vec<u32>> {
         self.mark(set);
         let (own, mut parts) = (self.sets, Vec::<Vec<u32>>::new());
@@ -210,7 +213,7 @@ impl<'a> Piece<'a> {
             if self.set_of[first as usize] != own {
                 continue;
             }
-            // Zero is no set any more.
+            // Zero marks a visited face.
             self.set_of[first as usize] = 0;
             let mut part = vec![first];
             let mut next = 0;
@@ -245,7 +248,8 @@ impl<'a> Piece<'a> {
         }
     }
 
-    /// Puts the `at` faces of a connected part first that are nearer to one end of it than to the other.
+    /// Moves the `at` faces of a component to the front that are nearest to one of its ends, relative to the
+    /// other.
     fn by_way(&mut self, part: &mut [u32], at: usize) {
         let farthest = |way: &[f32], part: &[u32]| {
             let far = part
@@ -266,7 +270,7 @@ impl<'a> Piece<'a> {
         part.iter_mut().zip(keyed).for_each(|(slot, x)| *slot = x.1);
     }
 
-    /// How long the way from a face to every other face of a connected part is, from middle to middle.
+    /// Computes the path length from a face to every other face of a component, over face centres.
     fn walk(&mut self, part: &[u32], from: u32) {
         self.mark(part);
         for &i in part {
@@ -290,7 +294,7 @@ impl<'a> Piece<'a> {
                 let step = (0..3).map(|k| (p[k] - q[k]) * (p[k] - q[k])).sum::<f32>().sqrt();
                 if way + step < self.way[j as usize] {
                     self.way[j as usize] = way + step;
-                    // Numbers of 0 and more sort like their bits.
+                    // Non-negative floats sort like their bits.
                     self.heap.push(Reverse(((way + step).to_bits(), j)));
                 }
             }

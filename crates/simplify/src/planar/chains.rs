@@ -1,4 +1,4 @@
-//! The borders of regions: chains of edges between corners, which both sides share.
+//! Borders of regions, as chains of edges between corners that both sides share.
 
 use glam::DVec3;
 use lodsmith_core::topology::EdgeKind;
@@ -6,18 +6,18 @@ use lodsmith_core::{HalfEdgeId, Topology, VertexId};
 
 use super::regions::Regions;
 
-/// Chains are cut in the middle where they have been cut at their farthest vertex so many times on end: no chain takes
-/// quadratic time. (Chains that are halved about evenly have fewer vertices than 2 to this power.)
+/// Splitting depth beyond which chains are split in the middle instead of at their farthest vertex: no chain
+/// takes quadratic time. (Chains that are split about evenly have fewer vertices than 2 to this power.)
 const DEEPEST: u32 = 40;
 
-/// All borders of regions.
+/// All border chains.
 pub(super) struct Chains {
     start: Vec<usize>,
     vertices: Vec<VertexId>,
-    /// Whether a vertex is needed, for each of `vertices`.
+    /// True for each of `vertices` that the simplified chain keeps.
     needed: Vec<bool>,
     needed_edges: Vec<usize>,
-    /// Whether a chain goes round without a corner.
+    /// True for closed chains without a corner.
     is_free: Vec<bool>,
     side_start: Vec<usize>,
     sides: Vec<Side>,
@@ -27,33 +27,33 @@ pub(super) struct Chains {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Side {
     pub(super) region: u32,
-    /// Whether its faces are wound the way of the chain.
+    /// True if its faces are wound in the direction of the chain.
     pub(super) is_forward: bool,
 }
 
-/// What the borders say of a vertex.
+/// Classification of a vertex by the borders through it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Place {
-    /// No border comes here.
+    /// No border edge.
     #[default]
     Inside,
-    /// Two edges of borders, between the same regions.
+    /// Two border edges, between the same regions.
     Along([HalfEdgeId; 2]),
-    /// A border edge that waits for a second one.
+    /// One border edge so far.
     One(HalfEdgeId),
-    /// Any others.
+    /// Any other number.
     Corner,
 }
 
-/// Whether the edge of a half-edge is part of a border.
+/// True if the edge of a half-edge is part of a border.
 pub(super) fn is_border(topology: &Topology, regions: &Regions, h: HalfEdgeId) -> bool {
     let of = |h: HalfEdgeId| regions.of_face[h.face().index()];
     topology.kind(h) != Some(EdgeKind::Inner) || topology.twin(h).is_none_or(|g| of(g) != of(h))
 }
 
 impl Chains {
-    /// Finds the chains. `is_held` says which vertices have to stay; `flat` is how far those that are not needed may lie
-    /// from the edges that take their place. Cost: O(n log n).
+    /// Finds the chains. `is_held` is true for vertices to keep; `flat` is the largest distance of dropped
+    /// vertices from the edges that replace them. Cost: O(n log n).
     pub(super) fn new(
         topology: &Topology,
         regions: &Regions,
@@ -114,7 +114,7 @@ impl Chains {
         (all, places)
     }
 
-    /// Follows a border from a vertex along an edge to the next corner, or round.
+    /// Follows a border from a vertex along an edge to the next corner, or back to the start.
     fn walk(
         &mut self,
         topology: &Topology,
@@ -143,7 +143,7 @@ impl Chains {
         self.side_start.push(self.sides.len());
     }
 
-    /// Douglas-Peucker on each chain. Those that are closed keep three vertices.
+    /// Runs Douglas-Peucker on each chain. Closed ones keep three vertices.
     fn find_needed(&mut self, points: &[DVec3], flat: f64) {
         self.needed = vec![false; self.vertices.len()];
         let mut chain = Vec::new();
@@ -159,7 +159,8 @@ impl Chains {
             } else {
                 let closed = &mut self.vertices[first..last];
                 if self.is_free[c] {
-                    // Without a corner it may begin anywhere: at a tip, so that no vertex is kept for nothing.
+                    // A closed chain without a corner may start anywhere: starting at its farthest vertex
+                    // avoids keeping a superfluous one.
                     let centre = chain[..end].iter().sum::<DVec3>() / end as f64;
                     let tip = farthest(&chain[..end], |p| p.distance_squared(centre));
                     closed[..end].rotate_left(tip);
@@ -183,25 +184,25 @@ impl Chains {
     pub(super) fn count(&self) -> usize {
         self.start.len() - 1
     }
-    /// The regions along a chain, in order; one twice where it lies on both sides.
+    /// Returns the regions along a chain, sorted; a region on both sides occurs twice.
     pub(super) fn sides(&self, chain: usize) -> &[Side] {
         &self.sides[self.side_start[chain]..self.side_start[chain + 1]]
     }
-    /// Vertices that are not needed.
+    /// Number of vertices that can be dropped.
     pub(super) fn needless(&self, chain: usize) -> usize {
         self.edge_count(chain) - self.needed_edges[chain]
     }
     pub(super) fn edge_count(&self, chain: usize) -> usize {
         self.start[chain + 1] - self.start[chain] - 1
     }
-    /// The vertices of a chain: all, or those that are needed.
+    /// Returns the vertices of a chain: all, or the needed ones.
     pub(super) fn vertices(&self, chain: usize, all: bool) -> impl Iterator<Item = VertexId> + '_ {
         let range = self.start[chain]..self.start[chain + 1];
         range.filter(move |&i| all || self.needed[i]).map(|i| self.vertices[i])
     }
 }
 
-/// The regions along an edge, in order, seen in its direction or against it.
+/// Collects the regions along an edge, sorted, seen in its direction or against it.
 fn sides(topology: &Topology, regions: &Regions, h: HalfEdgeId, along: bool, out: &mut Vec<Side>) {
     out.clear();
     out.extend(topology.edge(h).map(|g| Side {
@@ -211,7 +212,7 @@ fn sides(topology: &Topology, regions: &Regions, h: HalfEdgeId, along: bool, out
     out.sort_unstable();
 }
 
-/// Marks the vertices between two of a chain that lie farther than `flat` from what takes their place.
+/// Marks the vertices between two of a chain that lie farther than `flat` from the edges that replace them.
 fn split(chain: &[DVec3], first: usize, last: usize, flat: f64, needed: &mut [bool]) {
     let mut open = vec![(first, last, 0)];
     while let Some((a, b, depth)) = open.pop() {
@@ -230,7 +231,7 @@ fn split(chain: &[DVec3], first: usize, last: usize, flat: f64, needed: &mut [bo
     }
 }
 
-/// The first of those for which `size` is largest.
+/// Returns the first point with the largest `size`.
 fn farthest(points: &[DVec3], size: impl Fn(DVec3) -> f64) -> usize {
     let better = |best: (usize, f64), (i, &p): (usize, &DVec3)| {
         let s = size(p);
@@ -264,7 +265,7 @@ mod tests {
         let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [4.0, 1.0]];
         assert_eq!(kept(&points, 1e-9), [3]);
         assert_eq!(kept(&points, 1.0), []);
-        // There and back again: the tip is needed, though it lies on the line.
+        // Out and back: the tip is needed, though it lies on the line.
         assert_eq!(kept(&[[0.0, 0.0], [1.0, 0.0], [4.0, 0.0], [2.0, 0.0]], 1e-9), [2]);
     }
 

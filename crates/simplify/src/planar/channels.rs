@@ -1,24 +1,25 @@
-//! Attributes as numbers that have to go on linearly over a region.
+//! Attributes as scalar channels that have to be linear over a region.
 
 use lodsmith_core::{Morphed, Semantic, TriMesh, WedgeId};
 
 use crate::options::AttributeWeights;
 use crate::rebuild::Ground;
 
-/// What may be between a value and the linear function of its region. Half a texel of a texture of 4096; a step of colours
-/// of eight bits; about half a degree; and as shares of the largest value, weights of skins and values of a name.
+/// Tolerances between a value and the linear function of its region: half a texel of a 4096 texture; one step
+/// of an 8-bit colour; about half a degree; and as a share of the largest value, for skin weights and custom
+/// attributes.
 const UV: f32 = 1e-4;
 const COLOR: f32 = 0.004;
 const NORMAL: f32 = 0.01;
 const OTHER: f32 = 1e-3;
-/// What single precision rounds by, as a share of the largest value.
+/// Rounding of single precision, as a share of the largest value.
 const ROUNDING: f32 = 5e-7;
 
-/// All numbers that stand at corners and vary.
+/// All scalar attribute channels that are not constant.
 #[derive(Default)]
 pub(super) struct Channels<'a> {
     scalars: Vec<Scalar<'a>>,
-    /// By face.
+    /// Wedges of each face.
     wedges: Vec<[WedgeId; 3]>,
 }
 
@@ -30,7 +31,8 @@ struct Scalar<'a> {
 }
 
 impl<'a> Channels<'a> {
-    /// Those of a mesh that have a weight, for faces of the ground; `flat` is in user units.
+    /// Collects the weighted channels of a mesh, for the faces of the prepared input; `flat` is in user
+    /// units.
     pub(super) fn new(
         mesh: Option<&'a TriMesh>,
         ground: &Ground,
@@ -63,7 +65,7 @@ impl<'a> Channels<'a> {
             let (weight, tolerance, share) = match a.semantic {
                 Semantic::Uv(_) => (weights.uv, UV, ROUNDING),
                 Semantic::Color(_) => (weights.color, COLOR, ROUNDING),
-                // Directions, like normals; numbers that name something have to be the same all over.
+                // Tangents are directions, like normals; numbers that identify something must be constant.
                 Semantic::Tangent => (weights.normal, NORMAL, ROUNDING),
                 Semantic::Joints(_) | Semantic::Discrete { .. } => (weights.other, 0.0, 0.0),
                 Semantic::Morph { of: Morphed::Position, .. } => (weights.morph, flat as f32, ROUNDING),

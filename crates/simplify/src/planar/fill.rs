@@ -1,4 +1,4 @@
-//! The inside of a region: a constrained Delaunay triangulation of its outline.
+//! Re-triangulation of a region: a constrained Delaunay triangulation of its outline.
 
 use glam::{DVec2, DVec3};
 use lodsmith_core::VertexId;
@@ -7,27 +7,27 @@ use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation
 
 use super::regions::height;
 
-/// Triangles lower than this, in the frame, have no area but rounding.
+/// Triangles lower than this, in the unit frame, have no area beyond rounding.
 const NO_HEIGHT: f64 = 1e-15;
-/// Triangles steeper than this over the plane of their region would be spikes; as the cosine. (Guessed.)
+/// Triangles steeper than this against the plane of their region would be spikes; a cosine. (Guessed.)
 const STEEPEST: f64 = 0.5;
 
-/// What is to be filled.
+/// Outline of a region and the requirements on its triangulation.
 pub(super) struct Outline<'a> {
     pub(super) points: &'a [DVec3],
     /// Unit normal of the region.
     pub(super) normal: DVec3,
-    /// Edges with the region on their left; those with it on both sides are there both ways.
+    /// Edges with the region on their left; edges with the region on both sides occur in both directions.
     pub(super) edges: &'a [[VertexId; 2]],
-    /// Vertices inside that stay.
+    /// Inner vertices to keep.
     pub(super) inside: &'a [VertexId],
-    /// How many triangles it has to be.
+    /// Required number of triangles.
     pub(super) face_count: usize,
-    /// Steep triangles no higher than this may be.
+    /// Height up to which steep triangles are allowed.
     pub(super) noise: f64,
 }
 
-/// A corner of the outline, in the plane.
+/// A vertex projected onto the plane.
 struct Corner {
     at: Point2<f64>,
     vertex: usize,
@@ -40,17 +40,17 @@ impl HasPosition for Corner {
     }
 }
 
-/// Scratch of triangulations.
+/// Scratch buffers of the triangulation.
 #[derive(Default)]
 pub(super) struct Filler {
-    /// The number of each vertex of the ground within the outline, plus one; zero elsewhere.
+    /// Index plus one of each vertex within the outline; zero for others.
     local: Vec<u32>,
     vertices: Vec<VertexId>,
 }
 
 impl Filler {
-    /// The triangles of an outline, or none where it is not simple in its plane: edges cross or run through a corner, or
-    /// what lies inside is not what it should be. Deterministic. Cost: about O(n log n).
+    /// Triangulates an outline, or returns `None` if it is not simple in its plane: edges cross or run
+    /// through a corner, or the inside is not as required. Deterministic. Cost: about O(n log n).
     pub(super) fn fill(&mut self, outline: &Outline<'_>) -> Option<Vec<[VertexId; 3]>> {
         self.local.resize(outline.points.len(), 0);
         self.vertices.clear();
@@ -69,7 +69,7 @@ impl Filler {
 
     fn triangulate(&self, outline: &Outline<'_>) -> Option<Vec<[VertexId; 3]>> {
         let (u, v) = outline.normal.any_orthonormal_pair();
-        // Smaller numbers are rounding, and too small for exact predicates.
+        // Smaller values are rounding, and too small for exact predicates.
         let clear = |x: f64| if x.abs() < 1e-40 { 0.0 } else { x };
         let at = |p: DVec3| DVec2::new(clear(u.dot(p)), clear(v.dot(p)));
         let corners: Vec<Corner> = self
@@ -94,14 +94,15 @@ impl Filler {
         for [a, b] in outline.edges {
             let (a, b) = (of(*a), of(*b));
             if !cdt.exists_constraint(a, b) {
-                // One edge, and not several with a corner in between.
+                // The edge must not be split by a corner in between.
                 let added = cdt.try_add_constraint(a, b);
                 if added.len() != 1 {
                     return None;
                 }
             }
         }
-        // What lies to the left of the outline is inside, and so is what it is joined to across other edges.
+        // Triangles to the left of the outline are inside, and so are those connected to them across
+        // unconstrained edges.
         let mut is_inside = vec![false; cdt.num_all_faces()];
         let mut open = Vec::new();
         for [a, b] in outline.edges {
@@ -130,7 +131,7 @@ impl Filler {
     }
 }
 
-/// Whether triangles are as many as they should be, cover the outline, and none is a spike or has no area.
+/// True if the triangles have the required number, cover the outline, and none is a spike or has no area.
 fn is_sound(outline: &Outline<'_>, faces: &[[VertexId; 3]]) -> bool {
     let Some(&[first, _]) = outline.edges.first() else { return false };
     let from = outline.points[first.index()];
@@ -145,7 +146,7 @@ fn is_sound(outline: &Outline<'_>, faces: &[[VertexId; 3]]) -> bool {
         let height = height([a, b, c]);
         height > NO_HEIGHT && (along >= STEEPEST * area.length() || height <= 2.0 * outline.noise)
     });
-    // Rounding aside, both are the same sum.
+    // Both sums are equal apart from rounding.
     stands && faces.len() == outline.face_count && (sum - around).abs() <= 1e-6 * sum
 }
 
@@ -159,7 +160,7 @@ mod tests {
         inside: &[u32],
         count: usize,
     ) -> Option<Vec<[VertexId; 3]>> {
-        // Tilted, so that nothing is along an axis.
+        // Tilted, so that nothing is axis-aligned.
         let (u, v) = (DVec3::new(0.6, 0.0, 0.8), DVec3::new(0.0, 1.0, 0.0));
         let points: Vec<DVec3> = points.iter().map(|p| u * p[0] + v * p[1]).collect();
         let edges: Vec<[VertexId; 2]> = loops
@@ -185,15 +186,15 @@ mod tests {
     #[test]
     fn a_square_with_a_hole() {
         // 3-------2
-        // | 7---6 |   the hole is walked clockwise
+        // | 7---6 |   the hole runs clockwise
         // | |   | |
         // | 4---5 |
         // 0-------1
         assert!(filled(&SQUARES, &[&[0, 1, 2, 3], &[4, 7, 6, 5]], &[], 8).is_some());
-        // As an island in it instead, or with another number of triangles, it is no such thing.
+        // Invalid as an island instead of a hole, or with another number of triangles.
         assert!(filled(&SQUARES, &[&[0, 1, 2, 3], &[4, 5, 6, 7]], &[], 8).is_none());
         assert!(filled(&SQUARES, &[&[0, 1, 2, 3], &[4, 7, 6, 5]], &[], 6).is_none());
-        // A vertex inside takes two triangles.
+        // An inner vertex adds two triangles.
         assert!(filled(&SQUARES, &[&[0, 1, 2, 3]], &[4], 4).is_some());
     }
 
@@ -203,7 +204,7 @@ mod tests {
         // A corner in the middle of an edge.
         let points = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 0.0], [0.0, 2.0]];
         assert!(filled(&points, &[&[0, 1, 2, 3, 4]], &[], 3).is_none());
-        // Two vertices at one place.
+        // Two coincident vertices.
         let points = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [2.0, 2.0], [0.0, 2.0]];
         assert!(filled(&points, &[&[0, 1, 2, 3, 4]], &[], 3).is_none());
     }

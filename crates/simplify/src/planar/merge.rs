@@ -1,4 +1,4 @@
-//! Which regions are filled anew, and what becomes of the surface.
+//! Selection of the regions to re-triangulate, and the resulting surface.
 
 use std::collections::HashMap;
 
@@ -13,13 +13,13 @@ use crate::SimplifyError;
 use crate::control::{Control, Verdict};
 use crate::report::Refusal;
 
-/// Rounds of mending; what still fails then leaves all faces as they were. (A round mends all that it finds; three are the
-/// most that was seen on dirty models.)
+/// Maximum number of repair rounds; after them all faces are kept as they were. (A round repairs everything
+/// that it finds; three are the most that was seen on dirty models.)
 const ROUNDS: usize = 40;
-/// Faces of regions between two questions to the caller.
+/// Faces of regions between two progress calls.
 const ASK_EVERY: usize = 4096;
 
-/// Faces and vertices: what a surface has, or is to come down to.
+/// Numbers of faces and vertices, of a surface or as a goal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Count {
     pub(super) faces: i64,
@@ -30,13 +30,14 @@ impl Count {
     pub(super) fn meets(self, goal: Self) -> bool {
         self.faces <= goal.faces || self.vertices <= goal.vertices
     }
-    /// How many vertices may be put inside a region while the goal stays met; each brings two faces.
+    /// Returns the number of vertices that can be kept inside a region while the goal stays met; each adds
+    /// two faces.
     fn spare(self, goal: Self) -> i64 {
         ((goal.faces - self.faces) / 2).max(goal.vertices - self.vertices).max(0)
     }
 }
 
-/// What is merged.
+/// Input of the merge.
 pub(super) struct Before<'a> {
     pub(super) points: &'a [DVec3],
     pub(super) faces: &'a [[VertexId; 3]],
@@ -46,45 +47,45 @@ pub(super) struct Before<'a> {
     pub(super) places: &'a [Place],
     pub(super) is_locked: &'a dyn Fn(VertexId) -> bool,
     pub(super) noise: f64,
-    /// Whether two borders may become one edge, where a slit without width closes.
+    /// True if two borders may become one edge, where a slit of zero width closes.
     pub(super) may_close: bool,
 }
 
-/// What may be done with a region.
+/// Permitted change of a region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Level {
-    /// Filled anew in what is needed of its outline.
+    /// Re-triangulate with the simplified outline.
     Free,
-    /// Filled anew in its outline as it was.
+    /// Re-triangulate with the original outline.
     Outline,
-    /// Left as it was.
+    /// Keep unchanged.
     Whole,
 }
 
-/// What is inside a region.
+/// Inner vertices of a region.
 #[derive(Clone, Copy, Default)]
 struct Inside {
     /// Closed fans.
     fans: i64,
-    /// Vertices that have no other fan, so that they go with it.
+    /// Vertices with no other fan, so that they can be removed.
     vertices: i64,
-    /// Those of them that are locked.
+    /// Locked ones among them.
     locked: i64,
 }
 
 #[derive(Clone, Default, PartialEq, Eq)]
 struct Plan {
     is_chosen: Vec<bool>,
-    /// Chains that lose their needless vertices.
+    /// Chains whose needless vertices are dropped.
     is_cut: Vec<bool>,
-    /// A region, and how many of its vertices stay inside.
+    /// A region, and the number of inner vertices that it keeps.
     spared: Option<(usize, i64)>,
 }
 
-/// What came of it.
+/// Result of the merge.
 pub(super) struct Merged {
     pub(super) faces: Vec<[VertexId; 3]>,
-    /// For each a face before, of the same region.
+    /// For each face, an input face of the same region.
     pub(super) stands_for: Vec<usize>,
     pub(super) filled: u64,
     pub(super) refusals: [u64; Refusal::ALL.len()],
@@ -93,14 +94,14 @@ pub(super) struct Merged {
 
 pub(super) struct Merge<'a> {
     before: Before<'a>,
-    /// For each region where its entries begin, and the chains along it with the way they run.
+    /// Start of each region's entries, and the chains along each region with their direction.
     entry_start: Vec<usize>,
     entries: Vec<(u32, bool)>,
     inside: Vec<Inside>,
-    /// The region that each vertex lies inside of, with all of its faces.
+    /// The region that surrounds each vertex with all of its faces.
     owner: Vec<u32>,
     level: Vec<Level>,
-    /// Regions that save something, those first that save most.
+    /// Regions with savings, largest first.
     order: Vec<usize>,
     fills: Vec<Option<Vec<[VertexId; 3]>>>,
     refusals: [u64; Refusal::ALL.len()],
@@ -174,7 +175,7 @@ impl<'a> Merge<'a> {
                         let r = region(fan[0]) as usize;
                         self.inside[r].fans += 1;
                         if is_locked {
-                            // It has to stay, in a place where another part of the surface comes too.
+                            // The vertex is locked, and other parts of the surface share it.
                             self.level[r] = Level::Whole;
                         }
                     }
@@ -187,7 +188,7 @@ impl<'a> Merge<'a> {
         &self.entries[self.entry_start[region]..self.entry_start[region + 1]]
     }
 
-    /// Faces that go when a region is filled anew and all around it are.
+    /// Number of faces removed if a region and all around it are re-triangulated.
     fn savings(&self, region: usize) -> i64 {
         let inside = &self.inside[region];
         let needless = |&(c, _): &(u32, bool)| self.before.chains.needless(c as usize) as i64;
@@ -234,7 +235,7 @@ impl<'a> Merge<'a> {
         plan
     }
 
-    /// Fills regions, and mends what comes of it until all is sound.
+    /// Fills regions, and repairs conflicts until the result is valid.
     pub(super) fn run(
         mut self,
         goal: Count,
@@ -270,7 +271,7 @@ impl<'a> Merge<'a> {
                         Verdict::Cancel => return Err(SimplifyError::Cancelled),
                     }
                     if is_over {
-                        // What is filled stays, as far as it does not wait for what is not.
+                        // Filled regions are kept unless they depend on unfilled ones.
                         for &r in &self.order[i..] {
                             self.level[r] = Level::Whole;
                         }
@@ -297,7 +298,7 @@ impl<'a> Merge<'a> {
         unreachable!("the last round returns")
     }
 
-    /// Whether a region is not what the plan wants.
+    /// True if the present fill of a region does not match the plan.
     fn is_stale(&self, r: usize, last: &Plan, plan: &Plan) -> bool {
         let was_chosen = last.is_chosen.get(r).copied().unwrap_or(false);
         let spared = |p: &Plan| p.spared.filter(|s| s.0 == r).map_or(0, |s| s.1);
@@ -308,7 +309,7 @@ impl<'a> Merge<'a> {
             || self.entries(r).iter().any(|e| cut(last, e.0) != cut(plan, e.0))
     }
 
-    /// Fills a region anew; false if that does not go. One that would not get lighter stays as it is.
+    /// Re-triangulates a region; returns false on failure. A region that would not lose faces is kept.
     fn fill(&mut self, r: usize, plan: &Plan, filler: &mut Filler) -> bool {
         let before = &self.before;
         let inside = &self.inside[r];
@@ -345,7 +346,8 @@ impl<'a> Merge<'a> {
         self.fills[r].is_some()
     }
 
-    /// The locked vertices inside a region, and so many others, evenly along the curve that vertices are ordered by.
+    /// Returns the locked inner vertices of a region, and `spared` others, evenly along the Morton order of
+    /// the vertices.
     fn stay_inside(&self, r: usize, spared: i64) -> Vec<VertexId> {
         if self.inside[r].locked + spared == 0 {
             return Vec::new();
@@ -361,7 +363,7 @@ impl<'a> Merge<'a> {
         stay
     }
 
-    /// Takes a region back a level.
+    /// Moves a region to a stricter level.
     fn refuse(&mut self, r: usize, why: Refusal, plan: &Plan) {
         let has_cuts = self.entries(r).iter().any(|e| plan.is_cut[e.0 as usize]);
         self.fills[r] = None;
@@ -374,7 +376,7 @@ impl<'a> Merge<'a> {
         }
     }
 
-    /// All faces as they are now, the face before that each stands for, and the region that it was filled into.
+    /// Returns all current faces, the input face that each replaces, and the region that it was filled into.
     fn faces(&self) -> (Vec<[VertexId; 3]>, Vec<usize>, Vec<u32>) {
         let before = &self.before;
         let (mut faces, mut stands_for, mut region) = (Vec::new(), Vec::new(), Vec::new());
@@ -399,7 +401,7 @@ impl<'a> Merge<'a> {
         (faces, stands_for, region)
     }
 
-    /// Takes regions back whose new edges or faces stand where others stand already; true if there are none.
+    /// Reverts regions whose new edges or faces conflict with existing ones; returns true if there are none.
     fn mend(&mut self, faces: &[[VertexId; 3]], region: &[u32], plan: &Plan) -> bool {
         if self.fills.iter().all(Option::is_none) {
             return true;
@@ -409,7 +411,7 @@ impl<'a> Merge<'a> {
         let topology = Topology::unwelded(&surface);
         let borders = self.cut_edges(plan);
         let mut wrong: Vec<usize> = Vec::new();
-        // The latest of the regions filled along an edge goes back: the others may stay.
+        // Of the regions filled along an edge the last is reverted: the others may stay.
         let latest = |h: HalfEdgeId| {
             topology
                 .edge(h)
@@ -449,7 +451,7 @@ impl<'a> Merge<'a> {
         wrong.is_empty()
     }
 
-    /// Faces along an edge before, if that was of a kind that is no better; none if it was not there.
+    /// Returns the number of faces along an edge in the input, if that edge was of the same kind; else 0.
     fn faces_before(&self, [a, b]: [VertexId; 2], kind: Option<EdgeKind>) -> usize {
         let topology = self.before.topology;
         let found = topology
@@ -464,7 +466,8 @@ impl<'a> Merge<'a> {
         }
     }
 
-    /// The new edges of chains that lost vertices and do not have two faces that go opposite ways: how many they have.
+    /// Returns the new edges of simplified chains that do not have two opposite faces, with the number of
+    /// faces at each.
     fn cut_edges(&self, plan: &Plan) -> HashMap<[VertexId; 2], usize> {
         let chains = self.before.chains;
         let mut edges = HashMap::new();

@@ -1,4 +1,4 @@
-//! Which faces lie in one plane: regions, grown over manifold edges from the largest faces on.
+//! Coplanar regions, grown over manifold edges from the largest faces on.
 
 use glam::{DMat2, DVec2, DVec3};
 use lodsmith_core::topology::EdgeKind;
@@ -10,42 +10,42 @@ use crate::control::{Control, Verdict};
 
 /// No region.
 pub(super) const NONE: u32 = u32::MAX;
-/// Faces between two questions to the caller.
+/// Faces between two progress calls.
 const ASK_EVERY: usize = 4096;
 
-/// What faces of one region may differ by, in the frame.
+/// Tolerances within a region, in the unit frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tolerance {
     /// Distance from the plane.
     pub(super) flat: f64,
     /// Angle between a face and the plane.
     pub(super) angle_rad: f64,
-    /// What rounding may have moved a vertex by: faces no higher than this have no normal to speak of.
+    /// Largest displacement of a vertex by rounding: faces no higher than this have no reliable normal.
     pub(super) noise: f64,
 }
 
-/// What regions grow over.
+/// Input of the region growing.
 pub(super) struct Field<'a> {
     pub(super) points: &'a [DVec3],
     pub(super) faces: &'a [[VertexId; 3]],
     pub(super) topology: &'a Topology,
     pub(super) channels: &'a Channels<'a>,
-    /// What each face stands under, where there are several.
+    /// The region of the mesh that each face belongs to, if there are several.
     pub(super) given: Option<&'a [RegionId]>,
-    /// Faces that stay as they are.
+    /// Predicate for faces that stay unchanged.
     pub(super) is_fixed: &'a dyn Fn(usize) -> bool,
     pub(super) tolerance: Tolerance,
 }
 
-/// Faces by region.
+/// Faces grouped by region.
 #[derive(Default)]
 pub(super) struct Regions {
     pub(super) of_face: Vec<u32>,
-    /// Unit normal of each region's plane; zero where a region is a face without area.
+    /// Unit normal of each region's plane; zero for a face without area.
     pub(super) normals: Vec<DVec3>,
     start: Vec<usize>,
     faces: Vec<u32>,
-    /// Whether the caller ended it, and the last faces stand alone.
+    /// True if the caller ended the growing early, so that the last faces are regions of one.
     pub(super) is_over: bool,
 }
 
@@ -58,17 +58,18 @@ impl Regions {
     }
 }
 
-/// Grows regions until each face has one. Where the caller wants to finish, the faces that are left are regions of one.
+/// Grows regions until each face has one. If the caller finishes early, the remaining faces become regions of
+/// one.
 ///
-/// At any time all faces of a region lie within the tolerance of its plane, and their attributes within theirs of linear
-/// functions on it. Plane and functions are taken anew whenever the region has doubled, and only if they fit all of it.
-/// Cost: O(n log n) for the order of the seeds, O(n) for the rest.
+/// At any time all faces of a region lie within the tolerance of its plane, and their attributes within their
+/// tolerance of linear functions on it. Plane and functions are refitted whenever the region has doubled, and
+/// only if they fit all of it. Cost: O(n log n) to sort the seeds, O(n) for the rest.
 pub(super) fn grow(field: &Field<'_>, control: &mut dyn Control) -> Result<Regions, SimplifyError> {
     let count = field.faces.len();
     let mut seeds: Vec<(u32, u32)> = (0..count)
         .map(|f| {
             let area = field.double_area(f).length() as f32;
-            // Larger ones first; bits of positive numbers are in their order.
+            // Larger ones first; the bits of positive floats sort like the numbers.
             (!area.to_bits(), f as u32)
         })
         .collect();
@@ -122,7 +123,7 @@ pub(super) fn grow(field: &Field<'_>, control: &mut dyn Control) -> Result<Regio
                 if size > taken_anew {
                     taken_anew = size;
                     if plane.take_anew(field, &regions.faces[first..]) {
-                        // What did not fit the plane of before may fit this one.
+                        // Faces rejected by the previous plane may fit this one.
                         rejected.retain(|&other| {
                             let f = other as usize;
                             let joins = regions.of_face[f] == NONE && plane.takes(field, f);
@@ -143,7 +144,7 @@ pub(super) fn grow(field: &Field<'_>, control: &mut dyn Control) -> Result<Regio
         regions.normals.push(plane.normal);
         if !is_over && regions.faces.len() >= asked + ASK_EVERY {
             asked = regions.faces.len();
-            // About half of the work of a run.
+            // Region growing is about half of the run.
             match control.progress(0.5 * asked as f64 / count as f64) {
                 Verdict::Continue => {}
                 Verdict::Finish => is_over = true,
@@ -168,15 +169,16 @@ impl Field<'_> {
     }
 }
 
-/// Twice the area of a triangle over its longest edge.
+/// Returns the height of a triangle over its longest edge.
 pub(super) fn height([a, b, c]: [DVec3; 3]) -> f64 {
     let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
     if longest > 0.0 { (b - a).cross(c - a).length() / longest.sqrt() } else { 0.0 }
 }
 
-/// The plane of a region that grows, the heights of its vertices, and its attributes as functions of the place.
+/// The plane of a growing region, the height range of its vertices, and its attributes as functions of
+/// position.
 struct Plane {
-    /// Heights and places are measured from here.
+    /// Origin of heights and positions.
     from: DVec3,
     normal: DVec3,
     low: f64,
@@ -202,7 +204,7 @@ impl Plane {
         }
     }
 
-    /// The plane of one face; false where it has none.
+    /// Initialises with the plane of one face; false if it has none.
     fn begin(&mut self, field: &Field<'_>, seed: usize) -> bool {
         self.from = field.corners(seed)[0];
         self.normal = field.double_area(seed).normalize_or_zero();
@@ -218,7 +220,8 @@ impl Plane {
         true
     }
 
-    /// The average plane of all faces and the best functions on it, if all faces keep within the tolerance of them.
+    /// Refits the plane and the functions to all faces; keeps the old ones and returns false if some face
+    /// exceeds the tolerance.
     fn take_anew(&mut self, field: &Field<'_>, faces: &[u32]) -> bool {
         let sum: DVec3 = faces.iter().map(|&f| field.double_area(f as usize)).sum();
         let normal = snapped(sum.normalize_or_zero());
@@ -251,7 +254,7 @@ impl Plane {
         })
     }
 
-    /// Takes a face in if it keeps within the tolerance.
+    /// Adds a face if it is within the tolerance.
     fn takes(&mut self, field: &Field<'_>, face: usize) -> bool {
         let heights = field.corners(face).map(|p| self.normal.dot(p - self.from));
         let low = heights.into_iter().fold(self.low, f64::min);
@@ -265,7 +268,7 @@ impl Plane {
         joins
     }
 
-    /// Whether the attributes of a face are what the functions say.
+    /// True if the attributes of a face match the functions.
     fn goes_on(&self, field: &Field<'_>, face: usize) -> bool {
         let corners = field.corners(face);
         self.functions.iter().enumerate().all(|(i, f)| {
@@ -276,7 +279,7 @@ impl Plane {
         })
     }
 
-    /// The functions that fit the corners of faces best, by least squares weighted by area.
+    /// Fits linear functions to the corners of faces, by least squares weighted by area.
     fn functions_of(&self, field: &Field<'_>, normal: DVec3, faces: &[u32]) -> Option<Vec<Linear>> {
         let (u, v) = normal.any_orthonormal_pair();
         let at = |p: DVec3| DVec2::new(u.dot(p - self.from), v.dot(p - self.from));
@@ -310,7 +313,7 @@ impl Plane {
             }
         }
         let size = square.col(0).x + square.col(1).y;
-        // Faces on a line leave the slope across it open.
+        // Collinear faces leave the slope across their line undetermined.
         if square.determinant() <= 1e-20 * size * size {
             return None;
         }
@@ -323,7 +326,7 @@ impl Plane {
     }
 }
 
-/// Whether a face lies along a plane, as far as its normal can be told.
+/// True if a face is parallel to a plane, as far as its normal is reliable.
 fn is_along(field: &Field<'_>, normal: DVec3, face: usize) -> bool {
     let tolerance = &field.tolerance;
     let area = field.double_area(face);
@@ -333,12 +336,12 @@ fn is_along(field: &Field<'_>, normal: DVec3, face: usize) -> bool {
         return true;
     }
     let height = height(field.corners(face));
-    // A face this low may stand any way; others may be tilted by what rounding does to them.
+    // Faces this low may have any orientation; others may be tilted by as much as rounding explains.
     height <= 2.0 * tolerance.noise
         || along > 0.0 && across <= area.length() * (sin + 2.0 * tolerance.noise / height)
 }
 
-/// Without what rounding adds to a normal along an axis, so that coordinates in the plane are exact there.
+/// Removes the rounding of axis-aligned normals, so that coordinates in the plane are exact there.
 fn snapped(normal: DVec3) -> DVec3 {
     let snap = |x: f64| if x.abs() < 1e-12 { 0.0 } else { x };
     DVec3::new(snap(normal.x), snap(normal.y), snap(normal.z)).normalize_or_zero()

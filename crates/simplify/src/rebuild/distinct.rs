@@ -1,9 +1,9 @@
-//! Faces that stand twice.
+//! Duplicate faces.
 
 use lodsmith_core::VertexId;
 
-/// For each face whether none before it names the same vertices with the same winding. Faces come by their least vertex.
-/// Cost: O(n log n).
+/// Returns for each face true unless an earlier one has the same vertices with the same winding. Faces are
+/// sorted by their lowest vertex. Cost: O(n log n).
 pub(super) fn first_of_each(faces: &[[VertexId; 3]]) -> Vec<bool> {
     let least = |t: &[VertexId; 3]| t[0].min(t[1]).min(t[2]);
     let mut keep = vec![true; faces.len()];
@@ -28,7 +28,7 @@ pub(super) fn first_of_each(faces: &[[VertexId; 3]]) -> Vec<bool> {
     keep
 }
 
-/// Leaves out what is not to be kept.
+/// Removes the items that are not to be kept.
 pub(super) fn retain<T: Copy>(all: &mut Vec<T>, keep: &[bool]) {
     let mut keep = keep.iter();
     all.retain(|_| keep.next().is_some_and(|k| *k));

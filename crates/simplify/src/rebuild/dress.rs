@@ -1,8 +1,8 @@
-//! What the corners of a new surface carry, from the nearest places of the old one.
+//! Attribute transfer from the original surface to the corners of a new one.
 //!
-//! A new face belongs to one place of the old surface: the one under its centre. From there its corners look for their
-//! nearest points without stepping over a seam, so a face that lies over a seam takes all of its values from one side. Seams
-//! of shading are another matter than those of textures: each has its own neighbourhood.
+//! A new face belongs to one position of the original surface: the one under its centre. From there its
+//! corners search for their nearest points without crossing a seam, so a face across a seam takes all of its
+//! values from one side. Shading seams and texture seams are separate: each kind has its own neighbourhood.
 
 use std::collections::HashMap;
 
@@ -18,37 +18,37 @@ use crate::care::Held;
 use crate::collapse::attributes::{Attributes, Pulls};
 use crate::collapse::order::NONE;
 
-/// No neighbour: a border, a seam or a fork.
+/// No neighbour: at a border, a seam or a non-manifold edge.
 const ALONE: u32 = u32::MAX;
-/// Cosine of the angle beyond which a face of the old surface is no place for one of the new.
+/// Cosine of the angle beyond which a face of the original faces away from a new one.
 const AWAY: f64 = -0.2;
-/// More than rounding makes of a distance, in a frame of size 1.
+/// Upper limit of the rounding of a distance, in a frame of size 1.
 const SLACK: f64 = 1e-9;
-/// How far a corner is drawn towards the middle of its face where several old faces are equally near.
+/// Share by which a corner is moved towards the centre of its face to choose among equally near faces.
 const INWARDS: f64 = 0.1;
-/// Rows at one vertex whose values differ by less than this share of the largest of their kind are one.
+/// Rows at one vertex whose values differ by less than this share of the largest of their kind are merged.
 const ALIKE: f32 = 1e-5;
-/// Corners at a locked vertex among which one is looked for, so that the work at fans stays in proportion. Guessed: all
-/// but centres of fans have fewer.
+/// Maximum number of corners searched at a locked vertex, so that the work at fans stays proportional.
+/// Guessed: all but centres of fans have fewer.
 const MOST_CORNERS: usize = 64;
 
-/// Values at the corners of the old surface.
+/// Attribute values at the corners of the original surface.
 pub(super) struct Clothes<'a> {
     pub(super) ground: &'a Ground,
     pub(super) rows: &'a Rows,
     pub(super) attributes: &'a Attributes,
-    /// The row of each corner of the ground.
+    /// The value row of each corner of the prepared input.
     pub(super) corners: &'a [[WedgeId; 3]],
-    /// The wedge of the input there.
+    /// The input wedge of each such corner.
     pub(super) wedges: &'a [[WedgeId; 3]],
-    /// What the new corners have of shading already, where that stays.
+    /// The shading of the new corners, if it is to be kept.
     pub(super) shading: Option<Shading<'a>>,
 }
 
 /// Values of the new corners, and the row of each.
 pub(crate) type Shading<'a> = (&'a Attributes, &'a [[WedgeId; 3]]);
 
-/// What the new surface carries.
+/// Attributes of the new surface.
 pub(super) struct Dressed {
     pub(super) corners: Vec<[WedgeId; 3]>,
     pub(super) attributes: Attributes,
@@ -56,7 +56,8 @@ pub(super) struct Dressed {
     pub(super) held: Held,
 }
 
-/// Dresses the faces of `made`. Cost: O(n log n) for n faces of the ground; a new face looks at the old ones under it.
+/// Transfers attributes to the faces of `made`. Cost: O(n log n) for n faces of the prepared input; a new
+/// face visits the original ones under it.
 pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, SimplifyError> {
     let Clothes { ground, rows, attributes, .. } = *clothes;
     let points: Vec<[f64; 3]> = ground.points.iter().map(|p| p.to_array()).collect();
@@ -90,7 +91,7 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
     let mut values: Vec<f32> = Vec::new();
     let mut pulls: Vec<Pulls> = Vec::new();
     let mut labels: Vec<u32> = Vec::new();
-    // Rows of each new vertex so far, as a chain.
+    // Rows of each new vertex so far, as a linked list.
     let mut first = vec![NO_ROW; made.points.len()];
     let mut next: Vec<u32> = Vec::new();
     let mut corners = vec![[WedgeId(0); 3]; made.faces.len()];
@@ -151,7 +152,7 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
                 }
             }
             own_held[k] = wedge.filter(|_| exact);
-            // An equal row of this vertex, or a new one.
+            // Reuses an equal row of this vertex, or adds one.
             let mut known = first[v.index()];
             while known != NO_ROW {
                 let r = known as usize;
@@ -189,8 +190,8 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
 
 const NO_ROW: u32 = u32::MAX;
 
-/// The face of the ground nearest to the centre of a new face, of its region where that is settled, that does not look the
-/// other way; if all do, the nearest of the region; if there is none, the nearest.
+/// Returns the original face nearest to the centre of a new face, in its region if that is determined, that
+/// does not face away; if all do, the nearest of the region; if there is none, the nearest of all.
 fn under(tree: &Bvh, ground: &Ground, centre: DVec3, normal: DVec3, settled: Option<RegionId>) -> usize {
     let is_ours = |f: FaceId| settled.is_none() || ground.regions.as_ref().map(|r| r[f.index()]) == settled;
     let faces_us = |f: FaceId| {
@@ -203,13 +204,13 @@ fn under(tree: &Bvh, ground: &Ground, centre: DVec3, normal: DVec3, settled: Opt
     hit.map_or(0, |h| h.face.index())
 }
 
-/// For each edge of each face (the one from corner k to the next) the face beyond it, or [`ALONE`].
+/// Returns for each edge of each face (from corner k to the next) the face beyond it, or [`ALONE`].
 fn neighbours(
     faces: &[[VertexId; 3]],
     vertices: usize,
     joined: impl Fn([usize; 2], [[usize; 2]; 2]) -> bool,
 ) -> Vec<[u32; 3]> {
-    // Edges by their lesser end: a counting sort, then a look through the few at each vertex.
+    // Edges by their lower end: a counting sort, then a sort of the few at each vertex.
     let ends = |f: usize, k: usize| [faces[f][k], faces[f][(k + 1) % 3]];
     let mut at = vec![0u32; vertices + 1];
     for f in 0..faces.len() {
@@ -238,7 +239,7 @@ fn neighbours(
         for same in own.chunk_by(|a, b| a.0 == b.0) {
             let &[(_, one), (_, other)] = same else { continue };
             let [(f, k), (g, l)] = [one, other].map(|x| (x as usize / 3, x as usize % 3));
-            // Corners at the same vertex, on either side.
+            // Corners at the same vertex, on both sides.
             let is_turned = faces[f][k] == faces[g][l];
             let pairs = match is_turned {
                 true => [[k, l], [(k + 1) % 3, (l + 1) % 3]],
@@ -252,10 +253,10 @@ fn neighbours(
     beyond
 }
 
-/// Old faces around the place of a new one, as far as no seam lies between.
+/// Original faces around a new one, up to the next seam.
 struct Patch {
     links: Vec<[u32; 3]>,
-    /// The box of each old face.
+    /// Bounding box of each original face.
     boxes: Vec<[DVec3; 2]>,
     faces: Vec<u32>,
     seen: Vec<u32>,
@@ -279,14 +280,14 @@ impl Patch {
         Self { links, boxes, faces: Vec::new(), seen: vec![0; ground.faces.len()], turn: 0 }
     }
 
-    /// The square of a distance that no point of a face comes nearer than, but for rounding.
+    /// Lower bound of the squared distance to a face, apart from rounding.
     #[inline(always)]
     fn at_least_sq(&self, face: usize, place: DVec3) -> f64 {
         let [min, max] = self.boxes[face];
         (min - place).max(place - max).max(DVec3::ZERO).length_squared()
     }
 
-    /// Takes the faces around `from` whose distance from the centre is up to the radius, and more if the surface is further
+    /// Collects the faces around `from` within the radius from the centre, or more if the surface is farther
     /// away.
     fn grow(&mut self, ground: &Ground, from: usize, centre: DVec3, radius: f64) {
         let distance_sq =
@@ -313,8 +314,8 @@ impl Patch {
         }
     }
 
-    /// The nearest point to a corner; where several faces share it, on the one towards the centre. A vertex that was kept is
-    /// found as itself, where the patch has it.
+    /// Returns the nearest point to a corner; if several faces share it, on the one towards the centre. A
+    /// kept vertex is matched to itself, if the patch contains it.
     fn nearest(&self, ground: &Ground, place: DVec3, centre: DVec3, kept: VertexId) -> Place {
         let corners = |f: u32| ground.faces[f as usize].map(|v| ground.points[v.index()]);
         let inwards = place.lerp(centre, INWARDS);
@@ -323,12 +324,12 @@ impl Patch {
         for &f in &self.faces {
             let own =
                 if kept == NONE { None } else { ground.faces[f as usize].iter().position(|v| *v == kept) };
-            // (Most are out of the question at a glance.)
+            // (Most are ruled out by their boxes.)
             if own.is_none() && self.at_least_sq(f as usize, place) > most {
                 continue;
             }
             let distance_sq = if own.is_some() { 0.0 } else { nearest(place, corners(f)).distance_sq };
-            // Equal but for rounding, in a frame of size 1.
+            // Equal apart from rounding, in a frame of size 1.
             if distance_sq.sqrt() > best.0.sqrt() + 1e-12 {
                 continue;
             }
@@ -351,8 +352,8 @@ impl Patch {
     }
 }
 
-/// The corners of the ground at each locked vertex, as face and corner: nothing else may stand there in the result, also
-/// where a new face lies on another side of a seam than all of them.
+/// The corners of the prepared input at each locked vertex, as face and corner: the result may only have
+/// attributes of these, even if a new face lies on the far side of a seam from all of them.
 struct Locked(HashMap<VertexId, Vec<(u32, usize)>>);
 
 impl Locked {
@@ -368,7 +369,8 @@ impl Locked {
         Self(at)
     }
 
-    /// The corner at a locked vertex that a new face there has: of one in the patches if there is any, then of the nearest.
+    /// Returns the corner that a new face takes at a locked vertex: one in the patches if possible, then the
+    /// nearest.
     fn corner(
         &self,
         ground: &Ground,
@@ -389,12 +391,12 @@ impl Locked {
     }
 }
 
-/// The corner that counts most, of equal ones the first.
+/// Returns the corner with the largest weight, the first of equal ones.
 fn nearest_corner(weights: &[f64; 3]) -> usize {
     (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
 }
 
-/// Joints of a blend, the strongest first.
+/// Blends joint weights, strongest first.
 fn blend(of: &[&Pulls; 3], weights: &[f64; 3]) -> Pulls {
     let mut all: Pulls = Vec::new();
     for (pulls, weight) in of.iter().zip(weights).filter(|x| *x.1 > 0.0) {
@@ -410,7 +412,7 @@ fn blend(of: &[&Pulls; 3], weights: &[f64; 3]) -> Pulls {
     all
 }
 
-/// Whether two sets of joints pull alike, but for rounding.
+/// True if two sets of joint weights are equal apart from rounding.
 fn alike(a: &Pulls, b: &Pulls) -> bool {
     let pull = |of: &Pulls, joint: u32| of.iter().find(|x| x.0 == joint).map_or(0.0, |x| x.1);
     let one_way =

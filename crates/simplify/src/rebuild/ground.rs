@@ -1,4 +1,4 @@
-//! What methods that make a new surface start from, and what they make.
+//! Input and result of the methods that construct a new surface.
 
 use glam::DVec3;
 use lodsmith_core::geometry::frame::UnitFrame;
@@ -8,81 +8,82 @@ use crate::collapse::Goal;
 use crate::options::{Length, SimplifyOptions};
 use crate::report::Refusal;
 
-/// The input of such a method: equal places are one vertex, faces without three places and those that stand twice are left
-/// out. In double precision, in a frame from -1 to 1; vertices along a Morton curve, faces by their least vertex.
+/// The prepared input: coincident vertices are merged, degenerate and duplicate faces dropped. In double
+/// precision, in a frame from -1 to 1; vertices along a Morton curve, faces by their lowest vertex.
 pub(crate) struct Ground {
     pub(crate) frame: UnitFrame,
     pub(crate) points: Vec<DVec3>,
     pub(crate) faces: Vec<[VertexId; 3]>,
-    /// The face of the input that each face is.
+    /// The input face of each face.
     pub(crate) origin: Vec<FaceId>,
-    /// The region of each face, where there are several.
+    /// The region of each face, if there are several.
     pub(crate) regions: Option<Vec<RegionId>>,
-    /// Whether each vertex is locked, where any is.
+    /// True for each locked vertex, if any is locked.
     pub(crate) locked: Option<Vec<bool>>,
-    /// What a step costs times at each vertex, where places are not equally important.
+    /// Cost factor at each vertex, if importance varies.
     pub(crate) prices: Option<Vec<f32>>,
-    /// Faces that were there already, left out.
+    /// Number of duplicate faces dropped.
     pub(crate) duplicate_faces: usize,
-    /// Diagonal of the box, in user units.
+    /// Diagonal of the bounding box, in user units.
     pub(crate) diagonal: f64,
-    /// Whether positions leave in single precision.
+    /// True if positions are output in single precision.
     pub(crate) is_single: bool,
-    /// A vertex of the input at each place.
+    /// One input vertex at each distinct position.
     pub(super) first: Vec<VertexId>,
 }
 
 impl Ground {
-    /// A length of the options, in the frame.
+    /// Converts a length of the options to the unit frame.
     pub(crate) fn length(&self, length: Length) -> f64 {
         self.frame.unit_length(length.in_units(self.diagonal))
     }
 }
 
-/// What such a method is told.
+/// Parameters of a method.
 pub(crate) struct Task<'a> {
     pub(crate) ground: &'a Ground,
-    /// What the ground was made from, where attributes are kept: `origin` names its faces.
+    /// The mesh that `ground` was made from, if attributes are kept: `origin` indexes its faces.
     pub(crate) mesh: Option<&'a TriMesh>,
     pub(crate) options: &'a SimplifyOptions,
-    /// Counts at which it may end; none where it goes on by itself.
+    /// Counts at which the method may stop; empty if it runs to its own end.
     pub(crate) goal: Goal,
-    /// In search of an error: the largest distance that a step may leave, in the frame.
+    /// In the search for an error: the largest distance that one step may cause, in the unit frame.
     pub(crate) step: Option<f64>,
 }
 
-/// What such a method makes.
+/// Result of a method.
 #[derive(Default)]
 pub(crate) struct Made {
-    /// In the frame; each is named by a face.
+    /// Positions in the unit frame; each is used by a face.
     pub(crate) points: Vec<DVec3>,
-    /// The vertex of the ground that each point still is, bit by bit, or [`NONE`].
+    /// The input vertex that each point still equals bit by bit, or [`NONE`].
     pub(crate) kept: Vec<VertexId>,
     pub(crate) faces: Vec<[VertexId; 3]>,
-    /// For each face one of the ground that it stands for, where the method knows it; else it is found by place.
+    /// For each face the input face that it replaces, if the method knows it; otherwise it is found by
+    /// position.
     pub(crate) stands_for: Option<Vec<usize>>,
-    /// The region of each face, where that is settled already.
+    /// The region of each face, if already determined.
     pub(crate) regions: Option<Vec<RegionId>>,
     pub(crate) end: Ending,
-    /// Steps taken: what the report calls collapses.
+    /// Number of steps: reported as collapses.
     pub(crate) steps: u64,
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) parts_removed: usize,
     pub(crate) necks_cut: usize,
-    /// RMS distance in the frame, where the method has a figure; else it is measured with few samples.
+    /// RMS distance in the unit frame, if the method knows it; otherwise measured with few samples.
     pub(crate) estimate: Option<f64>,
 }
 
-/// How such a method came to its end.
+/// How a method ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Ending {
     /// The goal is met.
     Goal,
-    /// It has nothing more to take away.
+    /// Nothing is left to remove.
     #[default]
     Exhausted,
-    /// What is left was refused.
+    /// All remaining steps were refused.
     Stuck,
-    /// The caller wants the best so far.
+    /// The caller asked to finish with the best result so far.
     Finish,
 }

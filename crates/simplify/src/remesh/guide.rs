@@ -1,5 +1,5 @@
-//! What a remesh starts from and what it is held against: the input, made lighter first where that saves time, its
-//! curves, and trees over both.
+//! Input of a remesh and reference for its vertices: the input, simplified first where that saves time, its
+//! feature curves, and search trees over both.
 
 use std::collections::HashMap;
 
@@ -16,29 +16,30 @@ use crate::rebuild::{Ground, Task};
 use crate::run::run;
 use crate::{Simplified, SimplifyError, StoppedBy};
 
-/// A bend beyond this is a crease, in degrees. (A guess.)
+/// Edges with a larger dihedral bend than this are creases, in degrees. (A guess.)
 const CREASE_DEG: f64 = 50.0;
-/// A line turns a corner where its two sides meet at less than 180 degrees minus this, right there and some way off. (A
-/// guess.)
+/// A line has a corner where its two sides meet at less than 180 degrees minus this, both locally and
+/// `CORNER_REACH` away. (A guess.)
 const CORNER_DEG: f64 = 45.0;
-/// How far off, in wanted edge lengths. (A guess.)
+/// Distance of the second corner test, in target edge lengths. (A guess.)
 const CORNER_REACH: f64 = 0.7;
-/// Creases shorter than this, in wanted edge lengths, are no creases at this size. (A guess.)
+/// Creases shorter than this, in target edge lengths, are ignored. (A guess.)
 const SHORT: f64 = 2.0;
-/// An edge of the lighter mesh is one of a crease if it lies within this part of its length from one of the input. (A guess.)
+/// An edge of the simplified mesh is a crease if it lies within this share of its length from a crease of the
+/// input. (A guess.)
 const NEAR_CREASE: f64 = 0.15;
 
-/// The original, and how to come back to it.
+/// The original surface, with the trees that project vertices back onto it.
 pub(super) struct Land<'a> {
     pub(super) ground: &'a Ground,
     pub(super) tree: Bvh,
-    /// By [`Line::CURVES`]: trees over segments.
+    /// Trees over the segments of each kind of line, in the order of [`Line::CURVES`].
     curves: [Option<Bvh>; 3],
-    /// Cosine of the bend that makes a crease.
+    /// Cosine of the dihedral bend above which an edge is a crease.
     crease_cos: f64,
 }
 
-/// What the engine made of the input.
+/// The input simplified by the collapse engine.
 pub(super) struct Lighter {
     pub(super) mesh: HalfEdges,
     pub(super) parts_removed: usize,
@@ -48,7 +49,7 @@ pub(super) struct Lighter {
 }
 
 impl<'a> Land<'a> {
-    /// The land of a task, and its mesh with all lines.
+    /// Builds the reference surface of a task, and its mesh with all lines marked.
     pub(super) fn new(task: &Task<'a>) -> (Self, HalfEdges) {
         let ground = task.ground;
         let mut mesh = HalfEdges::new(
@@ -72,19 +73,19 @@ impl<'a> Land<'a> {
         (land, mesh)
     }
 
-    /// The tree over the curves of a kind.
+    /// Returns the tree over the lines of a kind.
     pub(super) fn curve(&self, line: Line) -> Option<&Bvh> {
         let k = Line::CURVES.iter().position(|l| *l == line)?;
         self.curves[k].as_ref()
     }
 
-    /// The normal of the original at one of its faces, of length 1 or 0.
+    /// Returns the normal of a face of the original, of length 1 or 0.
     pub(super) fn normal(&self, face: usize) -> DVec3 {
         let [a, b, c] = self.ground.faces[face].map(|v| self.ground.points[v.index()]);
         (b - a).cross(c - a).normalize_or_zero()
     }
 
-    /// The mesh to start from: the input with `wanted` faces, with its lines.
+    /// Returns the mesh to start from: the input simplified to `wanted` faces, with its lines marked.
     pub(super) fn lighter(
         &self,
         task: &Task<'_>,
@@ -126,7 +127,7 @@ impl<'a> Land<'a> {
         })
     }
 
-    /// The edges of a mesh near the original that lie along its creases and seams.
+    /// Finds the edges of a mesh near the original that lie along its creases and seams.
     pub(super) fn lines_of(&self, points: &[DVec3], faces: &[[VertexId; 3]]) -> HashMap<[VertexId; 2], Line> {
         let mut mesh = HalfEdges::new(points, faces, None, None);
         self.find_creases(&mut mesh);
@@ -145,17 +146,17 @@ impl<'a> Land<'a> {
             .collect()
     }
 
-    /// Marks bent edges that lie along a crease of the original.
+    /// Marks the bent edges that lie along a crease of the original.
     fn find_creases(&self, mesh: &mut HalfEdges) {
         let Some(creases) = self.curve(Line::Crease) else { return };
-        // A lighter mesh rounds what it cuts.
+        // Simplification rounds creases off.
         let loose = (0.7 * self.crease_cos.acos()).cos();
         let found: Vec<HalfEdgeId> = bends(mesh, loose).filter(|&h| is_along(mesh, h, creases)).collect();
         found.into_iter().for_each(|h| mesh.set_line(h, Line::Crease));
     }
 }
 
-/// Whether an edge lies along curves of the original, at three places.
+/// True if an edge lies along curves of the original, tested at three points.
 fn is_along(mesh: &HalfEdges, h: HalfEdgeId, curves: &Bvh) -> bool {
     let (a, b) = (mesh.at(mesh.from(h)), mesh.at(mesh.to(h)));
     let near = NEAR_CREASE * a.distance(b);
@@ -163,7 +164,7 @@ fn is_along(mesh: &HalfEdges, h: HalfEdgeId, curves: &Bvh) -> bool {
     [0.2, 0.5, 0.8].iter().all(|&t| curves.closest_within(at(t), near, &mut Hint::default()).is_some())
 }
 
-/// Edges of the smooth surface that are bent by more than an angle.
+/// Returns the edges of the smooth surface whose dihedral bend exceeds an angle.
 fn bends(mesh: &HalfEdges, cos: f64) -> impl Iterator<Item = HalfEdgeId> {
     mesh.half_edges().filter(move |&h| {
         if !mesh.is_first(h) || mesh.twin(h) == OPEN || mesh.line[h.index()] != Line::None {
@@ -184,14 +185,14 @@ pub(super) fn tree(points: &[DVec3], faces: &[[VertexId; 3]]) -> Bvh {
     Bvh::new(&Surface::new(PositionsView::F64(&points), faces).expect("faces name points"))
 }
 
-/// What the engine is told where it works for a remesh.
+/// Returns the options of an engine run inside a remesh.
 pub(super) fn engine_options(of: &SimplifyOptions, faces: usize) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(Stop::faces(faces));
     (options.border, options.topology, options.fit) = (of.border, of.topology, Fit::Off);
     options
 }
 
-/// One run of the engine, followed by the caller of the remesh.
+/// Runs the engine once, controlled by the caller of the remesh.
 pub(super) fn made_lighter(
     mesh: &TriMesh,
     options: &SimplifyOptions,
@@ -201,7 +202,7 @@ pub(super) fn made_lighter(
     Ok(run(&input, options, &mut Within(control))?.0)
 }
 
-/// Asks the caller, but tells of no stages: a run inside another.
+/// Control of a nested run: forwards requests to stop, reports no stages.
 struct Within<'a>(&'a mut dyn Control);
 
 impl Control for Within<'_> {
@@ -211,8 +212,8 @@ impl Control for Within<'_> {
     }
 }
 
-/// Settles what lines are at an edge length: creases too short for it are none; corners are pinned. Says on which line
-/// each vertex lies.
+/// Fixes the lines for an edge length: unmarks creases that are too short, pins corners. Returns the kind of
+/// line on which each vertex lies.
 pub(super) fn settle_lines(mesh: &mut HalfEdges, length: f64, border: BorderPolicy) -> Vec<Line> {
     drop_short_creases(mesh, length);
     if border == BorderPolicy::Lock {
@@ -241,7 +242,7 @@ pub(super) fn settle_lines(mesh: &mut HalfEdges, length: f64, border: BorderPoli
     on
 }
 
-/// Whether a line turns a corner at `v`, right there and also as seen from some way off.
+/// True if a line has a corner at `v`, both locally and some distance away.
 fn turns(mesh: &HalfEdges, v: VertexId, next: [VertexId; 2], length: f64) -> bool {
     let at = mesh.at(v);
     let is_sharp = |a: DVec3, b: DVec3| {
@@ -255,10 +256,10 @@ fn turns(mesh: &HalfEdges, v: VertexId, next: [VertexId; 2], length: f64) -> boo
     is_sharp(far[0], far[1])
 }
 
-/// Edges of a line that are followed from one vertex, at most.
+/// Maximum number of edges that `along` follows from one vertex.
 const MOST_STEPS: usize = 64;
 
-/// The point some way along a line.
+/// Returns the point at distance `reach` along a line.
 fn along(mesh: &HalfEdges, mut last: VertexId, mut v: VertexId, reach: f64) -> DVec3 {
     let mut lines = Vec::new();
     let mut gone = 0.0;
@@ -279,7 +280,7 @@ fn along(mesh: &HalfEdges, mut last: VertexId, mut v: VertexId, reach: f64) -> D
     mesh.at(v)
 }
 
-/// Unmarks creases that hang together over less than some edge lengths.
+/// Unmarks connected creases whose total length is below [`SHORT`].
 fn drop_short_creases(mesh: &mut HalfEdges, length: f64) {
     let creases: Vec<HalfEdgeId> =
         mesh.half_edges().filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == Line::Crease).collect();
@@ -306,7 +307,7 @@ fn drop_short_creases(mesh: &mut HalfEdges, length: f64) {
     }
 }
 
-/// The length of edges that a task asks for, in the frame.
+/// Returns the edge length that a task asks for, in the unit frame.
 pub(super) fn asked_length(task: &Task<'_>) -> Option<f64> {
     task.options.of_method.edge_length.map(|l: Length| task.ground.length(l))
 }

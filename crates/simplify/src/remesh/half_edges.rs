@@ -1,4 +1,4 @@
-//! Triangles that know their neighbours, and the three changes that remeshing is made of.
+//! Half-edge mesh with the three operations of remeshing: split, collapse and flip.
 //!
 //! ```text
 //!            a                 half-edge h leaves corner h of face h / 3 and goes to the next corner;
@@ -11,26 +11,26 @@
 //!            b
 //! ```
 //!
-//! Each vertex has one fan of faces. Where the input has several, or an edge of three faces, it is cut: the copies of
-//! the vertex keep their place, and are one again in the end.
+//! The faces of each vertex form one fan. Where the input has several, or an edge with three faces, it is
+//! cut: the copies of the vertex keep its position, and are merged again at the end.
 
 use glam::DVec3;
 use lodsmith_core::{HalfEdgeId, RegionId, VertexId};
 
 use crate::collapse::order::NONE;
 
-/// No half-edge: what lies beyond an open edge.
+/// No half-edge: the twin of a border half-edge.
 pub(super) const OPEN: HalfEdgeId = HalfEdgeId(u32::MAX);
 
-/// What an edge is part of, most binding last.
+/// The kind of line that an edge belongs to, most restrictive last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Line {
-    /// The smooth surface.
+    /// None: an edge of the smooth surface.
     #[default]
     None,
-    /// A sharp bend.
+    /// A sharp edge.
     Crease,
-    /// Where two regions meet.
+    /// An edge between two regions.
     Seam,
     /// An open border.
     Border,
@@ -45,25 +45,26 @@ impl Line {
 #[derive(Clone, Debug, Default)]
 pub(super) struct HalfEdges {
     pub(super) points: Vec<DVec3>,
-    /// The vertex that each half-edge leaves, or [`NONE`] where the face is gone.
+    /// The vertex that each half-edge leaves, or [`NONE`] if the face was removed.
     pub(super) from: Vec<VertexId>,
     pub(super) twin: Vec<HalfEdgeId>,
     pub(super) line: Vec<Line>,
     pub(super) out: Vec<HalfEdgeId>,
-    /// The region of each face, where there are several.
+    /// The region of each face, if there are several.
     pub(super) regions: Option<Vec<RegionId>>,
-    /// The vertex of the source that each one still is, bit by bit.
+    /// The source vertex that each vertex still equals bit by bit.
     pub(super) kept: Vec<VertexId>,
-    /// Whether a vertex may not move or go.
+    /// True for vertices that may neither move nor be removed.
     pub(super) pinned: Vec<bool>,
-    /// The vertex of the source that this is one of several copies of, or [`NONE`]. Between copies no edges are made.
+    /// The source vertex that was cut into several copies, this one among them, or [`NONE`]. No edges are
+    /// made between copies.
     pub(super) copy_of: Vec<VertexId>,
     pub(super) face_count: usize,
     pub(super) vertex_count: usize,
 }
 
 impl HalfEdges {
-    /// The mesh over points and faces. Of faces that stand twice with the same winding one is taken.
+    /// Builds the mesh from points and faces. Of duplicate faces with the same winding one is kept.
     pub(super) fn new(
         points: &[DVec3],
         faces: &[[VertexId; 3]],
@@ -172,11 +173,11 @@ impl HalfEdges {
         self.vertex_count = self.points.len();
     }
 
-    /// All half-edges of living faces.
+    /// All half-edges, those of removed faces included.
     pub(super) fn half_edges(&self) -> impl Iterator<Item = HalfEdgeId> + use<> {
         (0..self.from.len()).map(HalfEdgeId::new)
     }
-    /// Whether the face of a half-edge is there.
+    /// True if the face of a half-edge was not removed.
     #[inline]
     pub(super) fn is_alive(&self, h: HalfEdgeId) -> bool {
         self.from[h.index()] != NONE
@@ -201,7 +202,7 @@ impl HalfEdges {
     pub(super) fn corners(&self, face: usize) -> [VertexId; 3] {
         [self.from[3 * face], self.from[3 * face + 1], self.from[3 * face + 2]]
     }
-    /// Whether a half-edge speaks for its edge.
+    /// True for the one half-edge that represents its edge: the lower of the two.
     #[inline]
     pub(super) fn is_first(&self, h: HalfEdgeId) -> bool {
         self.is_alive(h) && (self.twin(h) == OPEN || h < self.twin(h))
@@ -216,14 +217,14 @@ impl HalfEdges {
             self.line[t.index()] = line;
         }
     }
-    /// The normal of a face, twice as long as its area.
+    /// The normal of a face, with twice its area as length.
     #[inline]
     pub(super) fn normal(&self, face: usize) -> DVec3 {
         let [a, b, c] = self.corners(face).map(|v| self.at(v));
         (b - a).cross(c - a)
     }
 
-    /// The half-edges that leave a vertex, one face after the other.
+    /// The half-edges that leave a vertex, in order round it.
     #[inline]
     pub(super) fn around(&self, v: VertexId) -> impl Iterator<Item = HalfEdgeId> + '_ {
         let first = self.out[v.index()];
@@ -232,12 +233,12 @@ impl HalfEdges {
             (next != OPEN && next != first).then_some(next)
         })
     }
-    /// Whether a vertex lies on an open edge.
+    /// True if a vertex lies on an open edge.
     #[inline]
     pub(super) fn is_open(&self, v: VertexId) -> bool {
         self.twin(self.out[v.index()]) == OPEN
     }
-    /// The vertices around a vertex, in order.
+    /// Collects the one-ring of a vertex, in order.
     #[inline]
     pub(super) fn ring(&self, v: VertexId, ring: &mut Vec<VertexId>) {
         ring.clear();
@@ -250,7 +251,8 @@ impl HalfEdges {
             ring.push(self.from(last.prev()));
         }
     }
-    /// The edges of lines at a vertex, each by a half-edge that leaves it or, at the end of a border, comes to it.
+    /// Collects the line edges at a vertex, each as a half-edge that leaves it or, at the end of a border,
+    /// arrives at it.
     pub(super) fn lines_at(&self, v: VertexId, lines: &mut Vec<(HalfEdgeId, VertexId)>) {
         lines.clear();
         let mut last = OPEN;
@@ -265,7 +267,7 @@ impl HalfEdges {
         }
     }
 
-    /// The first half-edge of the fan that `h` belongs to.
+    /// Returns the first half-edge of the fan that `h` belongs to.
     fn first_around(&self, h: HalfEdgeId) -> HalfEdgeId {
         let mut g = h;
         while self.twin(g) != OPEN {
@@ -298,7 +300,7 @@ impl HalfEdges {
         h
     }
 
-    /// Puts a vertex onto an edge. Returns it.
+    /// Splits an edge at a point. Returns the new vertex.
     pub(super) fn split(&mut self, h: HalfEdgeId, at: DVec3) -> VertexId {
         let (t, line) = (self.twin(h), self.line[h.index()]);
         let (u, v, a) = (self.from(h), self.to(h), self.from(h.prev()));
@@ -337,7 +339,7 @@ impl HalfEdges {
         m
     }
 
-    /// Whether the edge may go by the shape of the mesh alone: a surface without edges of three faces stays one.
+    /// True if the topology allows the collapse: a surface without edges of three faces stays one.
     pub(super) fn may_collapse(&self, h: HalfEdgeId, rings: &mut [Vec<VertexId>; 2]) -> bool {
         let t = self.twin(h);
         let (u, v) = (self.from(h), self.to(h));
@@ -349,7 +351,7 @@ impl HalfEdges {
                 continue;
             }
             let a = self.from(x.prev());
-            // An ear, or a vertex of three faces, would be left with too few.
+            // An ear, or a vertex of valence 3, would be left with too few faces.
             let beside = [self.twin(x.next()), self.twin(x.prev())];
             if beside[0] == OPEN && beside[1] == OPEN {
                 return false;
@@ -357,7 +359,7 @@ impl HalfEdges {
             if !self.is_open(a) && self.around(a).take(4).count() < 4 {
                 return false;
             }
-            // Two lines would become one.
+            // Two lines would merge.
             if self.line[x.next().index()] != Line::None && self.line[x.prev().index()] != Line::None {
                 return false;
             }
@@ -372,7 +374,7 @@ impl HalfEdges {
         !rings[0].iter().filter(fresh).any(|&w| self.would_touch(v, w)) && !self.closes_a_copy(v, rings)
     }
 
-    /// Whether a new edge between two vertices would be one of many faces where copies are one again.
+    /// True if a new edge between two vertices would be non-manifold once copies are merged again.
     pub(super) fn would_touch(&self, a: VertexId, b: VertexId) -> bool {
         let (of_a, of_b) = (self.copy_of[a.index()], self.copy_of[b.index()]);
         let meets = |x: VertexId, place: VertexId| {
@@ -387,13 +389,13 @@ impl HalfEdges {
         }
     }
 
-    /// Whether a face of nothing but copies would come up.
+    /// True if a face would arise whose corners are all copies.
     fn closes_a_copy(&self, v: VertexId, rings: &[Vec<VertexId>; 2]) -> bool {
         let is_copy = |w: &VertexId| self.copy_of[w.index()] != NONE;
         is_copy(&v) && rings[0].iter().filter(|w| **w != v && is_copy(w)).count() > 1
     }
 
-    /// Lets an edge go: its first vertex becomes its second, which stays where it is.
+    /// Collapses an edge: its first vertex is merged into its second, which keeps its position.
     pub(super) fn collapse(&mut self, h: HalfEdgeId) {
         let (u, v) = (self.from(h), self.to(h));
         let mut g = self.out[u.index()];
@@ -416,15 +418,15 @@ impl HalfEdges {
                 self.from[y.index()] = NONE;
             }
             self.face_count -= 1;
-            // One of them comes to `a`, the other leaves it, or is not there. On the other side it is the same with the
-            // ends of the edge changed.
+            // One of them arrives at `a`, the other leaves it, or does not exist. The same holds on the other
+            // side with the ends of the edge swapped.
             let leaves_a = if tn != OPEN { tn } else { tp.next() };
             self.out[a.index()] = leaves_a;
             self.out[v.index()] = if tp != OPEN { tp } else { tn.next() };
         }
         for x in sides.into_iter().filter(|x| *x != OPEN) {
             let (n, p) = (x.next(), x.prev());
-            // What is left of the dead face's neighbours.
+            // A remaining neighbour of the removed face.
             let live = if self.twin(n) != OPEN { self.twin(n) } else { self.twin(p) };
             for w in [self.from(live), self.to(live)] {
                 let out = self.out[w.index()];
@@ -435,7 +437,7 @@ impl HalfEdges {
         self.vertex_count -= 1;
     }
 
-    /// Turns an edge into the other diagonal of its two faces, which must not be an edge already.
+    /// Replaces an edge by the other diagonal of its two faces, which must not be an edge already.
     pub(super) fn flip(&mut self, h: HalfEdgeId) {
         let t = self.twin(h);
         let (n, p, tn, tp) = (h.next(), h.prev(), t.next(), t.prev());
@@ -453,7 +455,7 @@ impl HalfEdges {
         }
     }
 
-    /// Drops what is dead. Returns the old number of each vertex.
+    /// Removes dead elements. Returns the old index of each vertex.
     pub(super) fn compact(&mut self) -> Vec<VertexId> {
         let mut number = vec![NONE; self.points.len()];
         let mut old = Vec::with_capacity(self.vertex_count);
@@ -504,10 +506,9 @@ impl HalfEdges {
         old
     }
 
-    /// Walks every table.
+    /// Checks every table.
     ///
-    /// # Panics
-    /// If one of them contradicts another.
+    /// # Panics If two tables contradict each other.
     #[cfg(test)]
     pub(super) fn check(&self) {
         let mut faces = 0;
@@ -533,12 +534,12 @@ impl HalfEdges {
     }
 }
 
-/// The values of some vertices.
+/// Gathers the values of some vertices.
 pub(super) fn picked<T: Copy>(all: &[T], of: &[VertexId]) -> Vec<T> {
     of.iter().map(|v| all[v.index()]).collect()
 }
 
-/// A face from its least vertex on.
+/// Rotates a face so that its lowest vertex comes first.
 fn turned([a, b, c]: [VertexId; 3]) -> [VertexId; 3] {
     match a.min(b).min(c) {
         least if least == a => [a, b, c],

@@ -1,15 +1,15 @@
-//! Isotropic remeshing: long edges split, short ones go, others turn, vertices glide until triangles are even.
-//! [Botsch-Kobbelt 2004]
+//! Isotropic remeshing: splits long edges, collapses short ones, flips others and relaxes vertices
+//! tangentially until the triangles are nearly equilateral. [Botsch-Kobbelt 2004]
 //!
 //! ```text
-//! start from the input, made lighter by the engine where it has many times the faces that are wanted   (guide)
-//! lines (borders, seams of regions, creases) are sampled anew along themselves, corners stay
+//! start from the input, simplified by the engine if it has many times the wanted number of faces       (guide)
+//! lines (borders, seams of regions, creases) are resampled along themselves, corners are kept
 //! a few rounds
-//!     split edges longer than 4/3 of the wanted length, let those below 4/5 of it go
-//!     turn edges so that vertices have six of them, four on borders
-//!     glide along the surface to the middle of the neighbours, and back onto the original             (relax)
-//!     the wanted length follows the count
-//! the relatively shortest edges go, or the longest are split, until the count is met
+//!     split edges longer than 4/3 of the target length, collapse those below 4/5 of it
+//!     flip edges to bring vertices to valence 6, or 4 on borders
+//!     move vertices tangentially to the centroid of their neighbours, project onto the original      (relax)
+//!     adapt the target length to the face count
+//! collapse the relatively shortest edges, or split the longest, until the count is met
 //! ```
 
 use glam::DVec3;
@@ -28,39 +28,41 @@ use crate::options::{Fit, TopologyPolicy};
 use crate::rebuild::{Ending, Ground, Made, Task};
 use crate::report::Refusal;
 
-/// Edges longer than this, in wanted lengths, are split. [Botsch-Kobbelt 2004]
+/// Edges longer than this, in target lengths, are split. [Botsch-Kobbelt 2004]
 const LONG: f64 = 4.0 / 3.0;
-/// Edges shorter than this go. [Botsch-Kobbelt 2004]
+/// Edges shorter than this, in target lengths, are collapsed. [Botsch-Kobbelt 2004]
 const SHORT: f64 = 4.0 / 5.0;
-/// Rounds where none are asked for, if the triangles are even by then. (Measured on bunny and horse at 10 %: mean quality
-/// .951 and .949 after two, .962 after five, .969 after ten, where distances are 2 to 4 % larger.)
+/// Default number of rounds, if the triangles are even by then. (Measured on bunny and horse at 10 %: mean
+/// quality .951 and .949 after two, .962 after five, .969 after ten, where distances are 2 to 4 % larger.)
 const ROUNDS: usize = 5;
-/// Mean quality of a mesh that may end after so many rounds, if the last one brought less than `LEAST_GAIN`. (Scans have
-/// .95 by then. A machine part of long thin triangles, cad_58011 at 50 %, has .32, and .88 after sixteen.)
+/// Mean quality above which a run may end after `ROUNDS` rounds, if the last one gained less than
+/// `LEAST_GAIN`. (Scans have .95 by then. A machine part of long thin triangles, cad_58011 at 50 %, has .32,
+/// and .88 after sixteen.)
 const EVEN: f64 = 0.9;
-/// See [`EVEN`]; a mesh below it ends where as many rounds as the first ones together bring less. (Scans gain .002 to .004 in
-/// the fifth round, that machine part .007 in one after the sixteenth.)
+/// See [`EVEN`]; below that quality a run ends when the last `ROUNDS` rounds together gained less. (Scans
+/// gain .002 to .004 in the fifth round, that machine part .007 in one after the sixteenth.)
 const LEAST_GAIN: f64 = 0.005;
-/// Rounds at most, where none are asked for. (A guess: twice what the worst part needed.)
+/// Maximum number of rounds if none is given. (A guess: twice what the worst part needed.)
 const MOST_ROUNDS: usize = 40;
-/// Share of the progress that the rounds take.
+/// Share of the progress that the rounds account for.
 const SHARE_OF_ROUNDS: f64 = 0.9;
-/// The start has so many times the wanted faces. (A guess.)
+/// Faces of the starting mesh per wanted face. (A guess.)
 const START: usize = 3;
-/// Least cosine between the normals of a face before and after an edge goes. (A guess.)
+/// Least cosine between the normals of a face before and after a collapse. (A guess.)
 const COLLAPSE_TURN: f64 = 0.5;
-/// An end is the better place for two vertices than their middle if it costs less than this part. (A guess.)
+/// A collapse goes to one end instead of the midpoint if that costs less than this share. (A guess.)
 const ENDS: f64 = 0.5;
-/// An edge turns only where its faces, before or after, bend by no more than this: cosine. (A guess.)
+/// An edge is flipped only if the cosine between its new face normals exceeds this, or is no less than
+/// before. (A guess.)
 const FLIP_COS: f64 = 0.8;
-/// How far the count may lie below the goal.
+/// Least share of the target count that needs no further splits.
 const CLOSE: f64 = 0.99;
-/// Faces that equal triangles need are counted by an edge that is longer than the mean of a remeshed surface by this. (A guess: the count
-/// corrects it.)
+/// Target length, relative to the edge of the equilateral triangles that would give the wanted count. (A
+/// guess: the count corrects it.)
 const EDGE_OF_MEAN: f64 = 1.05;
-/// Times that edges are looked through for long ones in a round, at most: each time halves them.
+/// Maximum number of split passes per round: each pass halves long edges.
 const SPLITS: usize = 6;
-/// Elements between two questions to the caller.
+/// Elements between two progress calls.
 const ASK_EVERY: usize = 4096;
 
 pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
@@ -92,7 +94,7 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
         finish_by_engine(task, &mut made, control)?;
     }
     if made.faces.len() > ground.faces.len() {
-        // Soup of which a remesh would have more than the input has.
+        // Triangle soup for which a remesh would have more faces than the input.
         let wanted = task.goal.faces.or(task.goal.vertices.map(|n| 2 * n)).unwrap_or(1);
         let lighter = land.lighter(task, wanted, task.options.topology, control)?;
         let end = if lighter.is_finished { Ending::Finish } else { Ending::Stuck };
@@ -111,7 +113,7 @@ fn too_fine(task: &Task<'_>) -> SimplifyError {
     }
 }
 
-/// Whether further rounds would bring little, by the mean qualities after those so far.
+/// True if further rounds would gain little, judged by the mean qualities so far.
 fn is_settled(qualities: &[f64]) -> bool {
     let gain = |rounds: usize| qualities[qualities.len() - 1] - qualities[qualities.len() - 1 - rounds];
     match qualities.len() {
@@ -121,7 +123,8 @@ fn is_settled(qualities: &[f64]) -> bool {
     }
 }
 
-/// How much of the rounds is done before one of them. Where they end when triangles are even, the first ones count most.
+/// Share of the rounds done before one of them. If they end when the triangles are even, the first ones count
+/// most.
 fn part_done(round: usize, asked: Option<usize>) -> f64 {
     match asked {
         Some(all) => round as f64 / all as f64,
@@ -133,13 +136,13 @@ fn is_met(goal: &Goal, faces: usize, vertices: usize) -> bool {
     goal.faces.is_some_and(|n| faces <= n) || goal.vertices.is_some_and(|n| vertices <= n)
 }
 
-/// The ground as it is, without faces that stand twice.
+/// Returns the input unchanged, without duplicate faces.
 fn unchanged(ground: &Ground, end: Ending) -> Made {
     let mesh = HalfEdges::new(&ground.points, &ground.faces, None, None);
     Made { end, estimate: Some(0.0), ..made(&mesh) }
 }
 
-/// A compact mesh with one vertex at the place of copies.
+/// Converts a compact mesh, with the copies of each vertex merged.
 pub(super) fn made(mesh: &HalfEdges) -> Made {
     let mut made = Made::default();
     let mut number = vec![NONE; mesh.points.len()];
@@ -159,7 +162,7 @@ pub(super) fn made(mesh: &HalfEdges) -> Made {
     made
 }
 
-/// Where lines, corners and parts leave no way down, the engine takes the rest.
+/// Lets the engine finish where lines, corners and components prevent further remeshing.
 fn finish_by_engine(
     task: &Task<'_>,
     made: &mut Made,
@@ -195,32 +198,32 @@ fn finish_by_engine(
     Ok(())
 }
 
-/// Which changes a pass of collapses and splits makes.
+/// Criterion of a pass of collapses.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Pass {
-    /// By the wanted length.
+    /// Edges shorter than the target length.
     ByLength,
-    /// Shortest first, whatever their length, until the goal is met.
+    /// Shortest edges first, of any length, until the goal is met.
     ToGoal,
 }
 
 pub(super) struct Remesher<'a> {
     land: &'a Land<'a>,
     pub(super) mesh: HalfEdges,
-    /// On which line each vertex lies.
+    /// The kind of line on which each vertex lies.
     pub(super) on: Vec<Line>,
     pub(super) hints: Vec<Hints>,
-    /// Wanted lengths, where they differ; times `length`.
+    /// Relative target lengths, if they vary; multiplied by `length`.
     sizes: Option<Vec<f64>>,
     field: Option<Field>,
-    /// The wanted length; where `sizes` are, what these are multiplied by.
+    /// The target length; with `sizes`, their factor.
     length: f64,
-    /// The length may not grow beyond this.
+    /// Upper limit of `length`.
     most: Option<f64>,
     goal: Goal,
-    /// Faces beyond which nothing is split: needles have long edges and no area.
+    /// Number of faces beyond which no edge is split: needles have long edges and no area.
     most_faces: usize,
-    /// Parts and necks that went before the first round.
+    /// Components removed and necks cut before the first round.
     gone: (usize, usize),
     pub(super) steps: u64,
     pub(super) refusals: [u64; Refusal::ALL.len()],
@@ -248,12 +251,12 @@ impl<'a> Remesher<'a> {
         };
         let by_length = asked.map(|l| area / (0.433 * l * l));
         let wanted = match (wanted, by_length) {
-            // The first one met ends.
+            // The stop that is met first ends the run.
             (Some(a), Some(b)) => a.max(b),
             (Some(a), None) | (None, Some(a)) => a,
             (None, None) => mesh.face_count as f64,
         };
-        // Nothing else stops the splits.
+        // Without this, splits would not end.
         if asked.is_some() && wanted > 2.0 * ground.faces.len() as f64 {
             return Err(too_fine(task));
         }
@@ -347,7 +350,7 @@ impl<'a> Remesher<'a> {
         }
     }
 
-    /// Mean shape of the triangles of a compact mesh: 1 where all are equilateral.
+    /// Mean triangle quality of a compact mesh: 1 if all are equilateral.
     fn mean_quality(&self) -> f64 {
         let count = self.mesh.from.len() / 3;
         let sum: f64 = (0..count)
@@ -360,14 +363,14 @@ impl<'a> Remesher<'a> {
         sum / count.max(1) as f64
     }
 
-    /// Faces there are for each that is wanted, or vertices; what is nearer to its goal.
+    /// Ratio of present to wanted faces or vertices, whichever is closer to its goal.
     fn excess(&self) -> f64 {
         let share = |count: usize, of: Option<usize>| of.map(|n| count as f64 / n.max(1) as f64);
         let faces = share(self.mesh.face_count, self.goal.faces).unwrap_or(f64::INFINITY);
         faces.min(share(self.mesh.vertex_count, self.goal.vertices).unwrap_or(f64::INFINITY))
     }
 
-    /// Asks the caller now and then. Returns whether to end.
+    /// Calls the caller's progress now and then. Returns true if the run should end.
     fn ask(&mut self, control: &mut dyn Control, done: f64) -> bool {
         self.asked += 1;
         if self.asked.is_multiple_of(ASK_EVERY) && self.verdict == Verdict::Continue {
@@ -376,12 +379,12 @@ impl<'a> Remesher<'a> {
         self.verdict != Verdict::Continue
     }
 
-    /// The wanted length of an edge, squared.
+    /// The target length of an edge, squared.
     fn wanted_sq(&self, a: VertexId, b: VertexId) -> f64 {
         let size = self.sizes.as_ref().map_or(1.0, |s| s[a.index()].min(s[b.index()])) * self.length;
         size * size
     }
-    /// Length over wanted length, squared.
+    /// Length over target length, squared.
     fn relative_sq(&self, h: HalfEdgeId) -> f64 {
         self.mesh.length_sq(h) / self.wanted_sq(self.mesh.from(h), self.mesh.to(h))
     }
@@ -401,8 +404,8 @@ impl<'a> Remesher<'a> {
 
     fn split(&mut self, control: &mut dyn Control, done: f64) {
         for _ in 0..SPLITS {
-            // Longest first, and new edges not before the next time: among needles that lie in a line, the middle of a
-            // short edge may be the start of one as long as the one that went.
+            // Longest first, and new edges only in the next pass: among collinear needles, the midpoint of a
+            // short edge may start an edge as long as the one that was split.
             let mut long = self.by_length(|x| x > LONG * LONG);
             long.reverse();
             if long.is_empty() {
@@ -422,7 +425,7 @@ impl<'a> Remesher<'a> {
         }
     }
 
-    /// The edges that may change and whose relative length, squared, is as wanted; shortest first.
+    /// The edges that may change and whose relative length, squared, satisfies `wanted`; shortest first.
     fn by_length(&self, wanted: impl Fn(f64) -> bool) -> Vec<(f64, HalfEdgeId)> {
         let mut all: Vec<(f64, HalfEdgeId)> = self
             .mesh
@@ -457,7 +460,7 @@ impl<'a> Remesher<'a> {
             if pass == Pass::ToGoal && self.excess() <= 1.0 {
                 return;
             }
-            // What happened before may have changed it.
+            // Earlier collapses may have changed this edge.
             if self.mesh.is_first(h) && (pass == Pass::ToGoal || self.relative_sq(h) < short) {
                 self.try_collapse(h, pass);
             }
@@ -472,7 +475,7 @@ impl<'a> Remesher<'a> {
         self.refusals[k] += 1;
     }
 
-    /// Whether a vertex may go along an edge.
+    /// True if a vertex may be merged along an edge.
     fn may_go(&self, v: VertexId, line: Line) -> bool {
         !self.mesh.pinned[v.index()] && (self.on[v.index()] == Line::None || line != Line::None)
     }
@@ -485,7 +488,7 @@ impl<'a> Remesher<'a> {
         let t = self.mesh.twin(h);
         let (a, b) = (self.mesh.from(h), self.mesh.to(h));
         let (a_goes, b_goes) = (self.may_go(a, line), self.may_go(b, line));
-        // The half-edge whose origin goes, and the vertex that gives its name to what is left.
+        // The half-edge whose origin is removed, and the vertex whose attributes are kept.
         let (h, stays) = match (a_goes, b_goes) {
             (false, false) => return self.refuse(Refusal::Border),
             (true, _) => (h, b),
@@ -503,7 +506,7 @@ impl<'a> Remesher<'a> {
         let other = if stays == u { v } else { u };
         let to = match both {
             true => self.meeting_place(a, b),
-            // One that lies on no line comes to the line.
+            // A vertex on no line moves to the line.
             false => self.mesh.at(stays),
         };
         if pass == Pass::ByLength {
@@ -542,7 +545,7 @@ impl<'a> Remesher<'a> {
         self.steps += 1;
     }
 
-    /// Where two vertices become one: in the middle, but at one of them if the middle is far off their planes.
+    /// Position of a merged vertex: the midpoint, or one end if the midpoint is far off their planes.
     fn meeting_place(&self, a: VertexId, b: VertexId) -> DVec3 {
         let (p, q) = (self.mesh.at(a), self.mesh.at(b));
         let off = |at: DVec3| {
@@ -557,7 +560,7 @@ impl<'a> Remesher<'a> {
         places[if costs[best] < ENDS * costs[0] { best } else { 0 }]
     }
 
-    /// How many edges a vertex should have.
+    /// The ideal valence of a vertex.
     fn regular(&self, v: VertexId) -> i32 {
         if self.mesh.is_open(v) { 4 } else { 6 }
     }
@@ -678,7 +681,7 @@ mod tests {
         let part = [0.27, 0.28, 0.29, 0.30, 0.32, 0.37, 0.46, 0.59, 0.72, 0.82, 0.87, 0.89, 0.9, 0.902];
         let end = (1..=part.len()).find(|&n| is_settled(&part[..n]));
         assert_eq!(end, Some(14));
-        // A scan is even after five, and what does not get better ends soon after them.
+        // A scan is even after five rounds, and a mesh that does not improve ends soon after them.
         assert!(is_settled(&[0.8, 0.9, 0.93, 0.94, 0.942]));
         assert_eq!((1..=20).find(|&n| is_settled(&vec![0.1; n])), Some(6));
     }

@@ -1,4 +1,5 @@
-//! Vertices glide over the surface until they lie evenly, and come back onto the original.
+//! Tangential relaxation: vertices move along the surface towards even spacing and are projected back onto
+//! the original.
 
 use glam::DVec3;
 use lodsmith_core::VertexId;
@@ -10,14 +11,14 @@ use crate::collapse::order::NONE;
 
 /// Least cosine between the normals of a face before and after a vertex moves. (A guess.)
 const TURN: f64 = 0.3;
-/// A face may get so flat: its doubled area over the square of its longest edge. (A guess: an eighth of an equilateral
-/// one.)
+/// A face may become as flat as this: doubled area over the square of its longest edge. (A guess: an eighth
+/// of that of an equilateral triangle.)
 const FLAT: f64 = 0.1;
 
-/// RMS distance from its planes that a vertex may glide by, in edge lengths. (A guess.)
+/// Limit of the RMS distance between a relaxed vertex and its former face planes, in edge lengths. (A guess.)
 const RIDGE: f64 = 0.06;
 
-/// Where queries ended for each vertex.
+/// The last results of the closest-point queries of a vertex, from which the next ones start.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Hints {
     pub(super) surface: Hint,
@@ -25,7 +26,7 @@ pub(super) struct Hints {
     pub(super) field: Hint,
 }
 
-/// Whether the faces around a vertex keep facing their way, and keep a shape, when it moves.
+/// True if the faces around a vertex keep their orientation and shape when it moves.
 pub(super) fn may_move(mesh: &HalfEdges, v: VertexId, to: DVec3) -> bool {
     let at = mesh.at(v);
     mesh.around(v).all(|h| {
@@ -34,7 +35,7 @@ pub(super) fn may_move(mesh: &HalfEdges, v: VertexId, to: DVec3) -> bool {
     })
 }
 
-/// Whether a face may become another: it turns little, and is no sliver, or was a worse one.
+/// True if a face may become another: its normal turns little, and it is no sliver, or was a worse one.
 pub(super) fn keeps_facing(old: [DVec3; 3], new: [DVec3; 3], turn: f64) -> bool {
     let normal = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]);
     let longest_sq = |t: [DVec3; 3]| {
@@ -44,12 +45,12 @@ pub(super) fn keeps_facing(old: [DVec3; 3], new: [DVec3; 3], turn: f64) -> bool 
     let (a, b) = (n.length(), m.length());
     let shape = b / longest_sq(new).max(f64::MIN_POSITIVE);
     let was = a / longest_sq(old).max(f64::MIN_POSITIVE);
-    // What had no area had no side.
+    // A face without area had no orientation.
     let faces = n.dot(m) >= turn * a * b || was < 1e-9;
     faces && b > 0.0 && (shape >= FLAT || shape >= was)
 }
 
-/// The point of the land for a vertex that would like to be at `to`; none where the land there faces another way.
+/// Projects a target position onto the original; `None` if the surface there faces away from `facing`.
 pub(super) fn landed(
     land: &Land<'_>,
     to: DVec3,
@@ -64,8 +65,8 @@ pub(super) fn landed(
     (land.normal(hit.face.index()).dot(facing) >= 0.0).then(|| DVec3::from(hit.point))
 }
 
-/// Where a vertex would lie evenly among its neighbours, beside the surface at most, and the way that the surface faces
-/// there.
+/// Returns the evenly spaced position of a vertex among its neighbours, in its tangent plane or on its line,
+/// and the surface normal there.
 pub(super) fn even_place(
     mesh: &HalfEdges,
     v: VertexId,
@@ -100,8 +101,8 @@ pub(super) fn even_place(
     })
 }
 
-/// Moves one vertex to its even place on the land, or half of the way where that would fold the surface. Returns whether
-/// it moved.
+/// Moves one vertex to its relaxed position on the original, or 40 % of the way if that would fold the
+/// surface. Returns true if it moved.
 pub(super) fn relax(
     mesh: &mut HalfEdges,
     v: VertexId,
@@ -124,8 +125,8 @@ pub(super) fn relax(
     false
 }
 
-/// Whether a vertex would leave the planes of its faces by more than the bend of a smooth surface explains: on a ridge
-/// that is no crease, gliding down one side would cut it off.
+/// True if a vertex would leave the planes of its faces by more than the curvature of a smooth surface
+/// explains: on a ridge that is no crease, sliding down one side would cut the ridge off.
 fn leaves_ridge(mesh: &HalfEdges, v: VertexId, to: DVec3) -> bool {
     let step = to - mesh.at(v);
     let (mut off, mut area) = (0.0, 0.0);
@@ -141,7 +142,7 @@ fn leaves_ridge(mesh: &HalfEdges, v: VertexId, to: DVec3) -> bool {
     off > RIDGE * RIDGE * area * area / 5.2
 }
 
-/// The value of a field at the place of a vertex: `values` at the vertices of the faces under the tree.
+/// Interpolates a field at a point: `values` at the vertices of the faces in the tree.
 pub(super) fn value_at(
     tree: &Bvh,
     points: &[DVec3],

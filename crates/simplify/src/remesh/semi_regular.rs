@@ -1,9 +1,10 @@
-//! Semi-regular meshes: a base, and levels of 4:1 subdivision laid onto the original. After the idea of
-//! [Eck et al. 1995]; where that paper spreads harmonic maps over patches, vertices here glide until they lie evenly.
+//! Semi-regular meshes: a base mesh, and levels of 4:1 subdivision projected onto the original. After the
+//! idea of [Eck et al. 1995]; where that paper uses harmonic maps over patches, vertices here are relaxed
+//! until they are evenly spaced.
 //!
 //! ```text
 //!        2                 face f becomes faces 4f … 4f+3; child k holds corner k of its parent as its own corner k,
-//!       / \                and the last one is the middle. New vertices stand behind the old ones, so a coarser
+//!       / \                and the last one is the middle. New vertices come after the old ones, so a coarser
 //!      /4f+2\              level is read off a finer one.
 //!     5 ---- 4
 //!    / \4f+3/ \
@@ -27,9 +28,9 @@ use crate::control::{Control, Verdict};
 use crate::options::Fit;
 use crate::rebuild::{Ending, Made, Task};
 
-/// Times that new vertices glide on each level. (A guess.)
+/// Relaxation rounds of the new vertices of each level. (A guess.)
 const ROUNDS: usize = 3;
-/// Times that all vertices glide on the last level. (A guess.)
+/// Relaxation rounds of all vertices of the last level. (A guess.)
 const LAST_ROUNDS: usize = 5;
 
 type Edge = [VertexId; 2];
@@ -53,7 +54,7 @@ pub(super) fn make(task: &Task<'_>, levels: usize, control: &mut dyn Control) ->
     }
     if made.faces.len() > wanted || finest > ground.faces.len() {
         return match task.step {
-            // In search of an error there are other counts to try.
+            // The search for an error tries other counts.
             Some(_) => Ok(Made { end: Ending::Stuck, ..made }),
             None => Err(SimplifyError::BadOption {
                 option: "subdivisions",
@@ -86,7 +87,7 @@ fn edge(a: VertexId, b: VertexId) -> Edge {
     [a.min(b), a.max(b)]
 }
 
-/// Four faces for each, with new vertices in the middles of the edges.
+/// Replaces each face by four, with new vertices at the edge midpoints.
 fn subdivided(points: &mut Vec<DVec3>, faces: &[[VertexId; 3]], lines: &mut Lines) -> Vec<[VertexId; 3]> {
     let mut middles: HashMap<Edge, VertexId> = HashMap::with_capacity(faces.len() * 3 / 2);
     let mut finer_lines = Lines::new();
@@ -110,7 +111,8 @@ fn subdivided(points: &mut Vec<DVec3>, faces: &[[VertexId; 3]], lines: &mut Line
     finer
 }
 
-/// Lays the vertices from `fresh` on onto the original, evenly; on the last level all glide.
+/// Projects the vertices from `fresh` on onto the original and spaces them evenly; on the last level all are
+/// relaxed.
 fn lay(task: &Task<'_>, land: &Land<'_>, made: &mut Made, lines: &Lines, fresh: usize, is_last: bool) {
     let mut mesh = HalfEdges::new(&made.points, &made.faces, None, None);
     let marked: Vec<(HalfEdgeId, Line)> = mesh
@@ -142,7 +144,7 @@ fn lay(task: &Task<'_>, land: &Land<'_>, made: &mut Made, lines: &Lines, fresh: 
     let rounds = if is_last { ROUNDS + LAST_ROUNDS } else { ROUNDS };
     for round in 0..rounds {
         if round < 2 {
-            // What no vertex is nearest to yet, such as the tip of an ear, draws the surface on.
+            // Pulls the surface towards parts that no vertex is nearest to yet, such as the tip of an ear.
             settle(&mut mesh, &on, land);
         }
         for v in all() {

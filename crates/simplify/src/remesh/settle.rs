@@ -1,5 +1,5 @@
-//! The last step: vertices leave the surface along their normals to where the triangles lie closest to it, in the sense
-//! of least squares. A mesh whose vertices are all on a bent surface lies on one side of it.
+//! Final least-squares fit: vertices move along their normals to where the triangles lie closest to the
+//! original. A mesh whose vertices all lie on a curved surface is otherwise biased to one side of it.
 
 use glam::DVec3;
 use lodsmith_core::VertexId;
@@ -11,23 +11,23 @@ use super::half_edges::{HalfEdges, Line};
 use super::relax::may_move;
 use crate::collapse::order::NONE;
 
-/// Samples for a face, about, at most. (As many as the fit of the engine takes.)
+/// Maximum number of samples per face, approximately. (As in the fit of the engine.)
 const SAMPLES: usize = 16;
-/// Share of the trace that damps the moves, so that vertices that hardly a sample speaks for stay. (A guess.)
+/// Damping, as a share of the trace, so that vertices with few samples hardly move. (A guess.)
 const DAMPING: f64 = 0.05;
 /// Gauss-Seidel sweeps. (A guess.)
 const SWEEPS: usize = 4;
 /// Least cosine between the normals of a sample and of its face. (As in the fit of the engine.)
 const FACING: f64 = 0.3;
 
-/// The samples of a face, summed: b are barycentric coordinates, r heights.
+/// Normal equations of a face, summed over its samples: b are barycentric coordinates, r heights.
 #[derive(Clone, Copy, Default)]
 struct Load {
     bb: [[f64; 3]; 3],
     rb: [f64; 3],
 }
 
-/// Moves the vertices of a compact mesh that lie on no line.
+/// Fits the vertices of a compact mesh that lie on no line.
 pub(super) fn settle(mesh: &mut HalfEdges, on: &[Line], land: &Land<'_>) {
     let faces: Vec<[VertexId; 3]> = (0..mesh.from.len() / 3).map(|f| mesh.corners(f)).collect();
     if faces.is_empty() {
@@ -91,7 +91,7 @@ fn sampled(mesh: &HalfEdges, faces: &[[VertexId; 3]], normals: &[DVec3], land: &
         if area == 0.0 {
             continue;
         }
-        // Exact for squares: 3/4 of the area at the centre, 1/12 at each corner.
+        // Quadrature exact for quadratics: 3/4 of the area at the centre, 1/12 at each corner.
         let centre = (a + b + c) / 3.0;
         for (p, share) in [(centre, 9.0), (a, 1.0), (b, 1.0), (c, 1.0)] {
             let Some(hit) = tree.closest_from(p.to_array(), &mut hint) else { continue };

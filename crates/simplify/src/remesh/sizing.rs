@@ -1,4 +1,4 @@
-//! How long edges should be where: shorter the more the surface bends, within limits, and never changing fast.
+//! Sizing field: target edge lengths that shrink with curvature, within limits and with bounded gradation.
 
 use glam::{DMat3, DVec3};
 use lodsmith_core::VertexId;
@@ -7,16 +7,17 @@ use lodsmith_core::spatial::Bvh;
 use super::guide::tree;
 use super::half_edges::{HalfEdges, Line, OPEN};
 
-/// Rounds of averaging over neighbours before curvature is read off: noise of one edge cancels. (A guess.)
+/// Rounds of neighbour averaging before the curvature is computed: cancels the noise of single edges. (A
+/// guess.)
 const SMOOTHINGS: usize = 2;
-/// Edges are at most so many times longer or shorter than those of an even mesh. (A guess.)
+/// Limits of the target length, relative to that of an even mesh. (A guess.)
 const SPREAD: [f64; 2] = [0.2, 4.0];
-/// How fast the length may grow, per unit of way. (A guess.)
+/// Growth of the target length per unit of distance. (A guess.)
 const GRADATION: f64 = 0.5;
-/// Times that limits and gradation are brought together with the count. (A guess.)
+/// Iterations that reconcile limits and gradation with the face count. (A guess.)
 const ROUNDS: usize = 4;
 
-/// Wanted edge lengths over a surface.
+/// Target edge lengths over a surface.
 pub(super) struct Field {
     pub(super) tree: Bvh,
     pub(super) points: Vec<DVec3>,
@@ -25,11 +26,12 @@ pub(super) struct Field {
 }
 
 impl Field {
-    /// Lengths for a mesh that would take edges of `even` everywhere: as many faces, but where they are needed.
+    /// Computes the lengths for a mesh that would have edges of `even` everywhere: the same number of faces,
+    /// distributed by curvature.
     pub(super) fn new(mesh: &HalfEdges, even: f64) -> Self {
         let faces: Vec<[VertexId; 3]> = (0..mesh.from.len() / 3).map(|f| mesh.corners(f)).collect();
         let bends = curvatures(mesh);
-        // A chord of length l stands off a curve by about k l² / 8.
+        // A chord of length l deviates from a curve by about k l² / 8.
         let wish: Vec<f64> = bends.iter().map(|k| 1.0 / k.max(1e-9).sqrt()).collect();
         let areas: Vec<f64> = vertex_areas(mesh);
         let whole: f64 = areas.iter().sum();
@@ -40,7 +42,7 @@ impl Field {
                 *size = (wish * scale).clamp(SPREAD[0] * even, SPREAD[1] * even);
             }
             level(mesh, &mut sizes);
-            // As many faces as the even mesh has.
+            // The number of faces of the even mesh.
             let needs: f64 = areas.iter().zip(&sizes).map(|(a, s)| a / (s * s)).sum();
             scale *= (needs * even * even / whole.max(f64::MIN_POSITIVE)).sqrt();
         }
@@ -57,8 +59,8 @@ fn vertex_areas(mesh: &HalfEdges) -> Vec<f64> {
     areas
 }
 
-/// How much the surface bends at each vertex: the root of the sum of both principal curvatures squared, from the
-/// bends of the edges around. Lines do not count: they are kept as they are.
+/// Computes the curvature at each vertex: the root of the sum of both principal curvatures squared, from the
+/// dihedral angles of the edges around. Creases do not count: they are kept as they are.
 fn curvatures(mesh: &HalfEdges) -> Vec<f64> {
     let mut bends = vec![DMat3::ZERO; mesh.points.len()];
     for h in mesh.half_edges().filter(|&h| mesh.is_first(h)) {
@@ -90,14 +92,14 @@ fn curvatures(mesh: &HalfEdges) -> Vec<f64> {
                 areas[v.index()] += old_areas[w.index()];
             }
         }
-        // Sums of sums grow by the valence each time.
+        // Each summation multiplies the sums by about the valence.
         bends.iter_mut().zip(&mut areas).for_each(|(b, a)| (*b, *a) = (*b * 0.15, *a * 0.15));
     }
     let norm = |b: &DMat3| b.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();
     bends.iter().zip(&areas).map(|(b, a)| if *a > 0.0 { norm(b) / a } else { 0.0 }).collect()
 }
 
-/// Sweeps until no length is larger than a neighbour's allows, at most so often.
+/// Maximum number of sweeps that limit each length by those of its neighbours.
 const MOST_SWEEPS: usize = 20;
 
 fn level(mesh: &HalfEdges, sizes: &mut [f64]) {

@@ -1,13 +1,13 @@
-//! A closed surface around any input, by the points of a grid that lie inside.
+//! Voxel remeshing: a closed surface around any input, from an inside test at grid points.
 //!
 //! ```text
-//! turn faces so that neighbours agree, closed parts outward
-//! for each part: does the winding number jump across its faces as across a solid's?
-//!     yes: inside is where its winding number is above a half
-//!     no (open sheets, soup): inside is what a flood from outside does not reach, round the part thickened
-//! from the cells at the faces follow the border of the inside; add points where it is ambiguous
-//! one vertex to a cell, placed by the planes of the nearest faces, kept within its cell
-//! more faces than wanted: collapse, keeping the topology as long as that goes
+//! flip faces so that neighbours agree, closed components outward
+//! for each component: does the winding number jump across its faces as across those of a solid?
+//!     yes: a point is inside if its winding number is above 0.5
+//!     no (open sheets, soup): thicken the faces; a point is inside if a flood fill from outside does not reach it
+//! from the cells at the faces follow the boundary of the inside; add points where it is ambiguous
+//! one vertex per cell, placed by the planes of the nearest faces, clamped to its cell
+//! more faces than wanted: collapse, preserving the topology if possible
 //! ```
 
 mod extract;
@@ -34,25 +34,26 @@ use crate::rebuild::{Ending, Made, Task};
 use crate::report::StoppedBy;
 use crate::run;
 
-/// Cells that the surface may pass through, at most: some 400 bytes each at the peak.
+/// Maximum number of cells that the surface may pass through: about 400 bytes each at the peak.
 const MOST_CELLS: f64 = 8e6;
-/// Points of the grid that the flood may look at, at most: two bits each.
+/// Maximum number of grid points of the flood fill: two bits each.
 const MOST_POINTS: f64 = 4e9;
-/// Faces of a part that are asked whether it is a solid, at most.
+/// Maximum number of faces sampled to classify a component as solid.
 const LOOKS: usize = 4000;
-/// A part is a solid if the winding number is near a whole number in front of this share of its area.
+/// A component is solid if the winding number in front of this share of its area is near an integer.
 const SOLID: f64 = 0.9;
-/// How near. The middle of a flat sheet is at a half, a hole as wide as it is far at about 0.15.
+/// Tolerance of that. In the middle of a flat sheet it is off by a half, at a hole as wide as it is far by
+/// about 0.15.
 const NEAR_WHOLE: f64 = 0.25;
-/// Sheets are thickened by so many voxels to each side: above a half, so that no step of the flood passes through; a hole
-/// up to one and a half voxels wide closes.
+/// Sheets are thickened by this many voxels to each side: above a half, so that the flood fill cannot step
+/// through; holes up to one and a half voxels wide are closed.
 const THICK: f64 = 0.75;
-/// Vertices keep so far from the sides of their cells, so that no two meet.
+/// Vertices keep this distance, in voxels, from the sides of their cells, so that no two coincide.
 const MARGIN: f64 = 0.02;
-/// Weight of the mean place against the planes, each of which has 1. Guessed.
+/// Weight of the mean position relative to each plane. Guessed.
 const PULL: f64 = 0.05;
 
-/// The grid, in the frame of the ground.
+/// The voxel grid, in the unit frame.
 struct Grid {
     origin: DVec3,
     h: f64,
@@ -91,7 +92,8 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     };
     const CELLS: &str = "longer: the surface may pass through 8 million cells at most";
     const POINTS: &str = "longer: round open sheets the grid may have 4 billion points at most";
-    // A surface passes through 1.5 cells for each square of its area (measured: 1 to 1.7), a thickened one twice.
+    // A surface passes through 1.5 cells per h² of its area (measured: 1 to 1.7), a thickened one through
+    // twice as many.
     let perimeter: f64 = 2.0 / h;
     if area / (h * h) > MOST_CELLS || perimeter * perimeter * perimeter > 1e18 {
         return Err(too_fine(CELLS));
@@ -100,7 +102,7 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     for p in corners.iter().flatten() {
         (min, max) = (min.min(*p), max.max(*p));
     }
-    // Off the faces of what is aligned with the axes: a point on a face is neither in nor out.
+    // The offset keeps grid points off axis-aligned faces: a point on a face is neither inside nor outside.
     let origin = min - DVec3::splat(3.37 * h);
     let size = ((max - origin) / h + 4.0).ceil().to_array().map(|x| x as i32);
     let grid = Grid { origin, h, size };
@@ -145,7 +147,7 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     lighter(task, points, split, control)
 }
 
-/// For each face whether its part bounds a solid.
+/// Returns for each face whether its component bounds a solid.
 fn solid_faces(surface: &Surface<'_>, corners: &[Face], h: f64) -> Vec<bool> {
     let parts = Topology::unwelded(surface).components();
     let mut is_solid = vec![false; corners.len()];
@@ -168,7 +170,7 @@ fn solid_faces(surface: &Surface<'_>, corners: &[Face], h: f64) -> Vec<bool> {
                 let (front, back) = (tree.at(middle + off), tree.at(middle - off));
                 all += area;
                 let is_whole = (front - front.round()).abs() <= NEAR_WHOLE && front.round() >= 0.0;
-                // Two sides of a sheet, back to back, have no inside between them.
+                // Two sheets back to back have no inside between them.
                 good += if is_whole && back - front > 0.5 { area } else { 0.0 };
             }
             (good, all)
@@ -181,7 +183,7 @@ fn solid_faces(surface: &Surface<'_>, corners: &[Face], h: f64) -> Vec<bool> {
     is_solid
 }
 
-/// Calls for each cell whose middle lies within a distance of a face; a cell may come several times.
+/// Calls `call` for each cell whose centre lies within a distance of a face; a cell may come several times.
 fn touched(grid: &Grid, faces: &[Face], within: f64, mut call: impl FnMut(At, DVec3)) {
     let half = DVec3::splat(0.5 * grid.h);
     let mut stack: Vec<Face> = Vec::new();
@@ -191,7 +193,7 @@ fn touched(grid: &Grid, faces: &[Face], within: f64, mut call: impl FnMut(At, DV
             let [a, b, c] = t;
             let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
             if longest > 16.0 * grid.h * grid.h {
-                // In halves over the longest edge: a needle becomes a row, not a heap.
+                // Bisected at the longest edge: a needle becomes a row of triangles instead of a cluster.
                 let [a, b, c] = if a.distance_squared(b) == longest {
                     [a, b, c]
                 } else if b.distance_squared(c) == longest {
@@ -219,10 +221,10 @@ fn touched(grid: &Grid, faces: &[Face], within: f64, mut call: impl FnMut(At, DV
     }
 }
 
-/// The points that a flood from outside does not reach.
+/// Grid points that a flood fill from outside does not reach.
 struct Flood {
     size: [usize; 3],
-    /// Bits: reached by the flood, or not.
+    /// Bit set of the points that the flood fill reached.
     is_out: Vec<u64>,
 }
 
@@ -240,7 +242,7 @@ impl Flood {
         let words = (size[0] * size[1] * size[2]).div_ceil(64);
         let mut this = Self { size, is_out: vec![0; words] };
         let mut wall = vec![0u64; words];
-        // Points are the middles of the cells of a grid moved by half a voxel.
+        // The points are the cell centres of a grid shifted by half a voxel.
         let moved = Grid { origin: grid.origin - DVec3::splat(0.5 * grid.h), ..*grid };
         touched(&moved, sheets, THICK * grid.h, |at, _| {
             if let Some(i) = this.index(at) {
@@ -280,7 +282,8 @@ impl Flood {
 
 type Followed = (Vec<At>, HashMap<At, bool>);
 
-/// The cells that the border of the inside passes through, in order, and the signs of their corners.
+/// Collects the cells that the boundary of the inside passes through, in order, and the signs of their
+/// corners.
 fn followed(
     seeds: Vec<At>,
     is_inside: impl Fn(At) -> bool + Sync,
@@ -305,7 +308,7 @@ fn followed(
         signs.extend(corners.iter().copied().zip(found.into_iter().flatten()));
         let mut next = Vec::new();
         let mut at = 0;
-        // Grows while it is walked: a point that is added changes the cells round it.
+        // The list grows during the loop: an added point changes the cells around it.
         while let Some(&cell) = front.get(at) {
             at += 1;
             seen.insert(cell);
@@ -340,7 +343,7 @@ fn followed(
     }
     mixed.sort_unstable();
     mixed.dedup();
-    // Points were added since.
+    // Points added later may have made a cell uniform.
     mixed.retain(|&cell| {
         let inside = CORNERS.iter().filter(|&&o| signs[&plus(cell, o)]).count();
         !matches!(inside, 0 | 8)
@@ -348,7 +351,8 @@ fn followed(
     Ok((mixed, signs))
 }
 
-/// A vertex for each cell: near the planes of the faces nearest to the edges that the border crosses, in the cell.
+/// Places one vertex per cell: near the planes of the faces nearest to the crossed edges, clamped to the
+/// cell.
 fn placed(grid: &Grid, cells: &[At], signs: &HashMap<At, bool>, tree: &Bvh, corners: &[Face]) -> Vec<DVec3> {
     let reach = 2.0 * grid.h;
     let all = chunks::map(cells.len(), |range| {
@@ -388,7 +392,8 @@ fn placed(grid: &Grid, cells: &[At], signs: &HashMap<At, bool>, tree: &Bvh, corn
     all.into_iter().flatten().collect()
 }
 
-/// The surface itself, or collapsed to the goal: never more faces than the input, where a closed surface can have so few.
+/// Returns the surface, collapsed to the goal if needed: never more faces than the input, if a closed surface
+/// with so few exists.
 fn lighter(
     task: &Task<'_>,
     points: Vec<DVec3>,
@@ -432,7 +437,7 @@ fn lighter(
     let input = run::Input { surface: mesh.surface(), mesh: None, joined: None };
     let (mut done, _) = run::run(&input, &options, control)?;
     if !done.report.reached && done.report.stopped_by != StoppedBy::Caller {
-        // Handles are cut and parts go only where it takes that; no border comes of it.
+        // Cuts handles and drops components only if necessary; no borders arise.
         options.topology = TopologyPolicy::Relaxed;
         done = run::run(&input, &options, control)?.0;
     }

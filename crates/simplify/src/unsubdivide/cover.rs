@@ -1,11 +1,11 @@
-//! Tiles of four triangles that cover a part of a surface once.
+//! Tilings of a surface component by tiles of four triangles.
 //!
 //! ```text
-//!          e2                 e: even, stays         the middle face has no even vertex,
-//!         /  \                o: odd, goes           the other three have one each
+//!          e2                 e: even, kept          the middle face has no even vertex,
+//!         /  \                o: odd, removed        the other three have one each
 //!      o1 ---- o2
 //!      / \    / \             every edge of a tile from e to e is shared at its o with the tile
-//!    e0 -- o0 -- e1           beyond it, so one tile decides all others of its part
+//!    e0 -- o0 -- e1           beyond it, so one tile determines all others of its component
 //! ```
 
 use lodsmith_core::{FaceId, HalfEdgeId, Topology, VertexId};
@@ -19,28 +19,28 @@ pub(super) struct Tile {
     pub(super) even: [VertexId; 3],
 }
 
-/// What a face is in a cover.
+/// Role of a face in a cover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     Middle,
-    /// Of a tile's corner, with this even vertex.
+    /// Corner face of a tile, with this even vertex.
     Corner(VertexId),
 }
 
-/// Looks for covers; kept for its tables.
+/// Search for covers; holds reusable tables.
 pub(super) struct Search<'a> {
     topology: &'a Topology,
-    /// By face and by vertex, with the try that they are of.
+    /// Roles by face and parity by vertex, each with the try that set them.
     roles: Vec<(u32, Role)>,
     parity: Vec<(u32, bool)>,
-    /// By vertex: the even ones between which an odd one lies.
+    /// For each odd vertex, the even ones at the ends of its edge.
     between: Vec<[VertexId; 2]>,
-    /// The number of the try.
+    /// Number of the current try.
     turn: u32,
     todo: Vec<(FaceId, VertexId)>,
 }
 
-/// Tiles that cover a part, and where its odd vertices lie.
+/// A tiling of a component, and the edges that its odd vertices split.
 pub(super) struct Cover {
     pub(super) tiles: Vec<Tile>,
     /// Each odd vertex once, with the ends of its edge.
@@ -60,8 +60,9 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The covers of a part that hangs together along edges: at most four, since its first face is the middle of a tile or
-    /// one of the three corners. Cost: O(n). Source: [Taubin 2001], whose equivalence classes of tiles are these covers.
+    /// Returns the covers of an edge-connected component: at most four, since its first face is the middle of
+    /// a tile or one of the three corners. Cost: O(n). Source: [Taubin 2001], whose equivalence classes of
+    /// tiles are these covers.
     pub(super) fn covers(&mut self, part: &[FaceId]) -> Vec<Cover> {
         let first = part[0];
         let middles =
@@ -70,7 +71,7 @@ impl<'a> Search<'a> {
         middles.filter_map(|middle| self.cover(part, middle)).collect()
     }
 
-    /// The half-edge on the other side, where there is just one and the two faces agree which side is out.
+    /// Returns the twin half-edge, if there is just one and the two faces agree on orientation.
     fn across(&self, h: HalfEdgeId) -> Option<HalfEdgeId> {
         self.topology.twin(h).filter(|&t| self.topology.origin(t) == self.topology.target(h))
     }
@@ -93,13 +94,13 @@ impl<'a> Search<'a> {
         if 4 * cover.tiles.len() != part.len() {
             return None;
         }
-        // Two edges between the same vertices would be one.
+        // Two edges between the same vertices would coincide.
         let mut edges: Vec<_> = cover.odd.iter().map(|x| x.1).collect();
         edges.sort_unstable();
         edges.windows(2).all(|w| w[0] != w[1]).then_some(cover)
     }
 
-    /// Lays a tile, and notes what has to lie beside it.
+    /// Adds a tile, and queues the faces beside it.
     fn lay(&mut self, middle: FaceId, cover: &mut Cover) -> Option<()> {
         let inner = self.half_edges(middle);
         let mut outer = inner;
@@ -113,7 +114,7 @@ impl<'a> Search<'a> {
             self.mark(even[k], true)?;
         }
         for k in 0..3 {
-            // It leaves the corner between edge k and the one before.
+            // The vertex between edge k and the previous one.
             let odd = self.topology.origin(inner[k]);
             let (a, b) = (even[(k + 2) % 3], even[k]);
             let ends = [a.min(b), a.max(b)];
@@ -140,7 +141,7 @@ impl<'a> Search<'a> {
     fn half_edges(&self, f: FaceId) -> [HalfEdgeId; 3] {
         [0, 1, 2].map(|k| HalfEdgeId::new(3 * f.index() + k))
     }
-    /// The vertex of its face that a half-edge does not touch.
+    /// Returns the vertex opposite to a half-edge in its face.
     fn apex(&self, h: HalfEdgeId) -> VertexId {
         self.topology.origin(h.next().next())
     }
@@ -153,7 +154,7 @@ impl<'a> Search<'a> {
         self.roles[f.index()] = (self.turn, role);
         is_free.then_some(())
     }
-    /// Says whether the vertex was not marked before; nothing where it is marked otherwise.
+    /// Marks a vertex; returns whether it was unmarked before, or `None` if it had the other parity.
     fn mark(&mut self, v: VertexId, is_even: bool) -> Option<bool> {
         let (turn, before) = std::mem::replace(&mut self.parity[v.index()], (self.turn, is_even));
         if turn != self.turn {

@@ -1,23 +1,24 @@
-//! The triangles that fill a hole: those of least bend and best shape, of all that there are where the hole is small.
+//! Hole triangulation with the least bend and the best triangle shapes, optimal for small holes.
 
 use glam::DVec3;
 
-/// Loops up to this length are filled in the best way of all; from longer ones ears are cut first. Twelve vertices have
-/// 220 triangles and 16,796 ways.
+/// Loops up to this length are triangulated optimally; longer ones have ears cut off first. Twelve vertices
+/// have 220 triangles and 16,796 triangulations.
 const BEST_UP_TO: usize = 12;
-/// What the shape of a triangle counts for, beside the bend of its edges. (Guessed.)
+/// Weight of the shape of a triangle, relative to the bend of its edges. (Guessed.)
 const SHAPE: f64 = 0.1;
-/// A triangle turned further than this from the faces that it replaces (the cosine) counts as turned over. (Guessed.)
+/// A triangle whose normal deviates further than this (the cosine) from the replaced faces counts as flipped.
+/// (Guessed.)
 const TURN: f64 = 0.1;
-/// Triangles whose height is less than this part of their longest edge are none.
+/// Triangles whose height is less than this share of their longest edge are rejected as degenerate.
 const FLAT: f64 = 1e-9;
 
-/// What the triangles of a hole must be.
+/// Requirements on the triangles of a hole.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Cosine of the largest angle to the faces that were there.
+    /// Cosine of the largest angle to the replaced faces.
     pub(super) turn_cos: f64,
-    /// Least shape: 1 is equilateral.
+    /// Minimum quality: 1 is equilateral.
     pub(super) quality: f64,
 }
 
@@ -28,7 +29,7 @@ impl Limits {
     }
 }
 
-/// Why a triangle cannot be.
+/// Reasons why triangles were rejected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Why {
     pub(super) edges: bool,
@@ -36,13 +37,13 @@ pub(super) struct Why {
     pub(super) shape: bool,
 }
 
-/// The ring round a vertex that goes, by number.
+/// The ring round a removed vertex, addressed by index.
 #[derive(Default)]
 pub(super) struct Ring {
     pub(super) points: Vec<DVec3>,
-    /// The normal of the face beyond the edge to the next one, if there is one that counts.
+    /// Normal of the face beyond the edge to the next vertex, if there is one to consider.
     pub(super) beyond: Vec<Option<DVec3>>,
-    /// For each vertex the others, as bits, to which there may be no new edge.
+    /// For each vertex a bit set of the others to which no new edge is allowed.
     pub(super) barred: Vec<u64>,
 }
 
@@ -52,7 +53,7 @@ impl Ring {
     }
 }
 
-/// The best filling between two vertices of a loop, seen from the edge between them.
+/// The best triangulation between two vertices of a loop, as seen from the edge between them.
 #[derive(Clone, Copy)]
 struct Best {
     cost: f64,
@@ -62,13 +63,13 @@ struct Best {
 
 const NONE: Best = Best { cost: f64::INFINITY, apex: 0, normal: DVec3::ZERO };
 
-/// Fills loops; kept for its tables.
+/// Triangulates loops; holds reusable tables.
 pub(super) struct Filler {
     limits: Limits,
     table: Vec<Best>,
     work: Vec<(usize, Option<DVec3>)>,
     todo: Vec<(usize, usize)>,
-    /// What stood in the way, since it was last emptied.
+    /// Reasons for rejections since the last reset.
     pub(super) why: Why,
 }
 
@@ -78,11 +79,12 @@ impl Filler {
         Self { limits, table, work: Vec::new(), todo: Vec::new(), why: Why::default() }
     }
 
-    /// Triangles over a loop of the ring, facing about along `side`, a unit normal; numbers of the ring are added to `out`.
-    /// The edge from the last one to the first is the loop's own and may be barred. Whether there is a way.
+    /// Triangulates a loop of the ring, with normals about along `side`, a unit normal; adds triangles of
+    /// ring indices to `out`. The edge from the last vertex to the first is exempt from `barred`. Returns
+    /// true on success.
     ///
-    /// Source: dynamic programming over sub-loops, as for the least sum over all triangulations of a polygon
-    /// [Klincsek 1980]; what is summed is ours.
+    /// Source: dynamic programming over sub-loops, as for the minimum-weight triangulation of a polygon
+    /// [Klincsek 1980]; the weights are ours.
     pub(super) fn fill(
         &mut self,
         ring: &Ring,
@@ -95,7 +97,7 @@ impl Filler {
         let ring_len = ring.points.len();
         let count = self.work.len();
         for j in 0..count {
-            // Not an edge of the ring: the other side of it is filled by itself.
+            // Not an edge of the ring: its other side is filled separately.
             if self.work[(j + 1) % count].0 != (self.work[j].0 + 1) % ring_len {
                 self.work[j].1 = None;
             }
@@ -108,7 +110,7 @@ impl Filler {
         self.fill_best(ring, side, out)
     }
 
-    /// Cost and normal of a triangle, without the bends of its edges.
+    /// Returns the cost and normal of a triangle, without the bends of its edges.
     fn triangle(&mut self, ring: &Ring, t: [usize; 3], side: DVec3) -> Option<(f64, DVec3)> {
         let [a, b, c] = t.map(|i| ring.points[i]);
         let (ab, bc, ca) = (b - a, c - b, a - c);
@@ -195,7 +197,7 @@ impl Filler {
         true
     }
 
-    /// Cuts the cheapest ear.
+    /// Cuts off the cheapest ear.
     fn cut_ear(&mut self, ring: &Ring, side: DVec3, out: &mut Vec<[usize; 3]>) -> bool {
         let n = self.work.len();
         let mut best: Option<(f64, usize, DVec3)> = None;
@@ -209,7 +211,7 @@ impl Filler {
             let Some((shape, normal)) = self.triangle(ring, t, side) else { continue };
             let [p, q, r] = t.map(|x| ring.points[x]);
             let cost = shape + bend(normal, self.work[a].1, q - p) + bend(normal, self.work[b].1, r - q);
-            // An ear holds no other vertex, as seen along the normal.
+            // An ear contains no other vertex, seen along the normal.
             let holds = |x: DVec3| {
                 [(p, q), (q, r), (r, p)].iter().all(|&(u, w)| (w - u).cross(x - u).dot(normal) >= 0.0)
             };
@@ -227,7 +229,7 @@ impl Filler {
     }
 }
 
-/// What the bend along an edge counts for: nothing where the surface ends there.
+/// Cost of the bend at an edge: nothing at a border.
 fn bend(normal: DVec3, beyond: Option<DVec3>, edge: DVec3) -> f64 {
     beyond.map_or(0.0, |other| (1.0 - normal.dot(other)) * edge.length())
 }

@@ -1,4 +1,4 @@
-//! Whole parts, when nothing else can go.
+//! Removal of whole components, when no vertex can be removed any more.
 
 use lodsmith_core::VertexId;
 
@@ -6,8 +6,8 @@ use super::is_met;
 use super::store::Store;
 use crate::rebuild::Task;
 
-/// Takes whole parts away, those of the smallest box first, until the goal is met: never the largest, and none with a
-/// locked vertex. Says how many went. Cost: O(n log n).
+/// Removes components, smallest bounding box first, until the goal is met: never the largest, and none with a
+/// locked vertex. Returns how many were removed. Cost: O(n log n).
 pub(super) fn remove_cheapest(store: &mut Store<'_>, task: &Task<'_>) -> usize {
     let mut root: Vec<VertexId> = (0..store.points.len()).map(VertexId::new).collect();
     let find = |root: &mut Vec<VertexId>, mut v: VertexId| {

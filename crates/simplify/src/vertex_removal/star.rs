@@ -1,4 +1,4 @@
-//! The faces round a vertex in order, and what kind of vertex that makes it.
+//! The star of a vertex in cyclic order, and the class of the vertex.
 
 use glam::DVec3;
 use lodsmith_core::{FaceId, VertexId};
@@ -6,34 +6,36 @@ use lodsmith_core::{FaceId, VertexId};
 use super::store::Store;
 use crate::report::Refusal;
 
-/// Vertices with more faces stay until their neighbours are fewer: tables of a star are of 64 bits, and a hub of
-/// thousands of faces is not looked at each time one of them changes.
+/// Vertices with more faces are kept until they have fewer: the tables of a star have 64 bits, and a hub of
+/// thousands of faces is not visited each time one of them changes.
 pub(super) const MOST: usize = 63;
 
-/// How a vertex may go. [Schroeder et al. 1992] Complex vertices, where the surface is no disc, are refused beforehand.
+/// Class of a vertex. [Schroeder et al. 1992] Complex vertices, where the surface is no disc, are rejected
+/// beforehand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Class {
-    /// Inside a surface without a crease, or where creases meet or end: a corner costs what it stands out.
+    /// Inside a surface without a crease, or where creases meet or end: a corner costs its distance from the
+    /// mean plane.
     Inside,
-    /// On a crease, which runs through these two of the ring.
+    /// On a crease through these two ring vertices.
     Edge(usize, usize),
-    /// On a border, which runs through the first and the last of the ring.
+    /// On a border through the first and the last ring vertex.
     Border,
 }
 
-/// Face `i` lies between `ring[i]` and the next one; on a border there is one vertex more than faces.
+/// Face `i` lies between `ring[i]` and the next one; on a border the ring has one more vertex than faces.
 #[derive(Default)]
 pub(super) struct Star {
     pub(super) ring: Vec<VertexId>,
     pub(super) faces: Vec<FaceId>,
-    /// Twice the area of each face, along its normal.
+    /// Normal of each face, with twice its area as length.
     pub(super) areas: Vec<DVec3>,
     pub(super) is_closed: bool,
     next: Vec<(VertexId, VertexId, FaceId)>,
 }
 
 impl Star {
-    /// Walks round a vertex.
+    /// Collects the star of a vertex.
     pub(super) fn gather(&mut self, store: &mut Store<'_>, v: VertexId) -> Result<(), Refusal> {
         self.next.clear();
         if store.degree(v) > MOST {
@@ -47,7 +49,7 @@ impl Star {
         self.ring.clear();
         self.faces.clear();
         self.areas.clear();
-        // A closed ring begins at the same face whatever the order of the list.
+        // A closed ring starts at the same face whatever the order of the list.
         let first = (0..self.next.len()).min_by_key(|&i| self.next[i].0).ok_or(Refusal::NonManifold)?;
         self.next.swap(0, open.unwrap_or(first));
         let p = store.point(v);
@@ -73,8 +75,8 @@ impl Star {
         if (1..self.ring.len()).any(repeats) { Err(Refusal::NonManifold) } else { Ok(()) }
     }
 
-    /// What kind of vertex it is. Creases are bent by more than an angle with this cosine; borders of regions are creases
-    /// that have to stay.
+    /// Classifies the vertex. Creases are edges whose normals differ by more than an angle with this cosine;
+    /// borders of regions are creases that must be kept.
     pub(super) fn class(&self, store: &Store<'_>, crease_cos: f64) -> Result<Class, Refusal> {
         let count = self.faces.len();
         let inner = usize::from(!self.is_closed)..count;
@@ -86,7 +88,7 @@ impl Star {
         match [borders.next(), borders.next(), borders.next()] {
             [None, ..] => {}
             [Some(a), Some(b), None] if self.is_closed => {
-                // A region of one face between them would be gone.
+                // A region with a single face between them would vanish.
                 return if b - a == 1 || before(a) == b { Err(Refusal::Seam) } else { Ok(Class::Edge(a, b)) };
             }
             _ => return Err(Refusal::Seam),

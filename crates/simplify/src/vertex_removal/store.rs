@@ -1,4 +1,4 @@
-//! Faces that come and go, and which of them stand at each vertex.
+//! Dynamic face storage with the incident faces of each vertex.
 
 use glam::DVec3;
 use lodsmith_core::{FaceId, RegionId, VertexId};
@@ -6,16 +6,16 @@ use lodsmith_core::{FaceId, RegionId, VertexId};
 use crate::collapse::order::NONE;
 use crate::rebuild::Ground;
 
-/// Room for faces that a vertex gains, beside those that it has. (Guessed; a list that is full moves.)
+/// Spare slots for new faces in the list of each vertex. (Guessed; a full list is moved.)
 const SPARE: u32 = 4;
 
-/// A face that is gone.
+/// A removed face.
 const GONE: [VertexId; 3] = [NONE; 3];
 
-/// Lists longer than this keep faces that are gone until they are walked: to look for each would take long.
+/// Lists longer than this keep removed faces until they are walked: searching for each would take long.
 pub(super) const HUB: usize = 256;
 
-/// A face at a vertex, and its other two.
+/// An incident face of a vertex, and the other two vertices of that face.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corner {
     pub(super) next: VertexId,
@@ -25,11 +25,12 @@ pub(super) struct Corner {
 
 const NO_CORNER: Corner = Corner { next: NONE, last: NONE, face: FaceId(0) };
 
-/// What is walked most, the faces at a vertex, lies in one piece. Numbers of faces are given out once.
+/// The incident faces of each vertex are contiguous, since they are walked most. Face indices are never
+/// reused.
 pub(super) struct Store<'a> {
     pub(super) points: &'a [DVec3],
     faces: Vec<[VertexId; 3]>,
-    /// The face of the ground that each face stands for, where there are regions.
+    /// The input face that each face replaces, if there are regions.
     stands_for: Option<Vec<u32>>,
     regions: Option<&'a [RegionId]>,
     lists: Vec<List>,
@@ -38,7 +39,7 @@ pub(super) struct Store<'a> {
     pub(super) vertex_count: usize,
 }
 
-/// Where the faces of a vertex are listed, and how many of them are left.
+/// Position of a vertex's list, and the number of faces still in it.
 #[derive(Clone, Copy, Default)]
 struct List {
     start: u32,
@@ -86,30 +87,30 @@ impl<'a> Store<'a> {
     pub(super) fn face(&self, f: FaceId) -> [VertexId; 3] {
         self.faces[f.index()]
     }
-    /// Those that are left.
+    /// The remaining faces.
     pub(super) fn faces(&self) -> impl Iterator<Item = (FaceId, [VertexId; 3])> {
         self.faces.iter().enumerate().filter(|x| *x.1 != GONE).map(|(f, t)| (FaceId::new(f), *t))
     }
-    /// The number of faces at a vertex.
+    /// Number of faces at a vertex.
     pub(super) fn degree(&self, v: VertexId) -> usize {
         self.lists[v.index()].live as usize
     }
     pub(super) fn region(&self, f: FaceId) -> Option<RegionId> {
         Some(self.regions?[self.stands_for.as_ref()?[f.index()] as usize])
     }
-    /// The face of the ground that a face stands for, where that is kept.
+    /// Returns the input face that a face replaces, if recorded.
     pub(super) fn stands_for(&self, f: FaceId) -> Option<usize> {
         Some(self.stands_for.as_ref()?[f.index()] as usize)
     }
 
-    /// What stands at a vertex whose list is tidy.
+    /// Returns the incident faces of a vertex whose list is tidy.
     #[inline]
     pub(super) fn corners_at(&self, v: VertexId) -> &[Corner] {
         let list = &self.lists[v.index()];
         &self.corners[list.start as usize..(list.start + list.len) as usize]
     }
 
-    /// Leaves faces that are gone out of the list of a vertex.
+    /// Drops removed faces from the list of a vertex.
     #[inline]
     pub(super) fn tidy(&mut self, v: VertexId) {
         let list = &mut self.lists[v.index()];
@@ -143,7 +144,7 @@ impl<'a> Store<'a> {
         self.face_count -= 1;
     }
 
-    /// Adds a face that takes the place of another.
+    /// Adds a face that replaces another.
     pub(super) fn add(&mut self, t: [VertexId; 3], instead_of: FaceId) {
         let f = FaceId::new(self.faces.len());
         self.faces.push(t);
@@ -167,7 +168,7 @@ impl<'a> Store<'a> {
     fn make_room(&mut self, v: VertexId) {
         self.tidy(v);
         let list = &mut self.lists[v.index()];
-        // A quarter of it has to be free, or the next one would come too soon.
+        // Requires a quarter of it to be free, else it would fill up again too soon.
         if list.len * 4 <= list.room * 3 {
             return;
         }

@@ -1,4 +1,4 @@
-//! What the window shows where there is no file, and while one hangs over it.
+//! The window without a file, and the overlay while a file is dragged over it.
 
 use eframe::egui::{self, Ui};
 
@@ -7,7 +7,7 @@ use crate::keys::Action;
 use crate::panel::{self, Facts, Say};
 use crate::theme;
 
-/// What a newcomer sees: what to do.
+/// Draws the start page: how to open a file, and recent files.
 pub(super) fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
     let p = theme::palette(ui);
     let room = ui.available_rect_before_wrap();
@@ -56,7 +56,7 @@ pub(super) fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut 
     });
 }
 
-/// While a file hangs over the window, it says that it may fall.
+/// Draws a hint while a file is dragged over the window.
 pub(super) fn hovering(ctx: &egui::Context) {
     if ctx.input(|i| i.raw.hovered_files.is_empty()) {
         return;

@@ -1,4 +1,4 @@
-//! What keys, menus and dialogs do to the stage.
+//! Actions of keys, menus and dialogs on the stage.
 
 mod keyframes;
 
@@ -19,13 +19,13 @@ use crate::stage::scatter::Scatter;
 use crate::stage::{Placement, StageChange};
 use crate::viewport::KEY_TURN_RAD;
 
-/// Turn of a copy by a key.
+/// Rotation of a copy per key press.
 const TURN_STEP_DEG: f64 = 15.0;
-/// What a key makes of its size.
+/// Scale factor of a copy per key press.
 const SCALE_STEP: f64 = 1.1;
 
 impl App {
-    /// What the window knows of the stage beside the document.
+    /// Returns the view of the stage, which is not part of the document.
     pub fn stage_view(&self) -> &StageView {
         &self.pictures.stage
     }
@@ -34,7 +34,7 @@ impl App {
         self.document.run(Command::Stage(change));
     }
 
-    /// Does an action, if it is one of the stage; whether it was.
+    /// Carries out an action if it is one of the stage; returns true if so.
     pub(super) fn act_on_stage(&mut self, ctx: &egui::Context, action: Action) -> bool {
         if action == Action::Stage {
             self.toggle_stage();
@@ -137,7 +137,7 @@ impl App {
         }
     }
 
-    /// Scatters, and says where there was no room.
+    /// Scatters copies and warns if not all fit.
     pub(super) fn scatter(&mut self, scatter: Scatter) {
         let Some(base) = self.document.stage_base() else { return };
         let scatter = Scatter { footprint: base.footprint(), ..scatter };
@@ -167,7 +167,7 @@ impl App {
         Some(file.with_file_name(format!("{stem}_{ending}")))
     }
 
-    /// A file for the stage was chosen.
+    /// Reads or writes a file of the stage that was chosen in a dialog.
     pub(super) fn stage_file(&mut self, purpose: Purpose, path: PathBuf) {
         match purpose {
             Purpose::OpenLayout => self.open_layout(&path),
@@ -186,7 +186,7 @@ impl App {
         }
     }
 
-    /// Copies as a file has them, on the stage.
+    /// Opens a layout file and replaces the copies on the stage.
     pub(super) fn open_layout(&mut self, path: &Path) {
         if self.document.original().is_none() {
             return self.fail(format!("{}: open a model first, which the layout places", path.display()));

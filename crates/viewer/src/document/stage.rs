@@ -1,4 +1,4 @@
-//! The stage of a document: what its copies are made of, and its way into a file.
+//! The stage of a document: its levels, timeline and export.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,46 +12,46 @@ use crate::stage::export::{StageExport, Told};
 use crate::stage::levels::Level;
 use crate::stage::{Base, Copies, Stage};
 
-/// A level that copies can be shown in.
+/// A level that copies can be drawn in.
 pub struct StageLevel<'a> {
-    /// Its numbers.
+    /// Error and face count.
     pub level: Level,
-    /// What it is.
+    /// The model.
     pub model: &'a Model,
-    /// How it is drawn; `None` where there is no card.
+    /// GPU buffers; `None` without an adapter.
     pub draw: Option<&'a Drawing>,
 }
 
 impl Document {
-    /// The stage, where it is to be shown.
+    /// Returns the stage, if it is on and a file is open.
     pub fn stage(&self) -> Option<&Stage> {
         let stage = &self.settings.stage;
         (stage.is_on && self.original.is_some()).then_some(stage)
     }
 
-    /// Seconds from begin to end of what moves: the clip, or all that goes on on the stage.
+    /// Returns the length of the timeline in seconds: of the clip, or of all motion on the stage.
     pub fn timeline_secs(&self) -> f64 {
         let clip = self.original.as_ref().map_or(0.0, |o| self.settings.playback.length(o.content.model()));
         self.stage().map_or(clip, |stage| stage.motion.length(clip))
     }
 
-    /// The moment that is shown, within those.
+    /// Returns the current time within the timeline.
     pub fn moment(&self) -> f64 {
         self.settings.playback.moment(self.timeline_secs())
     }
 
-    /// Where the copies stand at that moment.
+    /// Returns the placements of the copies at the current time.
     pub fn copies_now(&self) -> Copies {
         self.settings.stage.copies_at(self.moment())
     }
 
-    /// How the model stands on a ground.
+    /// Returns the base of the model: how it is placed on a ground.
     pub fn stage_base(&self) -> Option<Base> {
         let original = self.original.as_ref()?;
         Some(Base::new(&original.content.bounds, self.settings.turn.rotation()))
     }
 
-    /// The original and the levels that are made of it, from the finest.
+    /// Returns the original and its levels, from the finest.
     pub fn stage_levels(&self) -> Vec<StageLevel<'_>> {
         let Some(original) = &self.original else { return Vec::new() };
         let first = StageLevel {
@@ -67,13 +67,13 @@ impl Document {
         std::iter::once(first).chain(lighter).collect()
     }
 
-    /// Whether the levels of the stage are still to come.
+    /// Returns true while the levels of the stage are being made.
     pub fn awaits_levels(&self) -> bool {
         self.levels_made().is_empty() && self.worker.is_busy(Kind::Levels)
     }
 
-    /// Writes the stage as one file: copies that share the model and its levels. `fov_y_rad` is the angle of view for which
-    /// readers are told where to switch.
+    /// Exports the stage as one file: copies that share the model and its levels. `fov_y_rad` is the vertical
+    /// field of view for which the switching distances are written.
     pub fn export_stage(&mut self, path: PathBuf, fov_y_rad: f64) {
         let (Some(original), Some(base)) =
             (self.original.as_ref().map(|o| o.content.clone()), self.stage_base())

@@ -1,26 +1,26 @@
-//! Which adapters there are, and whether each can draw.
+//! List of the graphics adapters, with a check of each.
 
 use egui_wgpu::wgpu;
 
 use super::Context;
 
-/// A graphics card, or a driver that draws without one.
+/// A graphics card, or a software renderer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Adapter {
     /// Its name.
     pub name: String,
-    /// The interface to its driver, such as Vulkan.
+    /// Graphics API, such as Vulkan.
     pub backend: String,
     /// Name and version of the driver; may be empty.
     pub driver: String,
-    /// Whether pictures are computed on the processor.
+    /// True for a software renderer.
     pub is_software: bool,
-    /// Why it cannot draw; `None` if it can.
+    /// Reason why it cannot be used; `None` if it can.
     pub fault: Option<String>,
 }
 
 impl Adapter {
-    /// Every adapter that the window may be given. Each was asked for a device.
+    /// Returns all adapters that the window may use. Requests a device from each to check it.
     pub fn all() -> Vec<Self> {
         let backends = super::context::backends();
         let instance = super::context::instance();

@@ -1,4 +1,4 @@
-//! Buffers that grow, and keep their place where what comes fits.
+//! Growable GPU buffers, reused while new content fits.
 
 use std::sync::Arc;
 
@@ -6,18 +6,18 @@ use egui_wgpu::wgpu;
 
 use super::context::Context;
 
-/// A storage buffer with room to grow.
+/// A growable storage buffer.
 #[derive(Clone)]
 pub(super) struct Storage {
     buffer: wgpu::Buffer,
     label: Arc<str>,
 }
 
-/// Smallest size: a buffer without bytes cannot be bound.
+/// Minimum size: an empty buffer cannot be bound.
 const SMALLEST: u64 = 256;
 
 impl Storage {
-    /// A buffer that holds exactly these bytes.
+    /// Creates a buffer for exactly these bytes.
     pub(super) fn new(context: &Context, label: &str, bytes: &[u8]) -> Self {
         let buffer = make(context, label, bytes.len() as u64);
         context.queue.write_buffer(&buffer, 0, bytes);
@@ -28,10 +28,11 @@ impl Storage {
         &self.buffer
     }
 
-    /// New content; whether another buffer had to take its place, larger by an eighth than what it must hold.
+    /// Replaces the content. Returns true if the buffer was reallocated, with an eighth more space than
+    /// needed.
     pub(super) fn replace(&mut self, context: &Context, bytes: &[u8]) -> bool {
         let wanted = bytes.len() as u64;
-        // One that is far too large is given back.
+        // A far too large buffer is freed.
         let fits = wanted <= self.buffer.size() && self.buffer.size() / 8 <= wanted.max(SMALLEST);
         if !fits {
             self.buffer = make(context, &self.label, wanted + wanted / 8);
@@ -40,7 +41,8 @@ impl Storage {
         !fits
     }
 
-    /// New bytes at a place; whether another, larger buffer had to take its place. What else stood there stays.
+    /// Writes bytes at an offset, keeping the rest. Returns true if the buffer was reallocated to a larger
+    /// one.
     pub(super) fn write(&mut self, context: &Context, at: u64, bytes: &[u8]) -> bool {
         let wanted = at + bytes.len() as u64;
         let fits = wanted <= self.buffer.size();

@@ -1,4 +1,4 @@
-//! The device, and what it can do.
+//! The GPU device and its capabilities.
 
 use std::sync::Arc;
 
@@ -6,29 +6,29 @@ use egui_wgpu::wgpu;
 
 use super::layout::Layouts;
 
-/// Why nothing can be drawn.
+/// Error that prevents drawing.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
-    /// There is no driver for any graphics card, nor one that computes pictures.
+    /// No driver was found, neither for a graphics card nor a software renderer.
     #[error(
         "no graphics adapter was found ({reason}). Install a Vulkan driver: on Debian and Ubuntu `apt install \
          mesa-vulkan-drivers libvulkan1`, on Fedora `dnf install mesa-vulkan-drivers`; this one also draws without a \
          graphics card"
     )]
     NoAdapter {
-        /// What the driver library says.
+        /// Error message of the driver library.
         reason: String,
     },
-    /// The adapter does not give a device.
+    /// The adapter does not provide a device.
     #[error("the graphics adapter {adapter} gives no device: {reason}")]
     NoDevice {
         /// Name of the adapter.
         adapter: String,
-        /// What the driver library says.
+        /// Error message of the driver library.
         reason: String,
     },
-    /// The adapter lacks what every pass needs.
+    /// The adapter has too few storage buffers.
     #[error(
         "the graphics adapter {adapter} has {got} storage buffers in the vertex stage, and {wanted} are needed. Update \
          its driver, or install one that draws without a graphics card (`mesa-vulkan-drivers`)"
@@ -36,25 +36,27 @@ pub enum GpuError {
     TooFewBuffers {
         /// Name of the adapter.
         adapter: String,
-        /// How many it has.
+        /// Number of buffers available.
         got: u32,
-        /// How many are needed.
+        /// Number of buffers needed.
         wanted: u32,
     },
 }
 
-/// What may stand in one buffer: larger meshes are split.
+/// Maximum content of one buffer; larger meshes are split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Split {
-    /// Most triangles in one buffer.
+    /// Maximum number of triangles in one buffer.
     pub triangles: usize,
-    /// Most wedges in one buffer.
+    /// Maximum number of wedges in one buffer.
     pub wedges: usize,
 }
 
-/// Triangles in one buffer where the adapter allows more: their indices take 60 MB, so an update stays small.
+/// Maximum number of triangles in one buffer even if the adapter allows more: their indices take 60 MB, so
+/// that updates stay small.
 const CHUNK_TRIANGLES: usize = 5_000_000;
-/// Storage buffers that the vertex stage reads: instances, palette, and of a mesh indices, places, values, heat, morphs.
+/// Storage buffers of the vertex stage: instances, palette, and per mesh indices, corners, rows, heat and
+/// morphs.
 pub(super) const STORAGE_BUFFERS: u32 = 7;
 
 /// The device: cheap to clone, usable from any thread.
@@ -64,26 +66,27 @@ pub struct Context {
     pub(super) queue: wgpu::Queue,
     pub(super) layouts: Arc<Layouts>,
     pub(super) split: Split,
-    /// Whether a texture can be seen both as sRGB and as light.
+    /// True if a texture can have both an sRGB and a linear view.
     pub(super) has_views: bool,
     info: Arc<wgpu::AdapterInfo>,
     instance: wgpu::Instance,
 }
 
 impl Context {
-    /// The device of a window.
+    /// Wraps the device of a window.
     ///
     /// # Errors
-    /// [`GpuError::TooFewBuffers`]. A window that was made with [`Context::setup`] has as many as the adapter.
+    /// [`GpuError::TooFewBuffers`]. A window created with [`Context::setup`] has as many buffers as the
+    /// adapter.
     pub fn of_window(state: &egui_wgpu::RenderState) -> Result<Self, GpuError> {
         let (device, queue) = (state.device.clone(), state.queue.clone());
         Self::with(state.instance.clone(), &state.adapter, device, queue)
     }
 
-    /// A device without any window or display.
+    /// Requests a device without a window or display.
     ///
     /// # Errors
-    /// Each [`GpuError`].
+    /// Any [`GpuError`].
     pub fn headless() -> Result<Self, GpuError> {
         let instance = instance();
         let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
@@ -110,7 +113,7 @@ impl Context {
             return Err(GpuError::TooFewBuffers { adapter: info.name, got, wanted: STORAGE_BUFFERS });
         }
         let bytes = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
-        // A wedge takes at most 16 bytes of places and, with every attribute, some 64 of values.
+        // A wedge takes 16 bytes for position and normal and, with every attribute, about 64 for its row.
         let split =
             Split { triangles: CHUNK_TRIANGLES.min((bytes / 12) as usize), wedges: (bytes / 64) as usize };
         let layouts = Arc::new(Layouts::new(&device));
@@ -119,48 +122,51 @@ impl Context {
         Ok(Self { device, queue, layouts, split, has_views, info: Arc::new(info), instance })
     }
 
-    /// How a window is to ask for its device: with all that the adapter allows, not only what a browser does.
+    /// Returns the setup for a window: its device gets all limits of the adapter, not only those of a
+    /// browser.
     pub fn setup() -> egui_wgpu::WgpuSetup {
         let mut setup = egui_wgpu::WgpuSetupCreateNew::without_display_handle();
         setup.device_descriptor = Arc::new(device_descriptor);
         egui_wgpu::WgpuSetup::CreateNew(setup)
     }
 
-    /// The same, with meshes split into smaller buffers than the adapter asks for.
+    /// Sets smaller buffers than the adapter requires; meshes are split to fit them.
     pub fn with_split(self, split: Split) -> Self {
         Self { split, ..self }
     }
 
-    /// Whether pictures are computed on the processor: then every pixel counts.
+    /// Returns true for a software renderer, whose cost depends on every pixel.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
-    /// Name of the adapter and its driver interface, for people.
+    /// Returns the name of the adapter and its graphics API, for display.
     pub fn adapter_name(&self) -> String {
         format!("{} ({:?})", self.info.name, self.info.backend)
     }
-    /// Name and version of the driver, for people; may be empty.
+    /// Returns name and version of the driver, for display; may be empty.
     pub fn driver(&self) -> String {
         format!("{} {}", self.info.driver, self.info.driver_info).trim().to_owned()
     }
-    /// How many buffers and textures the device holds now; `None` where it does not count.
+    /// Returns the numbers of buffers and textures currently allocated; `None` if the backend does not count
+    /// them.
     pub fn resource_counts(&self) -> Option<[usize; 2]> {
         let report = self.instance.generate_report()?;
         let hub = report.hub_report();
         Some([hub.buffers.num_allocated, hub.textures.num_allocated])
     }
-    /// Samples for each pixel: four on a graphics card; one where a processor does the work, four times as fast.
+    /// Samples per pixel: four on a graphics card, one on a software renderer, which is then four times as
+    /// fast.
     pub(super) fn sample_count(&self) -> u32 {
         if self.is_software() { 1 } else { 4 }
     }
 }
 
-/// The interfaces to drivers that are tried.
+/// Graphics APIs to try.
 pub(super) fn backends() -> wgpu::Backends {
     wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY | wgpu::Backends::GL)
 }
 
-/// The driver library, without any window.
+/// Creates a wgpu instance without a window.
 pub(super) fn instance() -> wgpu::Instance {
     wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: backends(),
@@ -172,7 +178,7 @@ fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static>
     wgpu::DeviceDescriptor {
         label: Some("lodsmith"),
         required_limits: adapter.limits(),
-        // To measure with, where there is a clock.
+        // For timing, if available.
         required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
         ..wgpu::DeviceDescriptor::default()
     }

@@ -1,4 +1,4 @@
-//! What is all around, on the graphics card.
+//! Environment maps on the GPU.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -9,11 +9,11 @@ use lodsmith_render::environment::{HEIGHT, LEVELS, WIDTH};
 
 use super::context::Context;
 
-/// Light from every side, ready to be looked up.
+/// An environment map, prefiltered for lighting.
 pub struct Surroundings {
     id: u64,
     pub(super) view: wgpu::TextureView,
-    /// What is seen behind a model.
+    /// The background behind the models.
     pub(super) sky: wgpu::TextureView,
 }
 

@@ -1,4 +1,4 @@
-//! What a picture is to show, and what of it must be drawn.
+//! Frame description, and the collection of what has to be drawn.
 
 use std::time::Duration;
 
@@ -13,33 +13,34 @@ use super::renderer::Matcap;
 use super::surface_shader::SurfaceShader;
 use super::uniforms::{TINTS, View, ball};
 
-/// Everything that a picture shows.
+/// Complete description of a picture.
 #[derive(Clone, Copy)]
 pub struct Frame<'a> {
-    /// What is to be seen.
+    /// Models to draw.
     pub models: &'a [Placed<'a>],
-    /// What lights and the ground are measured by, in world coordinates: the same for pictures to be compared.
+    /// Bounds in world coordinates that lights and the ground scale with: use the same for pictures to be
+    /// compared.
     pub bounds: Bounds,
-    /// From where.
+    /// The camera.
     pub camera: Camera,
-    /// How surfaces are shown.
+    /// Appearance of surfaces.
     pub look: &'a Look,
-    /// What they are lit by; lights beyond the eighth are left out, and counted in [`Drawn::lights_left_out`].
+    /// Lighting; lights beyond the eighth are left out, and counted in [`Drawn::lights_left_out`].
     pub lighting: &'a Lighting,
-    /// What lies behind.
+    /// Background.
     pub background: Background,
-    /// Whether a grid lies under the model.
+    /// True to draw a ground grid.
     pub ground: bool,
-    /// The lit ball of [`Shading::Matcap`](lodsmith_render::Shading::Matcap); `None` takes one of clay.
+    /// Image for [`Shading::Matcap`](lodsmith_render::Shading::Matcap); `None` uses a clay matcap.
     pub matcap: Option<&'a Matcap>,
-    /// What materials mirror; `None` is the plain light from above and below.
+    /// Environment map for reflections; `None` uses plain ambient light from above and below.
     pub environment: Option<&'a Surroundings>,
-    /// Colours surfaces instead of the look's shading.
+    /// User's shader that replaces the shading of `look`.
     pub shader: Option<&'a SurfaceShader>,
 }
 
 impl<'a> Frame<'a> {
-    /// Models from there, on the usual background; no ground, no surroundings, and no looks of the user's.
+    /// Creates a frame with the default background and without ground, environment, matcap or custom shader.
     pub fn new(
         models: &'a [Placed<'a>],
         bounds: Bounds,
@@ -62,57 +63,58 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// A model somewhere.
+/// A placed model.
 #[derive(Clone, Copy)]
 pub struct Placed<'a> {
     /// The model.
     pub model: &'a DrawModel,
-    /// How it stands.
+    /// Its pose.
     pub pose: &'a Pose,
-    /// From the coordinates of the model to those of the world.
+    /// Transform from model to world coordinates.
     pub world_from_model: DMat4,
-    /// Whether it is marked as chosen.
+    /// True if it is highlighted as selected.
     pub selected: bool,
-    /// A number of [`TINTS`](super::TINTS), counted from 1, whose colour stands in for that of its surface; 0 for none.
+    /// Index into [`TINTS`](super::TINTS), counted from 1, of the colour that replaces its surface colour; 0
+    /// for none.
     pub tint: u8,
 }
 
 impl<'a> Placed<'a> {
-    /// A model where its file puts it.
+    /// Creates a placement at the position given by the file.
     pub fn new(model: &'a DrawModel, pose: &'a Pose) -> Self {
         Self { model, pose, world_from_model: DMat4::IDENTITY, selected: false, tint: 0 }
     }
 }
 
-/// What drawing a frame came to.
+/// Statistics of drawing a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Drawn {
-    /// Whether anything was drawn; the target may have shown this very frame already.
+    /// True if anything was drawn; false if the target already showed this same frame.
     pub drawn: bool,
-    /// Triangles sent, as often as they are placed, with those of the parts before.
+    /// Triangles drawn, counting every instance, including those of earlier parts.
     pub triangles: u64,
-    /// Triangles of the frame that are still to be drawn, by [`Gpu::draw_in_parts`](super::Gpu::draw_in_parts).
+    /// Triangles of the frame still to be drawn by [`Gpu::draw_in_parts`](super::Gpu::draw_in_parts).
     pub triangles_left: u64,
     /// Draw calls.
     pub calls: u32,
-    /// Meshes placed outside the picture, which were left out.
+    /// Mesh instances outside the view, which were skipped.
     pub culled: u32,
-    /// Lights beyond what shaders have room for.
+    /// Lights beyond the maximum number.
     pub lights_left_out: u32,
-    /// Time until all was ready to be handed to the adapter, which may then let one wait.
+    /// CPU time until submission, which may then block.
     pub own: Duration,
 }
 
 impl Drawn {
-    /// How much of a picture is there that comes in parts; `None` for a whole one.
+    /// Returns the completed fraction of a picture drawn in parts; `None` for a complete one.
     pub fn share(&self) -> Option<f64> {
         let all = self.triangles + self.triangles_left;
         (self.triangles_left > 0).then(|| self.triangles as f64 / all as f64)
     }
 }
 
-/// What a target shows, kept to be compared.
+/// Owned copy of the frame that a target shows, for comparison.
 pub(super) struct Shown {
     size: [u32; 2],
     models: Vec<(u64, u64, Pose, DMat4, bool, u8)>,
@@ -176,7 +178,7 @@ impl Shown {
     }
 }
 
-/// A placed mesh, in the order of `vertex.wgsl`.
+/// A mesh instance, in the order of `vertex.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct GpuInstance {
@@ -192,20 +194,21 @@ const HAS_HEAT: u32 = 0x80000;
 const HAS_COLORS: u32 = 0x10_0000;
 const LINEAR_COLORS: u32 = 0x20_0000;
 const OWN_NORMALS: u32 = 0x40_0000;
-/// Where in the flags the number of the tint begins.
+/// Lowest bit of the tint index in the flags.
 const TINT_SHIFT: u32 = 24;
-/// Morph targets that pull at once at one place; what a shader counts in the lower half of its flags.
+/// Maximum number of active morph targets of an instance; their count is stored in the lower half of the
+/// flags.
 const MORPHS_MAX: usize = 0xffff;
 
-/// Copies of one mesh that are drawn together.
+/// Instances of one mesh, drawn together.
 pub(super) struct Batch<'a> {
     pub(super) model: &'a DrawModel,
     pub(super) mesh: usize,
-    /// Places in [`Gathered::instances`].
+    /// Range in [`Gathered::instances`].
     pub(super) instances: std::ops::Range<u32>,
 }
 
-/// What of a frame must be drawn.
+/// Visible content of a frame.
 pub(super) struct Gathered<'a> {
     pub(super) batches: Vec<Batch<'a>>,
     pub(super) instances: Vec<GpuInstance>,
@@ -213,9 +216,9 @@ pub(super) struct Gathered<'a> {
     pub(super) culled: u32,
 }
 
-/// Walks a frame: which meshes are in the picture, where, and pulled by what.
+/// Collects the visible mesh instances of a frame, with their matrices, joints and morph weights.
 ///
-/// Cost: O(placed meshes · log), and the joints of those that have any.
+/// Cost: O(n log n) for n mesh instances, plus their joints.
 pub(super) fn gather<'a>(frame: &Frame<'a>, view: &View) -> Gathered<'a> {
     let mut found: Vec<((u64, usize), &'a DrawModel, GpuInstance)> = Vec::new();
     let mut palette = Vec::new();
@@ -269,7 +272,7 @@ pub(super) fn gather<'a>(frame: &Frame<'a>, view: &View) -> Gathered<'a> {
             found.push(((model.version().0, instance.mesh), model, gpu));
         }
     }
-    // Copies of one mesh come together; within them, and where pictures overlap, the order stays.
+    // Groups the instances of each mesh; the sort is stable.
     found.sort_by_key(|(key, ..)| *key);
     let mut batches: Vec<Batch<'a>> = Vec::new();
     let mut last = None;
@@ -286,7 +289,7 @@ pub(super) fn gather<'a>(frame: &Frame<'a>, view: &View) -> Gathered<'a> {
     Gathered { batches, instances, palette, culled }
 }
 
-/// Triangles of all that is placed, in sight or not.
+/// Returns the number of triangles of all instances, visible or not.
 pub(super) fn triangles(frame: &Frame<'_>) -> u64 {
     let of = |p: &Placed<'_>| -> u64 {
         p.model.instances(p.pose).iter().map(|i| p.model.face_count(i.mesh) as u64).sum()
@@ -294,7 +297,7 @@ pub(super) fn triangles(frame: &Frame<'_>) -> u64 {
     frame.models.iter().map(of).sum()
 }
 
-/// Values at the ends of the colours of heat: those of the look, or from none to the greatest of all models.
+/// Returns the value range of the heat colours: that of the look, or from 0 to the maximum of all models.
 pub(super) fn heat_range(frame: &Frame<'_>) -> [f32; 2] {
     frame.look.heat_range.unwrap_or_else(|| {
         let of = |p: &Placed<'_>| p.model.meshes.iter().filter_map(|m| m.heat_max).fold(0.0, f32::max);
@@ -302,7 +305,7 @@ pub(super) fn heat_range(frame: &Frame<'_>) -> [f32; 2] {
     })
 }
 
-/// How far from the eye anything lies that is to be seen.
+/// Returns an upper bound for the distance from the eye to everything in the frame.
 pub(super) fn reach(frame: &Frame<'_>) -> f64 {
     let mut reach = frame.camera.distance();
     let mut hold = |centre: DVec3, radius: f64| {
@@ -318,7 +321,7 @@ pub(super) fn reach(frame: &Frame<'_>) -> f64 {
             hold(m.w_axis.truncate(), m.x_axis.truncate().length() * mesh.radius);
         }
     }
-    // Joints may carry a mesh beyond its ball at rest; guessed.
+    // Joints may move a mesh beyond its bounding sphere at rest. (Guessed.)
     4.0 * reach
 }
 
@@ -327,7 +330,8 @@ fn rows(m: &DMat4) -> [[f32; 4]; 3] {
     [t.x_axis, t.y_axis, t.z_axis].map(|row| row.as_vec4().to_array())
 }
 
-/// The inverse transposed but for a positive factor, so that nothing is divided by: cross products of columns.
+/// Returns the inverse transpose up to a positive factor, without division by the determinant: cross products
+/// of columns.
 fn normal_matrix(m: &DMat4) -> DMat4 {
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis].map(|a| a.truncate());
     let sign = if m.determinant() < 0.0 { -1.0 } else { 1.0 };

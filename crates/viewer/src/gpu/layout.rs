@@ -1,15 +1,15 @@
-//! What shaders are given, in groups: of the frame, of the mesh, of the material.
+//! Bind group layouts of the shaders: frame, mesh and material.
 
 use egui_wgpu::wgpu;
 
-/// The layouts of all groups.
+/// Layouts of all bind groups.
 pub(super) struct Layouts {
     pub(super) frame: wgpu::BindGroupLayout,
     pub(super) mesh: wgpu::BindGroupLayout,
     pub(super) material: wgpu::BindGroupLayout,
 }
 
-/// Textures of a material, in the order of their bindings.
+/// Number of textures of a material.
 pub(super) const MATERIAL_TEXTURES: u32 = 5;
 
 impl Layouts {

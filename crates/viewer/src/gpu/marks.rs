@@ -1,4 +1,4 @@
-//! Which edges are to be marked: open borders, and what is broken.
+//! Marked edges: open borders and defects.
 
 use lodsmith_core::mesh::defects::{duplicates, is_zero_area};
 use lodsmith_core::topology::EdgeKind;
@@ -8,16 +8,16 @@ use lodsmith_render::marks::{BORDER, DUPLICATE, NON_MANIFOLD, ZERO_AREA};
 /// Colours of the kinds, in the order of their numbers.
 pub(super) const COLORS: [[f32; 3]; 4] = [BORDER, NON_MANIFOLD, DUPLICATE, ZERO_AREA];
 
-/// Marked edges of a mesh. Made without any device: a worker can do it.
+/// Marked edges of a mesh. Needs no device, so a worker thread can find them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Marks {
-    /// Two wedges, and which of [`COLORS`].
+    /// Two wedges and an index into [`COLORS`].
     pub(super) edges: Vec<[u32; 3]>,
     borders: usize,
 }
 
 impl Marks {
-    /// Finds open borders, non-manifold edges, faces without area and faces that stand twice.
+    /// Finds open borders, non-manifold edges, faces without area and duplicate faces.
     ///
     /// Cost: O(n).
     pub fn find(mesh: &TriMesh) -> Self {
@@ -53,7 +53,7 @@ impl Marks {
         Self { edges, borders }
     }
 
-    /// How many edges lie on an open border, and how many are marked as broken.
+    /// Returns the number of border edges and the number of edges marked as defects.
     pub fn counts(&self) -> [usize; 2] {
         [self.borders, self.edges.len() - self.borders]
     }

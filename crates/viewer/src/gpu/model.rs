@@ -1,4 +1,4 @@
-//! A model on the graphics card.
+//! Models on the GPU.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,14 +17,14 @@ use super::marks::Marks;
 use super::pack::{self, Row};
 use super::texture::Surfaces;
 
-/// A model on the graphics card: its meshes, where they stand, and what they look like.
+/// A model on the GPU: its meshes, their placement and their materials.
 ///
-/// Made by [`Context::upload`], on any thread. Dropping it frees the memory.
+/// Created by [`Context::upload`], on any thread. Dropping it frees the GPU memory.
 pub struct DrawModel {
     context: Context,
     id: u64,
     revision: u64,
-    /// The nodes, roots and skins; no meshes.
+    /// Nodes, roots and skins, without meshes.
     hierarchy: Model,
     pub(super) meshes: Vec<DrawMesh>,
     at_rest: Vec<Instance>,
@@ -33,22 +33,22 @@ pub struct DrawModel {
     light: Option<Box<Self>>,
 }
 
-/// A mesh on the graphics card.
+/// A mesh on the GPU.
 pub(super) struct DrawMesh {
     pub(super) chunks: Vec<Chunk>,
     pages: Vec<Page>,
     pub(super) user_from_unit: DMat4,
-    /// Of a ball round the origin of the unit frame.
+    /// Radius of the bounding sphere around the origin of the unit frame.
     pub(super) radius: f64,
     pub(super) skinned: bool,
     pub(super) has_colors: bool,
     pub(super) has_own_normals: bool,
     pub(super) morph_targets: u32,
     pub(super) morph_weights: Vec<f32>,
-    /// Greatest of the values of [`DrawModel::set_heat`]; `None` without any.
+    /// Largest of the values of [`DrawModel::set_heat`]; `None` without values.
     pub(super) heat_max: Option<f32>,
     materials: Vec<Option<usize>>,
-    /// Of each page, the marked edges whose ends it holds.
+    /// Per page, the marked edges whose ends it contains.
     marks: Vec<MarkedEdges>,
     frame: UnitFrame,
     row: Row,
@@ -56,7 +56,7 @@ pub(super) struct DrawMesh {
     wedge_count: usize,
 }
 
-/// Triangles that one draw can reach.
+/// Triangles of one draw call.
 pub(super) struct Chunk {
     page: usize,
     indices: Storage,
@@ -69,20 +69,20 @@ struct MarkedEdges {
     page: usize,
     edges: Storage,
     bind: wgpu::BindGroup,
-    /// Six for each line.
+    /// Number of corners, six per line.
     corners: u32,
 }
 
 /// Triangles of one material.
 pub(super) struct Part {
     pub(super) material: Option<usize>,
-    /// Corners in the indices of the chunk.
+    /// Range of corners in the index buffer of the chunk.
     pub(super) corners: Range<u32>,
 }
 
-/// Wedges that one buffer holds: all, or those of one chunk.
+/// Buffers of wedges: all of the mesh, or those of one chunk.
 struct Page {
-    /// The wedges in their order; `None` where they are all of the mesh.
+    /// The wedges in buffer order; `None` for all wedges of the mesh.
     wedges: Option<Vec<WedgeId>>,
     info: wgpu::Buffer,
     corners: Storage,
@@ -107,9 +107,9 @@ struct MeshInfo {
 static NEXT_ID: AtomicU64 = AtomicU64::new(0);
 
 impl Context {
-    /// Brings a model to the graphics card. Takes a while for a large one: a worker can do it.
+    /// Uploads a model to the GPU. Slow for a large model; may run on a worker thread.
     ///
-    /// Cost: O(n); a mesh without normals gets those of its shape.
+    /// Cost: O(n). A mesh without normals gets computed ones.
     pub fn upload(&self, model: &Model) -> DrawModel {
         let hierarchy = Model {
             nodes: model.nodes.clone(),
@@ -136,36 +136,37 @@ impl Context {
 }
 
 impl DrawModel {
-    /// Whether colours of vertices are linear, as glTF has them; else they are sRGB.
+    /// Sets whether vertex colours are linear, as in glTF, or sRGB.
     pub fn with_linear_colors(self, is_linear: bool) -> Self {
         Self { has_linear_colors: is_linear, ..self }
     }
 
-    /// Which model it is, and how often it has changed: equal if the picture is the same.
+    /// Returns the id of the model and the number of its changes: equal if the picture is the same.
     pub fn version(&self) -> (u64, u64) {
         (self.id, self.revision)
     }
-    /// Something lighter that may be drawn in its place while there is no time.
+    /// Returns a lighter model that may be drawn instead while drawing has to be fast.
     pub fn light(&self) -> Option<&Self> {
         self.light.as_deref()
     }
-    /// Sets that.
+    /// Sets the model that [`DrawModel::light`] returns.
     pub fn set_light(&mut self, light: Self) {
         self.light = Some(Box::new(light));
     }
-    /// Triangles of a mesh.
+    /// Returns the number of triangles of a mesh.
     ///
     /// # Panics
     /// If there is no such mesh.
     pub fn face_count(&self, mesh: usize) -> usize {
         self.meshes[mesh].face_count
     }
-    /// How many meshes there are.
+    /// Returns the number of meshes.
     pub fn mesh_count(&self) -> usize {
         self.meshes.len()
     }
 
-    /// Another geometry for a mesh; its materials stay, its heat goes. Buffers are used again where it fits.
+    /// Replaces the geometry of a mesh, keeping its materials and dropping its heat values. Buffers are
+    /// reused if they are large enough.
     ///
     /// Cost: O(n).
     ///
@@ -176,13 +177,13 @@ impl DrawModel {
         self.revision += 1;
     }
 
-    /// Another level of the same mesh: only ranges are written where that can be. `faces` and `wedges` are what changed of
-    /// the triangles and of the values on wedges, new ones included; places and normals are taken as changed everywhere.
-    /// Vertices have to be joined already where they are at one place: normals of the shape are made anew without a look
-    /// for others. Heat and marks go.
+    /// Updates a mesh to another level, writing only the changed ranges if possible. `faces` and `wedges` are
+    /// the changed ranges of triangles and of wedge attributes, including new ones; all positions and normals
+    /// are rewritten. Coincident vertices must already be welded: normals are recomputed without searching
+    /// for them. Heat values and marks are dropped.
     ///
-    /// Returns whether ranges were enough. A mesh of several regions or buffers, with morph targets or with other
-    /// attributes than before is replaced as a whole.
+    /// Returns true if writing ranges was enough. A mesh with several regions or buffers, with morph targets
+    /// or with attributes other than before is replaced as a whole.
     ///
     /// # Panics
     /// If there is no such mesh, or a range goes beyond it.
@@ -201,7 +202,8 @@ impl DrawModel {
         is_enough
     }
 
-    /// Values for [`Shading::Heat`](lodsmith_render::Shading::Heat), one for each wedge of a mesh; `None` takes them away.
+    /// Sets the values for [`Shading::Heat`](lodsmith_render::Shading::Heat), one per wedge of a mesh; `None`
+    /// removes them.
     ///
     /// # Panics
     /// If there is no such mesh, or not one value for each wedge.
@@ -210,11 +212,11 @@ impl DrawModel {
         self.revision += 1;
     }
 
-    /// Edges for [`Look::borders`](lodsmith_render::Look::borders) and [`Look::defects`](lodsmith_render::Look::defects);
-    /// they go when the geometry is replaced.
+    /// Sets the edges for [`Look::borders`](lodsmith_render::Look::borders) and
+    /// [`Look::defects`](lodsmith_render::Look::defects); they are dropped when the geometry is replaced.
     ///
     /// # Panics
-    /// If there is no such mesh, or the marks are those of a larger one.
+    /// If there is no such mesh, or the marks belong to a larger mesh.
     pub fn set_marks(&mut self, mesh: usize, marks: &Marks) {
         self.meshes[mesh].set_marks(&self.context, marks);
         self.revision += 1;
@@ -230,12 +232,12 @@ impl DrawModel {
     pub(super) fn world_from_nodes(&self, pose: &Pose) -> Vec<DMat4> {
         self.hierarchy.world_from_nodes(pose)
     }
-    /// The skin of a node, if its mesh has joints to be pulled by.
+    /// Returns the skin of a node, if its mesh has joint weights.
     pub(super) fn skin(&self, instance: &Instance) -> Option<&Skin> {
         let skin = self.hierarchy.nodes[instance.node].skin?;
         self.meshes[instance.mesh].skinned.then(|| &self.hierarchy.skins[skin])
     }
-    /// Strengths of the morph targets at a node.
+    /// Returns the morph target weights at a node.
     pub(super) fn morph_weights<'a>(&'a self, pose: &'a Pose, instance: &Instance) -> &'a [f32] {
         let posed = pose.morph_weights.get(instance.node).and_then(Option::as_deref);
         let own = self.hierarchy.nodes[instance.node].morph_weights.as_deref();
@@ -260,7 +262,7 @@ impl DrawMesh {
         self.morph_weights = morph_weights;
     }
 
-    /// A mesh in the buffers of an older one, where there is one.
+    /// Builds a mesh, reusing the buffers of an older one if there is one.
     fn of(
         context: &Context,
         mesh: &TriMesh,
@@ -330,7 +332,7 @@ impl DrawMesh {
             let bytes = bytemuck::cast_slice(&mesh.triangles()[range.clone()]);
             moved |= chunk.indices.write(context, 12 * range.start as u64, bytes);
         }
-        // A fit moves all of a level a little.
+        // A fit moves all vertices of a level slightly.
         let ids = (0..mesh.wedge_count()).into_par_iter().map(WedgeId::new);
         let corners = pack::corners(mesh, &self.frame, &pack::quick_normals(mesh), ids);
         self.radius = self.radius.max(f64::from(pack::radius(&corners)));
@@ -405,12 +407,12 @@ impl DrawMesh {
         }
     }
 
-    /// Bindings of marked edges, and how many corners their lines have.
+    /// Returns the bind groups of marked edges, each with the number of corners of its lines.
     pub(super) fn marks(&self) -> impl Iterator<Item = (&wgpu::BindGroup, u32)> {
         self.marks.iter().map(|m| (&m.bind, m.corners))
     }
 
-    /// Groups of bindings that name buffers of a page, after some of them have moved.
+    /// Rebuilds the bind groups that use buffers of a page, after some of them were reallocated.
     fn bind_again(&mut self, context: &Context, page: usize) {
         for chunk in self.chunks.iter_mut().filter(|c| c.page == page) {
             chunk.bind = bind(context, &self.pages[page], &chunk.indices);
@@ -422,7 +424,7 @@ impl DrawMesh {
 }
 
 impl Page {
-    /// A page, and the radius of a ball round its corners.
+    /// Returns a page, and the radius of the bounding sphere of its corners around the origin.
     fn fill(
         context: &Context,
         mesh: &TriMesh,
@@ -503,7 +505,7 @@ impl Chunk {
     }
 }
 
-/// Bindings of a mesh for passes that read none.
+/// Returns an empty mesh bind group for passes that read no mesh.
 pub(super) fn no_mesh(context: &Context) -> wgpu::BindGroup {
     let storage = Storage::new(context, "nothing", &[]);
     let info = context.device.create_buffer(&wgpu::BufferDescriptor {
@@ -543,15 +545,15 @@ fn bind(context: &Context, page: &Page, indices: &Storage) -> wgpu::BindGroup {
     })
 }
 
-/// Faces for one chunk.
+/// Faces of one chunk.
 struct Cut {
     faces: Range<usize>,
     indices: Vec<[u32; 3]>,
-    /// The wedges of the chunk, where the mesh has more of them than fit into one buffer.
+    /// The wedges of the chunk, if the mesh has more of them than fit into one buffer.
     wedges: Option<Vec<WedgeId>>,
 }
 
-/// Cuts a list of faces so that each piece fits into its buffers.
+/// Splits a list of faces so that each piece fits into its buffers.
 fn cuts(faces: &[[WedgeId; 3]], wedge_count: usize, context: &Context) -> Vec<Cut> {
     let split = context.split;
     let most = split.triangles.max(1);
@@ -591,7 +593,7 @@ fn cuts(faces: &[[WedgeId; 3]], wedge_count: usize, context: &Context) -> Vec<Cu
     cuts
 }
 
-/// What of each region lies in a range of faces, with its material.
+/// Returns the part of each region that lies in a range of faces, with its material.
 fn parts_within(
     regions: &[(lodsmith_core::RegionId, Range<usize>)],
     faces: &Range<usize>,

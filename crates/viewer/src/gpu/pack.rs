@@ -1,4 +1,4 @@
-//! A mesh as the shaders read it: places with normals, rows of values, indices in the order of their materials.
+//! Conversion of a mesh to GPU buffers: positions with normals, attribute rows, and indices sorted by region.
 
 use std::borrow::Cow;
 
@@ -9,7 +9,7 @@ use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::{Attribute, Morphed, RegionId, Semantic, TriMesh, VertexId, WedgeId};
 use rayon::prelude::*;
 
-/// Which values stand in the row of a wedge, and where: offsets in words, `NONE` where a mesh has no such values.
+/// Layout of a wedge's attribute row: offsets in words, `NONE` for attributes that the mesh does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Row {
     pub(super) stride: u32,
@@ -17,12 +17,13 @@ pub(super) struct Row {
     pub(super) color: u32,
     pub(super) tangent: u32,
     pub(super) joints: u32,
-    /// Sets of four joints with four weights, one after the other from `joints`: two words and four.
+    /// Number of sets of four joints (two words) and four weights (four words), stored consecutively from
+    /// `joints`.
     pub(super) joint_sets: u32,
 }
 
 pub(super) const NONE: u32 = u32::MAX;
-/// Words of four joints and their weights.
+/// Words taken by four joints and their weights.
 const JOINT_SET: u32 = 6;
 
 impl Row {
@@ -52,7 +53,7 @@ fn joint_set(mesh: &TriMesh, set: u8) -> Option<[&Attribute; 2]> {
     Some([joints, weights])
 }
 
-/// The place of a wedge in the unit frame, and its normal in an octahedron of twice 16 bits.
+/// Position of a wedge in the unit frame, and its octahedral normal of two 16-bit numbers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Corner {
@@ -60,13 +61,13 @@ pub(super) struct Corner {
     pub(super) normal: u32,
 }
 
-/// The unit frame of a mesh.
+/// Returns the unit frame of a mesh.
 pub(super) fn frame_of(mesh: &TriMesh) -> UnitFrame {
     let nowhere = lodsmith_core::Bounds { min: [0.0; 3], max: [0.0; 3] };
     UnitFrame::of(&mesh.positions().view().bounds().unwrap_or(nowhere))
 }
 
-/// Normals of all wedges: the mesh's own, or those of its shape.
+/// Returns normals for all wedges: the mesh's own, or else vertex normals computed from the faces.
 pub(super) fn normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
     if let Some(normals) = mesh.normals() {
         return normals.into();
@@ -80,10 +81,11 @@ pub(super) fn normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
     }
 }
 
-/// Faces and wedges that a thread takes at least.
+/// Minimum number of faces or wedges per parallel task.
 const SHARE: usize = 1 << 14;
 
-/// The same for a mesh whose vertices are joined, in single precision and by all threads: for what is shown for a moment.
+/// Returns the same normals as [`normals`] for a mesh whose vertices are already welded, in single precision
+/// and in parallel: for geometry that is shown only briefly.
 pub(super) fn quick_normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
     if let Some(normals) = mesh.normals() {
         return normals.into();
@@ -111,14 +113,14 @@ pub(super) fn quick_normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
     (0..mesh.wedge_count()).into_par_iter().with_min_len(SHARE).map(unit).collect::<Vec<_>>().into()
 }
 
-/// The angle of a cosine, to 7e-5. Source: [Abramowitz-Stegun 1964], 4.4.45.
+/// Arc cosine, to within 7e-5. Source: [Abramowitz-Stegun 1964], 4.4.45.
 fn angle(cosine: f32) -> f32 {
     let x = cosine.abs().min(1.0);
     let angle = (1.0 - x).sqrt() * (1.570_728_8 + x * (-0.212_114_4 + x * (0.074_261_0 - 0.018_729_3 * x)));
     if cosine < 0.0 { std::f32::consts::PI - angle } else { angle }
 }
 
-/// Places and normals of some wedges.
+/// Returns positions and normals of the given wedges.
 pub(super) fn corners(
     mesh: &TriMesh,
     frame: &UnitFrame,
@@ -135,7 +137,7 @@ pub(super) fn corners(
         .collect()
 }
 
-/// Rows of values of wedges.
+/// Returns the attribute rows of the given wedges.
 pub(super) fn rows(mesh: &TriMesh, row: &Row, wedges: impl ExactSizeIterator<Item = WedgeId>) -> Vec<u32> {
     let mut words = Vec::with_capacity(wedges.len() * row.stride as usize);
     if row.stride == 0 {
@@ -161,7 +163,7 @@ pub(super) fn rows(mesh: &TriMesh, row: &Row, wedges: impl ExactSizeIterator<Ite
             words.push(octahedral(Vec3::new(t[0], t[1], t[2])));
             words.push(t[3].to_bits());
         }
-        // Weights count by their sum; where that is zero, the first joint pulls.
+        // Weights are normalised to a sum of 1; if they sum to zero, the first joint gets all the weight.
         let sum: f32 = sets.iter().flat_map(|[_, weights]| weights.of(w)).sum();
         for (set, [joints, weights]) in sets.iter().enumerate() {
             if sum > 0.0 && sum.is_finite() {
@@ -177,7 +179,7 @@ pub(super) fn rows(mesh: &TriMesh, row: &Row, wedges: impl ExactSizeIterator<Ite
     words
 }
 
-/// How many morph targets a mesh has.
+/// Returns the number of morph targets of a mesh.
 pub(super) fn morph_target_count(mesh: &TriMesh) -> u32 {
     let target = |a: &Attribute| match a.semantic {
         Semantic::Morph { target, .. } => Some(u32::from(target) + 1),
@@ -186,7 +188,8 @@ pub(super) fn morph_target_count(mesh: &TriMesh) -> u32 {
     mesh.further_attributes().iter().filter_map(target).max().unwrap_or(0)
 }
 
-/// What morph targets add: for each target and each wedge six numbers, of the place in the unit frame and of the normal.
+/// Returns morph target offsets: for each target and wedge six numbers, three for the position in the unit
+/// frame and three for the normal.
 pub(super) fn morphs(
     mesh: &TriMesh,
     frame: &UnitFrame,
@@ -214,10 +217,10 @@ pub(super) fn morphs(
     values
 }
 
-/// Where each region begins and ends.
+/// Face range of each region.
 pub(super) type Regions = Vec<(RegionId, std::ops::Range<usize>)>;
 
-/// Faces in the order of their regions, and where each region begins and ends. Within a region the order stays.
+/// Returns the faces sorted by region, and the face range of each region. The sort is stable.
 pub(super) fn by_region(mesh: &TriMesh) -> (Vec<[WedgeId; 3]>, Regions) {
     let triangles = mesh.triangles();
     let Some(regions) = mesh.regions() else {
@@ -241,13 +244,13 @@ pub(super) fn by_region(mesh: &TriMesh) -> (Vec<[WedgeId; 3]>, Regions) {
     (sorted, parts)
 }
 
-/// Radius of a ball round the origin that holds all corners.
+/// Returns the radius of the bounding sphere of all corners around the origin.
 pub(super) fn radius(corners: &[Corner]) -> f32 {
     let finite = corners.iter().map(|c| Vec3::from(c.position).length_squared()).filter(|d| d.is_finite());
     finite.fold(0.0, f32::max).sqrt()
 }
 
-/// A direction as a place on an octahedron unfolded to a square, two signed numbers of 16 bits.
+/// Returns the octahedral encoding of a direction: two signed 16-bit numbers.
 ///
 /// Source: [Cigolle et al. 2014].
 pub(super) fn octahedral(n: Vec3) -> u32 {
@@ -260,7 +263,7 @@ pub(super) fn octahedral(n: Vec3) -> u32 {
     pack(p.x) | pack(p.y) << 16
 }
 
-/// From the unit frame to the user's units.
+/// Returns the matrix from the unit frame to the user's units.
 pub(super) fn user_from_unit(frame: &UnitFrame) -> glam::DMat4 {
     let centre = DVec3::from(frame.user_from_unit(DVec3::ZERO));
     glam::DMat4::from_translation(centre) * glam::DMat4::from_scale(DVec3::splat(frame.user_length(1.0)))

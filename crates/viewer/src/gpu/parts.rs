@@ -1,4 +1,5 @@
-//! A frame as draw calls, and those in parts: a processor that draws lets the window answer in between.
+//! Draw calls of a frame, and their division into parts: a software adapter draws a large frame in several
+//! steps so that the window stays responsive.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -18,14 +19,14 @@ pub(super) struct Call<'a> {
     pub(super) instances: Range<u32>,
 }
 
-/// With what something is drawn, in this order.
+/// Pipeline of a draw call; kinds are drawn in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Triangles that hide what is behind them.
+    /// Opaque triangles.
     Solid,
-    /// Triangles that one sees through.
+    /// Transparent triangles.
     Blended,
-    /// Lines along edges.
+    /// Lines along marked edges.
     Marks,
 }
 
@@ -33,12 +34,12 @@ impl Call<'_> {
     fn triangles_each(&self) -> u64 {
         u64::from(self.corners.end - self.corners.start) / 3
     }
-    /// As often as they are placed.
+    /// Number of triangles, counting every instance.
     pub(super) fn triangles(&self) -> u64 {
         self.triangles_each() * u64::from(self.instances.end - self.instances.start)
     }
 
-    /// The calls that draw this range of its triangles, in their order: one copy after the other.
+    /// Returns the calls that draw a range of its triangles, in order: one instance after the other.
     fn cut(&self, range: Range<u64>) -> Vec<Self> {
         let each = self.triangles_each().max(1);
         let part = |triangles: Range<u64>, copies: Range<u64>| {
@@ -67,7 +68,7 @@ impl Call<'_> {
     }
 }
 
-/// All calls of a frame.
+/// Returns all draw calls of a frame.
 pub(super) fn calls<'a>(
     gathered: &Gathered<'a>,
     is_textured: bool,
@@ -103,7 +104,7 @@ pub(super) fn calls<'a>(
     calls
 }
 
-/// The calls that draw so many triangles from this one on.
+/// Returns the calls that draw a range of the triangles of these calls.
 pub(super) fn some<'a>(calls: Vec<Call<'a>>, range: Range<u64>) -> Vec<Call<'a>> {
     let mut begin = 0;
     let mut taken = Vec::new();
@@ -118,22 +119,22 @@ pub(super) fn some<'a>(calls: Vec<Call<'a>>, range: Range<u64>) -> Vec<Call<'a>>
     taken
 }
 
-/// How much is drawn at a time, by how long it took before.
+/// Size of the next part, adapted to the time that earlier parts took.
 pub(super) struct Pace {
-    /// Triangles of a part.
+    /// Triangles in a part.
     pub(super) most: u64,
     sent: Option<(Instant, u64)>,
     done: Arc<Mutex<Option<Instant>>>,
 }
 
-/// So many triangles are drawn at once.
+/// Frames with at most this many triangles are drawn in one piece.
 pub(super) const FEW: u64 = 100_000;
-/// Triangles of the first part, and bounds of all others.
+/// Triangles in the first part, and the limits for all others.
 const FIRST: u64 = 40_000;
 const MOST: [u64; 2] = [5_000, 4_000_000];
-/// What a part is to take. With it a window that the same processor draws answers ten times a second. Guessed.
+/// Target time of a part. A window that is drawn by the same CPU then responds ten times a second. (Guessed.)
 const GOAL: Duration = Duration::from_millis(60);
-/// How often it is asked whether a part is done, and how often at most.
+/// Polling interval for the end of a part, and the maximum number of polls.
 const ASK: Duration = Duration::from_millis(4);
 const ASKS: usize = 5_000;
 
@@ -144,7 +145,7 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// Whether the part before is done; does not wait. Learns from how long it took.
+    /// Returns true if the previous part is done, without waiting. Adapts the part size to the time it took.
     pub(super) fn is_free(&mut self) -> bool {
         let Some((begin, triangles)) = self.sent else { return true };
         let done = self.done.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -156,9 +157,9 @@ impl Pace {
         true
     }
 
-    /// So many triangles were handed to the adapter.
+    /// Records that this many triangles were submitted to the adapter.
     pub(super) fn sent(&mut self, context: &Context, triangles: u64) {
-        // Each part has a place of its own to say that it is done: one that comes late is not taken for another.
+        // Each part has its own completion slot, so that a late completion is not attributed to another part.
         self.done = Arc::default();
         let done = Arc::clone(&self.done);
         self.sent = Some((Instant::now(), triangles));
@@ -166,12 +167,12 @@ impl Pace {
         context.queue.on_submitted_work_done(move || {
             *done.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
         });
-        // The window asks once a frame, which is too seldom to know how long it took.
+        // The window polls once per frame, too rarely to measure the duration.
         let context = context.clone();
         std::thread::spawn(move || {
             for _ in 0..ASKS {
                 std::thread::sleep(ASK);
-                // A device that is lost calls as well.
+                // A lost device runs the callback as well.
                 let _ = context.device.poll(wgpu::PollType::Poll);
                 if Arc::strong_count(&is_done) == 1 || is_done.lock().is_ok_and(|done| done.is_some()) {
                     break;

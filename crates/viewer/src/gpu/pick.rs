@@ -1,4 +1,4 @@
-//! What lies under the cursor.
+//! Picking of the model and the point under the cursor.
 
 use egui_wgpu::wgpu;
 use glam::{DVec3, Mat4, Vec3};
@@ -9,19 +9,21 @@ use super::renderer::Gpu;
 use super::target::{DEPTH, Part, Target, depth_attachment, read_texture, texture};
 use super::uniforms::View;
 
-/// What lies under a place of the picture.
+/// Model and point found under a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Picked {
-    /// Which of [`Frame::models`].
+    /// Index in [`Frame::models`].
     pub model: usize,
-    /// Where, in world coordinates.
+    /// Point on the surface, in world coordinates.
     pub position: DVec3,
 }
 
 impl Gpu {
-    /// What lies under a place of a target, given from 0 to 1 from its upper left corner; `None` where nothing does.
+    /// Returns the model and the point at a position in the target, given from 0 to 1 from its upper left
+    /// corner; `None` if there is no surface.
     ///
-    /// Draws a picture of one pixel and waits for it: for clicks and the first turn of a wheel, not for every frame.
+    /// Draws a picture of one pixel and waits for it: meant for clicks and the first turn of the mouse wheel,
+    /// not for every frame.
     pub fn pick(&mut self, target: &Target, frame: &Frame<'_>, at: [f32; 2]) -> Option<Picked> {
         let size = target.size();
         let aspect = f64::from(size[0]) / f64::from(size[1]);

@@ -1,4 +1,4 @@
-//! Pipelines: made when first asked for, kept ever after.
+//! Render pipelines, built on first use and cached.
 
 use std::collections::HashMap;
 
@@ -8,29 +8,29 @@ use lodsmith_render::Shading;
 use super::context::Context;
 use super::target::{DEPTH, drawn_as};
 
-/// What a pipeline draws.
+/// Content drawn by a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Pass {
-    /// The colour or gradient behind everything.
+    /// The background.
     Background,
-    /// Triangles; those that one sees through hide nothing.
+    /// Triangles; transparent ones do not write depth.
     Surface {
-        /// A number in `surface.wgsl`.
+        /// Number of the shading in `surface.wgsl`.
         shading: u32,
         is_blended: bool,
     },
-    /// The grid below.
+    /// The ground grid.
     Ground,
     /// Borders and defects.
     Marks,
-    /// Numbers and depths instead of colours.
+    /// Model numbers and depths instead of colours.
     Pick,
 }
 
-/// Number of the shading that a file of the user gives.
+/// Shading number of a user's shader.
 pub(super) const CUSTOM: u32 = 7;
 
-/// All pipelines of a device, for pictures of one number of samples.
+/// All pipelines of a device, for a fixed sample count.
 pub(super) struct Pipelines {
     layout: wgpu::PipelineLayout,
     surface: wgpu::ShaderModule,
@@ -50,9 +50,9 @@ const BACKGROUND: &str = include_str!("../shaders/background.wgsl");
 const GROUND: &str = include_str!("../shaders/ground.wgsl");
 const MARKS: &str = include_str!("../shaders/marks.wgsl");
 const PICK: &str = include_str!("../shaders/pick.wgsl");
-/// Stands where a file of the user would.
+/// Placeholder for the user's shader.
 const NO_SHADER: &str = "fn surface(at: Surface) -> vec4<f32> { return vec4(at.base, 1.0); }";
-/// Number of what was hit, and the bits of its depth.
+/// Format of a pick: number of the model hit, and the bits of its depth.
 pub(super) const PICKED: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
 
 impl Pipelines {
@@ -70,7 +70,7 @@ impl Pipelines {
         }
     }
 
-    /// Makes a pipeline, unless it is there.
+    /// Builds a pipeline if it does not exist yet.
     pub(super) fn prepare(&mut self, context: &Context, pass: Pass) {
         if !self.made.contains_key(&pass) {
             let pipeline = self.make(context, pass, self.module(pass));
@@ -78,7 +78,7 @@ impl Pipelines {
         }
     }
 
-    /// The pipelines of a surface that a file of the user colours: solid, then blended.
+    /// Returns the pipelines of a user's surface shader: solid, then blended.
     pub(super) fn of_shader(
         &self,
         context: &Context,
@@ -88,7 +88,7 @@ impl Pipelines {
             .map(|is_blended| self.make(context, Pass::Surface { shading: CUSTOM, is_blended }, module))
     }
 
-    /// A pipeline that was prepared.
+    /// Returns a prepared pipeline.
     pub(super) fn get(&self, pass: Pass) -> &wgpu::RenderPipeline {
         &self.made[&pass]
     }
@@ -169,14 +169,15 @@ fn module(context: &Context, label: &str, texts: &[&str]) -> wgpu::ShaderModule 
     context.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
 }
 
-/// The module of a surface that a file of the user colours, and how many lines stand before the file's first.
+/// Returns the shader module of a user's surface shader, and the number of lines before the user's first
+/// line.
 pub(super) fn custom_module(context: &Context, text: &str) -> (wgpu::ShaderModule, u32) {
     let before = [GLOBALS, ENVIRONMENT, VERTEX, SURFACE].join("\n");
     let lines = before.matches('\n').count() as u32 + 1;
     (module(context, "surface of a file", &[&before, text]), lines)
 }
 
-/// The number of a shading in `surface.wgsl`.
+/// Returns the number of a shading in `surface.wgsl`.
 pub(super) fn shading_number(shading: Shading) -> u32 {
     match shading {
         Shading::Smooth => 0,

@@ -1,4 +1,4 @@
-//! Frames into targets.
+//! Renderer that draws frames into targets.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -21,7 +21,7 @@ use lodsmith_render::{Background, Shading};
 
 use super::uniforms::{Globals, LIGHTS_MAX, Seen, View};
 
-/// A picture of a lit ball, looked up by normals.
+/// A matcap: a picture of a lit sphere, sampled by the normal.
 pub struct Matcap {
     id: u64,
     view: wgpu::TextureView,
@@ -35,7 +35,7 @@ impl Matcap {
     }
 }
 
-/// What draws: the device with its pipelines.
+/// The renderer: a device with its pipelines.
 pub struct Gpu {
     context: Context,
     renderer: Option<Arc<egui::mutex::RwLock<egui_wgpu::Renderer>>>,
@@ -46,11 +46,11 @@ pub struct Gpu {
     frame_bind: wgpu::BindGroup,
     plain_material: wgpu::BindGroup,
     no_mesh: wgpu::BindGroup,
-    /// What stands in for a matcap where there is none.
+    /// Placeholder texture for a missing matcap or environment.
     white: wgpu::TextureView,
-    /// The matcap of `frame_bind`; 0 is none.
+    /// Id of the matcap in `frame_bind`; 0 for none.
     bound_matcap: u64,
-    /// The surroundings of `frame_bind`; 0 is none.
+    /// Id of the environment in `frame_bind`; 0 for none.
     bound_environment: u64,
     sampler: wgpu::Sampler,
     timer: Option<Timer>,
@@ -58,7 +58,7 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// What draws into a window.
+    /// Creates a renderer for a window.
     ///
     /// # Errors
     /// As [`Context::of_window`].
@@ -66,7 +66,7 @@ impl Gpu {
         Ok(Self::with(Context::of_window(state)?, Some(Arc::clone(&state.renderer))))
     }
 
-    /// What draws without any window.
+    /// Creates a renderer without a window.
     ///
     /// # Errors
     /// As [`Context::headless`].
@@ -74,18 +74,18 @@ impl Gpu {
         Ok(Self::with(Context::headless()?, None))
     }
 
-    /// What draws on a device, without any window.
+    /// Creates a renderer on a device, without a window.
     pub fn on(context: Context) -> Self {
         Self::with(context, None)
     }
 
-    /// The same, with a clock in every pass where the adapter has one.
+    /// Enables timestamps for every frame, if the adapter supports them.
     pub fn timed(self) -> Self {
         Self { timer: Timer::new(&self.context), ..self }
     }
 
-    /// Seconds that the adapter took for the frame that was drawn last; waits for it. `None` without [`Gpu::timed`] or a
-    /// clock.
+    /// Returns the GPU time in seconds of the last frame, after waiting for it. `None` without [`Gpu::timed`]
+    /// or without timestamp support.
     pub fn adapter_secs(&self) -> Option<f64> {
         self.timer.as_ref()?.seconds(&self.context)
     }
@@ -136,40 +136,40 @@ impl Gpu {
         }
     }
 
-    /// Takes over what is all around.
+    /// Uploads an environment map.
     pub fn environment(&self, environment: &lodsmith_render::Environment) -> Surroundings {
         Surroundings::new(&self.context, environment)
     }
 
-    /// The device, to upload with from any thread.
+    /// Returns the device, for uploads from any thread.
     pub fn context(&self) -> &Context {
         &self.context
     }
-    /// Whether pictures are computed on the processor.
+    /// Returns true for a software renderer.
     pub fn is_software(&self) -> bool {
         self.context.is_software()
     }
-    /// Name of the adapter, for people.
+    /// Returns the name of the adapter, for display.
     pub fn adapter_name(&self) -> String {
         self.context.adapter_name()
     }
-    /// As [`Context::upload`].
+    /// Uploads a model, as [`Context::upload`].
     pub fn upload(&self, model: &Model) -> DrawModel {
         self.context.upload(model)
     }
-    /// A picture of a lit ball, for [`Frame::matcap`].
+    /// Uploads a picture of a lit sphere for [`Frame::matcap`].
     pub fn matcap(&self, image: &Image) -> Matcap {
         let view = super::texture::texture(&self.context, image, true);
         Matcap { id: NEXT_MATCAP.fetch_add(1, Ordering::Relaxed), view }
     }
-    /// A picture to draw into, of a size in pixels.
+    /// Creates a target of this size in pixels.
     pub fn target(&self, size: [u32; 2]) -> Target {
         Target::new(self.context.clone(), self.renderer.as_ref(), size)
     }
 
-    /// Draws a frame, unless the target shows it already. Does not wait for the picture.
+    /// Draws a frame unless the target already shows it. Does not wait for the picture.
     ///
-    /// Cost of the caller's thread: O(models placed), whatever their size.
+    /// Cost on the calling thread: O(placed models), independent of their size.
     pub fn draw(&mut self, target: &mut Target, frame: &Frame<'_>) -> Drawn {
         if target.shows(frame) {
             return Drawn::default();
@@ -180,9 +180,9 @@ impl Gpu {
         drawn
     }
 
-    /// The same, but a part of it at a time where a processor draws and there is much to draw: the picture before stays
-    /// until the new one is whole. To be called again while [`Drawn::triangles_left`] says that some are left; parts are so
-    /// large that each takes some hundredths of a second.
+    /// Draws a frame like [`Gpu::draw`], but on a software renderer a large frame is drawn one part per call:
+    /// the previous picture stays until the new one is complete. Call again while [`Drawn::triangles_left`]
+    /// is not zero. Each part is sized to take a few hundredths of a second.
     pub fn draw_in_parts(&mut self, target: &mut Target, frame: &Frame<'_>) -> Drawn {
         if !self.is_software() || target.shows(frame) || triangles(frame) <= parts::FEW {
             return self.draw(target, frame);
@@ -192,7 +192,7 @@ impl Gpu {
         self.draw_parts_of(target, frame, is_free.then_some(most))
     }
 
-    /// Draws so many triangles more; none to see how many are left.
+    /// Draws up to `most` more triangles; `None` draws nothing and only counts those left.
     pub(super) fn draw_parts_of(
         &mut self,
         target: &mut Target,
@@ -210,7 +210,7 @@ impl Gpu {
         drawn
     }
 
-    /// Draws these of its triangles; without a range none.
+    /// Draws a range of the triangles of a frame; `None` draws nothing.
     fn draw_range(
         &mut self,
         target: &Target,
@@ -297,7 +297,7 @@ impl Gpu {
         drawn
     }
 
-    /// Draws all triangles with one pipeline, whatever their materials.
+    /// Draws all triangles with one pipeline, ignoring materials.
     pub(super) fn draw_plain(&self, pass: &mut wgpu::RenderPass<'_>, with: Pass, gathered: &Gathered<'_>) {
         pass.set_pipeline(self.pipelines.get(with));
         pass.set_bind_group(0, &self.frame_bind, &[]);

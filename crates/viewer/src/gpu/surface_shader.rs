@@ -1,4 +1,4 @@
-//! Surfaces coloured by a file of the user.
+//! User-written surface shaders.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -7,20 +7,21 @@ use egui_wgpu::wgpu;
 use super::pipeline::custom_module;
 use super::renderer::Gpu;
 
-/// Why a shader cannot be used.
+/// Error in a user's shader.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}{message}", match line { Some(line) => format!("line {line}: "), None => String::new() })]
 pub struct ShaderError {
-    /// The line of the file, from 1, where it can be told.
+    /// Line of the file, counted from 1, if known.
     pub line: Option<u32>,
-    /// What is wrong.
+    /// Description of the error.
     pub message: String,
 }
 
-/// A shader of the user that has been checked.
+/// A user's shader that has been checked and compiled.
 ///
-/// Its text is WGSL and defines `fn surface(at: Surface) -> vec4<f32>`, which returns a linear colour. `Surface` has
-/// `place`, `normal`, `face_normal`, `uv`, `base`, `color` and `heat`; `lit(albedo, normal, place)` lights a plain surface.
+/// Its source is WGSL and defines `fn surface(at: Surface) -> vec4<f32>`, which returns a linear colour.
+/// `Surface` has `place`, `normal`, `face_normal`, `uv`, `base`, `color` and `heat`; `lit(albedo, normal,
+/// place)` shades a diffuse surface.
 pub struct SurfaceShader {
     id: u64,
     pub(super) pipelines: [wgpu::RenderPipeline; 2],
@@ -35,10 +36,10 @@ impl SurfaceShader {
 }
 
 impl Gpu {
-    /// Checks a shader of the user, and makes it ready.
+    /// Checks a user's shader and builds its pipelines.
     ///
     /// # Errors
-    /// [`ShaderError`] with the first thing that is wrong.
+    /// [`ShaderError`] with the first error found.
     pub fn shader(&self, text: &str) -> Result<SurfaceShader, ShaderError> {
         let device = &self.context().device;
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -63,7 +64,8 @@ impl Gpu {
     }
 }
 
-/// What is wrong, without the drawing of where: its line numbers count what stands before the file.
+/// Strips the source excerpt from an error message: its line numbers include the built-in code before the
+/// file.
 fn without_place(message: &str) -> String {
     let first = message.lines().map(str::trim).find(|line| !line.is_empty()).unwrap_or("it cannot be read");
     first.split_once("error: ").map_or(first, |(_, what)| what).to_owned()

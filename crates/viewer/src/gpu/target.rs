@@ -1,4 +1,4 @@
-//! Pictures to be drawn into, and shown or read.
+//! Render targets that are displayed or read back.
 
 use std::sync::Arc;
 
@@ -11,46 +11,46 @@ use super::frame::{Frame, Shown};
 use super::model::DrawModel;
 use super::uniforms::{linear_from_srgb, srgb_from_linear};
 
-/// What the window looks up: sRGB as it is stored, with the opacity multiplied in.
+/// Format that the window samples: raw sRGB values, premultiplied by alpha.
 const STORED: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// The same for those who draw: they write light, which is stored as sRGB. Where an adapter cannot see a texture in two
-/// ways, shaders encode by themselves.
+/// Returns the format for drawing: passes write linear colours, which are stored as sRGB. If an adapter does
+/// not support two view formats for a texture, the shaders encode sRGB themselves.
 pub(super) fn drawn_as(context: &Context) -> wgpu::TextureFormat {
     if context.has_views { wgpu::TextureFormat::Rgba8UnormSrgb } else { STORED }
 }
-/// Depth is the inverse of the distance: 0 is infinitely far.
+/// Depth format. Depth is the inverse of the distance: 0 is infinitely far.
 pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 type Renderer = Arc<egui::mutex::RwLock<egui_wgpu::Renderer>>;
 
-/// A picture that a viewport shows, or that is read back. It remembers what it shows.
+/// A picture that a viewport displays, or that is read back. It remembers which frame it shows.
 pub struct Target {
     context: Context,
     size: [u32; 2],
     scale: f32,
     planes: Planes,
     pub(super) shown: Option<Shown>,
-    /// A picture that is drawn in parts, behind the one that is shown.
+    /// Picture being drawn in parts while the previous one is shown.
     back: Option<Back>,
-    /// Where the window looks the picture up.
+    /// Texture id under which the window samples the picture.
     registered: Option<(Renderer, egui::TextureId)>,
 }
 
-/// A picture that is not whole yet.
+/// A picture that is still incomplete.
 struct Back {
     planes: Planes,
     of: Shown,
-    /// Triangles that are in it.
+    /// Number of triangles already drawn.
     done: u64,
 }
 
-/// The textures of one size.
+/// Textures of a target, all of one size.
 struct Planes {
     size: [u32; 2],
     color: wgpu::Texture,
-    /// For the window.
+    /// View for the window.
     color_view: wgpu::TextureView,
-    /// For drawing.
+    /// View for drawing.
     light_view: wgpu::TextureView,
     samples: Option<wgpu::TextureView>,
     depth: wgpu::TextureView,
@@ -68,8 +68,8 @@ impl Target {
         Self { context, size, scale: 1.0, planes, shown: None, back: None, registered }
     }
 
-    /// The size of the place on the screen in pixels, and how many pixels of the picture stand for one of the screen
-    /// along each side: less than 1 draws faster, more is smoother. What is shown stays until something is drawn.
+    /// Sets the size on the screen in pixels, and the number of picture pixels per screen pixel along each
+    /// axis: less than 1 draws faster, more is smoother. The current picture stays until something is drawn.
     pub fn resize(&mut self, screen_px: [u32; 2], scale: f32) {
         let scale = scale.clamp(0.1, 4.0);
         let size = screen_px.map(|x| (x as f32 * scale).round() as u32);
@@ -77,7 +77,7 @@ impl Target {
         (self.scale, self.size) = (scale, size);
     }
 
-    /// Makes room for a picture that is drawn at once.
+    /// Prepares the textures for a picture that is drawn in one piece.
     pub(super) fn make_room(&mut self) {
         self.back = None;
         if self.planes.size != self.size {
@@ -97,7 +97,7 @@ impl Target {
         }
     }
 
-    /// Goes on with a picture in parts, or begins it: how many triangles are in it.
+    /// Resumes a picture in parts, or starts it. Returns the number of triangles already drawn.
     pub(super) fn go_on(&mut self, frame: &Frame<'_>) -> u64 {
         let size = self.size;
         if let Some(back) = self.back.as_ref().filter(|back| back.of.is(frame, size)) {
@@ -109,7 +109,7 @@ impl Target {
         0
     }
 
-    /// So many triangles are in the picture; a whole one is shown.
+    /// Records the number of triangles drawn so far, and shows the picture once it is complete.
     pub(super) fn went_on(&mut self, done: u64, is_whole: bool) {
         if let Some(back) = self.back.as_mut().filter(|_| !is_whole) {
             back.done = done;
@@ -119,44 +119,44 @@ impl Target {
         }
     }
 
-    /// Whether this very frame is being drawn in parts.
+    /// Returns true if this same frame is being drawn in parts.
     pub fn draws(&self, frame: &Frame<'_>) -> bool {
         self.back.as_ref().is_some_and(|back| back.of.is(frame, self.size))
     }
 
-    /// Width and height of the picture in its own pixels.
+    /// Returns width and height of the picture in its own pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
-    /// Pixels of the picture for one of the screen.
+    /// Returns the number of picture pixels per screen pixel.
     pub fn scale(&self) -> f32 {
         self.scale
     }
-    /// What the window shows it by; `None` without a window.
+    /// Returns the texture id for the window; `None` without a window.
     pub fn texture_id(&self) -> Option<egui::TextureId> {
         self.registered.as_ref().map(|(_, id)| *id)
     }
-    /// Whether it shows this very frame already.
+    /// Returns true if it already shows this same frame.
     pub fn shows(&self, frame: &Frame<'_>) -> bool {
         self.shown.as_ref().is_some_and(|shown| shown.is(frame, self.size))
     }
-    /// Whether it shows this model, or what stands in for it, from wherever.
+    /// Returns true if it shows this model or its lighter stand-in, in any view.
     pub fn shows_model(&self, model: &DrawModel) -> bool {
         let is = |id: u64| self.shown.as_ref().is_some_and(|shown| shown.has(id));
         is(model.version().0) || model.light().is_some_and(|light| is(light.version().0))
     }
-    /// Forgets what it shows: the next frame is drawn in any case.
+    /// Forgets what it shows, so that the next frame is drawn in any case.
     pub fn forget(&mut self) {
         (self.shown, self.back) = (None, None);
     }
 
-    /// The picture. Waits until it is drawn.
+    /// Returns the picture. Waits until it is drawn.
     pub fn read_back(&self) -> Image {
         let size = self.planes.size;
         let [width, height] = size.map(|x| x as usize);
         let bytes = read_texture(&self.context, &self.planes.color, size, 4);
         let pixels = bytes.chunks_exact(4).map(|p| {
-            // Light was multiplied, not what is stored.
+            // Linear colours were premultiplied, not the stored sRGB values.
             let alpha = f32::from(p[3].max(1)) / 255.0;
             let apart = |x: u8| {
                 let light = linear_from_srgb(f32::from(x) / 255.0) / alpha;
@@ -167,7 +167,7 @@ impl Target {
         Image::new(width, height, pixels.collect())
     }
 
-    /// Where passes draw: colours and depth, cleared to nothing, or as the part before left them.
+    /// Returns the colour and depth attachments, cleared for the first part and loaded for later ones.
     pub(super) fn attachments(
         &self,
         part: Part,
@@ -185,7 +185,7 @@ impl Target {
     }
 }
 
-/// Which part of a picture is drawn.
+/// Position of a part among the parts of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Part {
     pub(super) is_first: bool,
@@ -224,7 +224,8 @@ impl Planes {
     }
 }
 
-/// Depth, which starts infinitely far and is kept for the next part alone.
+/// Returns the depth attachment: cleared to infinitely far for the first part, stored only if another part
+/// follows.
 pub(super) fn depth_attachment(
     view: &wgpu::TextureView,
     part: Part,
@@ -258,7 +259,7 @@ pub(super) fn texture(
     })
 }
 
-/// The bytes of a texture, row after row. Waits until all work on it is done.
+/// Returns the bytes of a texture, row by row. Waits until all work on it is done.
 pub(super) fn read_texture(
     context: &Context,
     texture: &wgpu::Texture,
@@ -285,7 +286,7 @@ pub(super) fn read_texture(
     buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
     let waited = context.device.poll(wgpu::PollType::wait_indefinitely());
     let mapped = waited.is_ok() && matches!(receiver.recv(), Ok(Ok(())));
-    // A device that is lost has no picture.
+    // A lost device has no picture.
     let Some(view) = mapped.then(|| buffer.get_mapped_range(..).ok()).flatten() else {
         return vec![0; (row * height) as usize];
     };

@@ -1,4 +1,4 @@
-//! Materials and their images on the graphics card.
+//! Materials and their textures on the GPU.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -12,13 +12,13 @@ use rayon::prelude::*;
 use super::context::Context;
 use super::uniforms::{linear_from_srgb, srgb_from_linear};
 
-/// The materials of a model, each with its group of bindings.
+/// Materials of a model, each with its bind group.
 pub(super) struct Surfaces {
     materials: Vec<Surface>,
     plain: wgpu::BindGroup,
 }
 
-/// A material on the graphics card.
+/// A material on the GPU.
 pub(super) struct Surface {
     pub(super) bind: wgpu::BindGroup,
     pub(super) is_blended: bool,
@@ -46,7 +46,7 @@ impl Surfaces {
         let mut samplers = HashMap::new();
         let plain = bind(context, &plain_material(), &[None; 5], &views, &white, &mut samplers);
         let materials = materials.iter().map(|m| {
-            // In the order of the bindings; colours are sRGB, numbers are not.
+            // In binding order; colours are sRGB, other values are linear.
             let textures = [
                 (&m.base_color_texture, true),
                 (&m.metallic_roughness_texture, false),
@@ -69,11 +69,11 @@ impl Surfaces {
         Self { materials: materials.collect(), plain }
     }
 
-    /// Of a number in the model.
+    /// Returns the material with this index in the model.
     pub(super) fn get(&self, material: usize) -> Option<&Surface> {
         self.materials.get(material)
     }
-    /// Of faces without a material.
+    /// Returns the bind group for faces without a material.
     pub(super) fn plain(&self) -> &wgpu::BindGroup {
         &self.plain
     }
@@ -155,7 +155,7 @@ fn sampler(context: &Context, sampler: Sampler) -> wgpu::Sampler {
         Wrap::Clamp => wgpu::AddressMode::ClampToEdge,
     };
     let near = if sampler.nearest { wgpu::FilterMode::Nearest } else { wgpu::FilterMode::Linear };
-    // Filtering along the view wants everything else linear; four looks, as the pictures of the processor have.
+    // Anisotropic filtering requires linear filters; 4 samples, as in the CPU renderer.
     let anisotropy_clamp = if sampler.nearest { 1 } else { 4 };
     context.device.create_sampler(&wgpu::SamplerDescriptor {
         label: Some("material"),
@@ -169,7 +169,7 @@ fn sampler(context: &Context, sampler: Sampler) -> wgpu::Sampler {
     })
 }
 
-/// An image with smaller and smaller copies. What is larger than the adapter allows comes as a smaller copy.
+/// Uploads an image with its mip levels. Levels larger than the adapter allows are left out.
 pub(super) fn texture(context: &Context, image: &Image, is_color: bool) -> wgpu::TextureView {
     let most = context.device.limits().max_texture_dimension_2d as usize;
     let mut levels = vec![(image.width(), image.height(), image.pixels().to_vec())];
@@ -211,7 +211,7 @@ pub(super) fn texture(context: &Context, image: &Image, is_color: bool) -> wgpu:
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
-/// Half as large: each pixel is the mean of four, as light adds up.
+/// Returns the next mip level: each pixel is the mean of four, taken in linear light for colours.
 fn halved(w: usize, h: usize, pixels: &[[u8; 4]], is_color: bool) -> (usize, usize, Vec<[u8; 4]>) {
     let light: Vec<f32> = (0..=255u8).map(|b| linear_from_srgb(f32::from(b) / 255.0)).collect();
     let (width, height) = ((w / 2).max(1), (h / 2).max(1));

@@ -1,4 +1,4 @@
-//! How long the adapter draws.
+//! GPU timestamps of a render pass.
 
 use std::sync::mpsc::{TryRecvError, channel};
 use std::time::{Duration, Instant};
@@ -7,20 +7,20 @@ use egui_wgpu::wgpu;
 
 use super::context::Context;
 
-/// Two moments of a pass: its begin and its end.
+/// Timestamps at the start and end of a render pass.
 pub(super) struct Timer {
     moments: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     read: wgpu::Buffer,
 }
 
-/// Bytes of two moments.
+/// Bytes of two timestamps.
 const BYTES: u64 = 16;
-/// After this long nobody waits any more for a device that may be lost.
+/// Maximum wait for a device that may be lost.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 impl Timer {
-    /// `None` where the adapter has no clock.
+    /// Creates a timer; `None` if the adapter has no timestamps.
     pub(super) fn new(context: &Context) -> Option<Self> {
         if !context.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             return None;
@@ -41,7 +41,7 @@ impl Timer {
         })
     }
 
-    /// Where a pass notes its moments.
+    /// Returns the timestamp writes for a pass.
     pub(super) fn writes(&self) -> wgpu::RenderPassTimestampWrites<'_> {
         wgpu::RenderPassTimestampWrites {
             query_set: &self.moments,
@@ -50,13 +50,14 @@ impl Timer {
         }
     }
 
-    /// After the pass: the moments into memory.
+    /// Copies the timestamps into a mappable buffer; call after the pass.
     pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.resolve_query_set(&self.moments, 0..2, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.read, 0, BYTES);
     }
 
-    /// Seconds between both, after the work was submitted. Others can use the device while this waits.
+    /// Returns the seconds between both timestamps; call after submitting. Waits, but other threads can use
+    /// the device meanwhile.
     pub(super) fn seconds(&self, context: &Context) -> Option<f64> {
         let (sender, receiver) = channel();
         self.read.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));

@@ -1,30 +1,32 @@
-//! What all shaders read of a frame: the camera, the look, the lights, in the order of `globals.wgsl`.
+//! Frame uniforms of all shaders: camera, look and lights, in the order of `globals.wgsl`.
 
 use glam::{DMat4, DVec3, Mat4, Vec3};
 use lodsmith_core::Bounds;
 use lodsmith_render::{Background, Camera, Lens, LightKind, Lighting, Look};
 
-/// Lights that shaders have room for.
+/// Maximum number of lights in the shaders.
 pub(super) const LIGHTS_MAX: usize = 8;
-/// Stops of a colour map that shaders have room for.
+/// Maximum number of colour map stops in the shaders.
 const STOPS_MAX: usize = 16;
-/// Nearest depth that is drawn, in distances from the eye to the target. Depth is kept as its inverse in floating
-/// point, whose steps are even in proportion, so this may be small.
+/// Near plane distance, as a fraction of the distance from the eye to the target. Depth is stored as its
+/// inverse in floating point, whose relative precision is uniform, so this may be small.
 const NEAR: f64 = 1e-4;
 
-/// View coordinates in which the GPU works: those of the camera, divided by its distance to the target.
+/// View transform of the GPU: camera coordinates divided by the distance from the camera to its target.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
     pub(super) view_from_world: DMat4,
     pub(super) clip_from_view: Mat4,
-    /// Half-width and half-height of the picture: at distance 1 with a perspective, else everywhere.
+    /// Half-width and half-height of the picture: at distance 1 in a perspective view, at any distance in a
+    /// parallel one.
     pub(super) half: [f64; 2],
     pub(super) perspective: bool,
     unit: f64,
 }
 
 impl View {
-    /// The view of a camera; `reach` is how far from the eye anything lies that a parallel view must hold.
+    /// Returns the view of a camera; `reach` is the largest distance from the eye that a parallel view must
+    /// cover.
     pub(super) fn new(camera: &Camera, aspect: f64, reach: f64) -> Self {
         let distance = camera.distance();
         let unit = if distance > 0.0 && distance.is_finite() { distance } else { 1.0 };
@@ -59,7 +61,8 @@ impl View {
         Self { view_from_world, clip_from_view: clip_from_view.as_mat4(), half, perspective, unit }
     }
 
-    /// The same view, of a single pixel: `x` and `y` in pixels from the upper left corner of a picture of this size.
+    /// Returns this view cropped to a single pixel: `x` and `y` are pixels from the upper left corner of a
+    /// picture of the given size.
     pub(super) fn of_pixel(&self, [x, y]: [f32; 2], [width, height]: [u32; 2]) -> Self {
         let (w, h) = (width as f32, height as f32);
         let centre = Vec3::new(2.0 * x / w - 1.0, 1.0 - 2.0 * y / h, 0.0);
@@ -67,14 +70,14 @@ impl View {
         Self { clip_from_view: crop * self.clip_from_view, ..*self }
     }
 
-    /// Whether a ball in view coordinates may be in the picture.
+    /// Returns true if a sphere in view coordinates may be visible.
     pub(super) fn sees(&self, centre: DVec3, radius: f64) -> bool {
         if !(centre.is_finite() && radius.is_finite()) {
             return true;
         }
         let beside = |along: f64, half: f64| {
             if self.perspective {
-                // Distance beyond the plane through the eye and an edge of the picture.
+                // Distance beyond the frustum plane.
                 (along.abs() + centre.z * half) / (1.0 + half * half).sqrt() > radius
             } else {
                 along.abs() - half > radius
@@ -84,13 +87,13 @@ impl View {
         !(behind || beside(centre.x, self.half[0]) || beside(centre.y, self.half[1]))
     }
 
-    /// A length of the world in view coordinates.
+    /// Converts a length from world to view coordinates.
     pub(super) fn length(&self, world: f64) -> f64 {
         world / self.unit
     }
 }
 
-/// Colours that tell models apart, in sRGB. See [`Placed::tint`](super::Placed::tint).
+/// Tint colours to tell models apart, in sRGB. See [`Placed::tint`](super::Placed::tint).
 pub const TINTS: [[f32; 3]; 12] = {
     const fn rgb(hex: u32) -> [f32; 3] {
         [(hex >> 16) as f32 / 255.0, (hex >> 8 & 0xff) as f32 / 255.0, (hex & 0xff) as f32 / 255.0]
@@ -126,29 +129,31 @@ pub(super) struct Globals {
     clip_from_view: [[f32; 4]; 4],
     /// Directions of the world's axes in view coordinates.
     view_from_world_axes: [[f32; 4]; 3],
-    /// Width and height in pixels; 1 with a perspective, else 0; how many lights.
+    /// Width and height in pixels; 1 for a perspective view, else 0; number of lights.
     picture: [f32; 4],
     ambient_above: [f32; 4],
     ambient_below: [f32; 4],
     surface: [f32; 4],
     wire: [f32; 4],
-    /// Width of wires, of borders, in pixels; 1 where back faces are left out; radius of the lit scene, squared.
+    /// Width of wireframe lines and of borders in pixels; 1 with backface culling; squared radius of the lit
+    /// scene.
     widths: [f32; 4],
-    /// Value at the lower end of the colour map, one over the range, number of stops; 1 with a matcap of one's own.
+    /// Value at the lower end of the colour map; 1 / range; number of stops; 1 with a custom matcap.
     heat: [f32; 4],
     background: [[f32; 4]; 2],
-    /// Centre of the ground in view coordinates, and the size of a square of its grid.
+    /// Centre of the ground in view coordinates, and its grid spacing.
     ground: [f32; 4],
-    /// Whether borders are shown, defects, and whether there are surroundings; 1 with these behind, 2 out of focus.
+    /// 1 if borders are shown; 1 if defects are shown; 1 with an environment; background: 1 the environment,
+    /// 2 the environment blurred.
     marks: [f32; 4],
-    /// By [`super::marks::Kind`].
+    /// In the order of [`super::marks::COLORS`].
     mark_colors: [[f32; 4]; 4],
     tints: [[f32; 4]; TINTS.len()],
     stops: [[f32; 4]; STOPS_MAX],
     lights: [GpuLight; LIGHTS_MAX],
 }
 
-/// What [`Globals::new`] is made of.
+/// Input of [`Globals::new`].
 pub(super) struct Seen<'a> {
     pub(super) view: &'a View,
     pub(super) size: [u32; 2],
@@ -159,7 +164,7 @@ pub(super) struct Seen<'a> {
     pub(super) heat_range: [f32; 2],
     pub(super) has_matcap: bool,
     pub(super) has_environment: bool,
-    /// Pixels of the picture for each pixel of the screen.
+    /// Pixels of the picture per pixel of the screen.
     pub(super) scale: f32,
 }
 
@@ -192,7 +197,7 @@ impl Globals {
                 LightKind::Spot { at, toward, half_angle_rad } => GpuLight {
                     place: four(place(at), 2.0),
                     toward: four(turned(toward - at).normalize_or_zero(), f64::from(half_angle_rad.cos())),
-                    // The outer fifth of the cone fades.
+                    // The outer fifth of the cone fades out.
                     color: [r, g, b, (0.8 * half_angle_rad).cos()],
                 },
             };
@@ -248,10 +253,11 @@ impl Globals {
     }
 }
 
-/// Width of borders and of marked edges next to the width of the wireframe; as in `lodsmith_render`.
+/// Width of borders and marked edges for wireframe lines 1 pixel wide; as in `lodsmith_render`.
 const MARK_WIDTH_PX: f32 = 2.2;
 
-/// Size of the squares of the grid below something of this radius: 1, 2 or 5 times a power of ten, about four to it.
+/// Returns the grid spacing for a scene of this radius: 1, 2 or 5 times a power of ten, about a quarter of
+/// the radius.
 fn grid_step(radius: f64) -> f64 {
     let size = radius / 4.0;
     let power = 10f64.powf(size.log10().floor());
@@ -269,7 +275,7 @@ fn grid_step(radius: f64) -> f64 {
     if step.is_finite() && step > 0.0 { step } else { 1.0 }
 }
 
-/// Centre of a box, and half its diagonal.
+/// Returns the centre of a box and half its diagonal (1 if that is zero).
 pub(super) fn ball(bounds: &Bounds) -> (DVec3, f64) {
     let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
     let half = 0.5 * bounds.diagonal();

@@ -1,4 +1,4 @@
-//! Times of making levels and of drawing them, as a table that can be taken along.
+//! Benchmark panel: times to make and to draw levels, as a table that can be copied.
 
 use eframe::egui::{self, Align, Layout, RichText, Ui, Vec2};
 
@@ -8,7 +8,7 @@ use crate::job::Kind;
 use crate::keys::Action;
 use crate::theme::{number, weak};
 
-/// The panel.
+/// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let document = scope.document;
     let is_running = document.is_busy(Kind::Benchmark);

@@ -1,4 +1,4 @@
-//! How far the result lies from the original: figures, histogram, legend.
+//! Error panel: distances between result and original, histogram, legend.
 
 use eframe::egui::{self, Color32, Rect, Sense, Ui, Vec2, pos2};
 use lodsmith_render::{ColorMap, Look, Shading};
@@ -10,7 +10,7 @@ use crate::keys::Action;
 use crate::numbers::{seconds, significant};
 use crate::theme::{palette, weak};
 
-/// The panel.
+/// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let document = scope.document;
     let settings = document.settings();
@@ -57,7 +57,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     );
 }
 
-/// Bars in the colours of the map: how many vertices lie how far off. Heights are logarithmic.
+/// Draws a histogram of the distances in the colours of the map. Heights are logarithmic.
 fn histogram(ui: &mut Ui, distances: &Distances, look: &Look) {
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 88.0), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Histogram of distances"));
@@ -93,7 +93,7 @@ fn histogram(ui: &mut Ui, distances: &Distances, look: &Look) {
     });
 }
 
-/// The value at which the colours end.
+/// Draws the field for the upper end of the colour range.
 fn range(ui: &mut Ui, scope: &mut Scope<'_>, distances: &Distances) {
     let mut look = scope.document.settings().look.clone();
     let largest = distances.largest as f32;
@@ -113,7 +113,7 @@ fn range(ui: &mut Ui, scope: &mut Scope<'_>, distances: &Distances) {
     }
 }
 
-/// The values at the ends of the colours.
+/// Returns the range of the colour map.
 pub fn ends(look: &Look, largest: f64) -> [f32; 2] {
     look.heat_range.unwrap_or([0.0, largest as f32])
 }
@@ -123,7 +123,7 @@ fn of_map(map: ColorMap, t: f32) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-/// The colours with their values, over a picture.
+/// Draws the legend of the colour map over a picture.
 pub fn legend(ui: &Ui, picture: Rect, look: &Look, distances: Option<&Distances>, diagonal: f64) {
     let p = palette(ui);
     let size = Vec2::new(192.0, 46.0);

@@ -1,4 +1,4 @@
-//! What is written, and how: the form.
+//! Export dialog.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use crate::export::Export;
 use crate::numbers::grouped;
 use crate::theme::{palette, weak};
 
-/// The form, as it is filled in.
+/// Contents of the export dialog.
 #[derive(Clone, Debug)]
 pub struct Form {
     path: String,
@@ -23,15 +23,15 @@ pub struct Form {
     levels: String,
 }
 
-/// How a form was left.
+/// State of the export dialog.
 pub enum Answer {
-    /// Not yet.
+    /// Still open.
     Open,
-    /// Nothing is to be written.
+    /// Cancelled.
     Closed,
-    /// Another file or folder is to be chosen.
+    /// A file (false) or folder (true) is to be chosen.
     Choose(bool, PathBuf),
-    /// This is to be written.
+    /// Write this export.
     Write(Export),
 }
 
@@ -48,10 +48,10 @@ const TEXTURES: [(Textures, &str); 3] =
     [(Textures::Copy, "copy"), (Textures::Link, "link"), (Textures::None, "none")];
 
 impl Form {
-    /// What is likely to be wanted: the format of the file, beside it.
+    /// Fills in the defaults: the format of the file, in its folder.
     pub fn new(original: &Path, format: Format) -> Self {
         let stem = original.file_stem().map_or("model".into(), |s| s.to_string_lossy());
-        // What is shown is one mesh, which a format of progressive meshes does not take.
+        // The shown model is a single level, so it cannot be written as a progressive mesh.
         let format = if Format::WRITTEN.contains(&format) { format } else { Format::Ply };
         let folder = original.parent().unwrap_or(Path::new(""));
         Self {
@@ -65,7 +65,7 @@ impl Form {
         }
     }
 
-    /// A file or folder was chosen.
+    /// Takes over the file or folder that was chosen.
     pub fn chosen(&mut self, path: &Path) {
         if self.is_all_levels {
             self.folder = path.display().to_string();
@@ -75,7 +75,7 @@ impl Form {
         }
     }
 
-    /// The format goes by the ending that was typed, where it says one.
+    /// Sets the format to that of the file extension, if it names one.
     fn follow_ending(&mut self) {
         let ending = Path::new(&self.path).extension().map(|e| e.to_string_lossy().into_owned());
         if let Some(format) =
@@ -85,7 +85,7 @@ impl Form {
         }
     }
 
-    /// The parts that are typed, in percent.
+    /// Parses the levels, typed in percent; `None` if they are not valid.
     fn ratios(&self) -> Option<Vec<f64>> {
         let parts = self.levels.split([',', ';', ' ']).filter(|p| !p.trim().is_empty());
         let ratio =
@@ -94,7 +94,7 @@ impl Form {
         all.filter(|all| !all.is_empty())
     }
 
-    /// Shows it.
+    /// Shows the dialog and returns its state.
     pub fn show(&mut self, ctx: &egui::Context, document: &Document) -> Answer {
         let modal = parts::modal(ctx, "export").show(ctx, |ui| self.form(ui, document));
         match modal.inner {

@@ -1,4 +1,4 @@
-//! Files that are open, and those that were.
+//! Files panel: open files and recent ones.
 
 use eframe::egui::{self, Ui};
 
@@ -7,7 +7,7 @@ use crate::command::Command;
 use crate::keys::Action;
 use crate::theme::weak;
 
-/// The panel.
+/// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     ui.horizontal(|ui| {
         let open = ui.button("Open…").on_hover_text(format!("Choose files ({})", Action::Open.key()));
@@ -53,7 +53,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
 }
 
-/// The last part of a path.
+/// Returns the file name of a path.
 pub fn name(path: &std::path::Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }

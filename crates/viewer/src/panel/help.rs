@@ -1,11 +1,11 @@
-//! The cheat sheet: the table of keys, as it is.
+//! Cheat sheet: the table of keys and gestures.
 
 use eframe::egui::{self, RichText, Ui};
 
 use crate::keys::{Action, BINDINGS, CopiesAction, GESTURES, Group, text};
 use crate::theme::{number, palette, weak};
 
-/// The sheet; whether it is to be closed.
+/// Shows the sheet; returns true if it is to be closed.
 pub fn show(ctx: &egui::Context) -> bool {
     let modal = super::parts::modal(ctx, "help").show(ctx, |ui| {
         let screen = ctx.content_rect();
@@ -25,7 +25,7 @@ pub fn show(ctx: &egui::Context) -> bool {
                     .max_height(screen.height() - 160.0)
                     .min_scrolled_height((screen.height() - 160.0).min(640.0))
                     .show(ui, |ui| {
-                        // The bar of the scroll area lies over what is in it.
+                        // The scroll bar overlaps the content.
                         ui.set_max_width(ui.available_width() - 14.0);
                         ui.spacing_mut().interact_size.y = 0.0;
                         ui.columns(3, |columns| {
@@ -63,7 +63,7 @@ fn block(ui: &mut Ui, group: Group, title: &str) {
     ui.add_space(12.0);
 }
 
-/// Whether a line stands for this one too.
+/// Returns true if the line of another binding covers this one.
 fn is_repeated(action: Action) -> bool {
     match action {
         Action::Keep(n) | Action::Recall(n) => n > 0,
@@ -74,7 +74,7 @@ fn is_repeated(action: Action) -> bool {
     }
 }
 
-/// One line for several keys of a kind.
+/// Merges several related bindings into one line.
 fn merged(action: Action, keys: String, name: &str) -> (String, String) {
     match action {
         Action::Keep(_) => (format!("{keys} … 4"), "Keep the camera".to_owned()),

@@ -1,11 +1,11 @@
-//! Counts, parts, borders and times of both sides.
+//! Info panel: counts, components, borders and times of both sides.
 
 use eframe::egui::Ui;
 
 use super::{Scope, parts};
 use crate::numbers::{grouped, percent, seconds, significant};
 
-/// The panel.
+/// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let document = scope.document;
     let Some(original) = document.original() else {

@@ -1,11 +1,11 @@
-//! What was said.
+//! Log panel.
 
 use eframe::egui::{self, Ui};
 
 use super::{Scope, parts};
 use crate::theme::{number, weak};
 
-/// The panel.
+/// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let entries = scope.document.log.entries();
     if entries.is_empty() {

@@ -1,4 +1,4 @@
-//! How surfaces are shown.
+//! Look panel: appearance of surfaces, light and background.
 
 use eframe::egui::{self, Ui};
 use lodsmith_render::{ColorMap, Shading};
@@ -23,7 +23,7 @@ pub const SHADINGS: [(Shading, &str); 7] = [
 const MAPS: [(ColorMap, &str); 3] =
     [(ColorMap::Turbo, "Turbo"), (ColorMap::Viridis, "Viridis"), (ColorMap::Diverging, "Diverging")];
 
-/// The panel.
+/// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let before = scope.document.settings().look.clone();
     let mut all = before.clone();
@@ -76,7 +76,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     };
     if parts::choose(ui, "Background", "", &Backdrop::ALL, &mut backdrop) {
         all.backdrop = backdrop;
-        // Else there would be nothing to see.
+        // A plain environment has no image to show as background.
         if matches!(backdrop, Backdrop::Surroundings | Backdrop::Blurred) && all.around == Around::Plain {
             all.around = Around::Auto;
         }
@@ -102,7 +102,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
 }
 
-/// What materials mirror.
+/// Draws the choice of the environment.
 fn around(ui: &mut Ui, scope: &mut Scope<'_>, around: &mut Around) {
     let tip = "What materials mirror and are lit by beside the lights: a picture of all directions (HDR, PNG, JPEG), \
         twice as wide as high, is read again when it changes";
@@ -132,7 +132,7 @@ fn around(ui: &mut Ui, scope: &mut Scope<'_>, around: &mut Around) {
     }
 }
 
-/// Files of the user's: a picture of a lit ball, a shader.
+/// Draws the choice of the user's own files: matcap and shader.
 fn own(ui: &mut Ui, scope: &mut Scope<'_>, all: &mut Appearance) {
     parts::heading(ui, "Of your own");
     let tip = "A picture of a lit ball (PNG, JPEG): read again when it changes";

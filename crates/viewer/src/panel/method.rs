@@ -1,4 +1,4 @@
-//! How to simplify: all that the engine can be told.
+//! Method panel: the options of the engine.
 
 use eframe::egui::{CollapsingHeader, Ui};
 use lodsmith::{Measure, Method, MethodOptions};
@@ -7,7 +7,7 @@ use super::{Scope, parts};
 use crate::command::Command;
 use crate::words::{BORDERS, FITS, NORMALS, PLACEMENTS, PRESETS, Simplification, TOPOLOGIES};
 
-/// A method, and what it is, in a line.
+/// Methods with their descriptions.
 const METHODS: [(Method, &str); 10] = [
     (
         Method::Memoryless,
@@ -24,7 +24,7 @@ const METHODS: [(Method, &str); 10] = [
     (Method::Remesh, "A new, even mesh on the old surface; closed with a voxel size [Botsch-Kobbelt 2004]"),
 ];
 
-/// The panel.
+/// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let before = &scope.document.settings().simplify;
     let mut how = before.clone();
@@ -44,7 +44,7 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
     let names: Vec<_> = Method::ALL.iter().map(|m| (*m, m.name())).collect();
     let said = |method: Method| METHODS.iter().find(|m| m.0 == method).map_or("", |m| m.1);
     if parts::choose(ui, "Method", said(o.method), &names, &mut o.method) {
-        // What the other method knew would be an error for this one.
+        // Options of the previous method are an error for another one.
         o.of_method = MethodOptions::default();
     }
     ui.label(crate::theme::weak(ui, said(o.method)).small());
@@ -135,7 +135,7 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
     });
 }
 
-/// What only this method knows.
+/// Draws the options that only this method has.
 fn of_method(ui: &mut Ui, method: Method, m: &mut MethodOptions) {
     let angle = |ui: &mut Ui, m: &mut MethodOptions, tip: &str, first: f64| {
         parts::optional(ui, "Angle", tip, &mut m.angle_deg, first, 0.0..=89.0);

@@ -1,4 +1,4 @@
-//! What panels are made of.
+//! Widgets of the panels.
 
 use eframe::egui::{self, Align, Layout, Response, RichText, Sense, Ui, Vec2};
 use lodsmith::Length;
@@ -8,10 +8,10 @@ use crate::keys::Action;
 use crate::theme::{self, STEP, number, palette, weak};
 use crate::words::{length_of, length_text};
 
-/// Width of the words before a field.
+/// Width of the label before a field.
 const LABEL: f32 = 104.0;
 
-/// A section of a dock: its head with the key, and its body.
+/// Draws a section of a dock: heading with key and close button, and body. Returns true if it was closed.
 pub fn section(ui: &mut Ui, panel: Panel, body: impl FnOnce(&mut Ui)) -> bool {
     let mut is_closed = false;
     let p = palette(ui);
@@ -39,13 +39,13 @@ pub fn section(ui: &mut Ui, panel: Panel, body: impl FnOnce(&mut Ui)) -> bool {
     is_closed
 }
 
-/// A head within a section.
+/// Draws a heading within a section.
 pub fn heading(ui: &mut Ui, text: &str) {
     ui.add_space(STEP);
     ui.label(weak(ui, text.to_uppercase()).small());
 }
 
-/// A name and a number, which stands at the right edge.
+/// Draws a name and a right-aligned value.
 pub fn fact(ui: &mut Ui, name: &str, value: impl Into<String>) -> Response {
     ui.horizontal(|ui| {
         ui.label(weak(ui, name));
@@ -54,7 +54,7 @@ pub fn fact(ui: &mut Ui, name: &str, value: impl Into<String>) -> Response {
     .inner
 }
 
-/// A line of a table: a name and columns that end where the heads do.
+/// Draws a row of a table: a name and right-aligned columns; `head` marks the row of column headings.
 pub fn columns(ui: &mut Ui, name: &str, values: &[String], head: bool) {
     ui.horizontal(|ui| {
         ui.label(weak(ui, name));
@@ -72,7 +72,7 @@ pub fn columns(ui: &mut Ui, name: &str, values: &[String], head: bool) {
     });
 }
 
-/// A name, and a field after it.
+/// Draws a label and a field after it.
 pub fn field<R>(ui: &mut Ui, name: &str, tip: &str, add: impl FnOnce(&mut Ui) -> R) -> R {
     ui.horizontal(|ui| {
         let size = Vec2::new(LABEL, ui.spacing().interact_size.y);
@@ -88,7 +88,7 @@ pub fn field<R>(ui: &mut Ui, name: &str, tip: &str, add: impl FnOnce(&mut Ui) ->
     .inner
 }
 
-/// A field that offers a list. Whether another one was chosen.
+/// Draws a combo box. Returns true if another value was chosen.
 pub fn choose<T: Copy + PartialEq>(
     ui: &mut Ui,
     name: &str,
@@ -110,7 +110,7 @@ pub fn choose<T: Copy + PartialEq>(
     *value != before
 }
 
-/// A switch with its key in the tooltip. Whether it was turned.
+/// Draws a checkbox with its key in the tooltip. Returns true if it was toggled.
 pub fn switch(ui: &mut Ui, text: &str, action: Option<Action>, tip: &str, value: &mut bool) -> bool {
     let key = action.map(Action::key).filter(|k| !k.is_empty());
     let tip = match (tip, key) {
@@ -124,7 +124,7 @@ pub fn switch(ui: &mut Ui, text: &str, action: Option<Action>, tip: &str, value:
     response.changed()
 }
 
-/// A number by a slider, with its value after it; both have the name for who listens.
+/// Draws a slider and a number field; both are labelled for screen readers.
 pub fn slider(ui: &mut Ui, name: &str, tip: &str, value: &mut f64, range: std::ops::RangeInclusive<f64>) {
     field(ui, name, tip, |ui| {
         ui.spacing_mut().slider_width = (ui.available_width() - 64.0).max(40.0);
@@ -136,7 +136,8 @@ pub fn slider(ui: &mut Ui, name: &str, tip: &str, value: &mut f64, range: std::o
     });
 }
 
-/// A number that may be off; its switch and its field have names for who listens. Whether it changed.
+/// Draws an optional number: checkbox and field, both labelled for screen readers. Returns true if it
+/// changed.
 pub fn optional(
     ui: &mut Ui,
     name: &str,
@@ -162,7 +163,7 @@ pub fn optional(
     *value != before
 }
 
-/// A whole number that may be off. Whether it changed.
+/// Draws an optional whole number. Returns true if it changed.
 pub fn optional_count(
     ui: &mut Ui,
     name: &str,
@@ -177,7 +178,7 @@ pub fn optional_count(
     changed
 }
 
-/// A length that may be off, typed in units or in percent of the diagonal. Whether it changed.
+/// Draws an optional length, typed in units or in percent of the diagonal. Returns true if it changed.
 pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Length>) -> bool {
     let now = value.map(length_text).unwrap_or_default();
     let mut changed = false;
@@ -197,7 +198,7 @@ pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Le
     changed
 }
 
-/// A field of text that gives its value when it is left or Enter is pressed; while it is not good, it is red.
+/// Draws a text field that returns its text when it loses focus or Enter is pressed; invalid text is red.
 pub fn typed(
     ui: &mut Ui,
     name: &str,
@@ -235,7 +236,7 @@ pub fn typed(
     (is_left && good && text != now).then_some(text)
 }
 
-/// A button of a row of which one is chosen.
+/// Draws a button of a group of which one is chosen. Returns true if it was clicked.
 pub fn segment(ui: &mut Ui, text: &str, is_chosen: bool, tip: &str) -> bool {
     let p = palette(ui);
     let (fill, color) = if is_chosen { (p.accent, p.on_accent) } else { (p.button, p.text) };
@@ -245,19 +246,19 @@ pub fn segment(ui: &mut Ui, text: &str, is_chosen: bool, tip: &str) -> bool {
     response.clicked()
 }
 
-/// A dialog over all else, with room round it.
+/// Makes a modal dialog with a margin.
 pub fn modal(ctx: &egui::Context, name: &str) -> egui::Modal {
     let frame = egui::Frame::popup(&ctx.global_style()).inner_margin(20.0);
     egui::Modal::new(egui::Id::unique(name)).frame(frame)
 }
 
-/// The button that one is to press.
+/// Draws the default button of a dialog.
 pub fn primary(ui: &mut Ui, text: &str) -> Response {
     let p = palette(ui);
     ui.add(egui::Button::new(RichText::new(text).color(p.on_accent).strong()).fill(p.accent))
 }
 
-/// A line of text in the colour of what it means.
+/// Draws a log message in the colour of its level.
 pub fn told(ui: &mut Ui, level: crate::log::Level, text: &str) {
     use crate::log::Level;
     let p = palette(ui);
@@ -275,7 +276,7 @@ pub fn told(ui: &mut Ui, level: crate::log::Level, text: &str) {
     });
 }
 
-/// A colour in sRGB to choose. Whether it changed.
+/// Draws a colour picker in sRGB. Returns true if the colour changed.
 pub fn color(ui: &mut Ui, color: &mut [f32; 3]) -> bool {
     let mut bytes = color.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
     let is_changed = ui.color_edit_button_srgb(&mut bytes).changed();
@@ -285,7 +286,7 @@ pub fn color(ui: &mut Ui, color: &mut [f32; 3]) -> bool {
     is_changed
 }
 
-/// Text that says why something is empty.
+/// Draws the text of an empty panel.
 pub fn nothing(ui: &mut Ui, text: &str) {
     ui.label(theme::weak(ui, text).italics());
 }

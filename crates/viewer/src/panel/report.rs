@@ -1,4 +1,4 @@
-//! What the engine says of its run.
+//! Report panel: the engine's report of its run.
 
 use eframe::egui::Ui;
 use lodsmith::{Change, Proposal, Report};
@@ -11,7 +11,7 @@ use crate::log::Level;
 use crate::numbers::{grouped, percent, seconds, significant};
 use crate::words::{BORDERS, PLACEMENTS, Simplification, TOPOLOGIES, length_text, quoted, word};
 
-/// The panel.
+/// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let Some(shown) = scope.document.lighter() else {
         parts::nothing(ui, "nothing was simplified yet: drag the slider below");
@@ -68,7 +68,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     command(ui, scope);
 }
 
-/// What is known of a level that no run was made for.
+/// Draws the figures of a preview level, for which there was no run.
 fn level(ui: &mut Ui, scope: &mut Scope<'_>, lighter: &Lighter) {
     let Some(original) = scope.document.original().map(|o| o.content.clone()) else { return };
     let what = "a level of the progressive mesh";
@@ -86,7 +86,7 @@ fn level(ui: &mut Ui, scope: &mut Scope<'_>, lighter: &Lighter) {
     command(ui, scope);
 }
 
-/// The command that does the same, to be copied.
+/// Draws the equivalent command line, to be copied.
 fn command(ui: &mut Ui, scope: &mut Scope<'_>) {
     parts::heading(ui, "Command line");
     let line = command_line(scope.document.settings());
@@ -116,7 +116,7 @@ fn more(ui: &mut Ui, r: &Report) {
     }
 }
 
-/// What would let the run go on, with a button that does it where it is a value.
+/// Draws a proposal for a run that did not reach its target, with a button if it can be applied.
 fn propose(ui: &mut Ui, scope: &mut Scope<'_>, proposal: &Proposal) {
     let words: Vec<_> = proposal.changes.iter().map(change_text).collect();
     let mut how = scope.document.settings().simplify.clone();
@@ -159,7 +159,7 @@ fn apply(change: Change, how: &mut Simplification) -> bool {
     true
 }
 
-/// The command line that does what is shown.
+/// Returns the command line that makes the shown result.
 pub fn command_line(settings: &crate::settings::Settings) -> String {
     let Some(file) = settings.file() else { return "lodsmith view".to_owned() };
     let mut words = vec!["lodsmith".to_owned(), "simplify".to_owned(), file.display().to_string()];

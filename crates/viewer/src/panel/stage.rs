@@ -1,4 +1,4 @@
-//! Copies on a ground: how many, where, and in which levels.
+//! Stage panel: scattering, selected copies, levels and walking.
 
 use eframe::egui::{self, Sense, Ui, Vec2};
 
@@ -11,7 +11,7 @@ use crate::stage::scatter::Scatter;
 use crate::stage::{MOST, Placement, SCALES, StageChange, View};
 use crate::theme::{palette, weak};
 
-/// The panel.
+/// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     if scope.document.original().is_none() {
         return parts::nothing(ui, "open a file to place copies of it");
@@ -57,7 +57,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     levels(ui, scope, view);
 }
 
-/// A button of an action, with its key in the tooltip.
+/// Draws a button of an action, with its key in the tooltip.
 fn button(ui: &mut Ui, scope: &mut Scope<'_>, action: Action, text: &str, tip: &str, is_chosen: bool) {
     if parts::segment(ui, text, is_chosen, &format!("{tip} ({})", action.key())) {
         scope.action(action);
@@ -163,7 +163,7 @@ fn chosen(ui: &mut Ui, scope: &mut Scope<'_>, copies: &[Placement]) {
         let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Scale of the copy"));
     });
     if one != *first {
-        // The others go along.
+        // The other selected copies move by the same difference.
         let by = |c: &Placement| Placement {
             x: c.x + one.x - first.x,
             z: c.z + one.z - first.z,

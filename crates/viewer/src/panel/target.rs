@@ -1,4 +1,4 @@
-//! The wide slider under the pictures: how much is left.
+//! The wide slider under the pictures: target and status.
 
 use eframe::egui::{self, Rect, Sense, Ui, Vec2, pos2};
 
@@ -9,7 +9,7 @@ use crate::numbers::{count_of, grouped, percent, significant};
 use crate::settings::Settings;
 use crate::theme::{palette, weak};
 
-/// What the slider counts in.
+/// Unit of the slider.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unit {
     /// Triangles.
@@ -24,7 +24,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// All of them, with their names.
+    /// All units with their names.
     pub const ALL: [(Self, &'static str); 4] = [
         (Self::Faces, "Faces"),
         (Self::Vertices, "Vertices"),
@@ -32,7 +32,7 @@ impl Unit {
         (Self::Error, "Error"),
     ];
 
-    /// The unit that a target is in.
+    /// Returns the unit of the target in the settings.
     pub fn of(settings: &Settings) -> Option<Self> {
         let stop = &settings.simplify.options.stop;
         let all = [
@@ -45,24 +45,24 @@ impl Unit {
     }
 }
 
-/// What there is of the original.
+/// Size of the original.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Whole {
-    /// Triangles.
+    /// Number of triangles.
     pub faces: usize,
-    /// Vertices.
+    /// Number of vertices.
     pub vertices: usize,
-    /// Of its box.
+    /// Diagonal of its bounding box.
     pub diagonal: f64,
 }
 
-/// Fewest triangles of the slider: a tetrahedron.
+/// Smallest number of triangles of the slider: a tetrahedron.
 const LEAST: f64 = 4.0;
-/// Least and largest error of the slider, as shares of the diagonal.
+/// Smallest and largest error of the slider, as fractions of the diagonal.
 const ERRORS: [f64; 2] = [1e-5, 0.1];
 
 impl Whole {
-    /// The target at a place of the slider, from 0 (least) to 1 (all).
+    /// Returns the target at a position of the slider, from 0 (fewest faces) to 1 (all).
     pub fn target(&self, unit: Unit, at: f64) -> Target {
         if at >= 1.0 {
             return Target::Original;
@@ -76,7 +76,7 @@ impl Whole {
             Unit::Faces => Target::Faces(between(self.faces).round() as usize),
             Unit::Vertices => Target::Vertices(between(self.vertices).round() as usize),
             Unit::Percent => {
-                // Three digits are what one can read.
+                // More than three digits are hard to read.
                 let ratio = between(self.faces) / (self.faces as f64).max(LEAST);
                 Target::Ratio(rounded(ratio).clamp(1e-9, 1.0))
             }
@@ -84,12 +84,12 @@ impl Whole {
         }
     }
 
-    /// The place of a number of triangles.
+    /// Returns the position of a number of triangles.
     pub fn place_of_faces(&self, faces: f64) -> f64 {
         place(faces, self.faces as f64)
     }
 
-    /// The place of the target of the settings.
+    /// Returns the position of the target in the settings.
     pub fn place(&self, settings: &Settings) -> f64 {
         let stop = &settings.simplify.options.stop;
         if let Some(n) = stop.faces {
@@ -106,7 +106,7 @@ impl Whole {
         }
     }
 
-    /// The target, a step further or back: times a factor.
+    /// Returns the target times a factor.
     pub fn scaled(&self, settings: &Settings, shown: usize, factor: f64) -> Target {
         let stop = &settings.simplify.options.stop;
         if let Some(error) = stop.error {
@@ -115,7 +115,7 @@ impl Whole {
         }
         let times = |n: f64, all: usize| {
             let wanted = (n * factor).max(LEAST);
-            // A step of less than one would never come anywhere.
+            // A change by less than one would be rounded away.
             let wanted = if factor < 1.0 { wanted.min(n - 1.0).max(LEAST) } else { wanted.max(n + 1.0) };
             (wanted < all as f64).then(|| wanted.round() as usize)
         };
@@ -130,7 +130,7 @@ impl Whole {
         times(from, self.faces).map_or(Target::Original, Target::Faces)
     }
 
-    /// What is typed as a target.
+    /// Parses a typed target.
     pub fn typed(&self, unit: Unit, text: &str) -> Option<Target> {
         let number =
             || text.trim().trim_end_matches('%').trim().parse::<f64>().ok().filter(|x| x.is_finite());
@@ -160,12 +160,12 @@ fn place(n: f64, all: f64) -> f64 {
     ((n.max(LEAST) / LEAST).ln() / (all / LEAST).ln()).clamp(0.0, 1.0)
 }
 
-/// To three digits.
+/// Rounds to three significant digits.
 fn rounded(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
 
-/// What is asked for, in words.
+/// Formats the target of the settings.
 pub fn text_of(settings: &Settings, whole: &Whole, unit: Unit) -> String {
     let stop = &settings.simplify.options.stop;
     match unit {
@@ -179,7 +179,7 @@ pub fn text_of(settings: &Settings, whole: &Whole, unit: Unit) -> String {
     }
 }
 
-/// The strip under the pictures. Gives the unit that was chosen.
+/// Draws the bar under the pictures. Returns the chosen unit.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) -> Unit {
     let document = scope.document;
     let mut unit = scope.facts.unit;
@@ -212,7 +212,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) -> Unit {
     unit
 }
 
-/// The switch for levels by distance, and how much of their error may be seen.
+/// Draws the toggle for automatic levels by distance, with the allowed error in pixels.
 fn by_distance(ui: &mut Ui, scope: &mut Scope<'_>) {
     let before = scope.document.settings().auto_lod;
     let mut auto = before;
@@ -230,7 +230,7 @@ fn by_distance(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
 }
 
-/// What is going on, or what came out.
+/// Draws the progress of the current job, or the face count of the result.
 fn status(ui: &mut Ui, scope: &mut Scope<'_>) {
     let document = scope.document;
     let restore = format!("Back to the original ({})", Action::Restore.key());
@@ -266,7 +266,7 @@ fn status(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
 }
 
-/// Marks of the rail, in percent of the faces.
+/// Tick marks of the slider, in percent of the faces.
 const MARKS: [(f64, &str); 9] = [
     (1.0, "100 %"),
     (0.5, "50"),
@@ -320,7 +320,7 @@ fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit)
                 painter.galley(pos2(left, rail.bottom() + 8.0), galley, p.weak);
             }
         }
-        // What is reached, where that is not what is asked.
+        // Mark of the result, if it differs from the target.
         if let Some(lighter) = scope.document.lighter() {
             let x = x_of(whole.place_of_faces(lighter.content.faces as f64));
             if unit == Unit::Error || (x - x_of(at)).abs() > 3.0 {

@@ -1,4 +1,4 @@
-//! What moves when: the animation, its moment, and a lane for everything that has keyframes.
+//! Timeline panel: playback controls, and a lane for each animated object.
 
 mod keyframes;
 
@@ -13,30 +13,30 @@ use crate::playback::{Playback, SPEEDS, clip_names, keyframes as of_clip};
 use crate::stage::motion::Mover;
 use crate::theme::palette;
 
-/// Room for names before the lanes.
+/// Width of the names before the lanes.
 const NAMES: f32 = 128.0;
 const RULER: f32 = 26.0;
 const LANE: f32 = 20.0;
-/// Room for half a knob beyond both ends.
+/// Space for half a knob beyond both ends.
 const MARGIN: f32 = 8.0;
-/// Least room between two marks of the ruler.
+/// Smallest distance between two ticks of the ruler, in points.
 const MARK_POINTS: f64 = 64.0;
 
-/// Lanes that are seen at once; others are scrolled to.
+/// Number of visible lanes; further ones are scrolled to.
 const LANES: usize = 6;
 
-/// Something that changes over time: a lane under the ruler.
+/// An animated object: a lane under the ruler.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
-    /// What changes.
+    /// Name of the object.
     pub name: String,
-    /// Seconds of its keyframes, rising.
+    /// Times of its keyframes in seconds, ascending.
     pub keys: Vec<f64>,
-    /// What they move on the stage; those of a file stay as they are.
+    /// Mover on the stage; `None` for a clip of the file, whose keyframes cannot be edited.
     pub mover: Option<Mover>,
 }
 
-/// All lanes, from above.
+/// Returns all lanes from top to bottom.
 fn tracks(document: &Document, model: &Model, playback: &Playback) -> Vec<Track> {
     let clip = playback.clip.filter(|c| *c < model.animations.len());
     let from_file =
@@ -50,29 +50,29 @@ fn tracks(document: &Document, model: &Model, playback: &Playback) -> Vec<Track>
     all
 }
 
-/// Where the moments of the ruler and of all lanes are on the screen.
+/// Mapping between time and horizontal position, for the ruler and all lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct Scale {
-    /// From the first moment to the last.
+    /// Horizontal range on the screen.
     pub reach: Rangef,
-    /// Seconds of the last.
+    /// Length in seconds.
     pub length: f64,
 }
 
 impl Scale {
-    /// Where a moment is.
+    /// Returns the position of a time.
     pub fn x_of(&self, seconds: f64) -> f32 {
         let share = if self.length > 0.0 { (seconds / self.length).clamp(0.0, 1.0) } else { 0.0 };
         self.reach.min + self.reach.span() * share as f32
     }
 
-    /// The moment of a place, held within the ruler.
+    /// Returns the time at a position, clamped to the ruler.
     pub fn seconds_at(&self, x: f32) -> f64 {
         let share = f64::from((x - self.reach.min) / self.reach.span().max(1.0)).clamp(0.0, 1.0);
         share * self.length
     }
 
-    /// Seconds between two marks: 1, 2 or 5 times a power of ten.
+    /// Returns the seconds between two ticks: 1, 2 or 5 times a power of ten.
     fn step(&self) -> f64 {
         let least = MARK_POINTS * self.length / f64::from(self.reach.span().max(1.0));
         let power = 10f64.powf(least.max(1e-6).log10().floor());
@@ -80,7 +80,7 @@ impl Scale {
     }
 }
 
-/// The panel.
+/// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let document = scope.document;
     let Some(original) = document.original() else {
@@ -103,7 +103,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
 }
 
-/// The row of buttons: what is played, how fast, from when.
+/// Draws the playback controls: play, step, clip, looping, speed, time.
 fn transport(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playback) {
     let tip = |action: Action, text: &str| format!("{text} ({})", action.key());
     let is_playing = scope.document.is_playing();
@@ -155,7 +155,7 @@ fn transport(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut P
     });
 }
 
-/// The list of animations, and none of them.
+/// Draws the list of animations, with an entry for none.
 fn clips(ui: &mut Ui, model: &Model, playback: &mut Playback) {
     let names = clip_names(model);
     let before = playback.clip;
@@ -175,13 +175,13 @@ fn clips(ui: &mut Ui, model: &Model, playback: &mut Playback) {
     }
 }
 
-/// What is typed as a moment.
+/// Parses a typed time.
 fn seconds_of(text: &str) -> Option<f64> {
     let number = text.trim().trim_end_matches('s').trim().parse::<f64>().ok();
     number.filter(|s| s.is_finite() && *s >= 0.0)
 }
 
-/// The ruler, a lane for each track, and the line of the moment over all of them.
+/// Draws the ruler, a lane for each track, and the time line across all of them.
 fn lanes(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playback) {
     let tracks = tracks(scope.document, model, playback);
     let length = scope.document.timeline_secs();
@@ -208,7 +208,7 @@ fn lanes(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playb
         let x = scale.x_of(moment);
         let color = if response.hovered() || response.dragged() { p.text } else { p.accent };
         ui.painter().vline(x, ruler.bottom()..=seen.inner_rect.bottom(), Stroke::new(1.5, color));
-        // Below the words of the ruler, which stay to be read.
+        // Below the labels of the ruler, so that they stay readable.
         let top = ruler.bottom() - 9.0;
         let tip = [pos2(x, ruler.bottom() + 1.0), pos2(x - 6.0, top), pos2(x + 6.0, top)];
         ui.painter().add(egui::Shape::convex_polygon(tip.to_vec(), color, Stroke::NONE));
@@ -222,7 +222,7 @@ fn lanes(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playb
     }
 }
 
-/// The ruler as something to drag along.
+/// Makes the ruler draggable.
 fn scrub(ui: &Ui, ruler: Rect, scale: &Scale, moment: f64) -> Response {
     let is_enabled = scale.length > 0.0;
     let sense = if is_enabled { Sense::click_and_drag() } else { Sense::hover() };
@@ -253,7 +253,7 @@ fn marks(ui: &Ui, ruler: Rect, scale: &Scale) {
     }
 }
 
-/// The name of a track, and a mark for each keyframe.
+/// Draws the name of a track, and a mark for each keyframe of a clip.
 fn lane(ui: &Ui, rect: Rect, scale: &Scale, track: &Track) {
     let p = palette(ui);
     let painter = ui.painter_at(rect);
@@ -270,7 +270,7 @@ fn lane(ui: &Ui, rect: Rect, scale: &Scale, track: &Track) {
     let mut last = f32::NEG_INFINITY;
     for &seconds in &track.keys {
         let x = scale.x_of(seconds);
-        // More would be one block.
+        // Denser marks would merge into a block.
         if x - last < 2.0 {
             continue;
         }

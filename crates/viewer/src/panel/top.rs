@@ -1,4 +1,4 @@
-//! The bar above: menus, sides, shading.
+//! Top bar: menus, sides, shading.
 
 use eframe::egui::{self, RichText, Ui};
 
@@ -8,7 +8,7 @@ use crate::keys::{Action, CopiesAction};
 use crate::settings::{Layout, Sides};
 use crate::theme::{palette, weak};
 
-/// The bar. `is_shown` says which panels are.
+/// Draws the bar. `is_shown` returns whether a panel is shown.
 pub fn show(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
     ui.horizontal_centered(|ui| {
         ui.label(RichText::new("Lodsmith").strong().size(15.0).color(palette(ui).accent));

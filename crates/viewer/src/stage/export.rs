@@ -1,4 +1,4 @@
-//! A stage as one glTF file: a node for each copy, meshes and materials that all share, levels by `MSFT_lod`.
+//! Export of the stage as one glTF file: a node per copy, shared meshes and materials, levels as `MSFT_lod`.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -19,42 +19,42 @@ use crate::job::Watch;
 use crate::numbers::grouped;
 use crate::words::Simplification;
 
-/// A stage, and where it goes.
+/// A stage and its output file.
 #[derive(Clone, Debug)]
 pub struct StageExport {
-    /// The file: GLB, or glTF by its ending.
+    /// The output file: glTF if its extension is `gltf`, else GLB.
     pub path: PathBuf,
     /// The copies.
     pub copies: Copies,
-    /// How they and the camera move.
+    /// Motion of the copies and the camera.
     pub motion: Motion,
-    /// How the model stands.
+    /// Orientation and size of the model.
     pub base: Base,
-    /// What readers are told.
+    /// Viewing conditions for the switching of levels.
     pub told: Told,
 }
 
-/// For whom levels are to switch: it becomes the part of the picture that each covers.
+/// Viewing conditions for which levels switch; they determine the screen coverage written for each level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Told {
-    /// Pixels that an error may cover, of a picture 1080 high.
+    /// Pixels that an error may cover in a picture 1080 pixels high.
     pub pixels: f64,
-    /// Its angle of view.
+    /// Vertical field of view of the picture.
     pub fov_y_rad: f64,
 }
 
-/// A copy where the model itself would stand.
+/// A copy at the origin, neither rotated nor scaled.
 const STILL: Placement = Placement { x: 0.0, z: 0.0, turn_deg: 0.0, scale: 1.0 };
-/// What is nearer to a camera than this part of the model is not seen. Guessed.
+/// Near plane of the exported camera, as a fraction of the model's size. (Guessed.)
 const NEAR: f64 = 0.001;
-/// Nodes that a file may come to: more would be hundreds of megabytes of text.
+/// Maximum number of nodes in a file: more would be hundreds of megabytes of text.
 const MOST_NODES: usize = 1_000_000;
 
 impl StageExport {
-    /// Writes it. `levels` are those of the original, if they are made.
+    /// Writes the file. `levels` are the levels of the original, if already built.
     ///
     /// # Errors
-    /// What the disk or the engine says; what was there before stays.
+    /// Input and output errors and errors of the engine; an existing file is then left unchanged.
     pub fn write(
         &self,
         original: &Original,
@@ -71,7 +71,8 @@ impl StageExport {
             ModelSource::Scene(_) => (original, levels.to_vec()),
             _ => {
                 as_scene = self.as_scene(original, &mut warnings)?;
-                // What the writer makes of a mesh has vertices of its own: so have its levels.
+                // The writer changes the vertices of a mesh, so existing levels do not fit: they are built
+                // anew.
                 (&as_scene, Vec::new())
             }
         };
@@ -99,7 +100,7 @@ impl StageExport {
         warnings.extend(embed(&mut scene).iter().map(ToString::to_string));
         let levels = self.levels(&scene, &made);
         let moves = |k: &usize| self.motion.copies.contains_key(k);
-        // What moves stands still within a node that does.
+        // A moving copy is placed at the origin of a node that moves.
         let of = |(k, c): (usize, &Placement)| place(&self.base, k, if moves(&k) { &STILL } else { c });
         let places: Vec<_> = self.copies.iter().enumerate().map(of).collect();
         let staged = scene.with_copies(&places).context("the model cannot be copied")?;
@@ -119,7 +120,7 @@ impl StageExport {
         Ok(Written { summary, warnings })
     }
 
-    /// Nodes for what has keyframes, and the animation that moves them.
+    /// Returns nodes for everything with keyframes, and the animation that moves them.
     fn moving(&self) -> SceneMotion {
         let mut motion = SceneMotion { name: "stage".to_owned(), ..SceneMotion::default() };
         for (n, track) in &self.motion.copies {
@@ -157,7 +158,7 @@ impl StageExport {
         motion
     }
 
-    /// A mesh as the scene that it is written as.
+    /// Converts a mesh to a scene by writing it as GLB and reading that.
     fn as_scene(&self, original: &Original, warnings: &mut Vec<String>) -> anyhow::Result<Original> {
         let mut options = WriteOptions::default();
         options.format = Some(Format::Glb);
@@ -201,7 +202,7 @@ impl StageExport {
     }
 }
 
-/// Where the scene of a model goes, so that it stands as this copy does.
+/// Returns the transform of the model's scene that places it like this copy.
 fn place(base: &Base, number: usize, copy: &Placement) -> CopyPlace {
     let turn = DQuat::from_rotation_y(copy.turn_deg.to_radians());
     let own = base.stage_from_model.transform_point3(DVec3::ZERO);

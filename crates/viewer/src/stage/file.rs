@@ -1,4 +1,4 @@
-//! Layouts as files: where copies stand, for this program and for others.
+//! Layout files: placement and motion of the copies, for this and other programs.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,65 +9,66 @@ use super::motion::Motion;
 use super::{Copies, Placement, Stage};
 use crate::session;
 
-/// A layout as a file. Lengths are those of the model; the ground is y = 0, the middle of a copy's base stands on it.
+/// Content of a layout file. Lengths are in units of the model; the ground is y = 0, and the centre of a
+/// copy's base is on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LayoutFile {
-    /// What it is, for who finds the file.
+    /// File type, always [`PROGRAM`].
     pub program: String,
-    /// Grows when older programs could not read it.
+    /// Format version, increased when older programs cannot read the file.
     pub version: u32,
-    /// The file name of the model that was placed.
+    /// File name of the placed model.
     #[serde(default)]
     pub model: String,
     /// The copies.
     pub copies: Vec<Placement>,
-    /// Their keyframes, and those of the camera.
+    /// Keyframes of the copies and of the camera.
     #[serde(default)]
     pub motion: Motion,
 }
 
-/// The version that is written.
+/// Version written.
 const VERSION: u32 = 1;
-/// What a file says that it is.
+/// File type identifier of layout files.
 pub const PROGRAM: &str = "lodsmith stage";
 
-/// Why a layout cannot be opened.
+/// Error when reading or writing a layout.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LayoutError {
-    /// The disk says no.
+    /// Input or output error.
     #[error("{path}: {source}")]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the disk says.
+        /// Cause of the error.
         source: io::Error,
     },
-    /// It is none.
+    /// The file is not a valid layout.
     #[error("{path}: is no layout of the stage: {reason}")]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What was met.
+        /// Description of the problem.
         reason: String,
     },
 }
 
 impl LayoutFile {
-    /// The layout of a stage.
+    /// Returns the layout of a stage.
     pub fn new(model: &Path, stage: &Stage) -> Self {
         let model = model.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let (copies, motion) = (stage.copies.to_vec(), stage.motion.clone());
         Self { program: PROGRAM.to_owned(), version: VERSION, model, copies, motion }
     }
 
-    /// Whether a file says that it is one.
+    /// Returns true if a file identifies itself as a layout.
     pub fn is_one(path: &Path) -> bool {
         let text = session::read(path).unwrap_or_default();
         serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|json| json["program"] == PROGRAM)
     }
 
-    /// Saves it: to a temporary file first, which then takes the name.
+    /// Saves the layout: writes a temporary file first and renames it.
     ///
     /// # Errors
     /// [`LayoutError::Io`].
@@ -77,11 +78,11 @@ impl LayoutFile {
             .map_err(|source| LayoutError::Io { path: path.to_owned(), source })
     }
 
-    /// Opens one: its copies, how they and the camera move, and how many copies of the file are none, because they have no
-    /// place, no size, or are too many.
+    /// Opens a layout. Returns its copies, the motion of copies and camera, and the number of copies that
+    /// were dropped because their position or scale is invalid or there are too many.
     ///
     /// # Errors
-    /// Each [`LayoutError`].
+    /// Any [`LayoutError`].
     pub fn open(path: &Path) -> Result<(Copies, Motion, usize), LayoutError> {
         let text = session::read(path).map_err(|source| LayoutError::Io { path: path.to_owned(), source })?;
         let malformed = |reason: String| LayoutError::Malformed { path: path.to_owned(), reason };
@@ -95,7 +96,7 @@ impl LayoutFile {
             return Err(malformed(reason));
         }
         let all = file.copies.len();
-        // Keyframes belong to numbers: those of copies that are none go, and the others follow.
+        // Keyframes refer to copies by number: drop those of invalid copies and renumber the others.
         let gone: Vec<usize> = (0..all).filter(|n| file.copies[*n].checked().is_none()).collect();
         let copies = Copies::from(file.copies);
         let motion = file.motion.without_copies(&gone).within(copies.len());

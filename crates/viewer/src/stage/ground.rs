@@ -1,4 +1,4 @@
-//! From the picture to the ground, and back.
+//! Mapping between picture and ground, and picking of copies.
 
 use eframe::egui::{Pos2, Rect, Vec2};
 use glam::DVec3;
@@ -9,12 +9,12 @@ use lodsmith_render::{Camera, Lens};
 use super::{Base, Placement};
 use crate::viewport::{pick, ray};
 
-/// Where a ray through a place of the picture meets the ground; `None` above the horizon.
+/// Returns the point where the ray through a screen position meets the ground; `None` above the horizon.
 pub fn on_ground(camera: &Camera, rect: Rect, at: Pos2) -> Option<DVec3> {
     on_plane(camera, rect, at, 0.0)
 }
 
-/// The same on a plane at some height over it.
+/// Returns the point where the ray through a screen position meets a horizontal plane at the given height.
 pub fn on_plane(camera: &Camera, rect: Rect, at: Pos2, height: f64) -> Option<DVec3> {
     let along = ray(camera, at - rect.center(), rect.height());
     let t = (height - camera.eye.y) / along.y;
@@ -22,7 +22,7 @@ pub fn on_plane(camera: &Camera, rect: Rect, at: Pos2, height: f64) -> Option<DV
     (t > 0.0 && place.is_finite()).then_some(DVec3::new(place.x, height, place.z))
 }
 
-/// Where a place of the stage is in the picture; `None` behind the eye.
+/// Projects a point of the stage to the screen; `None` behind the eye.
 pub fn project(camera: &Camera, rect: Rect, place: DVec3) -> Option<Pos2> {
     let to = place - camera.eye;
     let [right, up, back] = camera.axes().map(|a| a.dot(to));
@@ -35,7 +35,7 @@ pub fn project(camera: &Camera, rect: Rect, place: DVec3) -> Option<Pos2> {
     (depth > 0.0 && off.x.is_finite() && off.y.is_finite()).then(|| rect.center() + off)
 }
 
-/// A circle on the ground as a line in the picture; empty where some of it lies behind the eye.
+/// Returns a circle on the ground as a polyline on the screen; empty if some of it lies behind the eye.
 pub fn circle(camera: &Camera, rect: Rect, centre: DVec3, radius: f64) -> Vec<Pos2> {
     const CORNERS: i32 = 40;
     let corner = |k: i32| {
@@ -45,10 +45,11 @@ pub fn circle(camera: &Camera, rect: Rect, centre: DVec3, radius: f64) -> Vec<Po
     (0..CORNERS).map(corner).collect::<Option<Vec<_>>>().unwrap_or_default()
 }
 
-/// The copy that lies first under a place of the picture. `model_of` gives what is drawn of a copy; those of which nothing
-/// is are not hit. What an animation moves out of the box at rest is not found there.
+/// Returns the frontmost copy under a screen position. `model_of` returns the model drawn for a copy; copies
+/// without one are not hit. Geometry that an animation moves out of the bounding box at rest is not hit
+/// there.
 ///
-/// Cost: O(copies), and the triangles of those whose boxes are hit before.
+/// Cost: O(n log n) for n copies, plus the triangles of those whose boxes are hit in front of the result.
 pub fn copy_under<'a>(
     copies: &[Placement],
     base: &Base,
@@ -87,7 +88,7 @@ pub fn copy_under<'a>(
     first.map(|(_, number)| number)
 }
 
-/// How far along a ray a box is entered; 0 from within.
+/// Returns the ray parameter at which a box is entered, 0 if the ray starts inside; `None` if it misses.
 fn enters(bounds: &Bounds, from: DVec3, along: DVec3) -> Option<f64> {
     let (mut first, mut last) = (0f64, f64::INFINITY);
     for k in 0..3 {
@@ -130,7 +131,7 @@ mod tests {
             let back = on_ground(&camera, rect, at).unwrap();
             assert!(back.distance(place) < 1e-3, "{place} {back}");
         }
-        // Above the horizon there is no ground, and behind the eye no picture.
+        // Positions above the horizon have no ground point; points behind the eye are not projected.
         let flat = Camera { eye: DVec3::Y, target: DVec3::new(0.0, 1.0, -1.0), ..camera };
         assert_eq!(on_ground(&flat, rect, rect.center_top()), None);
         assert!(on_ground(&flat, rect, rect.center_bottom()).is_some());
@@ -156,7 +157,7 @@ mod tests {
         assert_eq!(under(DVec3::new(0.0, 0.5, 0.0)), Some(1));
         assert_eq!(under(DVec3::new(behind.x, 1.8, behind.z)), Some(0));
         assert_eq!(under(DVec3::new(3.0, 1.0, -3.0)), Some(2));
-        // Within the box, beside the ball.
+        // Inside the bounding box, outside the sphere.
         assert_eq!(under(DVec3::new(0.0, 0.0, 4.0)), None);
         let at = project(&camera, rect, DVec3::new(0.0, 0.5, 0.0)).unwrap();
         let hidden =

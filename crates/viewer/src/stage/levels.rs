@@ -1,62 +1,62 @@
-//! Which level each copy is shown in: the lightest whose error covers no more than some pixels from where one looks, and all
-//! of them within a budget of triangles.
+//! Selection of a level of detail for each copy: the coarsest whose error covers at most a given number of
+//! pixels on screen, with all copies within a triangle budget.
 
 use glam::DVec3;
 use lodsmith_render::{Camera, Lens};
 
 use super::{Base, Placement, View};
 
-/// A level of the model, from the finest; the first is the original, without error.
+/// A level of the model. Levels are ordered from the finest; the first is the original, with error 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
-    /// The RMS distance from the original, in units of the model.
+    /// RMS distance from the original, in units of the model.
     pub error: f64,
-    /// Its triangles.
+    /// Number of triangles.
     pub faces: u64,
 }
 
-/// From where one looks.
+/// Viewpoint for the level selection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eye {
     /// The camera.
     pub camera: Camera,
-    /// Width over height of the picture.
+    /// Aspect ratio of the picture, width / height.
     pub aspect: f64,
     /// Height of the picture in pixels.
     pub height_px: f64,
 }
 
-/// A copy that is in the picture.
+/// A visible copy and its level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InSight {
-    /// Its number.
+    /// Number of the copy.
     pub copy: usize,
-    /// Its level.
+    /// Index of its level.
     pub level: usize,
     /// Pixels that the error of its level covers.
     pub pixels: f64,
 }
 
-/// What a frame shows.
+/// Copies and levels selected for a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chosen {
-    /// The copies in the picture, from the nearest.
+    /// The visible copies, nearest first.
     pub in_sight: Vec<InSight>,
-    /// Their triangles.
+    /// Total number of their triangles.
     pub triangles: u64,
-    /// Pixels that an error may cover, as the budget has it.
+    /// Pixels that an error may cover, after adjustment to the budget.
     pub pixels: f64,
-    /// Copies in the picture that are left out, because even their lightest levels are more than the budget.
+    /// Number of visible copies left out because even their coarsest levels exceed the budget.
     pub left_out: usize,
 }
 
 impl Chosen {
-    /// Pixels that the largest error in the picture covers.
+    /// Returns the number of pixels that the largest error in the picture covers.
     pub fn largest_px(&self) -> f64 {
         self.in_sight.iter().map(|s| s.pixels).fold(0.0, f64::max)
     }
 
-    /// For each level, how many copies are shown in it.
+    /// Returns the number of copies shown in each level.
     pub fn counts(&self, levels: usize) -> Vec<usize> {
         let mut counts = vec![0; levels];
         for seen in &self.in_sight {
@@ -66,27 +66,29 @@ impl Chosen {
     }
 }
 
-/// Chooses levels, and remembers them: a copy at the border between two does not go to and fro.
+/// Selects levels with hysteresis, so that a copy near the switching distance does not alternate between two
+/// levels.
 #[derive(Clone, Debug, Default)]
 pub struct Chooser {
-    /// The level that each copy had last.
+    /// Previous level of each copy.
     last: Vec<Option<u8>>,
-    /// By how many steps the budget makes errors larger.
+    /// Number of factors [`STEP`] by which the budget currently enlarges the allowed error.
     steps: i32,
 }
 
-/// A lighter level must be this much better than it has to be, before it is taken. Guessed.
+/// A coarser level is selected once its error is below this fraction of the allowed one. (Guessed.)
 const MARGIN: f64 = 0.8;
-/// A step by which allowed errors grow until the budget is kept, and fall when this part of it would do.
+/// Factor by which the allowed error grows until the budget is kept. It shrinks again when the result would
+/// use at most the fraction `SLACK` of the budget.
 const STEP: f64 = 1.189_207;
 const SLACK: f64 = 0.85;
-/// Steps to a factor of 10^12: by then every level is the last.
+/// Maximum number of steps, a factor of 10^12: by then every copy has the coarsest level.
 const MOST_STEPS: i32 = 160;
 
 impl Chooser {
-    /// The levels of all copies in the picture. `levels` must not be empty.
+    /// Selects the levels of all visible copies. `levels` must not be empty.
     ///
-    /// Cost: O(copies · levels · steps of the budget); the last are few from frame to frame.
+    /// Cost: O(copies · levels · budget steps); there are few budget steps from frame to frame.
     pub fn choose(
         &mut self,
         copies: &[Placement],
@@ -100,7 +102,7 @@ impl Chooser {
             *last = None;
         }
         let cone = Cone::new(eye);
-        // Of each copy in the picture: distance, number, pixels for an error of one.
+        // Per visible copy: distance, number, pixels covered by an error of 1.
         let mut seen: Vec<(f64, usize, f64)> = Vec::new();
         for (number, copy) in copies.iter().enumerate() {
             let (centre, radius) = base.ball(copy);
@@ -131,7 +133,7 @@ impl Chooser {
             let level = self.level(copy, px, levels, pixels);
             self.last[copy] = u8::try_from(level).ok();
             let faces = levels[level].faces;
-            // One is drawn in any case: else there would be nothing to see.
+            // At least one copy is always drawn, so that the picture is not empty.
             if chosen.triangles.saturating_add(faces) > view.budget && !chosen.in_sight.is_empty() {
                 chosen.left_out += 1;
                 continue;
@@ -142,7 +144,7 @@ impl Chooser {
         chosen
     }
 
-    /// Forgets what was shown.
+    /// Resets the selector, forgetting the previous levels.
     pub fn forget(&mut self) {
         *self = Self::default();
     }
@@ -156,12 +158,12 @@ impl Chooser {
     }
 }
 
-/// The distance from which a level is shown, in units of the model, for a copy of scale 1.
+/// Returns the distance from which a level may be shown, in units of the model, for a copy of scale 1.
 pub fn distance_of(level: &Level, eye: &Eye, pixels: f64) -> f64 {
     level.error / eye.camera.length_per_pixel(1.0, eye.height_px).max(f64::MIN_POSITIVE) / pixels.max(1e-6)
 }
 
-/// What a camera sees.
+/// View cone of a camera, for culling.
 struct Cone {
     eye: DVec3,
     axes: [DVec3; 3],
@@ -205,7 +207,7 @@ mod tests {
         Base::new(&Bounds { min: [-0.5; 3], max: [0.5; 3] }, DQuat::IDENTITY)
     }
 
-    /// An eye on the ground that looks along -z.
+    /// A viewpoint near the ground, looking along -z.
     fn eye(z: f64) -> Eye {
         let eye = DVec3::new(0.0, 0.5, z);
         let lens = Lens::Perspective { fov_y_rad: 0.6 };
@@ -226,7 +228,7 @@ mod tests {
         assert!(chosen.largest_px() <= 1.0);
         let counts = chosen.counts(4);
         assert!(counts[0] > 0 && counts[1] > 0 && counts[2] > 0, "{counts:?}");
-        // The copy that is the last of its level stands before the distance of the next.
+        // The first copy in level 1 is just beyond the switching distance of that level.
         let first_of = |level: usize| chosen.in_sight.iter().find(|s| s.level == level).unwrap().copy as f64;
         let far = distance_of(&LEVELS[1], &eye(1.5), 1.0);
         let place = 1.5 + 2.0 * first_of(1) - 0.5 * base().length();
@@ -249,7 +251,8 @@ mod tests {
         };
         let mut chooser = Chooser::default();
         assert_eq!(level(&mut chooser, border * 0.9), 1);
-        // A step back is not enough, some are; and a step forward takes it away at once, for its error would show.
+        // Moving back, the coarser level is selected with a delay; moving forward, it is dropped at once,
+        // since its error would be visible.
         assert_eq!(level(&mut chooser, border * 1.05), 1);
         assert_eq!(level(&mut chooser, border * 1.3), 2);
         assert_eq!(level(&mut chooser, border * 1.05), 2);
@@ -281,7 +284,7 @@ mod tests {
         let chosen = Chooser::default().choose(&copies, &base(), &LEVELS[..1], &eye(3.0), &view(150_000));
         assert_eq!((chosen.in_sight.len(), chosen.left_out), (2, 48));
         assert_eq!(chosen.in_sight[1].copy, 1);
-        // One is drawn in any case.
+        // At least one copy is always drawn.
         let chosen = Chooser::default().choose(&copies, &base(), &LEVELS[..1], &eye(3.0), &view(1));
         assert_eq!((chosen.in_sight.len(), chosen.left_out), (1, 49));
     }

@@ -1,7 +1,8 @@
-//! Keyframes: where copies and the camera are at which moment, and how they get from one to the next.
+//! Keyframe animation of the copies and the camera.
 //!
-//! Places follow a cubic curve through the keyframes, turns take the shorter way round, and neither sizes nor turns go beyond
-//! what the keyframes on both sides have. Before the first and after the last keyframe nothing moves.
+//! Positions follow a cubic curve through the keyframes, rotations take the shorter way, and neither sizes
+//! nor rotations overshoot the keyframes on both sides. Nothing moves before the first and after the last
+//! keyframe.
 
 mod channels;
 mod track;
@@ -18,24 +19,24 @@ pub use track::{Curve, Keyframe, MOST_SECS, Track, moment};
 use super::Placement;
 use crate::orbit::Orbit;
 
-/// Something that keyframes hold.
+/// Value of a keyframe.
 pub trait Keyed: Copy + PartialEq {
-    /// As numbers between which there are others.
+    /// Returns its components for interpolation.
     fn parts(&self) -> Parts;
-    /// What such numbers stand for.
+    /// Creates a value from interpolated components.
     fn of(parts: &Parts) -> Self;
-    /// With all its numbers where they may be; `None` for one that is nowhere.
+    /// Returns the value with all numbers brought into their valid ranges; `None` if it is invalid.
     fn checked(self) -> Option<Self>;
 }
 
-/// What moves: a place, two turns, and a size that is above zero.
+/// Components that are interpolated: a position, two angles and a positive size.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Parts {
-    /// On the stage.
+    /// Position on the stage.
     pub place: DVec3,
-    /// Round the upright axis, and up.
+    /// Rotation about the vertical axis, and pitch.
     pub turns_deg: [f64; 2],
-    /// A scale, or a distance.
+    /// Scale or distance.
     pub size: f64,
 }
 
@@ -53,22 +54,22 @@ impl Keyed for Placement {
     }
 }
 
-/// Where the camera of the stage stands, and where it looks.
+/// Position and direction of the stage camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stand {
-    /// The eye.
+    /// X coordinate of the eye.
     pub x: f64,
-    /// Its height.
+    /// Height of the eye.
     pub y: f64,
-    /// Towards who looks from the front.
+    /// Z coordinate of the eye; positive is towards a viewer in front.
     pub z: f64,
-    /// Round the upright axis; 0 looks along -z, and a growing angle to the left.
+    /// Rotation about the vertical axis: 0 looks along -z, larger angles turn left.
     #[serde(default)]
     pub yaw_deg: f64,
-    /// Up, at most a right angle.
+    /// Pitch upwards, from -90 to 90 degrees.
     #[serde(default)]
     pub pitch_deg: f64,
-    /// How far what it is turned about lies before it.
+    /// Distance to the orbit centre in front of it.
     #[serde(default = "far")]
     pub distance: f64,
 }
@@ -78,7 +79,7 @@ fn far() -> f64 {
 }
 
 impl Stand {
-    /// Of a camera.
+    /// Returns the position and direction of a camera.
     pub fn of_orbit(orbit: &Orbit) -> Self {
         let eye = orbit.camera().eye;
         Self {
@@ -91,7 +92,7 @@ impl Stand {
         }
     }
 
-    /// A camera that stands and looks so.
+    /// Applies this position and direction to a camera.
     pub fn put(&self, orbit: &mut Orbit) {
         (orbit.yaw_rad, orbit.pitch_rad) = (self.yaw_deg.to_radians(), -self.pitch_deg.to_radians());
         orbit.distance = self.distance;
@@ -120,7 +121,7 @@ impl Keyed for Stand {
     }
 }
 
-/// What moves: the camera, or a copy by its number.
+/// Animated object: the camera, or a copy by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Mover {
     /// The camera of the stage.
@@ -129,29 +130,29 @@ pub enum Mover {
     Copy(usize),
 }
 
-/// A keyframe, by what it moves and when.
+/// Identifies a keyframe by its object and time in seconds.
 pub type Name = (Mover, f64);
 
-/// Everything that moves on a stage.
+/// All animation of a stage.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tracks {
-    /// Seconds that were asked for; `None` takes as many as are needed.
+    /// Requested length in seconds; `None` for the default, see [`Tracks::length`].
     pub length_secs: Option<f64>,
-    /// Whether one looks from where one likes, whatever the keyframes of the camera say.
+    /// True if the camera moves freely, ignoring its keyframes.
     pub has_free_camera: bool,
-    /// Of the camera.
+    /// Keyframes of the camera.
     pub camera: Track<Stand>,
-    /// Of copies, by their numbers; none of them is empty.
+    /// Keyframes of copies by their numbers; no track is empty.
     pub copies: BTreeMap<usize, Track<Placement>>,
 }
 
-/// The same, shared between the settings of many steps.
+/// [`Tracks`], shared between the undo steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion(Arc<Tracks>);
 
-/// Keyframes that a stage holds. Guessed: so many are read in a moment.
+/// Maximum number of keyframes read from a file; so many are read quickly. (Guessed.)
 const MOST_KEYS: usize = 200_000;
-/// Seconds of a stage on which nothing moves yet.
+/// Default length in seconds of a stage without animation.
 const USUAL_SECS: f64 = 10.0;
 
 impl std::ops::Deref for Motion {
@@ -170,7 +171,7 @@ impl From<Tracks> for Motion {
 }
 
 impl Motion {
-    /// Changed in some way.
+    /// Returns a changed copy.
     #[must_use]
     pub fn with(&self, change: impl FnOnce(&mut Tracks)) -> Self {
         let mut tracks = Tracks::clone(&self.0);
@@ -178,7 +179,8 @@ impl Motion {
         tracks.into()
     }
 
-    /// Without these copies; those behind them have lower numbers then. Cost: O((n + m) log m) for n tracks and m copies.
+    /// Returns the motion without these copies; later copies are renumbered. Cost: O((n + m) log m) for n
+    /// tracks and m copies.
     #[must_use]
     pub fn without_copies(&self, gone: &[usize]) -> Self {
         if self.copies.is_empty() {
@@ -189,13 +191,13 @@ impl Motion {
         gone.dedup();
         self.with(|tracks| {
             let all = std::mem::take(&mut tracks.copies).into_iter();
-            // The number of those before it, where it is not one of them.
+            // For a copy that is kept, the error of the search is the number of removed copies before it.
             let left = all.filter_map(|(n, track)| Some((n - gone.binary_search(&n).err()?, track)));
             tracks.copies = left.collect();
         })
     }
 
-    /// Only those of copies with numbers below this.
+    /// Returns the motion without tracks of copies with this number or above.
     #[must_use]
     pub fn within(&self, count: usize) -> Self {
         if self.copies.keys().all(|n| *n < count) {
@@ -206,25 +208,25 @@ impl Motion {
 }
 
 impl Tracks {
-    /// Whether nothing moves.
+    /// Returns true if there are no keyframes.
     pub fn is_empty(&self) -> bool {
         self.camera.is_empty() && self.copies.is_empty()
     }
 
-    /// The moment of the last keyframe; 0 without any.
+    /// Returns the time of the last keyframe, 0 without keyframes.
     pub fn last_secs(&self) -> f64 {
         let of_copies = self.copies.values().map(Track::last_secs);
         of_copies.fold(self.camera.last_secs(), f64::max)
     }
 
-    /// Seconds from begin to end, where an animation of the model takes `clip_secs`.
+    /// Returns the length in seconds, given the length `clip_secs` of the model's animation.
     pub fn length(&self, clip_secs: f64) -> f64 {
         let usual = if clip_secs > 0.0 { clip_secs } else { USUAL_SECS };
         let asked = self.length_secs.filter(|s| s.is_finite()).map(|s| s.clamp(0.1, MOST_SECS));
         asked.unwrap_or(usual).max(self.last_secs())
     }
 
-    /// Moments of the keyframes of something, rising.
+    /// Returns the times of the keyframes of an object, in ascending order.
     pub fn moments(&self, mover: Mover) -> Vec<f64> {
         match mover {
             Mover::Camera => self.camera.moments().collect(),
@@ -232,7 +234,7 @@ impl Tracks {
         }
     }
 
-    /// How something gets from one keyframe to the next.
+    /// Returns the interpolation of an object's track.
     pub fn curve(&self, mover: Mover) -> Curve {
         match mover {
             Mover::Camera => self.camera.curve,
@@ -240,7 +242,7 @@ impl Tracks {
         }
     }
 
-    /// Gets there otherwise.
+    /// Sets the interpolation of an object's track.
     pub fn set_curve(&mut self, mover: Mover, curve: Curve) {
         match mover {
             Mover::Camera => self.camera.curve = curve,
@@ -248,7 +250,7 @@ impl Tracks {
         }
     }
 
-    /// Without these keyframes.
+    /// Removes these keyframes.
     pub fn remove(&mut self, names: &[Name]) {
         for &(mover, secs) in names {
             match mover {
@@ -259,8 +261,9 @@ impl Tracks {
         self.copies.retain(|_, t| !t.is_empty());
     }
 
-    /// These keyframes so many seconds later, and what they are called then; all keep their distances, and none goes before
-    /// the begin. `keeps` leaves the old ones too. One that stands where one of them comes is replaced.
+    /// Shifts these keyframes in time and returns their new names. Their distances are kept, and none is
+    /// shifted before the start. With `keeps`, the old ones are kept as well. Keyframes at the new times are
+    /// replaced.
     pub fn shift(&mut self, names: &[Name], by_secs: f64, keeps: bool) -> Vec<Name> {
         let first = names.iter().map(|n| n.1).fold(f64::INFINITY, f64::min);
         let last = names.iter().map(|n| n.1).fold(0.0, f64::max);
@@ -302,14 +305,14 @@ impl Tracks {
                 }
             });
         }
-        // A track that lost all its keyframes for a moment goes on as it went.
+        // Restore the interpolation of tracks that were temporarily empty and therefore removed.
         for (n, curve) in curves {
             self.copies.entry(n).and_modify(|t| t.curve = curve);
         }
         new
     }
 
-    /// The moment of the keyframe before or after a moment, of all that move.
+    /// Returns the time of the next or previous keyframe of any object.
     pub fn next_moment(&self, secs: f64, is_forward: bool) -> Option<f64> {
         let secs = moment(secs);
         let all = self.camera.moments().chain(self.copies.values().flat_map(Track::moments));
@@ -321,7 +324,7 @@ impl Tracks {
     }
 }
 
-/// As files have it.
+/// Representation of [`Motion`] in files.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(default)]
 struct InFile {
@@ -341,7 +344,7 @@ fn is_off(value: &bool) -> bool {
 
 #[derive(Serialize, Deserialize)]
 struct OfCopy {
-    /// Its number, from 0.
+    /// Number of the copy, from 0.
     copy: usize,
     #[serde(flatten)]
     track: Track<Placement>,
@@ -436,8 +439,8 @@ mod tests {
         assert_eq!(moving().within(9), moving());
     }
 
-    /// Each track was looked for among all copies that go: a layout of 15 megabytes took half a minute. One that was named
-    /// twice counted twice.
+    /// Each track used to be searched among all removed copies: a layout of 15 megabytes took half a minute.
+    /// A copy listed twice used to count twice.
     #[test]
     fn very_many_copies_go_at_once_and_each_once() {
         const MANY: usize = 400_000;
@@ -445,7 +448,7 @@ mod tests {
         for n in (0..MANY).step_by(2) {
             tracks.copies.entry(n).or_default().set(0.0, Placement::at(0.0, 0.0));
         }
-        // From the last on, each twice.
+        // In descending order, each twice.
         let gone: Vec<usize> = (0..MANY).rev().filter(|n| n % 2 == 1).flat_map(|n| [n, n]).collect();
         let left = Motion::from(tracks).without_copies(&gone);
         assert!(left.copies.keys().copied().eq(0..MANY / 2));

@@ -1,4 +1,4 @@
-//! The picture of the stage, and what the mouse and the keys do in it.
+//! Viewport of the stage, with its mouse and keyboard control.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -29,7 +29,7 @@ use crate::settings::Pose;
 use crate::theme::{Palette, palette};
 use crate::viewport;
 
-/// What the window knows of the stage beside the document.
+/// View state of the stage, which is not part of the document.
 pub struct StageView {
     orbit: Orbit,
     is_walking: bool,
@@ -40,82 +40,82 @@ pub struct StageView {
     target: Option<Target>,
     drag: Option<Drag>,
     moved: Option<Instant>,
-    /// The file that the camera was put in front of.
+    /// File for which the camera was last set up.
     seen: Option<PathBuf>,
-    /// Where a session has the camera.
+    /// Camera of a restored session, until it is applied.
     arriving: Option<Pose>,
     aspect: f64,
-    /// The numbers of the panel, until copies are scattered by them.
+    /// Scatter settings of the panel, until they are applied.
     pub form: Option<Scatter>,
     eye_height: f64,
-    /// The moment that was shown last.
+    /// Time shown last.
     moment: f64,
-    /// By which moment and keyframes the camera was put where it is.
+    /// Time and keyframes from which the camera was last set.
     flown: Option<(f64, Track<Stand>)>,
-    /// Which keyframes are chosen and held.
+    /// Selected and dragged keyframes.
     pub keyframes: KeyframeDesk,
 }
 
-/// Keyframes that are chosen in the timeline, and those that are dragged.
+/// Keyframes that are selected in the timeline, and those being dragged.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KeyframeDesk {
-    /// The chosen ones.
+    /// Selected keyframes.
     pub chosen: Vec<Name>,
-    /// What is dragged.
+    /// Drag in progress.
     pub drag: Option<KeyframeDrag>,
 }
 
 /// Keyframes that are being dragged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeyframeDrag {
-    /// All of them as they were.
+    /// Motion before the drag.
     pub before: Motion,
-    /// Which are dragged.
+    /// Dragged keyframes.
     pub names: Vec<Name>,
-    /// The moment under the pointer at the begin.
+    /// Time under the pointer at the start of the drag.
     pub from_secs: f64,
-    /// Whether the old ones stay.
+    /// True if the original keyframes are kept.
     pub keeps: bool,
 }
 
-/// What panels are told of the stage.
+/// State of the stage for panels.
 #[derive(Clone, Debug, Default)]
 pub struct Facts {
-    /// Numbers of the copies that are chosen.
+    /// Numbers of the selected copies.
     pub selected: Vec<usize>,
-    /// Whether a click places a copy.
+    /// True if a click places a copy.
     pub is_placing: bool,
-    /// Whether one walks.
+    /// True if the camera is in walk mode.
     pub is_walking: bool,
     /// The levels, from the finest.
     pub levels: Vec<LevelFacts>,
-    /// What the last frame showed.
+    /// Copies and levels of the last frame.
     pub chosen: Chosen,
-    /// Time of our own to choose the levels and to have them drawn.
+    /// CPU time to select the levels and submit the drawing.
     pub secs: f64,
-    /// The longest such time since the stage was shown.
+    /// Maximum of this time since the stage was opened.
     pub longest_secs: f64,
-    /// How copies will be scattered, where that is not how they were.
+    /// Scatter settings of the panel that are not applied yet.
     pub form: Option<Scatter>,
-    /// Which keyframes are chosen and held.
+    /// Selected and dragged keyframes.
     pub keyframes: KeyframeDesk,
 }
 
-/// What panels are told of a level.
+/// State of a level for panels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LevelFacts {
-    /// Its triangles.
+    /// Number of triangles.
     pub faces: u64,
-    /// From where on a copy of scale 1 is shown in it, in units of the model.
+    /// Distance from which a copy of scale 1 is shown in this level, in units of the model.
     pub distance: f64,
-    /// Copies that are shown in it.
+    /// Number of copies shown in this level.
     pub copies: usize,
 }
 
-/// What is shown where.
+/// Scene of a frame and its screen rectangle.
 struct Shown<'a> {
     document: &'a Document,
-    /// Where they stand at the moment.
+    /// Copies as placed at the current time.
     copies: Copies,
     base: Base,
     levels: Vec<StageLevel<'a>>,
@@ -123,25 +123,26 @@ struct Shown<'a> {
     rect: Rect,
 }
 
-/// Copies that are being moved.
+/// Copies being dragged.
 struct Drag {
     from: DVec3,
     copies: Vec<(usize, Placement)>,
 }
 
-/// Turn of a copy for a point of movement, and the movement that makes one larger by a factor of e.
+/// Rotation of a copy per point of mouse movement, and the movement that scales a copy by a factor of e.
 const TURN_DEG_PER_POINT: f64 = 0.5;
 const SCALE_POINTS: f64 = 200.0;
-/// Turn of the head for a point of movement.
+/// Camera rotation in radians per point of mouse movement.
 const LOOK_PER_POINT: f64 = 0.004;
-/// Turn of the head by a key, a second.
+/// Camera rotation by keys, in radians per second.
 const LOOK_PER_SECOND: f64 = 1.6;
-/// How much faster one walks with Shift.
+/// Speed factor when walking with Shift.
 const HURRY: f64 = 4.0;
-/// While the camera moves and a processor draws, a quarter of the pixels; with fewer triangles than this all of them.
+/// Picture scale while the camera moves on a software renderer (a quarter of the pixels), used only above
+/// `FAST_TRIANGLES` triangles.
 const COARSE: f32 = 0.5;
 const FAST_TRIANGLES: u64 = 50_000;
-/// Triangles of a frame meanwhile: a processor takes about a fifth of a second for so many.
+/// Triangle budget meanwhile: a software renderer takes about a fifth of a second for so many.
 const HURRIED: u64 = 100_000;
 const REST: Duration = Duration::from_millis(160);
 
@@ -171,52 +172,52 @@ impl Default for StageView {
 }
 
 impl StageView {
-    /// What panels are told.
+    /// Returns the state for panels.
     pub fn facts(&self) -> Facts {
         let (is_placing, is_walking) = (self.is_placing, self.is_walking);
         let selected = self.selected.iter().copied().collect();
         let keyframes = self.keyframes.clone();
         Facts { selected, is_placing, is_walking, form: self.form, keyframes, ..self.facts.clone() }
     }
-    /// Triangles of the last frame.
+    /// Returns the number of triangles of the last frame.
     pub fn triangles(&self) -> u64 {
         self.facts.chosen.triangles
     }
-    /// From where it is seen; `None` before it was shown.
+    /// Returns the camera; `None` before the stage was shown.
     pub fn pose(&self) -> Option<Pose> {
         self.seen.is_some().then(|| Pose::of(&self.orbit.camera()))
     }
-    /// From where it is seen.
+    /// Returns the camera orbit.
     pub fn orbit(&self) -> Orbit {
         self.orbit
     }
-    /// Looks from elsewhere.
+    /// Changes the camera orbit.
     pub fn change_orbit(&mut self, change: impl FnOnce(&mut Orbit)) {
         change(&mut self.orbit);
         self.moved = Some(Instant::now());
     }
-    /// Where the camera is to be once the file is there.
+    /// Sets the camera to use once the file is loaded.
     pub fn arrive_from(&mut self, pose: Option<Pose>) {
         self.arriving = pose;
         self.seen = None;
     }
-    /// A click places a copy, or chooses one.
+    /// Sets whether a click places a copy or selects one.
     pub fn set_placing(&mut self, is_placing: bool) {
         self.is_placing = is_placing;
         self.is_walking &= !is_placing;
     }
-    /// These copies and no others.
+    /// Selects exactly these copies.
     pub fn select(&mut self, numbers: impl IntoIterator<Item = usize>) {
         self.selected = numbers.into_iter().collect();
         self.keyframes = KeyframeDesk::default();
     }
-    /// The copies that are chosen, with their numbers, as they stand at the moment.
+    /// Returns the selected copies as placed at the current time, with their numbers.
     pub fn selected(&self, document: &Document) -> Vec<(usize, Placement)> {
         let copies = document.copies_now();
         self.selected.iter().filter_map(|&n| Some((n, *copies.get(n)?))).collect()
     }
 
-    /// All copies in sight, or some models' worth of ground.
+    /// Frames all copies or, without copies, an area of ground three model diagonals wide.
     pub fn frame(&mut self, document: &Document) {
         let Some(bounds) = seen_bounds(document) else { return };
         self.is_walking = false;
@@ -224,7 +225,7 @@ impl StageView {
         self.orbit.frame(&bounds, self.aspect);
     }
 
-    /// From a side with a name.
+    /// Switches to a standard view.
     pub fn look_from(&mut self, document: &Document, view: usize) {
         let Some(bounds) = seen_bounds(document) else { return };
         self.is_walking = false;
@@ -232,7 +233,7 @@ impl StageView {
         self.orbit = Orbit::fitting(&bounds, viewport::standard(view), self.aspect);
     }
 
-    /// Stands on the ground, or looks from above again.
+    /// Starts or ends walk mode; ending it frames all copies.
     pub fn set_walking(&mut self, document: &Document, is_walking: bool) {
         let (Some(stage), Some(base)) = (document.stage(), document.stage_base()) else { return };
         self.is_walking = is_walking;
@@ -247,7 +248,8 @@ impl StageView {
         }
     }
 
-    /// What is held while one walks. The keys are taken out of the input, so that they do nothing else.
+    /// Applies the keys held in walk mode. They are consumed from the input, so that they have no other
+    /// effect.
     pub fn walk_by_keys(&mut self, ctx: &egui::Context, document: &Document) {
         let (Some(stage), Some(base)) = (document.stage(), document.stage_base()) else { return };
         if !self.is_walking {
@@ -294,7 +296,7 @@ impl StageView {
         ctx.request_repaint();
     }
 
-    /// The stage, in the place that is left. Pushes what the mouse asks for.
+    /// Shows the stage in the remaining space. Pushes the requests made with the mouse.
     pub(crate) fn show(
         &mut self,
         ui: &mut Ui,
@@ -369,12 +371,12 @@ impl StageView {
         self.flown = None;
         if let Some(pose) = self.arriving.take() {
             self.orbit = Orbit::of(&pose.camera());
-            // What a session says of the camera holds until something moves.
+            // The camera of a session stays until the time or the camera keyframes change.
             self.flown = Some((document.moment(), document.settings().stage.motion.camera.clone()));
         }
     }
 
-    /// Puts the camera where its keyframes have it, whenever the moment or the keyframes are others.
+    /// Sets the camera from its keyframes whenever the time or the keyframes change.
     fn follow(&mut self, document: &Document) {
         let (motion, moment) = (&document.settings().stage.motion, document.moment());
         if moment != self.moment {
@@ -392,7 +394,7 @@ impl StageView {
         }
     }
 
-    /// Draws it; the time that this took of our own.
+    /// Draws the stage and returns the CPU time used.
     fn draw(&mut self, ui: &Ui, gpu: &mut Gpu, own: &OwnFiles, shown: &Shown<'_>) -> Duration {
         let begin = Instant::now();
         let Shown { document, copies, base, levels, pose, rect } = shown;
@@ -427,7 +429,7 @@ impl StageView {
         let lighting = settings.look.rig.lighting(settings.look.brightness);
         let mut look = settings.look.look.clone();
         if look.shading == Shading::Heat {
-            // Levels have no distances to be coloured by.
+            // Levels have no distances for the heat map.
             look.shading = Shading::Smooth;
         }
         let frame = Frame {
@@ -443,7 +445,7 @@ impl StageView {
             shader: own.shader(),
         };
         let ready = begin.elapsed();
-        // Parts of a picture that is another one with each frame would never come to a whole.
+        // A picture in parts would never be completed if every frame differs.
         let drawn = if is_coarse { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
         if let Some(id) = target.texture_id() {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
@@ -456,7 +458,7 @@ impl StageView {
         ready + drawn.own
     }
 
-    /// The copy under a place, of those that are drawn.
+    /// Returns the copy under a screen position, of those drawn.
     fn under(&self, shown: &Shown<'_>, at: Pos2) -> Option<usize> {
         let Shown { copies, base, levels, pose, rect, .. } = shown;
         let model_of = |copy: usize| {
@@ -489,10 +491,10 @@ impl StageView {
             if !self.selected.contains(&copy) {
                 self.select([copy]);
             }
-            // At half its height, so that it stays under the pointer.
+            // Drag in a plane at half the copy's height, so that it stays under the pointer.
             let height = base.ball(&copies[copy]).0.y;
             if let Some(from) = ground::on_plane(&self.orbit.camera(), rect, at, height) {
-                // What is held stands still.
+                // Pause the animation while copies are dragged.
                 if document.is_playing() {
                     says.push(Say::Action(Action::Play));
                 }
@@ -552,14 +554,14 @@ impl StageView {
         }
     }
 
-    /// A change of all copies that are chosen.
+    /// Returns the request that changes all selected copies.
     pub fn changed(&self, document: &Document, of: impl Fn(&Placement) -> Placement) -> Option<Say> {
         let copies: Vec<_> = self.selected(document).iter().map(|(n, c)| (*n, of(c))).collect();
         let secs = document.moment();
         (!copies.is_empty()).then_some(Say::Command(Command::Stage(StageChange::Move { copies, secs })))
     }
 
-    /// Circles on the ground: round what is chosen, and where a copy would stand.
+    /// Draws circles on the ground around selected copies, and where a click would place a copy.
     fn rings(&self, ui: &Ui, response: &Response, shown: &Shown<'_>) {
         let Shown { copies, base, rect, .. } = shown;
         let rect = *rect;
@@ -581,7 +583,7 @@ impl StageView {
         }
     }
 
-    /// What is shown, what to do, and the colours of the levels.
+    /// Draws the status text, hints, and the legend of level colours.
     fn words(&self, ui: &Ui, rect: Rect, document: &Document) {
         let stage = &document.settings().stage;
         let p = palette(ui);
@@ -655,26 +657,26 @@ impl StageView {
     }
 }
 
-/// Rings that are drawn: more would only be a carpet.
+/// Maximum number of rings; more would only hide the ground.
 const RINGS: usize = 200;
 
-/// The number of a level's colour among [`TINTS`].
+/// Returns the number of a level's colour in [`TINTS`], counted from 1.
 fn tint_of(level: usize) -> u8 {
     level.min(TINTS.len() - 1) as u8 + 1
 }
 
-/// The colour of a level.
+/// Returns the colour of a level.
 pub fn color_of(level: usize) -> Color32 {
     let [r, g, b] = TINTS[level.min(TINTS.len() - 1)].map(|c| (c * 255.0).round() as u8);
     Color32::from_rgb(r, g, b)
 }
 
-/// By what eyes are measured: the height of the model, unless it lies flat.
+/// Returns the reference height for the eye: the model's height, at least a tenth of its diagonal.
 pub fn height_of(base: &Base) -> f64 {
     base.size.y.max(0.1 * base.length())
 }
 
-/// A box round what stands there; with nothing, some models large.
+/// Returns a bounding box of all copies; without copies, one three model diagonals wide.
 fn seen_bounds(document: &Document) -> Option<lodsmith_core::Bounds> {
     let base = document.stage_base()?;
     let copies = document.copies_now();

@@ -1,4 +1,4 @@
-//! Copies by chance: the same ones for the same numbers.
+//! Random placement of copies, reproducible from its settings.
 
 use std::collections::HashMap;
 
@@ -7,25 +7,25 @@ use serde::{Deserialize, Serialize};
 
 use super::{MOST, Placement};
 
-/// How copies are scattered. All that the result depends on is in it.
+/// Settings for scattering copies. Apart from copies that are kept, the result depends on nothing else.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Scatter {
-    /// How many.
+    /// Number of copies.
     pub count: usize,
-    /// Another number scatters in another way.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Radius of the circle that a copy of scale 1 stands in.
+    /// Radius of the footprint circle of a copy of scale 1.
     pub footprint: f64,
-    /// Room between two copies, in footprints.
+    /// Spacing between two copies, in footprints.
     pub gap: f64,
-    /// Side of the square that they stand in; 0 takes one with room to spare.
+    /// Side of the square area; 0 computes one with spare room.
     pub side: f64,
-    /// Least and greatest scale.
+    /// Minimum and maximum scale.
     pub scale: [f64; 2],
-    /// Whether each is turned by chance.
+    /// True if each copy gets a random rotation.
     pub is_turned: bool,
-    /// Whether those that stand already stay.
+    /// True if existing copies are kept.
     pub keeps: bool,
 }
 
@@ -44,13 +44,14 @@ impl Default for Scatter {
     }
 }
 
-/// Share of the square that circles cover where its size goes by their number. Thrown circles find room up to .54.
+/// Fraction of the square covered by circles when its size is computed from their number. Random placement
+/// finds room up to 0.54.
 const COVER: f64 = 0.3;
-/// Throws for one circle before it is said that there is no room.
+/// Maximum number of random positions tried for one circle.
 const THROWS: usize = 200;
 
 impl Scatter {
-    /// The side of the square.
+    /// Returns the side of the square.
     pub fn side(&self) -> f64 {
         if self.side > 0.0 && self.side.is_finite() {
             return self.side;
@@ -59,11 +60,12 @@ impl Scatter {
         radius * (std::f64::consts::PI * self.count.max(1) as f64 / COVER).sqrt()
     }
 
-    /// The copies after this one was done to those that stand.
+    /// Returns the copies after scattering, given the existing ones.
     ///
-    /// None of the new ones touches another, where they can be had: circles are thrown, and where one finds no room in
-    /// 200 throws, all are put into the cells of a square grid, if those are large enough. Else it stands where there
-    /// is most room. Cost: O(count · throws).
+    /// New copies do not overlap if possible: circles are placed at random, and if one finds no room in 200
+    /// tries, all are placed in the cells of a square grid, provided that no copies are kept and the cells
+    /// are large enough. Otherwise a circle goes where the distance to the others is largest.
+    /// Cost: O(count · tries).
     pub fn scattered(&self, standing: &[Placement]) -> Vec<Placement> {
         let kept: &[Placement] = if self.keeps { standing } else { &[] };
         let count = self.count.min(MOST.saturating_sub(kept.len()));
@@ -78,7 +80,7 @@ impl Scatter {
         kept.iter().copied().chain(copies).collect()
     }
 
-    /// How many pairs of these copies stand in each other's way.
+    /// Returns the number of overlapping pairs of copies.
     pub fn overlaps(&self, copies: &[Placement]) -> usize {
         let mut near = Near::new(self.radius_without_gap(greatest_of(copies)));
         let mut count = 0;
@@ -97,7 +99,7 @@ impl Scatter {
         for copy in kept {
             near.add(copy.x, copy.z, self.radius(copy.scale));
         }
-        // Circles that are larger together than the square need no search for room.
+        // If the total area of the circles exceeds the square, skip the search for free positions.
         let least = self.radius(self.scales()[0]);
         let throws =
             if count as f64 * least * least * std::f64::consts::PI > side * side { 0 } else { THROWS };
@@ -127,12 +129,14 @@ impl Scatter {
         (copies, has_room)
     }
 
-    /// One in each cell of a grid, somewhere where it keeps within; which cells stay empty is chance.
+    /// Places one copy in each cell of a grid, at a random position inside the cell; empty cells are chosen
+    /// at random.
     fn in_cells(&self, count: usize, chance: &mut Random) -> Option<Vec<Placement>> {
         let side = self.side();
         let across = (count as f64).sqrt().ceil().max(1.0) as usize;
         let cell = side / across as f64;
-        // The first circle may stand over the edge by its radius, as one that was thrown may.
+        // Grid circles stay inside the square; only randomly placed ones may reach over its edge, by up to
+        // their radius.
         if cell < 2.0 * self.radius(self.greatest()) {
             return None;
         }
@@ -176,14 +180,14 @@ fn greatest_of(copies: &[Placement]) -> f64 {
     copies.iter().map(|c| c.scale).fold(1e-9, f64::max)
 }
 
-/// Circles by the cell of a grid, so that only near ones are looked at.
+/// Circles in a uniform grid, for neighbour queries.
 struct Near {
     cell: f64,
     circles: HashMap<[i64; 2], Vec<[f64; 3]>>,
 }
 
 impl Near {
-    /// No circle will be larger.
+    /// Creates an empty grid; `radius` is the maximum radius of the circles.
     fn new(radius: f64) -> Self {
         Self { cell: 2.0 * radius, circles: HashMap::new() }
     }
@@ -196,7 +200,7 @@ impl Near {
         self.circles.entry(self.key(x, z)).or_default().push([x, z, radius]);
     }
 
-    /// Distances and radii of all that may touch a circle here.
+    /// Returns distances and radii of all circles that may touch a circle at this position.
     fn around(&self, x: f64, z: f64, radius: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
         let reach = radius + 0.5 * self.cell;
         let ([x0, z0], [x1, z1]) = (self.key(x - reach, z - reach), self.key(x + reach, z + reach));
@@ -234,11 +238,11 @@ mod tests {
 
     #[test]
     fn a_square_that_is_nearly_full_is_filled_without_overlap() {
-        // 100 circles of radius 1 in a square of 20.5: thrown ones would not find room.
+        // 100 circles of radius 1 in a square of side 20.5: random placement would not find room.
         let scatter = Scatter { count: 100, gap: 0.0, side: 20.5, scale: [1.0; 2], ..Scatter::default() };
         assert!(!scatter.thrown(100, &[], &mut Random::new(1)).1);
         assert_eq!(scatter.overlaps(&scatter.scattered(&[])), 0);
-        // And where there is none, all still stand.
+        // Without enough room, all copies are still placed.
         let tight = Scatter { side: 10.0, ..scatter };
         let copies = tight.scattered(&[]);
         assert_eq!(copies.len(), 100);

@@ -1,24 +1,25 @@
-//! Walking through: the camera of the stage, turned about the eye instead of what it looks at.
+//! First-person mode of the stage camera: it rotates about the eye instead of the orbit centre.
 
 use glam::DVec3;
 
 use crate::orbit::Orbit;
 
-/// Looks further right and up, from where one stands.
+/// Turns the view right and up, keeping the eye in place.
 pub fn look(orbit: &mut Orbit, right_rad: f64, up_rad: f64) {
     let eye = orbit.camera().eye;
     orbit.turn(-right_rad, -up_rad);
     put_eye(orbit, eye);
 }
 
-/// Steps to the right, up and forward, along the ground whichever way one looks.
+/// Moves the camera right, up and forward, parallel to the ground regardless of pitch.
 pub fn step(orbit: &mut Orbit, by: DVec3) {
     let (sin, cos) = orbit.yaw_rad.sin_cos();
     let (forward, right) = (DVec3::new(-sin, 0.0, -cos), DVec3::new(cos, 0.0, -sin));
     orbit.target += right * by.x + DVec3::Y * by.y + forward * by.z;
 }
 
-/// Stands on the ground: where one was, or at the border of what lies `within` the middle; `reach` is how far one looks.
+/// Puts the eye at a height over the ground, at its present position or, if farther than `within` from the
+/// centre, moved in to that distance; `reach` is the distance to the orbit centre.
 pub fn stand(orbit: &mut Orbit, height: f64, within: f64, reach: f64) {
     let mut eye = orbit.camera().eye;
     let away = eye.x.hypot(eye.z);
@@ -31,7 +32,7 @@ pub fn stand(orbit: &mut Orbit, height: f64, within: f64, reach: f64) {
     put_eye(orbit, eye);
 }
 
-/// Another height of the eye.
+/// Sets the height of the eye.
 pub fn set_height(orbit: &mut Orbit, height: f64) {
     let eye = orbit.camera().eye;
     orbit.target.y += height - eye.y;

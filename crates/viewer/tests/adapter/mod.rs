@@ -1,8 +1,8 @@
-//! What draws in tests; an adapter that computes on the processor will do.
+//! Adapter for tests; a software adapter is sufficient.
 
 use lodsmith_viewer::gpu::Context;
 
-/// An adapter; without one says so, unless `LODSMITH_REQUIRE_GPU` demands it.
+/// Returns an adapter; without one prints a note and skips, unless `LODSMITH_REQUIRE_GPU` requires one.
 pub(crate) fn context() -> Option<Context> {
     match Context::headless() {
         Ok(context) => Some(context),

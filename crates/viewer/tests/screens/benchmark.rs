@@ -1,4 +1,4 @@
-//! Times of levels: the panel, its key, and what can be taken along.
+//! Benchmark panel: its key, its table, and copying.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use lodsmith_viewer::panel::Panel;
 
 use super::desk::Desk;
 
-/// What a button puts into the clipboard.
+/// Returns the text that a button copies to the clipboard.
 fn copied(desk: &mut Desk, button: &str) -> String {
     desk.harness.get_by_role_and_label(Role::Button, button).click();
     for _ in 0..4 {

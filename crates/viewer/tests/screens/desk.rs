@@ -1,4 +1,4 @@
-//! The window without a window, and what people do to it.
+//! Headless harness of the app, with simulated input.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -16,14 +16,14 @@ use crate::adapter::context;
 
 const LONG: Duration = Duration::from_secs(120);
 
-/// A window that is drawn into memory, and a folder with two models.
+/// A headless window, and a folder with two models.
 pub(super) struct Desk {
     pub(super) harness: Harness<'static, App>,
     pub(super) folder: tempfile::TempDir,
 }
 
 impl Desk {
-    /// A name is one of the folder's, unless it is a path of its own.
+    /// Opens a file of the folder by name, or another file by path.
     pub(super) fn with(is_light: bool, name: Option<impl AsRef<Path>>) -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
         let meshes = [("sphere.ply", shapes::icosphere(5)), ("torus.obj", shapes::torus(64, 32))];
@@ -35,7 +35,7 @@ impl Desk {
         Self::within(is_light, inputs, folder)
     }
 
-    /// A window that opens these files, of which some lie in this folder.
+    /// Opens a window with these files; the folder is kept as long as the window.
     pub(super) fn within(is_light: bool, inputs: Vec<PathBuf>, folder: tempfile::TempDir) -> Option<Self> {
         context()?;
         let mut options = ViewOptions { inputs, ..ViewOptions::default() };
@@ -43,7 +43,7 @@ impl Desk {
         options.is_light = Some(is_light);
         let harness = Harness::builder()
             .with_size(egui::vec2(1440.0, 900.0))
-            // Two clicks must come within a third of a second to be a double one.
+            // A double click requires two clicks within a third of a second.
             .with_step_dt(0.05)
             .with_theme(if is_light { egui::Theme::Light } else { egui::Theme::Dark })
             .wgpu_setup(Context::setup())
@@ -57,7 +57,7 @@ impl Desk {
         Self::with(false, Some(name))
     }
 
-    /// Goes on until all work is done and shown.
+    /// Runs until all jobs are done and their results are shown.
     pub(super) fn settle(&mut self) {
         let end = Instant::now() + LONG;
         loop {
@@ -88,7 +88,7 @@ impl Desk {
         self.harness.get_by_role_and_label(Role::Button, label).click();
         self.settle();
     }
-    /// Writes into a field, in place of what it holds; it is taken when Enter is pressed.
+    /// Types into a field, replacing its text; the caller presses Enter.
     pub(super) fn write(&mut self, field: &str, text: impl ToString) {
         let of_text = self.harness.query_by_role_and_label(Role::TextInput, field);
         of_text.unwrap_or_else(|| self.harness.get_by_label(field)).focus();
@@ -102,12 +102,12 @@ impl Desk {
         let shortcut = action.binding().unwrap().shortcut;
         self.press_with(shortcut.modifiers, shortcut.logical_key);
     }
-    /// Clicks at a place.
+    /// Clicks at a point.
     pub(super) fn point(&mut self, at: Pos2) {
         self.harness.drag_at(at);
         self.harness.run_steps(1);
         self.harness.drop_at(at);
-        // A second click soon after would be a double one.
+        // A second click too soon would count as a double click.
         self.harness.run_steps(10);
         self.settle();
     }
@@ -128,7 +128,7 @@ impl Desk {
         self.folder.path().join(name)
     }
 
-    /// Renders the window; more than one colour must be in it.
+    /// Renders the window; asserts that it has more than one colour.
     pub(super) fn picture(&mut self, name: &str) -> image::RgbaImage {
         let picture = self.harness.render().unwrap();
         let first = *picture.get_pixel(0, 0);
@@ -139,7 +139,7 @@ impl Desk {
         picture
     }
 
-    /// The pixels of a picture within the window.
+    /// Returns the pixels of a picture area within the window.
     pub(super) fn pixels(&mut self, label: &str) -> Vec<[u8; 4]> {
         let rect = self.harness.get_by_label(label).rect();
         let picture = self.harness.render().unwrap();

@@ -1,4 +1,4 @@
-//! Keyframes of the stage: their panel, their keys, and what is seen of them.
+//! Keyframes of the stage: panel, keys, playback and mouse.
 
 use eframe::egui::{self, Key, Modifiers, Pos2, Rect};
 use egui_kittest::kittest::Queryable;
@@ -36,12 +36,12 @@ fn lane(desk: &Desk, name: &str) -> Rect {
     desk.harness.get_by_label(&format!("Keyframes of {name}")).rect()
 }
 
-/// Where a moment is in a lane of ten seconds.
+/// Position of a time in a lane of ten seconds.
 fn at(lane: Rect, secs: f32) -> Pos2 {
     egui::pos2(lane.left() + 8.0 + (lane.width() - 16.0) * secs / 10.0, lane.center().y)
 }
 
-/// Four copies that turn and then become smaller, while the camera goes round them.
+/// Four copies that rotate and then shrink, while the camera orbits them.
 fn moving(is_light: bool) -> Option<Desk> {
     let mut desk = staged(is_light, row(4))?;
     desk.act(Action::Panel(Panel::Timeline));
@@ -73,7 +73,7 @@ fn keys_set_keyframes_and_the_moment_moves_what_has_them() {
         desk.act(copies(CopiesAction::Keyframe));
         let begin = desk.app().document().copies_now();
         go_to(&mut desk, 4.0);
-        // What has keyframes takes one where it is changed, and the others stay.
+        // A change of a copy with keyframes sets a keyframe; its other keyframes stay.
         desk.act(copies(CopiesAction::Turn(1)));
         assert_eq!(moments(&desk, Mover::Copy(2)), [0.0, 4.0]);
         assert!(desk.app().document().copies_now().iter().all(|c| c.turn_deg == 15.0));
@@ -89,7 +89,7 @@ fn keys_set_keyframes_and_the_moment_moves_what_has_them() {
         desk.picture(&format!("keyframes_{theme}"));
         go_to(&mut desk, 0.0);
         assert_eq!(desk.app().document().copies_now(), begin);
-        // Back to where there was none, and forward again.
+        // Undo until there are no keyframes, and redo.
         let all = motion(&desk);
         for _ in 0..20 {
             desk.press_with(Modifiers::COMMAND, Key::Z);
@@ -118,18 +118,18 @@ fn playing_moves_copies_and_camera_and_a_pause_is_a_pause() {
     assert!(desk.pixels(PICTURE) != before);
     assert!(sights(&desk) != seen, "levels go by the distance of the moment");
     assert!(desk.app().stage_view().orbit().camera().eye.distance(eye) > 0.1);
-    // A window that asks to be painted again and again would never come to rest.
+    // A window that requests a repaint every frame never settles.
     assert!(desk.harness.try_run().is_ok());
     assert_eq!(desk.app().document().moment(), secs);
     desk.picture("keyframes_paused");
-    // One may look from elsewhere.
+    // The camera can be freed from its keyframes.
     desk.act(copies(CopiesAction::FreeCamera));
     let free = desk.app().stage_view().orbit();
     go_to(&mut desk, 7.0);
     assert_eq!(desk.app().stage_view().orbit(), free);
     desk.click("Through the camera");
     assert_ne!(desk.app().stage_view().orbit(), free);
-    // Keyframe by keyframe.
+    // Stepping from keyframe to keyframe.
     for (by, wanted) in [(-1, 4.0), (-1, 0.0), (-1, 0.0), (1, 4.0), (1, 8.0), (1, 8.0)] {
         desk.act(copies(CopiesAction::ToKeyframe(by)));
         assert_eq!(desk.app().document().moment(), wanted);
@@ -141,7 +141,7 @@ fn keyframes_are_dragged_copied_and_taken_away() {
     let Some(mut desk) = moving(true) else { return };
     assert_eq!(moments(&desk, Mover::Copy(1)), [0.0, 4.0, 8.0]);
     let second = lane(&desk, "copy 2");
-    // A click goes there.
+    // A click selects a keyframe and goes to its time.
     desk.point(at(second, 4.0));
     let chosen = |desk: &Desk| desk.app().stage_view().facts().keyframes.chosen;
     assert_eq!(chosen(&desk), [(Mover::Copy(1), 4.0)]);
@@ -152,7 +152,7 @@ fn keyframes_are_dragged_copied_and_taken_away() {
     assert_eq!(chosen(&desk), [(Mover::Copy(1), dragged[1])]);
     desk.press_with(Modifiers::COMMAND, Key::Z);
     assert_eq!(moments(&desk, Mover::Copy(1)), [0.0, 4.0, 8.0], "a drag is one step");
-    // Two lanes at once, by Shift.
+    // Shift selects keyframes of two lanes.
     let first = lane(&desk, "copy 1");
     desk.point(at(first, 4.0));
     desk.harness.event(egui::Event::ModifiersChanged(Modifiers::SHIFT));
@@ -163,14 +163,14 @@ fn keyframes_are_dragged_copied_and_taken_away() {
     desk.drag(at(second, 4.0), at(second, 2.0));
     assert!([0, 1].iter().all(|n| (moments(&desk, Mover::Copy(*n))[1] - 2.0).abs() < 0.03));
     desk.picture("keyframes_dragged");
-    // The same once more at another moment, then away.
+    // Duplicate at another time, then delete.
     go_to(&mut desk, 6.0);
     desk.click("Copy here");
     assert_eq!(moments(&desk, Mover::Copy(0)).len(), 4);
     assert_eq!(chosen(&desk), [(Mover::Copy(0), 6.0), (Mover::Copy(1), 6.0)]);
     desk.press(Key::Delete);
     assert_eq!((moments(&desk, Mover::Copy(0)).len(), desk.app().document().copies_now().len()), (3, 4));
-    // Steps instead of a curve.
+    // Stepped instead of smooth interpolation.
     desk.point(at(second, 8.0));
     desk.click("Steps");
     assert_eq!(motion(&desk).curve(Mover::Copy(1)), Curve::Step);
@@ -178,7 +178,7 @@ fn keyframes_are_dragged_copied_and_taken_away() {
     assert_eq!(motion(&desk).curve(Mover::Copy(1)), Curve::Smooth);
     desk.click("Take away");
     assert_eq!(moments(&desk, Mover::Copy(1)).len(), 2);
-    // With nothing chosen the key is for the copies again.
+    // Without selected keyframes, the key deletes the selected copies.
     desk.point(at(second, 9.5));
     assert!(chosen(&desk).is_empty());
     desk.press(Key::Delete);

@@ -1,4 +1,4 @@
-//! The Stage in its window: mouse, keys and panel.
+//! The stage in its window: mouse, keys and panel.
 
 use std::path::PathBuf;
 
@@ -20,7 +20,7 @@ pub(super) fn row(count: usize) -> Vec<Placement> {
     (0..count).map(|k| Placement::at(3.0 * k as f64, 0.0)).collect()
 }
 
-/// A window whose stage holds these copies.
+/// Opens a window whose stage holds these copies.
 pub(super) fn staged(is_light: bool, copies: Vec<Placement>) -> Option<Desk> {
     let mut desk = Desk::with(is_light, Some("sphere.ply"))?;
     run(&mut desk, StageChange::Replace(copies.into(), Motion::default()));
@@ -69,7 +69,7 @@ fn clicks_place_choose_and_move_copies() {
     assert_eq!(placed.len(), 2);
     assert_eq!(selected(&desk), [1]);
     assert!(placed[1].x > placed[0].x + 0.5, "{placed:?}");
-    // A click beside all chooses none, one on a copy that, and with Shift one more.
+    // A click beside all copies clears the selection, one on a copy selects it, and with Shift adds it.
     desk.act(Action::Copies(CopiesAction::Place));
     assert!(!desk.app().stage_view().facts().is_placing);
     desk.point(middle + egui::vec2(-300.0, 200.0));
@@ -78,7 +78,7 @@ fn clicks_place_choose_and_move_copies() {
     desk.point(first);
     assert_eq!(selected(&desk), [0]);
     assert_eq!(copies(&desk).len(), 2, "no copy was placed");
-    // A drag moves what is chosen, as one step.
+    // A drag moves the selected copies, as one undo step.
     let orbit = desk.app().stage_view().orbit();
     desk.drag(first, first + egui::vec2(-120.0, 60.0));
     let moved = copies(&desk);
@@ -86,7 +86,7 @@ fn clicks_place_choose_and_move_copies() {
     assert!(moved[0].z > placed[0].z + 0.5 && moved[1] == placed[1], "{placed:?} {moved:?}");
     desk.press_with(Modifiers::COMMAND, Key::Z);
     assert_eq!(copies(&desk), placed);
-    // Beside all, the camera turns.
+    // A drag beside all copies orbits the camera.
     let aside = middle + egui::vec2(-300.0, 200.0);
     desk.drag(aside, aside + egui::vec2(80.0, 0.0));
     assert_ne!(desk.app().stage_view().orbit(), orbit);
@@ -157,7 +157,7 @@ fn one_walks_by_keys_and_levels_switch_by_distance() {
     desk.press(Key::I);
     assert!(desk.app().stage_view().facts().is_walking);
     let eye = |desk: &Desk| desk.app().stage_view().orbit().camera().eye;
-    // The sphere is 2 high.
+    // The sphere is 2 units high.
     assert!((eye(&desk).y - 1.2).abs() < 1e-9, "{}", eye(&desk));
     let (start, look) = (eye(&desk), desk.app().document().settings().look.clone());
     let counts =
@@ -194,7 +194,7 @@ fn the_sample_stands_on_a_stage_in_the_colours_of_its_levels() {
     let used = facts.levels.iter().filter(|l| l.copies > 0).count();
     assert!(used >= 4, "{:?}", facts.levels);
     assert!(facts.chosen.triangles < 100 * facts.levels[0].faces / 10);
-    // The picture of docs/viewer.md.
+    // Screenshot for docs/viewer.md.
     let dark = desk.picture("stage");
     desk.press_with(Modifiers::COMMAND, Key::T);
     assert_ne!(desk.picture("stage_sample_light"), dark);
@@ -213,7 +213,7 @@ fn a_layout_and_a_session_come_back() {
     desk.press(Key::Delete);
     assert!(copies(&desk).is_empty());
     desk.harness.state_mut().document_mut().run(Command::Stage(StageChange::Show(false)));
-    // Opened as any file is.
+    // A layout opens like any other file.
     desk.press_with(Modifiers::COMMAND, Key::O);
     desk.write("Path", layout.display());
     desk.press(Key::Enter);

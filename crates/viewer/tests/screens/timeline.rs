@@ -1,4 +1,4 @@
-//! Animations: the panel, its keys, and what is seen of them on both sides.
+//! Animations: panel, keys, and playback on both sides.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn playback(desk: &Desk) -> Playback {
     desk.app().document().settings().playback
 }
 
-/// The arm, a quarter of its faces beside it.
+/// Opens the arm and reduces it to about a quarter of its faces.
 fn arm(is_light: bool) -> Option<Desk> {
     let mut desk = Desk::with(is_light, Some(Path::new(ARM)))?;
     for _ in 0..13 {
@@ -39,7 +39,7 @@ fn the_timeline_comes_with_a_file_that_moves_and_goes_with_it() {
     desk.press(Key::F9);
     desk.harness.get_by_label_contains("nothing moves in this file");
     desk.picture("timeline_nothing");
-    // What was called stays.
+    // A panel that the user opened stays open.
     desk.press(Key::P);
     assert!(!desk.app().document().is_playing());
     let files = vec![ARM.into(), desk.path("sphere.ply")];
@@ -58,7 +58,7 @@ fn playing_moves_both_sides_and_a_pause_is_a_pause() {
         let before = [ORIGINAL, RESULT].map(|side| desk.pixels(side));
         desk.picture(&format!("timeline_{theme}_begin"));
         desk.harness.key_press(Key::P);
-        // A step of the window is a twentieth of a second.
+        // A frame of the harness is a twentieth of a second.
         desk.harness.run_steps(13);
         assert!(desk.app().document().is_playing());
         let seconds = playback(&desk).seconds;
@@ -68,7 +68,7 @@ fn playing_moves_both_sides_and_a_pause_is_a_pause() {
         let after = [ORIGINAL, RESULT].map(|side| desk.pixels(side));
         assert!(before[0] != after[0] && before[1] != after[1], "both sides move");
         desk.picture(&format!("timeline_{theme}_bent"));
-        // A window that asks to be painted again and again would never come to rest.
+        // A window that requests a repaint every frame never settles.
         assert!(desk.harness.try_run().is_ok());
         let stopped = playback(&desk);
         desk.harness.run_steps(5);
@@ -87,7 +87,7 @@ fn once_stops_at_the_end_and_again_goes_round() {
     desk.harness.run_steps(30);
     assert!(!desk.app().document().is_playing(), "one second at twice the speed is over");
     assert_eq!(playback(&desk).seconds, 1.0);
-    // It stands at the end: it begins anew.
+    // At the end, playing starts over.
     desk.harness.key_press(Key::P);
     desk.harness.run_steps(4);
     assert!(desk.app().document().is_playing() && playback(&desk).seconds < 0.6);
@@ -122,7 +122,7 @@ fn a_moment_is_dragged_typed_and_stepped_to_and_taken_back() {
     assert!((playback(&desk).seconds - dragged).abs() < 1e-9, "{:?}", playback(&desk));
     desk.press_with(Modifiers::COMMAND, Key::Y);
     assert_eq!(playback(&desk).seconds, 0.25);
-    // The buttons do what the keys do.
+    // The buttons do the same as the keys.
     desk.click("To the begin");
     assert_eq!(playback(&desk).seconds, 0.0);
     desk.click("Repeat");
@@ -142,7 +142,7 @@ fn a_double_click_finds_the_place_where_it_has_moved() {
         .run(Command::Playback(Playback { seconds: 1.0, ..Default::default() }));
     desk.press(Key::Num1);
     let place = desk.harness.get_by_label(ORIGINAL).rect();
-    // The arm is bent by a right angle: its end lies to the left, where nothing is at rest.
+    // The arm is bent by a right angle: its end is to the left, where nothing is in the rest pose.
     let before = desk.app().orbits()[0].target;
     let mut found = None;
     for share in [0.12, 0.16, 0.2, 0.24, 0.28, 0.32] {

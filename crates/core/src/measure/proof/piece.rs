@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-/// Corners of a piece at most. A cut adds one, and a face has three cuts.
+/// Maximum number of corners of a piece. A cut adds one, and a face has three cuts.
 const MOST: usize = 10;
-/// Corners from which on a piece is parted without new ones.
+/// Pieces with more corners than this are split without adding any.
 const FULL: usize = MOST - 3;
 
 /// A flat convex polygon.
@@ -12,9 +12,9 @@ const FULL: usize = MOST - 3;
 pub(super) struct Piece {
     corners: [DVec3; MOST],
     count: usize,
-    /// A face that is near, to begin with.
+    /// A near face, as the first guess.
     pub(super) near: u32,
-    /// Whether that one alone is known not to do.
+    /// True if that face alone is known not to suffice.
     pub(super) is_tried: bool,
     /// The face along whose prism it was cut last, and inside of which it lies.
     pub(super) cut_by: u32,
@@ -39,23 +39,23 @@ impl Piece {
         self.corners().iter().sum::<DVec3>() / self.count as f64
     }
 
-    /// The largest distance of a corner from a point.
+    /// Returns the largest distance of a corner from a point.
     pub(super) fn radius(&self, point: DVec3) -> f64 {
         self.corners().iter().map(|p| p.distance_squared(point)).fold(0.0, f64::max).sqrt()
     }
 
-    /// Whether three cuts leave no more corners than there is room for.
+    /// True if there is room for the corners that three cuts add.
     pub(super) fn has_room(&self) -> bool {
         self.count <= FULL
     }
 
-    /// Whether it has the corners that another one has.
+    /// True if it has the same corners as another piece.
     pub(super) fn is_whole(&self, other: &Self) -> bool {
         self.corners() == other.corners()
     }
 
-    /// The parts on both sides of a plane, that against `out` first; `None` if one of them reaches less than `sliver` away
-    /// from it.
+    /// Splits the piece at a plane, returning the part against `out` first; `None` if one of them extends
+    /// less than `sliver` from the plane.
     pub(super) fn cut(&self, at: DVec3, out: DVec3, sliver: f64) -> Option<(Self, Self)> {
         let mut side = [0.0; MOST];
         let (mut least, mut most) = (0.0f64, 0.0f64);
@@ -93,8 +93,8 @@ impl Piece {
         self.count += 1;
     }
 
-    /// Two parts: on both sides of the middle between the two corners that lie farthest apart, or of a diagonal where there
-    /// are many corners.
+    /// Splits the piece in two: through the middle between the two corners that are farthest apart, or along
+    /// a diagonal if there are many corners.
     pub(super) fn halves(&self) -> [Self; 2] {
         if !self.has_room() {
             return self.by_diagonal();

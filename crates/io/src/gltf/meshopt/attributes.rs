@@ -1,4 +1,4 @@
-//! Elements of any kind, as differences of their bytes.
+//! Decoder of attribute streams: elements of any kind, as differences of their bytes.
 //!
 //! ```text
 //! stream = version, blocks, tail          tail = zeros, the element before the first, a mode for each channel (version 1)
@@ -11,21 +11,21 @@ use super::input::{ENDS, Input, zigzag};
 
 /// Elements of a group.
 const GROUP: usize = 16;
-/// Bytes that the elements of a block have at most.
+/// Maximum bytes of the elements of a block.
 const BLOCK_BYTES: usize = 8192;
-/// Elements of a block at most.
+/// Maximum elements of a block.
 const BLOCK_ELEMENTS: usize = 256;
 
-/// How the four bytes of a channel are put together from their differences.
+/// Encoding of the four bytes of a channel as differences.
 #[derive(Clone, Copy)]
 enum Channel {
     Bytes,
     Words,
-    /// 32 bits that differ, turned to the left by so many bits.
+    /// XOR of 32 bits, rotated left by this many bits.
     Xor(u32),
 }
 
-/// `count` elements of `stride` bytes, a multiple of four up to 256.
+/// Decodes `count` elements of `stride` bytes, a multiple of four up to 256.
 pub(super) fn decode(stream: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, &'static str> {
     let (&header, rest) = stream.split_first().ok_or(ENDS)?;
     let channels = stride / 4;
@@ -87,7 +87,7 @@ impl Channel {
         }
     }
 
-    /// The bytes that differ from these by so much.
+    /// Returns the bytes that have this difference from the bytes before.
     #[inline]
     fn after(self, before: [u8; 4], difference: [u8; 4]) -> [u8; 4] {
         match self {
@@ -108,7 +108,8 @@ impl Channel {
     }
 }
 
-/// The differences of one byte of the elements of a block; a group has one of these numbers of bits.
+/// Decodes the differences of one byte of the elements of a block; each group has one of these numbers of
+/// bits.
 fn groups(input: &mut Input<'_>, bits: [u32; 4], out: &mut [u8]) -> Result<(), &'static str> {
     let groups = out.as_chunks_mut::<GROUP>().0;
     let header = input.take(groups.len().div_ceil(4))?;
@@ -122,14 +123,14 @@ fn groups(input: &mut Input<'_>, bits: [u32; 4], out: &mut [u8]) -> Result<(), &
     Ok(())
 }
 
-/// Differences of 1, 2 or 4 bits; those that do not fit stand behind them.
+/// Decodes differences of 1, 2 or 4 bits; those that do not fit are stored behind them.
 fn short(input: &mut Input<'_>, bits: u32, group: &mut [u8; GROUP]) -> Result<(), &'static str> {
     let packed = input.take(GROUP / 8 * bits as usize)?;
     let per_byte = 8 / bits;
     let beyond = (1u8 << bits) - 1;
     for (i, difference) in (0u32..).zip(group.iter_mut()) {
         let place = i % per_byte;
-        // Single bits begin with the lowest, others with the highest.
+        // Single bits start at the lowest bit, others at the highest.
         let shift = if bits == 1 { place } else { 8 - bits * (place + 1) };
         *difference = packed[(i / per_byte) as usize] >> shift & beyond;
         if *difference == beyond {
@@ -175,7 +176,7 @@ mod tests {
 
     #[test]
     fn channels() {
-        // All four bytes as they are, two differences each.
+        // All four bytes are stored plainly, two differences each.
         let body = [2, 0, 0, 0, 1, 0, 4, 0];
         let bytes = decode(&two(0, 0xff, &body), 2, 4).unwrap();
         assert_eq!(bytes, [2, 2, 0x7f, 1, 2, 2, 0x7f, 1]);
@@ -185,7 +186,7 @@ mod tests {
         let xor = decode(&two(2, 0xff, &body), 2, 4).unwrap();
         assert_eq!(xor, [3, 2, 0x81, 0xfb, 3, 2, 0x81, 0xfb]);
         let turned = decode(&two(0x42, 0xff, &body), 2, 4).unwrap();
-        // 0x0401_0002 turned by four places is 0x2040_1000.
+        // 0x0401_0002 rotated right by four bits is 0x2040_1000.
         assert_eq!(turned, [1, 0x12, 0xc0, 0xdf, 1, 0x12, 0xc0, 0xdf]);
         // Nothing stored at all.
         assert_eq!(decode(&two(0, 0b1010_1010, &[]), 2, 4).unwrap(), [1, 2, 0x80, 0xff, 1, 2, 0x80, 0xff]);

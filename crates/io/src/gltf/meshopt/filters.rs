@@ -1,20 +1,20 @@
-//! What is done with decoded elements, each in its place.
+//! Filters that decode elements in place.
 
-/// What is done with decoded elements.
+/// Filter of decoded elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) enum Filter {
     None,
-    /// Directions on an octahedron.
+    /// Directions in octahedral encoding.
     Octahedral,
-    /// Rotations without their largest component.
+    /// Quaternions without their largest component.
     Quaternion,
-    /// Floats as whole numbers times powers of two.
+    /// Floats as integers times powers of two.
     Exponential,
-    /// Colours as brightness and two differences.
+    /// Colours as luma and two chroma differences.
     Color,
 }
 
-/// Turns elements into what they stand for.
+/// Applies a filter to elements, in place.
 pub(super) fn apply(filter: Filter, stride: usize, elements: &mut [u8]) {
     match (filter, stride) {
         (Filter::None, _) => {}
@@ -60,7 +60,7 @@ fn each_of_four(elements: &mut [u8], change: impl Fn([i16; 4]) -> [i16; 4]) {
     }
 }
 
-/// A direction; `input[2]` stands for 1 in the others, and `most` for 1 in the answer. No direction is zero.
+/// Decodes a direction; `input[2]` represents 1 in the input, and `most` in the result. Zero stays zero.
 fn octahedral(input: [i16; 3], most: f32) -> [i16; 3] {
     let one = f32::from(input[2]);
     let [x, y] = [input[0], input[1]].map(|n| f32::from(n) / one);
@@ -69,11 +69,12 @@ fn octahedral(input: [i16; 3], most: f32) -> [i16; 3] {
     let fold = z.min(0.0);
     let [x, y] = [x, y].map(|n| n - fold.copysign(n));
     let length = (x * x + y * y + z * z).sqrt();
-    // A conversion takes what is no number to zero.
+    // The conversion turns NaN into zero.
     [x, y, z].map(|n| (n / length * most).round() as i16)
 }
 
-/// A rotation; the last number names its largest component, and stands for 1 in the others.
+/// Decodes a rotation; the last number holds the index of its largest component, and represents 1 in the
+/// others.
 fn quaternion(input: [i16; 4]) -> [i16; 4] {
     let one = f32::from(input[3] | 3);
     let [x, y, z] =
@@ -87,10 +88,10 @@ fn quaternion(input: [i16; 4]) -> [i16; 4] {
     out
 }
 
-/// A whole number of 24 bits times a power of two.
+/// Decodes a 24-bit integer times a power of two.
 fn exponential(input: i32) -> f32 {
     let (exponent, mantissa) = (input >> 24, input << 8 >> 8);
-    // A power below the least normal one is the product of two: both factors are exact.
+    // A power below the smallest normal float is the product of two exact factors.
     let power = |e: i32| f32::from_bits(((e + 127) as u32) << 23);
     match exponent {
         ..-126 => mantissa as f32 * power(exponent + 64) * power(-64),
@@ -98,9 +99,10 @@ fn exponential(input: i32) -> f32 {
     }
 }
 
-/// Red, green, blue and alpha out of brightness, two differences and alpha; `most` stands for 1 in the answer.
+/// Converts luma, two chroma differences and alpha to red, green, blue and alpha; `most` represents 1 in the
+/// result.
 fn color([y, co, cg, a]: [i32; 4], most: f32) -> [i32; 4] {
-    // The highest bit of alpha says how many bits the others have; without one, all are black.
+    // The highest set bit of alpha gives the number of bits of the others; without one, the colour is black.
     let one = (1i64 << (32 - a.leading_zeros())) as i32 - 1;
     let scale = if one > 0 { most / one as f32 } else { 0.0 };
     let alpha = a & (one >> 1);
@@ -116,11 +118,11 @@ mod tests {
     fn directions() {
         assert_eq!(octahedral([0, 0, 127], 127.0), [0, 0, 127]);
         assert_eq!(octahedral([127, 0, 127], 127.0), [127, 0, 0]);
-        // The corners of the square are the south pole; what is half-way there points down.
+        // The corners of the square map to the south pole.
         assert_eq!(octahedral([-511, 511, 511], 32767.0), [0, 0, -32767]);
         let [x, y, z] = octahedral([1, 1, 3], 32767.0);
         assert_eq!((x, y, z), (18918, 18918, 18918));
-        // No length, and no number.
+        // Zero length, and extreme numbers.
         assert_eq!(octahedral([0, 0, 0], 127.0), [0, 0, 0]);
         for n in [i16::MIN, -1, 0, i16::MAX] {
             let _ = octahedral([i16::MIN, i16::MAX, n], 32767.0);
@@ -129,7 +131,7 @@ mod tests {
 
     #[test]
     fn rotations() {
-        // 1 has ten bits; the largest component is the third.
+        // 1 is stored as 511, with ten bits; the largest component has index 3.
         assert_eq!(quaternion([0, 0, 0, 509 | 2]), [0, 0, 0, 32767]);
         assert_eq!(quaternion([0, 0, 0, 508 | 1]), [0, 32767, 0, 0]);
         let half = quaternion([511, 0, 0, 508]);
@@ -153,9 +155,9 @@ mod tests {
 
     #[test]
     fn colors() {
-        // Eight bits: alpha has seven and the highest.
+        // Eight bits: alpha has seven, below the highest set bit.
         assert_eq!(color([128, 0, 0, 0xff], 255.0), [128, 128, 128, 255]);
-        // Red alone: brightness 64 (of 255 / 4), and both differences.
+        // Red alone: luma 64 (of 255 / 4), and both differences.
         assert_eq!(color([64, 127, -64, 0x80], 255.0), [255, 0, 1, 0]);
         assert_eq!(color([1, 0, 0, 3], 255.0), [85, 85, 85, 255]);
         assert_eq!(color([9, 9, 9, 0], 255.0), [0, 0, 0, 0]);

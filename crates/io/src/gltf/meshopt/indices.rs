@@ -1,13 +1,13 @@
-//! Indices: of triangles that lie near one another, and of any kind.
+//! Decoders of index streams: triangles with local coherence, and plain sequences.
 
 use super::input::{ENDS, Input, zigzag};
 
-/// Entries that the last sixteen remember.
+/// Number of entries of a history.
 const MEMORY: usize = 16;
 
 const UNKNOWN: &str = "is damaged: a triangle refers to more than came before it";
 
-/// The last sixteen of something, the latest first.
+/// History of the last sixteen entries.
 struct Latest<T> {
     entries: [Option<T>; MEMORY],
     next: usize,
@@ -23,21 +23,21 @@ impl<T: Copy> Latest<T> {
         self.next = (self.next + 1) % MEMORY;
     }
 
-    /// The entry before so many others.
+    /// Returns the entry `back` steps before the latest.
     fn get(&self, back: u8) -> Result<T, &'static str> {
         let at = (self.next + 2 * MEMORY - 1 - usize::from(back)) % MEMORY;
         self.entries[at].ok_or(UNKNOWN)
     }
 }
 
-/// What is known after each triangle.
+/// State of the decoder between triangles.
 struct State<'b> {
     data: Input<'b>,
     edges: Latest<[u32; 2]>,
     vertices: Latest<u32>,
-    /// The first index that has not been used.
+    /// First index that has not been used.
     next: u32,
-    /// The last one that stood in the data.
+    /// Last explicit index.
     last: u32,
 }
 
@@ -52,7 +52,8 @@ impl State<'_> {
         Ok(self.last)
     }
 
-    /// A corner: a fresh index for 0, one of the data for 15, else one of the latest. Whether it is new to these.
+    /// Decodes a corner: a fresh index for 0, an explicit one for 15, else one of the latest vertices. Also
+    /// returns true if it is not one of these.
     fn corner(&mut self, code: u8) -> Result<(u32, bool), &'static str> {
         Ok(match code {
             0 => (self.fresh(), true),
@@ -61,7 +62,7 @@ impl State<'_> {
         })
     }
 
-    /// A triangle beside one of the latest edges.
+    /// Decodes a triangle adjacent to one of the latest edges.
     fn beside(&mut self, edge: u8, code: u8) -> Result<[u32; 3], &'static str> {
         let [a, b] = self.edges.get(edge)?;
         let (c, is_new) = match code {
@@ -82,7 +83,7 @@ impl State<'_> {
         Ok([a, b, c])
     }
 
-    /// A triangle whose first corner is fresh, or stands in the data.
+    /// Decodes a triangle whose first corner is fresh or explicit.
     fn alone(&mut self, first: u8, others: u8) -> Result<[u32; 3], &'static str> {
         let (a, _) = self.corner(first)?;
         let (b, b_is_new) = self.corner(others >> 4)?;
@@ -96,7 +97,7 @@ impl State<'_> {
     }
 }
 
-/// The indices of `count` triangles.
+/// Decodes the indices of `count` triangles.
 pub(super) fn triangles(stream: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
     let (codes, rest) = after_header(stream, 0xe1)?.split_at_checked(count).ok_or(ENDS)?;
     let (data, table) = rest.split_last_chunk::<16>().ok_or(ENDS)?;
@@ -129,9 +130,9 @@ pub(super) fn triangles(stream: &[u8], count: usize) -> Result<Vec<u32>, &'stati
     Ok(out)
 }
 
-/// `count` indices of any kind.
+/// Decodes `count` indices of any kind.
 pub(super) fn sequence(stream: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
-    // Zeros at the end let a decoder read on.
+    // Trailing zeros let a decoder read past the end.
     let (body, _) = after_header(stream, 0xd1)?.split_last_chunk::<4>().ok_or(ENDS)?;
     if count > body.len() {
         return Err(ENDS);
@@ -172,14 +173,14 @@ mod tests {
     fn triangles_of_all_kinds() {
         let codes = [
             0xf0, // three fresh ones: 0 1 2
-            0x00, // beside the edge (0, 2), fresh 3: the edges (3, 2) and (0, 3)
-            0x02, // beside (0, 3), the third of the latest vertices: 1
+            0x00, // adjacent to the edge (0, 2), fresh 3: the edges (3, 2) and (0, 3)
+            0x02, // adjacent to (0, 3), the third of the latest vertices: 1
             0xf1, // fresh 4, the latest vertex 3, fresh 5
-            0x0f, // beside (4, 5), 20 out of the data
-            0x0d, // beside (4, 20), 19
-            0x0e, // beside (4, 19), 20
-            0xfe, // others of the data: fresh 6, 7 out of the data, the second latest vertex: 19
-            0xff, // 9 out of the data, and the sequence from the begin: 0, 1
+            0x0f, // adjacent to (4, 5), explicit 20
+            0x0d, // adjacent to (4, 20), 19
+            0x0e, // adjacent to (4, 19), 20
+            0xfe, // codes from the data: fresh 6, explicit 7, the second latest vertex: 19
+            0xff, // explicit 9, and fresh indices start again: 0, 1
         ];
         let data = [40, 0xf2, 25, 0x00, 4];
         let got = triangles(&stream(&codes, &data), codes.len()).unwrap();

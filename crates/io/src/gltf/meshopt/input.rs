@@ -1,9 +1,9 @@
-//! Bytes of a stream, one after another.
+//! Sequential reader of the bytes of a stream.
 
 pub(super) const ENDS: &str = "is cut off: its compressed bytes end too early";
 pub(super) const GOES_ON: &str = "is damaged: compressed bytes are left over";
 
-/// Bytes that are read one after another.
+/// Bytes of a stream that are still to be read.
 pub(super) struct Input<'b> {
     pub(super) bytes: &'b [u8],
 }
@@ -21,7 +21,7 @@ impl<'b> Input<'b> {
         Ok(first)
     }
 
-    /// A number in groups of seven bits, the lowest first; bits beyond 32 are passed over.
+    /// Reads a number in groups of seven bits, the lowest first; bits beyond 32 are ignored.
     pub(super) fn number(&mut self) -> Result<u32, &'static str> {
         let mut number = 0u32;
         for shift in [0, 7, 14, 21, 28] {
@@ -39,7 +39,7 @@ impl<'b> Input<'b> {
     }
 }
 
-/// The difference that a number without sign stands for: 0, -1, 1, -2, 2 and so on.
+/// Decodes a signed difference from an unsigned number: 0, -1, 1, -2, 2 and so on.
 pub(super) const fn zigzag(n: u32) -> u32 {
     (n >> 1) ^ (n & 1).wrapping_neg()
 }

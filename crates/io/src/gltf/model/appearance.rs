@@ -1,4 +1,4 @@
-//! Materials, and the images that they ask for.
+//! Materials, and the images that they use.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub(super) fn read(scene: &Scene, buffers: &Buffers<'_>) -> (Vec<Material>, Vec<
     (materials, images, warnings)
 }
 
-/// The textures of base colours alone, of each material, with their images; without a word on what cannot be shown.
+/// Returns the base colour textures alone, one per material, with their images; without warnings.
 pub(super) fn base_colors(
     scene: &Scene,
     buffers: &Buffers<'_>,
@@ -54,7 +54,7 @@ fn material(json: &Value, material: &Value, pictures: &mut Pictures) -> Material
     let extensions = &material["extensions"];
     let older = &extensions["KHR_materials_pbrSpecularGlossiness"];
     let usual = &material["pbrMetallicRoughness"];
-    // What is told beside the older way is for readers that do not know it.
+    // The core properties beside the older extension are a fallback for readers without it.
     let (surface, [color, color_texture]) = if older.is_object() {
         (older, ["diffuseFactor", "diffuseTexture"])
     } else {
@@ -98,14 +98,14 @@ fn material(json: &Value, material: &Value, pictures: &mut Pictures) -> Material
 fn texture(json: &Value, slot: &Value, pictures: &mut Pictures) -> Option<TextureRef> {
     let texture = list(json, "textures").get(number(&slot["index"])?)?;
     let others = texture["extensions"].as_object().into_iter().flat_map(|e| e.values());
-    // A plain image is there for all programs, one in an extension for few.
+    // All programs read the plain image; few read one in an extension.
     let image = std::iter::once(texture).chain(others).find_map(|t| number(&t["source"]))?;
     let moved = &slot["extensions"]["KHR_texture_transform"];
     let set = if moved["texCoord"].is_null() { &slot["texCoord"] } else { &moved["texCoord"] };
     let uv_set = if set.is_null() { 0 } else { u8::try_from(number(set)?).ok()? };
     let sampler = number(&texture["sampler"]).and_then(|s| list(json, "samplers").get(s));
     let sampler = sampler.unwrap_or(&Value::Null);
-    // The numbers of OpenGL.
+    // Codes of OpenGL.
     let wrap = |way: &str| match number(&sampler[way]) {
         Some(33071) => Wrap::Clamp,
         Some(33648) => Wrap::Mirror,
@@ -119,7 +119,8 @@ fn texture(json: &Value, slot: &Value, pictures: &mut Pictures) -> Option<Textur
     Some(TextureRef { image: pictures.ask_for(image), uv_set, transform: transform(moved), sampler })
 }
 
-/// The transform of KHR_texture_transform, which counts from the upper left corner, as one from the lower left.
+/// Converts a KHR_texture_transform, with the origin at the upper left corner, to the origin at the lower
+/// left.
 fn transform(moved: &Value) -> [[f32; 3]; 2] {
     if !moved.is_object() {
         return TextureRef::PLAIN;
@@ -127,7 +128,7 @@ fn transform(moved: &Value) -> [[f32; 3]; 2] {
     let [x, y] = numbers(&moved["offset"], [0.0; 2]);
     let [sx, sy] = numbers(&moved["scale"], [1.0; 2]);
     let (sin, cos) = finite(&moved["rotation"]).unwrap_or(0.0).sin_cos();
-    // From the upper left: u' = a u + b v + x, v' = c u + d v + y. Both v are turned round.
+    // From the upper left: u' = a u + b v + x, v' = c u + d v + y. Both v are flipped.
     let (a, b, c, d) = (cos * sx, sin * sy, -sin * sx, cos * sy);
     [[a, -b, b + x], [-c, d, 1.0 - d - y]]
 }
@@ -141,7 +142,7 @@ fn numbers<const N: usize>(value: &Value, otherwise: [f32; N]) -> [f32; N] {
     all.and_then(|all| all.try_into().ok()).unwrap_or(otherwise)
 }
 
-/// The bytes of an image: inside the file, in its text, or a file in the folder of the scene.
+/// Returns the bytes of an image: from a buffer, from a data URI, or from a file in the folder of the scene.
 fn bytes_of<'b>(scene: &Scene, buffers: &'b Buffers<'_>, index: usize) -> Result<Cow<'b, [u8]>, String> {
     let image = list(&scene.json, "images").get(index).ok_or("is not there")?;
     let at = format!("images[{index}]");
@@ -174,7 +175,7 @@ mod tests {
         // The upper left quarter of the image: from the lower left, v goes from a half to one.
         let quarter = transform(&json!({"scale": [0.5, 0.5]}));
         assert_eq!(quarter, [[0.5, 0.0, 0.0], [0.0, 0.5, 0.5]]);
-        // A quarter turn against the clock: (1, 0) from the upper left corner goes to (0, -1).
+        // A quarter turn counter-clockwise: (1, 0) from the upper left corner goes to (0, -1).
         let turned = transform(&json!({"rotation": std::f64::consts::FRAC_PI_2, "offset": [0.0, 1.0]}));
         let at = |u: f32, v: f32| turned.map(|[a, b, c]| a * u + b * (1.0 - v) + c);
         let near = |got: [f32; 2], u: f32, v: f32| {

@@ -12,16 +12,16 @@ use crate::gltf::buffers::Buffers;
 use crate::gltf::container::{list, number};
 use crate::gltf::mesh::Budget;
 
-/// The skins that can be shown.
+/// Skins that could be read.
 #[derive(Default)]
 pub(super) struct Skins {
     pub(super) all: Vec<Skin>,
-    /// By their numbers in the file.
+    /// Indices into `all`, by index in the file.
     places: Vec<Option<usize>>,
 }
 
 impl Skins {
-    /// The number of a skin of the file in the model.
+    /// Returns the index in the model of a skin of the file.
     pub(super) fn number(&self, in_file: usize) -> Option<usize> {
         self.places.get(in_file).copied().flatten()
     }
@@ -92,7 +92,7 @@ pub(super) fn animations(
     warnings: &mut Vec<Warning>,
 ) -> Vec<Animation> {
     let mut animations = Vec::new();
-    // Reasons, and how many channels each keeps still.
+    // Number of skipped channels for each reason.
     let mut still: HashMap<String, usize> = HashMap::new();
     let mut order = Vec::new();
     for (i, value) in list(json, "animations").iter().enumerate() {
@@ -114,7 +114,7 @@ pub(super) fn animations(
         let name = value["name"].as_str().unwrap_or_default().to_owned();
         animations.push(Animation { name, channels });
     }
-    // More would help nobody. Guessed.
+    // Guessed: more warnings would not help.
     const SHOWN: usize = 16;
     for text in order.iter().take(SHOWN) {
         let count = still[text];
@@ -127,7 +127,7 @@ pub(super) fn animations(
     animations
 }
 
-/// A channel; `None` for one that moves nothing of the file itself.
+/// Reads a channel; `None` for one without a target node.
 fn read_channel(
     json: &Value,
     buffers: &Buffers<'_>,

@@ -1,4 +1,4 @@
-//! A scene as it changes: new accessors, and the bytes that they have until these have a place in the file.
+//! A scene under edit: new accessors, and their bytes until they are placed in the file.
 
 use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
@@ -9,17 +9,17 @@ use super::super::accessors::Component;
 use super::super::encode::Kind;
 use crate::error::Warning;
 
-/// What views are for.
+/// Targets of views.
 pub(super) const VERTICES: u32 = 34962;
 pub(super) const INDICES: u32 = 34963;
 
-/// An extension of a primitive whose content depends on its vertices, and goes with them.
+/// Extension of a primitive that depends on its vertices, and is removed with them.
 pub(super) const OF_VERTICES: &str = "CESIUM_primitive_outline";
 
 /// A new accessor.
 pub(super) struct Piece {
     pub(super) spot: Spot,
-    /// The accessor that stood there.
+    /// The accessor that it replaces.
     pub(super) old: Option<usize>,
     pub(super) kind: Kind,
     pub(super) width: usize,
@@ -29,7 +29,7 @@ pub(super) struct Piece {
     pub(super) data: Data,
 }
 
-/// Where an accessor is named.
+/// Location of a reference to an accessor.
 pub(super) struct Spot {
     pub(super) mesh: usize,
     pub(super) primitive: usize,
@@ -37,7 +37,7 @@ pub(super) struct Spot {
 }
 
 impl Spot {
-    /// The attribute that is named here.
+    /// Returns the name of the attribute; `None` for indices and targets.
     pub(super) fn attribute(&self) -> Option<String> {
         match &self.part {
             Part::Attribute(name) => Some(name.clone()),
@@ -52,25 +52,25 @@ pub(super) enum Part {
     Target(usize, String),
 }
 
-/// Where the numbers of an accessor are.
+/// Storage of the numbers of an accessor.
 pub(super) enum Data {
     /// All are zero.
     Nowhere,
-    /// In this earlier piece, which takes the place of the same accessor.
+    /// Those of this earlier piece, which replaces the same accessor.
     Shared(usize),
     Dense(Stretch),
-    /// Those that are not zero: how many, the type of their indices, these, and the numbers.
+    /// Non-zero elements: their number, the type of their indices, and the bytes of indices and values.
     Sparse(usize, Component, [Stretch; 2]),
 }
 
-/// Some of the new bytes: a view.
+/// A range of the new bytes: a view.
 pub(super) struct Stretch {
     pub(super) bytes: Range<usize>,
     pub(super) stride: Option<usize>,
     pub(super) target: Option<u32>,
 }
 
-/// The scene as it changes.
+/// The scene under edit.
 pub(super) struct Edit<'s> {
     pub(super) source: &'s Value,
     pub(super) json: Value,
@@ -79,9 +79,9 @@ pub(super) struct Edit<'s> {
     pub(super) known: HashMap<(usize, u64), usize>,
     /// Bytes of the pieces.
     pub(super) fresh: Vec<u8>,
-    /// Accessors that replaced primitives named.
+    /// Accessors that replaced primitives referred to.
     pub(super) let_go: BTreeSet<usize>,
-    /// Primitives that have no face any more.
+    /// Names of primitives that have no face any more.
     pub(super) emptied: Vec<String>,
     pub(super) warnings: Vec<Warning>,
 }

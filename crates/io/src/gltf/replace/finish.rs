@@ -1,4 +1,4 @@
-//! From pieces to the accessors and views of the file, and the bytes of its one buffer.
+//! Conversion of pieces to the accessors and views of the file, and the bytes of its only buffer.
 
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
@@ -13,14 +13,14 @@ use super::super::repack::Repacked;
 use super::edit::{Data, Edit, OF_VERTICES, Part, Piece, Spot, Stretch};
 use crate::error::Warning;
 
-/// Numbers of accessors and views that may be taken.
+/// Indices of accessors and views that are free.
 struct Free {
     accessors: BTreeSet<usize>,
     views: BTreeSet<usize>,
 }
 
 impl Edit<'_> {
-    /// Puts the pieces where they belong; the JSON, its bytes and what there is to say.
+    /// Places the pieces in the file; returns the JSON, its bytes and the warnings.
     pub(super) fn finish(mut self, buffers: &[Arc<Vec<u8>>]) -> (Value, Vec<u8>, Vec<Warning>) {
         let is_changed = !self.let_go.is_empty();
         self.free();
@@ -47,7 +47,7 @@ impl Edit<'_> {
         let base = bytes.len();
         bytes.extend_from_slice(&self.fresh);
 
-        // First those that take what they replace, then the others, so that no number goes to a stranger before its heir.
+        // Pieces that reuse the index they replace come first, so that no other piece takes it before them.
         let pieces = std::mem::take(&mut self.pieces);
         let mut accessors: Vec<Option<usize>> = Vec::with_capacity(pieces.len());
         for piece in &pieces {
@@ -89,7 +89,7 @@ impl Edit<'_> {
         (self.json, bytes, self.warnings)
     }
 
-    /// Empties the accessors and views that were let go and that nothing else names.
+    /// Clears released accessors and views that nothing else refers to.
     fn free(&mut self) {
         let mut still = [HashSet::new(), HashSet::new()];
         let mut views = BTreeSet::new();
@@ -115,7 +115,7 @@ impl Edit<'_> {
         }
     }
 
-    /// Makes an accessor of a piece, with its views; its number.
+    /// Creates the accessor of a piece, with its views; returns its index.
     fn accessor(
         &mut self,
         piece: &Piece,
@@ -128,7 +128,7 @@ impl Edit<'_> {
         let mut object = source.cloned().unwrap_or_default();
         let had_bounds = object.contains_key("min") || object.contains_key("max");
         ["byteOffset", "normalized", "min", "max", "sparse", "bufferView"].iter().for_each(|key| {
-            // A null keeps the place of what is written again below.
+            // A null keeps the position of a key that is written again below.
             if let Some(value) = object.get_mut(*key) {
                 *value = Value::Null;
             }

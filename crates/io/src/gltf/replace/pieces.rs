@@ -1,4 +1,4 @@
-//! New accessors and their bytes, until they have a place in the file.
+//! Creation of new accessors and their bytes, which are placed in the file later.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
@@ -11,7 +11,7 @@ use super::super::encode::{Encoded, Kind};
 use super::edit::{Data, Edit, INDICES, Piece, Spot, Stretch, VERTICES};
 
 impl Edit<'_> {
-    /// Appends bytes, on a step of 4.
+    /// Appends bytes, aligned to 4.
     fn append(&mut self, bytes: &[u8]) -> Range<usize> {
         let start = self.fresh.len().next_multiple_of(4);
         self.fresh.resize(start, 0);
@@ -31,7 +31,7 @@ impl Edit<'_> {
         self.piece(spot, old, encoded, count, Data::Nowhere);
     }
 
-    /// What a morph target adds: sparse where it was so and still few are not zero.
+    /// Adds the data of a morph target: sparse if it was sparse and still few elements are not zero.
     pub(super) fn target(&mut self, spot: Spot, old: Option<usize>, encoded: Encoded, values: &[f32]) {
         let width = encoded.width;
         let count = values.len() / width;
@@ -68,7 +68,7 @@ impl Edit<'_> {
     }
 
     pub(super) fn indices(&mut self, spot: Spot, old: Option<usize>, indices: &[u32], vertices: usize) {
-        // The largest number of a type is not an index.
+        // The largest value of a type is not allowed as an index.
         let is_small = vertices <= usize::from(u16::MAX);
         let component = if is_small { Component::U16 } else { Component::U32 };
         let mut bytes = Vec::with_capacity(indices.len() * component.size());
@@ -92,7 +92,8 @@ impl Edit<'_> {
         self.push(Piece { spot, old, kind, width, count, min, max, data });
     }
 
-    /// Adds a piece whose bytes were appended last. What primitives shared and is still equal, they share again.
+    /// Adds a piece whose bytes were appended last. Data that primitives shared, and that is still equal, is
+    /// shared again.
     fn push(&mut self, mut piece: Piece) {
         let next = self.pieces.len();
         if let (Some(old), Data::Dense(stretch)) = (piece.old, &piece.data) {

@@ -1,4 +1,4 @@
-//! What has become empty goes: attributes, primitives, meshes and what refers to them.
+//! Removal of empty attributes, primitives and meshes, and of references to them.
 
 use std::collections::{BTreeSet, HashSet};
 
@@ -9,7 +9,7 @@ use super::super::lists::{drop_nulls, retain, take_extension};
 use super::edit::Edit;
 use crate::error::Warning;
 
-/// Some of many names, and how many there are beside these.
+/// Joins the first names, and counts the others.
 fn first_few(names: &[String]) -> String {
     // Guessed: enough to know which part of a scene it is.
     const SHOWN: usize = 3;
@@ -21,7 +21,7 @@ fn first_few(names: &[String]) -> String {
 }
 
 impl Edit<'_> {
-    /// Takes away what is still empty: attributes, primitives, meshes.
+    /// Removes empty attributes, primitives and meshes.
     pub(super) fn tidy(&mut self) {
         match self.emptied.as_slice() {
             [] => {}
@@ -60,7 +60,7 @@ impl Edit<'_> {
         }
     }
 
-    /// Takes the skin off nodes whose mesh has lost its joints.
+    /// Removes the skin of nodes whose mesh has lost its joints.
     fn remove_skins(&mut self) {
         let has_joints =
             |mesh: &Value| list(mesh, "primitives").iter().any(|p| !p["attributes"]["JOINTS_0"].is_null());
@@ -74,7 +74,7 @@ impl Edit<'_> {
         }
     }
 
-    /// Takes meshes without primitives away, and all that nodes and animations say of them.
+    /// Removes meshes without primitives, and all references of nodes and animations to them.
     fn remove_meshes(&mut self, emptied: &BTreeSet<usize>) {
         let names: Vec<String> = emptied.iter().map(|m| format!("meshes[{m}]")).collect();
         self.warnings.push(Warning::lost(match names.as_slice() {
@@ -98,7 +98,7 @@ impl Edit<'_> {
                 ["mesh", "skin", "weights"].iter().for_each(|key| drop(node.shift_remove(*key)));
             }
         }
-        // Nothing is left that such a channel could morph.
+        // Such a channel has nothing left to morph.
         let is_idle = |channel: &Value| {
             let target = &channel["target"];
             target["path"] == "weights" && number(&target["node"]).is_some_and(|n| bare.contains(&n))

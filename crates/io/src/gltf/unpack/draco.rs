@@ -1,4 +1,4 @@
-//! Primitives whose vertices and triangles are a stream of Draco.
+//! Decoder of primitives whose vertices and triangles are a Draco stream.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use super::extensions::DRACO;
 use super::fresh::{Fresh, Room};
 use crate::error::ReadError;
 
-/// What views are for.
+/// Targets of views.
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
@@ -28,15 +28,15 @@ struct Job {
     /// For messages.
     name: String,
     view: usize,
-    /// Attributes in the stream: names, their accessors and their numbers there.
+    /// Attributes in the stream: their names, accessors and ids in the stream.
     attributes: Vec<(String, usize, u32)>,
     indices: Option<usize>,
 }
 
-/// A part of a stream: the indices, or the attribute of this number.
+/// A part of the stream of a view: the indices, or the attribute with this id.
 type Part = (usize, Option<u32>);
 
-/// Decodes the primitives that are compressed.
+/// Decodes all compressed primitives.
 pub(super) fn unpack(
     json: &mut Value,
     buffers: &mut Vec<Arc<Vec<u8>>>,
@@ -53,7 +53,7 @@ pub(super) fn unpack(
     if jobs.is_empty() {
         return Ok(());
     }
-    // Primitives that share a stream stand together.
+    // Primitives that share a stream become neighbours.
     jobs.sort_by_key(|job| job.view);
 
     let mut out = Out::new(json, &jobs);
@@ -94,7 +94,7 @@ impl Job {
     }
 }
 
-/// The mesh of a stream, within what may still be decoded.
+/// Decodes the mesh of a stream, within the limit on decoded bytes.
 fn decode(json: &Value, buffers: &[Arc<Vec<u8>>], job: &Job, room: &Room) -> Result<Mesh, ReadError> {
     let opened = Buffers::loaded(json, buffers, 0);
     let view = opened.view(job.view, &job.name)?;
@@ -110,15 +110,15 @@ fn decode(json: &Value, buffers: &[Arc<Vec<u8>>], job: &Job, room: &Room) -> Res
     Ok(mesh)
 }
 
-/// The file as it grows plain.
+/// State of the conversion to uncompressed geometry.
 struct Out {
     fresh: Fresh,
-    /// The accessor of each part that has one.
+    /// New accessor of each part and source accessor.
     known: HashMap<(Part, usize), usize>,
-    /// Accessors that parts have taken, and those that something else names.
+    /// Accessors that parts have taken over, and those that something else refers to.
     taken: HashSet<usize>,
     plain: HashSet<usize>,
-    /// Views that may have become free.
+    /// Views that may have become unused.
     loose: BTreeSet<usize>,
 }
 
@@ -142,7 +142,7 @@ impl Out {
         Self { fresh: Fresh::default(), known: HashMap::new(), taken: HashSet::new(), plain, loose }
     }
 
-    /// Makes accessors of what a primitive has in a stream.
+    /// Creates the accessors of a primitive from its stream.
     fn add(&mut self, json: &mut Value, job: &Job, mesh: &Mesh, room: &mut Room) -> Result<(), ReadError> {
         let vertices = mesh.num_points();
         let mut weights = weights(json, job, mesh);
@@ -221,7 +221,7 @@ impl Out {
         let corners: Vec<u32> = mesh.faces().iter().flatten().map(|point| point.0).collect();
         let most = corners.iter().max().copied().unwrap_or(0);
         let component = match shape.kind {
-            // The largest number of a type is not an index.
+            // The largest value of a type is not allowed as an index.
             Component::U8 if most < u8::MAX.into() => Component::U8,
             Component::U8 | Component::U16 if most < u16::MAX.into() => Component::U16,
             _ => Component::U32,
@@ -236,7 +236,8 @@ impl Out {
         Ok(self.accessor(json, (part, accessor), view, None, encoded, corners.len()))
     }
 
-    /// Puts a part in the place of an accessor, or behind all if others need that one as it is; its number.
+    /// Replaces an accessor with a part, or appends one if others need the old one unchanged; returns its
+    /// index.
     fn accessor(
         &mut self,
         json: &mut Value,
@@ -263,7 +264,7 @@ impl Out {
         at
     }
 
-    /// Lets go of the streams, and of views that are there for readers without the extension.
+    /// Removes the streams, and views that are only for readers without the extension.
     fn finish(mut self, json: &mut Value, buffers: &mut Vec<Arc<Vec<u8>>>) {
         let mut named = BTreeSet::new();
         each_reference(json, &mut |kind, value| {
@@ -282,7 +283,7 @@ impl Out {
     }
 }
 
-/// The weights of a primitive, where they are floats: the stream has rounded them, and they sum to one again.
+/// Returns the float weights of a primitive, scaled to the sum one again: the stream has rounded them.
 fn weights(json: &Value, job: &Job, mesh: &Mesh) -> HashMap<String, Vec<f32>> {
     let (mut keys, mut sets) = (Vec::new(), Vec::new());
     for (key, accessor, id) in &job.attributes {
@@ -297,7 +298,7 @@ fn weights(json: &Value, job: &Job, mesh: &Mesh) -> HashMap<String, Vec<f32>> {
     keys.into_iter().zip(sets).collect()
 }
 
-/// What an accessor says of its new bytes.
+/// Updates the properties of an accessor for its new bytes.
 fn fill(object: &mut Map<String, Value>, view: usize, encoded: Encoded, count: usize) {
     let Encoded { kind, min, max, .. } = encoded;
     ["byteOffset", "sparse"].iter().for_each(|key| drop(object.shift_remove(*key)));

@@ -1,4 +1,4 @@
-//! The extensions of compressed geometry, and what they leave spare.
+//! Extensions of compressed geometry, and the fallback buffers that they make unnecessary.
 
 use std::collections::HashSet;
 
@@ -6,18 +6,19 @@ use serde_json::Value;
 
 use super::super::container::{list, number};
 
-/// The extension of primitives.
+/// Extension of primitives.
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// The names of the extension of views: the ratified one says more, in the same way.
+/// Names of the extension of views: the ratified one is a superset with the same keys.
 pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// The extension of a view or a buffer.
+/// Returns the extension of a view or a buffer, with its name.
 pub(super) fn extension(element: &Value) -> Option<(&'static str, &Value)> {
     MESHOPT.into_iter().map(|name| (name, &element["extensions"][name])).find(|(_, e)| !e.is_null())
 }
 
-/// Buffers for readers without an extension, that nothing else needs; their bytes may be left out.
+/// Returns fallback buffers for readers without an extension that nothing else needs; their bytes may be
+/// missing.
 pub(in super::super) fn fallbacks(json: &Value) -> HashSet<usize> {
     let (mut plain, mut spare) = (HashSet::new(), HashSet::new());
     for view in list(json, "bufferViews") {

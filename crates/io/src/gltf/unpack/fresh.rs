@@ -1,4 +1,4 @@
-//! Decoded bytes on their way into the file, and how many there may be.
+//! Collection of decoded bytes, and the limit on them.
 
 use std::collections::HashSet;
 use std::ops::Range;
@@ -12,7 +12,7 @@ use super::super::repack::{Repacked, Span};
 use super::extensions::MESHOPT;
 use crate::error::ReadError;
 
-/// What may still be decoded.
+/// Limit on decoded bytes, and how much of it is used.
 pub(super) struct Room {
     pub(super) limit: u64,
     pub(super) used: u64,
@@ -34,18 +34,18 @@ impl Room {
     }
 }
 
-/// Decoded bytes until they have a place.
+/// Decoded bytes, not yet placed in a buffer.
 #[derive(Default)]
 pub(super) struct Fresh {
     pub(super) bytes: Vec<u8>,
-    /// Views and what they hold of these.
+    /// Views, each with its range of these bytes.
     pub(super) placed: Vec<(usize, Range<usize>)>,
-    /// The streams.
+    /// Byte ranges of the streams.
     pub(super) freed: Vec<Span>,
 }
 
 impl Fresh {
-    /// Appends the bytes of a view; they begin where numbers of any type may.
+    /// Appends the bytes of a view, aligned for numbers of any type.
     pub(super) fn push(&mut self, view: usize, bytes: &[u8]) {
         let start = self.bytes.len().next_multiple_of(8);
         self.bytes.resize(start, 0);
@@ -53,7 +53,7 @@ impl Fresh {
         self.placed.push((view, start..self.bytes.len()));
     }
 
-    /// Makes one buffer of what stays and what is new.
+    /// Merges the bytes that stay and the decoded ones into one buffer.
     pub(super) fn finish(self, json: &mut Value, buffers: &mut Vec<Arc<Vec<u8>>>) {
         let new: HashSet<usize> = self.placed.iter().map(|(view, _)| *view).collect();
         let views = || list(json, "bufferViews").iter().enumerate().filter(|(i, _)| !new.contains(i));

@@ -1,4 +1,4 @@
-//! Views whose bytes are streams of meshopt.
+//! Decoder of views whose bytes are meshopt streams.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use super::fresh::{Fresh, Room};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
 
-/// Decodes the views that are compressed.
+/// Decodes all compressed views.
 pub(super) fn unpack(
     json: &mut Value,
     buffers: &mut Vec<Arc<Vec<u8>>>,
@@ -66,7 +66,7 @@ pub(super) fn unpack(
     bounds(json, buffers, &rounded)
 }
 
-/// How a stream is laid out, and where it is.
+/// Returns the layout of a stream, and its byte range.
 fn layout(extension: &Value, at: &str) -> Result<(Layout, Span), ReadError> {
     let needed = |name: &str| {
         whole(extension, name, at)?.ok_or_else(|| ReadError::element(at, format!("{name} is missing")))
@@ -102,7 +102,7 @@ fn layout(extension: &Value, at: &str) -> Result<(Layout, Span), ReadError> {
     Ok((Layout { mode, filter, count: needed("count")?, stride: needed("byteStride")? }, source))
 }
 
-/// Says anew between what bounds the numbers are, where a filter has rounded them: writers may have said it before.
+/// Recomputes the bounds of accessors that a filter has rounded: writers may have computed them before that.
 fn bounds(json: &mut Value, buffers: &[Arc<Vec<u8>>], rounded: &HashSet<usize>) -> Result<(), ReadError> {
     let mut found = Vec::new();
     {

@@ -1,13 +1,13 @@
-//! What a split says of places and rows of values.
+//! Coding of the positions and the attribute rows of a split.
 
 use super::{ALONG, CHANNELS, Models, Span, Steps, find, gap};
 use crate::lpm::range::{Coded, Coder};
 use crate::lpm::walk::{Step, Walk};
 
-/// The model of places for which nothing is foreseen.
+/// Model of positions without a prediction.
 const UNFORESEEN: usize = 64;
 
-/// Which models a place is told by: those of a ring of so large a scale, or those of no ring.
+/// Models for a position: those of a ring, by its scale along each axis, or those without a ring.
 #[derive(Clone, Copy)]
 enum Group {
     Near(usize, [usize; 3]),
@@ -32,7 +32,7 @@ impl Models {
         }
         Ok(now)
     }
-    /// A row of numbers, channel by channel.
+    /// Codes a row of numbers, channel by channel.
     fn row<C: Coder>(
         &mut self,
         c: &mut C,
@@ -86,7 +86,7 @@ impl Steps {
             let old = walk.places[u as usize];
             let to = target(u);
             if c.bit(&mut self.models.moves[usize::from(born > 0)], to.is_some())? {
-                // The old place is about the middle of the two.
+                // The old position is about midway between the two.
                 let mirrored = got.places.first().and_then(|&v| {
                     let (p, v) = (code.reckoned(old), code.reckoned(v));
                     code.nearest([0, 1, 2].map(|k| 2.0 * p[k] - v[k]))
@@ -107,7 +107,8 @@ impl Steps {
         Ok(())
     }
 
-    /// Where the new vertex of a split may be, and about how large the ring is along each axis.
+    /// Predicts the position of the new vertex of a split; also returns the approximate size of the ring
+    /// along each axis.
     fn foresee(&self, walk: &Walk, u: u32) -> ([i64; 3], [usize; 3]) {
         let code = self.shape.places;
         let old = walk.places[u as usize];
@@ -140,7 +141,7 @@ impl Steps {
         (foreseen.unwrap_or(old), scale)
     }
 
-    /// New vertices and the old ones of the wedges whose corners they took.
+    /// Returns the new vertices, each with the old vertex of the wedge whose corners it took.
     fn vertex_parents(&self, walk: &Walk, span: Span, got: &Step) -> Vec<(u32, u32)> {
         let parent = |&(born, old): &(u32, u32)| {
             let vertex = match self.shape.has_vertex_map {

@@ -1,21 +1,22 @@
-//! From signs at the points of a grid to a surface between them: one vertex to a cell, one quad to an edge whose ends
-//! differ, as in dual contouring [Ju et al. 2002].
+//! Surface extraction from signs at grid points: one vertex per cell, one quad per edge whose ends differ, as
+//! in dual contouring [Ju et al. 2002].
 //!
-//! A set of grid points in which no four points of a face alternate, and no two opposite corners of a cell stand alone,
-//! has a manifold for its boundary [Latecki 1997]. So the signs are made such a set first, by adding points.
+//! The boundary of a set of grid points is manifold if no face of a cell has alternating corners and no two
+//! opposite corners of a cell are isolated [Latecki 1997]. Points are added first until the set has this
+//! property.
 
 use std::collections::HashMap;
 
 use lodsmith_core::VertexId;
 
-/// A point or a cell of the grid, by its place along the axes; a cell is named by its lowest corner.
+/// Integer coordinates of a grid point or cell; a cell is named by its lowest corner.
 pub(super) type At = [i32; 3];
 
-/// Offsets of the corners of a cell; bit k of the number is the step along axis k.
+/// Offsets of the corners of a cell; bit k of the index is the step along axis k.
 pub(super) const CORNERS: [At; 8] =
     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
 
-/// The faces of a cell: corners in order round, and the step to the cell beyond.
+/// The faces of a cell: corners in cyclic order, and the offset of the cell beyond.
 pub(super) const SIDES: [([usize; 4], At); 6] = [
     ([0, 2, 6, 4], [-1, 0, 0]),
     ([1, 3, 7, 5], [1, 0, 0]),
@@ -29,7 +30,7 @@ pub(super) fn plus(a: At, b: At) -> At {
     [0, 1, 2].map(|k| a[k] + b[k])
 }
 
-/// The corners of a cell, as bits, that have to be added so that it holds no ambiguity by itself; 0 where it is well.
+/// Returns the corners of a cell, as bits, that must be added to make it unambiguous; 0 if it is.
 pub(super) fn missing(mask: u8) -> u8 {
     let mut mask = mask;
     let before = mask;
@@ -53,15 +54,16 @@ pub(super) fn missing(mask: u8) -> u8 {
     }
 }
 
-/// The quads between points whose signs differ, as triangles over cells; sorted cells are the vertices.
+/// Returns the quads between points whose signs differ, indexing the sorted cells as vertices.
 ///
-/// `cells` are all that the surface passes through, in order.
+/// `cells` are all cells that the surface passes through, sorted.
 pub(super) fn quads(cells: &[At], is_inside: &HashMap<At, bool>) -> Vec<[VertexId; 4]> {
     let number = |c: At| VertexId::new(cells.partition_point(|x| *x < c));
     let mut quads = Vec::new();
     for &cell in cells {
         for axis in 0..3 {
-            // Each edge once: by the cell that it is the lowest edge of. The other three cells round it lie below.
+            // Visits each edge once, from the cell that has it as its lowest edge. The other three cells
+            // around the edge lie below.
             let mut end = cell;
             end[axis] += 1;
             let (a, b) = (is_inside[&cell], is_inside[&end]);
@@ -92,7 +94,7 @@ mod tests {
     #[test]
     fn cells_without_ambiguity_are_left_alone() {
         assert_eq!((missing(0), missing(0xFF), missing(1), missing(0b1111)), (0, 0, 0, 0));
-        // Two corners across a face, and across the cell.
+        // Opposite corners of a face, and of the cell.
         assert_ne!(missing(0b1001), 0);
         assert_ne!(missing(1 | 1 << 7), 0);
         for mask in 0..=u8::MAX {
@@ -100,7 +102,7 @@ mod tests {
         }
     }
 
-    /// Signs by chance in a box of so many points, made unambiguous as a run does it.
+    /// Surface of random signs in a box of n³ points, disambiguated as in a run.
     fn surface_of(seed: u64, share: u64, n: i32) -> Vec<[VertexId; 3]> {
         let mut state = seed;
         let mut signs = HashMap::new();

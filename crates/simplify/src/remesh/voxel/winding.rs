@@ -1,24 +1,24 @@
-//! How often a surface goes round a point, counted with the way that its faces are turned.
+//! Generalised winding numbers of a triangle set.
 
 use glam::DVec3;
 
 /// Faces in a leaf. Guessed.
 const LEAF: usize = 8;
-/// A node is seen from afar beyond so many of its radii. [Barill et al. 2018] take 2.
+/// A node is approximated by its dipole beyond this many of its radii. [Barill et al. 2018] take 2.
 const FAR: f64 = 2.0;
 
 struct Node {
-    /// Middle of the areas, and the sum of area times normal.
+    /// Area-weighted centroid, and the sum of area times normal.
     centre: DVec3,
     dipole: DVec3,
-    /// Greatest distance of a corner from the centre.
+    /// Largest distance of a corner from the centre.
     radius: f64,
-    /// Faces of it, or where its two children stand.
+    /// Face range of a leaf, or indices of the two children.
     range: (u32, u32),
     is_leaf: bool,
 }
 
-/// A tree of faces that answers with generalised winding numbers. [Barill et al. 2018]
+/// Bounding hierarchy for generalised winding numbers. [Barill et al. 2018]
 pub(super) struct Winding {
     nodes: Vec<Node>,
     faces: Vec<[DVec3; 3]>,
@@ -30,7 +30,7 @@ impl Winding {
         let mut nodes = Vec::new();
         if !faces.is_empty() {
             nodes.push(summed(&faces, 0));
-            // Children after their parents: a list to walk instead of calls in calls.
+            // Children come after their parents: iterative instead of recursive.
             let mut next = 0;
             while next < nodes.len() {
                 let (from, to) = nodes[next].range;
@@ -77,8 +77,8 @@ impl Winding {
         Self { nodes, faces }
     }
 
-    /// The winding number of a point: 1 inside a closed surface that looks outward, 0 outside, something between round
-    /// an open one.
+    /// Returns the winding number of a point: 1 inside a closed surface oriented outward, 0 outside,
+    /// fractional around an open one.
     pub(super) fn at(&self, p: DVec3) -> f64 {
         let mut sum = 0.0;
         let mut stack = [0u32; 128];
@@ -138,7 +138,7 @@ mod tests {
         let tree = Winding::new(faces);
         for (r, wanted) in [(0.0, 1.0), (0.5, 1.0), (0.98, 1.0), (1.02, 0.0), (1.5, 0.0), (9.0, 0.0)] {
             for d in [DVec3::X, DVec3::new(0.6, -0.48, 0.64), DVec3::NEG_Z] {
-                // Seen from afar, as one dipole each, nodes are off by some percent; what counts is the half.
+                // Nodes approximated by a dipole are off by a few percent; only the 0.5 threshold matters.
                 assert!((tree.at(d * r) - wanted).abs() < 0.05, "{r} {}", tree.at(d * r));
             }
         }

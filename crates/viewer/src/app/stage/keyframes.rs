@@ -1,4 +1,4 @@
-//! What keys and buttons do to keyframes.
+//! Actions of keys and buttons on keyframes.
 
 use eframe::egui;
 
@@ -11,7 +11,7 @@ use crate::stage::motion::{Curve, Motion, Mover, Name, Stand, Tracks, moment};
 use crate::stage::picture::KeyframeDesk;
 
 impl App {
-    /// Does an action, if it is one of keyframes; whether it was.
+    /// Carries out an action if it is one of keyframes; returns true if so.
     pub(super) fn act_on_keyframes(&mut self, ctx: &egui::Context, action: CopiesAction) -> bool {
         let motion = self.document.settings().stage.motion.clone();
         let secs = self.document.moment();
@@ -75,7 +75,8 @@ impl App {
         self.pictures.stage.keyframes = KeyframeDesk { chosen, drag: None };
     }
 
-    /// What a change of the way is for: what chosen keyframes move, else the chosen copies, else all that moves.
+    /// Returns what a change of the curve applies to: the tracks of the chosen keyframes, else of the chosen
+    /// copies, else all tracks.
     fn meant(&self, motion: &Motion, chosen: &[Name]) -> Vec<Mover> {
         let mut movers: Vec<Mover> = chosen.iter().map(|n| n.0).collect();
         movers.dedup();

@@ -1,4 +1,4 @@
-//! Keyframes of the stage: set, chosen, dragged, copied and taken away.
+//! Editing of the stage's keyframes in the timeline: set, select, drag, copy, delete.
 
 use eframe::egui::{self, CursorIcon, Modifiers, Rect, Response, Sense, Shape, Stroke, Ui, Vec2, pos2};
 
@@ -12,13 +12,13 @@ use crate::stage::motion::{Curve, MOST_SECS, Motion, Mover, Name, moment};
 use crate::stage::picture::{KeyframeDesk, KeyframeDrag};
 use crate::theme::{palette, weak};
 
-/// Half of a mark, and how near a pointer means it.
+/// Half the size of a keyframe mark, and the distance within which the pointer hits it.
 const MARK: f32 = 5.5;
 const NEAR: f32 = 7.0;
-/// Moments that a drag comes to rest at: hundredths.
+/// Snapping of dragged keyframes: hundredths of a second.
 const GRID: f64 = 100.0;
 
-/// What can be done to keyframes; nothing where there is no stage.
+/// Draws the row of keyframe actions; nothing without a stage.
 pub(super) fn row(ui: &mut Ui, scope: &mut Scope<'_>) {
     let Some(stage) = scope.document.stage() else { return };
     let motion = stage.motion.clone();
@@ -77,7 +77,7 @@ pub(super) fn row(ui: &mut Ui, scope: &mut Scope<'_>) {
     });
 }
 
-/// How long all of it is: to be changed where there is a stage.
+/// Draws the length of the timeline; it can be edited if there is a stage.
 pub(super) fn length(ui: &mut Ui, scope: &mut Scope<'_>, length: f64) {
     let Some(stage) = scope.document.stage() else {
         ui.label(weak(ui, format!("of {length:.2} s")));
@@ -95,7 +95,7 @@ pub(super) fn length(ui: &mut Ui, scope: &mut Scope<'_>, length: f64) {
     }
 }
 
-/// The marks of a lane, and what the mouse does to them.
+/// Draws the keyframes of a lane and handles the mouse over them.
 pub(super) fn lane(
     ui: &Ui,
     scope: &mut Scope<'_>,
@@ -137,7 +137,7 @@ enum Asked {
     Moment(f64),
 }
 
-/// What the mouse asks for; which keyframes are chosen and held is changed at once.
+/// Handles the mouse: updates selection and drag, and returns a further change, if any.
 fn mouse(
     response: &Response,
     scope: &Scope<'_>,
@@ -165,7 +165,7 @@ fn mouse(
         desk.drag = Some(KeyframeDrag { before, names, from_secs, keeps: modifiers.alt });
         return None;
     }
-    // Only the lane that is held has something to say of a drag.
+    // Only the dragged lane handles the drag.
     if response.dragged()
         && let Some(drag) = &desk.drag
         && let Some(pointer) = response.interact_pointer_pos()
@@ -173,7 +173,7 @@ fn mouse(
         let first = drag.names.iter().map(|n| n.1).fold(f64::INFINITY, f64::min);
         let last = drag.names.iter().map(|n| n.1).fold(0.0, f64::max);
         let by = (scale.seconds_at(pointer.x) - drag.from_secs).min((scale.length - last).max(0.0));
-        // The first comes to rest at round moments, and the others keep their distances.
+        // The first keyframe snaps; the others keep their distances to it.
         let to = ((first + by) * GRID).round() / GRID;
         let by = if by.abs() < 0.5 / GRID { 0.0 } else { to - first };
         let mut new = Vec::new();
@@ -204,7 +204,7 @@ fn mouse(
     None
 }
 
-/// The keyframe under a pointer.
+/// Returns the keyframe under the pointer.
 fn near(scale: &Scale, keys: &[f64], x: f32) -> Option<f64> {
     let away = |secs: &f64| (scale.x_of(*secs) - x).abs();
     keys.iter().copied().filter(|s| away(s) <= NEAR).min_by(|a, b| away(a).total_cmp(&away(b)))
@@ -226,7 +226,7 @@ fn paint(
     }
     let is_step = scope.document.stage().is_some_and(|s| s.motion.curve(mover) == Curve::Step);
     let y = rect.center().y;
-    // What goes on between two is told by a line, which steps do not have.
+    // A line shows interpolation between keyframes; steps have none.
     if !is_step && let (Some(first), Some(last)) = (keys.first(), keys.last()) {
         painter.hline(scale.x_of(*first)..=scale.x_of(*last), y, Stroke::new(1.5, p.weak));
     }

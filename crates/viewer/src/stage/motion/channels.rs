@@ -1,33 +1,33 @@
-//! Keyframes as channels of an animation of glTF: the same curves, by the same polynomials.
+//! Conversion of keyframe tracks to glTF animation channels with the same cubic curves.
 
 use lodsmith_core::model::{self, Channel, Interpolation};
 
 use super::{Curve, Keyed, Parts, Track};
 
-/// What moves a node, and one below it that tilts what hangs there.
+/// Nodes that a track animates: one that moves and turns, and optionally a child node that is pitched.
 #[derive(Clone, Copy, Debug)]
 pub struct Channels {
-    /// The node that is moved and turned.
+    /// Node that is translated and rotated.
     pub node: usize,
-    /// The one that is tilted.
+    /// Node that is pitched.
     pub tilted: Option<usize>,
-    /// Whether the size is that of the node.
+    /// True if the size of the values is the scale of the node.
     pub is_scaled: bool,
 }
 
-/// The largest turn between two keyframes of a rotation: with it the curve of quaternions is within 0.001 degrees of the turn
-/// that is meant. (Measured by the test below.)
+/// Maximum angle between two rotation keyframes: with it the quaternion curve is within 0.001 degrees of the
+/// intended rotation. (Measured by the test below.)
 const MOST_TURN_DEG: f64 = 10.0;
 
-/// Values of a channel, with those that a cubic curve needs beside them.
+/// Keyframe times and values of a channel, with tangents for cubic interpolation.
 struct Values<const N: usize> {
     times: Vec<f32>,
-    /// Tangent in, value, tangent out for each.
+    /// In-tangent, value and out-tangent per keyframe; for steps only the value.
     all: Vec<[f32; N]>,
 }
 
 impl Channels {
-    /// The channels of a track. What is the same in all keyframes has none.
+    /// Returns the channels of a track. Components that are equal in all keyframes have no channel.
     pub fn of<T: Keyed>(&self, track: &Track<T>) -> Vec<Channel> {
         let mut channels = Vec::new();
         let values: Vec<Parts> = track.values().map(Keyed::parts).collect();
@@ -48,7 +48,7 @@ impl Channels {
                 continue;
             };
             let parts = |way: &Parts| (way.turns_deg[k].abs() / MOST_TURN_DEG).ceil().max(1.0) as usize;
-            // About y, or about x; half the angle.
+            // Rotation about y, or about x, from sine and cosine of half the angle.
             let quaternion = |[sin, cos]: [f64; 2]| {
                 let mut q = [0.0, 0.0, 0.0, cos as f32];
                 q[1 - k] = sin as f32;
@@ -66,7 +66,7 @@ impl Channels {
     }
 }
 
-/// Values at the keyframes and, where a segment is to have several parts, between them.
+/// Samples a track at its keyframes and, if a segment is divided into several parts, between them.
 fn sampled<T: Keyed, const N: usize>(
     track: &Track<T>,
     parts_of: impl Fn(&Parts) -> usize,
@@ -79,7 +79,7 @@ fn sampled<T: Keyed, const N: usize>(
         out.all = track.values().map(|v| value(&v.parts())).collect();
         return out;
     }
-    // Angles go on through all segments, so that no quaternion jumps to its opposite.
+    // Angles accumulate over all segments, so that no quaternion flips its sign.
     let mut angles = track.values().next().map_or([0.0; 2], |v| v.parts().turns_deg);
     let mut push = |secs: f64, mut at: Parts, by: [f64; 2], speed: Parts| {
         at.turns_deg = by;
@@ -150,7 +150,8 @@ mod tests {
             }
             let model = played(Channels { node: 1, tilted: None, is_scaled: true }.of(&track));
             for k in 0..=220 {
-                // Beside the keyframes, where a step would be told by the last bit of a number.
+                // Not exactly at the keyframes, where rounding would decide on which side of a step a time
+                // falls.
                 let secs = 0.02 * f64::from(k) + 0.003;
                 let (translation, rotation, scale) = parts(&model, 1, secs);
                 let p = track.at(secs).unwrap();

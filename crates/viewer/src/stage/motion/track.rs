@@ -1,35 +1,35 @@
-//! The keyframes of one thing, and what lies between them.
+//! Keyframe track of one object, and its interpolation.
 
 use glam::DVec3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{Keyed, Parts};
 
-/// Where something is at a moment.
+/// A value at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Keyframe<T> {
-    /// From the begin; whole milliseconds.
+    /// Time from the start, in whole milliseconds.
     pub seconds: f64,
-    /// Where it is.
+    /// The value.
     #[serde(flatten)]
     pub value: T,
 }
 
-/// How something gets from one keyframe to the next.
+/// Interpolation between keyframes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Curve {
-    /// Along a curve, without a jerk.
+    /// Smooth cubic curve.
     #[default]
     Smooth,
-    /// It stays until the next.
+    /// Constant until the next keyframe.
     Step,
 }
 
-/// Keyframes of one thing, by time; no two at one moment.
+/// Keyframes of one object, sorted by time; no two have the same time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track<T> {
-    /// How it gets from one to the next.
+    /// Interpolation between the keyframes.
     pub curve: Curve,
     keys: Vec<Keyframe<T>>,
 }
@@ -40,29 +40,29 @@ impl<T> Default for Track<T> {
     }
 }
 
-/// The latest moment of a keyframe: an hour.
+/// Maximum time of a keyframe: one hour.
 pub const MOST_SECS: f64 = 3600.0;
 
-/// The moment that a keyframe for these seconds has.
+/// Returns the time rounded to milliseconds and clamped to the valid range.
 pub fn moment(seconds: f64) -> f64 {
     let seconds = if seconds.is_finite() { seconds } else { 0.0 };
     (1000.0 * seconds.clamp(0.0, MOST_SECS)).round() / 1000.0
 }
 
 impl<T> Track<T> {
-    /// Whether there is no keyframe.
+    /// Returns true if there are no keyframes.
     pub fn is_empty(&self) -> bool {
         self.keys.is_empty()
     }
-    /// How many there are.
+    /// Returns the number of keyframes.
     pub fn len(&self) -> usize {
         self.keys.len()
     }
-    /// Their moments, rising.
+    /// Returns the times of the keyframes, in ascending order.
     pub fn moments(&self) -> impl Iterator<Item = f64> {
         self.keys.iter().map(|k| k.seconds)
     }
-    /// The moment of the last; 0 without any.
+    /// Returns the time of the last keyframe, 0 without keyframes.
     pub fn last_secs(&self) -> f64 {
         self.keys.last().map_or(0.0, |k| k.seconds)
     }
@@ -71,7 +71,7 @@ impl<T> Track<T> {
         self.keys.binary_search_by(|k| k.seconds.total_cmp(&moment(secs)))
     }
 
-    /// Takes the keyframe of a moment away.
+    /// Removes the keyframe at a time, if there is one.
     pub fn remove(&mut self, secs: f64) {
         if let Ok(i) = self.place(secs) {
             self.keys.remove(i);
@@ -80,7 +80,7 @@ impl<T> Track<T> {
 }
 
 impl<T: Keyed> Track<T> {
-    /// A keyframe at a moment, in the place of the one there. What is nowhere is none.
+    /// Sets a keyframe, replacing one at the same time. Invalid values are ignored.
     pub fn set(&mut self, secs: f64, value: T) {
         let Some(value) = value.checked() else { return };
         let key = Keyframe { seconds: moment(secs), value };
@@ -90,7 +90,7 @@ impl<T: Keyed> Track<T> {
         }
     }
 
-    /// The same with all it holds changed.
+    /// Returns a track with all values changed by a function.
     #[must_use]
     pub fn changed(&self, of: impl Fn(&T) -> T) -> Self {
         let mut track = Self { curve: self.curve, keys: Vec::new() };
@@ -98,15 +98,15 @@ impl<T: Keyed> Track<T> {
         track
     }
 
-    /// What all keyframes hold.
+    /// Returns the values of all keyframes.
     pub fn values(&self) -> impl Iterator<Item = &T> {
         self.keys.iter().map(|k| &k.value)
     }
-    /// The keyframe of a moment, if there is one.
+    /// Returns the value of the keyframe at a time, if there is one.
     pub fn keyframe(&self, secs: f64) -> Option<T> {
         self.place(secs).ok().map(|i| self.keys[i].value)
     }
-    /// Where it is at a moment; `None` without a keyframe. Cost: O(log n).
+    /// Returns the interpolated value at a time; `None` without keyframes. Cost: O(log n).
     pub fn at(&self, secs: f64) -> Option<T> {
         let (first, last) = (self.keys.first()?, self.keys.last()?);
         if secs <= first.seconds {
@@ -123,7 +123,7 @@ impl<T: Keyed> Track<T> {
         T::of(&segment.at((secs - segment.begin) / segment.length).0).checked()
     }
 
-    /// The way from a keyframe to the next.
+    /// Returns the curve from keyframe `i` to the next.
     pub(super) fn segment(&self, i: usize) -> Segment {
         let [from, to] = [i, i + 1].map(|i| &self.keys[i]);
         let way = difference(&from.value.parts(), &to.value.parts());
@@ -136,7 +136,7 @@ impl<T: Keyed> Track<T> {
         }
     }
 
-    /// How fast it is at a keyframe, for a second. At both ends it stands.
+    /// Returns the derivative per second at a keyframe; zero at the first and the last one.
     fn slope(&self, i: usize) -> Parts {
         if i == 0 || i + 1 >= self.keys.len() {
             return Parts::default();
@@ -145,15 +145,15 @@ impl<T: Keyed> Track<T> {
         let (h0, h1) = (here.seconds - before.seconds, after.seconds - here.seconds);
         let d0 = difference(&before.value.parts(), &here.value.parts());
         let d1 = difference(&here.value.parts(), &after.value.parts());
-        // The slope of the parabola through the three.
+        // Slope of the parabola through the three keyframes.
         let mean = |d0: f64, d1: f64| (h1 * (d0 / h0) + h0 * (d1 / h1)) / (h0 + h1);
-        // Within these bounds a curve does not go beyond its ends [Fritsch-Carlson 1980].
+        // Within these bounds the curve does not overshoot its ends [Fritsch-Carlson 1980].
         let bounded = |d0: f64, d1: f64| {
             let most = 3.0 * (d0 / h0).abs().min((d1 / h1).abs());
             if d0 * d1 > 0.0 { mean(d0, d1).clamp(-most, most) } else { 0.0 }
         };
         let place = if d0.place == DVec3::ZERO || d1.place == DVec3::ZERO {
-            // What stands there for a while does not swing out.
+            // No overshoot next to a segment without motion.
             DVec3::ZERO
         } else {
             DVec3::from([0, 1, 2].map(|k| mean(d0.place[k], d1.place[k])))
@@ -166,7 +166,7 @@ impl<T: Keyed> Track<T> {
     }
 }
 
-/// The way from one to the other; turns take the shorter one.
+/// Returns the difference between two values; angles take the shorter way.
 fn difference(from: &Parts, to: &Parts) -> Parts {
     let shorter = |k: usize| {
         let turn = (to.turns_deg[k] - from.turns_deg[k]).rem_euclid(360.0);
@@ -175,24 +175,25 @@ fn difference(from: &Parts, to: &Parts) -> Parts {
     Parts { place: to.place - from.place, turns_deg: [0, 1].map(shorter), size: to.size - from.size }
 }
 
-/// The way between two keyframes.
+/// Cubic curve between two keyframes.
 pub(super) struct Segment {
-    /// Its first moment.
+    /// Start time.
     pub begin: f64,
-    /// Its seconds.
+    /// Duration in seconds.
     pub length: f64,
     from: Parts,
-    /// To the end, turns as they are taken.
+    /// Difference from start to end; angles take the shorter way.
     pub way: Parts,
     slopes: [Parts; 2],
 }
 
 impl Segment {
-    /// Where it is after a part of the way, from 0 to 1, and how fast for a second. Turns go on from where the segment began.
+    /// Returns the value at a parameter from 0 to 1 and the derivative per second. Angles continue from the
+    /// start of the segment without wrapping.
     pub(super) fn at(&self, t: f64) -> (Parts, Parts) {
         let h = self.length;
         let (t2, t3) = (t * t, t * t * t);
-        // By the way to the end: the basis of Hermite without its first polynomial.
+        // Hermite basis relative to the start value, hence without the first polynomial.
         let number = |way: f64, s: [f64; 2]| {
             let value = (3.0 * t2 - 2.0 * t3) * way + h * ((t3 - 2.0 * t2 + t) * s[0] + (t3 - t2) * s[1]);
             let speed = (6.0 * t - 6.0 * t2) / h * way
@@ -213,7 +214,7 @@ impl Segment {
     }
 }
 
-/// As files have it.
+/// Representation of [`Track`] in files.
 #[derive(Serialize, Deserialize)]
 struct InFile<T> {
     #[serde(default)]
@@ -229,13 +230,13 @@ impl<T: Serialize + Clone> Serialize for Track<T> {
 }
 
 impl<'de, T: Keyed + Deserialize<'de>> Deserialize<'de> for Track<T> {
-    /// By time, and only what is somewhere; of two at one moment the last.
+    /// Sorts keyframes by time and drops invalid ones; of several at the same time the last one is kept.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let InFile { curve, keys } = InFile::<T>::deserialize(deserializer)?;
         let checked =
             |k: Keyframe<T>| Some(Keyframe { seconds: moment(k.seconds), value: k.value.checked()? });
         let mut keys: Vec<_> = keys.into_iter().filter_map(checked).collect();
-        // Behind each other where they are at one moment, in the order of the file.
+        // The stable sort keeps keyframes with equal times in file order.
         keys.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
         keys.reverse();
         keys.dedup_by(|a, b| a.seconds == b.seconds);
@@ -271,14 +272,14 @@ mod tests {
         }
         assert_eq!((track.at(-1.0), track.at(9.0)), (Some(keys[0].1), Some(keys[3].1)));
         assert_eq!(Track::<Placement>::default().at(1.0), None);
-        // Speeds agree on both sides of a keyframe, and are none at the ends.
+        // Derivatives agree on both sides of a keyframe, and are zero at the ends.
         for i in 0..2 {
             let (end, begin) = (track.segment(i).at(1.0).1, track.segment(i + 1).at(0.0).1);
             assert!(end.place.distance(begin.place) < 1e-9 && (end.size - begin.size).abs() < 1e-9);
             assert!((end.turns_deg[0] - begin.turns_deg[0]).abs() < 1e-9);
         }
         assert_eq!(track.segment(0).at(0.0).1.place, DVec3::ZERO);
-        // And they are the slopes of what is passed.
+        // They match finite differences of the values.
         let (segment, step) = (track.segment(1), 1e-6);
         let [a, b] = [0.4 - step, 0.4 + step].map(|t| segment.at(t).0.place);
         let slope = (b - a) / (2.0 * step * segment.length);
