@@ -2,7 +2,7 @@
 //! removed, and cleaning it again changes nothing.
 #![no_main]
 
-use lodsmith::{CleanOptions, Length, NoControl, NonManifold, clean};
+use lodsmith::{CleanOptions, Cleaned, Length, NoControl, NonManifold, clean};
 use lodsmith_fuzz::soup::{self, Bytes};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
@@ -26,7 +26,12 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     // A component can fall below the size limit only when faces between components are removed, and welding
     // moves others together.
     if options.weld.is_none() && options.prune.is_none() {
-        let again = clean(out, &options, &mut NoControl).expect("it has faces").report;
-        assert_eq!((again.non_finite_faces, again.degenerate_faces, again.duplicate_faces), (0, 0, 0));
+        match clean(out, &options, &mut NoControl) {
+            Ok(Cleaned { report: again, .. }) => {
+                assert_eq!((again.non_finite_faces, again.degenerate_faces, again.duplicate_faces), (0, 0, 0));
+            }
+            // Faces without area that had to stay may go when others have.
+            Err(why) => assert!(report.left.zero_area_faces > 0, "it has faces: {why}"),
+        }
     }
 });

@@ -187,6 +187,19 @@ fn faces_without_area_go_and_open_nothing() {
     assert_eq!(got.report.left.non_manifold_edges, 0);
 }
 
+/// Found by fuzzing: the face that three others kept in place stayed alone, and a second run found no face to keep.
+#[test]
+fn faces_without_area_do_not_wait_for_a_second_run() {
+    let far = [-1.7e38; 3];
+    let [o, p, q, r, s] =
+        [[0.0; 3], [3.5, 0.75, 2.75], [2.5, 3.75, 3.75], [3.75, 3.25, 0.0], [0.0, 0.0, 1.5]];
+    let lone = [[0.0, 0.0, 0.0], [1e38, 0.0, 0.0], [0.0, 1e38, 0.0]];
+    let positions: Vec<[f64; 3]> = [o, far, p, q, r, s].into_iter().chain(lone).collect();
+    let faces = [[0, 1, 2], [2, 1, 3], [1, 4, 0], [5, 0, 1], [6, 7, 8]];
+    let cleaned = run(&mesh(&positions, &faces), &CleanOptions::default());
+    assert_eq!((cleaned.report.faces, cleaned.report.left.zero_area_faces), (1, 0));
+}
+
 #[test]
 fn small_parts_go_and_the_largest_stays() {
     let sphere = shapes::icosphere(2);

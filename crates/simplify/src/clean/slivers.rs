@@ -18,6 +18,10 @@ use super::Work;
 /// (Guessed; few need three.)
 const TURNS: u8 = 8;
 
+/// Maximum number of times that faces which had to stay are visited again, so that the steps are linear in the faces.
+/// (Guessed; few models need a second visit.)
+const ROUNDS: usize = 8;
+
 /// The edges with a corner of a zero-area face.
 type Edges = HashMap<(VertexId, VertexId), FacesAt>;
 
@@ -43,8 +47,8 @@ pub(super) struct Mended {
 /// The longest edge of a sliver runs through its third corner. So the neighbour over that edge is divided
 /// there: the edge is flipped, and both faces get an area. If there is no neighbour, or none beyond the other
 /// two edges, the sliver is removed. It stays if the longest edge has more than two faces, is a seam or a
-/// border of regions, if the flipped edge already exists, and if two of its corners almost coincide. Cost:
-/// O(n), whatever the number of faces at an edge.
+/// border of regions, if the flipped edge already exists, and if two of its corners almost coincide; it is
+/// visited again once others have gone. Cost: O(n), whatever the number of faces at an edge.
 pub(super) fn mend(work: &mut Work<'_>) -> Mended {
     let mut waiting: Vec<usize> =
         (0..work.faces.len()).rev().filter(|&f| is_sliver(work, work.faces[f])).collect();
@@ -64,33 +68,45 @@ pub(super) fn mend(work: &mut Work<'_>) -> Mended {
     }
     let mut gone = vec![false; work.faces.len()];
     let mut turns = vec![0u8; work.faces.len()];
-    while let Some(f) = waiting.pop() {
-        steps += 1;
-        if gone[f] || turns[f] == TURNS || !is_sliver(work, work.faces[f]) {
-            continue;
-        }
-        let [a, b, c] = [0, 1, 2].map(|k| length_sq(work, edge(work, f, k)));
-        let longest = if a >= b && a >= c {
-            0
-        } else if b >= c {
-            1
-        } else {
-            2
-        };
-        let is_border = |k: usize| edges[&edge(work, f, k % 3)].count == 1;
-        let is_fin = is_border(longest + 1) && is_border(longest + 2);
-        let FacesAt { count, joined } = edges[&edge(work, f, longest)];
-        if is_fin || count == 1 {
-            remove(work, &mut edges, f);
-            gone[f] = true;
-        } else if count == 2 {
-            let g = joined ^ f;
-            if turn(work, &mut edges, f, longest, g) {
-                // (Counted for the face that started it, so that every flip counts.)
-                turns[f] += 1;
-                waiting.extend([f, g]);
+    let (mut slivers, mut changes) = (waiting.clone(), 0usize);
+    for _ in 0..ROUNDS {
+        let changes_before = changes;
+        while let Some(f) = waiting.pop() {
+            steps += 1;
+            if gone[f] || turns[f] == TURNS || !is_sliver(work, work.faces[f]) {
+                continue;
+            }
+            let [a, b, c] = [0, 1, 2].map(|k| length_sq(work, edge(work, f, k)));
+            let longest = if a >= b && a >= c {
+                0
+            } else if b >= c {
+                1
+            } else {
+                2
+            };
+            let is_border = |k: usize| edges[&edge(work, f, k % 3)].count == 1;
+            let is_fin = is_border(longest + 1) && is_border(longest + 2);
+            let FacesAt { count, joined } = edges[&edge(work, f, longest)];
+            if is_fin || count == 1 {
+                remove(work, &mut edges, f);
+                gone[f] = true;
+                changes += 1;
+            } else if count == 2 {
+                let g = joined ^ f;
+                if turn(work, &mut edges, f, longest, g) {
+                    // (Counted for the face that started it, so that every flip counts.)
+                    turns[f] += 1;
+                    changes += 1;
+                    waiting.extend([f, g]);
+                }
             }
         }
+        // What had to stay may go once its neighbours are gone.
+        slivers.retain(|&f| !gone[f] && turns[f] < TURNS && is_sliver(work, work.faces[f]));
+        if slivers.is_empty() || changes == changes_before {
+            break;
+        }
+        waiting.clone_from(&slivers);
     }
     work.drop_faces(|f| gone[f]);
     let after = (0..work.faces.len()).filter(|&f| is_sliver(work, work.faces[f])).count();
