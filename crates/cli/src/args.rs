@@ -1,4 +1,5 @@
-//! What can be typed. Options become [`lodsmith::SimplifyOptions`]; defaults come from there and stand nowhere else.
+//! Command-line arguments. Options are converted to [`lodsmith::SimplifyOptions`], which is also the only
+//! place of their defaults.
 
 mod choice;
 mod clean;
@@ -82,7 +83,7 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// The options of a run (threads, limits, what is printed), which commands that read files have; `None` for the others.
+    /// Returns the options of a run (threads, limits, output), if the command reads files.
     pub(crate) fn run(&self) -> Option<&Run> {
         Some(match self {
             Self::Simplify(args) => &args.run,
@@ -100,8 +101,8 @@ impl Command {
         })
     }
 
-    /// Seconds after which the process ends, for commands that have nothing to show for part of their work. (The others take
-    /// the best they have by then.)
+    /// Returns the seconds after which the process ends, for commands without a partial result. (The others
+    /// return the best result they have by then.)
     pub(crate) fn hard_limit_secs(&self) -> Option<f64> {
         match self {
             Self::Simplify(_) | Self::Lod(_) | Self::Methods(_) => None,
@@ -151,7 +152,7 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    /// These options as `lodsmith_io` takes them.
+    /// Converts these options to those of `lodsmith_io`.
     pub(crate) fn options(&self) -> ReadOptions {
         let mut options = ReadOptions::default();
         options.format = self.from;

@@ -1,4 +1,4 @@
-//! What `--lock` and `--importance` name, found in what was read.
+//! Resolution of the names in `--lock` and `--importance` to vertices of the input.
 
 use std::sync::Arc;
 
@@ -10,36 +10,36 @@ use lodsmith_io::{Format, Loaded};
 
 use crate::args::{How, Importance};
 
-/// Names in an error, at most.
+/// Largest number of names listed in an error.
 const SHOWN: usize = 30;
 
-/// A mesh, and the names that stand over it.
+/// A mesh with the names that apply to it.
 struct Named<'a> {
     mesh: &'a TriMesh,
-    /// Names of the whole.
+    /// Names that apply to the whole mesh.
     whole: Vec<String>,
-    /// Names of each region.
+    /// Names that apply to each region.
     regions: Vec<Vec<String>>,
-    /// Numbers of vertices, beside the mesh.
+    /// Properties of vertices that are not attributes of the mesh.
     properties: &'a [(String, Vec<f32>)],
 }
 
-/// Properties of vertices that have to be read beside the mesh.
+/// Returns the names of vertex properties that have to be read in addition to the mesh.
 pub(crate) fn properties(how: &How) -> Vec<String> {
     let importance = how.importance.as_ref().map(|i| i.name.clone());
     how.lock.iter().cloned().chain(importance).collect()
 }
 
-/// Says in the options what a mesh is asked for.
+/// Sets locks, importance and region classes of a mesh in the options.
 ///
 /// # Errors
-/// A name that nothing has; the error lists those that there are.
+/// If a name is not found; the error lists the names that exist.
 pub(crate) fn of_mesh(how: &How, loaded: &Loaded, options: &mut SimplifyOptions) -> anyhow::Result<()> {
     options.region_classes = Some(loaded.regions.classes().into());
     let text = |name: &[u8]| String::from_utf8_lossy(name).into_owned();
     let regions = loaded.regions.iter().map(|region| {
         let groups = region.groups.into_iter().flat_map(|all| {
-            // Several with blanks between them, or one name with blanks in it.
+            // Several names separated by blanks, or one name that contains blanks.
             std::iter::once(all).chain(all.split(|c| c.is_ascii_whitespace())).filter(|name| !name.is_empty())
         });
         let others = [region.object, region.material, region.smoothing].into_iter().flatten();
@@ -60,10 +60,10 @@ pub(crate) fn of_mesh(how: &How, loaded: &Loaded, options: &mut SimplifyOptions)
     })
 }
 
-/// The same for the meshes of a scene that are worked on, by number.
+/// Sets locks and importance of the meshes of a scene with these numbers.
 ///
 /// # Errors
-/// As [`of_mesh`].
+/// Those of [`of_mesh`].
 pub(crate) fn of_scene(
     how: &How,
     scene: &Scene,
@@ -83,9 +83,9 @@ pub(crate) fn of_scene(
     fill(how, &all, Vec::new(), options)
 }
 
-/// Words for attributes in lists of what a file holds, which have no single number for a vertex.
+/// Names of attributes in lists of a file's content that do not have a single number for each vertex.
 const PARTS: [&str; 3] = ["normals", "uvs", "colors"];
-/// Channels of colours as they are typed.
+/// Names of colour channels on the command line.
 const CHANNELS: [&str; 4] = ["color.r", "color.g", "color.b", "color.a"];
 
 fn fill(
@@ -141,7 +141,7 @@ fn fill(
 }
 
 impl Named<'_> {
-    /// Locks what a name stands for; whether it stands for anything here.
+    /// Locks the vertices that a name applies to. Returns true if the name occurs in this mesh.
     fn lock(&self, name: &str, locked: &mut [bool]) -> bool {
         let is = |other: &String| other == name;
         let mut found = self.whole.iter().any(is);
@@ -165,8 +165,8 @@ impl Named<'_> {
         found
     }
 
-    /// The numbers of vertices that a name stands for: of several at a vertex the one farthest from 0. What is no number
-    /// is 0.
+    /// Returns the values of vertices for a name: of several values at a vertex the one farthest from 0. NaN
+    /// and infinity count as 0.
     fn values(&self, name: &str) -> Option<Vec<f32>> {
         if let Some((_, values)) = self.properties.iter().find(|p| p.0 == name) {
             return Some(values.iter().map(|&x| if x.is_finite() { x } else { 0.0 }).collect());
@@ -175,7 +175,7 @@ impl Named<'_> {
         if let (Some(channel), Some(colors)) = (CHANNELS.iter().position(|c| *c == name), mesh.colors()) {
             return Some(self.farthest(|w| &colors[w.index()][channel..=channel]));
         }
-        // The underscore is glTF's.
+        // The underscore is a prefix of glTF.
         let is_meant =
             |s: &Semantic| s.name().is_some_and(|own| own == name || own.strip_prefix('_') == Some(name));
         let attribute = mesh.further_attributes().iter().find(|a| is_meant(&a.semantic))?;
@@ -193,7 +193,7 @@ impl Named<'_> {
         values
     }
 
-    /// What [`Named::values`] knows.
+    /// Returns the names that [`Named::values`] finds.
     fn values_names(&self) -> Vec<String> {
         let channels = if self.mesh.colors().is_some() { &CHANNELS[..] } else { &[] };
         let further =

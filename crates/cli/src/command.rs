@@ -22,7 +22,7 @@ use crate::exit::{self, Status};
 use crate::memory;
 use crate::output::{self, Output};
 
-/// Does what was typed.
+/// Runs the command.
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
     if let Some(seconds) = cli.command.hard_limit_secs() {
         exit::end_after(seconds)?;
@@ -47,7 +47,8 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
     }
 }
 
-/// Shows the warnings of a file. With `strict`, lost data are a fault: shown as one, whatever is silenced, and `true`.
+/// Shows the warnings of a file. With `strict`, lost data are shown as an error even if warnings are
+/// silenced, and the result is `true`.
 fn show_warnings(out: &Output, path: &str, warnings: &[Warning], strict: bool) -> bool {
     let mut is_fault = false;
     for warning in warnings {
@@ -61,12 +62,12 @@ fn show_warnings(out: &Output, path: &str, warnings: &[Warning], strict: bool) -
     is_fault
 }
 
-/// The warnings that matter to whoever only looks at a mesh, and writes none.
+/// Returns the warnings that matter if a mesh is only viewed, not written.
 fn to_looker(warnings: &[Warning]) -> Vec<Warning> {
     warnings.iter().filter(|warning| !warning.of_scene).cloned().collect()
 }
 
-/// Texts of warnings, for reports.
+/// Returns the texts of warnings, for reports.
 fn texts(warnings: &[Warning]) -> Vec<&str> {
     warnings.iter().map(|w| w.text.as_str()).collect()
 }

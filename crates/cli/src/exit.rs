@@ -1,4 +1,4 @@
-//! How a run ends: statuses, interrupts, and what a panic of ours becomes.
+//! End of a run: exit statuses, interrupts, and errors made of panics.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
@@ -12,11 +12,11 @@ use lodsmith::SimplifyError;
 
 use crate::output;
 
-/// What the caller's shell sees.
+/// Exit status of the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Status {
-    /// All done.
+    /// Success.
     Done = 0,
     /// The file, the mesh or the system is at fault.
     Failed = 1,
@@ -24,26 +24,26 @@ pub(crate) enum Status {
     Usage = 2,
     /// With `--strict`: target not reached or data dropped.
     Strict = 3,
-    /// Ended from outside.
+    /// Interrupted by a signal.
     Interrupted = 130,
 }
 
-/// The command line is at fault, beyond what its grammar can tell.
+/// The command line is at fault, in a way that its grammar does not detect.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct UsageError(pub(crate) String);
 
-/// The run was ended from outside.
+/// The run was interrupted by a signal.
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted")]
 pub(crate) struct Interrupted;
 
-/// A fault of the command line as an error.
+/// Returns an error of the command line.
 pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
     UsageError(text.into()).into()
 }
 
-/// The status that an error ends with.
+/// Returns the exit status for an error.
 pub(crate) fn status_of(error: &anyhow::Error) -> Status {
     let is_unlike = matches!(
         error.downcast_ref(),
@@ -58,28 +58,29 @@ pub(crate) fn status_of(error: &anyhow::Error) -> Status {
     }
 }
 
-/// Exit code that names the signal which asked the process to end; 0 before any has.
+/// Exit code for the signal that asked the process to end; 0 before any.
 static ENDED_WITH: AtomicU8 = AtomicU8::new(0);
-/// Held shared by whoever writes a file, alone by whoever ends the process: no half file stays behind.
+/// Held shared while a file is written, exclusively by whoever ends the process, so that no partial file is
+/// left behind.
 static WRITING: RwLock<()> = RwLock::new(());
 
-/// True once a signal has asked the process to end.
+/// Returns true after a signal has asked the process to end.
 pub(crate) fn interrupted() -> bool {
     ENDED_WITH.load(Ordering::Relaxed) != 0
 }
 
-/// Ends the process when it is told to (by Ctrl-C, SIGTERM or a terminal that closes), after the file that is being
-/// written is complete or gone.
+/// Ends the process on a signal (Ctrl-C, SIGTERM or a terminal that closes), after the file that is being
+/// written is complete or removed.
 ///
-/// Runs that ask [`interrupted`] may end sooner by themselves, with the same status.
+/// Runs that poll [`interrupted`] may end sooner, with the same status.
 pub(crate) fn catch_interrupts() {
-    // Where no handler can be set, the system does what it does.
+    // If no handler can be installed, signals keep their default action.
     #[cfg(unix)]
     if let Ok(mut signals) = signal_hook::iterator::Signals::new(ending_signals(is_hangup_ignored())) {
         // By convention, the number of the signal is in the status.
         let wait =
             move || signals.forever().for_each(|signal| end(u8::try_from(128 + signal).unwrap_or(130)));
-        // Without memory for a thread, signals do what they do.
+        // If no thread can be started, signals keep their default action.
         let _ = std::thread::Builder::new().spawn(wait);
     }
     #[cfg(not(unix))]
@@ -92,7 +93,7 @@ fn end(status: u8) {
     std::process::exit(i32::from(status));
 }
 
-/// Exit code of a status; after a signal, the one that names the signal.
+/// Returns the exit code of a status; after a signal, the one of the signal.
 pub(crate) fn code(status: Status) -> ExitCode {
     match ENDED_WITH.load(Ordering::Relaxed) {
         by if status == Status::Interrupted && by != 0 => ExitCode::from(by),
@@ -100,14 +101,14 @@ pub(crate) fn code(status: Status) -> ExitCode {
     }
 }
 
-/// The signals that end a run. One that `nohup` keeps away is left alone.
+/// Returns the signals that end a run. One that `nohup` ignores is left out.
 #[cfg(unix)]
 fn ending_signals(is_hangup_ignored: bool) -> Vec<i32> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     if is_hangup_ignored { vec![SIGINT, SIGTERM] } else { vec![SIGINT, SIGTERM, SIGHUP] }
 }
 
-/// True if the process was started to ignore SIGHUP, as `nohup` does. Known on Linux only.
+/// Returns true if the process was started to ignore SIGHUP, as by `nohup`. Known on Linux only.
 #[cfg(unix)]
 fn is_hangup_ignored() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -117,11 +118,11 @@ fn is_hangup_ignored() -> bool {
     ignored.is_some_and(|bits| bits & 1 << (signal_hook::consts::SIGHUP - 1) != 0)
 }
 
-/// Ends the process with an error after so many seconds, whatever it does then: a file that is being written is complete
-/// or gone first, as with [`catch_interrupts`].
+/// Ends the process with an error after this many seconds, whatever it is doing: a file that is being written
+/// is complete or removed first, as with [`catch_interrupts`].
 ///
 /// # Errors
-/// When no thread can be started.
+/// If no thread can be started.
 pub(crate) fn end_after(seconds: f64) -> anyhow::Result<()> {
     let wait = move || {
         std::thread::sleep(Duration::from_secs_f64(seconds));
@@ -131,31 +132,32 @@ pub(crate) fn end_after(seconds: f64) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Ends the process with an error, whatever its other threads do: a file that is being written is complete or gone first.
+/// Ends the process with an error, whatever its other threads are doing: a file that is being written is
+/// complete or removed first.
 pub(crate) fn end_with(error: &str) -> ! {
     let _alone = WRITING.write().unwrap_or_else(PoisonError::into_inner);
     output::error(error);
     std::process::exit(Status::Failed as i32);
 }
 
-/// Turns an abort into an exit with status 1, without a core dump: Rust aborts, after one line, where the system refuses it
-/// memory. A file that is being written is left behind as after SIGKILL.
+/// Turns an abort into an exit with status 1, without a core dump: Rust prints one line and aborts if the
+/// system refuses memory. A file that is being written is left behind as after SIGKILL.
 pub(crate) fn end_quietly_on_abort() {
     #[cfg(unix)]
     {
         use std::sync::Arc;
         use std::sync::atomic::AtomicBool;
         let always = Arc::new(AtomicBool::new(true));
-        // Where that cannot be, an abort is one.
+        // If the handler cannot be installed, an abort stays an abort.
         let abort = signal_hook::consts::SIGABRT;
         let _ = signal_hook::flag::register_conditional_shutdown(abort, Status::Failed as i32, always);
     }
 }
 
-/// Keeps interrupts away while a file is written.
+/// Delays interrupts while a file is written.
 ///
 /// # Errors
-/// [`Interrupted`] if one came before.
+/// [`Interrupted`] if an interrupt came before.
 pub(crate) fn writing() -> Result<RwLockReadGuard<'static, ()>, Interrupted> {
     let guard = WRITING.read().unwrap_or_else(PoisonError::into_inner);
     if interrupted() { Err(Interrupted) } else { Ok(guard) }
@@ -167,7 +169,7 @@ thread_local! {
     static OWN_PANIC: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// Panics become errors of one line ([`guarded`]) instead of a report of many; `RUST_BACKTRACE` brings that back.
+/// Reduces panics to errors of one line ([`guarded`]); with `RUST_BACKTRACE` the full report is printed.
 pub(crate) fn hush_panics() {
     if std::env::var_os("RUST_BACKTRACE").is_some() {
         return;
@@ -187,10 +189,10 @@ fn describe(info: &PanicHookInfo<'_>) -> String {
     }
 }
 
-/// Does some work; a panic in it becomes an error.
+/// Calls a function and turns a panic in it into an error.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
-        // A panic in a thread of a pool leaves its words only in the common place.
+        // A panic in a thread of a pool leaves its message only in the shared place.
         let own = OWN_PANIC.with(RefCell::take);
         let last = std::mem::take(&mut *LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner));
         Err(anyhow!("a fault of this program, please report it: {}", if own.is_empty() { last } else { own }))

@@ -1,4 +1,4 @@
-//! Where meshes come from and go to: paths, standard input and output.
+//! Input and output of meshes: paths, standard input and standard output.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -20,7 +20,7 @@ use lodsmith_io::{
 use crate::args::{Reading, Writing};
 use crate::{exit, memory, plan};
 
-/// What is read.
+/// Source of an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Source {
     /// Standard input, typed as `-`.
@@ -29,7 +29,7 @@ pub(crate) enum Source {
     Path(PathBuf),
 }
 
-/// Where a result goes.
+/// Destination of a result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Sink {
     /// Standard output, typed as `-`.
@@ -73,7 +73,7 @@ pub(crate) fn read(source: &Source, reading: &Reading) -> anyhow::Result<Loaded>
     read_with(source, reading, Vec::new())
 }
 
-/// The same, with these properties of vertices beside the mesh.
+/// Reads a mesh and, in addition, these properties of vertices. The error does not name the source.
 pub(crate) fn read_with(
     source: &Source,
     reading: &Reading,
@@ -91,7 +91,7 @@ pub(crate) fn read_with(
     loaded.map_err(unnamed)
 }
 
-/// Reads a file as a model, as it is to be seen. The error does not name the source.
+/// Reads a file as a model for rendering. The error does not name the source.
 pub(crate) fn read_model(source: &Source, reading: &Reading) -> anyhow::Result<ModelFile> {
     let options = reading.options();
     let model = match source {
@@ -104,21 +104,21 @@ pub(crate) fn read_model(source: &Source, reading: &Reading) -> anyhow::Result<M
     model.map_err(unnamed)
 }
 
-/// All of standard input, within the limits.
+/// Reads all of standard input, within the limits.
 fn stdin(options: &ReadOptions) -> anyhow::Result<Vec<u8>> {
     lodsmith_io::read_stream(&mut io::stdin().lock(), Vec::new(), options.limits).map_err(unnamed)
 }
 
-/// What a file is read as.
+/// Content of a file.
 pub(crate) enum Input {
-    /// One mesh of all that is placed.
+    /// One mesh of all instances.
     Mesh(Box<Loaded>),
-    /// All of a glTF file.
+    /// A complete glTF file.
     Scene(Box<Scene>),
 }
 
-/// Reads a glTF file as a scene, and any other as a mesh with these properties of vertices beside it. The error does not
-/// name the source.
+/// Reads a glTF file as a scene, and any other as a mesh with these properties of vertices in addition. The
+/// error does not name the source.
 pub(crate) fn read_scene(
     source: &Source,
     reading: &Reading,
@@ -144,7 +144,7 @@ pub(crate) fn read_scene(
     })
 }
 
-/// The error without the name of the file, which the caller has.
+/// Returns the error without the name of the file, which the caller adds.
 pub(crate) fn unnamed(error: ReadError) -> anyhow::Error {
     match error {
         ReadError::File { source, .. } => told(*source),
@@ -152,12 +152,12 @@ pub(crate) fn unnamed(error: ReadError) -> anyhow::Error {
     }
 }
 
-/// An error whose words already hold those of its cause: the chain of causes would say them twice.
+/// Returns an error without its chain of causes, whose messages it already contains.
 fn told(error: impl std::fmt::Display) -> anyhow::Error {
     anyhow!("{error}")
 }
 
-/// Two sources that both want standard input cannot have it.
+/// Returns an error if two sources are standard input.
 pub(crate) fn at_most_one_stdin<'a>(sources: impl IntoIterator<Item = &'a Source>) -> anyhow::Result<()> {
     if sources.into_iter().filter(|s| **s == Source::Stdin).count() > 1 {
         return Err(exit::usage("standard input can be read only once: one `-` is enough"));
@@ -165,7 +165,7 @@ pub(crate) fn at_most_one_stdin<'a>(sources: impl IntoIterator<Item = &'a Source
     Ok(())
 }
 
-/// How a mesh is written whose regions stand for these.
+/// Returns the options for writing a mesh with these regions.
 pub(crate) fn options(writing: &Writing, format: Format, regions: Regions) -> WriteOptions {
     let mut options = WriteOptions::default();
     options.format = Some(format);
@@ -176,7 +176,7 @@ pub(crate) fn options(writing: &Writing, format: Format, regions: Regions) -> Wr
     options
 }
 
-/// The format that a sink is written in: the one asked for, or that of its ending.
+/// Returns the format of an output: the one asked for, or that of its file extension.
 pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Format> {
     let hint = match sink {
         Sink::Path(path) => hint_of(path),
@@ -195,7 +195,7 @@ pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Forma
     }
 }
 
-/// A sink that is a folder is a fault of the command line.
+/// Returns a usage error if the output is a folder.
 pub(crate) fn refuse_folder(sink: &Sink, hint: &str) -> anyhow::Result<()> {
     match sink {
         Sink::Path(path) if path.is_dir() => {
@@ -205,17 +205,17 @@ pub(crate) fn refuse_folder(sink: &Sink, hint: &str) -> anyhow::Result<()> {
     }
 }
 
-/// An input is never written over unless that is asked for: what is on the disk may be all that there is.
+/// Refuses to overwrite an input unless asked for: it may be the only copy.
 ///
 /// # Errors
-/// A fault of the command line.
+/// A usage error if the output is an input.
 pub(crate) fn refuse_inputs<'a>(
     sink: &Sink,
     inputs: impl IntoIterator<Item = &'a Source>,
     force: bool,
 ) -> anyhow::Result<()> {
     let Sink::Path(path) = sink else { return Ok(()) };
-    // A device or a pipe has nothing to lose.
+    // A device or a pipe cannot be overwritten.
     if force || !fs::metadata(path).is_ok_and(|about| about.is_file()) {
         return Ok(());
     }
@@ -228,7 +228,7 @@ pub(crate) fn refuse_inputs<'a>(
     Ok(())
 }
 
-/// Writes a mesh; returns what the format could not carry. No half file stays behind.
+/// Writes a mesh and returns the data that the format cannot hold. Never leaves a partial file.
 pub(crate) fn write(
     mesh: &TriMesh,
     sink: &Sink,
@@ -242,7 +242,7 @@ pub(crate) fn write(
     )
 }
 
-/// Writes a scene with some meshes replaced, and other names for the files that it refers to; in all else as
+/// Writes a scene with some meshes replaced, and other names for the files that it refers to; otherwise like
 /// [`write()`].
 pub(crate) fn write_scene(
     scene: &Scene,
@@ -261,7 +261,7 @@ pub(crate) fn write_scene(
     )
 }
 
-/// Writes a scene with levels of detail; in all else as [`write_scene`].
+/// Writes a scene with levels of detail; otherwise like [`write_scene`].
 pub(crate) fn write_levels(
     scene: &Scene,
     levels: &SceneLevels,
@@ -279,7 +279,7 @@ pub(crate) fn write_levels(
     )
 }
 
-/// What a scene with levels of detail loses, without writing anything.
+/// Returns the losses of a scene with levels of detail, without writing anything.
 pub(crate) fn levels_losses(
     scene: &Scene,
     levels: &SceneLevels,
@@ -289,7 +289,7 @@ pub(crate) fn levels_losses(
     lodsmith_io::write_levels_to(scene, levels, format, relink, &mut io::sink()).map_err(told)
 }
 
-/// A mesh as a glTF scene of its own, as writing and reading it would make it; what that could not carry.
+/// Returns a mesh as a glTF scene, as writing and reading it would give, and the data that glTF cannot hold.
 pub(crate) fn as_scene(mesh: &TriMesh, options: &WriteOptions) -> anyhow::Result<(Scene, Vec<Warning>)> {
     let mut bytes = Vec::new();
     let warnings = lodsmith_io::write_to(mesh, Format::Glb, options, &mut bytes).map_err(told)?;
@@ -297,7 +297,7 @@ pub(crate) fn as_scene(mesh: &TriMesh, options: &WriteOptions) -> anyhow::Result
     Ok((scene, warnings))
 }
 
-/// Writes bytes to a file of its own.
+/// Writes bytes to a file.
 pub(crate) fn write_bytes(bytes: &[u8], path: &Path, force: bool) -> anyhow::Result<()> {
     write_with(
         &Sink::Path(path.to_owned()),
@@ -309,7 +309,7 @@ pub(crate) fn write_bytes(bytes: &[u8], path: &Path, force: bool) -> anyhow::Res
     )
 }
 
-/// Writes a progressive mesh; in all else as [`write()`].
+/// Writes a progressive mesh; otherwise like [`write()`].
 pub(crate) fn write_lpm(
     splits: &Splits,
     regions: &Regions,
@@ -324,7 +324,7 @@ pub(crate) fn write_lpm(
     )
 }
 
-/// Reads a progressive mesh, or the beginning of one. The error does not name the source.
+/// Reads a progressive mesh, or a prefix of one. The error does not name the source.
 pub(crate) fn read_lpm(source: &Source) -> anyhow::Result<Lpm> {
     let mut options = ReadOptions::default();
     options.limits = memory::limits();
@@ -353,7 +353,7 @@ fn write_with<T>(
         },
         Sink::Path(path) => {
             let about = fs::metadata(path).ok();
-            // A pipe may keep its writer waiting for ever; Ctrl-C must end that, and there is no half file to fear.
+            // A pipe may block its writer for ever, and Ctrl-C must end that; it cannot leave a partial file.
             let _guard =
                 if about.as_ref().is_none_or(fs::Metadata::is_file) { Some(exit::writing()?) } else { None };
             to_path(path).map_err(told)
@@ -361,8 +361,8 @@ fn write_with<T>(
     }
 }
 
-/// The error for a file that standard output did not take whole. A reader that closes the pipe early gets it too, since
-/// its file is cut.
+/// Returns the error for a file that standard output did not accept completely. A reader that closes the pipe
+/// early gets it too, since its file is truncated.
 pub(crate) fn stdout_failed(error: &io::Error) -> anyhow::Error {
     match error.kind() {
         ErrorKind::BrokenPipe => anyhow!("standard output was closed before all was written"),
@@ -370,7 +370,7 @@ pub(crate) fn stdout_failed(error: &io::Error) -> anyhow::Error {
     }
 }
 
-/// What the format could not carry, without writing anything.
+/// Returns the data that the format cannot hold, without writing anything.
 pub(crate) fn losses(
     mesh: &TriMesh,
     sink: &Sink,
@@ -384,7 +384,7 @@ pub(crate) fn losses(
     lodsmith_io::write_to(mesh, format, &options, &mut io::sink()).map_err(told)
 }
 
-/// What a scene loses, without writing anything.
+/// Returns the losses of a scene, without writing anything.
 pub(crate) fn scene_losses(
     scene: &Scene,
     replaced: &[Option<TriMesh>],

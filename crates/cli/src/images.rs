@@ -1,4 +1,4 @@
-//! Files that a glTF scene refers to, when it moves to another folder.
+//! References of a glTF scene to other files, updated when it is written to another folder.
 
 use std::fs;
 use std::path::{Component, Path, PathBuf};
@@ -8,10 +8,10 @@ use lodsmith_io::gltf::Scene;
 
 use crate::file::{Sink, Source};
 
-/// From where to where a scene moves.
+/// Move of a scene from one folder to another.
 pub(crate) struct Move {
-    /// The way from the folder of the output to that of the input, as a uri that ends in a slash; empty if they are the
-    /// same. `None` if there is no way, or nobody knows it.
+    /// Relative path from the folder of the output to that of the input, as a URI that ends in a slash; empty
+    /// if they are the same. `None` if there is no such path or it is unknown.
     way: Option<String>,
 }
 
@@ -29,9 +29,9 @@ impl Move {
         Self { way }
     }
 
-    /// What a file is called from the folder of the output; `None` leaves it as it is.
+    /// Returns the URI of a file relative to the folder of the output; `None` leaves it unchanged.
     pub(crate) fn uri(&self, uri: &str) -> Option<String> {
-        // From a root there is one way only.
+        // An absolute path is independent of the folder.
         if uri.starts_with(['/', '\\']) || uri.contains(':') {
             return None;
         }
@@ -39,14 +39,15 @@ impl Move {
         Some(format!("{way}{uri}"))
     }
 
-    /// Takes images into the scene. Returns what there is to say of those that stay outside.
+    /// Embeds images in the scene. Returns warnings about those that stay external.
     pub(crate) fn embed(&self, scene: &mut Scene) -> Vec<Warning> {
         let mut warnings = scene.embed_files();
         warnings.extend(self.told(scene));
         warnings
     }
 
-    /// What there is to say of files that stay outside: those that are not there, and those that nobody can follow.
+    /// Returns warnings about files that stay external: those still in the folder of the input, and those
+    /// with an unknown path.
     pub(crate) fn told(&self, scene: &Scene) -> Vec<Warning> {
         let outside = scene.outside_files();
         let Some(first) = outside.first() else { return Vec::new() };
@@ -61,19 +62,19 @@ impl Move {
     }
 }
 
-/// The folder of a file, without links and dots.
+/// Returns the canonical folder of a file, without links and dots.
 fn folder(path: &Path) -> Option<PathBuf> {
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::canonicalize(parent).ok()
 }
 
-/// The way from one folder to another, as a uri that ends in a slash, or is empty.
+/// Returns the relative path from one folder to another, as a URI that ends in a slash or is empty.
 fn way(from: &Path, to: &Path) -> Option<String> {
     let shared = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
     let (up, down) = (from.components().skip(shared), to.components().skip(shared));
     let mut uri = "../".repeat(up.count());
     for part in down {
-        // Another drive cannot be reached.
+        // A relative path cannot lead to another drive.
         let Component::Normal(part) = part else { return None };
         for byte in part.to_str()?.bytes() {
             if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {

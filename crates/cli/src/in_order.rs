@@ -1,4 +1,4 @@
-//! Several files at once, answers in the order of the files.
+//! Parallel processing of several files, with results in the order of the files.
 
 use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
@@ -9,24 +9,24 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use anyhow::Context as _;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// All threads that the machine has for us.
+/// Returns the number of threads available.
 pub(crate) fn available_threads() -> usize {
     std::thread::available_parallelism().map_or(1, NonZeroUsize::get)
 }
 
-/// A pool of so many threads.
+/// Creates a pool of this many threads.
 pub(crate) fn pool(threads: usize) -> anyhow::Result<ThreadPool> {
     ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start threads")
 }
 
-/// Does some work on each item and hands the answers over in the order of the items, each as soon as it can be.
+/// Processes each item and passes on the results in the order of the items, each as soon as possible.
 ///
-/// At most `threads` items are in work at once, which bounds memory. Each worker has a pool of its own with its share of
-/// the threads: in a common pool, one item would wait within the other, and no time would be its own. What must not
-/// depend on which item is faster waits for its [`Turn`].
+/// At most `threads` items are processed at once, which bounds memory. Each worker has a pool of its own with
+/// its share of the threads: in a common pool, one item would wait inside another, and times could not be
+/// attributed to items. Work that must not depend on which item is faster waits for its [`Turn`].
 ///
 /// # Errors
-/// When threads cannot be started.
+/// If threads cannot be started.
 pub(crate) fn each<T: Sync, R: Send>(
     items: &[T],
     threads: usize,
@@ -47,7 +47,7 @@ pub(crate) fn each<T: Sync, R: Send>(
                     let turn = Turn { index: i, ended };
                     let result = pool.install(|| work(item, &turn));
                     drop(turn);
-                    // The receiver lives until every worker has ended.
+                    // The receiver lives until all workers have ended.
                     let _ = send.send((i, result));
                 }
             });
@@ -66,14 +66,15 @@ pub(crate) fn each<T: Sync, R: Send>(
     Ok(())
 }
 
-/// The place of an item among the others, until its work has ended.
+/// Place of an item in the order, until its processing has ended.
 pub(crate) struct Turn<'e> {
     index: usize,
     ended: &'e Ended,
 }
 
 impl Turn<'_> {
-    /// Waits until the work on all items before this one has ended. It has begun, since items are taken in their order.
+    /// Waits until all items before this one have been processed. They have started, since items are taken in
+    /// order.
     pub(crate) fn wait(&self) {
         let guard = self.ended.lock();
         let is_open = |state: &mut State| state.all_before < self.index;
@@ -88,7 +89,7 @@ impl Drop for Turn<'_> {
     }
 }
 
-/// Which items are done.
+/// State of finished items, shared by the workers.
 #[derive(Default)]
 struct Ended {
     state: Mutex<State>,
@@ -103,9 +104,9 @@ impl Ended {
 
 #[derive(Default)]
 struct State {
-    /// All items before this one.
+    /// Number of leading items that are all finished.
     all_before: usize,
-    /// Others, out of their order.
+    /// Finished items after those.
     others: BTreeSet<usize>,
 }
 
@@ -123,7 +124,7 @@ fn take<'a, T>(items: &'a [T], next: &AtomicUsize) -> Option<(usize, &'a T)> {
     items.get(i).map(|item| (i, item))
 }
 
-/// Threads of worker `w`: the rest of the division goes to the first ones.
+/// Returns the number of threads of worker `w`: the remainder of the division goes to the first ones.
 fn share(threads: usize, workers: usize, w: usize) -> usize {
     (threads / workers + usize::from(w < threads % workers)).max(1)
 }
@@ -150,7 +151,7 @@ mod tests {
         let order = Mutex::new(Vec::new());
         let work = |x: &u64, turn: &Turn<'_>| {
             std::thread::sleep(std::time::Duration::from_micros(100 * x));
-            // Who waits for nobody does not keep others.
+            // Items that do not wait must not delay others.
             if !x.is_multiple_of(3) {
                 turn.wait();
                 order.lock().unwrap().push(*x);

@@ -1,7 +1,7 @@
-//! The command `lodsmith`: reads arguments, calls the libraries, prints what they say.
+//! The command `lodsmith`: parses arguments, calls the libraries, prints the results.
 //!
-//! [`args`] is what can be typed, [`command`] has one module for each subcommand, [`output`] is the only place that
-//! prints, [`exit`] says how a run ends. Nothing here knows how a mesh is simplified or how a format is laid out.
+//! [`args`] defines the arguments, [`command`] has one module for each subcommand, [`output`] does all
+//! printing, [`exit`] defines statuses and interrupts. Simplification and file formats are in the libraries.
 
 mod args;
 mod care;
@@ -28,13 +28,13 @@ use std::process::ExitCode;
 
 use clap::Parser as _;
 
-/// The whole program: reads the arguments of the process, carries them out, and gives the status that it ends with.
+/// Runs the program: parses the arguments of the process, runs the command, and returns its exit code.
 pub fn run() -> ExitCode {
     exit::catch_interrupts();
     exit::hush_panics();
     let cli = match args::Cli::try_parse() {
         Ok(cli) => cli,
-        // Help and version come here too.
+        // Help and version arrive here too.
         Err(e) => {
             let status = u8::try_from(e.exit_code()).unwrap_or(2);
             return output::usage(&e).map_or_else(failed, |()| ExitCode::from(status));
@@ -43,7 +43,7 @@ pub fn run() -> ExitCode {
     exit::guarded(|| command::run(cli)).map_or_else(failed, exit::code)
 }
 
-/// Tells what went wrong, unless the user ended it.
+/// Prints an error, unless the user interrupted the run.
 fn failed(error: anyhow::Error) -> ExitCode {
     let status = exit::status_of(&error);
     if status != exit::Status::Interrupted {

@@ -1,4 +1,5 @@
-//! The command `lodsmith`. All of it is in the library beside, which is built while the engine is: docs/decisions/0019.
+//! The command `lodsmith`. All code is in the library of this package, which is built in parallel with the
+//! engine: docs/decisions/0019.
 
 use std::process::ExitCode;
 

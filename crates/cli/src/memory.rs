@@ -1,7 +1,8 @@
-//! The limit on the memory of the process: `--max-memory`, or a share of what the machine has.
+//! Memory limit of the process: `--max-memory`, or a fraction of the machine's memory.
 //!
-//! [`check`] refuses a step before it begins if its need, computed from counts, is above the limit. Counts cannot tell all, so
-//! a thread compares the memory that the process really holds with the limit as well ([`watch`]).
+//! [`check`] refuses a step before it begins if its need, computed from counts, exceeds the limit. Counts do
+//! not cover everything, so a thread also compares the memory that the process really holds with the limit
+//! ([`watch`]).
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -12,22 +13,23 @@ use lodsmith_io::{Limits, machine};
 
 use crate::exit;
 
-/// Share of what there is that the process takes: the rest is for the system, and for what counts do not tell.
+/// Default fraction of the available memory: the rest is for the system, and for needs that counts do not
+/// cover.
 const SHARE: f64 = 0.75;
-/// Memory that a machine is assumed to have where the system does not say (anywhere but on Linux). (Guessed.)
+/// Assumed memory of a machine if the system does not report it (anywhere but on Linux). (Guessed.)
 const UNKNOWN: u64 = 16 << 30;
-/// The least limit: the program with its threads takes up to half of that without any model.
+/// Lowest limit: without any model the program and its threads take up to half of it.
 pub(crate) const LEAST: u64 = 32 << 20;
 /// Bytes of the program itself, without any model.
 const PROGRAM: u64 = 8 << 20;
 
-/// Bytes that the process may take.
+/// Limit of the process, in bytes.
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 
-/// Settles how much the process may take, and begins to watch that it does.
+/// Sets the memory limit of the process and starts to monitor it.
 ///
 /// # Errors
-/// When no thread can be started.
+/// If no thread can be started.
 pub(crate) fn bound(typed: Option<u64>) -> anyhow::Result<()> {
     let limit = typed.unwrap_or_else(default_limit);
     LIMIT.store(limit, Ordering::Relaxed);
@@ -42,8 +44,8 @@ pub(crate) fn bound(typed: Option<u64>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Starts the program anew with one heap for all threads. By default glibc sets 64 MiB of addresses aside for each thread,
-/// which nobody notices unless addresses are what is limited (`ulimit -v`): then they are gone before the memory is.
+/// Restarts the program with one heap arena for all threads. By default glibc reserves 64 MiB of addresses
+/// for each thread; with a limit on addresses (`ulimit -v`) these run out before the memory does.
 #[cfg(target_os = "linux")]
 fn with_one_arena() {
     use std::os::unix::process::CommandExt as _;
@@ -57,7 +59,7 @@ fn with_one_arena() {
     if let Some(name) = words.next() {
         command.arg0(name);
     }
-    // It comes back only where it could not be done, and then all goes on as it is.
+    // `exec` returns only if it failed; then the program continues as it is.
     let _ = command.args(words).env(ARENAS, "1").exec();
 }
 
@@ -66,7 +68,8 @@ fn default_limit() -> u64 {
     ((all as f64 * SHARE) as u64).max(LEAST)
 }
 
-/// Ends the process once it holds more than the limit. Ten milliseconds are some ten megabytes of memory filled.
+/// Ends the process when it holds more than the limit. In ten milliseconds some ten megabytes of memory can
+/// be filled.
 fn watch(limit: u64) {
     loop {
         if machine::taken().is_some_and(|taken| taken > limit) {
@@ -79,7 +82,7 @@ fn watch(limit: u64) {
     }
 }
 
-/// The limits of readers, that on memory included.
+/// Returns the limits of readers, including that on memory.
 pub(crate) fn limits() -> Limits {
     let mut limits = Limits::default();
     limits.memory = limit();
@@ -90,10 +93,10 @@ fn limit() -> u64 {
     LIMIT.load(Ordering::Relaxed)
 }
 
-/// Refuses a step that would take more than the process may.
+/// Refuses a step that would exceed the memory limit.
 ///
 /// # Errors
-/// One line that names the step, what it takes, the limit and the option.
+/// One line that names the step, its need, the limit and the option.
 pub(crate) fn check(step: &str, need: u64) -> anyhow::Result<()> {
     Ok(memory::check(step, need.saturating_add(PROGRAM), limit())?)
 }

@@ -1,5 +1,5 @@
-//! Bytes of memory that each step needs at its peak, computed from counts; the meshes that were read are included. The figures
-//! were measured: docs/decisions/0022.
+//! Peak memory of each step in bytes, computed from counts; the meshes that were read are included. The
+//! figures were measured: docs/decisions/0022.
 
 use lodsmith::core::measure::CompareOptions;
 use lodsmith::core::topology::size_of;
@@ -7,15 +7,15 @@ use lodsmith::core::{Splits, TriMesh};
 use lodsmith::{Bound, Length, Measure, Method, SimplifyOptions};
 use lodsmith_io::gltf::SceneMesh;
 
-/// From here on copies are made when they are needed, not kept.
+/// Number of faces above which copies are made when needed instead of kept.
 const MANY: u64 = 1_000_000;
 
-/// Faces of meshes, and what is on their wedges.
+/// Numbers of faces and of attribute values of meshes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Size {
     bytes: u64,
     faces: u64,
-    /// Values of all attributes, for each face.
+    /// Number of attribute values, summed over faces.
     values: u64,
 }
 
@@ -27,7 +27,7 @@ impl Size {
             + has(mesh.colors().is_some(), 4)
             + mesh.further_attributes().iter().map(|a| a.width as u64).sum::<u64>();
         let faces = mesh.face_count() as u64;
-        // Half a wedge for each face is usual, which is what the figures below stand for; a soup has three.
+        // The figures below assume half a wedge for each face, as usual; a soup has three.
         let wedges = (2 * mesh.wedge_count() as u64).max(faces);
         Self { bytes: mesh.bytes(), faces, values: width.saturating_mul(wedges) }
     }
@@ -40,8 +40,8 @@ impl Size {
         })
     }
 
-    /// The buffers, so much for each face, and so much for each value of a face; the second figure of a pair is for faces
-    /// beyond [`MANY`].
+    /// Returns the bytes of the buffers plus `face` bytes for each face and `value` bytes for each value; the
+    /// second figure of a pair applies above [`MANY`] faces.
     fn at(self, face: [u64; 2], value: [u64; 2]) -> u64 {
         let i = usize::from(self.faces > MANY);
         let own = self.faces.saturating_mul(face[i]).saturating_add(self.values.saturating_mul(value[i]));
@@ -49,10 +49,10 @@ impl Size {
     }
 }
 
-/// A value of an attribute, while edges collapse.
+/// Bytes for an attribute value during edge collapse.
 const VALUE: [u64; 2] = [31, 22];
 
-/// A face, for the sweeps of a method.
+/// Returns the bytes for a face during a run of a method.
 fn face_of(options: &SimplifyOptions) -> [u64; 2] {
     let own = match options.method {
         Method::Memoryless | Method::LindstromTurk | Method::Melax | Method::ShortestEdge => [130, 90],
@@ -63,12 +63,12 @@ fn face_of(options: &SimplifyOptions) -> [u64; 2] {
         Method::Planar => [400, 400],
         Method::Remesh if options.of_method.voxel.is_some() => [560, 560],
         Method::Remesh => [300, 300],
-        // One that is not known here takes no more than the hungriest that is.
+        // Unknown methods count like the one with the largest need.
         _ => [560, 560],
     };
     let is_measured =
         options.measure == Measure::Always || matches!(options.bound, Bound::OneSided | Bound::TwoSided);
-    // A search holds copies of the engine and some results, and proves distances.
+    // A search keeps copies of the engine and some results, and proves distances.
     let more = match options.stop.error {
         Some(_) => [790, 660],
         None if is_measured => [110, 110],
@@ -77,7 +77,8 @@ fn face_of(options: &SimplifyOptions) -> [u64; 2] {
     std::array::from_fn(|i| own[i] + more[i])
 }
 
-/// Bytes of what a remesh makes: the cells of a voxel grid, and faces of a given edge length.
+/// Returns the bytes of new elements of a remesh: the cells of a voxel grid, and faces of a given edge
+/// length.
 fn made_anew(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
     let of = &options.of_method;
     if options.method != Method::Remesh || (of.voxel.is_none() && of.edge_length.is_none()) {
@@ -86,71 +87,73 @@ fn made_anew(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
     let surface = mesh.surface();
     let Some(bounds) = surface.positions().bounds() else { return 0 };
     let squares = |length: Length| size_of(&surface).area / length.in_units(bounds.diagonal()).powi(2);
-    // A surface passes through 1.5 cells for each square, one that is open twice; the engine refuses more than it can do.
+    // A surface passes through 1.5 cells for each square, an open one through twice as many; the engine
+    // refuses too many.
     let cells = of.voxel.map_or(0.0, |h| 400.0 * 3.0 * squares(h).min(8e6));
     let faces = of.edge_length.map_or(0.0, |l| 300.0 * 2.3 * squares(l));
     (cells + faces) as u64
 }
 
-/// Making a mesh lighter.
+/// Returns the need of simplifying a mesh.
 pub(crate) fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
     Size::of(mesh).at(face_of(options), VALUE).saturating_add(made_anew(mesh, options))
 }
 
-/// Making the meshes of a scene lighter: they are joined for it, and the buffers of the file stay in memory.
+/// Returns the need of simplifying the meshes of a scene: they are joined, and the buffers of the file stay
+/// in memory.
 pub(crate) fn simplify_scene(meshes: &[SceneMesh], buffers: u64, options: &SimplifyOptions) -> u64 {
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
     size.at(face_of(options).map(|n| n + 60), VALUE).saturating_add(buffers)
 }
 
-/// A chain of levels, all of which stay.
+/// Returns the need of a chain of levels, all of which are kept.
 pub(crate) fn lod(size: Size, options: &SimplifyOptions) -> u64 {
     size.at(face_of(options).map(|n| n + 140), VALUE.map(|n| n + 10))
 }
 
-/// A chain of levels that becomes one scene.
+/// Returns the need of a chain of levels that becomes one scene.
 pub(crate) fn lod_scene(size: Size, options: &SimplifyOptions) -> u64 {
     size.at(face_of(options).map(|n| n + 330), VALUE.map(|n| n + 10))
 }
 
-/// Mending a mesh, beside which its result stands.
+/// Returns the need of cleaning a mesh, including the result.
 pub(crate) fn clean(size: Size) -> u64 {
     size.at([115, 95], [4, 4]).saturating_add(size.bytes)
 }
 
-/// Looking into a mesh.
+/// Returns the need of inspecting a mesh.
 pub(crate) fn info(size: Size) -> u64 {
     size.at([60, 54], [0, 0])
 }
 
-/// Measuring one mesh against another.
+/// Returns the need of measuring one mesh against another.
 pub(crate) fn compare(reference: Size, candidate: Size, options: &CompareOptions) -> u64 {
     let both = |face| reference.at(face, [2, 2]).saturating_add(candidate.at(face, [2, 2]));
     both([115, 112]).saturating_add((options.samples as u64).saturating_mul(50))
 }
 
-/// Every method on one mesh, each result measured.
+/// Returns the need of running every method on one mesh and measuring each result.
 pub(crate) fn methods(mesh: &TriMesh, hungriest: u64) -> u64 {
     hungriest.saturating_add(Size::of(mesh).at([110, 110], [4, 4]))
 }
 
-/// A recorded run, and the splits that are made of it.
+/// Returns the need of a recorded run and the splits made of it.
 pub(crate) fn progressive(size: Size, options: &SimplifyOptions) -> u64 {
     size.at(face_of(options).map(|n| n + 310), [48, 48])
 }
 
-/// A level out of splits, which stay.
+/// Returns the need of extracting a level, including the splits.
 pub(crate) fn extract(splits: &Splits) -> u64 {
     let faces = splits.faces.len() as u64;
     faces.saturating_mul(215).saturating_add((splits.values.len() as u64).saturating_mul(8))
 }
 
-/// The trees of triangles that distances of vertices need beside the meshes.
+/// Returns the need of the triangle trees for distances of vertices, without the meshes.
 pub(crate) fn distances(size: Size) -> u64 {
     size.faces.saturating_mul(110)
 }
 
-/// So many pictures of so many pixels each, and what they show.
+/// Returns the need of rendering `count` pictures of this size, with their models.
 pub(crate) fn render(size: Size, pixels: [usize; 2], count: usize, is_occluded: bool) -> u64 {
     let all = (pixels[0] as u64).saturating_mul(pixels[1] as u64);
     let each = if is_occluded { 36 } else { 8 };

@@ -1,9 +1,9 @@
-//! New normals for a mesh that has lost its own.
+//! Recomputation of normals for meshes that lost theirs.
 
 use lodsmith::core::TriMesh;
 use lodsmith::core::mesh::normals::vertex_normals;
 
-/// Gives every wedge the normal of its vertex.
+/// Sets the normal of every wedge to that of its vertex.
 pub(crate) fn recompute(mesh: &mut TriMesh) {
     let of_vertex = vertex_normals(&mesh.surface(), |v| v);
     let normals = match mesh.vertex_map() {

@@ -1,23 +1,23 @@
-//! Numbers as people read them.
+//! Formatting of numbers for people.
 
 pub(crate) use lodsmith::core::numbers::{grouped, significant};
 
-/// Two leading digits, more only before the point: `0.017`, `0.17`, `1.7`, `17`, `170`.
+/// Formats with two leading digits, more only before the decimal point: `0.017`, `0.17`, `1.7`, `17`, `170`.
 pub(crate) fn short(x: f64) -> String {
     significant(x, 2)
 }
 
-/// One thing or many of them: `1 face`, `2,000 faces`.
+/// Formats a count with its noun: `1 face`, `2,000 faces`.
 pub(crate) fn counted(count: usize, one: &str, many: &str) -> String {
     format!("{} {}", grouped(count), if count == 1 { one } else { many })
 }
 
-/// Seconds for people: `0.04 s`, `12.3 s`.
+/// Formats seconds for people: `0.04 s`, `12.3 s`.
 pub(crate) fn seconds(secs: f64) -> String {
     if secs < 10.0 { format!("{secs:.2} s") } else { format!("{secs:.1} s") }
 }
 
-/// Seconds for programs, to the microsecond.
+/// Rounds seconds to the microsecond, for JSON.
 pub(crate) fn micros(secs: f64) -> f64 {
     (secs * 1e6).round() / 1e6
 }

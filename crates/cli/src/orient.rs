@@ -1,10 +1,10 @@
-//! Scale and up axis of what is written.
+//! Scaling and rotation of the output.
 
 use lodsmith::core::TriMesh;
 
 use crate::args::{Up, Writing};
 
-/// Scales and turns a mesh as asked; normals turn along.
+/// Scales and rotates a mesh as asked for; normals are rotated too.
 pub(crate) fn orient(mesh: &mut TriMesh, writing: &Writing) {
     let scale = writing.scale.unwrap_or(1.0);
     if scale == 1.0 && writing.up.is_none() {
@@ -18,16 +18,16 @@ pub(crate) fn orient(mesh: &mut TriMesh, writing: &Writing) {
     }
 }
 
-/// The place of a point of a mesh after [`orient`].
+/// Returns a position of a mesh after [`orient`].
 pub(crate) fn oriented(p: [f64; 3], writing: &Writing) -> [f64; 3] {
     turn(p, writing.up).map(|x| x * writing.scale.unwrap_or(1.0))
 }
 
-/// A quarter turn about x: right-handed stays right-handed, and zero stays a positive one.
+/// Rotates by a quarter turn about x: the handedness is kept, and zero stays positive zero.
 fn turn<T: Default + std::ops::Sub<Output = T>>([x, y, z]: [T; 3], up: Option<Up>) -> [T; 3] {
     match up {
         None => [x, y, z],
-        // What pointed along z points along y.
+        // The z axis becomes the y axis.
         Some(Up::Y) => [x, z, T::default() - y],
         Some(Up::Z) => [x, T::default() - z, y],
     }

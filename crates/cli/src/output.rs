@@ -1,4 +1,4 @@
-//! All that is printed: results on standard output, warnings and errors on standard error.
+//! All printing: results on standard output, warnings and errors on standard error.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the one file that prints")]
 
 use std::borrow::Cow;
@@ -11,12 +11,12 @@ use serde_json::Value;
 use crate::args::Run;
 use crate::exit::Status;
 
-/// Where a command's words go, and which of them.
+/// Destination and level of a command's output.
 pub(crate) struct Output {
     json: bool,
     quiet: bool,
     verbose: bool,
-    /// Standard output carries a mesh, so words for people go to standard error.
+    /// True if standard output carries a mesh, so that text goes to standard error.
     stdout_taken: bool,
     closed: Cell<bool>,
     fault: RefCell<Option<io::Error>>,
@@ -34,7 +34,7 @@ impl Output {
         }
     }
 
-    /// For pages and scripts: nothing but results.
+    /// Returns an output for pages and scripts: results alone.
     pub(crate) fn plain() -> Self {
         Self {
             json: false,
@@ -46,7 +46,7 @@ impl Output {
         }
     }
 
-    /// A result for people: nothing with `--json` or `--quiet`.
+    /// Prints a result as text; nothing with `--json` or `--quiet`.
     pub(crate) fn line(&self, text: &str) {
         if self.json || self.quiet {
             return;
@@ -55,46 +55,46 @@ impl Output {
         if self.stdout_taken { eprint_line(&text) } else { self.print(&text) }
     }
 
-    /// More for people, with `-v`.
+    /// Prints details, with `-v` only.
     pub(crate) fn detail(&self, text: &str) {
         if self.verbose {
             self.line(text);
         }
     }
 
-    /// A result that was asked for and is not silenced by `--quiet`: JSON, a script, a page.
+    /// Prints a result that `--quiet` does not silence: JSON, a script, a page.
     pub(crate) fn result(&self, text: &str) {
         self.print(text);
     }
 
-    /// A result for programs, one line; nothing without `--json`.
+    /// Prints a result as one line of JSON; nothing without `--json`.
     pub(crate) fn object(&self, object: &Value) {
         if self.json {
             self.print(&escaped_json(&object.to_string()));
         }
     }
 
-    /// What the user should know. The JSON of a result carries it by itself.
+    /// Prints a warning. With JSON it is part of the result.
     pub(crate) fn warning(&self, text: &str) {
         if !self.json && !self.quiet {
             eprint_line(&format!("{} {}", paint("warning:", "1;33"), escaped(&one_line(text))));
         }
     }
 
-    /// A file that failed: a line on standard error, an object with `--json`.
+    /// Prints the failure of a file: a line on standard error, and an object with `--json`.
     pub(crate) fn failure(&self, path: &str, reason: &str) {
         self.object(&serde_json::json!({ "path": path, "error": one_line(reason) }));
         error(&format!("{path}: {reason}"));
     }
 
-    /// Sends what is left, and says how printing went. A reader that closed the pipe had what it wanted.
+    /// Flushes the output and returns an error if printing failed. A reader that closed the pipe is no error.
     pub(crate) fn finish(&self, status: Status) -> anyhow::Result<Status> {
         if !self.closed.get() {
             self.keep(io::stdout().flush());
         }
         match self.fault.borrow_mut().take() {
             None => Ok(status),
-            // What is held back of a mesh fails once more; its writer has told that.
+            // The rest of a mesh fails again; its writer has reported that.
             Some(_) if self.stdout_taken && status == Status::Failed => Ok(status),
             Some(e) => Err(e).context("cannot write to standard output"),
         }
@@ -119,16 +119,16 @@ impl Output {
     }
 }
 
-/// A fault, in one line on standard error; nothing silences it.
+/// Prints an error in one line on standard error; nothing silences it.
 pub(crate) fn error(text: &str) {
     eprint_line(&format!("{} {}", paint("error:", "1;31"), escaped(&one_line(text))));
 }
 
-/// Prints a usage error, or the help that was asked for. Arguments are escaped, since a shell may have expanded file names
-/// into them.
+/// Prints a usage error, or the help that was asked for. Arguments are escaped, since a shell may have
+/// expanded file names into them.
 ///
 /// # Errors
-/// When standard output does not take the help; a reader that closed the pipe had what it wanted.
+/// If standard output does not accept the help; a reader that closed the pipe is no error.
 pub(crate) fn usage(error: &clap::Error) -> anyhow::Result<()> {
     let is_typed = |word: std::ffi::OsString| word.to_string_lossy().contains(is_unsafe);
     if error.use_stderr() && std::env::args_os().any(is_typed) {
@@ -139,13 +139,13 @@ pub(crate) fn usage(error: &clap::Error) -> anyhow::Result<()> {
         Err(e) if !error.use_stderr() && e.kind() != ErrorKind::BrokenPipe => {
             Err(e).context("cannot write to standard output")
         }
-        // Nobody is left to be told that standard error is gone.
+        // A failure of standard error cannot be reported.
         _ => Ok(()),
     }
 }
 
 fn eprint_line(text: &str) {
-    // Nobody is left to be told that standard error is gone.
+    // A failure of standard error cannot be reported.
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
@@ -153,8 +153,8 @@ fn one_line(text: &str) -> String {
     text.split('\n').map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// Escapes what must not reach a terminal: control characters, which move the cursor or begin escape sequences, and
-/// marks that change the direction of text.
+/// Escapes characters that must not reach a terminal: control characters, which move the cursor or begin
+/// escape sequences, and marks that change the direction of text.
 ///
 /// Names of files, groups, materials, nodes and images may contain anything. All text for people goes through here once.
 pub(crate) fn escaped(text: &str) -> Cow<'_, str> {
@@ -168,7 +168,7 @@ pub(crate) fn escaped(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Escapes the same characters as JSON does. They occur in strings only, so the value stays the same.
+/// Escapes the same characters in JSON notation. They occur in strings only, so the value stays the same.
 fn escaped_json(json: &str) -> Cow<'_, str> {
     if !json.contains(is_unsafe) {
         return Cow::Borrowed(json);
@@ -180,8 +180,8 @@ fn escaped_json(json: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// True for characters that act on a terminal: control characters (C0, DEL, C1), line and paragraph separators, and
-/// bidirectional marks.
+/// Returns true for characters that act on a terminal: control characters (C0, DEL, C1), line and paragraph
+/// separators, and bidirectional marks.
 fn is_unsafe(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')

@@ -1,4 +1,4 @@
-//! Pictures: in which format they go where, and what most of them look like.
+//! Pictures: output formats, and the defaults of camera and style.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -12,10 +12,10 @@ use lodsmith_render::{
 use crate::exit::usage;
 use crate::file::{self, Sink};
 
-/// The format of a picture by the ending of its file; standard output gets PNG.
+/// Returns the picture format of an output by its file extension; standard output gets PNG.
 ///
 /// # Errors
-/// A fault of the command line: an ending that is none of a picture, or a folder.
+/// A usage error if the extension is not that of a picture, or the output is a folder.
 pub(crate) fn format_of(sink: &Sink) -> anyhow::Result<PictureFormat> {
     file::refuse_folder(sink, "")?;
     match sink {
@@ -26,12 +26,12 @@ pub(crate) fn format_of(sink: &Sink) -> anyhow::Result<PictureFormat> {
     }
 }
 
-/// The format of a picture by the ending of a path; `None` if it is none of a picture.
+/// Returns the picture format of a path by its extension; `None` if it is not that of a picture.
 pub(crate) fn of_path(path: &Path) -> Option<PictureFormat> {
     path.extension().and_then(|e| e.to_str()).and_then(PictureFormat::of_ending)
 }
 
-/// Writes a picture whole or not at all.
+/// Writes a picture completely or not at all.
 pub(crate) fn write(picture: &Image, sink: &Sink, format: PictureFormat, force: bool) -> anyhow::Result<()> {
     let bytes = encode(picture, format).with_context(|| format!("{sink}: cannot be stored"))?;
     match sink {
@@ -43,20 +43,20 @@ pub(crate) fn write(picture: &Image, sink: &Sink, format: PictureFormat, force: 
     }
 }
 
-/// Pixels of a picture in a sheet of methods.
+/// Size of a picture in a sheet of methods, in pixels.
 const PANEL: [usize; 2] = [300, 300];
 
-/// Room that is left on each side of what is seen, as a share of the picture.
+/// Margin on each side of the subject, as a fraction of the picture.
 pub(crate) const MARGIN: f64 = 0.06;
 
-/// The usual camera before a subject, for pictures of this size.
+/// Returns the default camera for a subject and a picture of this size.
 pub(crate) fn camera(subject: &Subject, [width, height]: [usize; 2]) -> Camera {
     let bounds = subject.bounds().unwrap_or(Bounds { min: [0.0; 3], max: [1.0; 3] });
     let aspect = width as f64 / height as f64;
     subject.framed(Camera::fitting(&bounds, StandardView::Iso, aspect), aspect, MARGIN)
 }
 
-/// A mesh as it stands in a sheet, with lines along its edges, through the camera of the first.
+/// Renders a mesh for a sheet, with its edges, through the camera of the first.
 pub(crate) fn panel(
     mesh: TriMesh,
     first: &mut Option<Camera>,

@@ -1,4 +1,4 @@
-//! Which input goes where, settled before any work.
+//! Assignment of outputs to inputs, before any work.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -9,20 +9,20 @@ use lodsmith_io::sniff::hint_of;
 use crate::exit::usage;
 use crate::file::{self, Sink, Source};
 
-/// One input and where its result goes.
+/// One input and its output.
 #[derive(Clone, Debug)]
 pub(crate) struct Job {
     pub(crate) source: Source,
-    /// Where and in which format; nowhere with `--dry-run` alone.
+    /// Output and format; `None` with `--dry-run` and no output.
     pub(crate) output: Option<(Sink, Format)>,
 }
 
-/// What a command line says about where its inputs go.
+/// The output arguments of a command line.
 pub(crate) struct Wanted<'a> {
     pub(crate) inputs: &'a [Source],
     pub(crate) output: Option<&'a Sink>,
     pub(crate) out_dir: Option<&'a Path>,
-    /// The template for names in the folder.
+    /// Template of file names in the folder.
     pub(crate) name: &'a str,
     pub(crate) from: Option<Format>,
     pub(crate) to: Option<Format>,
@@ -35,8 +35,8 @@ pub(crate) struct Wanted<'a> {
 /// Plans all inputs of a command line.
 ///
 /// # Errors
-/// A fault of the command line: results that would fall onto each other, onto another input or onto a folder; endings
-/// that name no format; more than one use of a standard stream.
+/// A usage error: results that would overwrite each other, another input or a folder; extensions that name no
+/// format; more than one use of a standard stream.
 pub(crate) fn jobs(wanted: &Wanted<'_>) -> anyhow::Result<Vec<Job>> {
     file::at_most_one_stdin(wanted.inputs)?;
     let jobs = match (wanted.output, wanted.out_dir) {
@@ -75,7 +75,7 @@ pub(crate) fn jobs(wanted: &Wanted<'_>) -> anyhow::Result<Vec<Job>> {
     Ok(jobs)
 }
 
-/// The name of a result by the template.
+/// Returns the file name of a result by the template.
 fn name(source: &Source, wanted: &Wanted<'_>) -> anyhow::Result<String> {
     let path = match source {
         Source::Path(path) => path.as_path(),
@@ -94,7 +94,7 @@ fn name(source: &Source, wanted: &Wanted<'_>) -> anyhow::Result<String> {
         })?;
         name = name.replace("{ext}", &ext);
     }
-    // A stem may hold anything, a template only what is known.
+    // The stem may contain braces, the template only known placeholders.
     let unknown = wanted.name.replace("{stem}", "").replace("{ext}", "");
     if unknown.contains(['{', '}']) {
         return Err(usage(format!("--name {}: only {{stem}} and {{ext}} are known", wanted.name)));
@@ -105,7 +105,8 @@ fn name(source: &Source, wanted: &Wanted<'_>) -> anyhow::Result<String> {
     Ok(name)
 }
 
-/// No two results in one place, and no result on the input of another: which came first would be chance.
+/// Returns an error if two results have the same path, or a result is the input of another: the order would
+/// be random.
 fn check_collisions(jobs: &[Job]) -> anyhow::Result<()> {
     let mut inputs: HashMap<PathBuf, usize> = HashMap::new();
     for (i, job) in jobs.iter().enumerate() {
@@ -136,7 +137,7 @@ fn check_collisions(jobs: &[Job]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The same for all ways to write a path, as far as the file system tells.
+/// Returns a canonical form of a path, the same for all spellings of it, as far as the file system can tell.
 pub(crate) fn identity(path: &Path) -> PathBuf {
     if let Ok(real) = path.canonicalize() {
         return real;

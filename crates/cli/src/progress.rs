@@ -1,4 +1,4 @@
-//! A bar on a terminal, nothing on a pipe.
+//! Progress bar, on a terminal only.
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -8,22 +8,22 @@ use lodsmith::Stage;
 
 use crate::output::escaped;
 
-/// Steps of the bar for one file.
+/// Steps of the bar for each file.
 const STEPS: f64 = 1000.0;
 
-/// The bar of a command, over all its files.
+/// The progress bar of a command, over all its files.
 pub(crate) struct Progress {
     bar: ProgressBar,
     files: usize,
 }
 
 impl Progress {
-    /// A bar on standard error if that is a terminal and `quiet` is not asked for.
+    /// Creates a bar on standard error, if that is a terminal and `quiet` is not set.
     pub(crate) fn new(files: usize, quiet: bool) -> Self {
         if quiet || !std::io::stderr().is_terminal() {
             return Self { bar: ProgressBar::hidden(), files };
         }
-        // Ten drawings a second follow the eye and cost nothing.
+        // Ten updates a second look smooth and cost nothing.
         let target = ProgressDrawTarget::stderr_with_hz(10);
         let bar = ProgressBar::with_draw_target(Some((files as f64 * STEPS) as u64), target);
         if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}  {elapsed}") {
@@ -32,30 +32,30 @@ impl Progress {
         Self { bar, files }
     }
 
-    /// The part of one file.
+    /// Returns the progress of one file.
     pub(crate) fn file<'a>(&'a self, name: &'a str) -> FileProgress<'a> {
         FileProgress { whole: self, name, done: AtomicU64::new(0) }
     }
 
-    /// Does something with the bar out of the way.
+    /// Calls a function with the bar hidden.
     pub(crate) fn aside<T>(&self, work: impl FnOnce() -> T) -> T {
         self.bar.suspend(work)
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }
 }
 
-/// How far one file is.
+/// Progress of one file.
 pub(crate) struct FileProgress<'a> {
     whole: &'a Progress,
     name: &'a str,
     done: AtomicU64,
 }
 
-/// Where in the work of a file a stage begins and ends. Guessed from runs on scans.
+/// Begin and end of each stage in the progress of a file. Guessed from runs on scans.
 const READ: (f64, f64) = (0.0, 0.15);
 const PREPARE: (f64, f64) = (0.15, 0.25);
 const COLLAPSE: (f64, f64) = (0.25, 0.7);
@@ -64,24 +64,24 @@ const MEASURE: (f64, f64) = (0.85, 0.95);
 const WRITE: (f64, f64) = (0.95, 1.0);
 
 impl FileProgress<'_> {
-    /// Reading begins.
+    /// Announces the start of reading.
     pub(crate) fn read(&self) {
         self.enter("read", READ);
     }
-    /// A stage of the engine begins.
+    /// Announces the start of a stage of the engine.
     pub(crate) fn stage(&self, stage: Stage) {
         self.enter(stage.name(), span(stage));
     }
-    /// A stage of the engine is so far, from 0 to 1.
+    /// Reports the progress of a stage of the engine, from 0 to 1.
     pub(crate) fn within(&self, stage: Stage, done: f64) {
         let (from, to) = span(stage);
         self.to(from + (to - from) * done.clamp(0.0, 1.0));
     }
-    /// Writing begins.
+    /// Announces the start of writing.
     pub(crate) fn write(&self) {
         self.enter("write", WRITE);
     }
-    /// The file is done, well or not.
+    /// Announces the end of the file, successful or not.
     pub(crate) fn end(&self) {
         self.to(1.0);
     }

@@ -1,4 +1,4 @@
-//! Words for what would let a run go further that ended above its target.
+//! Text and JSON of proposals: changes of the options that would let a stuck run continue.
 
 use clap::ValueEnum;
 use lodsmith::{Change, Escalation, Length, Proposal, Report, SimplifyOptions, StoppedBy};
@@ -7,12 +7,12 @@ use serde_json::{Value, json};
 use crate::args::{BorderChoice, PlacementChoice, TopologyChoice};
 use crate::numbers::grouped;
 
-/// An option, what it is now, and what it would have to be.
+/// An option, its present value, and the value it would need.
 struct Words {
     option: &'static str,
     now: Value,
     to: String,
-    /// Whether `to` is a value of the option, not a direction.
+    /// True if `to` is a value of the option, not a direction.
     is_value: bool,
 }
 
@@ -67,7 +67,7 @@ impl Words {
     }
 }
 
-/// A length as it is typed.
+/// Formats a length as on the command line.
 fn length(length: Length) -> String {
     match length {
         Length::Units(x) => x.to_string(),
@@ -75,13 +75,13 @@ fn length(length: Length) -> String {
     }
 }
 
-/// The word for a value of an option.
+/// Returns the name of an option's value.
 fn word<C: ValueEnum + Copy, E: From<C> + PartialEq>(value: E) -> String {
     let choice = C::value_variants().iter().find(|c| E::from(**c) == value);
     choice.and_then(C::to_possible_value).map_or_else(String::new, |w| w.get_name().to_owned())
 }
 
-/// What an escalation did, for people.
+/// Returns a step of an escalation as text.
 pub(crate) fn step_text(step: &Escalation) -> String {
     let Escalation { change, before, after, .. } = *step;
     let words = Words::of(change, &SimplifyOptions::default());
@@ -92,7 +92,7 @@ pub(crate) fn step_text(step: &Escalation) -> String {
     format!("escalated to --{} {}: {came}", words.option, words.to)
 }
 
-/// What escalations did, for programs.
+/// Returns the steps of an escalation as JSON.
 pub(crate) fn steps_json(report: &Report) -> Value {
     let of = |step: &Escalation| {
         let words = Words::of(step.change, &SimplifyOptions::default());
@@ -101,7 +101,7 @@ pub(crate) fn steps_json(report: &Report) -> Value {
     report.escalated.iter().map(of).collect()
 }
 
-/// What would go further, for people; what to say where nothing does.
+/// Returns the proposals as text, or advice if there are none.
 pub(crate) fn text(report: &Report, options: &SimplifyOptions, time_limit: Option<f64>) -> Option<String> {
     match (report.stopped_by, time_limit) {
         (StoppedBy::Caller, Some(s)) => Some(format!("a higher --time-limit (now {s}) would go further")),
@@ -123,7 +123,7 @@ pub(crate) fn text(report: &Report, options: &SimplifyOptions, time_limit: Optio
     }
 }
 
-/// The same for programs.
+/// Returns the proposals as JSON.
 pub(crate) fn to_json(report: &Report, options: &SimplifyOptions) -> Value {
     let change = |c: &Change| {
         let words = Words::of(*c, options);

@@ -1,32 +1,32 @@
-//! What is wrong with the shape of a mesh, in numbers that a method may raise or not.
+//! Counts of defects that a method can raise.
 
 use lodsmith::core::mesh::defects::clean_surface;
 use lodsmith::core::topology::{EdgeKind, Topology};
 use lodsmith::core::{FaceId, Surface, TriMesh};
 
-/// Faces whose normals are farther apart than this, in degrees, lie back to back. (Guessed: a knife of 30 degrees is
-/// none yet.)
+/// Least angle between the normals of neighbouring faces that count as back to back, in degrees. (Guessed: a
+/// knife of 30 degrees does not count.)
 const BACK_TO_BACK_DEG: f64 = 150.0;
 
-/// Counts after vertices at equal places are joined.
+/// Counts after merging vertices at equal positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Validity {
     /// Edges with three faces or more.
     pub(crate) non_manifold_edges: usize,
     /// Edges with one face.
     pub(crate) border_edges: usize,
-    /// Edges whose faces are wound against each other.
+    /// Edges whose faces are wound in opposite directions.
     pub(crate) misoriented_edges: usize,
-    /// Edges whose two faces lie back to back, as those round a face that was turned over do.
+    /// Edges whose two faces lie back to back, as at a flipped face.
     pub(crate) folds: usize,
-    /// Faces that name a place twice, and faces that are there already.
+    /// Faces that use a position twice, and duplicate faces.
     pub(crate) bad_faces: usize,
-    /// Parts.
+    /// Connected components.
     pub(crate) components: usize,
 }
 
 impl Validity {
-    /// Counts. Cost: nearly O(n).
+    /// Computes the counts. Cost: nearly O(n).
     pub(crate) fn of(mesh: &TriMesh) -> Self {
         let surface = mesh.surface();
         let cleaned = clean_surface(&surface, None);
@@ -45,7 +45,7 @@ impl Validity {
         }
     }
 
-    /// The counts that should not rise, by name, in the order of reports.
+    /// Returns the counts that should not rise, by name, in the order of reports.
     pub(crate) fn counts(&self) -> [(&'static str, usize); 5] {
         [
             ("non_manifold_edges", self.non_manifold_edges),
@@ -56,7 +56,7 @@ impl Validity {
         ]
     }
 
-    /// By how much each count lies above that of the input, 0 where it does not.
+    /// Returns the increase of each count over that of the input, 0 if it did not rise.
     pub(crate) fn risen_from(&self, input: &Self) -> impl Iterator<Item = (&'static str, usize)> {
         let pairs = self.counts().into_iter().zip(input.counts());
         pairs.map(|((name, now), (_, was))| (name, now.saturating_sub(was)))
@@ -71,7 +71,7 @@ fn folds(surface: &Surface<'_>, topology: &Topology) -> usize {
         let (u, v) = (to(b), to(c));
         let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
         let length = n[0].hypot(n[1]).hypot(n[2]);
-        // A face without area looks nowhere.
+        // A face without area has no normal.
         (length.is_normal()).then(|| n.map(|x| x / length))
     };
     let is_fold = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2] < least;
@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn a_face_that_is_turned_over_makes_folds() {
-        // The apex of a flat star is pulled across the rim: faces 0 and 1 lie upside down.
+        // The apex of a flat star is pulled across the rim: faces 0 and 1 are flipped.
         //
         //   3---2
         //   | 4 |    and 4 moves down, beyond 0-1

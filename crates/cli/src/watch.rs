@@ -1,4 +1,4 @@
-//! What a run of the engine is watched with: its time by stage, the bar, Ctrl-C and a limit.
+//! Control of the engine's runs by the command: time by stage, progress bar, Ctrl-C and time limit.
 
 use std::time::Instant;
 
@@ -7,7 +7,7 @@ use lodsmith::{Control, SimplifyError, Stage, Verdict};
 use crate::exit::{self, Interrupted};
 use crate::progress::FileProgress;
 
-/// An end from outside, told from a run that cancelled itself.
+/// Converts the result of a run: a cancelled run was interrupted.
 pub(crate) fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
     match result {
         Err(SimplifyError::Cancelled) if exit::interrupted() => Err(Interrupted.into()),
@@ -24,11 +24,11 @@ pub(crate) struct Clock {
 
 impl Clock {
     pub(crate) fn new() -> Self {
-        // Always there, and in this order; the engine may add to them.
+        // Always present, in this order; the engine may add more.
         let stages = ["read", Stage::Prepare.name(), Stage::Collapse.name()];
         Self { stages: stages.map(|s| (s, 0.0)).to_vec(), running: None }
     }
-    /// A stage begins, or goes on.
+    /// Starts a stage, or continues it.
     pub(crate) fn enter(&mut self, name: &'static str) {
         self.end();
         let i = self.stages.iter().position(|(n, _)| *n == name).unwrap_or_else(|| {
@@ -37,7 +37,7 @@ impl Clock {
         });
         self.running = Some((i, Instant::now()));
     }
-    /// The present stage ends.
+    /// Ends the present stage.
     pub(crate) fn end(&mut self) {
         if let Some((i, begin)) = self.running.take() {
             self.stages[i].1 += begin.elapsed().as_secs_f64();
@@ -48,7 +48,7 @@ impl Clock {
     }
 }
 
-/// Follows the engine: times its stages, moves the bar, ends it in time.
+/// Control of a run: times its stages, moves the bar, and ends it on an interrupt or at the time limit.
 pub(crate) struct Watch<'a> {
     clock: &'a mut Clock,
     bar: &'a FileProgress<'a>,
@@ -57,12 +57,12 @@ pub(crate) struct Watch<'a> {
 }
 
 impl<'a> Watch<'a> {
-    /// Ready for the engine.
+    /// Creates a control for the engine.
     pub(crate) fn new(clock: &'a mut Clock, bar: &'a FileProgress<'a>, deadline: Option<Instant>) -> Self {
         clock.enter(Stage::Prepare.name());
         Self { clock, bar, stage: Stage::Prepare, deadline }
     }
-    /// The engine has ended, writing begins.
+    /// Announces the end of the engine's run and the start of writing.
     pub(crate) fn write(&mut self) {
         self.bar.write();
         self.clock.enter("write");

@@ -4,7 +4,8 @@ mod desk;
 
 use desk::{Desk, coloured_cube, keys, ply};
 
-/// Two cubes along an edge, some faces turned, one face twice, one point for nobody; every face with its own vertices.
+/// Two cubes that share an edge, some faces flipped, one duplicated, one point unused; every face has
+/// vertices of its own.
 fn broken() -> String {
     use std::fmt::Write as _;
     let (mut vertices, mut faces, mut count) = (String::new(), String::new(), 0);
@@ -104,7 +105,7 @@ fn a_scene_stays_whole() {
     assert_eq!(report["meshes"][0]["done"], report["done"]);
     assert_eq!((&report["done"]["flipped_faces"], &report["output"]["faces"]), (&4.into(), &24.into()));
     assert_eq!(desk.faces("out.glb"), 24);
-    // What is not written is told all the same.
+    // A dry run reports the same.
     let dry = desk.run("clean in.glb -o dry.glb --dry-run --json").with_status(0);
     assert_eq!(dry.objects()[0]["dry_run"], true);
     assert!(!desk.path("dry.glb").exists());

@@ -16,7 +16,7 @@ fn simplify_writes_a_lighter_mesh_and_says_so_in_one_line() {
     desk.put("hills.ply", &hills(20));
     let ran = desk.run("simplify hills.ply -o low.ply --ratio 0.25").with_status(0);
     let faces = desk.faces("low.ply");
-    // A collapse may take two faces, so one less than asked is normal.
+    // A collapse can remove two faces, so one less than asked for is normal.
     assert!((199..=200).contains(&faces), "{faces}");
     assert_eq!(ran.text().lines().count(), 1);
     let begin = format!("hills.ply: 800 → {faces} faces ({:.1} %), rms ", faces as f64 / 8.0);
@@ -392,7 +392,7 @@ fn info_has_the_promised_keys_in_their_order() {
 #[test]
 fn info_names_defects() {
     let desk = Desk::new();
-    // Three faces at one edge, one of them twice, one without area, a vertex that nobody uses.
+    // Three faces at one edge, one of them duplicated, one without area, and an unused vertex.
     let vertices = "0 0 0\n1 0 0\n0 1 0\n0 -1 0\n0 0 1\n9 9 9\n";
     let faces = "3 0 1 2\n3 1 0 3\n3 0 1 4\n3 0 1 4\n3 0 0 1\n";
     desk.put("bad.ply", &ply("", 6, 5, vertices, faces));
@@ -487,7 +487,7 @@ fn convert_keeps_what_fits_and_warns_of_the_rest() {
     desk.run("convert cube.ply cube.doc").with_status(2).with_one_error();
 }
 
-/// A triangle with an outside image, an animated node and an extension that nobody knows.
+/// A triangle with an external image, an animated node and an unknown extension.
 const SCENE: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[1]}],
 "nodes":[{"name":"leaf","mesh":0},{"name":"root","children":[0],"scale":[2,2,2],"extras":{"z":1,"a":0.1}}],
 "meshes":[{"name":"kite","primitives":[{"material":0,"attributes":{"POSITION":0}}]}],
@@ -526,20 +526,20 @@ fn convert_keeps_a_whole_scene() {
         json
     };
 
-    // Into one file, the image too.
+    // Into one file, image included.
     let ran = desk.run("convert in/a.gltf out/a.glb --strict").with_status(0);
     assert_eq!(ran.stderr, "");
     let glb = json_of("out/a.glb");
     assert_eq!(glb["images"].to_string(), r#"[{"name":"skin","bufferView":2,"mimeType":"image/png"}]"#);
     let bytes = fs::read(desk.path("out/a.glb")).expect("it was written");
     assert!(bytes.windows(image.len()).any(|w| w == image));
-    // And back; from standard input too.
+    // And back; also from standard input.
     desk.run("convert out/a.glb out/b.gltf --strict").with_status(0);
     assert_eq!(json_of("out/b.gltf")["images"], glb["images"]);
     let ran = desk.run_with("convert - - --to glb --quiet", bytes.clone()).with_status(0);
     assert_eq!(ran.stdout, bytes);
 
-    // Another folder: the image is where it was.
+    // In another folder: the image stays where it was.
     let ran = desk.run("convert in/a.gltf out/c.gltf --strict").with_status(0);
     assert!(ran.stderr.contains("still those in the folder of the input: a%20b.png"), "{}", ran.stderr);
     assert_eq!(json_of("out/c.gltf")["images"][0]["uri"], "../in/a%20b.png");
@@ -547,7 +547,7 @@ fn convert_keeps_a_whole_scene() {
     assert_eq!(ran.stderr, "");
     assert_eq!(json_of("in/d.gltf")["images"], source["images"]);
 
-    // Another format, or a turn, takes the mesh alone, and says so.
+    // Another format, or a rotation, keeps the mesh alone, with a warning.
     let ran = desk.run("convert in/a.gltf out/a.ply").with_status(0);
     assert!(ran.stderr.contains("animations are not carried"), "{}", ran.stderr);
     desk.run("convert in/a.gltf out/e.glb --up z --strict").with_status(3);
@@ -570,7 +570,7 @@ fn simplify_keeps_a_whole_scene() {
     for key in ["asset", "scene", "scenes", "nodes", "materials", "textures", "images", "animations"] {
         assert_eq!(json[key].to_string(), source[key].to_string(), "{key}");
     }
-    // Several triangles: the mesh is lighter, its node stays.
+    // With several triangles the mesh gets lighter; its node is kept.
     desk.put("hills.ply", &hills(10));
     desk.run("convert hills.ply hills.glb").with_status(0);
     desk.run("simplify hills.glb -o low.glb --ratio 0.2 --strict").with_status(0);
@@ -641,10 +641,10 @@ fn an_interrupt_ends_it_without_half_files() {
         let mut child = desk.start("simplify a.ply - -O low --to ply --ratio 0.5 --threads 1 --json");
         // Waiting for the end would close the pipe.
         let _open = child.stdin.take();
-        // The first report says that it is on its way.
+        // The first report shows that it has started.
         let mut byte = [0];
         child.stdout.as_mut().expect("it is piped").read_exact(&mut byte).expect("a report comes");
-        // The word of the shell: a program of that name is not everywhere.
+        // Uses the shell's builtin: a program of that name does not exist everywhere.
         let kill = ["-c", "kill \"$0\" \"$1\"", signal, &child.id().to_string()];
         assert!(Command::new("sh").args(kill).status().expect("a shell is there").success());
         let ended = child.wait().expect("it ends");

@@ -1,4 +1,4 @@
-//! What `--help` says: a change here is a change of the contract.
+//! Snapshots of `--help`: a change here is a change of the contract.
 
 use assert_cmd::Command;
 
@@ -11,7 +11,7 @@ fn help(command: &[&str]) -> String {
         .output()
         .expect("it runs");
     assert!(output.status.success() && output.stderr.is_empty());
-    // The name of the binary has an ending on some systems.
+    // The name of the binary has an extension on some systems.
     String::from_utf8(output.stdout).expect("help is text").replace("lodsmith.exe", "lodsmith")
 }
 

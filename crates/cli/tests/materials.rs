@@ -1,4 +1,4 @@
-//! OBJ with materials from end to end: what the command writes beside its output, and what it says of it.
+//! OBJ with materials from end to end: the files written beside the output, and the messages about them.
 
 use std::fs;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// A folder with a table of two materials, their library and a texture of one pixel.
+/// A folder with a model of a table with two materials, their library and a texture of one pixel.
 struct Desk {
     folder: TempDir,
 }
@@ -137,7 +137,7 @@ fn of_two_textures_with_one_name_the_first_input_keeps_it() {
     for folder in ["slow/tex", "fast"] {
         fs::create_dir_all(desk.path(folder)).expect("there is room for a folder");
     }
-    // Much more work than the table, and yet the first.
+    // It takes much longer than the table, but comes first.
     let n = 120;
     let mut text = "mtllib sheet.mtl\nusemtl wood\n".to_owned();
     for i in 0..n * n {
@@ -160,13 +160,13 @@ fn of_two_textures_with_one_name_the_first_input_keeps_it() {
     assert!(desk.text("out/table_low.mtl").contains("grain_1.ppm"));
 }
 
-/// As much of a PNG as says how large it is.
+/// Returns the part of a PNG that contains its size.
 fn png(width: u32, height: u32) -> Vec<u8> {
     [&b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR"[..], &width.to_be_bytes(), &height.to_be_bytes(), &[8, 2, 0, 0, 0]]
         .concat()
 }
 
-/// The table with an image that glTF takes, of 200 by 100 texels; the iron has none.
+/// The table with an image that glTF accepts, of 200 by 100 texels; the iron has none.
 fn with_png() -> Desk {
     let desk = Desk::new();
     desk.put(
@@ -200,7 +200,7 @@ fn compare_tells_texels_where_there_is_an_image() {
     let (_, line, _) = desk.run("compare in/table.obj in/moved.obj --samples 2000");
     assert!(line.contains("mean 6.000 texels, rms 6.000 texels, 95 % below 6.000 texels"), "{line}");
 
-    // The same of a scene, whose image lies inside.
+    // The same for a scene with an embedded image.
     assert_eq!(desk.run("convert in/table.obj out/table.glb").0, 0);
     let (errors, _) = compared("out/table.glb in/moved.obj");
     assert!(near(&errors["uvs_texels"]["rms"]["symmetric"], 6.0), "{errors}");
@@ -239,7 +239,7 @@ fn a_scene_becomes_an_obj_with_library_and_images() {
         "# Lodsmith\nnewmtl wood\nKd 1 1 1\nPm 0\nPr 0.5\nmap_Kd grain.png\n\
          newmtl iron\nKd 0.5 0.25 0\nPm 1\nPr 1\n"
     );
-    // Once more, and there is nothing new to write.
+    // A second run has nothing new to write.
     assert_eq!(desk.run("convert in/table.glb out/desk.obj --strict").0, 0);
     assert_eq!(desk.names("out"), ["desk.mtl", "desk.obj", "grain.png"]);
 

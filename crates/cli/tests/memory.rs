@@ -1,5 +1,5 @@
-//! No run under a limit of memory is aborted: it ends with its work done, or in one line that names the limit.
-//! docs/trust.md says the same for people.
+//! No run under a memory limit is aborted: it either completes, or fails with one line that names the limit.
+//! docs/trust.md says the same for users.
 #![cfg(target_os = "linux")]
 
 mod desk;
@@ -9,7 +9,7 @@ use std::process::{Command, Output};
 
 use desk::{Desk, hills};
 
-/// Runs the command where the system gives `twice` MiB of addresses, and it may take half of that.
+/// Runs the command with an address space of twice `mib` MiB, of which it may use half.
 fn run_within(desk: &Desk, mib: u64, words: &str) -> Output {
     let script = format!("ulimit -v {}; exec \"$@\" --max-memory {mib}M", 2 * mib * 1024);
     Command::new("sh")
@@ -22,7 +22,7 @@ fn run_within(desk: &Desk, mib: u64, words: &str) -> Output {
         .expect("there is a shell")
 }
 
-/// Checks how it ended; whether it did its work.
+/// Checks how it ended. Returns true if it completed.
 fn is_done(output: &Output, what: &str) -> bool {
     let told = String::from_utf8_lossy(&output.stderr);
     match output.status.code() {
@@ -37,7 +37,7 @@ fn is_done(output: &Output, what: &str) -> bool {
     }
 }
 
-/// Models of about `faces` faces in several formats.
+/// Writes models of about `faces` faces in several formats.
 fn models(desk: &Desk, faces: usize) {
     desk.put("a.ply", &hills(((faces / 2) as f64).sqrt() as usize));
     for name in ["a.obj", "a.stl", "a.glb", "a.off"] {
@@ -71,7 +71,7 @@ const COMMANDS: [&str; 22] = [
     "render a.ply -o out.png --size 2000x1600",
 ];
 
-/// Runs every command within each limit; how many did their work, of how many.
+/// Runs every command within each limit. Returns the number of runs that completed, and of all.
 fn run_all(desk: &Desk, commands: &[&str], limits: &[u64]) -> (usize, usize) {
     let mut done = 0;
     for &mib in limits {
@@ -93,7 +93,7 @@ fn no_run_under_a_limit_is_aborted() {
         true => run_all(&desk, &COMMANDS, &[32, 48, 64, 96, 128]),
         false => run_all(&desk, &few, &[32, 40]),
     };
-    // Limits that all keep, or none, would show nothing.
+    // Limits that all runs keep, or none, would show nothing.
     assert!(done > 0 && done < all, "{done} of {all}");
 }
 
@@ -127,7 +127,7 @@ fn a_step_that_takes_too_much_says_so() {
 #[test]
 fn a_process_that_takes_more_than_was_computed_is_ended() {
     let desk = Desk::new();
-    // A closed surface has half as many vertices as faces; here no two faces share one.
+    // A closed surface has half as many vertices as faces; here no two faces share a vertex.
     let facets = 400_000u32;
     let mut stl = vec![0; 80];
     stl.extend(facets.to_le_bytes());

@@ -1,4 +1,4 @@
-//! `--method planar` by command.
+//! `--method planar` from end to end.
 
 mod desk;
 
@@ -49,7 +49,7 @@ fn angle_and_distance_are_both_asked() {
         desk.run(&format!("simplify ridge.obj -o low.obj --method planar {words}")).with_status(0);
         desk.faces("low.obj")
     };
-    // The sides are 3.4 degrees off each other, and the ridge is 0.24 high.
+    // The sides differ by 3.4 degrees, and the ridge is 0.24 high.
     assert_eq!(faces(""), 4);
     assert_eq!(faces("--flat 0.5"), 2);
     assert_eq!(faces("--error 0.5"), 2);
@@ -61,7 +61,7 @@ fn angle_and_distance_are_both_asked() {
 fn what_it_cannot_do_is_refused() {
     let desk = Desk::new();
     desk.put("ridge.obj", &ridge(2, 0.5));
-    // The status says that the file is at fault (1), which is wrong: it is the command line (2), for all methods.
+    // Known fault, for all methods: the status is 1 (file at fault) instead of 2 (command line at fault).
     for words in ["--max-valence 9", "--placement midpoint", "--fit on", "--cell 1"] {
         let ran = desk.run(&format!("simplify ridge.obj -o low.obj --method planar {words}")).with_status(1);
         assert!(ran.stderr.contains("not for planar"), "{words}: {}", ran.stderr);

@@ -5,7 +5,7 @@ mod desk;
 use desk::{Desk, coloured_cube, hills, keys, ply};
 use serde_json::Value;
 
-/// Methods that these tests run, as words of the command line; none named is all. Few samples: they test no figures.
+/// Methods that these tests run, as arguments; without any, all run. Few samples: the figures are not tested.
 const METHODS: &str = "--samples 3000 --method memoryless --method quadric";
 
 fn rows(report: &Value) -> &Vec<Value> {
@@ -123,7 +123,7 @@ fn all_methods_are_there_unless_some_are_named() {
 #[test]
 fn a_method_that_fails_is_a_row() {
     let desk = Desk::new();
-    // One face, and it has no area.
+    // One face, which has no area.
     desk.put("flat.ply", &ply("", 3, 1, "0 0 0\n1 0 0\n2 0 0\n", "3 0 1 2\n"));
     let ran = desk.run(&format!("methods flat.ply --faces 1 --json {METHODS}")).with_status(1);
     let report = ran.objects().remove(0);

@@ -1,4 +1,4 @@
-//! Options of `simplify` beyond the target: what to leave alone, what counts more, and what else may be tried.
+//! Options of `simplify` beyond the target: locks, importance, and attempts beyond the first run.
 
 mod desk;
 
@@ -12,7 +12,7 @@ use serde_json::Value;
 fn a_target_out_of_reach_says_what_stopped_it() {
     let desk = Desk::new();
     desk.put("hills.ply", &hills(6));
-    // Nothing but border: no vertex may be touched.
+    // All vertices are on the border, so none may change.
     desk.put("square.ply", &hills(1));
     let words = "simplify square.ply -o low.ply --faces 1 --border lock --topology preserve";
     let ran = desk.run(words).with_status(0);
@@ -42,7 +42,7 @@ fn a_target_out_of_reach_says_what_would_help() {
     assert!(report["proposals"][0]["gain"].as_u64() > Some(0));
     let ran = desk.run(&format!("{words} --max-edge 20%")).with_status(0);
     assert!(ran.stderr.ends_with("; a higher --max-edge (now 20%) would go further\n"), "{}", ran.stderr);
-    // Nothing stands in the way but the shape: a closed surface needs four.
+    // Only the shape limits the count: a closed surface needs four faces.
     desk.put("cube.ply", &coloured_cube());
     let ran = desk.run("simplify cube.ply -o low.ply --faces 1").with_status(0);
     assert!(ran.stderr.ends_with("; no option would go further\n"), "{}", ran.stderr);
@@ -50,7 +50,7 @@ fn a_target_out_of_reach_says_what_would_help() {
     assert_eq!(report["proposals"].to_string(), "[]");
 }
 
-/// A ring of so many quads around and across.
+/// A ring of `around` by `across` quads.
 fn ring(around: usize, across: usize) -> String {
     let (mut vertices, mut faces) = (String::new(), String::new());
     let turn = |i: usize, n: usize| i as f64 / n as f64 * std::f64::consts::TAU;
@@ -126,7 +126,7 @@ fn a_preset_changes_the_result_and_what_is_typed_goes_before_it() {
     assert!(of("--preset cad --border keep --topology relaxed") == of(""));
 }
 
-/// The hills as OBJ, the left half a group of its own with a material.
+/// The hills as OBJ, the left half in a group with a material.
 fn hills_in_groups(n: usize) -> String {
     let ply = hills(n);
     let body = ply.split_once("end_header\n").expect("it has a header").1;
@@ -156,7 +156,7 @@ fn what_is_locked_by_name_stays() {
         assert_eq!(report["locked"]["faces"], 400, "{name}");
         assert_eq!(report["locked"]["vertices"], 11 * 21);
     }
-    // All that may go goes; the reasons name the lock.
+    // Everything unlocked is removed; the reasons name the lock.
     let words = "simplify hills.obj -o low.obj --ratio 0.01 --lock left --lock rock --json";
     let report = &desk.run(words).with_status(0).objects()[0];
     assert_eq!((&report["reached"], &report["output"]["faces"]), (&false.into(), &800.into()));
@@ -172,7 +172,7 @@ fn what_is_locked_by_name_stays() {
     assert!(!keys(&plain.objects()[0]).contains(&"locked"));
 }
 
-/// The hills with two more numbers at each vertex: where y is above a half, and y.
+/// The hills with two additional properties of vertices: whether y is above a half, and y.
 fn marked_hills(n: usize) -> String {
     let ply = hills(n);
     let (header, body) = ply.split_once("element face").expect("it has faces");
@@ -199,7 +199,7 @@ fn attributes_of_vertices_lock_and_weigh() {
     let left = report["output"]["faces"].as_u64().expect("a count");
     assert!((360..440).contains(&left), "{left}");
 
-    // With importance, the far side has more of the triangles.
+    // With importance, the far half gets more of the triangles.
     let far = |name: &str| {
         let text = fs::read_to_string(desk.path(name)).expect("it was written");
         let y = |l: &&str| l.split(' ').nth(2).and_then(|y| y.parse::<f64>().ok()).is_some_and(|y| y > 0.5);
@@ -236,7 +236,7 @@ fn a_part_of_a_scene_is_locked_by_its_names() {
         let report = &desk.run(&words).with_status(0).objects()[0];
         assert_eq!((&report["reached"], &report["locked"]["faces"]), (&false.into(), &200.into()), "{name}");
         let left = report["output"]["faces"].as_u64().expect("a count");
-        // (A little heavier than possible, where the last faces would cost too much.)
+        // (A little heavier than possible, because the last faces would cost too much.)
         assert!((200..231).contains(&left), "{left}");
     }
     let ran = desk.run("simplify two.gltf -o low.glb --ratio 0.1 --lock x").with_status(1).with_one_error();
@@ -254,7 +254,7 @@ fn clusters_tell_their_cells() {
     assert_eq!((&report["method"], &report["stopped_by"]), (&Value::from("cluster"), &Value::from("faces")));
     assert_eq!(report["clustered"]["faces"], report["output"]["faces"]);
     assert!(report["clustered"]["cell"].as_f64() > Some(0.0));
-    // The size of the cells ends a run by itself.
+    // The cell size ends a run without a target.
     let report = &desk.run(&format!("{words} --cell 5% --json")).with_status(0).objects()[0];
     assert_eq!((&report["reached"], &report["stopped_by"]), (&Value::from(true), &Value::from("exhausted")));
     let report = &desk.run(&format!("{words} --two-stage --faces 300 --json")).with_status(0).objects()[0];

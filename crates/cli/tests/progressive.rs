@@ -6,7 +6,7 @@ use std::fs;
 
 use desk::{Desk, hills};
 
-/// A desk with hills, as they are and as LPM.
+/// A folder with the hills, as PLY and as LPM.
 fn with_hills() -> (Desk, Vec<u8>) {
     let desk = Desk::new();
     desk.put("text.ply", &hills(24));
@@ -61,7 +61,7 @@ fn levels_meet_their_targets() {
     // The base of a new file too.
     let ran = desk.run("progressive build hills.ply -o near.lpm --error 1% --json").with_status(0);
     assert_eq!(ran.objects()[0]["base"]["faces"], far.objects()[0]["output"]["faces"]);
-    // The fit moves vertices, and adds none.
+    // The fit moves vertices, but adds none.
     desk.run("progressive extract hills.lpm -o fit.ply --faces 300").with_status(0);
     desk.run("progressive extract hills.lpm -o plain.ply --faces 300 --no-fit").with_status(0);
     assert_eq!(desk.faces("fit.ply"), desk.faces("plain.ply"));

@@ -106,7 +106,7 @@ fn surroundings_are_seen_in_materials() {
     assert_eq!(plain, draw("--environment none"));
     let studio = draw("--environment studio");
     assert_ne!(plain, studio);
-    // A picture of the sky is a file like any other, and one that is none says so.
+    // An environment picture is a file like any other; an invalid one gives an error.
     desk.run("render squares.glb -o sky.png --size 64x32 -q").with_status(0);
     let sky = draw("--environment sky.png");
     assert!(sky != plain && sky != studio);
@@ -118,7 +118,7 @@ fn surroundings_are_seen_in_materials() {
     assert!(error.stderr.contains("no.hdr"), "{}", error.stderr);
 }
 
-/// A GLB of two squares in grids of `n`, green and twice as large beside red, each a mesh with a material.
+/// A GLB with two squares in grids of `n`, green and twice as large beside red, each a mesh with a material.
 fn two_squares(n: u32) -> Vec<u8> {
     let places = (0..=n).flat_map(|y| (0..=n).map(move |x| [x, y].map(|i| i as f32 / n as f32)));
     let mut bin: Vec<u8> = places.flat_map(|[x, y]| [x, y, 0.0]).flat_map(f32::to_le_bytes).collect();
@@ -193,7 +193,7 @@ fn levels_of_a_scene_keep_its_materials_and_places() {
         let (red, green) = (is(rows.clone(), 0), is(rows.clone(), 1));
         assert!(red > 400 && green > 3 * red && green < 5 * red, "{rows:?}: {red} red, {green} green");
     }
-    // Flat squares lose nothing; the rounding of it is not told.
+    // Flat squares lose nothing; the rounding error is not shown.
     let largest = report["pictures"][1]["largest_distance"].as_f64().expect("a number");
     assert!(largest < 1e-6, "{largest}");
     desk.run("render squares.glb -o heat.png --levels 40 --shading heat --size 60x60").with_status(0);
@@ -203,7 +203,7 @@ fn levels_of_a_scene_keep_its_materials_and_places() {
 fn heat_needs_something_to_measure_from() {
     let desk = Desk::new();
     desk.put("full.ply", &hills(20));
-    // Its vertices lie beside those of the other: 20 is no multiple of 6.
+    // Its vertices lie between those of the other: 20 is no multiple of 6.
     desk.put("low.ply", &hills(6));
     let error = desk.run("render low.ply -o out.png --shading heat").with_status(2).with_one_error();
     assert!(error.stderr.contains("--compare"), "{}", error.stderr);
@@ -249,7 +249,7 @@ fn what_cannot_be_is_said() {
 fn methods_and_compare_draw_too() {
     let desk = Desk::new();
     desk.put("full.ply", &hills(20));
-    // Its vertices lie beside those of the other: 20 is no multiple of 6.
+    // Its vertices lie between those of the other: 20 is no multiple of 6.
     desk.put("low.ply", &hills(6));
     let methods = "--method memoryless --method quadric --samples 1000";
     desk.run(&format!("methods full.ply --faces 100 {methods} --sheet sheet.png")).with_status(0);

@@ -1,5 +1,5 @@
-//! What files of strangers may not do: reach other files, write to the terminal, take the place of what is there.
-//! docs/trust.md says the same for people.
+//! Protection against untrusted files: they cannot reach other files, write to the terminal, or replace
+//! existing files. docs/trust.md says the same for users.
 
 mod desk;
 
@@ -12,7 +12,8 @@ const OUTSIDE: &str =
 const IMAGE: &str = "P3 1 1 255 120 80 40";
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
 
-/// A model in a folder `in` that names an image beside this folder, in each way that a path can be written.
+/// A model in a folder `in` that refers to an image outside of this folder, in each way that a path can be
+/// written.
 fn with_a_secret() -> (Desk, [String; 2]) {
     let desk = Desk::new();
     for folder in ["in", "out"] {
@@ -58,7 +59,7 @@ fn no_command_copies_a_file_from_outside_the_folder() {
     desk.run("info in/a.obj --allow-outside --asset-root .").with_status(2);
 }
 
-/// A glTF file with one triangle, one image and its buffer in a file of its own.
+/// A glTF file with one triangle, one image, and its buffer in a separate file.
 fn gltf(buffer: &str, image: &str) -> String {
     format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
@@ -109,7 +110,7 @@ fn a_scene_takes_in_only_images_of_its_folder() {
     }
 }
 
-/// Whether a terminal would do more with a character than show it; ends of lines aside.
+/// Returns true if a terminal would interpret a character instead of showing it; line ends excepted.
 fn is_unsafe(c: char) -> bool {
     c != '\n' && (c.is_control() || "\u{61c}\u{200e}\u{200f}\u{202a}\u{202e}\u{2066}\u{2069}".contains(c))
 }
@@ -146,7 +147,7 @@ fn names_of_a_file_write_nothing_to_the_terminal() {
         }
         assert!(!ran.text().is_empty() || !ran.stderr.is_empty());
     }
-    // Programs get the very name.
+    // JSON has the exact name.
     assert_eq!(desk.info(&file)["path"], file.as_str());
 }
 
@@ -184,7 +185,7 @@ fn an_input_is_written_over_by_force_alone() {
         assert!(fs::read(desk.path(input)).expect("it is there") != before, "{words}");
         fs::write(desk.path(input), before).expect("there is room");
     }
-    // A trial writes nothing, and so needs no force.
+    // A dry run writes nothing, so it needs no --force.
     desk.run("simplify a.ply -o a.ply --ratio 0.5 --dry-run").with_status(0);
 }
 
@@ -261,7 +262,7 @@ fn a_damaged_progressive_mesh_is_a_failure() {
         let ran = desk.run(&format!("{command} bad.lpm{out}")).with_status(1).with_one_error();
         assert!(ran.stderr.contains("damaged"), "{words}: {}", ran.stderr);
         assert!(!desk.path("out.ply").exists(), "{words}");
-        // Any beginning of a file is a coarser mesh.
+        // Any prefix of a file is a coarser mesh.
         let ran = desk.run(&format!("{command} cut.lpm{out}")).with_status(0);
         assert!(ran.stderr.contains("incomplete"), "{words}: {}", ran.stderr);
         let _ = fs::remove_file(desk.path("out.ply"));

@@ -1,5 +1,4 @@
-//! What a user meets in the first minutes: options as people type them, and errors that say the way out. Faults that were, by
-//! name.
+//! First contact of a user: options as people type them, and errors that name a remedy. Regressions, by name.
 
 mod desk;
 
@@ -7,7 +6,7 @@ use std::fs;
 
 use desk::{Desk, hills};
 
-/// C1: `--ratio 50%` was refused as no number.
+/// Fault C1: `--ratio 50%` was refused as no number.
 #[test]
 fn fractions_may_be_typed_in_percent() {
     let desk = Desk::new();
@@ -23,7 +22,8 @@ fn fractions_may_be_typed_in_percent() {
     }
 }
 
-/// C2: a folder as output was said to have an ending that names no format, and without an output nothing named `-O`.
+/// Fault C2: for a folder as output the error was that its ending names no format, and without an output
+/// nothing named `-O`.
 #[test]
 fn a_folder_as_output_names_the_option_for_folders() {
     let desk = Desk::new();
@@ -41,7 +41,7 @@ fn a_folder_as_output_names_the_option_for_folders() {
     }
 }
 
-/// C3: formats that other programs write were told as "its first bytes are of none of them".
+/// Fault C3: for formats that other programs write the error was "its first bytes are of none of them".
 #[test]
 fn formats_that_are_not_read_are_named_with_a_way_out() {
     let desk = Desk::new();
@@ -61,18 +61,18 @@ fn formats_that_are_not_read_are_named_with_a_way_out() {
     }
 }
 
-/// C6: labels of `info` ran into their numbers.
+/// Fault C6: labels of `info` were not separated from their numbers.
 #[test]
 fn labels_of_info_stand_apart_from_their_numbers() {
     let desk = Desk::new();
-    // Two triangles that share a corner and no edge.
+    // Two triangles that share a corner but no edge.
     desk.put("bow.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv -1 0 0\nv 0 -1 0\nf 1 2 3\nf 1 4 5\n");
     let ran = desk.run("info bow.obj").with_status(0);
     assert!(ran.text().contains("non-man. vertices 1"), "{}", ran.text());
 }
 
-/// C6 and C8: `info` spoke of skins that "are not carried" where nothing is written, and `compare` had two rows of the same
-/// name.
+/// Faults C6 and C8: `info` said that skins "are not carried" although nothing is written, and `compare` had
+/// two rows of the same name.
 #[test]
 fn rows_of_compare_have_names_of_their_own() {
     let desk = Desk::new();

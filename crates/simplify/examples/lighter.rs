@@ -1,10 +1,11 @@
-//! A tenth of the faces, how far the result lies from the input, and what was in the way.
+//! Simplifies to a tenth of the faces and prints the distance from the input and the reasons of refused
+//! collapses.
 #![allow(clippy::print_stdout, reason = "an example shows what it does")]
 
 use lodsmith::core::shapes;
 use lodsmith::{Control, Measure, SimplifyError, SimplifyOptions, Stage, Stop, Verdict, simplify};
 
-/// Whoever calls holds the clock, shows the progress and may end the run.
+/// A control that prints the stages; the caller could also measure time and end the run here.
 struct Stages;
 
 impl Control for Stages {

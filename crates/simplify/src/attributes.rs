@@ -1,4 +1,4 @@
-//! From a mesh's attributes to one row of values for each wedge, and back.
+//! Conversion of a mesh's attributes to one row of values for each wedge, and back.
 
 mod labels;
 pub(crate) mod ranges;
@@ -19,80 +19,84 @@ use ranges::{ANY, ranges, within};
 pub(crate) use recorded::RowPlaces;
 use skin::{middles, pulls, skin_sets};
 
-/// What an error of 1 in a normal or of the full range in a colour counts: this share of the edge length of the result.
-/// (A curve that an edge cuts short by h turns the normal by 4 h over the edge's length: a quarter would weigh both
-/// alike. Guessed below that, so that shape leads.)
+/// Weight of an error of 1 in a normal, or of the full range in a colour, as a fraction of the edge length of
+/// the result. (A curve that an edge cuts short by h turns the normal by 4 h over the edge's length: a
+/// quarter would weigh both alike. Guessed below that, so that shape leads.)
 const NORMAL: f64 = 0.1;
 const COLOR: f64 = 0.1;
-/// What texture coordinates count: a shift of the texture along the surface, as a share of a distance of that length.
-/// (Guessed.)
+/// Weight of texture coordinates: a shift of the texture along the surface counts this fraction of a distance
+/// of that length. (Guessed.)
 const UV: f64 = 0.5;
 
-/// What it counts that other joints pull a wedge: a share of the distance by which the middle of its joints moves. (Measured
-/// at half the faces: Fox in a run has FLIP .1434 with 0, .1392 with .1, .1516 with .2, .1546 with .5; CesiumMan in a walk
-/// .0648, .0413, .0345 and .0237. Its distance at rest rises by 17 % with .1 and by half with .5.)
+/// Weight of a change of skin: the distance by which the middle of a wedge's joints moves counts this
+/// fraction. (Measured at half the faces: Fox in a run has FLIP .1434 with 0, .1392 with .1, .1516 with .2,
+/// .1546 with .5; CesiumMan in a walk .0648, .0413, .0345 and .0237. Its distance at rest rises by 17 % with
+/// .1 and by half with .5.)
 const SKIN: f64 = 0.1;
 
-/// Values beyond this are worked on divided by a power of two, so that no product of them leaves single precision.
+/// Larger values are divided by a power of two while they are processed, so that no product of them overflows
+/// single precision.
 const LARGEST: f32 = 1e12;
-/// The most that a value may count, times the largest of its kind. (So that determinants stay within single precision;
-/// beyond, everything else has long ceased to have a say.)
+/// Largest weight of a value, times the largest of its kind. (Keeps determinants within single precision;
+/// beyond it, no other attribute affects the cost anyway.)
 const MOST_COUNTED: f64 = 1e6;
 
-/// The rows of a mesh, and how to read them.
+/// The layout of the rows of a mesh, and the row of each wedge.
 #[derive(Clone)]
 pub(crate) struct Rows {
     layout: Vec<Column>,
-    /// Sets of four joints.
+    /// Sets of four joints each.
     skin_sets: Vec<u8>,
     labels: Labels,
-    /// The row of each wedge of the mesh; wedges that are alike at one vertex share theirs.
+    /// The row of each wedge of the mesh; equal wedges of one vertex share a row.
     pub(crate) wedge_rows: Vec<WedgeId>,
-    /// Whether joints pull all wedges of a vertex alike: so they do in the result, or it comes apart where it moves.
+    /// True if all wedges of a vertex have the same joints: the result keeps that, or it would tear when it
+    /// moves.
     is_pulled_whole: bool,
 }
 
-/// The surface that attributes lie on, in the unit frame.
+/// The surface of the attributes, in the unit frame.
 pub(crate) struct Ground<'a> {
     pub(crate) faces: &'a [[VertexId; 3]],
     pub(crate) wedges: &'a [[WedgeId; 3]],
     pub(crate) points: &'a [Vec3],
     pub(crate) frame: Frame,
-    /// About how long the edges of the result will be.
+    /// Approximate edge length of the result.
     pub(crate) edge: f64,
 }
 
-/// Where an attribute stands in a row; one that is the same at all wedges stands in none.
+/// Place of an attribute in a row; an attribute with the same value at all wedges has none.
 #[derive(Clone)]
 struct Column {
     of: Of,
     at: usize,
     width: usize,
     constant: Option<Vec<f32>>,
-    /// The largest of its values, as rows hold them.
+    /// The largest of its values, as stored in rows.
     largest: f32,
-    /// What those are divided by.
+    /// Divisor of the values in rows.
     divisor: f32,
-    /// The range of each value in the mesh.
+    /// Range of each value in the mesh.
     ranges: Vec<[f32; 2]>,
-    /// Whether it moves vertices, all wedges of one alike: so it does in the result, or that comes apart.
+    /// True if it displaces vertices, and all wedges of a vertex alike: the result keeps that, or it would
+    /// tear.
     moves_whole: bool,
 }
 
-/// Which attribute.
+/// Attribute of a column.
 #[derive(Clone)]
 enum Of {
     Normals,
     Uvs,
     Colors,
-    /// The middle of the joints that pull a wedge, for the cost alone: the result does not hold it.
+    /// The middle of the joints of a wedge, used in the cost alone: the result does not have it.
     Middle,
     Further(Semantic),
 }
 
 impl Rows {
-    /// The rows of a mesh whose wedges belong to the vertices `place`, and the engine's view of them; `None` without
-    /// attributes and regions.
+    /// Returns the rows of a mesh whose wedges belong to the vertices `place`, and the engine's form of them;
+    /// `None` without attributes and regions.
     pub(crate) fn new(mesh: &TriMesh, place: impl Fn(WedgeId) -> VertexId) -> Option<(Self, Attributes)> {
         if !mesh.has_attributes() && mesh.regions().is_none() {
             return None;
@@ -138,7 +142,7 @@ impl Rows {
         let pulls_of = |w: WedgeId| pulls(mesh, &skin_sets, w);
         let (labels, label_of) = Labels::new(mesh);
 
-        // Wedges by vertex, then by value: equal ones get one row, in the order of the vertices.
+        // Sort wedges by vertex, then by value: equal ones get one row, in the order of the vertices.
         let order = by_place(mesh.wedge_count(), place);
         let mut given = vec![0f32; width * order.len()];
         for c in layout.iter().filter(|c| c.constant.is_none()) {
@@ -162,7 +166,7 @@ impl Rows {
                     && (skin_sets.is_empty() || all_pulls[r] == own_pulls)
                     && all_labels.get(r) == own_label
             };
-            // A vertex of a great many wedges is looked through in part only.
+            // For a vertex with very many wedges only the last rows are compared.
             let known = (first.max(count.saturating_sub(64))..count).find(same);
             wedge_rows[w.index()] = WedgeId(known.unwrap_or(count) as u32);
             if known.is_none() {
@@ -174,7 +178,7 @@ impl Rows {
                 count += 1;
             }
         }
-        // Wedges of one vertex stand side by side.
+        // Wedges of one vertex are contiguous.
         let differ = |what: &dyn Fn(usize, usize) -> bool| {
             order.windows(2).any(|pair| {
                 let [(v, a), (u, b)] = [pair[0], pair[1]].map(|(v, w)| (v, wedge_rows[w.index()].index()));
@@ -195,19 +199,19 @@ impl Rows {
         Some((Self { layout, skin_sets, labels, wedge_rows, is_pulled_whole }, attributes))
     }
 
-    /// Values in a row.
+    /// Returns the number of values in a row.
     pub(crate) fn width(&self) -> usize {
         self.layout.iter().filter(|c| c.constant.is_none()).map(|c| c.width).sum()
     }
-    /// Which of them are of shading: normals and tangents.
+    /// Returns for each value of a row whether it is of shading: a normal or tangent.
     pub(crate) fn shading(&self) -> Vec<bool> {
         self.of_each(|c| c.is_shading())
     }
-    /// Where normals begin in a row, if it holds any.
+    /// Returns the offset of normals in a row, if it has any.
     pub(crate) fn normals_at(&self) -> Option<usize> {
         self.layout.iter().find(|c| matches!(c.of, Of::Normals) && c.constant.is_none()).map(|c| c.at)
     }
-    /// The largest of each kind.
+    /// Returns the largest value of each column, for each value of a row.
     pub(crate) fn largest(&self) -> Vec<f32> {
         self.of_each(|c| c.largest)
     }
@@ -216,13 +220,13 @@ impl Rows {
         columns.flat_map(|c| std::iter::repeat_n(what(c), c.width)).collect()
     }
 
-    /// Sets what each value counts in the cost.
+    /// Sets the weight of each value in the cost.
     pub(crate) fn weigh(&self, attributes: &mut Attributes, weights: &AttributeWeights, on: &Ground<'_>) {
         let Ground { frame, edge, .. } = *on;
         let gradients = attributes.mean_square_gradients(on.faces, on.wedges, on.points);
         for c in self.layout.iter().filter(|c| c.constant.is_none()) {
             let range = c.at..c.at + c.width;
-            // Root of the mean square gradient of a value.
+            // Root mean square of the gradient of a value.
             let gradient = (gradients[range.clone()].iter().sum::<f64>() / c.width as f64).sqrt().max(1e-12);
             let divisor = f64::from(c.divisor);
             let weight = match &c.of {
@@ -245,7 +249,7 @@ impl Rows {
         }
     }
 
-    /// The mesh of these faces, with the attributes of their wedges.
+    /// Returns the mesh of these faces, with the attributes of their wedges.
     pub(crate) fn mesh(
         &self,
         attributes: Option<&Attributes>,
@@ -316,7 +320,7 @@ impl Rows {
         Ok(mesh)
     }
 
-    /// The joints of each pair: its own, or those of all pairs of its vertex.
+    /// Returns the joints and weights of each pair: its own, or the mean over all pairs of its vertex.
     fn pulls_of<'a>(
         &self,
         attributes: &'a Attributes,
@@ -346,7 +350,7 @@ impl Rows {
     }
 }
 
-/// Gives all pairs of a vertex the mean of their values, where they are not alike already.
+/// Replaces the values of all pairs of a vertex by their mean, unless they are equal.
 fn join(pairs: &[(VertexId, WedgeId)], width: usize, values: &mut [f32]) {
     let mut rest = values;
     for vertex in pairs.chunk_by(|a, b| a.0 == b.0) {
@@ -365,7 +369,7 @@ fn join(pairs: &[(VertexId, WedgeId)], width: usize, values: &mut [f32]) {
     }
 }
 
-/// A mesh whose wedges are the distinct pairs of vertex and given wedge, in order, and those pairs.
+/// Returns a mesh whose wedges are the distinct pairs of vertex and given wedge, in order, and those pairs.
 pub(crate) fn with_wedges(
     positions: Positions,
     faces: &[[VertexId; 3]],
@@ -386,7 +390,7 @@ pub(crate) fn with_wedges(
     for (i, p) in pairs.iter().enumerate() {
         at[p.1.index()] = i;
     }
-    // A wedge belongs to one vertex, almost always.
+    // Nearly always a wedge belongs to one vertex.
     let number = |v: VertexId, w: WedgeId| match at[w.index()] {
         i if pairs[i] == (v, w) => WedgeId(i as u32),
         _ => pairs.binary_search(&(v, w)).map_or(WedgeId(0), |i| WedgeId(i as u32)),
@@ -402,7 +406,7 @@ pub(crate) fn with_wedges(
     Ok((mesh, pairs))
 }
 
-/// Pairs of one of so many vertices and a wedge, in order: counted by vertex, because a vertex has few wedges.
+/// Sorts pairs of a vertex and a wedge: a counting sort by vertex, because a vertex has few wedges.
 fn in_order(pairs: &[(VertexId, WedgeId)], vertices: usize) -> Vec<(VertexId, WedgeId)> {
     let mut at = vec![0u32; vertices + 1];
     for (v, _) in pairs {
@@ -417,7 +421,7 @@ fn in_order(pairs: &[(VertexId, WedgeId)], vertices: usize) -> Vec<(VertexId, We
         sorted[*at as usize] = pair;
         *at += 1;
     }
-    // (Now each entry says where its vertex ends.)
+    // Now each entry is the end of its vertex' range.
     let mut begin = 0;
     for &end in &at[..vertices] {
         let own = &mut sorted[begin as usize..end as usize];
@@ -429,11 +433,12 @@ fn in_order(pairs: &[(VertexId, WedgeId)], vertices: usize) -> Vec<(VertexId, We
     sorted
 }
 
-/// The wedges below `count` in the order of their vertices, each with its vertex; those without one are left out.
+/// Returns the wedges below `count` sorted by vertex, each with its vertex; those without a vertex are left
+/// out.
 fn by_place(count: usize, place: impl Fn(WedgeId) -> VertexId) -> Vec<(VertexId, WedgeId)> {
     let places: Vec<VertexId> = (0..count as u32).map(|w| place(WedgeId(w))).collect();
     let vertices = places.iter().filter(|&&v| v != NONE).map(|v| v.index() + 1).max().unwrap_or(0);
-    // Those without a vertex are counted behind the others.
+    // Wedges without a vertex are counted after the others.
     let slot = |v: VertexId| v.index().min(vertices);
     let mut at = vec![0u32; vertices + 2];
     for &v in &places {
@@ -453,7 +458,7 @@ fn by_place(count: usize, place: impl Fn(WedgeId) -> VertexId) -> Vec<(VertexId,
 }
 
 impl Column {
-    /// The values that all wedges have.
+    /// Returns the values that all wedges have in common.
     fn constant_of(&self, all: &[f32], wedges: usize) -> Option<Vec<f32>> {
         let (mut first, mut other) = (vec![0.0; self.width], vec![0.0; self.width]);
         self.read(all, WedgeId(0), &mut first);
@@ -463,8 +468,8 @@ impl Column {
         });
         (wedges > 0 && same).then_some(first)
     }
-    /// The values of a mesh, those of one wedge after those of the other; nothing where it has none. `middles` are those of
-    /// the joints.
+    /// Returns the values of a mesh, wedge after wedge; empty if it has none. `middles` are those of the
+    /// joints.
     fn all<'a>(&self, mesh: &'a TriMesh, middles: &'a [[f32; 3]]) -> &'a [f32] {
         match &self.of {
             Of::Normals => mesh.normals().map_or(&[], <[_]>::as_flattened),
@@ -486,7 +491,7 @@ impl Column {
     fn is_direction(&self) -> bool {
         matches!(self.of, Of::Normals | Of::Further(Semantic::Tangent)) && self.width >= 3
     }
-    /// Whether it says where vertices go.
+    /// Returns true if it displaces vertices.
     fn is_movement(&self) -> bool {
         matches!(&self.of, Of::Further(Semantic::Morph { of: Morphed::Position, .. }))
     }
@@ -495,7 +500,7 @@ impl Column {
         self.is_direction()
             || matches!(&self.of, Of::Further(Semantic::Morph { of, .. }) if morphed.contains(of))
     }
-    /// Reads the values of wedges, in this order, into the rows of so many values each.
+    /// Reads the values of wedges, in this order, into rows of `width` values each.
     fn read_all(&self, all: &[f32], order: &[(VertexId, WedgeId)], width: usize, rows: &mut [f32]) {
         match self.width {
             2 => self.read_all_of::<2>(all, order, width, rows),
@@ -503,7 +508,7 @@ impl Column {
             _ => self.read_all_of::<0>(all, order, width, rows),
         }
     }
-    /// The same where the width is known, for loops that are unrolled; 0 is any.
+    /// Reads values like [`Self::read_all`], with a constant width for unrolled loops; 0 is any width.
     #[inline(always)]
     fn read_all_of<const N: usize>(
         &self,
@@ -524,7 +529,7 @@ impl Column {
     #[inline(always)]
     fn read_of(&self, width: usize, all: &[f32], w: WedgeId, out: &mut [f32]) {
         if let Some(own) = all.get(w.index() * width..(w.index() + 1) * width) {
-            // What is no number cannot be blended.
+            // NaN and infinity cannot be blended.
             out.iter_mut().zip(own).for_each(|(to, x)| *to = if x.is_finite() { *x } else { 0.0 });
         }
         if self.is_direction() {
@@ -536,7 +541,7 @@ impl Column {
             out.iter_mut().for_each(|x| *x /= self.divisor);
         }
     }
-    /// Finds the ranges and the largest of the values, and what keeps them within bounds.
+    /// Finds the ranges and the largest of the values, and the divisor that limits them.
     fn bound(&mut self, all: &[f32]) {
         self.ranges = match self.is_direction() {
             true => vec![ANY; self.width],
@@ -552,8 +557,8 @@ impl Column {
             (self.largest, self.divisor) = (self.largest / 2.0, self.divisor * 2.0);
         }
     }
-    /// Value `k` as the mesh has it, within its range there. What a run blends, fits or lets follow a vertex comes out
-    /// here.
+    /// Returns value `k` in the units of the mesh, clamped to its range there. All values that a run blends,
+    /// fits or moves with a vertex pass through here.
     fn given(&self, k: usize, x: f32) -> f32 {
         within(x * self.divisor, self.ranges[k])
     }

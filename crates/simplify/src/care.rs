@@ -1,4 +1,4 @@
-//! Where a run takes care: vertices that are locked, and places that are more important than others.
+//! Locked vertices and importance.
 
 use std::collections::HashMap;
 
@@ -9,10 +9,10 @@ use crate::SimplifyError;
 use crate::collapse::order::{NONE, Ordered};
 use crate::options::SimplifyOptions;
 
-/// Densities beyond these count as these. (What they cost has to leave room in single precision.)
+/// Range that densities are clamped to. (Their cost factors must leave room in single precision.)
 const DENSITIES: [f32; 2] = [1e-3, 1e3];
 
-/// What is asked for of each vertex, by number in the ordered input.
+/// Locks and cost factors of vertices, by number in the ordered input.
 pub(crate) struct Care {
     locked: Option<Vec<bool>>,
     locked_faces: usize,
@@ -20,7 +20,8 @@ pub(crate) struct Care {
 }
 
 impl Care {
-    /// `joined` says which vertex each one was joined with before the input was ordered.
+    /// Builds locks and cost factors. `joined` returns the vertex that each vertex was merged with before the
+    /// input was ordered.
     pub(crate) fn new(
         options: &SimplifyOptions,
         ordered: &Ordered,
@@ -40,7 +41,7 @@ impl Care {
                 let price = &mut prices[place.index()];
                 *price = price.max(density * density * density.sqrt());
             }
-            // Only what costs more is found by what it costs; the unit does not matter.
+            // Normalises so that the least factor is 1: only their ratios matter.
             let least = prices.iter().copied().fold(f32::INFINITY, f32::min);
             prices.iter_mut().for_each(|x| *x /= least);
             prices
@@ -57,17 +58,17 @@ impl Care {
     pub(crate) fn locked_vertices(&self) -> usize {
         self.locked.as_ref().map_or(0, |locked| locked.iter().filter(|l| **l).count())
     }
-    /// Faces all of whose vertices are locked.
+    /// Returns the number of faces whose vertices are all locked.
     pub(crate) fn locked_faces(&self) -> usize {
         self.locked_faces
     }
-    /// What costs count times, for a run that changes them.
+    /// Returns a copy of the cost factors, for a run that changes them.
     pub(crate) fn prices(&self) -> Option<Vec<f32>> {
         self.prices.clone()
     }
 }
 
-/// Holds the lists of the options against the number of vertices.
+/// Checks the lists of the options against the number of vertices.
 pub(crate) fn check(options: &SimplifyOptions, wanted: usize) -> Result<(), SimplifyError> {
     let lists = [
         ("locked", options.locked.as_ref().map(|x| x.len())),
@@ -86,8 +87,9 @@ pub(crate) fn check(options: &SimplifyOptions, wanted: usize) -> Result<(), Simp
     Ok(())
 }
 
-/// Which vertex each one is joined with: a locked one among them if there is any, at its own place before others, and
-/// locked ones with none. Says how many are joined with another.
+/// Returns the vertex that each vertex is merged with, and the number of merged vertices. Vertices are merged
+/// onto locked ones: one at the same position first, otherwise one within the distance; a locked vertex is
+/// merged with none.
 pub(crate) fn weld_onto_locked(
     weld: &Weld,
     positions: PositionsView<'_>,
@@ -115,7 +117,7 @@ pub(crate) fn weld_onto_locked(
     (joined, merged)
 }
 
-/// Wedges of locked vertices by what the engine calls them, and by the region of their face where possible.
+/// Wedges of locked vertices, by the engine's name of the wedge and, where possible, the region of the face.
 #[derive(Default)]
 pub(crate) struct Known(HashMap<(u32, Option<RegionId>), WedgeId>);
 
@@ -129,7 +131,8 @@ impl Known {
     }
 }
 
-/// The wedge of the input at each corner of a result that belongs to a locked vertex; empty where none is locked.
+/// The wedge of the input at each corner of a result that belongs to a locked vertex; empty if none is
+/// locked.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Held(Vec<[Option<WedgeId>; 3]>);
 
@@ -138,12 +141,12 @@ impl Held {
         Self(corners.collect())
     }
 
-    /// What was held at a corner.
+    /// Returns the wedge held at a corner.
     pub(crate) fn at(&self, face: usize, k: usize) -> Option<WedgeId> {
         self.0.get(face)?[k]
     }
 
-    /// Gives the wedges of locked vertices the very bits that they had.
+    /// Restores the attributes of locked vertices to their original bits.
     pub(crate) fn restore(&self, result: &mut TriMesh, input: &TriMesh) {
         if self.0.is_empty() {
             return;
@@ -158,7 +161,7 @@ impl Held {
     }
 }
 
-/// Gives wedges the attributes of wedges of another mesh, where those have them.
+/// Copies attributes from wedges of another mesh, where that mesh has them.
 pub(crate) fn restore(result: &mut TriMesh, input: &TriMesh, source: &[Option<WedgeId>]) {
     fn with<T: Copy>(own: Option<&[T]>, other: Option<&[T]>, source: &[Option<WedgeId>]) -> Option<Vec<T>> {
         let mut own = own?.to_vec();
@@ -195,7 +198,7 @@ mod tests {
 
     #[test]
     fn a_weld_goes_onto_locked_vertices() {
-        // 0 1 2 lie within the distance, 3 far away.
+        // Vertices 0, 1 and 2 lie within the distance, 3 far away.
         let points = [[0f32, 0.0, 0.0], [0.01, 0.0, 0.0], [0.02, 0.0, 0.0], [1.0, 0.0, 0.0]];
         let weld = weld::weld_within(PositionsView::F32(&points), 0.05);
         let mut options = SimplifyOptions::default();
@@ -207,7 +210,7 @@ mod tests {
     }
     #[test]
     fn a_weld_leaves_what_stands_at_locked_places() {
-        // 0 and 1 are locked, 2 stands where 1 does.
+        // Vertices 0 and 1 are locked, 2 has the position of 1.
         let points = [[0f32, 0.0, 0.0], [0.01, 0.0, 0.0], [0.01, 0.0, 0.0]];
         let weld = weld::weld_within(PositionsView::F32(&points), 0.05);
         let options = SimplifyOptions { locked: Some(Arc::from([true, true, false])), ..Default::default() };

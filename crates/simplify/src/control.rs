@@ -1,21 +1,21 @@
-//! How a caller follows a run and ends it. The library has no clock: who calls measures the time.
+//! Progress and cancellation of a run. The library has no clock: the caller measures time.
 
-/// What a run is doing.
+/// Stage of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Stage {
-    /// Welding, ordering and linking.
+    /// Welding, ordering and building the connectivity.
     Prepare,
     /// Collapsing edges.
     Collapse,
-    /// The last least-squares step.
+    /// The final least-squares step.
     Fit,
     /// Measuring the result against the input.
     Measure,
 }
 
 impl Stage {
-    /// The word for it in reports, such as `prepare`.
+    /// Returns the name of the stage in reports, such as `prepare`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Prepare => "prepare",
@@ -26,37 +26,38 @@ impl Stage {
     }
 }
 
-/// What a caller wants next.
+/// Answer of a caller to a progress report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Go on.
+    /// Continue.
     Continue,
     /// End soon and return the best mesh so far.
     Finish,
-    /// End soon and return nothing.
+    /// End soon with an error and no mesh.
     Cancel,
 }
 
-/// Follows a run. Asked often (at least once in a few thousand collapses), so answers should be quick.
+/// Receiver of progress reports. It is called often (at least once in a few thousand collapses), so it should
+/// answer quickly.
 pub trait Control {
-    /// A stage begins; the one before has ended.
+    /// Announces the start of a stage; the one before has ended.
     fn stage(&mut self, stage: Stage) {
         let _ = stage;
     }
-    /// How far the present stage is, from 0 to 1; never less than said before within a stage.
+    /// Reports the progress of the present stage, from 0 to 1; never decreasing within a stage.
     fn progress(&mut self, done: f64) -> Verdict {
         let _ = done;
         Verdict::Continue
     }
 }
 
-/// Nobody watches.
+/// A control that never interrupts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoControl;
 
 impl Control for NoControl {}
 
-/// One of several runs, as a part of the whole.
+/// Progress of one of several runs, mapped to its share of the whole.
 pub(crate) struct Share<'a> {
     pub(crate) control: &'a mut dyn Control,
     pub(crate) begin: f64,
@@ -64,7 +65,7 @@ pub(crate) struct Share<'a> {
 }
 
 impl<'a> Share<'a> {
-    /// One of `count` equal shares.
+    /// Returns the i-th of `count` equal shares.
     pub(crate) fn of(control: &'a mut dyn Control, i: usize, count: usize) -> Self {
         let length = 1.0 / count.max(1) as f64;
         Self { control, begin: i as f64 * length, length }

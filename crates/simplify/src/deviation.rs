@@ -1,4 +1,4 @@
-//! How far results lie from the input: seen by samples, and proven where that is promised.
+//! Distance between a result and the input: measured by samples, and proven where a bound is guaranteed.
 
 use lodsmith_core::measure::proof::{Kept, farthest, is_seen_within, keeps_within};
 use lodsmith_core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
@@ -8,16 +8,18 @@ use crate::options::{Bound, Measure, SimplifyOptions};
 
 /// Distances below this share of the diagonal are rounding.
 pub(crate) const ROUNDING: f64 = 1e-12;
-/// A bound is proven to this share of itself. (Guessed: finer than anyone asks for, and still no more work than samples.)
+/// Relative tolerance of a proven bound. (Guessed: finer than anyone asks for, and still no more work than
+/// samples.)
 const TOLERANCE: f64 = 0.01;
-/// A bound that is known is said as it is if it is no more than so many times what was seen. (Guessed: a distance that was
-/// asked for is mostly used up to that, and a proof takes as long as a run.)
+/// A known bound is reported as it is if it is at most this many times the distance seen. (Guessed: a
+/// distance that was asked for is mostly used up to that, and a proof takes as long as a run.)
 const CLOSE: f64 = 1.25;
 
-/// Samples each way where a proof says the largest distance and nobody asked for measures. (The RMS is then known to half a percent.)
+/// Samples each way if a proof gives the largest distance and no measurement was asked for. (The RMS is then
+/// known to half a percent.)
 const FEW: usize = 50_000;
 
-/// What is known of a result; lengths in user units.
+/// Distances known of a result, in user units.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Deviation {
     pub(crate) measured: Option<Comparison>,
@@ -25,30 +27,30 @@ pub(crate) struct Deviation {
 }
 
 impl Deviation {
-    /// The largest distance that was promised, or seen where nothing is.
+    /// Returns the guaranteed largest distance or, without one, the largest distance seen.
     pub(crate) fn largest(&self) -> Option<f64> {
         self.bound.or(self.measured.as_ref().map(|m| m.hausdorff.symmetric))
     }
 }
 
-/// Whether anything is to be said of a result beyond the engine's estimate.
+/// Returns true if more than the engine's estimate is to be reported.
 pub(crate) fn is_wanted(options: &SimplifyOptions) -> bool {
     options.measure == Measure::Always
         || options.promised() != Bound::Estimate
         || options.stop.error.is_some()
 }
 
-/// A result, ready to be held against the input.
+/// A result, prepared for comparison with the input.
 pub(crate) struct Made(Prepared);
 
 impl Made {
-    /// `None` where it has no face: that is as far away as can be.
+    /// Returns `None` if the mesh has no face, which counts as infinitely far.
     pub(crate) fn new(mesh: &TriMesh) -> Option<Self> {
         Prepared::new(&mesh.surface()).ok().map(Self)
     }
 }
 
-/// The input, ready for results to be held against it.
+/// The input, prepared for comparison with results.
 pub(crate) struct Judge {
     reference: Prepared,
     promised: Bound,
@@ -57,7 +59,7 @@ pub(crate) struct Judge {
 }
 
 impl Judge {
-    /// `None` where the surface has no face.
+    /// Returns `None` if the surface has no face.
     pub(crate) fn new(surface: &Surface<'_>, options: &SimplifyOptions) -> Option<Self> {
         let reference = Prepared::new(surface).ok()?;
         let promised = options.promised();
@@ -66,14 +68,15 @@ impl Judge {
         Some(Self { reference, promised, samples, seed: options.seed })
     }
 
-    /// Whether a result keeps to a distance as far as some places tell, the same whatever the distance. Never denies what
-    /// [`Self::keeps`] finds.
+    /// Returns true if a result stays within a distance at a few fixed points, the same for all distances.
+    /// Never false where [`Self::keeps`] finds a bound.
     pub(crate) fn seems_to_keep(&self, result: &Made, limit: f64) -> bool {
         let forward = || is_seen_within(&self.reference, &result.0, limit);
         is_seen_within(&result.0, &self.reference, limit) && (self.promised == Bound::OneSided || forward())
     }
 
-    /// Whether a result keeps to a distance, by what is promised; then the largest distance that it has at most.
+    /// Returns an upper bound on the distance if the result stays within `limit`, in the sense of the
+    /// guarantee.
     pub(crate) fn keeps(&self, result: &Made, limit: f64) -> Option<f64> {
         let within = |from, to| match keeps_within(from, to, limit) {
             Kept::Yes(bound) => Some(bound),
@@ -82,7 +85,7 @@ impl Judge {
         match self.promised {
             Bound::OneSided => within(&result.0, &self.reference),
             Bound::Auto | Bound::TwoSided => {
-                // The way from the result is mostly the shorter one to be sure of.
+                // The direction from the result is mostly the quicker one to prove.
                 let back = within(&result.0, &self.reference)?;
                 Some(within(&self.reference, &result.0)?.max(back))
             }
@@ -93,13 +96,13 @@ impl Judge {
         }
     }
 
-    /// The same of a mesh, by places first.
+    /// Returns [`Self::keeps`] of a mesh, after a check at a few points.
     pub(crate) fn kept(&self, mesh: &TriMesh, limit: f64) -> Option<f64> {
         let made = Made::new(mesh)?;
         self.seems_to_keep(&made, limit).then(|| self.keeps(&made, limit)).flatten()
     }
 
-    /// All there is to say of a result. It may be known to keep to a bound already.
+    /// Measures a result, and proves a bound if one is guaranteed. `known` is a bound proven before.
     pub(crate) fn look(&self, mesh: &TriMesh, known: Option<f64>) -> Deviation {
         Made::new(mesh).map_or_else(Deviation::default, |result| self.look_at(&result, known))
     }
@@ -123,7 +126,8 @@ impl Judge {
         Deviation { bound: Some(bound), measured: Some(measured) }
     }
 
-    /// The RMS distance of a result, both ways, by so many samples each way; without end where it has no face.
+    /// Returns the RMS distance of a result, both ways, by this many samples each way; infinite if it has no
+    /// face.
     pub(crate) fn rms(&self, mesh: &TriMesh, samples: usize) -> f64 {
         let mut options = CompareOptions::default();
         (options.samples, options.seed) = (samples, self.seed);

@@ -1,4 +1,4 @@
-//! What keeps a mesh from being simplified.
+//! Errors of simplification.
 
 use lodsmith_core::MeshError;
 
@@ -8,54 +8,54 @@ use crate::options::Method;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimplifyError {
-    /// The mesh has no face, or none that is left after cleaning.
+    /// The mesh has no face with an area, or none is left after cleaning.
     #[error("the mesh has no face with an area ({faces} faces read)")]
     NoFaces {
-        /// Faces of the input.
+        /// Number of faces of the input.
         faces: usize,
     },
     /// An option is out of range.
     #[error("{option} must be {wanted}, not {got}")]
     BadOption {
-        /// The option.
+        /// Name of the option.
         option: &'static str,
-        /// What it may be.
+        /// The permitted range.
         wanted: &'static str,
-        /// What it was.
+        /// The value given.
         got: f64,
     },
-    /// A list has not one entry for each vertex.
+    /// A list does not have one entry for each vertex.
     #[error("{option} has {got} entries for {wanted} vertices")]
     WrongLength {
-        /// The option.
+        /// Name of the option.
         option: &'static str,
         /// The number of vertices.
         wanted: usize,
-        /// Its length.
+        /// The length of the list.
         got: usize,
     },
-    /// An option that only other methods know.
+    /// An option that the method does not have.
     #[error("{option} is for {takers}, not for {method}", method = method.name(), takers = names(takers))]
     NotOfMethod {
-        /// The option.
+        /// Name of the option.
         option: &'static str,
-        /// The methods that take it.
+        /// The methods that have it.
         takers: &'static [Method],
         /// The method of the run.
         method: Method,
     },
-    /// Two options that do not go together.
+    /// Two options that exclude each other.
     #[error("{first} and {second} do not go together")]
     NotTogether {
-        /// One of them.
+        /// Name of one option.
         first: &'static str,
-        /// The other.
+        /// Name of the other option.
         second: &'static str,
     },
-    /// The caller ended the run.
+    /// The control cancelled the run.
     #[error("cancelled")]
     Cancelled,
-    /// The buffers are no mesh.
+    /// The buffers are not a valid mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
 }

@@ -1,4 +1,4 @@
-//! Pairs and looser topology, step by step, while the target is out of reach.
+//! Escalation: pairs and looser topology policies, step by step, while the target is out of reach.
 
 use crate::SimplifyError;
 use crate::care::Held;
@@ -7,8 +7,9 @@ use crate::proposal::Change;
 use crate::report::{Escalation, Simplified, StoppedBy};
 use lodsmith_core::{Topology, TriMesh};
 
-/// What may be tried when these options do not reach their target, in turn. Seams give way by themselves, within a run;
-/// borders and guards are their owner's will, and stay. Pairs stay for the steps after them where they helped.
+/// Returns the changes to try in turn if these options do not reach their target. Seams are relaxed within a
+/// run without it; borders and guards are the user's choice and stay. Pairs stay on for later steps if they
+/// helped.
 fn steps(options: &SimplifyOptions) -> Vec<Change> {
     let looser: &[TopologyPolicy] = match options.topology {
         TopologyPolicy::Preserve => &[TopologyPolicy::Relaxed, TopologyPolicy::Free],
@@ -18,13 +19,13 @@ fn steps(options: &SimplifyOptions) -> Vec<Change> {
     Change::to_pairs(options).into_iter().chain(looser.iter().map(|t| Change::Topology(*t))).collect()
 }
 
-/// Whether pairs have nothing to join.
+/// Returns true if pairs have nothing to join.
 fn has_one_part(mesh: &TriMesh) -> bool {
     Topology::new(&mesh.surface()).components().count() <= 1
 }
 
-/// Runs, and again with one step after the other while refusals keep the result above its target. The lightest result
-/// is returned, the first of equals; its report tells all steps.
+/// Runs, and repeats the run with one step after the other while refusals keep the result above its target.
+/// Returns the lightest result, the first of equals; its report lists all steps.
 pub(crate) fn escalated(
     options: &SimplifyOptions,
     mut run: impl FnMut(&SimplifyOptions) -> Result<(Simplified, Held), SimplifyError>,

@@ -1,9 +1,10 @@
-//! The last step: the vertices of the result move to the least squares of the original surface.
+//! Final least-squares fit: moves the vertices of the result towards the original surface.
 //!
-//! Every original vertex knows the final vertex that it was merged into, its home. Samples of the original (centres and
-//! corners of faces) take the nearest triangle of the star of their home. Of the samples of a triangle only nine sums
-//! are kept, because a vertex moves the surface at barycentric coordinates b by b_k n·delta; then a few Gauss-Seidel
-//! sweeps of 3×3 systems. (docs/decisions/0006)
+//! Each original vertex knows the final vertex that it was merged into, its home. Samples of the original
+//! (centres and corners of faces) are assigned to the nearest triangle of the star of their home. A vertex
+//! displaced by delta moves the surface at barycentric coordinates b by b_k n·delta, so nine sums for each
+//! triangle stand for its samples. Then a few Gauss-Seidel sweeps of 3×3 systems are done.
+//! (docs/decisions/0006)
 
 mod guarded;
 #[cfg(test)]
@@ -25,44 +26,46 @@ use crate::triangle;
 pub(crate) use guarded::Guards;
 pub(crate) use values::{Originals, Values};
 
-/// Samples for a final triangle, at most. (More brings less than 1 %.)
+/// Largest number of samples for each final triangle. (More brings less than 1 %.)
 const SAMPLES: usize = 16;
-/// Share of the trace that damps the moves.
+/// Fraction of the trace added to the diagonal, to damp the moves.
 const DAMPING: f32 = 0.01;
-/// Least cosine between the normals of a sample and of its triangle.
+/// Least cosine between the normals of a sample and its triangle.
 const FACING: f32 = 0.3;
-/// A sample beside its star counts only up to this share of its height, both squared.
+/// Largest lateral distance of a sample outside its triangle, relative to its height, both squared.
 const BESIDE: f32 = 0.01;
-/// Farthest that a vertex may end from the original, in RMS heights of the samples.
+/// Largest distance of a vertex from the original, in RMS heights of the samples.
 const TETHER: f32 = 6.0;
-/// Farthest that it may end from the original anyway, in units of the largest distance of a sample of its faces, squared. A flat
-/// part has an RMS height near nothing, and vertices on its fillets stick out farther. (Measured: docs/decisions/0006.)
+/// Distance from the original that is always permitted, in units of the largest distance of a sample of the
+/// vertex' faces, squared. A flat part has an RMS height near zero, and vertices on its fillets lie farther
+/// out. (Measured: docs/decisions/0006.)
 const TETHER_OF_STAR: f32 = 2.0;
-/// Share of the tether's square that a sample must lie from a face of a vertex for the tether to be looked at.
+/// Fraction of the squared limit that a sample must lie from a face of a vertex for the vertex to be checked
+/// as an outlier.
 const SUSPECT: f32 = 0.25;
-/// Squared height, over the mean square that the costs foretell, from which a sample counts by its height rather than by
-/// its square, at one sample for each final triangle; it grows with the square of their number. (Measured at 50 %, where
-/// there are three and some lie on the wrong triangle: means 1.5 to 3 % lower, RMS equal. Of many samples the square is
-/// the better judge: cow and bunny to 100 have 5 to 10 % less RMS by it.)
+/// Squared height, over the mean square predicted by the costs, above which a sample counts by its height
+/// instead of its square, at one sample for each final triangle; it grows with the square of their number.
+/// (Measured at 50 %, where there are three and some lie on the wrong triangle: means 1.5 to 3 % lower, RMS
+/// equal. With many samples the square is better: cow and bunny to 100 have 5 to 10 % less RMS by it.)
 const ROBUST: f64 = 0.017;
-/// Square of the cosine of the largest turn of a face: 60 degrees.
+/// Squared cosine of the largest rotation of a face: 60 degrees.
 const MAX_TURN: f32 = 0.25;
-/// Share of the height of a face, squared, that all its corners may move without a turn of 60 degrees: 11, 17 and 30
-/// degrees, one after the other.
+/// Fraction of the height of a face, squared, that all its corners may move without a rotation of 60 degrees:
+/// 11, 17 and 30 degrees, one after the other.
 const LEEWAY: f32 = 0.04;
-/// Weight of a border edge's line against the samples, so that borders stay on their curve.
+/// Weight of a border edge's line relative to the samples, so that borders stay on their curve.
 const BORDER: f32 = 1.0;
-/// Least determinant that is divided by: that of faces with edges of a millionth of the box, which single precision
-/// hardly tells from points.
+/// Least determinant that is inverted: that of faces with edges of a millionth of the box, which single
+/// precision hardly distinguishes from points.
 const MIN_DET: f32 = 1e-36;
-/// Stars kept ready. Samples come in Morton order, so a home is almost always among the last hundred. (64 to 1024 are
-/// equal.)
+/// Number of stars in the cache. Samples come in Morton order, so a home is nearly always among the last
+/// hundred. (64 to 1024 are equal.)
 const READY: usize = 128;
 
-/// How many samples ahead places are asked for. (Guessed.)
+/// Prefetch distance for positions, in samples. (Guessed.)
 const AHEAD: usize = 8;
 
-/// Up to eight triangles of a vertex' star side by side, for vector instructions, each from that vertex on: unit normal,
+/// Up to eight triangles of a vertex' star in SIMD lanes, each starting at that vertex: unit normal,
 /// gradients of the barycentric coordinates of the two corners after it, heights over the three edges.
 #[derive(Clone, Copy)]
 struct Fan {
@@ -73,8 +76,8 @@ struct Fan {
     corner: [Corner; 8],
 }
 
-/// The samples of a final triangle, summed, and what the solve needs beside them: one cache line, four rows of three
-/// numbers with one more behind each. b: barycentric coordinates, r: height over the plane.
+/// Sums over the samples of a final triangle, and its normal and lifts for the solve: one cache line, four
+/// rows of three numbers and one more each. b: barycentric coordinates, r: height over the plane.
 ///
 /// ```text
 /// b0 b0  b1 b1  b2 b2    lift of corner 0: how far it goes along the normal
@@ -86,7 +89,8 @@ struct Fan {
 #[repr(C, align(64))]
 struct Load([f32x4; 4]);
 
-/// For each corner, where a [`Load`] has its product with another one, that one's lift, and the same of the third.
+/// For each corner, the indices in a [`Load`] of its product with another corner, that corner's lift, and the
+/// same for the third corner.
 const AMONG: [[usize; 4]; 4] = [[6, 7, 5, 11], [6, 3, 4, 11], [5, 3, 4, 7], [0; 4]];
 
 impl Load {
@@ -100,8 +104,8 @@ impl Load {
         bytemuck::cast_mut(&mut self.0)
     }
 
-    /// The normal, and nothing behind it: the squares of what stands there may be too small for a normal number, and such
-    /// numbers take the processor a hundred times as long.
+    /// Returns the normal with a zero in the fourth lane: the square of the value there may be a subnormal
+    /// number, and those are a hundred times as slow.
     #[inline(always)]
     fn row_of_normal(&self) -> f32x4 {
         let all = f32::from_bits(!0);
@@ -118,21 +122,21 @@ impl Load {
         self.numbers()[15]
     }
 
-    /// What the samples say of corner `k`'s square.
+    /// Returns the coefficient of the square of corner `k`'s lift.
     #[inline(always)]
     fn weight(&self, k: usize) -> f32 {
         self.numbers()[k]
     }
 
-    /// How far corner `k` ought to go along the normal, weighted, where the others have gone already. (By a table: a
-    /// branch on k could not be foretold.)
+    /// Returns the weighted lift that corner `k` still lacks, given the lifts of the others. (By a table: a
+    /// branch on k is unpredictable.)
     #[inline(always)]
     fn wanted(&self, k: usize) -> f32 {
         let (n, [a, b, c, d]) = (self.numbers(), AMONG[k]);
         n[8 + k] - n[a] * n[b] - n[c] * n[d]
     }
 
-    /// How much of the sum of squares the lifts take away.
+    /// Returns the reduction of the sum of squares by the lifts.
     #[inline(always)]
     fn gain(&self) -> f32 {
         let n = self.numbers();
@@ -154,7 +158,7 @@ impl Load {
     }
 }
 
-/// What the fit found.
+/// Result of the fit.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Fitted {
     /// RMS distance of the samples to the result, in the unit frame.
@@ -173,7 +177,7 @@ struct Nearest {
     corner: Corner,
 }
 
-/// Four final triangles side by side, from one of their corners on.
+/// Four final triangles in SIMD lanes, each starting at one of its corners.
 struct FourFaces {
     /// Unit normals.
     normal: Four,
@@ -198,19 +202,19 @@ impl FourFaces {
         Self { normal, second: cross(&slope, &edges[1]), third: cross(&slope, &edges[2]), high_sq }
     }
 
-    /// Which of them are no slivers and face as the input did there (`facing`), within 30 degrees: no turn that is allowed
-    /// turns their back.
+    /// Returns a mask of the triangles that are no slivers and face within 30 degrees of the input's
+    /// direction there (`facing`): no permitted rotation turns these over.
     #[inline(always)]
     fn are_sound(&self, facing: &Four) -> f32x4 {
         let [x, y, z] = self.high_sq;
         let d = dot(&self.normal, facing);
-        // The least height stands on the longest edge: height² = area · height / edge.
+        // The least height belongs to the longest edge: height² = area · height / edge.
         let (least, most) = (x.fast_min(y).fast_min(z), x.fast_max(y).fast_max(z));
         d.simd_gt(f32x4::ZERO) & (d * d).simd_gt(dot(facing, facing) * 0.75) & least.simd_gt(most * 1e-4)
     }
 }
 
-/// Where a sample came to count.
+/// Triangle and position that a sample was assigned to.
 #[derive(Clone, Copy)]
 struct Placed {
     face: usize,
@@ -219,7 +223,7 @@ struct Placed {
     weight: f32,
 }
 
-/// A star that is kept ready: eight triangles, and what it has beyond.
+/// A cached star: its first eight triangles, and the others.
 #[derive(Clone)]
 struct Star {
     of: VertexId,
@@ -246,7 +250,8 @@ impl Star {
         }
     }
 
-    /// Its triangle that is the nearest to a place `q` (from the vertex), if that is nearer than `within`, squared.
+    /// Returns the triangle nearest to a point `q` (relative to the vertex), if it is nearer than `within`,
+    /// squared.
     #[inline(always)]
     fn nearest(&self, q: Vec3A, within: f32) -> Option<Nearest> {
         let mut found = self.first.nearest(q, |d2| d2, within);
@@ -256,7 +261,7 @@ impl Star {
         found
     }
 
-    /// The same among those that face the way of a sample, whose normal has this length.
+    /// Returns the nearest triangle among those that face the way of a sample, whose normal has this length.
     #[cold]
     #[inline(never)]
     fn nearest_facing(&self, q: Vec3A, (normal, length): (Vec3A, f32), within: f32) -> Option<Nearest> {
@@ -273,7 +278,7 @@ impl Star {
 
 struct Sampler<'a, Q: Memory> {
     store: &'a Store<Q>,
-    /// Those of the store.
+    /// The vertices of the store.
     vertices: &'a [Vertex<Q>],
     ready: Vec<Star>,
     loads: Vec<Load>,
@@ -284,11 +289,11 @@ struct Sampler<'a, Q: Memory> {
 }
 
 impl<Q: Memory> Sampler<'_, Q> {
-    /// The nearest triangle of the star of `u` that faces a sample's way, if it is nearer than `within`, squared. The normal of
-    /// the sample comes with its length.
+    /// Returns the nearest triangle of the star of `u` that faces a sample's way, if it is nearer than
+    /// `within`, squared. The normal of the sample comes with its length.
     #[inline(always)]
     fn nearest(&mut self, u: VertexId, p: Vec3A, normal: (Vec3A, f32), within: f32) -> Option<Nearest> {
-        // (A power of two of them: no division.)
+        // (The length is a power of two: no division.)
         let slot = u.index() & (self.ready.len() - 1);
         let star = &mut self.ready[slot];
         if star.of != u {
@@ -296,14 +301,14 @@ impl<Q: Memory> Sampler<'_, Q> {
         }
         let q = p - in_register(self.vertices[u.index()].p);
         let found = star.nearest(q, within)?;
-        // That it does not face the sample's way is rare, and looked at afterwards.
+        // That it faces away is rare, so it is checked afterwards.
         if self.loads[found.corner.face()].normal().dot(normal.0) > FACING * normal.1 {
             return Some(found);
         }
         star.nearest_facing(q, normal, within)
     }
 
-    /// A sample that is the place of a final vertex: it holds it where it is.
+    /// Adds a sample at the position of a final vertex, which holds the vertex in place.
     #[inline(always)]
     fn place_at_home(&mut self, weight: f32, home: VertexId) {
         if let Some(corner) = self.store.listed(home).first() {
@@ -312,7 +317,7 @@ impl<Q: Memory> Sampler<'_, Q> {
         }
     }
 
-    /// Gives a sample to a face with these corners if it lies above or below it.
+    /// Adds a sample to a face with these corners if its projection lies inside the face.
     #[inline(always)]
     fn place_on(&mut self, face: usize, corners: [VertexId; 3], p: Vec3A, weight: f32) -> Option<Placed> {
         let [a, b, c] = corners.map(|w| in_register(self.vertices[w.index()].p));
@@ -338,9 +343,9 @@ impl<Q: Memory> Sampler<'_, Q> {
         Placed { face, b: Vec3::new(u, v, w), weight }
     }
 
-    /// Gives a sample to the nearest triangle that faces its way: in the star of its home, then, if it lies beyond the rim
-    /// of that star, in the star of the nearer corner of the triangle found. (Beside an edge within the star the other
-    /// triangle there was looked at too.)
+    /// Adds a sample to the nearest triangle that faces its way: in the star of its home or, if it lies
+    /// beyond the rim of that star, in the star of the nearer corner of the triangle found. (Beside an edge
+    /// inside the star, the other triangle there has been checked too.)
     #[inline(always)]
     fn place(&mut self, p: Vec3A, normal: (Vec3A, f32), weight: f32, home: VertexId) -> Option<Placed> {
         let mut best = self.nearest(home, p, normal, f32::INFINITY)?;
@@ -363,7 +368,8 @@ impl<Q: Memory> Sampler<'_, Q> {
     }
 }
 
-/// For each corner, which of three numbers are its own and those of the two after it.
+/// For each corner, the unit vectors that move three numbers, of that corner and the two after it, to their
+/// places.
 const UNITS: [[f32x4; 3]; 4] = {
     let [x, y, z] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     let (x, y, z) = (f32x4::new(x), f32x4::new(y), f32x4::new(z));
@@ -371,7 +377,7 @@ const UNITS: [[f32x4; 3]; 4] = {
 };
 
 impl Fan {
-    /// No triangle: what is no number is not nearer than anything.
+    /// No triangle: comparisons with NaN are false, so it is never nearer.
     const NONE: Self = {
         let (zero, none) = ([f32x8::ZERO; 3], [f32x8::splat(f32::NAN); 3]);
         Self { normal: none, second: zero, third: zero, high: zero, corner: [Corner::new(0, 0); 8] }
@@ -381,7 +387,7 @@ impl Fan {
     #[inline(always)]
     fn make<Q: Memory>(&mut self, store: &Store<Q>, u: VertexId, corners: &[Corner]) {
         let at = splat(store.p(u));
-        // Lanes that are not used repeat the last triangle: the first of equals is taken.
+        // Unused lanes repeat the last triangle: of equal distances the first is taken.
         let corner: [Corner; 8] = std::array::from_fn(|i| corners[i.min(corners.len() - 1)]);
         let four = |few: [Corner; 4]| {
             let others = few.map(|c| store.others_at(c));
@@ -397,8 +403,8 @@ impl Fan {
         self.corner = corner;
     }
 
-    /// Its triangle that is the nearest to a place `q` (from the vertex) by squared distances as `judged`, if that is
-    /// nearer than `within`.
+    /// Returns the triangle nearest to a point `q` (relative to the vertex) by squared distances as mapped by
+    /// `judged`, if it is nearer than `within`.
     #[inline(always)]
     fn nearest(&self, q: Vec3A, judged: impl Fn(f32x8) -> f32x8, within: f32) -> Option<Nearest> {
         let (n, s, t, zero) = (&self.normal, &self.second, &self.third, f32x8::ZERO);
@@ -425,27 +431,28 @@ impl Fan {
     }
 }
 
-/// Whether two faces have the same corners. (All are looked at: which differs could not be foretold.)
+/// Returns true if two faces have the same corners. (All are compared: a branch on each is unpredictable.)
 #[inline(always)]
 fn is_same(s: &[VertexId; 3], t: &[VertexId; 3]) -> bool {
     (s[0].0 ^ t[0].0) | (s[1].0 ^ t[1].0) | (s[2].0 ^ t[2].0) == 0
 }
 
-/// The smaller of two, without the care for NaN that costs `f32::min` a few instructions.
+/// Returns the smaller of two, without the NaN handling that costs `f32::min` a few instructions.
 #[inline(always)]
 fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// The larger of two, likewise.
+/// Returns the larger of two, likewise.
 #[inline(always)]
 fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Moves the vertices of a compact store towards the original, from which it is about `away` (RMS) far. Each vertex of the
-/// original has its `home`, or [`NONE`]. The samples are shown to `values`, if there are any; moves keep the `guards`, if
-/// there are any. What the vertices remember is lost: `tensor` says where in it the solve finds room.
+/// Moves the vertices of a compacted store towards the original; `away` is the approximate RMS distance. Each
+/// vertex of the original has its `home`, or [`NONE`]. Samples are passed to `values`, if given; moves
+/// respect the `guards`, if given. The quadrics of the vertices are lost: `tensor` selects the part of them
+/// that the solve uses as scratch space.
 pub(crate) fn fit<Q: Memory>(
     store: &mut Store<Q>,
     given: &mut impl Given,
@@ -470,12 +477,13 @@ pub(crate) fn fit<Q: Memory>(
         rr: 0.0,
         weight: 0.0,
     };
-    // Exact quadrature of squares: 3/4 of the area at the centre, 1/12 at each corner. Each vertex is sampled once for all its
-    // faces; on CAD parts, which corner of a face comes first follows from the order of the file, and some vertices never
-    // do. Where samples are many or memory is scarce, one corner of every second face stands for six.
+    // Exact quadrature of quadratic functions: 3/4 of the area at the centre, 1/12 at each corner. Each
+    // vertex is sampled once for all its faces; on CAD parts, which corner of a face comes first follows from
+    // the order of the file, and some vertices never do. If samples are many or memory is scarce, one corner
+    // of every second face stands for six.
     let stride = ((per_face / SAMPLES as f64) as usize).max(1);
-    // A face that lives on has its place among the final ones: both are in the same order, and no dead face has three
-    // homes.
+    // A face that survives is found among the final ones without a search: both are in the same order, and no
+    // removed face has three different homes.
     let mut survivors = 0;
     let (mut faces_to_skip, mut sampled_faces) = (0, 0);
     let samples_all_vertices = stride == 1 && given.face_count() <= MEMORY_FREE_UP_TO;
@@ -491,7 +499,7 @@ pub(crate) fn fit<Q: Memory>(
             continue;
         }
         (faces_to_skip, sampled_faces) = (stride - 1, sampled_faces + 1);
-        // Where two corners went to one place, the face is rather there.
+        // If two corners were merged into one vertex, the face is more likely there.
         let u = if homes[1] == homes[2] { homes[1] } else { homes[0] };
         if u == NONE {
             continue;
@@ -533,12 +541,12 @@ pub(crate) fn fit<Q: Memory>(
     let suspects = solve(store, &mut loads, leeway, SUSPECT * limit, guards, tensor);
     let after = rr - loads.iter().map(|l| f64::from(l.gain())).sum::<f64>();
     tether(store, &loads, suspects, given, home, (limit, guards));
-    // A number among the suspects is no stamp.
+    // The mark still holds an index of an outlier: clear it, other code uses it as a stamp.
     store.v.iter_mut().for_each(|x| x.mark = 0);
     Fitted { rms: (after.max(0.0) / weight.max(1e-30)).sqrt() }
 }
 
-/// Twice the total area of the faces at each vertex of the input.
+/// Returns twice the total area of the faces at each vertex of the input.
 #[inline(never)]
 fn vertex_areas(given: &mut impl Given) -> Vec<f32> {
     let mut areas = vec![0.0f32; given.point_count()];
@@ -552,10 +560,10 @@ fn vertex_areas(given: &mut impl Given) -> Vec<f32> {
     areas
 }
 
-/// Gauss-Seidel on the displacements, two sweeps. (Measured: a third brings nothing.) A triangle only sees the heights
-/// n·delta of its three vertices, its lift. In the second sweep they move, by no more than the largest distance seen, and
-/// only where no triangle turns far and no guard is broken. Says which of those that are not where they began have a sample farther away than the
-/// root of `far`.
+/// Solves for the displacements by two Gauss-Seidel sweeps. (Measured: a third brings nothing.) A triangle
+/// only sees the heights n·delta of its three vertices, their lifts. The second sweep moves the vertices, by
+/// no more than the largest distance seen, and only if no triangle rotates far and no guard is broken.
+/// Returns the moved vertices that have a sample farther away than the root of `far`.
 #[inline(never)]
 fn solve<Q: Memory>(
     store: &mut Store<Q>,
@@ -641,7 +649,7 @@ fn first_three(of: f32x4) -> Vec3 {
     Vec3::new(x, y, z)
 }
 
-/// Notes in the faces around a vertex where it goes.
+/// Stores the displacement of a vertex as lifts in the faces around it.
 #[inline(always)]
 fn lift(around: &[Corner], loads: &mut [Load], delta: Vec3) {
     let delta = Vec3A::from(delta);
@@ -655,7 +663,7 @@ fn may_move(kind: Kind) -> bool {
     kind.is_free() && !kind.is_complex()
 }
 
-/// The vertices at the other ends of the border edges of `u`.
+/// Returns the vertices at the other ends of the border edges of `u`.
 fn border_neighbours<Q: Memory>(store: &Store<Q>, u: VertexId) -> impl Iterator<Item = VertexId> + '_ {
     let others = move |c: &Corner| {
         let t = store.t[c.face()];
@@ -668,7 +676,8 @@ fn border_neighbours<Q: Memory>(store: &Store<Q>, u: VertexId) -> impl Iterator<
         .filter(move |&w| around.iter().filter(|c| others(c).contains(&w)).count() == 1)
 }
 
-/// Whether every face of `u` keeps its side with `u` at `p`: of the face as it is, and, with `asks_facing`, of the input.
+/// Returns true if no face of `u` turns over with `u` at `p`, relative to the face as it is and, with
+/// `asks_facing`, to the input.
 fn is_fine<Q: Memory>(store: &Store<Q>, loads: &[Load], u: VertexId, p: Vec3, asks_facing: bool) -> bool {
     let (from, at) = (splat(store.p(u)), splat(p));
     store.listed(u).chunks(4).all(|few| {
@@ -680,7 +689,7 @@ fn is_fine<Q: Memory>(store: &Store<Q>, loads: &[Load], u: VertexId, p: Vec3, as
         let (e, s, o) = (sub(&b, &a), sub(&at, &a), sub(&at, &b));
         let after = cross(&e, &s);
         let (d, after_sq) = (dot(&n, &after), dot(&after, &after));
-        // Written so that no number (an overflow) counts as turned.
+        // Written so that NaN (from an overflow) counts as rotated too far.
         let keeps_side = d.simd_gt(f32x4::ZERO) & (d * d).simd_gt(dot(&n, &n) * MAX_TURN * after_sq);
         let around = dot(&e, &e) + dot(&s, &s) + dot(&o, &o);
         let before = cross(&e, &sub(&from, &a));
@@ -694,18 +703,18 @@ fn is_fine<Q: Memory>(store: &Store<Q>, loads: &[Load], u: VertexId, p: Vec3, as
     })
 }
 
-/// The normals of the faces at four corners.
+/// Returns the normals of the faces at four corners.
 #[inline(always)]
 fn normals(loads: &[Load], corners: [Corner; 4]) -> Four {
     let [x, y, z, _] = f32x4::transpose(corners.map(|c| loads[c.face()].0[3]));
     [x, y, z]
 }
 
-/// What is known of the final triangles before the samples.
+/// Data of the final triangles before sampling.
 struct Begun {
     loads: Vec<Load>,
-    /// For each vertex the square of a move that no face minds, even if all its corners go as far; 0 unless all face as the
-    /// input did.
+    /// For each vertex the square of a move that rotates no face too far, even if all its corners move as
+    /// far; 0 unless all faces are oriented as the input was.
     leeway: Vec<f32>,
 }
 
@@ -731,44 +740,45 @@ fn begin<Q: Memory>(store: &Store<Q>) -> Begun {
     Begun { loads, leeway: leeways }
 }
 
-/// A vector in one register.
+/// Returns a vector in one register.
 #[inline(always)]
 fn in_register(v: Vec3) -> Vec3A {
     Vec3A::from_vec4(v.extend(0.0))
 }
 
-/// The products of one vector with four others.
+/// Returns the dot products of one vector with four others.
 #[inline(always)]
 fn dots(a: Vec3A, others: [Vec3A; 4]) -> [f32; 4] {
     let [x, y, z, _] = f32x4::transpose(others.map(|b| f32x4::new(Vec4::from((a * b, 0.0)).to_array())));
     (x + y + z).to_array()
 }
 
-/// Whether a place lies above or below a face, no farther than the root of `limit`.
+/// Returns true if the projection of a point lies inside a face, no farther away than the root of `limit`.
 #[inline(always)]
 fn is_above(p: Vec3A, [a, b, c]: [Vec3A; 3], limit: f32) -> bool {
     let (q, first, second) = (p - a, b - a, c - a);
     let normal = first.cross(second);
-    // Areas of the triangles that the place makes with two sides are its barycentric coordinates, by that of the face.
+    // The areas of the triangles of the point and two sides are its barycentric coordinates, times that of
+    // the face.
     let [area_sq, v, w, height] = dots(normal, [normal, q.cross(second), first.cross(q), q]);
     (height * height <= limit * area_sq) & (v >= 0.0) & (w >= 0.0) & (v + w <= area_sq)
 }
 
-/// A vertex that may stick out.
+/// A possible outlier: a vertex that may be too far off the original.
 struct Suspect {
     vertex: VertexId,
     /// The nearest of the points merged into it, and its squared distance.
     point: VertexId,
     distance_sq: f32,
-    /// Whether it lies above a face there, and not far.
+    /// True if it projects into a face there and is not far from it.
     is_near: bool,
-    /// The nearest place of the faces there, and its squared distance, where that is asked.
+    /// The nearest point of the faces there and its squared distance, if computed.
     found: (f32, Vec3),
 }
 
-/// Pulls in vertices that stick out farther than the root of `limit`. A vertex that does leaves the surface below it far
-/// from its faces: only the `suspects` are looked at. It is enough to look round the nearest of the points merged into a
-/// vertex: an exact pass over all faces doubles the time of the fit.
+/// Moves outliers back: vertices that are farther off the original than the root of `limit`. The surface
+/// below an outlier is far from its faces, so only the `suspects` are checked. Searching around the nearest
+/// of the points merged into a vertex is enough: an exact pass over all faces doubles the time of the fit.
 #[inline(never)]
 fn tether<Q: Memory>(
     store: &mut Store<Q>,
@@ -778,7 +788,7 @@ fn tether<Q: Memory>(
     home: &[VertexId],
     (limit, guards): (f32, Option<&Guards>),
 ) {
-    // (The mark of a vertex is free for whoever walks: one more than its number among the suspects.)
+    // (The mark of a vertex is free for scratch: here one more than its index among the suspects.)
     store.v.iter_mut().for_each(|x| x.mark = 0);
     let mut suspects: Vec<Suspect> = suspects
         .into_iter()
@@ -818,10 +828,11 @@ fn tether<Q: Memory>(
     if !any {
         return;
     }
-    // Nearly all lie above one of the faces there: what is farther is asked for afterwards, of those that do not.
+    // Nearly all project into one of the faces there; the distance is computed afterwards, for those that do
+    // not.
     let mut others: Vec<(u32, [VertexId; 3])> = Vec::new();
     given.each_face(|t| {
-        // (Few are looked at.)
+        // (Few faces are checked.)
         let [a, b, c] = t.map(|w| look[w.index()]);
         if !(a | b | c) {
             return;
@@ -866,8 +877,8 @@ fn tether<Q: Memory>(
     }
 }
 
-/// Finds the nearest place for suspects that look far: over all faces with a corner merged into their star. Where faces are
-/// long or large, the suspect may lie over one that does not touch the nearest point.
+/// Finds the nearest point for suspects that seem far: over all faces with a corner merged into their star.
+/// If faces are long or large, the suspect may lie over one that does not touch the nearest point.
 #[inline(never)]
 fn find_nearest<Q: Memory>(
     store: &Store<Q>,
@@ -878,7 +889,7 @@ fn find_nearest<Q: Memory>(
     if suspects.is_empty() {
         return;
     }
-    // The suspects whose star has a vertex, in the order of these vertices.
+    // The suspects that have each vertex in their star, sorted by vertex.
     let mut stars: Vec<(VertexId, usize)> = Vec::new();
     for (i, suspect) in suspects.iter().enumerate() {
         stars.extend(store.listed(suspect.vertex).iter().flat_map(|c| store.t[c.face()]).map(|w| (w, i)));

@@ -1,25 +1,25 @@
-//! How a run looks back at its input.
+//! Access to the ordered input during and after a run.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
-/// The ordered input, to be sampled.
+/// The ordered input, for sampling.
 pub(crate) trait Given {
     fn point_count(&self) -> usize;
     fn face_count(&self) -> usize;
-    /// The vertices of a face. (They are asked for one after the other.)
+    /// Returns the vertices of a face. (Called for faces in ascending order.)
     fn face(&mut self, face: usize) -> [VertexId; 3];
-    /// Their places, in the unit frame.
+    /// Returns the positions of a face's vertices, in the unit frame.
     fn places(&mut self, face: usize, t: [VertexId; 3]) -> [Vec3; 3];
-    /// Asks the memory for the places of a face that comes soon.
+    /// Prefetches the positions of a face that is read soon.
     fn bring(&self, face: usize);
-    /// From here on no face is asked for by its number, but single places and all faces, in any order.
+    /// Switches from faces in order to random access: from here on single positions and all faces are read.
     fn turn(&mut self);
     fn place(&self, v: VertexId) -> Vec3;
     fn each_face(&self, look: impl FnMut([VertexId; 3]));
 }
 
-/// The ordered input as it was kept.
+/// The ordered input, kept in memory.
 pub(crate) struct Kept<'a> {
     pub(crate) points: &'a [Vec3],
     pub(crate) faces: &'a [[VertexId; 3]],

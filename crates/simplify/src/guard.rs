@@ -1,30 +1,31 @@
-//! Vetoes: what the options forbid, as numbers ready for the inner loop.
+//! Limits set by the options, as numbers ready for the inner loop.
 
 use crate::collapse::order::Frame;
 use crate::options::{BorderPolicy, Method, Placement, SimplifyOptions, TopologyPolicy};
 
 /// Weight of a border edge's line. (docs/decisions/0001; 10 as in meshoptimizer.)
 pub(crate) const BORDER: f32 = 10.0;
-/// Squared cosine of the largest turn of a face in one collapse: 78 degrees. (Prototype; larger turns fold.)
+/// Squared cosine of the largest rotation of a face in one collapse: 78 degrees. (Prototype; larger rotations
+/// fold.)
 const MAX_TURN: f32 = 0.04;
 
-/// What a collapse may and may not do, in the unit frame.
+/// Limits on a collapse, in the unit frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
     pub(crate) placement: Placement,
     pub(crate) border: BorderPolicy,
     pub(crate) topology: TopologyPolicy,
-    /// Weight of a border edge's line against the planes of faces.
+    /// Weight of a border edge's line relative to the planes of faces.
     pub(crate) border_weight: f32,
-    /// Squared cosine of the largest turn of a face.
+    /// Squared cosine of the largest rotation of a face.
     pub(crate) max_turn: f32,
-    /// Square of the least shape of a new face.
+    /// Square of the least quality of a new face.
     pub(crate) min_shape: f32,
     pub(crate) max_valence: usize,
     pub(crate) max_edge_sq: f32,
     /// Square of the largest distance from the merged vertex to a plane that it leaves.
     pub(crate) max_step_sq: f32,
-    /// The largest cost of a collapse, which is a squared length where there is one.
+    /// The largest cost of a collapse, which is a squared length if it is limited.
     pub(crate) max_cost: f32,
 }
 
@@ -40,7 +41,7 @@ impl Rules {
             border: options.border,
             topology: options.topology,
             border_weight: match (options.border, options.sharp_deg) {
-                // Lines are looked at for the sharp edges alone.
+                // Line tensors are needed for the sharp edges alone.
                 (BorderPolicy::Free, Some(_)) => 0.0,
                 _ => BORDER * options.weights.border as f32,
             },
@@ -53,15 +54,15 @@ impl Rules {
         }
     }
 
-    /// Whether a guard is on that a move of a vertex can break.
+    /// Returns true if a guard is set that moving a vertex can break.
     pub(crate) fn guards_moves(&self) -> bool {
         self.min_shape > 0.0 || self.max_edge_sq.is_finite() || self.guards_turns()
     }
-    /// Whether faces may turn less than any face may.
+    /// Returns true if the rotation of faces is limited more than by default.
     pub(crate) fn guards_turns(&self) -> bool {
         self.max_turn > MAX_TURN
     }
-    /// Whether any guard beside the usual ones has to be asked.
+    /// Returns true if any guard beside the default ones has to be checked.
     pub(crate) fn has_extra_guards(&self) -> bool {
         self.min_shape > 0.0 || self.max_valence != usize::MAX || self.max_edge_sq.is_finite()
     }

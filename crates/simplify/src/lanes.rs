@@ -1,27 +1,27 @@
-//! Vectors four side by side, for vector instructions: x, y and z of four in three registers.
+//! Vectors in structure-of-arrays form for SIMD: x, y and z of four vectors in three registers.
 
 use glam::Vec3;
 use wide::f32x4;
 
 use crate::tensor::Tensor;
 
-/// Four vectors.
+/// Four vectors, one in each lane.
 pub(crate) type Four = [f32x4; 3];
 
-/// The same vector four times.
+/// Returns the same vector in all four lanes.
 #[inline(always)]
 pub(crate) fn splat(v: Vec3) -> Four {
     v.to_array().map(f32x4::splat)
 }
 
-/// Four vectors side by side.
+/// Transposes four vectors into lanes.
 #[inline(always)]
 pub(crate) fn four(v: [Vec3; 4]) -> Four {
     let [x, y, z, _] = f32x4::transpose(v.map(|v| f32x4::new([v.x, v.y, v.z, 0.0])));
     [x, y, z]
 }
 
-/// One by one, with a zero behind each: [`four`] undone.
+/// Transposes back into four vectors, each padded with a zero: the inverse of [`four`].
 #[inline(always)]
 pub(crate) fn rows(v: &Four) -> [f32x4; 4] {
     f32x4::transpose([v[0], v[1], v[2], f32x4::ZERO])
@@ -42,14 +42,14 @@ pub(crate) fn cross(a: &Four, b: &Four) -> Four {
     [a[1] * b[2] - b[1] * a[2], a[2] * b[0] - b[2] * a[0], a[0] * b[1] - b[0] * a[1]]
 }
 
-/// `weight` · n nᵀ, component by component: [`Tensor::outer`] four side by side.
+/// Returns `weight` · n nᵀ, component by component: [`Tensor::outer`] of four vectors.
 #[inline(always)]
 pub(crate) fn outer(n: &Four, weight: f32x4) -> [f32x4; 6] {
     let w = n.map(|x| x * weight);
     [w[0] * n[0], w[1] * n[1], w[2] * n[2], w[0] * n[1], w[0] * n[2], w[1] * n[2]]
 }
 
-/// The components of four tensors, side by side.
+/// Transposes four tensors into lanes, component by component.
 #[inline(always)]
 pub(crate) fn side_by_side(t: [&Tensor; 4]) -> [f32x4; 6] {
     let [a, b, c, d] = f32x4::transpose(t.map(|t| f32x4::new([t.0[0], t.0[1], t.0[2], t.0[3]])));
@@ -57,14 +57,14 @@ pub(crate) fn side_by_side(t: [&Tensor; 4]) -> [f32x4; 6] {
     [a, b, c, d, e, f]
 }
 
-/// Of each of four the sum of its numbers: [`f32x4::reduce_add`] four times, to the bit.
+/// Returns the sum of each of four registers: [`f32x4::reduce_add`] of each, to the bit.
 #[inline(always)]
 pub(crate) fn sums(of: [f32x4; 4]) -> f32x4 {
     let [a, b, c, d] = f32x4::transpose(of);
     a + b + c + d
 }
 
-/// Four tensors from their components side by side: [`side_by_side`] undone.
+/// Transposes back into four tensors: the inverse of [`side_by_side`].
 #[inline(always)]
 pub(crate) fn tensors(t: [f32x4; 6]) -> [Tensor; 4] {
     let first = f32x4::transpose([t[0], t[1], t[2], t[3]]).map(f32x4::to_array);
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
     use crate::trial::{bits, four_vectors, vector};
 
-    /// One of four.
+    /// Returns one lane.
     fn lane(v: &Four, i: usize) -> Vec3 {
         Vec3::from(v.map(|x| x.to_array()[i]))
     }
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn sums_are_those_of_each() {
-        // (Numbers whose sum hangs on the order.)
+        // (Numbers whose sum depends on the order.)
         let rows =
             [[1e8, 1.0, -1e8, 1.0], [0.1, 0.2, 0.3, 0.4], [3.0, -1e-7, 2.0, 1e-7], [1e-3, 1e3, 1e-3, 1e3]];
         let rows = rows.map(f32x4::new);

@@ -1,4 +1,4 @@
-//! Chains of levels of detail: one input, several lighter meshes, and from where to look at which.
+//! Chains of levels of detail: several lighter meshes of one input, and the distances to switch between them.
 
 mod geomorph;
 
@@ -12,27 +12,28 @@ use crate::run;
 use crate::scene::{self, Part, SimplifiedScene};
 use crate::{Simplified, SimplifyError, simplify};
 
-/// Which levels are made beside the original, each lighter than the one before.
+/// The levels to make besides the original, each lighter than the one before.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Levels {
-    /// These parts of the triangles, falling.
+    /// Fractions of the triangles, descending.
     Ratios(Vec<f64>),
-    /// These numbers of triangles, falling.
+    /// Numbers of triangles, descending.
     Faces(Vec<usize>),
-    /// So many levels, each with this part of the triangles of the one before.
+    /// A number of levels, each with the same fraction of the triangles of the one before.
     Steps {
-        /// How many, the original not counted.
+        /// Number of levels, not counting the original.
         count: usize,
-        /// Above 0 and below 1.
+        /// Fraction of the triangles of the level before, above 0 and below 1.
         factor: f64,
     },
-    /// The lightest meshes within these largest deviations, measured both ways, rising.
+    /// Largest deviations, measured both ways, ascending; each level is the lightest mesh within its
+    /// deviation.
     Errors(Vec<Length>),
 }
 
 impl Levels {
-    /// The stop of each level.
+    /// Returns the stop of each level.
     fn stops(&self) -> Result<Vec<Stop>, SimplifyError> {
         let bad = |option, wanted, got| Err(SimplifyError::BadOption { option, wanted, got });
         let out_of_order = |all: &[f64], is_fine: fn(f64, f64) -> bool| {
@@ -82,24 +83,24 @@ impl Levels {
     }
 }
 
-/// More levels than this are a mistake: with each a tenth lighter than the one before, 64 lead from a billion triangles to
-/// a million.
+/// Largest number of levels; more are taken as a mistake: with each a tenth lighter than the one before, 64
+/// lead from a billion triangles to a million.
 const MOST: usize = 64;
 
-/// All that a chain can be told.
+/// Options of a chain.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LodOptions {
-    /// Which levels.
+    /// The levels to make.
     pub levels: Levels,
-    /// How each is made. The stop is that of the level; one that stands here is an error.
+    /// Options of each level. The stop is that of the level; a stop set here is an error.
     pub simplify: SimplifyOptions,
-    /// Whether each level says where its vertices are in the next one.
+    /// Records for each level the positions of its vertices on the next coarser one.
     pub geomorph: bool,
 }
 
 impl LodOptions {
-    /// Everything by default but for the levels.
+    /// Returns the default options with these levels.
     pub fn new(levels: Levels) -> Self {
         Self { levels, simplify: SimplifyOptions::default(), geomorph: false }
     }
@@ -120,32 +121,35 @@ impl LodOptions {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LodChain {
-    /// All but level 0, which is the original. Fewer than asked for if the caller ended the run.
+    /// All levels but level 0, which is the original. Fewer than asked for if the caller ended the run.
     pub levels: Vec<Simplified>,
-    /// Where the vertices of each level are in the next one, from level 0 on; empty unless asked for. See
-    /// [`LodChain::geomorph`].
+    /// Positions of the vertices of each level on the next coarser one, from level 0 on; empty unless asked
+    /// for. See [`LodChain::geomorph`].
     geomorphs: Vec<Positions>,
 }
 
 impl LodChain {
-    /// For each vertex of a level, its place on the next coarser one, in the units of the mesh; level 0 is the original.
+    /// Returns, for each vertex of a level, its position on the next coarser one, in the units of the mesh;
+    /// level 0 is the original.
     ///
-    /// Vertices at `p + t (q - p)`, with q from here, turn the level into the next one as t goes from 0 to 1: where one run
-    /// made both, its faces at t = 1 are those of the coarser level, and others without area. A vertex of which that is not
-    /// known has the nearest point of the coarser level. `None` for the last level, and where it was not asked for.
+    /// Moving vertices to `p + t (q - p)`, with q from here, turns the level into the next one as t goes from
+    /// 0 to 1: if one run made both, the faces at t = 1 are those of the coarser level, and others have no
+    /// area. If the target of a vertex is not known, it is the nearest point of the coarser level. Returns
+    /// `None` for the last level, and if geomorphs were not asked for.
     pub fn geomorph(&self, level: usize) -> Option<&Positions> {
         self.geomorphs.get(level)
     }
 }
 
-/// Makes the levels of a mesh.
+/// Makes a chain of levels of detail of a mesh.
 ///
-/// Where levels are counts, and the method is one of edge collapses, one run makes them all, and each level is fitted by
-/// itself. Its sweeps are those of a run to that level alone, which leaves them before their end, so it is as near as
-/// that (docs/decisions/0016). With [`LodOptions::geomorph`] the sweeps go on from level to level instead, and each level is
-/// made of the one before by collapses alone, for about a percent more error. Other methods, levels by errors and
-/// [`SimplifyOptions::escalate`] make each level from the original. The mesh is only looked at, so any number of chains
-/// can be made of one. With [`BorderPolicy::Lock`](crate::BorderPolicy) borders are the same, to the bit, in all levels.
+/// If levels are given by counts and the method collapses edges, one run makes them all, and each level is
+/// fitted separately. A level branches off the common sweeps before its last ones, so its sweeps are those of
+/// a run to that level alone, and it is as close (docs/decisions/0016). With [`LodOptions::geomorph`] the
+/// sweeps continue from level to level instead, and each level is made from the one before by collapses
+/// alone, for about a percent more error. Other methods, levels by errors and [`SimplifyOptions::escalate`]
+/// make each level from the original. The mesh is read only, so any number of chains can be made of one. With
+/// [`BorderPolicy::Lock`](crate::BorderPolicy) borders are the same, to the bit, in all levels.
 ///
 /// ```
 /// use lodsmith::core::shapes;
@@ -158,7 +162,8 @@ impl LodChain {
 /// ```
 ///
 /// # Errors
-/// As [`simplify`](crate::simplify()); [`SimplifyError::BadOption`] for levels that are out of order.
+/// Those of [`simplify`](crate::simplify()); [`SimplifyError::BadOption`] for levels that are out of order or
+/// more than 64, [`SimplifyError::NotTogether`] for a stop among the options of the levels.
 pub fn lod(
     mesh: &TriMesh,
     options: &LodOptions,
@@ -195,25 +200,26 @@ pub fn lod(
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SceneChain {
-    /// All but level 0, which is the original.
+    /// All levels but level 0, which is the original.
     pub levels: Vec<SimplifiedScene>,
     geomorphs: Vec<Vec<Positions>>,
 }
 
 impl SceneChain {
-    /// The same as [`LodChain::geomorph`], for each mesh in the order of the parts.
+    /// Returns [`LodChain::geomorph`] of each mesh, in the order of the parts.
     pub fn geomorph(&self, level: usize) -> Option<&[Positions]> {
         self.geomorphs.get(level).map(Vec::as_slice)
     }
 }
 
-/// Makes the levels of a scene: in each the meshes share one budget, as with [`simplify_scene`](crate::simplify_scene).
+/// Makes a chain of levels of detail of a scene: in each the meshes share one budget, as in
+/// [`simplify_scene`](crate::simplify_scene).
 ///
-/// One run makes them all, as with [`lod`], where every mesh stands in the scene equally often. Otherwise, and with
+/// One run makes them all, as in [`lod`], if every mesh has the same number of instances. Otherwise, and with
 /// [`SimplifyOptions::per_mesh`], each level is made from the original.
 ///
 /// # Errors
-/// As [`lod`].
+/// Those of [`lod`].
 pub fn lod_scene(
     parts: &[Part<'_>],
     diagonal: f64,
@@ -247,27 +253,27 @@ pub fn lod_scene(
     Ok(SceneChain { levels, geomorphs })
 }
 
-/// How far away something has to be so that a deviation shows no larger than wanted.
+/// Viewing conditions that give the least distance at which a deviation is small enough on the screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Screen {
-    /// Vertical field of view.
+    /// Vertical field of view, in degrees.
     pub fov_deg: f64,
-    /// Height of the picture.
+    /// Height of the picture, in pixels.
     pub height_px: f64,
-    /// The largest deviation that may be seen.
+    /// The largest deviation that may be visible, in pixels.
     pub pixels: f64,
 }
 
 impl Default for Screen {
-    /// One pixel of 1080, at 60 degrees.
+    /// Returns one pixel of 1080, at 60 degrees.
     fn default() -> Self {
         Self { fov_deg: 60.0, height_px: 1080.0, pixels: 1.0 }
     }
 }
 
 impl Screen {
-    /// A screen; `None` unless the angle lies between 0 and 180 degrees and both sizes are above 0.
+    /// Returns a screen; `None` unless the angle lies between 0 and 180 degrees and both sizes are above 0.
     pub fn new(fov_deg: f64, height_px: f64, pixels: f64) -> Option<Self> {
         let is_size = |x: f64| x > 0.0 && x.is_finite();
         (is_size(fov_deg) && fov_deg < 180.0 && is_size(height_px) && is_size(pixels)).then_some(Self {
@@ -277,24 +283,25 @@ impl Screen {
         })
     }
 
-    /// The distance from the eye at which a deviation of `error`, seen from the side, is `pixels` high: from there on it
-    /// shows no more. At a distance d the picture is 2 d tan(fov / 2) high, so one pixel is 2 d tan(fov / 2) / height.
+    /// Returns the distance from the eye at which a deviation of `error`, seen from the side, is `pixels`
+    /// high; farther away it is smaller. At a distance d the picture is 2 d tan(fov / 2) high, so one pixel
+    /// is 2 d tan(fov / 2) / height.
     pub fn distance(&self, error: f64) -> f64 {
         error * self.height_px / (2.0 * (self.fov_deg.to_radians() / 2.0).tan() * self.pixels)
     }
 
-    /// How much of the picture's height a ball of this diameter takes at a distance.
+    /// Returns the fraction of the picture's height that a ball of this diameter covers at a distance.
     pub fn coverage(&self, diameter: f64, distance: f64) -> f64 {
         diameter / (2.0 * distance * (self.fov_deg.to_radians() / 2.0).tan())
     }
 }
 
-/// The deviation of a level that is not to show: the bound that was proven both ways or the largest that was measured, if
-/// that is more; else the estimate of the RMS.
+/// Returns the deviation of a level that is not to be visible: the larger of the proven bound and the largest
+/// measured distance, both ways; without either, the estimate of the RMS.
 pub fn error_of(report: &Report) -> f64 {
     let error = &report.error;
     let measured = error.measured.as_ref().map(|m| m.hausdorff.symmetric);
-    // A bound of one way may be less than the other way is.
+    // A one-sided bound may be less than the distance in the other direction.
     measured.into_iter().chain(error.bound).reduce(f64::max).unwrap_or(error.estimate)
 }
 
@@ -304,7 +311,7 @@ mod tests {
 
     #[test]
     fn a_deviation_is_as_high_as_wanted() {
-        // At 90 degrees the picture is twice as high as it is far.
+        // At 90 degrees the height of the picture is twice the distance.
         let screen = Screen::new(90.0, 1000.0, 2.0).unwrap();
         let distance = screen.distance(0.01);
         let pixel = 2.0 * distance / 1000.0;

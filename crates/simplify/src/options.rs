@@ -1,4 +1,5 @@
-//! What a run is asked for. Nothing else holds defaults: command, viewer and bindings convert into these.
+//! Options of a run. No defaults are defined elsewhere: command, viewer and bindings convert into these
+//! types.
 
 mod check;
 mod shared;
@@ -9,36 +10,39 @@ use lodsmith_core::RegionId;
 
 use crate::textures::Textures;
 
-/// How a mesh is simplified.
+/// Method of simplification.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Method {
-    /// Edge collapse by the tensors of the present star, and a final fit: the default. After [Lindstrom-Turk 1998]'s
-    /// finding that costs without memory are the better ones.
+    /// Edge collapse by the tensors of the present star, and a final fit: the default. After the finding of
+    /// [Lindstrom-Turk 1998] that costs without memory are better.
     #[default]
     Memoryless,
     /// Edge collapse by accumulated plane quadrics, weighted by area. [Garland-Heckbert 1997]
     Quadric,
-    /// Edge collapse that keeps volume and borders, by the present surface alone. [Lindstrom-Turk 1998]
+    /// Edge collapse that preserves volume and borders, judged by the present surface alone.
+    /// [Lindstrom-Turk 1998]
     LindstromTurk,
     /// Half-edge collapse by length times curvature, onto vertices of the input. [Melax 1998]
     Melax,
-    /// The shortest edge first, onto its middle.
+    /// Edge collapse in order of edge length, onto the midpoint.
     ShortestEdge,
     /// One vertex for each cell of a grid. [Rossignac-Borrel 1993] [Lindstrom 2000]
     Cluster,
-    /// Vertices go, nearest to the plane of their neighbours first, and the holes are filled. [Schroeder et al. 1992]
+    /// Removal of vertices, nearest to the plane of their neighbours first; the holes are filled.
+    /// [Schroeder et al. 1992]
     VertexRemoval,
-    /// Coplanar regions become as few triangles as their outline needs. [Hinker-Hansen 1993] [Kalvin-Taylor 1996]
+    /// Coplanar regions are replaced by as few triangles as their outlines need. [Hinker-Hansen 1993]
+    /// [Kalvin-Taylor 1996]
     Planar,
-    /// Undoes 4:1 subdivision where it fits. [Taubin 2001]
+    /// Reverses 4:1 subdivision where the mesh has its pattern. [Taubin 2001]
     Unsubdivide,
     /// A new mesh on the old surface. [Botsch-Kobbelt 2004]
     Remesh,
 }
 
 impl Method {
-    /// All of them, in the order of lists.
+    /// All methods, in the order of lists.
     pub const ALL: [Self; 10] = [
         Self::Memoryless,
         Self::Quadric,
@@ -52,7 +56,7 @@ impl Method {
         Self::Remesh,
     ];
 
-    /// The word for it, as in `lindstrom-turk`.
+    /// Returns the name of the method, such as `lindstrom-turk`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Memoryless => "memoryless",
@@ -69,38 +73,44 @@ impl Method {
     }
 }
 
-/// What single methods can be told. Without, each has a default or goes by the stop alone. One that the method has no use
-/// for is an error.
+/// Options of single methods. Those that are not set have a default or follow from the stop. Setting one that
+/// the method does not have is an error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct MethodOptions {
-    /// [`Method::Memoryless`], [`Method::Quadric`]: vertices closer than this that share no edge are contracted too. The run
-    /// is made without as well, and that result is taken if it alone meets the stop or is closer by a quarter.
+    /// [`Method::Memoryless`], [`Method::Quadric`]: pairs of vertices closer than this that share no edge are
+    /// contracted too. A second run without pairs is made, and its result is taken if it alone meets the stop
+    /// or is closer by a quarter.
     pub pairs: Option<Length>,
-    /// [`Method::Cluster`]: edge of a cell.
+    /// [`Method::Cluster`]: edge length of a cell.
     pub cell: Option<Length>,
-    /// [`Method::Cluster`]: clusters only to a multiple of the stop, and goes on with [`Method::Memoryless`].
+    /// [`Method::Cluster`]: clusters only down to a multiple of the stop, then continues with
+    /// [`Method::Memoryless`].
     pub two_stage: bool,
-    /// [`Method::ShortestEdge`]: edges up to this length go. [`Method::Remesh`]: length of the new edges.
+    /// [`Method::ShortestEdge`]: edges up to this length are collapsed. [`Method::Remesh`]: length of the new
+    /// edges.
     pub edge_length: Option<Length>,
-    /// [`Method::Planar`]: largest angle, in degrees, between a face and the plane of its region; 5 by default.
-    /// [`Method::VertexRemoval`], [`Method::Remesh`]: edges bent by more are creases, which are kept.
+    /// [`Method::Planar`]: largest angle, in degrees, between a face and the plane of its region; 5 by
+    /// default. [`Method::VertexRemoval`], [`Method::Remesh`]: edges with a larger dihedral angle are
+    /// creases, which are kept.
     pub angle_deg: Option<f64>,
-    /// [`Method::Planar`]: largest distance of a vertex from the plane of its region, and of one that goes from the edge of
-    /// the outline that takes its place. By default 2e-7 of the diagonal, or the error of the stop.
+    /// [`Method::Planar`]: largest distance of a vertex from the plane of its region, and of a removed vertex
+    /// from the edge of the simplified outline. By default 2e-7 of the diagonal, or the error of the stop.
     pub flat: Option<Length>,
-    /// [`Method::Unsubdivide`]: levels to undo, at most. [`Method::Remesh`]: rounds.
+    /// [`Method::Unsubdivide`]: largest number of levels to undo. [`Method::Remesh`]: number of rounds.
     pub iterations: Option<usize>,
-    /// [`Method::Remesh`]: edge of a voxel: a closed surface around the input, whatever state it is in.
+    /// [`Method::Remesh`]: edge length of a voxel; the result is a closed surface around the input, whatever
+    /// the state of the input.
     pub voxel: Option<Length>,
-    /// [`Method::Remesh`]: a semi-regular mesh: a base, subdivided so many times. [Eck et al. 1995]
+    /// [`Method::Remesh`]: makes a semi-regular mesh, a base mesh subdivided this many times.
+    /// [Eck et al. 1995]
     pub subdivisions: Option<usize>,
-    /// [`Method::Remesh`]: edges are short where the surface is curved.
+    /// [`Method::Remesh`]: makes edges shorter where the surface is curved.
     pub adaptive: bool,
 }
 
 impl MethodOptions {
-    /// Those that are set: their names, and the methods that take them.
+    /// Returns the names of the options that are set, each with the methods that have it.
     pub(crate) fn set(&self) -> impl Iterator<Item = (&'static str, &'static [Method])> {
         use Method::{
             Cluster, Memoryless, Planar, Quadric, Remesh, ShortestEdge, Unsubdivide, VertexRemoval,
@@ -120,7 +130,7 @@ impl MethodOptions {
         all.into_iter().filter(|x| x.1).map(|x| (x.0, x.2))
     }
 
-    /// Whether a run of this method comes to an end by itself, without a stop.
+    /// Returns true if a run of this method ends without a stop.
     pub fn ends(&self, method: Method) -> bool {
         match method {
             Method::Planar | Method::Unsubdivide => true,
@@ -132,56 +142,57 @@ impl MethodOptions {
     }
 }
 
-/// Whether the last least-squares step towards the original is taken.
+/// Use of the final least-squares step towards the original.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fit {
-    /// Where it helps: with [`Method::Memoryless`] and optimal placement.
+    /// Used with [`Method::Memoryless`] and optimal placement, where it helps.
     #[default]
     Auto,
-    /// Always, unless placement forbids that vertices move.
+    /// Always used, unless the placement forbids vertices to move.
     On,
-    /// Never.
+    /// Never used.
     Off,
 }
 
-/// Where the merged vertex of a collapse goes.
+/// Placement of the merged vertex of a collapse.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Placement {
-    /// To the point of least cost.
+    /// At the point of least cost.
     #[default]
     Optimal,
-    /// To the better of the two ends: the result's vertices are a subset of the input's, attributes included.
+    /// At the better of the two ends: the vertices of the result are a subset of the input's, attributes
+    /// included.
     Endpoint,
-    /// To the middle of the edge.
+    /// At the midpoint of the edge.
     Midpoint,
 }
 
-/// What happens to open borders.
+/// Treatment of open borders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BorderPolicy {
-    /// They are held in place by weighted lines.
+    /// Border edges are held in place by weighted line tensors.
     #[default]
     Keep,
-    /// Their vertices move along them only: a border edge collapses onto one of its ends.
+    /// Border vertices move along the border only: a border edge collapses onto one of its ends.
     Slide,
-    /// Their vertices are not touched, and a part that has any is never removed.
+    /// Border vertices are not changed, and a part that has any is never removed.
     Lock,
-    /// No care is taken.
+    /// Borders are not considered.
     Free,
 }
 
-/// What may happen to the topology.
+/// Permitted changes of the topology.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TopologyPolicy {
-    /// Counts of non-manifold edges, border edges, flipped and duplicate faces do not rise. Only when the target cannot be
-    /// met otherwise, or the rest would be measurably farther off, handles and thin places are cut and whole parts go,
-    /// cheapest first, and each is counted.
+    /// The counts of non-manifold edges, border edges, flipped faces and duplicate faces do not rise. Only if
+    /// the target cannot be met otherwise, or the result would be measurably farther off, handles and necks
+    /// are cut and whole parts removed, cheapest first; each is counted.
     #[default]
     Relaxed,
-    /// Manifold stays manifold; holes, handles and parts stay.
+    /// Manifold stays manifold; holes, handles and parts are kept.
     Preserve,
-    /// Handles and necks are cut and whole parts go wherever that is cheapest, and each is counted. The two sides of a cut
-    /// may touch.
+    /// Handles and necks are cut and whole parts removed wherever that is cheapest; each is counted. The two
+    /// sides of a cut may touch.
     Free,
 }
 
@@ -190,12 +201,12 @@ pub enum TopologyPolicy {
 pub enum Length {
     /// In the units of the mesh.
     Units(f64),
-    /// A share of the diagonal: 0.001 is a tenth of a percent.
+    /// A share of the diagonal: 0.001 is a tenth of a per cent.
     OfDiagonal(f64),
 }
 
 impl Length {
-    /// The length in the units of a mesh with this diagonal.
+    /// Returns the length in the units of a mesh with this diagonal.
     pub fn in_units(self, diagonal: f64) -> f64 {
         match self {
             Self::Units(x) => x,
@@ -204,19 +215,21 @@ impl Length {
     }
 }
 
-/// When to stop. Several may stand together: the first one met stops. With none, nothing is done.
+/// Stopping criteria. If several are set, the first one met stops the run. If none is set, nothing is
+/// simplified.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stop {
-    /// At this number of triangles, or fewer.
+    /// Stops at this number of triangles, or fewer.
     pub faces: Option<usize>,
-    /// At this number of vertices, or fewer.
+    /// Stops at this number of vertices, or fewer.
     pub vertices: Option<usize>,
-    /// At this part of the triangles, above 0 and up to 1.
+    /// Stops at this fraction of the triangles, above 0 and up to 1.
     pub ratio: Option<f64>,
-    /// At the lightest level that keeps within this distance of the input, as [`SimplifyOptions::bound`] has it.
+    /// Stops at the lightest level that stays within this distance of the input, in the sense of
+    /// [`SimplifyOptions::bound`].
     ///
-    /// Levels are what runs to certain counts make, each 5 % below the one before, whatever the distance: a larger one
-    /// never gives more triangles.
+    /// The levels are the results of runs to fixed counts, each 5 % below the one before, whatever the
+    /// distance: a larger distance never gives more triangles.
     pub error: Option<Length>,
 }
 
@@ -229,31 +242,34 @@ impl Stop {
     pub fn vertices(n: usize) -> Self {
         Self { vertices: Some(n), ..Self::default() }
     }
-    /// Stops at this part of the triangles.
+    /// Stops at this fraction of the triangles.
     pub fn ratio(r: f64) -> Self {
         Self { ratio: Some(r), ..Self::default() }
     }
-    /// Stops before the measured deviation passes this.
+    /// Stops before the measured deviation exceeds this.
     pub fn error(limit: Length) -> Self {
         Self { error: Some(limit), ..Self::default() }
     }
 }
 
-/// Guards of the result, each off by default. A collapse that would break one is refused and counted; the
-/// [fit](SimplifyOptions::fit) moves vertices only as far as they allow. What breaks one already may stay, and gets no worse.
+/// Limits on the shape of the result, each off by default. A collapse that would exceed one is refused and
+/// counted; the [fit](SimplifyOptions::fit) moves vertices only as far as the limits allow. What exceeds a
+/// limit in the input may stay, but does not get worse.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Guards {
-    /// Largest turn of a face by one collapse, and by the fit, in degrees.
+    /// Largest rotation of a face normal by one collapse, and by the fit, in degrees.
     pub max_normal_deg: Option<f64>,
-    /// Least shape of a new face: 1 is equilateral, 0 flat. Where a face was worse, no new one there is worse than that.
+    /// Least quality of a new face: 1 is equilateral, 0 flat. Where a face was worse, new faces there are no
+    /// worse than it.
     pub min_quality: Option<f64>,
-    /// Largest number of edges at a merged vertex. One may have as many as one of the two that it was made of.
+    /// Largest number of edges at a merged vertex. A merged vertex may have as many as either of its two ends
+    /// had.
     pub max_valence: Option<usize>,
-    /// Greatest length of an edge. One that was longer may move, but gets no longer.
+    /// Largest length of an edge. An edge that is longer already may move, but does not get longer.
     pub max_edge: Option<Length>,
 }
 
-/// How much attributes and borders count in the cost, times what they count by default; 0 gives them no say.
+/// Weights of attributes and borders in the cost, as factors on their defaults; 0 ignores them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AttributeWeights {
     /// Normals.
@@ -262,13 +278,14 @@ pub struct AttributeWeights {
     pub uv: f64,
     /// Colours.
     pub color: f64,
-    /// What morph targets add to positions. At 1 a distance in a key pose counts like one at rest.
+    /// Displacements of positions by morph targets. At 1 a distance in a key pose counts like one at rest.
     pub morph: f64,
-    /// Which joints pull a vertex. At 1 a distance by which the middle of its joints moves counts like a tenth of it at rest.
+    /// Skins. At 1 a shift of the weighted mean of a vertex' joints counts like a tenth of that distance at
+    /// rest.
     pub skin: f64,
-    /// Everything else.
+    /// All other attributes.
     pub other: f64,
-    /// Open borders and non-manifold curves, unless [`BorderPolicy::Free`] leaves them out anyway.
+    /// Open borders and non-manifold curves; ignored with [`BorderPolicy::Free`].
     pub border: f64,
 }
 
@@ -278,128 +295,137 @@ impl Default for AttributeWeights {
     }
 }
 
-/// Options for a purpose, by name. (docs/decisions/0013)
+/// Named sets of options for a purpose. (docs/decisions/0013)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Preset {
-    /// Everything by default: the least distance.
+    /// All options at their defaults: the least distance.
     #[default]
     Auto,
-    /// Noisy scans: normals have no say, and vertices that rounding parted are joined.
+    /// Noisy scans: normals are ignored, and vertices that rounding separated are merged.
     Scan,
-    /// Machine parts: borders slide along themselves, holes and parts stay.
+    /// Machine parts: borders slide along themselves; holes and parts are kept.
     Cad,
-    /// For the eye: normals count more, also those of a surface without any.
+    /// For display: normals count more, and shape normals count where the mesh has none.
     Visual,
-    /// For printing: closed stays closed, holes and parts stay, attributes have no say.
+    /// For printing: closed stays closed, holes and parts are kept, attributes are ignored.
     Print,
 }
 
-/// The promise that a run makes on the largest distance between the input and the result. It is proven, not sampled: see
+/// Guarantee on the largest distance between the input and the result. It is proven, not sampled: see
 /// [`proof`](lodsmith_core::measure::proof).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Bound {
-    /// [`Bound::TwoSided`] where the stop has an error, else [`Bound::Estimate`].
+    /// [`Bound::TwoSided`] with a stop at an error, otherwise [`Bound::Estimate`].
     #[default]
     Auto,
-    /// No promise: where the stop has an error, it is kept as far as samples see.
+    /// No guarantee: a stop at an error is kept as far as samples show.
     Estimate,
-    /// No point of the result lies farther from the input than the bound. Details of the input may be gone.
+    /// No point of the result lies farther from the input than the bound. Details of the input may be lost.
     OneSided,
-    /// No point of the result lies farther from the input than the bound, nor any of the input from the result.
+    /// No point of the result lies farther from the input than the bound, and no point of the input farther
+    /// from the result.
     TwoSided,
 }
 
-/// Whether the result is measured.
+/// Measurement of the result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Measure {
-    /// Where the stop has an error or a bound is promised, else there is the engine's own estimate alone.
+    /// Measures with a stop at an error or a guaranteed bound; otherwise the report has the engine's estimate
+    /// alone.
     #[default]
     Auto,
-    /// Both ways at the end, whatever the stop.
+    /// Always measures both ways at the end.
     Always,
 }
 
-/// All that a run can be told.
+/// All options of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct SimplifyOptions {
-    /// When to stop.
+    /// Stopping criteria.
     pub stop: Stop,
-    /// How.
+    /// Method of simplification.
     pub method: Method,
-    /// What only some methods know.
+    /// Options that only some methods have.
     pub of_method: MethodOptions,
-    /// The last step.
+    /// Use of the final least-squares step.
     pub fit: Fit,
-    /// Where merged vertices go.
+    /// Placement of merged vertices.
     pub placement: Placement,
-    /// Open borders.
+    /// Treatment of open borders.
     pub border: BorderPolicy,
-    /// Topology.
+    /// Permitted changes of the topology.
     pub topology: TopologyPolicy,
-    /// Guards of the result.
+    /// Limits on the shape of the result.
     pub guards: Guards,
-    /// Edges of the input whose two faces meet at more than this, in degrees, are features: their vertices keep to their
-    /// line as those of borders do, and two of them become one only along it, as long as anything else can go. Above 0 and
-    /// below 180; without, no edge is one.
+    /// Edges of the input whose dihedral angle exceeds this, in degrees, are features: their vertices stay on
+    /// the feature line, as border vertices do, and merge only along it, as long as any other collapse is
+    /// possible. Above 0 and below 180; `None` marks no edges.
     pub sharp_deg: Option<f64>,
-    /// How much attributes count.
+    /// Weights of attributes and borders in the cost.
     pub weights: AttributeWeights,
-    /// What is promised of the largest distance: what the report's bound says, and what an error of the stop is held
-    /// against.
+    /// Guarantee on the largest distance: it defines the bound in the report, and the distance that a stop at
+    /// an error is compared with.
     pub bound: Bound,
-    /// Whether the result is measured.
+    /// Measurement of the result.
     pub measure: Measure,
-    /// Vertices closer than this are joined first. Equal positions always are.
+    /// Vertices closer than this are merged first. Vertices at equal positions always are.
     pub weld: Option<Length>,
-    /// Connected parts whose bounding box has a diagonal below this go first; the largest stays in any case. What is
-    /// measured is the distance from what is left. A share is of the whole input's diagonal.
+    /// Connected parts whose bounding box has a smaller diagonal than this are removed first; the largest
+    /// part is always kept. Distances are measured from the remaining parts. A share is of the diagonal of
+    /// the whole input.
     pub prune: Option<Length>,
-    /// Whether looser topology policies are tried in turn when the target is out of reach. Borders and guards stay.
+    /// Tries pairs and looser topology policies in turn if the target is out of reach. Borders and guards are
+    /// kept.
     pub escalate: bool,
-    /// In a scene: whether the stop holds for each mesh by itself, instead of all instances of all together.
+    /// For scenes: the stop applies to each mesh separately, instead of all instances of all meshes together.
     pub per_mesh: bool,
-    /// Whether the normals that the surface itself has count in the cost where the mesh brings none. The result does not
-    /// carry them. (In a scene, where no mesh brings any.)
+    /// Counts the shape normals of the surface in the cost if the mesh has no normals. The result does not
+    /// carry them. (In a scene, if no mesh has any.)
     pub shape_normals: bool,
-    /// For each region of the mesh its class, as the first region of it: where two of one class meet, the border is a
-    /// crease that may move, as between smoothing groups. Without, and for regions beyond the list, each is a class of
-    /// its own, and borders are exact. (In a scene the regions of each part are meant.)
+    /// Class of each region of the mesh, given as the first region of the class: where two regions of one
+    /// class meet, the border is a crease that may move, as between smoothing groups. Without the list, and
+    /// for regions beyond its end, each region is a class of its own, and borders are exact. (In a scene the
+    /// regions are those of each part.)
     pub region_classes: Option<Arc<[RegionId]>>,
-    /// Whether each vertex of the input is locked, where any is: in a scene, of all parts, one after the other.
+    /// Lock of each vertex of the input, if any is locked; for a scene, of all parts one after the other.
     ///
-    /// A locked vertex keeps its place and all that stands on it, to the bit, and a face whose vertices are all locked
-    /// stays. (Clusters can leave one without any face: then it goes.) The faces around are simplified up to it and stay joined to it; a part with a locked vertex never goes.
-    /// Vertices at one place are locked together; a weld moves others onto locked ones, never those. Of faces that stand
-    /// twice one goes all the same.
+    /// A locked vertex keeps its position and its attributes, to the bit, and a face whose vertices are all
+    /// locked is kept. (Clustering can leave a locked vertex without faces; then it is dropped.) The faces
+    /// around are simplified up to it and stay connected to it; a part with a locked vertex is never removed.
+    /// Vertices at one position are locked together; a weld moves others onto locked vertices, never a locked
+    /// one. Of duplicate faces one is removed even if locked.
     pub locked: Option<Arc<[bool]>>,
-    /// How many times as many triangles as elsewhere a place of the same shape is to have, for each vertex of the input:
-    /// in a scene, of all parts, one after the other. 1 is as elsewhere; beyond 0.001 and 1000 counts as these.
+    /// Importance of each vertex of the input: the density of triangles that it is to have, relative to a
+    /// place of the same shape elsewhere; for a scene, of all parts one after the other. 1 is neutral; values
+    /// are clamped to 0.001 to 1000.
     ///
-    /// A collapse costs so many times more, to the power 2.5, and the merged vertex keeps the larger number of its ends.
-    /// With the density of triangles, costs fall by its third power where the surface is smooth and by its square where
-    /// it is rough, so 4 means about 3 on the one and 6 on the other. What is flat needs no triangles, however important
-    /// it is. The total stays that of the stop. (docs/decisions/0013)
+    /// The cost of a collapse is multiplied by the importance to the power 2.5, and the merged vertex keeps
+    /// the larger value of its two ends. Costs fall with the third power of the density of triangles where
+    /// the surface is smooth and with its square where it is rough, so 4 means about 3 on the one and 6 on
+    /// the other. Flat places need no triangles, however important they are. The total is that of the stop.
+    /// (docs/decisions/0013)
     pub importance: Option<Arc<[f32]>>,
-    /// The images that give the surface its colours: of the regions of the mesh, or of those of each part of a scene. Where
-    /// one is a palette (almost every face of the input shows one colour), a face of the result whose blended texture
-    /// coordinates show other colours than the input there takes some of the input's. No other method of a run looks at
-    /// images, and [`Method::Cluster`] and progressive meshes not at all.
+    /// Base-colour images of the surface: for the regions of the mesh, or those of each part of a scene. If
+    /// one is a palette (almost every face of the input shows one colour), a face of the result whose blended
+    /// texture coordinates show other colours than the input there takes some of the input's coordinates.
+    /// Nothing else in a run reads images, and [`Method::Cluster`] and progressive meshes do not read them at
+    /// all.
     pub textures: Option<Arc<Textures>>,
-    /// Whether blended normals far off their faces stay: where they are only lent, or where groups of clusters are joined
-    /// again.
+    /// Keeps blended normals that deviate far from their faces: for lent normals, and where groups of
+    /// clusters are joined again.
     pub(crate) keeps_blended_normals: bool,
-    /// Seed of whatever is drawn by chance: equal seeds give equal bytes.
+    /// Seed of all random choices: equal seeds give equal bytes.
     pub seed: u64,
 }
 
 impl SimplifyOptions {
-    /// Everything by default but for the stop.
+    /// Returns the default options with this stop.
     pub fn new(stop: Stop) -> Self {
         Self { stop, ..Self::default() }
     }
-    /// What is promised, in the end: never [`Bound::Auto`].
+    /// Returns the guarantee in effect: never [`Bound::Auto`].
     pub fn promised(&self) -> Bound {
         match (self.bound, self.stop.error) {
             (Bound::Auto, Some(_)) => Bound::TwoSided,
@@ -407,7 +433,7 @@ impl SimplifyOptions {
             (bound, _) => bound,
         }
     }
-    /// What a preset stands for, with this stop. All can be changed afterwards.
+    /// Returns the options of a preset with this stop. All can be changed afterwards.
     pub fn preset(preset: Preset, stop: Stop) -> Self {
         let mut options = Self::new(stop);
         match preset {
@@ -435,7 +461,8 @@ impl SimplifyOptions {
     }
 }
 
-/// Vertices of scans closer than this share of the diagonal are one. (Guessed: about what single precision rounds by.)
+/// Share of the diagonal within which vertices of scans are merged. (Guessed: about the rounding of single
+/// precision.)
 const SCAN_WELD: f64 = 1e-6;
-/// What normals count for the eye. (docs/decisions/0013)
+/// Weight of normals in [`Preset::Visual`]. (docs/decisions/0013)
 const VISUAL_NORMAL: f64 = 2.0;

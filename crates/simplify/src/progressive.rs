@@ -1,8 +1,9 @@
-//! Progressive meshes: a simplification that runs both ways.
+//! Progressive meshes: a simplification that can be undone and redone step by step.
 //!
-//! Every contraction of a run is recorded with what it changed (`collapse/record`), put in an order in which each level
-//! is a good mesh (`arrange`), and can be taken back to the bit. What the engine's fit would make of a level stands in
-//! checkpoints beside the splits (`correct`). (docs/progressive.md, docs/decisions/0018)
+//! Every contraction of a run is recorded with the data that it changed (`collapse/record`). The contractions
+//! are then put in an order in which each level is a good mesh (`arrange`), and can be undone to the bit. The
+//! result of the engine's fit at some levels is kept in checkpoints beside the splits (`correct`).
+//! (docs/progressive.md, docs/decisions/0018)
 
 mod arrange;
 mod build;
@@ -25,18 +26,20 @@ use crate::control::Control;
 use crate::options::{Method, SimplifyOptions};
 pub use scene::ProgressiveScene;
 
-/// Elements that are marked as changed together.
+/// Elements in a block of the change tracking.
 const BLOCK: usize = 256;
 
-/// The methods that are recorded: those that contract one edge or pair after the other.
+/// The methods that can be recorded: those that contract one edge or pair at a time.
 pub(crate) const PROGRESSIVE: &[Method] =
     &[Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax, Method::ShortestEdge];
 
-/// A mesh that moves between levels: 0 is the base, and each split leads to the next, up to the full mesh.
+/// A progressive mesh: a base mesh (level 0) and vertex splits, each of which leads to the next level, up to
+/// the full mesh.
 ///
-/// What a level is depends on its number alone, not on the way there. Buffers keep their length and their numbers: at any
-/// level the live elements are the first [`Counts`] of them, and a vertex that no face uses may be among them.
-/// Copies share what never changes, so that many levels of one mesh can be held at once.
+/// A level depends on its number alone, not on the levels visited before. Buffers keep their length and
+/// numbering: at any level the live elements are the first [`Counts`] of them, and a vertex that no face uses
+/// may be among them. Clones share the data that never changes, so many levels of one mesh can be held at
+/// once.
 ///
 /// ```
 /// use lodsmith::core::shapes;
@@ -62,7 +65,7 @@ pub struct Progressive {
     positions: Positions,
 }
 
-/// What never changes: the splits, and what each of their changes has on the coarser side.
+/// The constant data: the splits, and the values of each of their changes on the coarser side.
 #[derive(Debug)]
 struct Road {
     splits: Splits,
@@ -70,27 +73,27 @@ struct Road {
     owners: Vec<VertexId>,
     rows: Vec<f32>,
     places: Positions,
-    /// Of each value of a row, over the full mesh.
+    /// Range of each value of a row, over the full mesh.
     ranges: Vec<[f32; 2]>,
-    /// Vertices in use, for each level.
+    /// Number of vertices in use, for each level.
     vertices: Vec<u32>,
-    /// The most of them at this and all coarser levels.
+    /// Largest number of vertices in use at this and all coarser levels.
     most_vertices: Vec<u32>,
 }
 
-/// What a move changed of the buffers that draw a mesh: rising ranges that do not touch, each a little larger than need
-/// be. Elements that died are not among them, and those that were born are.
+/// Ranges of the buffers that a change of level modified: ascending, disjoint, each a little larger than
+/// necessary. Removed elements are not included, new ones are.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Changed {
-    /// Of [`Progressive::faces`].
+    /// Ranges of [`Progressive::faces`].
     pub faces: Vec<Range<usize>>,
-    /// Of [`Progressive::vertex_map`] and [`Progressive::values`].
+    /// Ranges of [`Progressive::vertex_map`] and [`Progressive::values`].
     pub wedges: Vec<Range<usize>>,
-    /// Of [`Progressive::positions`].
+    /// Ranges of [`Progressive::positions`].
     pub vertices: Vec<Range<usize>>,
 }
 
-/// Blocks of elements that were touched.
+/// Blocks of modified elements.
 struct Marks(Vec<bool>);
 
 impl Marks {
@@ -101,7 +104,7 @@ impl Marks {
     fn add(&mut self, element: usize) {
         self.0[element / BLOCK] = true;
     }
-    /// The touched ranges below `count`, with all from `born` on.
+    /// Returns the modified ranges below `count`, including all elements from `born` on.
     fn ranges(&self, born: usize, count: usize) -> Vec<Range<usize>> {
         let mut ranges: Vec<Range<usize>> = Vec::new();
         let blocks = self.0.iter().enumerate().filter(|b| *b.1).map(|b| b.0 * BLOCK..(b.0 + 1) * BLOCK);
@@ -118,14 +121,16 @@ impl Marks {
 }
 
 impl Progressive {
-    /// Records the simplification of a mesh as far as its stops allow, or as far as it goes without any. Stands at the
-    /// full mesh afterwards.
+    /// Records the simplification of a mesh down to its stops or, without any, as far as possible. The result
+    /// is at the level of the full mesh.
     ///
-    /// A stop at an error is one of the [estimate](Self::error). Methods that make a new mesh at once have no road.
-    /// Cost: three to four times the time of a run of [`simplify`](crate::simplify()) to the end.
+    /// A stop at an error refers to the [estimate](Self::error). Methods that make a new mesh at once cannot
+    /// be recorded. Cost: three to eight times the time of a run of [`simplify`](crate::simplify()) to the
+    /// end (docs/progressive.md).
     ///
     /// # Errors
-    /// As [`simplify`](crate::simplify()); [`SimplifyError::NotOfMethod`] for a method without contractions.
+    /// Those of [`simplify`](crate::simplify()); [`SimplifyError::NotOfMethod`] for a method without
+    /// contractions, [`SimplifyError::NotTogether`] with [`SimplifyOptions::escalate`].
     pub fn build(
         mesh: &TriMesh,
         options: &SimplifyOptions,
@@ -134,7 +139,7 @@ impl Progressive {
         build::build(mesh, options, control).map(|built| built.road)
     }
 
-    /// A road from splits; stands at its full mesh. Cost: O(n).
+    /// Makes a progressive mesh from splits, at the level of the full mesh. Cost: O(n).
     pub fn new(splits: Splits) -> Self {
         let (mut faces, mut vertex_of) = (splits.faces.clone(), splits.vertex_of.clone());
         let (mut values, mut positions) = (splits.values.clone(), splits.positions.clone());
@@ -143,13 +148,13 @@ impl Progressive {
         Self { road: Arc::new(road), level, faces, vertex_of, values, positions }
     }
 
-    /// The same road with a level as its base, at which it stands.
+    /// Returns this progressive mesh with the given level as its base, at that level.
     pub fn without_below(mut self, level: usize) -> Self {
         self.to_level(level);
         let base = (!self.road.splits.checkpoints.is_empty()).then(|| self.checkpoint());
         let (level, faces, vertex_of) = (self.level, self.faces, self.vertex_of);
         let splits = Arc::try_unwrap(self.road).map_or_else(|road| road.splits.clone(), |road| road.splits);
-        // Elements that are not born yet stand in the buffers as they will be.
+        // Elements that are not live yet are in the buffers already, with the values of their birth.
         let mut data = splits.into_data();
         (data.faces, data.vertex_of, data.values, data.positions) =
             (faces, vertex_of, self.values, self.positions);
@@ -174,52 +179,52 @@ impl Progressive {
         road
     }
 
-    /// The splits, with base and checkpoints.
+    /// Returns the splits, with base mesh and checkpoints.
     pub fn splits(&self) -> &Splits {
         &self.road.splits
     }
-    /// The splits, without a copy if no other copy of the road is left.
+    /// Returns the splits, without a copy if there is no other clone.
     pub fn into_splits(self) -> Splits {
         Arc::try_unwrap(self.road).map_or_else(|road| road.splits.clone(), |road| road.splits)
     }
-    /// The finest level: as many as there are splits.
+    /// Returns the number of the finest level, which is the number of splits.
     pub fn top(&self) -> usize {
         self.road.splits.len()
     }
-    /// How many levels there are: one more than splits.
+    /// Returns the number of levels: one more than splits.
     pub fn levels(&self) -> usize {
         self.top() + 1
     }
-    /// The present level: how many splits are done.
+    /// Returns the present level, which is the number of splits done.
     pub fn level(&self) -> usize {
         self.level
     }
-    /// Elements at the present level.
+    /// Returns the numbers of elements at the present level.
     pub fn counts(&self) -> Counts {
         self.road.splits.counts[self.level]
     }
-    /// Faces at the present level.
+    /// Returns the number of faces at the present level.
     pub fn face_count(&self) -> usize {
         self.counts().faces as usize
     }
-    /// Vertices at the present level that a face uses.
+    /// Returns the number of vertices at the present level that a face uses.
     pub fn vertex_count(&self) -> usize {
         self.road.vertices[self.level] as usize
     }
 
-    /// Three wedges for each live face.
+    /// Returns the live faces, three wedges each.
     pub fn faces(&self) -> &[[WedgeId; 3]] {
         &self.faces[..self.face_count()]
     }
-    /// The regions of the live faces; `None` where all are one.
+    /// Returns the regions of the live faces; `None` if there is only one region.
     pub fn regions(&self) -> Option<&[RegionId]> {
         self.road.splits.regions.as_ref().map(|r| &r[..self.face_count()])
     }
-    /// The vertex of each wedge; `None` where wedge i is vertex i.
+    /// Returns the vertex of each wedge; `None` if wedge i belongs to vertex i.
     pub fn vertex_map(&self) -> Option<&[VertexId]> {
         self.vertex_of.as_ref().map(|map| &map[..self.counts().wedges as usize])
     }
-    /// Positions of the vertices, as they are on the road, without a fit.
+    /// Returns the positions of the vertices, as recorded, without a fit.
     pub fn positions(&self) -> PositionsView<'_> {
         let count = self.counts().vertices as usize;
         match &self.positions {
@@ -227,24 +232,24 @@ impl Progressive {
             Positions::F64(p) => PositionsView::F64(&p[..count]),
         }
     }
-    /// A row of values for each wedge; [`Progressive::layout`] says what they are.
+    /// Returns a row of values for each wedge; [`Progressive::layout`] describes the rows.
     pub fn values(&self) -> &[f32] {
         &self.values[..self.counts().wedges as usize * self.layout().width()]
     }
-    /// What stands in a row of values.
+    /// Returns the layout of a row of values.
     pub fn layout(&self) -> &Layout {
         &self.road.splits.layout
     }
 
-    /// The finest level with at most `n` faces, or the base.
+    /// Returns the finest level with at most `n` faces, or the base.
     pub fn level_of_faces(&self, n: usize) -> usize {
         self.road.splits.counts.partition_point(|c| c.faces as usize <= n).saturating_sub(1)
     }
-    /// The finest level with at most `n` vertices in use, there and at all coarser ones, or the base.
+    /// Returns the finest level with at most `n` vertices in use, there and at all coarser ones, or the base.
     pub fn level_of_vertices(&self, n: usize) -> usize {
         self.road.most_vertices.partition_point(|&v| v as usize <= n).saturating_sub(1)
     }
-    /// The coarsest level whose estimated error is at most `distance`, or the full mesh.
+    /// Returns the coarsest level whose estimated error is at most `distance`, or the full mesh.
     pub fn level_of_error(&self, distance: f64) -> usize {
         let (mut low, mut high) = (0, self.top());
         while low < high {
@@ -265,13 +270,13 @@ impl Progressive {
     pub fn to_error(&mut self, distance: f64) -> Changed {
         self.to_level(self.level_of_error(distance))
     }
-    /// Goes to a level, or to the full mesh if there are not so many.
+    /// Goes to a level, or to the full mesh if the number is larger.
     pub fn to_level(&mut self, level: usize) -> Changed {
         let level = level.min(self.top());
         if level >= self.level { self.refine(level - self.level) } else { self.coarsen(self.level - level) }
     }
 
-    /// Does so many splits, or as many as there are. Cost: O(what they change).
+    /// Does this many splits, or as many as there are. Cost: O(what they change).
     pub fn refine(&mut self, splits: usize) -> Changed {
         let before = self.counts();
         let to = self.level.saturating_add(splits).min(self.top());
@@ -283,7 +288,7 @@ impl Progressive {
         self.apply(&road, range, &side, &data.places.to, false, before)
     }
 
-    /// Takes so many splits back, or as many as were done. Cost: O(what they change).
+    /// Undoes this many splits, or as many as were done. Cost: O(what they change).
     pub fn coarsen(&mut self, splits: usize) -> Changed {
         let to = self.level.saturating_sub(splits);
         let road = Arc::clone(&self.road);
@@ -294,8 +299,8 @@ impl Progressive {
         self.apply(&road, range, &side, &road.places, true, now)
     }
 
-    /// Gives everything that splits change the values of one side: the last word is that of the last split, or of the
-    /// first where they are taken back.
+    /// Applies the changes of a range of splits, with the values of one side. The last split determines the
+    /// final value of an element, or the first one if they are undone.
     fn apply(
         &mut self,
         road: &Road,
@@ -309,7 +314,8 @@ impl Progressive {
         let mut faces = Marks::new(self.faces.len());
         let mut wedges = Marks::new(self.wedge_slots());
         let mut vertices = Marks::new(self.positions.len());
-        // The changes of one kind stand side by side, whichever split they are of, and kinds know nothing of each other.
+        // The changes of one kind are contiguous, whichever split they belong to, and kinds are independent
+        // of each other.
         let of = |ends: &[u32]| ends[splits.start] as usize..ends[splits.end] as usize;
         each(of(&data.corners.ends), back, |i| {
             let at = data.corners.at[i] as usize;
@@ -356,25 +362,26 @@ impl Progressive {
         self.vertex_of.as_ref().map_or(self.positions.len(), Vec::len)
     }
 
-    /// The mesh of the present level, as it is on the road. The full level is the mesh that was recorded, bit for bit;
-    /// others have no unused vertices, and the order of the recorded mesh where it is known.
+    /// Returns the mesh of the present level as recorded, without a fit. The full level is the mesh that was
+    /// recorded, bit for bit; others have no unused vertices, and the order of the recorded mesh where it is
+    /// known.
     ///
     /// # Errors
-    /// [`MeshError`], if splits of a file say what no mesh can be.
+    /// [`MeshError`] if splits read from a file do not describe a valid mesh.
     pub fn mesh(&self) -> Result<TriMesh, MeshError> {
         self.extract(&self.positions, &self.values)
     }
-    /// The mesh of the present level, with the fit of its checkpoints.
+    /// Returns the mesh of the present level, with the fit of the checkpoints.
     ///
     /// # Errors
-    /// As [`Progressive::mesh`].
+    /// Those of [`Progressive::mesh`].
     pub fn fitted_mesh(&self) -> Result<TriMesh, MeshError> {
         let mut positions = self.positions.clone();
         let mut values = self.values.clone();
         self.correct(&mut positions, &mut values);
         self.extract(&positions, &values)
     }
-    /// Positions with the fit of the checkpoints, as many as [`Progressive::positions`].
+    /// Returns the positions with the fit of the checkpoints, as many as [`Progressive::positions`].
     pub fn fitted_positions(&self) -> Positions {
         let mut positions = match self.positions() {
             PositionsView::F32(p) => Positions::F32(p.to_vec()),
@@ -383,15 +390,15 @@ impl Progressive {
         self.correct(&mut positions, &mut []);
         positions
     }
-    /// About how far the present level, with its fit, is from the full mesh (RMS), in the units of the positions; never
-    /// less for a coarser level. It is read off the checkpoints, and between them off the count of faces. Without
-    /// checkpoints, 0.
+    /// Returns the estimated distance (RMS) of the present level, with its fit, from the full mesh, in the
+    /// units of the positions; never less for a coarser level. It is interpolated between checkpoints by the
+    /// number of faces. Without checkpoints it is 0.
     pub fn error(&self) -> f64 {
         self.error_at(self.level)
     }
 }
 
-/// Leaves out what the first splits change. Says how many entries those are.
+/// Drops the changes of the first `splits` splits. Returns the number of dropped entries.
 fn behind<A, T>(changes: &mut Changes<A, T>, splits: usize) -> usize {
     let gone = changes.ends[splits];
     changes.ends.drain(..splits);
@@ -400,7 +407,7 @@ fn behind<A, T>(changes: &mut Changes<A, T>, splits: usize) -> usize {
     gone as usize
 }
 
-/// What changes lead to, in one direction.
+/// The values that changes lead to, in one direction.
 struct Side<'a> {
     corners: &'a [WedgeId],
     owners: &'a [VertexId],
@@ -423,7 +430,8 @@ impl Road {
         Self { splits, corners, owners, rows, places, ranges, vertices, most_vertices }
     }
 
-    /// Walks from the base to the top with buffers as they are at the base, and writes down what each change finds.
+    /// Goes from the base to the top, with buffers that are at the base, and records the value that each
+    /// change replaces.
     fn walk(
         &mut self,
         faces: &mut [[WedgeId; 3]],
@@ -481,7 +489,7 @@ impl Road {
     }
 }
 
-/// How many corners each wedge has, and how many such wedges each vertex.
+/// Number of corners of each wedge, and number of wedges in use of each vertex.
 struct Uses {
     of_wedge: Vec<u32>,
     of_vertex: Vec<u32>,

@@ -1,45 +1,46 @@
-//! What would let a run go on that is stuck above its target.
+//! Proposals: changes of the options that would let a run continue that is stuck above its target.
 
 use crate::options::{BorderPolicy, Length, Method, Placement, SimplifyOptions, TopologyPolicy};
 
-/// How near parts have to be that pairs are tried on, a share of the diagonal: half a percent.
+/// Largest distance of pairs that are tried, as a share of the diagonal: half a percent.
 const PAIRS: f64 = 0.005;
 
-/// An option, and what it would have to be.
+/// A change of one option.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Change {
-    /// Another policy for borders.
+    /// Another border policy.
     Border(BorderPolicy),
-    /// Another policy for topology.
+    /// Another topology policy.
     Topology(TopologyPolicy),
     /// Another placement.
     Placement(Placement),
-    /// A larger turn of a face.
+    /// A larger limit on the rotation of faces.
     MaxNormal,
-    /// A lower quality.
+    /// A lower limit on the quality of faces.
     MinQuality,
-    /// More edges at a vertex.
+    /// A larger limit on the edges at a vertex.
     MaxValence,
-    /// Longer edges.
+    /// A larger limit on the length of edges.
     MaxEdge,
     /// Fewer locked vertices.
     Locked,
-    /// Pairs of near vertices that share no edge, so that parts grow together.
+    /// Contraction of near pairs of vertices that share no edge, so that parts are joined.
     Pairs(Length),
 }
 
-/// Changes that together let a stuck run go on.
+/// Changes that together would let a stuck run continue.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Proposal {
-    /// One, or several where each alone would not do.
+    /// One change, or several if none alone is enough.
     pub changes: Vec<Change>,
-    /// Edges of the result that could be collapsed then, and parts that could go.
+    /// Edges of the result that could then be collapsed, and parts that could be removed.
     pub gain: usize,
 }
 
 impl Change {
-    /// The options with this change. A guard is off then: where it lies best is for its owner to say.
+    /// Returns the options with this change. A guard is switched off: its best limit is for the user to
+    /// choose.
     pub fn applied(self, options: &SimplifyOptions) -> SimplifyOptions {
         let mut options = options.clone();
         match self {
@@ -56,13 +57,13 @@ impl Change {
         options
     }
 
-    /// Pairs, where the method knows them and they are not contracted already.
+    /// Returns pairs as a change, if the method has them and they are not set already.
     pub(crate) fn to_pairs(options: &SimplifyOptions) -> Option<Self> {
         let knows = matches!(options.method, Method::Memoryless | Method::Quadric);
         (knows && options.of_method.pairs.is_none()).then_some(Self::Pairs(Length::OfDiagonal(PAIRS)))
     }
 
-    /// What is stricter in these options than need be: for each option the changes in their order, the gentlest first.
+    /// Returns the changes that would relax these options: one list for each option, mildest change first.
     pub(crate) fn open_to(options: &SimplifyOptions) -> Vec<Vec<Self>> {
         let guards = &options.guards;
         let mut all: Vec<Vec<Self>> = Vec::new();
@@ -87,7 +88,7 @@ impl Change {
         });
         all.push(match options.placement {
             Placement::Optimal => Vec::new(),
-            // Theirs whatever the options say.
+            // Their placement is fixed, whatever the options say.
             _ if matches!(options.method, Method::Melax | Method::ShortestEdge) => Vec::new(),
             Placement::Endpoint | Placement::Midpoint => vec![Self::Placement(Placement::Optimal)],
         });

@@ -1,4 +1,4 @@
-//! What a run says of itself.
+//! Report of a run.
 
 use lodsmith_core::TriMesh;
 use lodsmith_core::measure::Comparison;
@@ -6,13 +6,13 @@ use lodsmith_core::measure::Comparison;
 use crate::proposal::{Change, Proposal};
 use crate::prune::Pruned;
 
-/// Why a collapse was not done. Each is counted.
+/// Reason why a collapse was refused. Refusals are counted by reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// The ends share a neighbour beyond their common faces: the surface would be pinched. [Dey 1999]
+    /// The ends share a neighbour beyond their common faces: the collapse would pinch the surface. [Dey 1999]
     LinkCondition,
-    /// A face would turn over, or further than a guard allows.
+    /// A face would flip, or turn further than a guard allows.
     NormalFlip,
     /// A face would become a sliver.
     Quality,
@@ -20,24 +20,24 @@ pub enum Refusal {
     Valence,
     /// An edge would get too long.
     EdgeLength,
-    /// The border policy forbids it.
+    /// The border policy forbids the collapse.
     Border,
     /// The vertex lies on a non-manifold edge or point and may not move off it.
     NonManifold,
-    /// The last faces of a part: the topology policy keeps parts.
+    /// It would remove the last faces of a part, and the topology policy keeps parts.
     Component,
-    /// Attributes would be torn off their side of a seam.
+    /// Attributes would move to the other side of a seam.
     Seam,
-    /// It costs more than the stop allows.
+    /// The cost exceeds what the stop allows.
     Cost,
-    /// The vertices, or what stands on them, are locked.
+    /// A vertex or its attributes are locked.
     Locked,
-    /// The faces of a part are not what a subdivision leaves.
+    /// The faces of a part do not have the pattern of a subdivision.
     Pattern,
 }
 
 impl Refusal {
-    /// All of them, in the order of reports.
+    /// All reasons, in the order of reports.
     pub const ALL: [Self; 12] = [
         Self::LinkCondition,
         Self::NormalFlip,
@@ -52,7 +52,7 @@ impl Refusal {
         Self::Locked,
         Self::Pattern,
     ];
-    /// The word for it in reports, such as `link_condition`.
+    /// Returns the name of the reason in reports, such as `link_condition`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::LinkCondition => "link_condition",
@@ -71,21 +71,21 @@ impl Refusal {
     }
 }
 
-/// What ended a run.
+/// Reason why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StoppedBy {
-    /// The number of triangles.
+    /// The number of triangles was reached.
     Faces,
-    /// The number of vertices.
+    /// The number of vertices was reached.
     Vertices,
-    /// The part of the triangles.
+    /// The fraction of the triangles was reached.
     Ratio,
-    /// The error: one step further would pass it.
+    /// The error was reached: the next step would exceed it.
     Error,
     /// No collapse is left that topology and guards allow.
     Refusals,
-    /// The method is done: it has nothing more to take away.
+    /// The method has nothing left to remove.
     Exhausted,
     /// The caller asked for the best mesh so far.
     Caller,
@@ -94,7 +94,7 @@ pub enum StoppedBy {
 }
 
 impl StoppedBy {
-    /// The word for it in reports, such as `faces`.
+    /// Returns the name of the reason in reports, such as `faces`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Faces => "faces",
@@ -109,53 +109,54 @@ impl StoppedBy {
     }
 }
 
-/// What was mended before the run. Counts of elements.
+/// Repairs made before the run, as counts of elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cleanup {
-    /// Vertices joined with another at the same place, or within the weld distance.
+    /// Vertices merged with another at the same position, or within the weld distance.
     pub welded_vertices: usize,
-    /// Faces that named one place twice.
+    /// Faces that used one position twice.
     pub degenerate_faces: usize,
-    /// Faces that were there already, with the same winding.
+    /// Faces that repeated another one, with the same winding.
     pub duplicate_faces: usize,
-    /// Faces with a corner that is not a number.
+    /// Faces with a position that is NaN or infinite.
     pub non_finite_faces: usize,
-    /// Vertices without faces, left out.
+    /// Vertices without faces, dropped.
     pub unused_vertices: usize,
 }
 
-/// How far the result lies from the input, in the units of the mesh.
+/// Distance between the result and the input, in the units of the mesh.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ErrorReport {
-    /// The engine's own figure for the RMS distance.
+    /// The engine's estimate of the RMS distance.
     pub estimate: f64,
-    /// Measured both ways, where asked: what samples saw. After a stop by an error it is by a quarter of the usual samples, unless
-    /// [`Measure::Always`](crate::Measure::Always) asks for all.
+    /// Distances measured both ways by samples, if measured. After a stop at an error a quarter of the usual
+    /// samples is taken, unless [`Measure::Always`](crate::Measure::Always) asks for all.
     pub measured: Option<Comparison>,
-    /// No point lies farther away: proven, for the ways that [`SimplifyOptions::bound`](crate::SimplifyOptions) promises;
-    /// `None` where it promises nothing. At most 1 % above the largest distance seen, 25 % where the stop has an error, unless
-    /// that took too much work.
+    /// Proven upper bound on the distance of any point, in the directions that
+    /// [`SimplifyOptions::bound`](crate::SimplifyOptions) guarantees; `None` where it guarantees nothing. At
+    /// most 1 % above the largest distance seen, or 25 % with a stop at an error, unless that took too much
+    /// work.
     pub bound: Option<f64>,
     /// Diagonal of the input's bounding box.
     pub diagonal: f64,
 }
 
-/// What [`Method::Cluster`](crate::Method::Cluster) did before anything else came to it.
+/// Outcome of the clustering stage of [`Method::Cluster`](crate::Method::Cluster), before any other stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Clustered {
-    /// Edge of a cell, in the units of the mesh; 0 where the input was light enough.
+    /// Edge length of a cell, in the units of the mesh; 0 if the input was light enough.
     pub cell: f64,
-    /// Triangles of the clusters: those of the result, unless a second stage went on.
+    /// Triangles after clustering: those of the result, unless a second stage followed.
     pub faces: usize,
-    /// Vertices of the clusters.
+    /// Vertices after clustering.
     pub vertices: usize,
-    /// Edges with more than two triangles then: sheets that are nearer than a cell grow together.
+    /// Edges with more than two triangles after clustering: sheets closer than a cell are merged.
     pub non_manifold_edges: usize,
 }
 
-/// What a run did and why it ended.
+/// Outcome of a run: counts, error, refusals, and the reason why it ended.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Report {
@@ -167,71 +168,72 @@ pub struct Report {
     pub faces: usize,
     /// Vertices of the result.
     pub vertices: usize,
-    /// Whether a stop was met: no more triangles or vertices than asked, or the error used up.
+    /// True if a stop was met: no more triangles or vertices than asked for, or the error used up.
     pub reached: bool,
-    /// What ended the run.
+    /// Reason why the run ended.
     pub stopped_by: StoppedBy,
-    /// Deviation.
+    /// Distance between the result and the input.
     pub error: ErrorReport,
-    /// Collapses refused, by reason; only those that happened, in the order of [`Refusal::ALL`].
+    /// Collapses refused, by reason; only reasons that occurred, in the order of [`Refusal::ALL`].
     pub refusals: Vec<(Refusal, u64)>,
     /// Collapses done.
     pub collapses: u64,
-    /// Whole parts that went because the target could not be met otherwise, or, where topology is free, because they were
-    /// the cheapest to go.
+    /// Whole parts removed because the target could not be met otherwise or, with free topology, because they
+    /// were the cheapest to remove.
     pub parts_removed: usize,
-    /// Necks that were cut: three edges round a handle or a thin place each.
+    /// Necks that were cut, each a loop of three edges round a handle or a thin place.
     pub necks_cut: usize,
-    /// Pairs of vertices without an edge between them that were contracted, with
-    /// [`MethodOptions::pairs`](crate::MethodOptions); they are among the collapses.
+    /// Contracted pairs of vertices without an edge between them, with
+    /// [`MethodOptions::pairs`](crate::MethodOptions); included in the collapses.
     pub pairs_contracted: usize,
-    /// Vertices that were locked, those at one place counted once.
+    /// Locked vertices; those at one position are counted once.
     pub locked_vertices: usize,
-    /// Faces that stayed as they were because all their vertices were locked.
+    /// Faces kept unchanged because all their vertices were locked.
     pub locked_faces: usize,
-    /// Whether vertices on seams were merged across them, because nothing else was left to do.
+    /// True if seam vertices were merged across seams because no other collapse was left.
     pub seams_relaxed: bool,
-    /// Whether sharp edges that the options make features of were left, because nothing else was left to do.
+    /// True if vertices left the sharp edges that the options make features of, because no other collapse was
+    /// left.
     pub sharp_relaxed: bool,
-    /// What was mended first.
+    /// Repairs made before the run.
     pub cleanup: Cleanup,
-    /// Attributes that the result does not carry, though the input did: joints without weights of the same set, or weights
-    /// without joints.
+    /// Attributes of the input that the result does not carry: joints without weights of the same set, or
+    /// weights without joints.
     pub dropped: Vec<&'static str>,
-    /// Whether the fit ran.
+    /// True if the fit ran.
     pub fitted: bool,
-    /// What would let the run go on, where it is stuck above its target ([`StoppedBy::Refusals`]); the change that sets
-    /// most free first. Empty where no option helps.
+    /// Changes of the options that would let the run continue if it is stuck above its target
+    /// ([`StoppedBy::Refusals`]); the one that permits most comes first. Empty if no option helps.
     pub proposals: Vec<Proposal>,
-    /// The steps that were tried after the first run, with [`SimplifyOptions::escalate`](crate::SimplifyOptions).
+    /// Steps that were tried after the first run, with [`SimplifyOptions::escalate`](crate::SimplifyOptions).
     pub escalated: Vec<Escalation>,
-    /// Small parts that went first. Distances are from what was left.
+    /// Small parts that were removed first. Distances are measured from the remaining parts.
     pub pruned: Pruned,
-    /// The grid, where there was one.
+    /// Outcome of the clustering stage, if there was one.
     pub clustered: Option<Clustered>,
-    /// Faces that collapses and their costs looked at, each as often as it was, as a measure of the work done; 0 for methods
-    /// that collapse no edges.
+    /// Number of face visits by collapses and their costs, as a measure of the work done; 0 for methods that
+    /// collapse no edges.
     #[doc(hidden)]
     pub faces_visited: u64,
 }
 
-/// A step of an escalation, and what came of it.
+/// One step of an escalation and its outcome.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Escalation {
-    /// What was changed.
+    /// The change of the options.
     pub change: Change,
-    /// Triangles of the run before.
+    /// Triangles of the run before the change.
     pub before: usize,
     /// Triangles of the run with the change.
     pub after: usize,
 }
 
-/// A lighter mesh, and what was done.
+/// The simplified mesh and the report of the run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simplified {
     /// The result.
     pub mesh: TriMesh,
-    /// What was done, and why it ended.
+    /// The report of the run.
     pub report: Report,
 }

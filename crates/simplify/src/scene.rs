@@ -1,8 +1,9 @@
-//! The meshes of a scene under one budget: triangles go where they cost least, whichever mesh that is.
+//! Simplification of all meshes of a scene under one budget: triangles are removed where that costs least,
+//! whichever mesh they belong to.
 //!
-//! All meshes are laid beside each other in one, in the sizes that they have in the scene, and simplified in one run: its
-//! threshold is the same for all. A mesh that stands in several places saves as many triangles by each collapse as it
-//! makes errors, so instances change nothing but the count.
+//! All meshes are laid side by side in one, at the sizes that they have in the scene, and simplified in one
+//! run: its threshold is the same for all. Each collapse in a mesh with several instances saves as many times
+//! the triangles as it makes errors, so instances change only the count.
 
 mod per_mesh;
 
@@ -28,32 +29,32 @@ use crate::{Simplified, SimplifyError, prune};
 pub struct Part<'a> {
     /// The mesh, in its own coordinates.
     pub mesh: &'a TriMesh,
-    /// How often it stands in the scene. One that stands nowhere is worked on all the same, and not counted, unless all
-    /// stand nowhere.
+    /// Number of instances in the scene. A mesh without instances is simplified too but not counted, unless
+    /// no mesh has any.
     pub instances: usize,
-    /// How much larger it is in the scene.
+    /// Scale of the mesh in the scene.
     pub scale: f64,
-    /// A number for the system of coordinates that it lies in, if it stands there once. Parts of one system that touch
-    /// stay together; others keep their borders by themselves.
+    /// Number of the coordinate system of the mesh, if it has one instance. Parts of one system that touch
+    /// stay connected; others keep their borders separately.
     pub system: Option<usize>,
 }
 
-/// The lighter meshes of a scene, and what was done.
+/// The simplified meshes of a scene and the report of the run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimplifiedScene {
-    /// As many meshes as parts, in their order; one may have lost all its faces.
+    /// As many meshes as parts, in their order; a mesh may have lost all its faces.
     pub meshes: Vec<TriMesh>,
-    /// Counts are of all instances, lengths those of the scene.
+    /// Report with counts of all instances and lengths of the scene.
     pub report: Report,
-    /// What became of each mesh, in the same order.
+    /// Counts of each mesh, in the same order.
     pub counts: Vec<MeshCounts>,
 }
 
-/// What became of one mesh of a scene; counted once, however often it stands there.
+/// Counts of one mesh of a scene, whatever its number of instances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct MeshCounts {
-    /// How often it stands in the scene.
+    /// Number of instances in the scene.
     pub instances: usize,
     /// Triangles of the input.
     pub input_faces: usize,
@@ -63,7 +64,7 @@ pub struct MeshCounts {
     pub faces: usize,
     /// Vertices of the result.
     pub vertices: usize,
-    /// Whether its stop was met: that of the scene, if all meshes share one.
+    /// True if its stop was met: that of the scene, if all meshes share one.
     pub reached: bool,
 }
 
@@ -83,21 +84,49 @@ impl MeshCounts {
 /// Gap between meshes laid side by side, in sizes of the largest.
 const GAP: f64 = 0.25;
 
-/// What single precision rounds coordinates of a scene by, as a share of its diagonal, four times over.
+/// Rounding of single-precision coordinates of a scene, as a share of its diagonal, four times over.
 const ROUNDING: f64 = 2.5e-7;
-/// Runs in search of a count of all instances, at most.
+/// Largest number of runs in search of a count of all instances.
 const CORRECTIONS: usize = 6;
-/// The search ends with a count within the goal and above this share of it.
+/// The search ends at a count within the goal and above this fraction of it.
 const CLOSE: f64 = 0.97;
 
-/// Makes the meshes of a scene lighter under one budget.
+/// Reduces the number of triangles of several meshes under one budget: triangles are removed where that costs
+/// least, whichever mesh they belong to.
 ///
-/// Counts of the stop are of all instances together; `diagonal` is that of the scene's bounding box, which lengths given
-/// as shares refer to. Attributes, regions and the rest are those of each part. With `per_mesh` each part is worked on by
-/// itself, and the stop holds for each, counted once; parts that touch then do not stay together.
+/// # Input
+/// Each [`Part`] is a mesh in its own coordinates, with a scale and a number of instances. Counts of the stop
+/// are of all instances together. `diagonal` is the diagonal of the scene's bounding box, in the units of the
+/// scene, and the one that lengths given as shares refer to. Lists over vertices
+/// ([`SimplifyOptions::locked`], [`SimplifyOptions::importance`]) have one entry for each vertex of each
+/// part, part after part; region classes and textures are those of each part.
+///
+/// # Output
+/// One mesh for each part, in the same order and in the units, precision, attributes and regions of that
+/// part; a mesh may have lost all its faces. Counts of the report are of all instances, its lengths in the
+/// units of the scene.
+///
+/// With [`SimplifyOptions::per_mesh`] each part is simplified separately, and the stop applies to each, with
+/// its instances counted once; parts that touch then do not stay connected.
+///
+/// # Promises
+/// Those of [`simplify`](crate::simplify()), for all parts laid side by side. Parts of one
+/// [system](Part::system) that touch stay connected. A proven bound includes the rounding of the results to
+/// the precision of their parts. Same parts, options and seed, same bytes.
+///
+/// # Cost
+/// That of [`simplify`](crate::simplify()) for all parts joined in one mesh, whose positions have double
+/// precision: some 60 bytes more for each triangle. Where the numbers of instances differ, the count of all
+/// instances has to be searched for: up to six runs.
 ///
 /// # Errors
-/// As [`simplify`](crate::simplify()).
+/// Those of [`simplify`](crate::simplify()): [`SimplifyError::NoFaces`] if no part has a face with an area
+/// (with `per_mesh`, a part without one stays as it is), [`SimplifyError::WrongLength`] if a list does not
+/// have one entry for each vertex of all parts together, [`SimplifyError::Mesh`] if all parts together have
+/// more elements than 32-bit ids can name.
+///
+/// # Panics
+/// Not on account of any mesh or option.
 pub fn simplify_scene(
     parts: &[Part<'_>],
     diagonal: f64,
@@ -110,11 +139,12 @@ pub fn simplify_scene(
     Whole::new(parts, diagonal, options)?.run_to(&options.stop, control)
 }
 
-/// A level of a scene, and where the vertices of the level before it went, for each part, where that is known.
+/// A level of a scene, and for each part the positions to which the vertices of the level before it moved,
+/// where known.
 pub(crate) type SceneLevel = (SimplifiedScene, Vec<Vec<Option<[f64; 3]>>>);
 
-/// The levels of a scene, in one run if that meets the counts of the scene; `None` where meshes have to be counted
-/// differently, or the method makes each level by itself.
+/// Makes the levels of a scene in one run if that meets the counts of the scene. Returns `None` if meshes
+/// have different numbers of instances, or the method makes each level separately.
 pub(crate) fn chain_of_scene(
     parts: &[Part<'_>],
     diagonal: f64,
@@ -157,21 +187,21 @@ pub(crate) fn chain_of_scene(
     Ok(Some(levels))
 }
 
-/// What a run is to come to, counted in the scene.
+/// Target of a run, counted in the scene.
 struct Goal {
     by_ratio: Option<usize>,
     faces: Option<usize>,
     vertices: Option<usize>,
     stop: Stop,
-    /// What counts, and how much of it.
+    /// The element that is counted, and the target count.
     counted: fn(&TriMesh) -> usize,
     count: Option<usize>,
-    /// How many of the run's own stand for one of the scene.
+    /// Elements of the run for each one of the scene.
     share: f64,
 }
 
 impl Goal {
-    /// The count of the run, as far as is known before it.
+    /// Returns the target count of the run, as far as it is known before the run.
     fn wanted(&self) -> Option<f64> {
         self.count.map(|n| n as f64 * self.share)
     }
@@ -180,17 +210,17 @@ impl Goal {
     }
 }
 
-/// All parts of a scene as one mesh, and how they are worked on.
+/// All parts of a scene as one mesh, with the options of the run.
 struct Whole<'a> {
     parts: &'a [Part<'a>],
     layout: Layout,
     mesh: TriMesh,
     table: Table,
-    /// Lengths are in units.
+    /// Options with all lengths in units.
     options: SimplifyOptions,
     diagonal: f64,
     is_placed: bool,
-    /// How far the places of a result move at most when they are written in single precision, in the scene.
+    /// Largest distance, in the scene, by which rounding to single precision moves a position of the result.
     written: f64,
 }
 
@@ -207,11 +237,11 @@ impl<'a> Whole<'a> {
             Arc::new(Textures::of_regions(table.iter().map(of).collect()))
         });
         let units = |length: Length| Length::Units(length.in_units(diagonal));
-        // What is kept is to be kept after it is written, too.
+        // The error must still be kept after rounding to single precision.
         let written = parts.iter().map(rounding_of).fold(0.0, f64::max);
         options.stop.error =
             options.stop.error.map(|e| Length::Units((e.in_units(diagonal) - written).max(0.0)));
-        // Parts of one system were often one mesh once, and differ in the last digits where they touched.
+        // Parts of one system often were one mesh, and differ in the last digits where they touched.
         let rounding = ROUNDING * diagonal;
         options.weld = match options.weld {
             Some(weld) => Some(Length::Units(weld.in_units(diagonal).max(rounding))),
@@ -227,12 +257,12 @@ impl<'a> Whole<'a> {
         if self.is_placed { part.instances } else { 1 }
     }
 
-    /// A count of all instances.
+    /// Returns a count over all instances.
     fn count(&self, of: impl Fn(&TriMesh) -> usize) -> usize {
         self.parts.iter().map(|p| of(p.mesh).saturating_mul(self.times(p))).sum()
     }
 
-    /// The same of other meshes in their places.
+    /// Returns a count over all instances of other meshes in place of the parts.
     fn instances(&self, of: impl Fn(&TriMesh) -> usize, meshes: &[TriMesh]) -> usize {
         meshes.iter().zip(self.parts).map(|(m, p)| of(m).saturating_mul(self.times(p))).sum()
     }
@@ -248,15 +278,15 @@ impl<'a> Whole<'a> {
         Goal { by_ratio, faces, vertices, stop: *stop, counted, count: faces.or(vertices), share }
     }
 
-    /// Whether the count of a run follows from that of the scene: which meshes give their triangles shows in the run, so
-    /// where instances differ, or meshes share vertices that each counts as its own, it has to be looked for.
+    /// Returns true if the count of a run follows from that of the scene. If instances differ, or meshes
+    /// share vertices that each counts as its own, it is known only after the run and has to be searched for.
     fn is_direct(&self, goal: &Goal) -> bool {
         let shares_vertices = self.layout.has_neighbours && goal.faces.is_none();
         let same = self.parts.windows(2).all(|p| self.times(&p[0]) == self.times(&p[1]));
         same && !shares_vertices || goal.count.is_none()
     }
 
-    /// The stop of a run that is to come to so many of what counts.
+    /// Returns the stop of a run with this target count.
     fn own_stop(&self, goal: &Goal, wanted: Option<f64>) -> Stop {
         let own = |n: f64| (n.floor() as usize).max(1);
         let mut stop = Stop { error: self.options.stop.error, ..Stop::default() };
@@ -283,7 +313,7 @@ impl<'a> Whole<'a> {
             let (Simplified { mesh, report }, held) = run::run(&input, &options, control)?;
             let (meshes, _) = self.apart(&mesh, &held)?;
             let got = self.instances(goal.counted, &meshes);
-            // The most within the goal; without one, the fewest.
+            // The largest count within the goal is best; if none is within, the smallest.
             let is_better = best.as_ref().is_none_or(|b| match (goal.is_within(b.2), goal.is_within(got)) {
                 (true, true) => got > b.2,
                 (within_before, within_now) => within_now || !within_before && got < b.2,
@@ -296,13 +326,13 @@ impl<'a> Whole<'a> {
             if !reached || (got <= count && got as f64 > CLOSE * count as f64) {
                 break;
             }
-            // So many triangles of the scene for each of the run: at most the instances of a mesh.
+            // Elements of the scene for each one of the run: at most the instances of a mesh.
             let slope = before
                 .filter(|(x, _)| (asked - x).abs() >= 1.0)
                 .map_or(1.0 / goal.share, |(x, y)| (got as f64 - y) / (asked - x))
                 .clamp(0.01, most);
             before = Some((asked, got as f64));
-            // A little below, for being within counts.
+            // Aims a little below the goal, since only counts within it are accepted.
             let aim = count as f64 * (1.0 + CLOSE) / 2.0;
             wanted = Some((asked + (aim - got as f64) / slope).max(1.0));
         }
@@ -312,12 +342,12 @@ impl<'a> Whole<'a> {
         Ok(self.told(report, meshes, &goal))
     }
 
-    /// The parts of a result, and the numbers that their vertices have in it.
+    /// Splits a result into its parts. Also returns the numbers that their vertices have in the result.
     fn apart(&self, all: &TriMesh, held: &Held) -> Result<(Vec<TriMesh>, Vec<Vec<VertexId>>), MeshError> {
         self.layout.apart(self.parts, all, &self.table, held)
     }
 
-    /// A result, and its report in terms of the scene.
+    /// Builds the result and converts the report to terms of the scene.
     fn told(&self, mut report: Report, meshes: Vec<TriMesh>, goal: &Goal) -> SimplifiedScene {
         report.input_faces = self.count(TriMesh::face_count);
         report.input_vertices = self.count(TriMesh::vertex_count);
@@ -360,12 +390,12 @@ impl<'a> Whole<'a> {
     }
 }
 
-/// Where each part lies: scaled, then moved.
+/// Placement of each part: scaled, then moved.
 struct Layout {
     places: Vec<Place>,
-    /// For each part what comes before the numbers of its joints: those of another system are others.
+    /// Offset of the joint indices of each part: joints of different systems are different joints.
     first_joints: Vec<f32>,
-    /// Whether several parts lie in one system of coordinates.
+    /// True if several parts lie in one coordinate system.
     has_neighbours: bool,
 }
 
@@ -384,10 +414,10 @@ impl Place {
     }
 }
 
-/// What a region of the whole is: a part, and the region that its faces had.
+/// For each region of the joined mesh, its part and the region that its faces had there.
 type Table = Vec<(usize, Option<RegionId>)>;
 
-/// The classes of the whole's regions, from those of the parts' own.
+/// Returns the classes of the joined mesh's regions, from those of the parts.
 fn classes(own: &[RegionId], table: &Table) -> Arc<[RegionId]> {
     let mut first: BTreeMap<(usize, Option<RegionId>), RegionId> = BTreeMap::new();
     let class = |(i, &(part, region)): (usize, &(usize, Option<RegionId>))| {
@@ -398,10 +428,10 @@ fn classes(own: &[RegionId], table: &Table) -> Arc<[RegionId]> {
 }
 
 impl Layout {
-    /// Groups lie so far apart that nothing joins what is `near` from one to another.
+    /// Places groups so far apart that no distance up to `near` connects one with another.
     fn new(parts: &[Part<'_>], near: f64) -> Self {
         let scale = |p: &Part<'_>| if p.scale.is_finite() && p.scale > 0.0 { p.scale } else { 1.0 };
-        // Which group each part is of, and the box round each group.
+        // The group of each part, and the bounding box of each group.
         let mut groups: BTreeMap<usize, usize> = BTreeMap::new();
         let mut boxes: Vec<Option<Bounds>> = Vec::new();
         let mut scale_of: Vec<f64> = Vec::new();
@@ -417,7 +447,7 @@ impl Layout {
                 None => fresh(),
             };
             group_of.push(group);
-            // One scale for a system, to the bit.
+            // All parts of a system use one scale, to the bit.
             let scale = scale_of[group];
             if let Some(own) = p.mesh.positions().view().bounds() {
                 let (min, max) = (own.min.map(|x| x * scale), own.max.map(|x| x * scale));
@@ -434,7 +464,7 @@ impl Layout {
         let offset = |group: usize| {
             let min = boxes[group].map_or([0.0; 3], |b| b.min);
             let at = [group % side, group / side % side, group / side / side];
-            // One alone stays where it is.
+            // A single group keeps its position.
             [0, 1, 2].map(|k| if boxes.len() > 1 { at[k] as f64 * cell - min[k] } else { 0.0 })
         };
         let place = |&group: &usize| Place { scale: scale_of[group], by: offset(group) };
@@ -445,19 +475,19 @@ impl Layout {
         }
         let first = |&group: &usize| {
             let first: f32 = joints[..group].iter().sum();
-            // Where single precision could no longer tell joints apart, those of several systems share their numbers.
+            // If single precision could not represent all joint indices, systems share their numbers.
             if first + MOST_JOINTS < 16_777_216.0 { first } else { 0.0 }
         };
         let first_joints = group_of.iter().map(first).collect();
         Self { places: group_of.iter().map(place).collect(), first_joints, has_neighbours }
     }
 
-    /// What the numbers of joints of a part begin with; 0 for whatever is no joint.
+    /// Returns the offset of the joint indices of a part; 0 for other attributes.
     fn first_joint(&self, part: usize, semantic: &Semantic) -> f32 {
         if matches!(semantic, Semantic::Joints(_)) { self.first_joints[part] } else { 0.0 }
     }
 
-    /// All parts as one mesh, whose regions say which face is whose.
+    /// Returns all parts as one mesh whose regions identify the part of each face.
     fn together(&self, parts: &[Part<'_>]) -> Result<(TriMesh, Table), MeshError> {
         let (mut positions, mut vertex_of, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
         let (mut regions, mut table) = (Vec::new(), Table::new());
@@ -490,7 +520,7 @@ impl Layout {
         if any(|m| m.colors().is_some()) {
             all.set_colors(Some(joined(parts, TriMesh::colors, [1.0; 4])))?;
         }
-        // A name may stand for different widths in different parts: each is an attribute of its own.
+        // A name may have different widths in different parts: each is an attribute of its own.
         let mut kinds: Vec<(&Semantic, usize)> = Vec::new();
         for a in parts.iter().flat_map(|p| p.mesh.further_attributes()) {
             if !kinds.contains(&(&a.semantic, a.width)) {
@@ -512,8 +542,8 @@ impl Layout {
         Ok((all, table))
     }
 
-    /// The parts of a result again, each with what it had, and the numbers of their vertices; locked vertices have the very
-    /// bits of theirs.
+    /// Splits a result into parts, each with the kinds of attributes that it had, and returns the numbers of
+    /// their vertices in the result. Locked vertices keep the bits of the input.
     fn apart(
         &self,
         parts: &[Part<'_>],
@@ -533,7 +563,7 @@ impl Layout {
         let mut first_wedge = 0;
         for (i, ((part, place), faces)) in parts.iter().zip(&self.places).zip(&faces_of).enumerate() {
             let (mut wedges, mut vertices) = (Vec::new(), Vec::new());
-            // The wedge of the part that each one is, and the vertex, where they are locked.
+            // The wedge and the vertex of the part that each one is, if locked.
             let (mut own_wedges, mut own_vertices) = (Vec::new(), Vec::new());
             for (f, k) in faces.iter().flat_map(|&f| [(f, 0), (f, 1), (f, 2)]) {
                 let w = all.triangles()[f][k];
@@ -584,7 +614,7 @@ impl Layout {
                 let first = self.first_joint(i, &a.semantic);
                 let given = |x: &f32| match first {
                     0.0 => single(f64::from(*x) / scale),
-                    // (Where nothing pulls there is no joint.)
+                    // (A joint with weight 0 has index 0 in the joined mesh.)
                     first => (x - first).max(0.0),
                 };
                 let mut values: Vec<f32> = wedges.iter().flat_map(|&w| source.of(w)).map(given).collect();
@@ -610,7 +640,8 @@ impl Layout {
     }
 }
 
-/// What single precision rounds the places of a part by at most, in the scene; nothing in double precision.
+/// Returns the largest distance, in the scene, by which rounding to single precision moves a position of a
+/// part; 0 in double precision.
 fn rounding_of(part: &Part<'_>) -> f64 {
     let Positions::F32(_) = part.mesh.positions() else { return 0.0 };
     let largest = part
@@ -623,17 +654,17 @@ fn rounding_of(part: &Part<'_>) -> f64 {
     largest * part.scale.abs() * 3f64.sqrt() / f64::from(1u32 << 24)
 }
 
-/// Joints that a mesh of glTF can name: their numbers have two bytes.
+/// Largest number of joints that a glTF mesh can use: their indices have two bytes.
 const MOST_JOINTS: f32 = 65_536.0;
 
-/// How many joints a mesh may name.
+/// Returns the number of joints that a mesh may use.
 fn joint_count(mesh: &TriMesh) -> f32 {
     let sets = mesh.further_attributes().iter().filter(|a| matches!(a.semantic, Semantic::Joints(_)));
     let largest = sets.flat_map(|a| &a.values).copied().filter(|x| x.is_finite()).fold(-1.0, f32::max);
     (largest + 1.0).min(MOST_JOINTS)
 }
 
-/// An attribute of all parts, wedge after wedge; `blank` where a part has none.
+/// Concatenates an attribute of all parts, wedge after wedge; `blank` fills parts that do not have it.
 fn joined<'a, const N: usize>(
     parts: &[Part<'a>],
     of: impl Fn(&'a TriMesh) -> Option<&'a [[f32; N]]>,
@@ -649,7 +680,8 @@ fn joined<'a, const N: usize>(
     all
 }
 
-/// An attribute of a part out of that of all, within the ranges that it has there.
+/// Extracts an attribute of a part from that of the joined mesh, clamped to the ranges that it has in the
+/// part.
 fn of_part<const N: usize>(
     all: &[[f32; N]],
     wedges: &[WedgeId],
@@ -663,17 +695,18 @@ fn find<'a>(mesh: &'a TriMesh, semantic: &Semantic, width: usize) -> Option<&'a 
     mesh.further_attributes().iter().find(|a| a.semantic == *semantic && a.width == width)
 }
 
-/// By how much values grow with the mesh: displacements are lengths.
+/// Returns the factor by which values grow with the mesh: displacements are lengths.
 fn length_scale(semantic: &Semantic, scale: f64) -> f64 {
     if matches!(semantic, Semantic::Morph { of: Morphed::Position, .. }) { scale } else { 1.0 }
 }
 
-/// A value in single precision; where it is too large for that, the largest there is.
+/// Converts to single precision; finite values beyond its range are clamped.
 fn single(x: f64) -> f32 {
     if x.is_finite() { x.clamp(f64::from(-f32::MAX), f64::from(f32::MAX)) as f32 } else { x as f32 }
 }
 
-/// Weights of joints with a sum of 1 again, where some stood in sets that a mesh has not: those at its wedges in `all`.
+/// Rescales joint weights to a sum of 1 where some belonged to sets that the mesh does not have: those at its
+/// wedges in `all`.
 fn resum_weights(mesh: &mut TriMesh, all: &TriMesh, wedges: &[WedgeId]) {
     let is_weight = |a: &Attribute| matches!(a.semantic, Semantic::Weights(_)) && a.width == 4;
     let own = mesh.further_attributes();

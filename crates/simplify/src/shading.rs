@@ -1,4 +1,4 @@
-//! Normals that the surface itself has, for runs in which they count though the mesh has none.
+//! Shape normals, for runs in which normals count though the mesh has none.
 
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
@@ -6,7 +6,8 @@ use lodsmith_core::{MeshError, Positions, PositionsView, TriMesh};
 
 use crate::input::Input;
 
-/// The mesh of an input with the normals of its places; `None` where it has normals of its own.
+/// Returns the mesh of an input with vertex normals computed from its faces; `None` if it has normals of its
+/// own.
 pub(crate) fn shaded(input: &Input<'_>) -> Result<Option<TriMesh>, MeshError> {
     let mut mesh = match input.mesh {
         Some(mesh) if mesh.normals().is_some() => return Ok(None),
@@ -23,7 +24,7 @@ pub(crate) fn shaded(input: &Input<'_>) -> Result<Option<TriMesh>, MeshError> {
     Ok(Some(mesh))
 }
 
-/// A result without the normals that were lent to it.
+/// Removes the lent normals from a result.
 pub(crate) fn unshaded(mut mesh: TriMesh) -> Result<TriMesh, MeshError> {
     mesh.set_normals(None)?;
     if mesh.has_attributes() || mesh.vertex_map().is_none() {

@@ -1,4 +1,4 @@
-//! Symmetric 3×3 tensors in single precision: what the cost of a collapse is made of.
+//! Symmetric 3×3 tensors in single precision, of which the cost of a collapse is made.
 
 use glam::Vec3;
 
@@ -8,13 +8,13 @@ use glam::Vec3;
 pub(crate) struct Tensor(pub(crate) [f32; 6]);
 
 impl Tensor {
-    /// `weight` · n nᵀ.
+    /// Returns `weight` · n nᵀ.
     #[inline(always)]
     pub(crate) fn outer(n: Vec3, weight: f32) -> Self {
         let w = n * weight;
         Self([w.x * n.x, w.y * n.y, w.z * n.z, w.x * n.y, w.x * n.z, w.y * n.z])
     }
-    /// Squared distance to a line along `edge` times `weight` · |edge|².
+    /// Returns the squared distance to a line along `edge`, times `weight` · |edge|².
     #[inline(always)]
     pub(crate) fn line(edge: Vec3, weight: f32) -> Self {
         let (mut s, l2) = (Self::outer(edge, -weight), weight * edge.length_squared());
@@ -35,7 +35,7 @@ impl Tensor {
             self.0[k] -= other.0[k];
         }
     }
-    /// The same without another.
+    /// Subtracts another tensor.
     #[inline(always)]
     pub(crate) fn less(mut self, other: &Self) -> Self {
         self.sub(other);
@@ -45,7 +45,7 @@ impl Tensor {
     pub(crate) fn trace(&self) -> f32 {
         self.0[0] + self.0[1] + self.0[2]
     }
-    /// The same with `r` added to the diagonal.
+    /// Adds `r` to the diagonal.
     #[inline(always)]
     pub(crate) fn damped(mut self, r: f32) -> Self {
         for k in 0..3 {
@@ -62,7 +62,7 @@ impl Tensor {
             a[4] * d.x + a[5] * d.y + a[2] * d.z,
         )
     }
-    /// Adjugate and determinant.
+    /// Returns adjugate and determinant.
     #[inline(always)]
     pub(crate) fn adjugate(&self) -> (Self, f32) {
         let a = &self.0;

@@ -1,4 +1,4 @@
-//! What the unit tests of the engine try it on: random vectors and meshes, and engines made ready.
+//! Test fixtures of the engine's unit tests: random vectors and meshes, and prepared engines.
 
 use glam::Vec3;
 use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
@@ -12,7 +12,7 @@ use crate::input::Input;
 use crate::metric::Metric;
 use crate::run::{Run, goal, ordered, pass_of};
 
-/// A coordinate: few values are likely, so that vectors coincide, lie in one plane or are zero.
+/// A coordinate: few values are likely, so that vectors often coincide, are coplanar or zero.
 fn coordinate() -> impl Strategy<Value = f32> {
     prop_oneof![
         3 => (-2i8..=2).prop_map(f32::from),
@@ -22,12 +22,12 @@ fn coordinate() -> impl Strategy<Value = f32> {
     ]
 }
 
-/// A vector as positions in the unit frame and their differences may be, or far off it.
+/// A vector like positions in the unit frame and their differences, or far outside that range.
 pub(crate) fn vector() -> impl Strategy<Value = Vec3> {
     [coordinate(), coordinate(), coordinate()].prop_map(Vec3::from)
 }
 
-/// Four of them.
+/// Four such vectors.
 pub(crate) fn four_vectors() -> impl Strategy<Value = [Vec3; 4]> {
     [vector(), vector(), vector(), vector()]
 }
@@ -37,12 +37,12 @@ pub(crate) fn tame_vector() -> impl Strategy<Value = Vec3> {
     [-1.0..1.0f32, -1.0..1.0f32, -1.0..1.0f32].prop_map(Vec3::from)
 }
 
-/// The bits of numbers; all that are none are alike, and so are the two zeros.
+/// Returns the bits of numbers; all NaNs are equal, and so are the two zeros.
 pub(crate) fn bits<const N: usize>(of: [f32; N]) -> [u32; N] {
     of.map(|x| if x.is_nan() { f32::NAN } else { x + 0.0 }.to_bits())
 }
 
-/// Calls back with an engine before its first sweep on a mesh, and a run that goes with it.
+/// Calls back with an engine before its first sweep on a mesh, and the run that belongs to it.
 pub(crate) fn with_engine<M: Metric>(
     metric: M,
     mesh: &TriMesh,
@@ -59,8 +59,8 @@ pub(crate) fn with_engine<M: Metric>(
     act(&mut started.engine, &run);
 }
 
-/// The mesh with texture coordinates in two charts, one on each side of the middle, and colours: two wedges at each vertex
-/// between them.
+/// Returns the mesh with colours and with texture coordinates in two charts, one on each side of the middle:
+/// vertices between them have two wedges.
 pub(crate) fn in_two_charts(plain: &TriMesh) -> TriMesh {
     let view = plain.positions().view();
     let bounds = view.bounds().expect("it has vertices");
@@ -68,7 +68,7 @@ pub(crate) fn in_two_charts(plain: &TriMesh) -> TriMesh {
     let middle = 0.5 * (bounds.min[0] + bounds.max[0]);
     let is_right = |t: &[WedgeId; 3]| t.iter().map(|&w| at(w)[0]).sum::<f64>() / 3.0 > middle;
     let count = plain.vertex_count() as u32;
-    // Wedge v for the left side, v + count for the right.
+    // Wedge v is on the left side, v + count on the right.
     let vertex_of: Vec<VertexId> = (0..2 * count).map(|w| VertexId(w % count)).collect();
     let side = |t: &[WedgeId; 3]| if is_right(t) { count } else { 0 };
     let triangles = plain.triangles().iter().map(|t| t.map(|w| WedgeId(plain.vertex_of(w).0 + side(t))));

@@ -1,9 +1,9 @@
-//! The closest point on a triangle, in single precision, for the inner loops. (The judge, `core::measure`, has its own
-//! in double precision.)
+//! Closest point on a triangle, in single precision, for the inner loops. (`core::measure`, which judges the
+//! results, has its own in double precision.)
 
 use glam::Vec3;
 
-/// Squared distance from `q` to the triangle a b c, and the closest point there. [Ericson 2005]
+/// Returns the squared distance from `q` to the triangle a b c, and the closest point there. [Ericson 2005]
 #[inline(always)]
 pub(crate) fn closest(q: Vec3, a: Vec3, b: Vec3, c: Vec3) -> (f32, Vec3) {
     let at = |p: Vec3| ((q - p).length_squared(), p);

@@ -1,4 +1,4 @@
-//! Normals, texture coordinates, colours and the rest through a simplification.
+//! Simplification with attributes: normals, texture coordinates, colours and others.
 
 mod support;
 
@@ -43,12 +43,12 @@ fn a_seam_stays_a_seam() {
         sides[usize::from(right[0])] += 1;
     }
     assert!(sides[0] > 10 && sides[1] > 10, "{sides:?}");
-    // Two wedges along the seam, on the vertices that both charts share.
+    // Two wedges at each vertex of the seam, on vertices that both charts share.
     assert!(got.wedge_count() > got.vertex_count());
     let before = Topology::new(&mesh.surface()).counts().border_edge_count;
     let topology = Topology::new(&got.surface()).counts();
     assert!(topology.border_edge_count <= before && topology.non_manifold_edge_count == 0);
-    // Each side reads its own chart: u is x, or x + 10.
+    // Each side has the values of its own chart: u is x, or x + 10.
     for w in wedges(&got) {
         let u = uvs[w.index()][0];
         let x = f64::from(if u > 5.0 { u - 10.0 } else { u });
@@ -56,14 +56,14 @@ fn a_seam_stays_a_seam() {
     }
 }
 
-/// Vertices that were joined with others had the values of the first wedge of all.
+/// Regression: merged vertices all had the values of the first wedge.
 #[test]
 fn a_weld_keeps_the_attributes_of_what_it_joins() {
     let mut soup = two_charts(8);
     let corners: Vec<[f64; 3]> = soup.triangles().iter().flatten().map(|&w| place(&soup, w)).collect();
     let uvs = soup.uvs().unwrap();
     let uvs: Vec<[f32; 2]> = soup.triangles().iter().flatten().map(|w| uvs[w.index()]).collect();
-    // Every triangle by itself, a little apart.
+    // Each triangle has its own vertices, a little apart.
     let apart = |(i, p): (usize, &[f64; 3])| p.map(|x| (x + 1e-4 * (i % 3) as f64) as f32);
     let positions = Positions::F32(corners.iter().enumerate().map(apart).collect());
     let triangles = (0..corners.len() as u32 / 3).map(|t| [0, 1, 2].map(|k| VertexId(3 * t + k))).collect();
@@ -112,7 +112,7 @@ fn what_is_the_same_everywhere_stays_exact() {
     rest.set_colors(None).unwrap();
     let got = lighter(&mesh, 0.3);
     assert!(got.colors().unwrap().iter().all(|c| *c == color));
-    // It has no say in the shape.
+    // It does not affect the shape.
     assert_eq!(got.positions(), lighter(&rest, 0.3).positions());
 }
 
@@ -195,7 +195,7 @@ fn what_moves_a_vertex_whole_never_tears_it_at_a_seam() {
         assert!(got.wedge_count() > got.vertex_count() + 4, "the seam is still there");
         assert_eq!(apart(&got, &Semantic::Weights(0)), 0);
         assert_eq!(apart(&got, &Semantic::Joints(0)), 0);
-        // What was torn before is not sewn together.
+        // Wedges that differed before are not merged.
         assert_eq!(apart(&got, &morph) > 0, is_torn);
     }
 }
@@ -219,7 +219,7 @@ fn the_fit_brings_values_closer() {
 
 #[test]
 fn the_fit_keeps_charts_apart() {
-    // Each chart has one value of its own: whatever crosses the seam shows.
+    // Each chart has one constant value, so any transfer across the seam is visible.
     let mut mesh = two_charts(24);
     let sides: Vec<[f32; 2]> = mesh.uvs().unwrap().iter().map(|uv| [f32::from(uv[0] > 5.0), 0.25]).collect();
     mesh.set_uvs(Some(sides)).unwrap();
@@ -250,7 +250,7 @@ fn endpoints_carry_every_attribute_as_it_was() {
     let shape = |a: &Attribute| (a.semantic.clone(), a.width);
     assert!(got.iter().map(shape).eq(mesh.further_attributes().iter().map(shape)));
     for w in wedges(&done.mesh) {
-        // The first attribute says which wedge it was.
+        // The first attribute holds the index of the original wedge.
         let was = WedgeId(got[0].of(w)[0] as u32);
         assert_eq!(place(&done.mesh, w), place(&mesh, was));
         for (a, b) in got.iter().zip(mesh.further_attributes()) {
@@ -288,7 +288,8 @@ fn borders_within_a_class_of_regions_are_creases() {
     assert!(rms(&free.mesh) < rms(&exact.mesh));
 }
 
-/// A sheet on which each pair of triangles has a piece of the texture of its own, of size 1 in a grid of this step.
+/// A sheet on which each pair of triangles shows its own piece of a texture, of size 1 in a grid with this
+/// step.
 fn palette(step: f32) -> TriMesh {
     let plain = shapes::wavy_sheet(24);
     let corners: Vec<WedgeId> = plain.triangles().iter().flatten().copied().collect();
@@ -324,7 +325,7 @@ fn where_seams_give_way_a_face_shows_the_piece_of_the_texture_under_it() {
         let centre = [0, 1, 2].map(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 3.0);
         let shown = piece(&done.mesh, t[0]);
         assert!(t.iter().all(|&w| piece(&done.mesh, w) == shown), "{corners:?}");
-        // Where two lie equally near, either will do.
+        // If two are equally near, either is correct.
         let is_shown = |f: FaceId| piece(&mesh, mesh.triangles()[f.index()][0]) == shown;
         let [any, own] =
             [tree.closest(centre), tree.closest_of(centre, is_shown)].map(|h| h.unwrap().distance);

@@ -1,5 +1,5 @@
-//! Work is bounded whatever the shape: near linear in the faces for any number of faces at a vertex or an edge. Counted in
-//! steps, never in seconds.
+//! Work is bounded for any shape: nearly linear in the number of faces, whatever the number of faces at a
+//! vertex or an edge. Counted in steps, never in seconds.
 
 use lodsmith::core::{Positions, TriMesh, VertexId};
 use lodsmith::{
@@ -17,20 +17,20 @@ fn on_circle(i: u32, n: u32, height: f64) -> [f64; 3] {
     [a.cos(), a.sin(), height + 0.01 * (7.0 * a).sin()]
 }
 
-/// One vertex with so many faces: a disc.
+/// A disc: one vertex with `n` faces.
 fn fan(n: u32) -> TriMesh {
     let points = std::iter::once([0.0, 0.0, 0.3]).chain((0..n).map(|i| on_circle(i, n, 0.0))).collect();
     mesh(points, &(0..n).map(|i| [0, 1 + i, 1 + (i + 1) % n]).collect::<Vec<_>>())
 }
 
-/// One edge with so many faces.
+/// One edge with `n` faces.
 fn book(n: u32) -> TriMesh {
     let spine = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
     let points = spine.into_iter().chain((0..n).map(|i| on_circle(i, n, 0.5))).collect();
     mesh(points, &(0..n).map(|i| [0, 1, 2 + i]).collect::<Vec<_>>())
 }
 
-/// The same place so many times, over the same vertices or with three of its own each.
+/// `n` faces at the same place, on the same vertices or with three vertices of their own each.
 fn stack(n: u32, has_own: bool) -> TriMesh {
     let triangle = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let times = if has_own { n as usize } else { 1 };
@@ -47,10 +47,11 @@ fn report(mesh: &TriMesh, method: Method, keep: f64) -> Report {
 
 const JUDGED_BY_STARS: [Method; 2] = [Method::Melax, Method::LindstromTurk];
 
-/// Faults B2: of two faces without area side by side, each turned their common edge back after the other.
+/// Fault B2: two adjacent faces without area kept flipping their common edge in turn.
 #[test]
 fn clean_ends_where_slivers_lie_side_by_side() {
-    // A wall seen edge on: all but one of its vertices on one upright line, as exporters of levels write them.
+    // A wall seen edge-on: all but one of its vertices lie on one vertical line, as level exporters write
+    // them.
     let on_line =
         [0.8, 0.8, -0.4, -0.1, -0.1, 0.05, 0.05, 0.4, 0.45, 0.79, 0.79, 0.8, 0.8].map(|z| [3.0, 2.0, z]);
     let mut points = on_line.to_vec();
@@ -68,7 +69,7 @@ fn clean_ends_where_slivers_lie_side_by_side() {
     }
 }
 
-/// Faults B3: every page of a book looked at all others, at each of many turns.
+/// Fault B3: every page of a book checked all others, at each of many rotations.
 #[test]
 fn a_book_of_1000_pages_is_simplified_in_bounded_work() {
     let report = report(&book(1000), Method::Memoryless, 0.1);
@@ -76,14 +77,14 @@ fn a_book_of_1000_pages_is_simplified_in_bounded_work() {
     assert!(report.faces_visited < 1 << 28, "{}", report.faces_visited);
 }
 
-/// With ever more pages the work grows no faster than they do.
+/// With more pages the work grows no faster than their number.
 #[test]
 fn work_on_a_book_grows_with_its_pages_and_not_faster() {
     let [small, large] = [1500, 6000].map(|n| report(&book(n), Method::Memoryless, 0.5).faces_visited);
     assert!(large < 16 * small.max(1 << 22), "{small} {large}");
 }
 
-/// Faults A18: each spoke looked at all others.
+/// Fault A18: each spoke checked all others.
 #[test]
 fn work_on_a_fan_grows_with_its_spokes_and_not_faster() {
     for method in JUDGED_BY_STARS.into_iter().chain([Method::Memoryless, Method::Quadric]) {
@@ -91,14 +92,14 @@ fn work_on_a_fan_grows_with_its_spokes_and_not_faster() {
         let fans = [1_500, 12_000].map(of);
         for fan in &fans {
             assert!(fan.reached, "{method:?}: {fan:?}");
-            // (It was as often as there are spokes.)
+            // (It was one visit for each spoke.)
             let most = (fan.input_faces as u64 * 1024).max(1 << 26);
             assert!(fan.faces_visited < most, "{method:?}: {} of {most}", fan.faces_visited);
         }
     }
 }
 
-/// Two vertices with so many faces each, over a rim that is rough: a closed surface.
+/// A closed surface: two vertices with `n` faces each, over a rough rim.
 fn spindle(n: u32) -> TriMesh {
     let rough = |i: u32| f64::from(i.wrapping_mul(2_654_435_761) >> 8) / f64::from(1u32 << 24);
     let rim = (0..n).map(|i| {
@@ -111,13 +112,13 @@ fn spindle(n: u32) -> TriMesh {
     mesh(points, &(0..n).flat_map(faces).collect::<Vec<_>>())
 }
 
-/// Each look for a neck at the tips took the square of their faces, for each neighbour that they have in common.
+/// Each search for a neck at the tips took the square of their faces, for each common neighbour.
 #[test]
 fn work_on_a_spindle_grows_with_its_spokes_and_not_faster() {
     for method in JUDGED_BY_STARS.into_iter().chain([Method::Memoryless, Method::Quadric]) {
         for n in [1_000, 5_000] {
             let report = report(&spindle(n), method, 0.01);
-            // (One look alone was as many as the square of the spokes, three times.)
+            // (One search alone took the square of the spokes, three times.)
             assert!(report.faces_visited < 1 << 28, "{method:?}: {}", report.faces_visited);
         }
     }
@@ -152,7 +153,7 @@ proptest! {
         heights in proptest::collection::vec(0u8..12, 3..60),
         corners in proptest::collection::vec([0usize..60, 0..60, 0..60], 1..60),
     ) {
-        // On one line, but for the first: nearly all faces are slivers, and many stand side by side.
+        // All but the first lie on one line: nearly all faces are slivers, and many are adjacent.
         let points: Vec<[f64; 3]> =
             heights.iter().enumerate().map(|(i, &z)| [if i == 0 { 1.0 } else { 0.0 }, 0.0, f64::from(z)]).collect();
         let faces: Vec<[u32; 3]> =

@@ -1,4 +1,4 @@
-//! Vertices that are locked, and places that are more important than others.
+//! Locked vertices and importance.
 
 mod support;
 
@@ -14,12 +14,12 @@ use lodsmith::{
 };
 use support::{Complaints, bits, complaints, topology_complaints};
 
-/// One entry for each vertex.
+/// Returns one entry for each vertex.
 fn of_vertices<T>(mesh: &TriMesh, of: impl Fn([f64; 3]) -> T) -> Arc<[T]> {
     mesh.positions().view().iter().map(of).collect()
 }
 
-/// A mesh with all kinds of attributes on its wedges: a seam where x changes sign, values without any order, normals
+/// A mesh with all kinds of attributes on its wedges: a seam where x changes sign, random values, normals
 /// that are not quite of unit length.
 fn laden(mesh: &TriMesh) -> TriMesh {
     let surface = mesh.surface();
@@ -30,7 +30,7 @@ fn laden(mesh: &TriMesh) -> TriMesh {
     let triangles = surface.triangles().iter().map(wedge).collect();
     let vertex_of = (0..2 * count).map(|w| VertexId(w % count)).collect();
     let mut result = TriMesh::with_wedges(mesh.positions().clone(), vertex_of, triangles).unwrap();
-    // Numbers by chance, from 0 to 1.
+    // Pseudo-random numbers from 0 to 1.
     let chance = |i: u32| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / (1u32 << 24) as f32;
     let all = 0..2 * count;
     let normals = all.clone().map(|w| [0.6 + 1e-4 * chance(w), 0.8, -0.0]).collect();
@@ -47,7 +47,7 @@ fn laden(mesh: &TriMesh) -> TriMesh {
     lodsmith::core::mesh::compact::compact(&result).mesh
 }
 
-/// All that stands at a corner, as bits.
+/// Returns all attributes of a corner, as bits.
 fn corner(mesh: &TriMesh, w: WedgeId) -> Vec<u64> {
     let mut all = bits(mesh.positions().view().get(mesh.vertex_of(w))).to_vec();
     let mut floats = |x: &[f32]| all.extend(x.iter().map(|x| u64::from(x.to_bits())));
@@ -62,7 +62,7 @@ fn corner(mesh: &TriMesh, w: WedgeId) -> Vec<u64> {
 
 type Face = [Vec<u64>; 3];
 
-/// A face with all that stands at its corners, from the least of them on.
+/// Returns a face with all attributes of its corners, the least corner first.
 fn face(mesh: &TriMesh, t: &[WedgeId; 3]) -> Face {
     let mut corners = t.map(|w| corner(mesh, w));
     let least = (0..3).min_by_key(|&k| corners[k].clone()).unwrap();
@@ -70,7 +70,7 @@ fn face(mesh: &TriMesh, t: &[WedgeId; 3]) -> Face {
     corners
 }
 
-/// What is wrong with the locked part of a result.
+/// Returns what is wrong with the locked part of a result.
 fn touched(mesh: &TriMesh, locked: &[bool], result: &TriMesh) -> Vec<String> {
     let of = |m: &TriMesh| m.triangles().iter().map(|t| face(m, t)).collect::<Vec<_>>();
     let left: HashSet<Face> = of(result).into_iter().collect();
@@ -88,7 +88,8 @@ fn touched(mesh: &TriMesh, locked: &[bool], result: &TriMesh) -> Vec<String> {
     if gone > 0 {
         found.push(format!("{gone} locked faces are no more"));
     }
-    // Of two wedges with the same values one is enough; a face between them may be the last that had one of them.
+    // One of two wedges with equal values is enough; a face between them may have been the last to use the
+    // other.
     if let Some(changed) = is.difference(&wanted).next() {
         let vertex = wanted.iter().find(|c| c[..3] == changed[..3]);
         found.push(format!("a corner of a locked vertex has other values: {changed:?} for {vertex:?}"));
@@ -105,7 +106,7 @@ fn what_is_locked_stays_to_the_bit() {
     let mut all = Complaints::default();
     for (name, plain) in shapes::all() {
         for mesh in [laden(&plain), plain] {
-            // Everything above a plane, and single vertices here and there.
+            // Everything above a plane, and some single vertices.
             let level = mesh.positions().view().bounds().map_or(0.0, |b| 0.6 * b.max[1] + 0.4 * b.min[1]);
             for (kind, locked) in [
                 ("above", of_vertices(&mesh, |p| p[1] > level)),
@@ -119,11 +120,12 @@ fn what_is_locked_stays_to_the_bit() {
                         let done = simplify(&mesh, &options, &mut NoControl).unwrap();
                         let laden = if mesh.has_attributes() { "laden" } else { "plain" };
                         let case = format!("{laden} {name}, {kind}, {method:?}, {placement:?}");
-                        // Endpoint drops the rest; positions and faces are held against the plain mesh then.
+                        // Endpoint placement drops the rest; then positions and faces are compared with the
+                        // plain mesh.
                         let bare = |m: &TriMesh| {
                             TriMesh::new(m.positions().clone(), m.surface().triangles().to_vec()).unwrap()
                         };
-                        // Locked faces that stood twice are one.
+                        // Of duplicate locked faces one is left.
                         if name != "doubled_sheet" && name != "soup" {
                             if placement == Placement::Endpoint {
                                 all.add(&case, touched(&bare(&mesh), &locked, &bare(&done.mesh)));
@@ -154,7 +156,7 @@ fn the_locked_area_and_the_rest_stay_one_surface() {
     assert_eq!(done.report.locked_vertices, locked.iter().filter(|l| **l).count());
     assert_eq!(done.report.stopped_by, StoppedBy::Refusals);
     assert!(!done.report.reached && done.report.refusals.iter().any(|r| r.0 == Refusal::Locked));
-    // Hardly more is left than the locked area and what hangs on its rim.
+    // Little more is left than the locked area and the faces at its rim.
     assert!(done.report.faces < locked_faces + locked_faces / 5, "{} of {locked_faces}", done.report.faces);
     let counts = Topology::new(&done.mesh.surface()).counts();
     assert_eq!((counts.border_edge_count, counts.non_manifold_edge_count), (0, 0));
@@ -198,7 +200,7 @@ fn nothing_is_welded_off_its_locked_place() {
 
 #[test]
 fn attributes_survive_a_weld() {
-    // Two sheets that touch, each with colours of its own vertices: a ramp over both.
+    // Two sheets that touch, each with vertices and colours of its own: a ramp over both.
     let left = shapes::grid(8);
     let bounds = left.positions().view().bounds().unwrap();
     let mut points: Vec<[f64; 3]> = left.positions().view().iter().collect();
@@ -242,7 +244,7 @@ fn locked_vertices_of_a_scene_come_back_as_they_were() {
     assert!(got.meshes[0].face_count() < a.face_count());
 }
 
-/// Triangles per area above and below the plane z = 0.
+/// Returns the triangles per area above and below the plane z = 0.
 fn densities(mesh: &TriMesh) -> [f64; 2] {
     let (mut faces, mut area) = ([0f64; 2], [0f64; 2]);
     for t in mesh.surface().triangles() {

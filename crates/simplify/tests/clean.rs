@@ -1,4 +1,4 @@
-//! What a clean-up promises.
+//! Promises of the clean-up.
 
 use lodsmith::core::mesh::weld::weld_mesh;
 use lodsmith::core::topology::{Topology, size_of};
@@ -20,7 +20,7 @@ fn run(mesh: &TriMesh, options: &CleanOptions) -> Cleaned {
     clean(mesh, options, &mut NoControl).unwrap()
 }
 
-/// The same faces moved by a vector, and turned over if asked.
+/// Returns the same faces, scaled, moved by a vector, and flipped if asked for.
 fn beside(base: &TriMesh, by: [f64; 3], scale: f64, turned: bool) -> Buffers {
     let view = base.positions().view();
     let positions = view.iter().map(|p| [0, 1, 2].map(|k| p[k] * scale + by[k])).collect();
@@ -41,7 +41,7 @@ fn joined(parts: &[Buffers]) -> TriMesh {
     mesh(&positions, &faces)
 }
 
-/// A cube with a corner at a place; faces outward.
+/// A cube with a corner at this position; faces point outward.
 fn cube(at: [f64; 3]) -> Buffers {
     let corner = |i: u32| [i & 1, i >> 1 & 1, i >> 2].map(f64::from);
     let positions = (0..8).map(|i| [0, 1, 2].map(|k| corner(i)[k] + at[k])).collect();
@@ -66,7 +66,8 @@ fn every_step_is_counted() {
     let sphere = shapes::icosphere(2);
     let (mut p, mut f) = beside(&sphere, [0.0; 3], 1.0, false);
     let (count, faces) = (p.len() as u32, f.len());
-    // Some faces turned, one twice, one naming a place twice, one not finite, a vertex twice, one for nobody.
+    // Some faces are flipped, one is duplicated, one uses a position twice, one is not finite, a vertex is
+    // duplicated, and one is unused.
     for t in f.iter_mut().step_by(3) {
         t.swap(0, 1);
     }
@@ -90,7 +91,7 @@ fn closed_parts_look_outward_but_cavities_stay() {
     let inward = beside(&sphere, [0.0; 3], 1.0, true);
     let got = run(&joined(&[inward]), &CleanOptions::default());
     assert_eq!(got.report.flipped_faces, sphere.face_count());
-    // A cavity in a ball; another ball beside it, inside out.
+    // A cavity in a ball; beside it another ball, inside out.
     let parts = [
         beside(&sphere, [0.0; 3], 1.0, false),
         beside(&sphere, [0.1; 3], 0.3, true),
@@ -101,7 +102,7 @@ fn closed_parts_look_outward_but_cavities_stay() {
     assert_eq!(got.report.flipped_faces, sphere.face_count());
     let n = 2 * sphere.face_count();
     assert_eq!(got.mesh.triangles()[..n], all.triangles()[..n]);
-    // In a ball in a cavity: outward again, for it lies inside two.
+    // A ball inside a cavity inside a ball points outward again.
     let parts = [parts[0].clone(), parts[1].clone(), beside(&sphere, [0.1; 3], 0.1, true)];
     assert_eq!(run(&joined(&parts), &CleanOptions::default()).report.flipped_faces, sphere.face_count());
 }
@@ -128,7 +129,7 @@ fn cubes_that_touch_are_parted_and_stay_closed() {
         let cut = run(&both, &with(NonManifold::Cut));
         assert_eq!((cut.report.parted_vertices, cut.report.left), (parted, Default::default()));
         assert_eq!(cut.mesh.vertex_count(), 16);
-        // Their own numbers keep them apart, and there is no border to sew.
+        // Their own vertices keep them apart, and there is no border to stitch.
         let merged = run(&both, &with(NonManifold::Merge));
         assert_eq!((merged.mesh, merged.report.left), (both, Default::default()));
     }
@@ -147,7 +148,7 @@ fn a_wall_between_two_cubes_is_shared_out() {
 
 #[test]
 fn cracks_are_sewn_without_joining_what_touches() {
-    // Two cubes along an edge, every face of them by itself.
+    // Two cubes that share an edge, each face with vertices of its own.
     let (mut p, mut f) = (Vec::new(), Vec::new());
     for (cp, cf) in [cube([0.0; 3]), cube([1.0, 1.0, 0.0])] {
         for t in cf {
@@ -181,7 +182,7 @@ fn faces_without_area_go_and_open_nothing() {
     assert_eq!((got.report.zero_area_faces, got.report.left.zero_area_faces), (1, 0));
     assert_eq!((got.mesh.face_count(), got.report.left.border_edges), (4, 4));
     assert!((size_of(&got.mesh.surface()).area - 1.0).abs() < 1e-12);
-    // A fin on an edge that has two faces already, and one on the border.
+    // One fin on an edge that has two faces already, and one on the border.
     let got = run(&mesh(&p, &[[0, 1, 2], [0, 2, 3], [0, 4, 2]]), &CleanOptions::default());
     assert_eq!((got.mesh.face_count(), got.mesh.vertex_count()), (2, 4));
     assert_eq!(got.report.left.non_manifold_edges, 0);
@@ -237,7 +238,7 @@ fn near_vertices_join_within_the_distance() {
 
 #[test]
 fn attributes_and_regions_stay_with_their_corners() {
-    // Every corner has its own colour, every face its own region; two cubes share an edge.
+    // Each corner has its own colour, each face its own region; two cubes share an edge.
     let base = weld_mesh(&joined(&[cube([0.0; 3]), cube([1.0, 1.0, 0.0])]), None).mesh;
     let corners = base.triangles().as_flattened();
     let map = corners.iter().map(|&w| base.vertex_of(w)).collect();
@@ -279,12 +280,12 @@ proptest! {
             let surface = cut.mesh.surface();
             let counts = Topology::unwelded(&surface).counts();
             prop_assert!(counts.is_manifold() && counts.is_oriented(), "{counts:?}");
-            // Nothing is broken that was not told.
+            // Nothing is changed that the report does not count.
             let kept = run(&soup, &CleanOptions::default());
             prop_assert_eq!(kept.mesh.face_count(), cut.mesh.face_count());
             let vertices = cut.mesh.vertex_count();
             prop_assert_eq!(vertices, kept.mesh.vertex_count() + cut.report.parted_vertices);
-            // Once is enough, by its own numbers.
+            // A second run by index changes nothing.
             let again = run(&cut.mesh, &with(NonManifold::Merge));
             prop_assert!(again.report.left.border_edges <= cut.report.left.border_edges);
         }
@@ -296,7 +297,7 @@ proptest! {
             let surface = sewn.mesh.surface();
             let own = Topology::unwelded(&surface);
             let counts = Topology::new(&surface).counts();
-            // Where the places make one edge of two faces that agree, so do the numbers.
+            // Where positions give an edge with two consistently wound faces, indices do too.
             let by_place = Topology::new(&surface);
             for h in by_place.edges() {
                 let Some(g) = by_place.twin(h).filter(|&g| by_place.origin(g) != by_place.origin(h)) else { continue };

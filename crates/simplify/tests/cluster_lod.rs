@@ -1,4 +1,5 @@
-//! Promises of cluster levels: no cut has a crack, errors are true, the same bytes at any number of threads.
+//! Promises of cluster levels: no cut has a crack, errors are correct, and results are the same with any
+//! number of threads.
 
 mod support;
 
@@ -14,7 +15,7 @@ use lodsmith::{ClusterLodOptions, Control, NoControl, SimplifyError, Verdict, cl
 use proptest::prelude::*;
 use support::Complaints;
 
-/// Small clusters and groups, so that small meshes get many of them.
+/// Small clusters and groups, so that small meshes have many of them.
 fn small() -> ClusterLodOptions {
     let mut options = ClusterLodOptions::default();
     (options.triangles, options.vertices, options.group) = (16, 24, 4);
@@ -31,7 +32,7 @@ fn place(mesh: &TriMesh, w: WedgeId) -> Place {
     mesh.positions().view().get(mesh.vertex_of(w)).map(|x| (x + 0.0).to_bits())
 }
 
-/// Edges, by exact positions, along which faces do not go as often one way as the other.
+/// Returns the edges, by exact position, that are not traversed equally often in both directions.
 fn open_edges(mesh: &TriMesh) -> HashMap<[Place; 2], i32> {
     let mut net = HashMap::new();
     for t in mesh.triangles() {
@@ -47,14 +48,14 @@ fn open_edges(mesh: &TriMesh) -> HashMap<[Place; 2], i32> {
     net
 }
 
-/// A number for chance: the same for equal inputs.
+/// A hash as a source of random numbers: equal inputs give equal values.
 fn roll(seed: u64, x: u64) -> u64 {
     let mut z = seed ^ x.wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z ^ (z >> 27)
 }
 
-/// Cuts of all kinds: the finest, the coarsest, by error, for eyes here and there, and by chance.
+/// Returns cuts of all kinds: finest, coarsest, by error, for several eye positions, and random.
 fn cuts(lod: &ClusterLod, seed: u64) -> Vec<Vec<ClusterId>> {
     let most = lod.coarsest_error();
     let bounds = lod.mesh().positions().view().bounds().unwrap();
@@ -67,7 +68,7 @@ fn cuts(lod: &ClusterLod, seed: u64) -> Vec<Vec<ClusterId>> {
         let eye = Eye { position, pixels_per_unit: 1000.0, near: 1e-3 * size.max(1e-300) };
         all.push(lod.cut_for_view(&eye, 1000.0 * most / size.max(1e-300) * 4.0 * unit(3)));
     }
-    // An answer for each group that follows no rule.
+    // A random answer for each group.
     all.extend((0..8u64).map(|k| {
         let chance = |x: f64| roll(seed.wrapping_add(k), x.to_bits());
         lod.cut_where(|b| !chance(b.error + b.sphere.center[0]).is_multiple_of(3))
@@ -75,7 +76,7 @@ fn cuts(lod: &ClusterLod, seed: u64) -> Vec<Vec<ClusterId>> {
     all
 }
 
-/// What any levels must be.
+/// Checks the promises that hold for any levels.
 fn complaints(lod: &ClusterLod, options: &ClusterLodOptions, seed: u64) -> Vec<String> {
     let mut all = Vec::new();
     for id in lod.ids() {
@@ -87,7 +88,7 @@ fn complaints(lod: &ClusterLod, options: &ClusterLodOptions, seed: u64) -> Vec<S
             all.push(format!("the error of cluster {id} is above its parent's"));
         }
     }
-    // What is closed stays closed; of what is not, every edge that was open at first may be so again.
+    // A closed mesh stays closed; in an open one, any edge that was open at first may be open again.
     let finest = lod.mesh_of(&lod.cut_where(|_| false));
     let is_closed = open_edges(&finest).is_empty();
     for (k, cut) in cuts(lod, seed).iter().enumerate() {
@@ -106,7 +107,8 @@ fn complaints(lod: &ClusterLod, options: &ClusterLodOptions, seed: u64) -> Vec<S
     all
 }
 
-/// A sphere in two charts, with normals and colours that follow the place, and two regions across them.
+/// A sphere in two charts, with normals and colours that depend on the position, and two regions across the
+/// charts.
 fn textured(n: u32) -> TriMesh {
     let bare = shapes::noisy_sphere(n, 0.01, 3);
     let p = bare.positions().view();
@@ -242,13 +244,13 @@ fn cuts_of_a_textured_mesh_keep_their_charts_and_regions() {
     let mesh = textured(5);
     let lod = built(&mesh, &ClusterLodOptions::default());
     for surface in cuts(&lod, 3).iter().map(|cut| lod.mesh_of(cut)).filter(|s| s.face_count() > 1000) {
-        // By texture coordinates: normals that are far off their faces are split, in the middle of a chart too.
+        // Compared by texture coordinates: normals far off their faces are split, also within a chart.
         let mut wedges_at: HashMap<Place, HashSet<[u32; 2]>> = HashMap::new();
         for &w in surface.triangles().iter().flatten() {
             let uv = surface.uvs().unwrap()[w.index()].map(f32::to_bits);
             wedges_at.entry(place(&surface, w)).or_default().insert(uv);
         }
-        // A vertex of a seam has a wedge on either side, wherever the levels on the two sides come from.
+        // A seam vertex has a wedge on each side, whatever levels the two sides come from.
         let most = wedges_at.iter().max_by_key(|w| w.1.len()).unwrap();
         assert!(
             most.1.len() <= 2,
@@ -267,7 +269,7 @@ fn an_open_sheet_stays_one_sheet() {
     let lod = built(&mesh, &small());
     for cut in cuts(&lod, 9) {
         let counts = Topology::new(&lod.mesh_of(&cut).surface()).counts();
-        // A crack would be a border of its own, or part the sheet.
+        // A crack would be an additional border loop or split the sheet.
         assert_eq!((counts.border_loop_count, counts.component_count), (1, 1));
     }
 }

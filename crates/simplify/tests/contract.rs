@@ -21,7 +21,8 @@ const TOPOLOGIES: [TopologyPolicy; 3] =
     [TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free];
 const FITS: [Fit; 3] = [Fit::Auto, Fit::On, Fit::Off];
 
-/// Counts to stop at: one that cannot be met by most, hard ones, easy ones, one that is met already, several together.
+/// Counts to stop at: one that is out of reach for most, hard ones, easy ones, one that is met already,
+/// several together.
 fn stops(mesh: &TriMesh) -> Vec<Stop> {
     let (faces, vertices) = (mesh.face_count(), mesh.vertex_count());
     vec![
@@ -61,10 +62,10 @@ fn guards() -> Vec<Guards> {
     ]
 }
 
-/// Meshes of more faces are not run twice here: that would double the time of the suite.
+/// Largest mesh that is run twice here: more would double the time of the suite.
 const TWICE_UP_TO: usize = 1000;
 
-/// Runs, twice where it costs little, and holds the result against all promises but those of single options.
+/// Runs, twice for small meshes, and checks all promises except those of single options.
 fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Option<Simplified> {
     let case = format!("{name}, {}", told(options));
     let done = match run(mesh, options) {
@@ -221,7 +222,7 @@ fn longest_edge(mesh: &TriMesh) -> f64 {
     corners(mesh).flat_map(edges).map(|e| dot(e, e).sqrt()).fold(0.0, f64::max)
 }
 
-/// The border edges of a mesh, by position.
+/// Returns the border edges of a mesh, by position.
 fn border(mesh: &TriMesh) -> Vec<[[f64; 3]; 2]> {
     let surface = mesh.surface();
     let topology = Topology::new(&surface);
@@ -247,7 +248,7 @@ fn locked_borders_are_not_touched() {
                     (options.method, options.placement, options.fit) = (method, placement, fit);
                     options.border = BorderPolicy::Lock;
                     let Some(done) = tried(&mut all, name, &mesh, &options) else { continue };
-                    // A part that went took its border along.
+                    // A removed part takes its border with it.
                     if done.report.parts_removed == 0 {
                         let here = places(&done.mesh);
                         let gone =
@@ -377,7 +378,7 @@ fn midpoints_lie_in_the_middle() {
             (options.method, options.placement, options.fit) = (method, Placement::Midpoint, Fit::Off);
             let done = simplify(&mesh, &options, &mut NoControl).unwrap();
             if done.report.collapses != 1 {
-                continue; // vertices without faces counted for the stop
+                continue; // unused vertices counted towards the stop
             }
             let (before, after) = (places(&mesh), places(&done.mesh));
             let new: Vec<[f64; 3]> = after.difference(&before).map(|p| p.map(f64::from_bits)).collect();
@@ -392,7 +393,8 @@ fn midpoints_lie_in_the_middle() {
     }
 }
 
-/// One collapse after the other, onto endpoints: what each face was is known, and so is its turn.
+/// Collapses one edge at a time onto endpoints: the former normal of each face is known, and so is its
+/// rotation.
 #[test]
 fn no_collapse_turns_a_face_beyond_the_guard() {
     const DEG: f64 = 12.0;
@@ -411,7 +413,7 @@ fn no_collapse_turns_a_face_beyond_the_guard() {
             let faces = |m: &TriMesh| corners(m).map(turned_to_least).collect::<HashSet<_>>();
             let (old, new) = (faces(&mesh), faces(&done.mesh));
             for &face in new.difference(&old) {
-                // The same face before: one corner lay at the place that is gone.
+                // The same face before the collapse: one corner was at the removed position.
                 let was = old.iter().map(|&f| f.map(|p| p.map(f64::from_bits))).find_map(|f| {
                     let gone = f.iter().position(|p| !after.contains(&bits(*p)))?;
                     let now = face.map(|p| p.map(f64::from_bits));
@@ -450,7 +452,7 @@ fn the_measured_error_stays_within_the_stop() {
                 all.add(&case, complaints(&mesh, &options, &done));
                 all.add(&case, topology_complaints(&mesh, &options, &done));
                 all.check(&case, done.report.reached, "the error is kept, and yet not reached");
-                // The measure is not the engine's word: it is taken again here.
+                // Measured again here, independently of the engine.
                 let mut compared = CompareOptions::default();
                 let samples = done.report.error.measured.as_ref().map(|m| m.samples);
                 (compared.seed, compared.samples) = (3, samples.unwrap_or(compared.samples));
@@ -467,7 +469,7 @@ fn the_measured_error_stays_within_the_stop() {
 #[test]
 fn an_error_and_a_count_stop_at_the_first() {
     let mesh = shapes::blob(3, 2);
-    // The error comes first, then the count.
+    // The error stops the first run, the count the second.
     for (faces, percent) in [(4, 0.01), (600, 0.2)] {
         let limit = Length::OfDiagonal(percent);
         let options =
@@ -513,7 +515,8 @@ fn clean_shapes_meet_easy_targets() {
                         let Some(done) = tried(&mut all, name, &mesh, &options) else { continue };
                         let case = format!("{name}, {}", told(&options));
                         all.check(&case, done.report.reached, &format!("{:?}", done.report.refusals));
-                        // A collapse takes two faces inside; on the last step it may take one too many.
+                        // A collapse removes two faces inside the surface, so the last step may remove one
+                        // too many.
                         let least = (share * mesh.face_count() as f64).round() as usize - 1;
                         let got = done.mesh.face_count();
                         all.check(&case, got >= least, &format!("{got} faces, {least} were enough"));

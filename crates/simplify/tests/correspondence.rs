@@ -1,4 +1,4 @@
-//! Data that the mesh knows nothing of, carried from the original to the result.
+//! Transfer of data that is not part of the mesh from the original to the result.
 
 mod support;
 
@@ -41,7 +41,8 @@ fn what_is_carried_is_what_the_run_carries() {
 
 #[test]
 fn endpoints_are_kept_and_ids_are_those_of_the_input() {
-    // Vertices of their own for every face, and some joined first: the run numbers anew, the answer does not.
+    // Every face has its own vertices, and some are merged first: the run renumbers, the correspondence still
+    // holds.
     let smooth = shapes::blob(3, 2);
     let surface = smooth.surface();
     let corners: Vec<[f64; 3]> =

@@ -1,5 +1,5 @@
-//! What a run within an error promises: that it is kept, by proof; more of it never means more faces; nothing lighter of the
-//! same kind is passed by.
+//! Promises of a stop at an error: the error is kept, by proof; a larger error never gives more faces; no
+//! lighter level of the same kind is missed.
 
 use lodsmith::core::measure::Prepared;
 use lodsmith::core::measure::proof::{Kept, keeps_within};
@@ -23,7 +23,7 @@ fn is_kept(from: &TriMesh, to: &TriMesh, distance: f64) -> bool {
     matches!(keeps_within(&from, &to, distance), Kept::Yes(_))
 }
 
-/// A11: 9,000 faces came back as they were, though 8,600 keep the limit.
+/// Fault A11: a mesh of 9,000 faces came back unchanged, though 8,600 faces keep the limit.
 #[test]
 fn an_error_that_a_few_faces_fewer_keep_takes_them_away() {
     let mesh = shapes::blob(3, 2);
@@ -36,7 +36,7 @@ fn an_error_that_a_few_faces_fewer_keep_takes_them_away() {
     assert!(got.reached && got.error.bound.unwrap() <= limit * (1.0 + 1e-9));
 }
 
-/// A11: .08 % gave more faces than .07 %.
+/// Fault A11: .08 % gave more faces than .07 %.
 #[test]
 fn more_error_never_means_more_faces() {
     for (mesh, bound) in [(shapes::blob(3, 7), Bound::Auto), (shapes::wavy_sheet(24), Bound::OneSided)] {
@@ -102,7 +102,8 @@ fn each_method_keeps_what_it_says() {
     }
 }
 
-/// The runs of a search go on from one another; each still makes what a run to its count makes from the start.
+/// The runs of a search continue from one another; each gives the result of a run to its count from the
+/// start.
 #[test]
 fn the_result_is_that_of_a_plain_run_to_a_count() {
     for (mesh, share) in [

@@ -1,4 +1,4 @@
-//! Reports that should not drift. Afresh with `cargo xtask goldens`; then read the difference.
+//! Golden reports. Renew them with `cargo xtask goldens`; then review the difference.
 
 mod support;
 

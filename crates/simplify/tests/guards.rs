@@ -1,12 +1,12 @@
-//! Guards of the result hold in the result: after the fit too, in levels of a progressive mesh, and for every method that
-//! takes them.
+//! Guards hold in the result: after the fit too, in levels of a progressive mesh, and for every method that
+//! has them.
 
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{
     BorderPolicy, Fit, Guards, Length, Method, NoControl, Progressive, SimplifyOptions, Stop, simplify,
 };
 
-/// More than single precision rounds off.
+/// Slack above the rounding error of single precision.
 const SLACK: f64 = 1e-5;
 
 type Face = [[f64; 3]; 3];
@@ -56,7 +56,7 @@ fn diagonal(mesh: &TriMesh) -> f64 {
     mesh.positions().view().bounds().unwrap().diagonal()
 }
 
-/// The result without and with the fit, face by face; some vertices must have moved.
+/// Returns the result without and with the fit, face by face; some vertices must have moved.
 fn both(name: &str, mesh: &TriMesh, guards: Guards, ratio: f64) -> [Vec<Face>; 2] {
     let run = |fit| {
         let mut options = SimplifyOptions::new(Stop::ratio(ratio));
@@ -116,7 +116,7 @@ fn the_fit_turns_no_face_farther_than_allowed() {
     }
 }
 
-/// All guards at once, at all methods that have a fit.
+/// All guards at once, for all methods that have a fit.
 #[test]
 fn guards_hold_together_for_every_method_with_a_fit() {
     let mesh = shapes::blob(4, 5);
@@ -146,7 +146,7 @@ fn guards_hold_together_for_every_method_with_a_fit() {
     }
 }
 
-/// Fits of a progressive mesh are fits of its levels.
+/// The fit of a progressive mesh's levels keeps the guards too.
 #[test]
 fn guards_hold_in_the_fitted_levels_of_a_progressive_mesh() {
     let mesh = shapes::blob(4, 3);
@@ -171,7 +171,8 @@ fn guards_hold_in_the_fitted_levels_of_a_progressive_mesh() {
     assert!(moved > 100);
 }
 
-/// The border of a sheet lies where it lay: every vertex of it with `Lock`, within the old line with `Slide`.
+/// The border of a sheet does not move: with `Lock` every vertex of it stays, with `Slide` it stays on the
+/// old line.
 #[test]
 fn borders_that_may_not_move_do_not() {
     let mesh = shapes::wavy_sheet(40);

@@ -1,5 +1,5 @@
-//! Laws of all methods over any mesh: guards, locks and errors hold in the result, chains get lighter, progressive meshes
-//! lead back, and where a mesh lies, how large it is and how its file is ordered changes little.
+//! Laws of all methods over any mesh: guards, locks and errors hold in the result, chains get lighter,
+//! progressive meshes can be restored, and position, size and file order of a mesh change little.
 
 mod support;
 
@@ -18,8 +18,8 @@ use proptest::prelude::*;
 use support::laden::{laden, locked_complaints};
 use support::{Complaints, Random, bits, bytes, complaints, run, told};
 
-/// Shapes that were shaken and damaged, and soups of numbers from 1e-30 to 1e30, some of them no numbers; half of all with
-/// attributes.
+/// Perturbed and damaged shapes, and soups of numbers from 1e-30 to 1e30, some of them NaN or infinite; half
+/// of all with attributes.
 fn any_mesh() -> impl Strategy<Value = TriMesh> {
     let plain = prop_oneof![
         2 => perturbed_shape(0.02),
@@ -46,8 +46,9 @@ fn has_faces(mesh: &TriMesh) -> bool {
     !matches!(run(mesh, &SimplifyOptions::default()), Ok(Err(SimplifyError::NoFaces { .. })))
 }
 
-/// Whether an error says that this is not for the method: an option of others, or a mesh of which nothing would be left at
-/// the lengths that it works with. (A soup may have one face of 1e30 and all others of one.)
+/// Returns true if an error says that this is not for the method: an option of other methods, or a mesh of
+/// which nothing would be left at the lengths that it works with. (A soup may have one face of size 1e30 and
+/// all others of size 1.)
 fn is_refusal(error: &SimplifyError) -> bool {
     match error {
         SimplifyError::NotOfMethod { .. } | SimplifyError::NoFaces { .. } => true,
@@ -62,7 +63,7 @@ fn diagonal(mesh: &TriMesh) -> f64 {
 
 type Face = [[f64; 3]; 3];
 
-/// All faces that have three places.
+/// Returns all faces with three different positions.
 fn faces(mesh: &TriMesh) -> impl Iterator<Item = Face> {
     let surface = mesh.surface();
     let of = |t: &[VertexId; 3]| t.map(|v| surface.positions().get(v).map(|x| x + 0.0));
@@ -76,7 +77,7 @@ fn edges([a, b, c]: Face) -> [f64; 3] {
     [[a, b], [b, c], [c, a]].map(|[a, b]| (0..3).fold(0.0, |sum: f64, k| sum.hypot(b[k] - a[k])))
 }
 
-/// 1 is equilateral, 0 flat.
+/// Returns the quality of a face: 1 is equilateral, 0 flat.
 fn quality(face: Face) -> f64 {
     let longest = edges(face).into_iter().fold(0.0, f64::max);
     let to = |p: [f64; 3]| [0, 1, 2].map(|k| (p[k] - face[0][k]) / longest);
@@ -86,7 +87,7 @@ fn quality(face: Face) -> f64 {
     12f64.sqrt() * n.iter().map(|x| x * x).sum::<f64>().sqrt() / around
 }
 
-/// Whether some edge is lost in the rounding of the box.
+/// Returns true if some edge vanishes in the rounding of the bounding box.
 fn has_specks(mesh: &TriMesh) -> bool {
     let diagonal = diagonal(mesh);
     faces(mesh).flat_map(edges).any(|e| e < 1e-9 * diagonal)
@@ -100,7 +101,7 @@ fn worst_quality(mesh: &TriMesh) -> f64 {
     faces(mesh).map(quality).fold(1.0, f64::min)
 }
 
-/// The most edges at one place.
+/// Returns the largest valence.
 fn highest_valence(mesh: &TriMesh) -> usize {
     let mut around: HashMap<[u64; 3], HashSet<[u64; 3]>> = HashMap::new();
     for face in faces(mesh) {
@@ -112,7 +113,7 @@ fn highest_valence(mesh: &TriMesh) -> usize {
     around.values().map(HashSet::len).max().unwrap_or(0)
 }
 
-/// What breaks a guard in the result though nothing of the input did so by as much.
+/// Returns the guards that the result breaks by more than the input did.
 fn guard_complaints(mesh: &TriMesh, guards: &Guards, result: &TriMesh) -> Vec<String> {
     let mut found = Vec::new();
     let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
@@ -136,7 +137,7 @@ fn guard_complaints(mesh: &TriMesh, guards: &Guards, result: &TriMesh) -> Vec<St
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(24) })]
 
-    /// A method may refuse guards or locks, by name, and then it is asked without them.
+    /// If a method refuses guards or locks, by name, it is run without them.
     #[test]
     fn guards_and_locks_hold_in_what_any_method_makes_of_any_mesh(
         mesh in any_mesh(), ratio in 0.02..0.9f64, seed in any::<u64>(),
@@ -174,11 +175,11 @@ proptest! {
                 };
                 let mut found = complaints(&mesh, &options, &done);
                 found.extend(guard_complaints(&mesh, &options.guards, &done.mesh));
-                // A face that is a speck beside the box has no area to mesh anew, and goes.
+                // A face that is a speck beside the bounding box has no area to remesh, and is removed.
                 if let Some(locked) = &options.locked
                     && !(has_specks && method == Method::Remesh)
                 {
-                    // Clusters can leave a single locked vertex without any face, and it goes.
+                    // Clustering can leave a single locked vertex without any face; then it is dropped.
                     let may_go = method == Method::Cluster;
                     found.extend(locked_complaints(&mesh, locked, (may_go, false), &done.mesh));
                 }
@@ -211,7 +212,7 @@ proptest! {
             let most = limit * done.report.error.diagonal * (1.0 + 1e-9);
             let bound = done.report.error.bound;
             all.check(&case, bound.is_some_and(|b| b <= most), &format!("a bound of {bound:?} above {most}"));
-            // The proof once more, from what came out alone.
+            // Repeats the proof from the results alone.
             let [old, new] = [&mesh, &done.mesh].map(|m| Prepared::new(&m.surface()).expect("it has faces"));
             for (from, to, way) in [(&old, &new, "there"), (&new, &old, "back")] {
                 let is_kept = matches!(keeps_within(from, to, most), Kept::Yes(_));
@@ -271,7 +272,7 @@ proptest! {
             };
             roads += 1;
             let there = |road: &Progressive| road.mesh().map(|m| bytes(&m));
-            // Down in some steps, and up again: each level is what it was.
+            // Down in a few steps and up again: each level is what it was.
             let mut passed = Vec::new();
             while road.level() > 0 && passed.len() < 6 {
                 passed.push((road.level(), there(&road)));
@@ -292,7 +293,7 @@ proptest! {
     }
 }
 
-/// Shapes without exact ties, whose order of collapses does not hang on the last bit.
+/// Shapes without exact ties, so that the order of collapses does not depend on rounding.
 fn untied() -> [(&'static str, TriMesh); 2] {
     [("blob", shapes::blob(3, 4)), ("wavy_sheet", shapes::wavy_sheet(16))]
 }
@@ -302,7 +303,7 @@ fn moved(mesh: &TriMesh, map: impl Fn([f64; 3]) -> [f64; 3]) -> TriMesh {
     TriMesh::new(Positions::F64(points), mesh.surface().triangles().to_vec()).expect("the same faces")
 }
 
-/// By a seeded shuffle: `order[i]` is the old number of the new i.
+/// Returns a seeded shuffle: `order[i]` is the old number of the new i.
 fn shuffled(n: usize, seed: u64) -> Vec<usize> {
     let mut random = Random(seed);
     let mut order: Vec<usize> = (0..n).collect();
@@ -312,7 +313,7 @@ fn shuffled(n: usize, seed: u64) -> Vec<usize> {
     order
 }
 
-/// Vertices and faces in another order, and faces from another corner on.
+/// Returns the mesh with vertices and faces in another order, and faces starting at another corner.
 fn reordered(mesh: &TriMesh, seed: u64) -> TriMesh {
     let order = shuffled(mesh.vertex_count(), seed);
     let mut new = vec![VertexId(0); order.len()];
@@ -326,7 +327,7 @@ fn reordered(mesh: &TriMesh, seed: u64) -> TriMesh {
     TriMesh::new(Positions::F64(points), triangles.collect()).expect("the same faces")
 }
 
-/// RMS distance as a share of the diagonal of the first.
+/// Returns the RMS distance as a share of the diagonal of the first.
 fn rms(a: &TriMesh, b: &TriMesh) -> f64 {
     let mut options = CompareOptions::default();
     options.samples = 10_000;
@@ -334,9 +335,9 @@ fn rms(a: &TriMesh, b: &TriMesh) -> f64 {
     got.rms.symmetric / got.diagonal
 }
 
-/// Powers of two change nothing at all (`size_and_place_change_nothing` in `methods.rs`); what rounds, and another order in
-/// the file, may lead another way where two steps cost the same. The count is the same then, but for methods that lay a grid or
-/// edges of one length, and the distance is about the same.
+/// Scaling by powers of two changes nothing at all (`size_and_place_change_nothing` in `methods.rs`);
+/// rounding and another order of the file can change the choice between two steps of equal cost. The count
+/// stays the same, except for methods with a grid or edges of one length, and the distance is about the same.
 #[test]
 fn place_size_and_order_change_little_for_any_method() {
     let mut all = Complaints::default();

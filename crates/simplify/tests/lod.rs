@@ -1,4 +1,4 @@
-//! Chains of levels: as near as single runs, the same borders, places to blend to.
+//! Chains of levels: as close as single runs, with the same borders and with geomorph targets.
 
 mod support;
 
@@ -18,7 +18,7 @@ fn ratios(ratios: &[f64]) -> LodOptions {
     LodOptions::new(Levels::Ratios(ratios.to_vec()))
 }
 
-/// RMS distance from a reference, both ways.
+/// Returns the RMS distance from a reference, both ways.
 fn rms(reference: &Prepared, mesh: &TriMesh) -> f64 {
     let mesh = Prepared::new(&mesh.surface()).unwrap();
     compare_prepared(reference, &mesh, &CompareOptions::default()).rms.symmetric
@@ -41,7 +41,8 @@ fn levels_are_as_near_as_single_runs() {
             assert_eq!(level.report.stopped_by, StoppedBy::Ratio, "{name} at {ratio}");
             assert!(level.mesh.face_count() <= (mesh.face_count() as f64 * ratio).round() as usize);
             let (own, other) = (rms(&reference, &level.mesh), rms(&reference, &single.mesh));
-            // On shapes as even as these the order of collapses is noise; the sum of all is held to a percent below.
+            // On such regular shapes the order of collapses is noise; the sum over all must agree within a
+            // percent below.
             assert!(own < 1.1 * other, "{name} at {ratio}: {own} in the chain, {other} alone");
             chain_all += (own / other).ln();
             single_all += 1.0;
@@ -103,7 +104,7 @@ fn locked_borders_are_the_same_in_all_levels() {
     }
 }
 
-/// The surface of a mesh whose vertices are elsewhere.
+/// Returns the surface of a mesh with its vertices at other positions.
 fn moved(mesh: &TriMesh, to: &Positions) -> TriMesh {
     TriMesh::new(to.clone(), mesh.surface().triangles().to_vec()).unwrap()
 }

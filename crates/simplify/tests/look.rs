@@ -1,4 +1,4 @@
-//! What people see of a game asset: colours of a palette, shading, poses. Faults that were, by name.
+//! Appearance of game assets: palette colours, shading, poses. Regressions, by name.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ const CELLS: usize = 4;
 /// Pixels along a side of a cell.
 const CELL: usize = 8;
 
-/// A palette of cells in colours far from each other.
+/// A palette whose cells have very different colours.
 fn palette() -> Texture {
     let color = |x: usize, y: usize| {
         let cell = x / CELL + CELLS * (y / CELL);
@@ -20,13 +20,13 @@ fn palette() -> Texture {
     Texture::new(Image::new(side, side, (0..side * side).map(|i| color(i % side, i / side)).collect()))
 }
 
-/// The cell that a pair of texture coordinates looks at.
+/// Returns the cell of a pair of texture coordinates.
 fn cell([u, v]: [f32; 2]) -> [usize; 2] {
     [u, v].map(|x| ((x * CELLS as f32) as usize).min(CELLS - 1))
 }
 
-/// A bumpy sphere whose faces look at one cell for each side of it that they are on, back and forth in the whole of the
-/// cell: where texture coordinates go on along their gradients they leave it.
+/// A bumpy sphere with one palette cell for each side; texture coordinates go back and forth over the whole
+/// cell, so extrapolating them along their gradients leaves it.
 fn painted_sphere() -> TriMesh {
     let sphere = shapes::blob(4, 5);
     let view = sphere.positions().view();
@@ -48,14 +48,14 @@ fn painted_sphere() -> TriMesh {
     mesh
 }
 
-/// Share of the faces that look at several cells.
+/// Returns the fraction of the faces that cover several cells.
 fn share_of_mixed(mesh: &TriMesh) -> f64 {
     let uvs = mesh.uvs().unwrap();
     let is_mixed = |t: &&[WedgeId; 3]| t.iter().any(|w| cell(uvs[w.index()]) != cell(uvs[t[0].index()]));
     mesh.triangles().iter().filter(is_mixed).count() as f64 / mesh.face_count() as f64
 }
 
-/// A6: texture coordinates in a palette are blended and drawn along their gradients until they leave their colour.
+/// Fault A6: blended and extrapolated texture coordinates left their colour in the palette.
 #[test]
 fn faces_keep_the_colour_of_a_palette() {
     let mesh = painted_sphere();
@@ -70,7 +70,7 @@ fn faces_keep_the_colour_of_a_palette() {
     let shares = [&without, &with].map(share_of_mixed);
     assert!(shares[0] > 0.3 && shares[1] < 0.5 * shares[0], "{shares:?} of the faces show several colours");
 
-    // The same as a part of a scene, beside one without a texture.
+    // The same as a part of a scene, beside a part without a texture.
     let other = shapes::icosphere(2);
     let part = |mesh| Part { mesh, instances: 1, scale: 1.0, system: None };
     let scene = |textures| {
@@ -83,7 +83,7 @@ fn faces_keep_the_colour_of_a_palette() {
     assert!(shares[0] > 0.3 && shares[1] < 0.5 * shares[0], "{shares:?} of the faces show several colours");
 }
 
-/// A large rough sphere with a small dome on it, which looks at another cell of the palette.
+/// A large rough sphere with a small dome of another palette cell.
 fn face_with_an_eye() -> TriMesh {
     let head = shapes::blob(5, 5);
     let eye = shapes::icosphere(3);
@@ -103,7 +103,7 @@ fn face_with_an_eye() -> TriMesh {
     mesh
 }
 
-/// Area of what looks at the cell of the eye.
+/// Returns the area that shows the cell of the eye.
 fn area_of_the_eye(mesh: &TriMesh) -> f64 {
     let uvs = mesh.uvs().unwrap();
     let view = mesh.positions().view();
@@ -117,7 +117,8 @@ fn area_of_the_eye(mesh: &TriMesh) -> f64 {
     eye.map(area).sum()
 }
 
-/// A8: a small part on a larger one of another colour melted to one triangle, which then took the colour of what it lies on.
+/// Fault A8: a small part on a larger one of another colour was reduced to one triangle, which then took the
+/// colour below it.
 #[test]
 fn a_small_part_of_another_colour_keeps_its_area() {
     let mesh = face_with_an_eye();
@@ -132,14 +133,14 @@ fn a_small_part_of_another_colour_keeps_its_area() {
     let textures = || Some(Textures::of_regions(vec![Some(palette())]));
     let shares = [left(400, None), left(400, textures())];
     assert!(shares[0] < 0.7 && shares[1] > 0.75, "{shares:?} of the eye is left");
-    // Much smaller than a face of the result it melts, in its own colour.
+    // If it is much smaller than a face of the result it is reduced, in its own colour.
     let share = left(200, textures());
     assert!((0.001..0.7).contains(&share), "{share} of the eye is left");
-    // A target that cannot be met otherwise comes first.
+    // A target that cannot be met otherwise has priority.
     left(8, textures());
 }
 
-/// Images that change within faces are no palettes: the result is the same with them as without, to the bit.
+/// Images that vary within faces are no palettes: the result is the same with them as without, to the bit.
 #[test]
 fn a_painted_texture_changes_nothing() {
     let mut mesh = shapes::grid(24);
@@ -154,7 +155,7 @@ fn a_painted_texture_changes_nothing() {
     assert!(simplify(&mesh, &options, &mut NoControl).unwrap().mesh == without);
 }
 
-/// Boxes on a plate, each with hard edges, in one mesh: what is left of them has wedges of several sides.
+/// Boxes on a plate, each with hard edges, in one mesh: wedges of the result come from several sides.
 fn studded_plate() -> TriMesh {
     let (mut points, mut faces) = (Vec::<[f64; 3]>::new(), Vec::<[u32; 3]>::new());
     let mut block = |min: [f64; 3], max: [f64; 3]| {
@@ -195,7 +196,7 @@ fn unit(a: [f64; 3]) -> [f64; 3] {
     a.map(|x| x / length)
 }
 
-/// Corners whose normal is more than 60 degrees off their face.
+/// Returns the number of corners whose normal is more than 60 degrees off their face.
 fn far_off(mesh: &TriMesh) -> usize {
     let (view, normals) = (mesh.positions().view(), mesh.normals().unwrap());
     let of = |t: &[WedgeId; 3]| {
@@ -207,7 +208,7 @@ fn far_off(mesh: &TriMesh) -> usize {
     mesh.triangles().iter().map(of).sum()
 }
 
-/// A7: what is left of hard parts carried the means of normals of different sides: dark splinters.
+/// Fault A7: what was left of hard-edged parts had averaged normals of different sides: dark splinters.
 #[test]
 fn normals_stay_near_their_faces() {
     let mesh = studded_plate();
@@ -218,7 +219,8 @@ fn normals_stay_near_their_faces() {
     }
 }
 
-/// Normals that are far off in the input were wanted there, as on leaves that are lit like the crown of their tree.
+/// Normals that are far off in the input are intended, as on leaves that are lit like the crown of their
+/// tree.
 #[test]
 fn normals_that_were_meant_to_be_far_off_stay() {
     let mut mesh = shapes::grid(20);
@@ -229,7 +231,7 @@ fn normals_that_were_meant_to_be_far_off_stay() {
     assert_eq!(far_off(&done), 3 * done.face_count());
 }
 
-/// A tube whose upper half hangs on another joint, with a narrow zone between.
+/// A tube whose upper half belongs to another joint, with a narrow zone between.
 fn skinned_tube(turn: u32) -> TriMesh {
     let (around, along) = (16u32, 96u32);
     let mut points = Vec::new();
@@ -255,14 +257,14 @@ fn skinned_tube(turn: u32) -> TriMesh {
     mesh
 }
 
-/// The largest difference of the weight of the upper joint from what it was at that height.
+/// Returns the largest difference of the upper joint's weight from the original one at that height.
 fn weight_error(mesh: &TriMesh, joint: f32) -> f32 {
     let view = mesh.positions().view();
     let find = |semantic| mesh.further_attributes().iter().find(|a| a.semantic == semantic).unwrap();
     let (joints, weights) = (find(Semantic::Joints(0)), find(Semantic::Weights(0)));
     let mut worst = 0f32;
     for t in mesh.triangles() {
-        // Along each face: it is a straight line between its corners that is seen.
+        // Checked along each face: weights are interpolated linearly between its corners.
         let corner = |w: WedgeId| {
             let pairs = joints.of(w).iter().zip(weights.of(w));
             let upper: f32 = pairs.filter(|p| *p.0 == joint).map(|p| p.1).sum();
@@ -278,8 +280,8 @@ fn weight_error(mesh: &TriMesh, joint: f32) -> f32 {
     worst
 }
 
-/// Where a surface is straight, nothing but the joints says where it will bend: without a price edges went across the
-/// zone between two joints, and the pose was another.
+/// Where a surface is straight, only the joints indicate where it will bend: without a cost for them, edges
+/// crossed the zone between two joints, and the pose was wrong.
 #[test]
 fn a_skin_keeps_its_zones() {
     let mesh = skinned_tube(0);
@@ -291,7 +293,7 @@ fn a_skin_keeps_its_zones() {
     assert!(with < 0.2 && 2.0 * with < without, "{with} of {without}");
 }
 
-/// Joints of several systems have the same numbers, and come back with theirs.
+/// Joints of several systems have the same indices, which must be restored.
 #[test]
 fn joints_of_the_parts_of_a_scene_keep_their_numbers() {
     let tubes = [skinned_tube(0), skinned_tube(4)];

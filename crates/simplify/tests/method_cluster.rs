@@ -1,4 +1,4 @@
-//! Vertex clustering: known answers, and what holds for every mesh.
+//! Vertex clustering: known results, and laws for every mesh.
 
 mod support;
 
@@ -26,7 +26,7 @@ fn by_cell(cell: Length) -> SimplifyOptions {
     options
 }
 
-/// A square of `n` × `n` squares of edge 1, in z = 0.
+/// A sheet of `n` × `n` squares with edges of length 1, in the plane z = 0.
 fn sheet(n: u32) -> TriMesh {
     let at = |i: u32, j: u32| VertexId(i * (n + 1) + j);
     let points = (0..=n).flat_map(|i| (0..=n).map(move |j| [i as f32, j as f32, 0.0])).collect();
@@ -42,7 +42,7 @@ fn counts_are_met_from_below_and_nearly() {
     for wanted in [20_000, 8000, 2000, 500] {
         let done = simplify(&sphere, &options(Stop::faces(wanted)), &mut NoControl).unwrap();
         let faces = done.mesh.face_count();
-        // The octants of the sphere change all at once, which few cells feel.
+        // The octants of the sphere change together, so the count has few steps.
         let near = if wanted > 500 { 0.93 } else { 0.85 };
         assert!(faces <= wanted && faces as f64 > near * wanted as f64, "{faces} of {wanted}");
         assert_eq!((done.report.stopped_by, done.report.reached), (StoppedBy::Faces, true));
@@ -58,7 +58,7 @@ fn counts_are_met_from_below_and_nearly() {
 
 #[test]
 fn sharp_corners_stay_sharp() {
-    // A mean of the vertices in a cell would lie within the cube by a third of a cell and more.
+    // The mean of the vertices in a cell would lie inside the cube by a third of a cell and more.
     let (_, cube) = shapes::all().into_iter().find(|x| x.0 == "fine_cube").unwrap();
     let done = simplify(&cube, &options(Stop::ratio(0.2)), &mut NoControl).unwrap();
     let bounds = cube.positions().view().bounds().unwrap();
@@ -77,7 +77,7 @@ fn a_flat_sheet_stays_flat_and_keeps_its_outline() {
     let view = done.mesh.positions().view();
     assert!(view.iter().all(|p| p[2].abs() < 1e-5));
     let side = |k: usize| view.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
-    // Without its quadric the border would lie within the sheet by most of half a cell.
+    // Without border quadrics the border would recede by most of half a cell.
     assert!(side(0) > 39.8 && side(1) > 39.8, "{} {}", side(0), side(1));
     let mut free = by_cell(Length::Units(4.0));
     free.border = BorderPolicy::Free;
@@ -89,7 +89,7 @@ fn a_flat_sheet_stays_flat_and_keeps_its_outline() {
 
 #[test]
 fn faces_that_share_no_vertices_become_the_same() {
-    // Every vertex is open then, and edges cancel all the same.
+    // Then every vertex is on a border, and the border terms still cancel.
     let mesh = sheet(40);
     let view = mesh.positions().view();
     let corners =
@@ -124,7 +124,7 @@ fn no_vertex_is_farther_than_a_diagonal_of_a_cell() {
 
 #[test]
 fn a_plate_that_falls_together_keeps_both_sides() {
-    // Two squares back to back, thinner than a cell.
+    // Two squares back to back, closer than a cell.
     let one = sheet(8);
     let n = one.vertex_count() as u32;
     let mut points: Vec<[f32; 3]> = one.positions().view().iter().map(|p| p.map(|x| x as f32)).collect();
@@ -242,7 +242,7 @@ fn two_stages_come_nearer_than_one() {
 
 #[test]
 fn a_second_stage_that_is_stuck_starts_from_the_input() {
-    // Two sheets nearer to each other than a cell: clustered, they grow together all over.
+    // Two sheets closer to each other than a cell: clustering merges them everywhere.
     let one = sheet(70);
     let n = one.vertex_count() as u32;
     let mut points: Vec<[f32; 3]> = one.positions().view().iter().map(|p| p.map(|x| x as f32)).collect();
@@ -275,7 +275,7 @@ fn threads_do_not_change_the_result() {
     }
 }
 
-/// Says something from a certain question on.
+/// A control that gives an answer from the n-th call on.
 struct After(usize, Verdict);
 
 impl Control for After {
@@ -301,7 +301,7 @@ fn a_caller_ends_a_run() {
     }
 }
 
-/// What holds for any result.
+/// Checks the promises that hold for any result.
 fn complaints(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
     let done = match run(mesh, options) {
         Ok(Ok(done)) => done,

@@ -1,4 +1,4 @@
-//! Methods on the sweeps beside the first two: `lindstrom-turk`, `melax`, `shortest-edge`.
+//! Edge-collapse methods other than the first two: `lindstrom-turk`, `melax`, `shortest-edge`.
 
 mod support;
 
@@ -16,7 +16,7 @@ use support::charts::{place, two_charts, wedges};
 use support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
 use support::{Complaints, Random, bytes, complaints, places, run, told, topology_complaints};
 
-/// Each with the placements that it has.
+/// Each method with the placements that it has.
 const METHODS: [(Method, &[Placement]); 3] = [
     (Method::LindstromTurk, &[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]),
     (Method::Melax, &[Placement::Endpoint]),
@@ -43,7 +43,7 @@ fn shorter_than(edge: f64) -> SimplifyOptions {
     options
 }
 
-/// Corners of the faces, by place.
+/// Returns the corners of the faces, by position.
 fn corners(mesh: &TriMesh) -> Vec<[[f64; 3]; 3]> {
     let (surface, at) = (mesh.surface(), mesh.positions().view());
     surface.triangles().iter().map(|t| t.map(|v| at.get(v))).collect()
@@ -227,7 +227,7 @@ fn a_run_can_be_cancelled_or_finished_early() {
 
 #[test]
 fn importance_draws_triangles() {
-    // A sphere of which one half counts more.
+    // A sphere of which one half is more important.
     let mesh = shapes::icosphere(4);
     let heights: Vec<f64> = mesh.positions().view().iter().map(|p| p[2]).collect();
     for (method, _) in METHODS {
@@ -270,14 +270,14 @@ fn lindstrom_turk_keeps_the_volume() {
         let off = |options: &SimplifyOptions| (volume(&done(&mesh, options).mesh) / before - 1.0).abs();
         let (own, other) = (off(&by_turk), off(&plain));
         assert!(own < 1e-5, "{name}: {own}");
-        // Without the constraint it would not be kept.
+        // Without the constraint it would change.
         assert!(other > 10.0 * own, "{name}: {other}");
     }
 }
 
 #[test]
 fn lindstrom_turk_keeps_the_area_that_a_plane_border_bounds() {
-    // A disc of 256 border edges, moved off the axes.
+    // A disc with 256 border edges, rotated off the axes.
     let (rings, around) = (16, 256);
     let mut positions = vec![[0.0, 0.0, 0.0]];
     let mut faces = Vec::new();
@@ -335,7 +335,7 @@ fn melax_keeps_vertices_and_attributes_of_the_input() {
 
 #[test]
 fn melax_keeps_the_outline_of_a_sheet() {
-    // Nothing turns but the border at its four corners.
+    // Nothing is curved but the border at its four corners.
     let mesh = shapes::grid(16);
     let got = done(&mesh, &by(Method::Melax, Stop::faces(2)));
     assert_eq!(got.mesh.face_count(), 2);
@@ -362,11 +362,11 @@ fn shortest_edge_leaves_no_edge_below_its_length() {
     let got = done(&mesh, &shorter_than(length));
     assert_eq!(got.report.stopped_by, StoppedBy::Exhausted);
     assert!(got.report.reached && got.report.collapses > 0);
-    // (The unit frame is of single precision.)
+    // (The unit frame has single precision.)
     assert!(shortest_edge(&got.mesh) > 0.9999 * length);
-    // Vertices go with faces: a closed surface of one part keeps V − F / 2 = 2.
+    // Vertices and faces are removed together: a closed surface of one part keeps V − F / 2 = 2.
     assert_eq!(got.report.vertices, got.report.faces / 2 + 2);
-    // A limit that no edge is below does nothing, and is met.
+    // With a limit below the shortest edge nothing is done, and the stop is met.
     let nothing = done(&mesh, &shorter_than(0.9 * shortest_edge(&mesh)));
     assert_eq!((nothing.report.collapses, nothing.report.reached), (0, true));
     assert_eq!(nothing.report.stopped_by, StoppedBy::Exhausted);
@@ -392,11 +392,11 @@ fn shortest_edge_stops_at_the_first_of_length_and_count() {
     assert_eq!(done(&mesh, &options).report.stopped_by, StoppedBy::Faces);
     options.stop = Stop::faces(by_length / 2);
     let report = done(&mesh, &options).report;
-    // The target was not met, and that is what `reached` says.
+    // The target was not met, as `reached` shows.
     assert_eq!((report.stopped_by, report.reached, report.faces), (StoppedBy::Exhausted, false, by_length));
 }
 
-/// Collapses after the last look at all edges made room for others that it had seen refused. (Fault A15.)
+/// Fault A15: collapses after the last check of all edges made others possible that had been refused before.
 #[test]
 fn shortest_edge_looks_again_before_it_is_exhausted() {
     let mut exhausted = 0;
@@ -428,7 +428,7 @@ fn shortest_edge_goes_onto_the_middle_or_an_end() {
 
 #[test]
 fn shortest_edge_keeps_borders() {
-    // Vertices inside go onto the border, not the other way: what bounds a square still does.
+    // Vertices inside collapse onto the border, not the other way round: the outline of a square is kept.
     let mesh = shapes::grid(16);
     let mut options = by(Method::ShortestEdge, Stop::ratio(0.3));
     options.border = BorderPolicy::Lock;

@@ -1,5 +1,5 @@
-//! Pairs of vertices that share no edge: what they join, what each topology policy promises of the result, and that they
-//! help where parts stand in the way.
+//! Contraction of pairs of vertices that share no edge: joined parts, promises of each topology policy, and
+//! targets that are out of reach without it.
 
 mod support;
 
@@ -33,7 +33,7 @@ fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     simplify(mesh, options, &mut NoControl).unwrap()
 }
 
-/// Meshes side by side as one, each moved.
+/// Joins meshes side by side, each moved.
 fn together(parts: &[(&TriMesh, [f64; 3])]) -> TriMesh {
     let (mut positions, mut faces) = (Vec::new(), Vec::new());
     for (mesh, by) in parts {
@@ -44,7 +44,7 @@ fn together(parts: &[(&TriMesh, [f64; 3])]) -> TriMesh {
     TriMesh::new(Positions::F64(positions), faces).unwrap()
 }
 
-/// Each triangle by itself, drawn together towards its middle.
+/// Returns the mesh with separate triangles, each shrunk towards its centre.
 fn shrunk(mesh: &TriMesh, to: f64) -> TriMesh {
     let (mut positions, mut faces) = (Vec::new(), Vec::new());
     for t in mesh.surface().triangles() {
@@ -68,7 +68,7 @@ fn cracked_sheet(gap: f64) -> TriMesh {
     together(&[(&sheet, [0.0; 3]), (&sheet, [0.0, 1.0 + gap, 0.0])])
 }
 
-/// A bar with three sides and ends of one triangle each, from one height to another.
+/// A three-sided bar with one triangle at each end, from one height to another.
 fn prism(from: f64, to: f64) -> TriMesh {
     let ring = [[0.0, 0.0], [1.0, 0.0], [0.3, 0.8]];
     let places = [from, to].into_iter().flat_map(|z| ring.map(|p| [p[0], p[1], z])).collect();
@@ -127,7 +127,7 @@ fn two_bodies_grow_together_by_their_faces() {
             assert_eq!((after.component_count, done.report.pairs_contracted), (1, 3), "{case}");
             assert_eq!(done.report.parts_removed, 0, "{case}");
             if method == Method::Memoryless {
-                // One long bar. (Costs with memory know of the two ends that met, and let something else go.)
+                // One long bar. (Costs with memory know of the two ends that met, and remove something else.)
                 let lost = |m: &TriMesh| (volume(m) / volume(&mesh) - 1.0).abs();
                 let alone = run(&mesh, &without_pairs(&options));
                 assert!(lost(&done.mesh) < 0.01 && lost(&alone.mesh) > 0.1, "{case}");
@@ -138,7 +138,7 @@ fn two_bodies_grow_together_by_their_faces() {
 
 #[test]
 fn the_two_sides_of_a_wall_stay_apart() {
-    // A plate far thinner than the distance: closed, so that its sides are back to back.
+    // A plate far thinner than the distance: closed, with its sides back to back.
     let cube = shapes::cube(10);
     let flat = cube.positions().view().iter().map(|p| [p[0], p[1], 0.002 * p[2]]).collect();
     let plate = TriMesh::new(Positions::F64(flat), cube.surface().triangles().to_vec()).unwrap();
@@ -151,8 +151,8 @@ fn the_two_sides_of_a_wall_stay_apart() {
     }
 }
 
-/// What each policy promises with pairs: counts of edges never rise, and what was manifold stays so where the topology is
-/// preserved.
+/// Promises of each policy with pairs: counts of edges never rise, and a manifold mesh stays manifold if the
+/// topology is preserved.
 fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<String> {
     let mut found = support::complaints(mesh, options, done);
     let (old, new) = (counts(mesh), counts(&done.mesh));
@@ -273,7 +273,7 @@ fn locked_vertices_stay_and_others_come_to_them() {
 fn wedges_of_both_sides_of_a_crack_stay() {
     let mut mesh = cracked_sheet(0.004);
     let n = mesh.wedge_count();
-    // Two charts: what stands at one end of a pair must not run into the other.
+    // Two charts: attributes of one end of a pair must not be blended into the other.
     let uvs: Vec<[f32; 2]> = (0..n)
         .map(|i| {
             let p = mesh.positions().view().get(mesh.vertex_of(lodsmith::core::WedgeId(i as u32)));
@@ -292,7 +292,7 @@ fn wedges_of_both_sides_of_a_crack_stay() {
 
 #[test]
 fn what_is_out_of_reach_is_proposed_and_tried() {
-    // Separate triangles: no edge may go where parts stay.
+    // Separate triangles: no edge can be collapsed if parts are kept.
     let sphere = shapes::icosphere(2);
     let mesh = shrunk(&sphere, 0.98);
     let mut options = SimplifyOptions::new(Stop::ratio(0.5));
@@ -306,14 +306,14 @@ fn what_is_out_of_reach_is_proposed_and_tried() {
     let done = run(&mesh, &options);
     assert!(named(&done.report.escalated[0].change) && done.report.escalated.len() == 1);
     assert!(done.report.reached && done.report.pairs_contracted > 0);
-    // One part has nothing to grow together with.
+    // One part has nothing to join with.
     options.stop = Stop::faces(1);
     let alone = run(&sphere, &options);
     assert!(!alone.report.reached && !alone.report.escalated.iter().any(|s| named(&s.change)));
     assert!(!alone.report.proposals.iter().any(|p| p.changes.iter().any(named)));
 }
 
-/// Ends a run at the first question of its `left`th one.
+/// Ends a run at its `left`th progress report.
 struct Ends {
     left: usize,
     with: Verdict,
@@ -341,10 +341,10 @@ fn a_run_with_pairs_can_be_ended() {
 
 #[test]
 fn a_distance_far_too_large_ends_soon() {
-    // Each vertex has all the others within reach.
+    // Each vertex has all others within the distance.
     let mesh = shapes::soup(800, 7);
     let done = run(&mesh, &with_pairs(Stop::ratio(0.5), Length::OfDiagonal(10.0)));
-    // With pairs or without, whichever is closer.
+    // The closer result is taken, with or without pairs.
     assert!(done.report.reached);
 }
 

@@ -1,4 +1,4 @@
-//! Coplanar regions: known counts, laws, and what must not happen.
+//! Coplanar regions: known counts, laws, and regressions.
 
 mod support;
 
@@ -30,7 +30,7 @@ fn merged(mesh: &TriMesh) -> Simplified {
     simplify(mesh, &planar(Stop::default()), &mut NoControl).unwrap()
 }
 
-/// All that is promised of any result.
+/// Checks all promises for any result.
 fn wrongs(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<String> {
     let mut found = complaints(mesh, options, done);
     found.extend(topology_complaints(mesh, options, done));
@@ -103,7 +103,7 @@ fn known_counts() {
     ] {
         let done = merged(&mesh);
         let got = (done.mesh.face_count(), done.mesh.vertex_count());
-        // Quads of a torus are flat or not as rounding has it.
+        // Whether quads of a torus are flat depends on rounding.
         assert_eq!(got, wanted, "{name}");
         assert_eq!(done.report.stopped_by, StoppedBy::Exhausted, "{name}");
         assert!(done.report.reached, "{name}");
@@ -115,13 +115,13 @@ fn a_sheet_with_holes_keeps_each_of_them() {
     let mesh = shapes::grid_with_holes(12);
     let (old, new) = (counts(&mesh), counts(&merged(&mesh).mesh));
     assert_eq!((new.euler(), new.border_loop_count), (old.euler(), old.border_loop_count));
-    // An outline of b corners with h holes takes b + 2h - 2 triangles, all corners here being right ones.
+    // An outline of b corners with h holes needs b + 2h - 2 triangles; all corners here are right angles.
     let holes = old.border_loop_count - 1;
     assert_eq!(new.border_edge_count, 4 * (holes + 1));
     assert_eq!(new.face_count, new.border_edge_count + 2 * holes - 2);
 }
 
-/// The surface of some unit cubes, each side split into n by n squares: what voxels look like.
+/// The surface of some unit cubes, each side divided into n by n squares, like a voxel model.
 fn voxels(cubes: &[[i32; 3]], n: i32, tilt: bool) -> TriMesh {
     let mut points: Vec<[f64; 3]> = Vec::new();
     let mut known: HashMap<[i32; 3], u32> = HashMap::new();
@@ -162,7 +162,7 @@ fn voxels(cubes: &[[i32; 3]], n: i32, tilt: bool) -> TriMesh {
     TriMesh::new(Positions::F64(points), triangles).unwrap()
 }
 
-/// Cubes that hang together by their sides.
+/// Random cubes connected by their sides.
 fn random_cubes(random: &mut Random, count: usize) -> Vec<[i32; 3]> {
     let mut cubes = vec![[0; 3]];
     while cubes.len() < count {
@@ -196,7 +196,7 @@ fn voxels_lose_nothing() {
         }
         let error = compare(&fine.surface(), &done.mesh.surface(), &CompareOptions::default()).unwrap();
         assert!(error.hausdorff.symmetric < 1e-9, "{}", error.hausdorff.symmetric);
-        // How finely it was cut does not matter, and there is nothing left to merge.
+        // The subdivision does not matter, and there is nothing left to merge.
         let coarse = merged(&voxels(&cubes, 1, tilt)).mesh.face_count();
         assert_eq!(done.mesh.face_count(), coarse, "{} cubes", cubes.len());
         assert_eq!(merged(&done.mesh).mesh.face_count(), coarse);
@@ -212,7 +212,7 @@ fn a_count_is_met_closely() {
             let Some(done) = tried(&mut all, "flat", &mesh, &planar(Stop::faces(faces))) else { continue };
             assert_eq!(done.report.stopped_by, StoppedBy::Faces);
             let got = done.mesh.face_count();
-            // Corners that go off an outline cannot be put back one by one.
+            // Corners removed from an outline cannot be restored one by one.
             assert!(got + 2 * 160 >= faces && got <= faces, "{got} of {faces}");
             let vertices = mesh.vertex_count() / 2;
             let done = simplify(&mesh, &planar(Stop::vertices(vertices)), &mut NoControl).unwrap();
@@ -252,14 +252,14 @@ fn an_error_bounds_the_distance() {
 
 #[test]
 fn neither_angle_nor_distance_drifts_along_a_curve() {
-    // A tube of 90 sides, four degrees from each to the next: each region may take in ten degrees.
+    // A tube of 90 sides, four degrees each: a region may span ten degrees.
     let mesh = shapes::cylinder(90, 10);
     let mut options = planar(Stop::default());
     (options.of_method.angle_deg, options.of_method.flat) = (Some(5.0), Some(Length::OfDiagonal(1.0)));
     let done = simplify(&mesh, &options, &mut NoControl).unwrap();
     let sides = done.mesh.face_count() / 2;
     assert!((30..=45).contains(&sides), "{sides} sides");
-    // A distance alone does it too.
+    // A distance limit alone has the same effect.
     (options.of_method.angle_deg, options.of_method.flat) = (Some(89.0), Some(Length::Units(1e-3)));
     let done = simplify(&mesh, &options, &mut NoControl).unwrap();
     let error = compare(&mesh.surface(), &done.mesh.surface(), &CompareOptions::default()).unwrap();
@@ -282,7 +282,7 @@ fn locked_vertices_and_faces_stay() {
         }
     }
     all.settle();
-    // A vertex in the middle, and four triangles round it.
+    // A vertex in the middle with four triangles.
     let mesh = shapes::grid(6);
     let middle = mesh.positions().view().iter().position(|p| p[0] == 0.5 && p[1] == 0.5).unwrap();
     let mut options = planar(Stop::default());
@@ -302,7 +302,7 @@ fn locked_borders_stay() {
 
 #[test]
 fn regions_of_the_input_keep_their_border() {
-    // Two halves along a zigzag.
+    // Two halves separated by a zigzag.
     let mut mesh = shapes::grid(8);
     let middle = |t: &[lodsmith::core::WedgeId; 3]| {
         let p = t.map(|w| mesh.positions().view().get(mesh.vertex_of(w)));
@@ -316,7 +316,7 @@ fn regions_of_the_input_keep_their_border() {
     let first = regions.iter().filter(|r| r.0 == 0).count();
     mesh.set_regions(Some(regions)).unwrap();
     let done = merged(&mesh);
-    // As many corners on the border of both as it needs; each half has the area that it had.
+    // The common border has as many corners as it needs; each half keeps its area.
     assert!(first > 0 && done.mesh.face_count() > 4);
     assert!(done.mesh.face_count() < mesh.face_count() / 2);
     assert_eq!(size_of(&done.mesh.surface()).area, 1.0);
@@ -331,10 +331,10 @@ fn textures_that_bend_are_kept() {
         merged(&mesh).mesh.face_count()
     };
     assert_eq!(flat(&|x, y| [(0.3 * x + 0.9 * y) as f32, (0.2 + x - 0.1 * y) as f32]), 2);
-    // Two halves, each of them straight.
+    // Two halves, each of them linear.
     assert_eq!(flat(&|x, y| [(x - 0.5).abs() as f32, y as f32]), 4);
     assert_eq!(flat(&|x, y| [(x * x) as f32, (y * y * y) as f32]), 512);
-    // What has no say is not looked at.
+    // Attributes with weight 0 are ignored.
     let mut mesh = shapes::grid(16);
     let colors = mesh.positions().view().iter().map(|p| [(p[0] * p[0]) as f32, 0.0, 0.0, 1.0]).collect();
     mesh.set_colors(Some(colors)).unwrap();
@@ -346,7 +346,7 @@ fn textures_that_bend_are_kept() {
 
 #[test]
 fn a_sphere_with_normals_of_its_own_on_flat_sides() {
-    // A cube that is shaded like a ball: its normals are not linear over a side.
+    // A cube shaded like a ball: its normals are not linear over a side.
     let mut mesh = shapes::cube(8);
     let outward = |p: [f64; 3]| {
         let length = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
@@ -399,7 +399,7 @@ fn what_cannot_be_done_is_an_error() {
     assert!(fails(&|o| o.importance = Some(vec![1.0; mesh.vertex_count()].into())));
 }
 
-/// Says what it is told to after so many questions.
+/// A control that gives an answer after a number of calls, and checks that progress never decreases.
 struct After(usize, Verdict, f64);
 
 impl Control for After {
@@ -493,7 +493,7 @@ proptest! {
     }
 }
 
-/// Each face as four, with midpoints in single precision.
+/// Splits each face into four, with midpoints in single precision.
 fn subdivided(mesh: &TriMesh) -> TriMesh {
     let view = mesh.positions().view();
     let mut points: Vec<[f32; 3]> = view.iter().map(|p| p.map(|x| x as f32)).collect();
@@ -512,12 +512,13 @@ fn subdivided(mesh: &TriMesh) -> TriMesh {
     TriMesh::new(Positions::F32(points), triangles).unwrap()
 }
 
-/// Far from the origin, midpoints in single precision lie farther off a plane than a share of the size. (Fault A17.)
+/// Fault A17: far from the origin, midpoints in single precision lie farther off a plane than a share of the
+/// size.
 #[test]
 fn a_tolerance_goes_by_the_precision_of_the_coordinates() {
     let (sin, cos) = 0.4f64.sin_cos();
     for far in [0.0, 4.0, 20.0] {
-        // A plate of 8 by 6 by 1, turned about two axes.
+        // A plate of 8 by 6 by 1, rotated about two axes.
         let place = |p: [f64; 3]| {
             let [x, y, z] = [8.0 * p[0], 6.0 * p[1], p[2]];
             let (x, y) = (cos * x - sin * y, sin * x + cos * y);

@@ -1,4 +1,4 @@
-//! What remeshing promises beyond what every method does.
+//! Promises of remeshing beyond those of all methods.
 
 mod support;
 
@@ -21,7 +21,7 @@ fn remesh(stop: Stop) -> SimplifyOptions {
     options
 }
 
-/// Every way to remesh to a count.
+/// Returns all kinds of remeshing to a count.
 fn ways(stop: Stop) -> [(&'static str, SimplifyOptions); 3] {
     let (even, mut adaptive, mut levels) = (remesh(stop), remesh(stop), remesh(stop));
     adaptive.of_method.adaptive = true;
@@ -29,7 +29,8 @@ fn ways(stop: Stop) -> [(&'static str, SimplifyOptions); 3] {
     [("even", even), ("adaptive", adaptive), ("semi-regular", levels)]
 }
 
-/// Shapes of triangles: 1 is equilateral. (Twice the root of three times the area over the sum of squared edges, doubled.)
+/// Returns the qualities of triangles: 1 is equilateral. (Twice the root of three times the area over the sum
+/// of squared edges, doubled.)
 fn qualities(mesh: &TriMesh) -> Vec<f64> {
     let surface = mesh.surface();
     let shape = |t: &[lodsmith::core::VertexId; 3]| {
@@ -58,7 +59,7 @@ fn any_shape_to_any_count() {
                     Ok(Ok(done)) => {
                         all.add(&case, complaints(&mesh, &options, &done));
                         let (old, new) = (counts(&mesh), counts(&done.mesh));
-                        // Each edge of the base is two afterwards.
+                        // Each edge of the base becomes two.
                         let times = if way == "semi-regular" { 2 } else { 1 };
                         let twisted =
                             |c: &TopologyCounts| c.misoriented_edge_count + c.non_manifold_edge_count;
@@ -124,7 +125,7 @@ fn a_border_stays_on_its_curve() {
 
 #[test]
 fn adaptive_is_closer_at_the_same_count() {
-    // Four times as long as wide: it bends most at its ends.
+    // Four times as long as wide: the curvature is largest at its ends.
     let mut mesh = shapes::icosphere(5);
     mesh.map_positions(|p| [4.0 * p[0], p[1], p[2]]);
     let done: Vec<TriMesh> = ways(Stop::faces(1500))

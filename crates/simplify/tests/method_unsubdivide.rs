@@ -1,4 +1,4 @@
-//! What un-subdivision promises: what was subdivided comes back, all else stays.
+//! Promises of un-subdivision: a subdivided mesh is restored, all else is kept.
 
 mod support;
 
@@ -33,7 +33,7 @@ fn undone(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     done
 }
 
-/// Every face cut in four at the middles of its edges; equal places are one vertex.
+/// Splits every face into four at the midpoints of its edges; equal positions become one vertex.
 fn subdivided(mesh: &TriMesh) -> TriMesh {
     let surface = mesh.surface();
     let mut at = HashMap::new();
@@ -47,7 +47,7 @@ fn subdivided(mesh: &TriMesh) -> TriMesh {
     let mut triangles = Vec::new();
     for t in surface.triangles() {
         let [p, q, r] = t.map(|v| surface.positions().get(v));
-        // Whichever way an edge goes.
+        // Independent of the direction of the edge.
         let middle = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]));
         let [a, b, c] = [p, q, r].map(&mut number);
         let [x, y, z] = [middle(p, q), middle(q, r), middle(r, p)].map(&mut number);
@@ -56,7 +56,8 @@ fn subdivided(mesh: &TriMesh) -> TriMesh {
     TriMesh::new(Positions::F64(points), triangles).expect("indices are below the count")
 }
 
-/// Faces by place, each from its least corner on; those with a corner twice are none.
+/// Returns the faces by position, each starting at its least corner; faces with a repeated corner are left
+/// out.
 fn faces_by_place(mesh: &TriMesh) -> BTreeSet<[[u64; 3]; 3]> {
     let surface = mesh.surface();
     let place = |v: VertexId| bits(surface.positions().get(v).map(|x| x + 0.0));
@@ -91,7 +92,7 @@ fn all_levels_go_by_default_or_down_to_a_count() {
 
 #[test]
 fn every_shape_comes_back_from_its_subdivision() {
-    // Two sheets in one place are one to begin with: edges of four faces.
+    // The shape with two coincident sheets is one sheet after welding, with edges of four faces.
     for (name, mesh) in shapes::all().into_iter().filter(|s| s.0 != "doubled_sheet") {
         let fine = subdivided(&mesh);
         let done = undone(&fine, &one_level());
@@ -114,7 +115,7 @@ fn what_is_no_subdivision_stays_and_is_counted() {
             assert_eq!(done.report.refusals, [(Refusal::Pattern, 1)]);
         }
     }
-    // A face less, and nothing fits.
+    // With one face missing the pattern does not match.
     let sphere = shapes::icosphere(3);
     let triangles = sphere.surface().triangles()[1..].to_vec();
     let open = TriMesh::new(sphere.positions().clone(), triangles).expect("a sphere but for a face");
@@ -123,7 +124,7 @@ fn what_is_no_subdivision_stays_and_is_counted() {
     assert_eq!(done.report.refusals, [(Refusal::Pattern, 1)]);
 }
 
-/// Both in one mesh, the second moved away.
+/// Joins both in one mesh, the second moved away.
 fn beside(a: &TriMesh, b: &TriMesh) -> TriMesh {
     let (first, second) = (a.surface(), b.surface());
     let mut points: Vec<[f64; 3]> = first.positions().iter().collect();
@@ -148,7 +149,7 @@ fn locks_borders_and_regions_hold() {
     let fine = subdivided(&shapes::grid(3));
     let middle = fine.vertex_count();
     let coarse = faces_by_place(&shapes::grid(3));
-    // What goes may not be locked; what stays may.
+    // Removed vertices may not be locked; kept ones may.
     let stays: BTreeSet<_> = coarse.iter().flatten().copied().collect();
     let is_even: Vec<bool> =
         fine.positions().view().iter().map(|p| stays.contains(&bits(p.map(|x| x + 0.0)))).collect();
@@ -178,7 +179,7 @@ fn locks_borders_and_regions_hold() {
 
 #[test]
 fn only_levels_within_the_error_go() {
-    // The sheet lies in a plane, so all of its levels do nothing; a sphere loses some with each.
+    // The sheet is planar, so undoing its levels costs nothing; each level of a sphere does.
     let flat = undone(&subdivided(&shapes::grid(3)), &options(Stop::error(Length::Units(1e-9))));
     assert_eq!(flat.report.faces, 18);
     let sphere = shapes::icosphere(5);

@@ -1,4 +1,4 @@
-//! What vertex removal promises.
+//! Promises of vertex removal.
 
 mod support;
 
@@ -204,7 +204,7 @@ fn straight_borders_of_regions_stay() {
     let quarter = |t| RegionId(u32::from(centre(t, 0) > middle[0]) + 2 * u32::from(centre(t, 1) > middle[1]));
     let regions = surface.triangles().iter().map(quarter).collect();
     mesh.set_regions(Some(regions)).expect("one for each face");
-    // Two triangles a quarter at the least, as long as the corners of the sheet stay.
+    // At least two triangles in each quarter, as long as the corners of the sheet are kept.
     for faces in [60, 20, 8] {
         let done = removed(&mesh, &options(Stop::faces(faces)));
         assert!(done.report.reached);
@@ -221,7 +221,7 @@ fn straight_borders_of_regions_stay() {
 
 #[test]
 fn a_fan_of_many_faces_ends() {
-    // A cone of 20,000 sides: its apex is next to every other vertex.
+    // A cone of 20,000 sides: its apex is adjacent to every other vertex.
     let count = 20_000u32;
     let mut points = vec![[0.0, 0.0, 0.3], [0.0, 0.0, -0.3]];
     points.extend((0..count).map(|i| {

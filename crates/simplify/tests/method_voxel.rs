@@ -1,4 +1,4 @@
-//! What `remesh` with voxels promises: closed, manifold, oriented, near the input, whatever state that is in.
+//! Promises of `remesh` with voxels: closed, manifold, oriented and close to the input, whatever its state.
 
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::topology::{Topology, size_of};
@@ -25,13 +25,13 @@ fn assert_closed(mesh: &TriMesh, what: &str) {
     assert!(counts.is_closed() && counts.is_manifold() && counts.is_oriented(), "{what}: {counts:?}");
 }
 
-/// The faces in another order, each by itself, some turned over.
+/// Returns the faces in another order, with vertices of their own, some flipped.
 fn soup_of(mesh: &TriMesh) -> TriMesh {
     let (mut positions, mut faces) = (Vec::new(), Vec::new());
     let view = mesh.positions().view();
     for (i, t) in mesh.triangles().iter().enumerate() {
         let first = positions.len() as u32;
-        // Moved a little, so that no places are equal.
+        // Moved a little, so that no positions are equal.
         positions.extend(t.map(|w| view.get(mesh.vertex_of(w)).map(|x| x + 1e-5 * (i % 7) as f64)));
         let [a, b, c] = [first, first + 1, first + 2].map(VertexId);
         faces.push(if i % 3 == 0 { [a, c, b] } else { [a, b, c] });
@@ -48,7 +48,7 @@ fn every_shape_comes_out_closed_and_near() {
                 assert_closed(&done.mesh, name);
                 let ways =
                     compare(&mesh.surface(), &done.mesh.surface(), &CompareOptions::default()).unwrap();
-                // Parts may be smaller than a voxel, and few faces cannot hold a shape.
+                // Parts may be smaller than a voxel, and few faces cannot represent a shape.
                 if mesh.face_count() > 500 {
                     assert!(ways.rms.symmetric < 0.04 * 1.74 * diagonal, "{name}: {}", ways.rms.symmetric);
                 }
@@ -82,7 +82,7 @@ fn a_sphere_keeps_its_volume_and_a_soup_of_it_closes() {
 
 #[test]
 fn holes_close_and_sharp_edges_stay() {
-    // A fine cube that lacks a face in the middle of a side.
+    // A fine cube with one face missing in the middle of a side.
     let cube = shapes::cube(16);
     let view = cube.positions().view();
     let faces: Vec<[VertexId; 3]> =
@@ -91,7 +91,7 @@ fn holes_close_and_sharp_edges_stay() {
     let done = run(&open, &options(Length::OfDiagonal(0.05))).unwrap();
     assert_closed(&done.mesh, "cube");
     let (side, of) = (size_of(&cube.surface()).volume, size_of(&done.mesh.surface()).volume);
-    // Rounded edges would take four times as much.
+    // Rounded edges would add four times as much.
     assert!((of / side - 1.0).abs() < 0.005, "{of} of {side}");
 }
 

@@ -1,4 +1,4 @@
-//! What every method owes, whatever it is: one table of promises, and all of them on every shape.
+//! Promises that every method makes: one table, checked on every shape.
 
 mod support;
 
@@ -16,18 +16,18 @@ use lodsmith::{
 use proptest::prelude::*;
 use support::{Complaints, Random, bits, bytes, complaints, counts, laden, places, run, told};
 
-/// What may be wrong with a mesh, by number.
+/// Defects of a mesh that are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Count {
     BorderEdges,
     NonManifoldEdges,
     NonManifoldVertices,
-    /// Edges whose faces are wound against each other; an edge of four faces may become one.
+    /// Edges whose faces are wound in opposite directions; an edge of four faces can become one.
     MisorientedOrNonManifoldEdges,
-    /// Faces over the same three places as another, turned the other way.
+    /// Faces on the same three positions as another, with opposite winding.
     FacesBackToBack,
     ZeroAreaFaces,
-    /// Edges at which two faces lie back to back or nearly, on shapes that have none: faces that were turned over.
+    /// Edges at which two faces lie back to back or nearly, on shapes that have none: flipped faces.
     Folds,
 }
 
@@ -43,14 +43,14 @@ impl Count {
     ];
 }
 
-/// What a method promises beyond what all do.
+/// Promises of one method beyond those of all methods.
 struct Promise {
     method: Method,
-    /// Counts that lie in its nature to rise, with the default topology; the documents say so.
+    /// Counts that the method raises by design, with the default topology; the documents say so.
     may_rise: &'static [Count],
-    /// Its vertices are vertices of the input, with what stands on them, sound or not.
+    /// Its vertices are vertices of the input with their attributes, sound or not.
     is_subset: bool,
-    /// It takes away as much as its target asks for, on shapes that are clean; else only what is its own to take.
+    /// It removes as much as its target asks for, on clean shapes; otherwise only what its rule permits.
     goes_all_the_way: bool,
 }
 
@@ -61,7 +61,7 @@ const PROMISES: [Promise; 10] = [
     Promise { method: Method::LindstromTurk, may_rise: &[], is_subset: false, goes_all_the_way: true },
     Promise { method: Method::Melax, may_rise: &[], is_subset: true, goes_all_the_way: true },
     Promise { method: Method::ShortestEdge, may_rise: &[], is_subset: false, goes_all_the_way: true },
-    // Whatever falls into one cell is joined: sheets that were apart touch, and faces between are gone.
+    // All vertices in a cell are merged: separate sheets touch, and faces between them vanish.
     Promise {
         method: Method::Cluster,
         may_rise: &[
@@ -79,7 +79,8 @@ const PROMISES: [Promise; 10] = [
     Promise { method: Method::VertexRemoval, may_rise: &[], is_subset: true, goes_all_the_way: true },
     Promise { method: Method::Planar, may_rise: &[], is_subset: true, goes_all_the_way: false },
     Promise { method: Method::Unsubdivide, may_rise: &[], is_subset: true, goes_all_the_way: false },
-    // Borders are laid out anew, with edges of the new length; where a tube is hardly wider than an edge, it can fold.
+    // Borders are remeshed with edges of the new length; where a tube is hardly wider than an edge, it can
+    // fold.
     Promise {
         method: Method::Remesh,
         may_rise: &[Count::BorderEdges, Count::Folds],
@@ -91,7 +92,8 @@ const PROMISES: [Promise; 10] = [
 const TOPOLOGIES: [TopologyPolicy; 3] =
     [TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free];
 
-/// Counts to stop at: half, a tenth, one that none can meet, vertices, a ratio, one that is met already, several, none.
+/// Counts to stop at: half, a tenth, one that is out of reach, vertices, a ratio, one that is met already,
+/// several, none.
 fn stops(mesh: &TriMesh) -> Vec<Stop> {
     let (faces, vertices) = (mesh.face_count(), mesh.vertex_count());
     vec![
@@ -113,7 +115,7 @@ fn options(method: Method, stop: Stop) -> SimplifyOptions {
     options
 }
 
-/// Whether an error says that the method does not take this option, and names others that do.
+/// Returns true if an error says that the method does not have this option, and names methods that do.
 fn is_refusal(error: &SimplifyError, method: Method) -> bool {
     match error {
         SimplifyError::NotOfMethod { takers, method: of, .. } => {
@@ -127,8 +129,8 @@ fn is_refusal(error: &SimplifyError, method: Method) -> bool {
     }
 }
 
-/// Runs and holds the result against all promises. `None` where the method refuses an option that is not its own, or
-/// complains.
+/// Runs and checks all promises. `None` if the method refuses an option that it does not have, or a promise
+/// is broken.
 fn tried(
     all: &mut Complaints,
     name: &str,
@@ -168,7 +170,7 @@ fn case(name: &str, options: &SimplifyOptions) -> String {
     format!("{name}, {method}: {}{own}", told(options))
 }
 
-/// Counts that rose and should not have.
+/// Returns the counts that rose and should not have.
 fn defect_complaints(
     mesh: &TriMesh,
     options: &SimplifyOptions,
@@ -217,7 +219,7 @@ fn number(mesh: &TriMesh, count: Count) -> usize {
     }
 }
 
-/// Edges whose two faces turn by more than 150 degrees against each other.
+/// Returns the number of edges whose two faces differ by more than 150 degrees.
 fn folds(mesh: &TriMesh) -> usize {
     let surface = mesh.surface();
     let topology = Topology::new(&surface);
@@ -263,7 +265,7 @@ fn every_shape_to_every_count() {
     all.settle();
 }
 
-/// Shapes whose vertices were moved by chance, and soups.
+/// Shapes with randomly moved vertices, and soups.
 fn any_mesh() -> impl Strategy<Value = TriMesh> {
     prop_oneof![
         1 => perturbed_shape(0.0),
@@ -292,7 +294,8 @@ proptest! {
     }
 }
 
-/// A search measures many times, so each method takes every third shape, and each shape is some method's.
+/// A search measures many times, so each method takes every third shape, and each shape is used by some
+/// method.
 #[test]
 fn every_shape_within_an_error() {
     let mut all = Complaints::default();
@@ -321,7 +324,7 @@ fn an_error_of_nothing_and_a_count_together() {
             let options = options(promise.method, stop);
             let Some(done) = tried(&mut all, name, &mesh, promise, &options) else { continue };
             let faces = done.mesh.face_count();
-            // A generous error leaves the count to stop it.
+            // With a generous error the count stops the run.
             let is_count_first = promise.goes_all_the_way && name == "blob";
             let text = format!("{faces} faces by {:?}", done.report.stopped_by);
             all.check(&case(name, &options), !is_count_first || faces <= 60, &text);
@@ -387,7 +390,7 @@ fn the_same_bytes_again_and_with_any_threads() {
     all.settle();
 }
 
-/// Answers with a verdict from one question on; holds what it is told against what was told before.
+/// A control that gives an answer from one call on, and checks that progress never decreases.
 struct Asked {
     questions: usize,
     from: usize,
@@ -416,10 +419,10 @@ impl Control for Asked {
     }
 }
 
-/// Times that a run on [`large`] asks, at least: "a few thousand steps" are 16 thousand here.
+/// Least number of progress reports of a run on [`large`]: "a few thousand steps" are 16 thousand here.
 const QUESTIONS: usize = 5;
 
-/// Large enough that a run asks several times.
+/// Large enough for several progress reports.
 fn large() -> TriMesh {
     shapes::blob(6, 2)
 }
@@ -439,7 +442,7 @@ fn callers_are_asked_and_obeyed() {
         all.add(&case, watching.wrongs);
         let asked = watching.questions;
         let text = format!("asked {asked} times for {} faces", mesh.face_count());
-        // Clusters are counted in passes, of a few milliseconds each.
+        // Clustering reports each pass, of a few milliseconds.
         let least = if promise.method == Method::Cluster { 2 } else { QUESTIONS };
         all.check(&case, asked >= least, &text);
         for from in [0, 1, asked / 2, asked.saturating_sub(1)] {
@@ -465,7 +468,7 @@ fn callers_are_asked_and_obeyed() {
             if report.stopped_by == StoppedBy::Caller {
                 all.check(&case, !report.reached, "ended by the caller, and yet reached");
             } else {
-                // What was left to do when the question came is done all the same.
+                // The work left after the answer is done all the same.
                 all.check(&case, from > 1, "it goes on");
                 all.check(&case, faces == whole.mesh.face_count(), "neither the whole result nor an end");
             }
@@ -503,7 +506,7 @@ fn cancelling_while_an_error_is_searched_for() {
     all.settle();
 }
 
-/// The words under which the report names what it dropped.
+/// Returns the name under which the report lists a dropped attribute.
 fn title(name: &str) -> &str {
     let known = [
         ("normals", "normals"),
@@ -561,7 +564,7 @@ fn attribute_complaints(mesh: &TriMesh, promise: &Promise, done: &Simplified) ->
         }
         let own = old.iter().find(|k| k.0 == *name).map(|k| &k.2);
         let was_finite = own.is_some_and(|v| v.iter().all(|x| x.is_finite()));
-        // What stays a vertex of the input has what that had, sound or not.
+        // A vertex of the input keeps its attributes, sound or not.
         let keeps_some = promise.is_subset || promise.method == Method::Remesh;
         if (was_finite || !keeps_some)
             && let Some(i) = values.iter().position(|x| !x.is_finite())
@@ -589,7 +592,7 @@ fn attribute_complaints(mesh: &TriMesh, promise: &Promise, done: &Simplified) ->
     found
 }
 
-/// In double precision, on a grid so coarse that moves and doublings round nothing.
+/// In double precision, on a grid so coarse that translations and doublings are exact.
 fn gridded(mesh: &TriMesh, scale: f64, shift: [f64; 3]) -> TriMesh {
     const FINE: f64 = (1u32 << 20) as f64;
     let place = |p: [f64; 3]| [0, 1, 2].map(|k| ((p[k] * FINE).round() / FINE + shift[k]) * scale);
@@ -679,7 +682,7 @@ fn nothing_to_simplify_is_an_error() {
     all.settle();
 }
 
-/// Sound faces among others: what is broken is left out, and the rest is done.
+/// Broken faces among sound ones are left out, and the rest is simplified.
 #[test]
 fn broken_faces_among_sound_ones_go() {
     let mut all = Complaints::default();
@@ -707,7 +710,7 @@ fn broken_faces_among_sound_ones_go() {
     all.settle();
 }
 
-/// Options of single methods, with a value that is fine, and who takes them.
+/// Options of single methods with a valid value, and the methods that have them.
 fn own_options() -> Vec<(&'static str, MethodOptions, &'static [Method])> {
     use Method::{Cluster, Memoryless, Planar, Quadric, Remesh, ShortestEdge, Unsubdivide, VertexRemoval};
     let with = |set: fn(&mut MethodOptions)| {
@@ -765,7 +768,7 @@ fn own_options_keep_the_promises_too() {
                     let closes = own.voxel.is_some();
                     let case = case(name, &options);
                     let done = match closes {
-                        // A new surface around the input has a topology of its own.
+                        // A new surface around the input has its own topology.
                         true => match run(&mesh, &options) {
                             Ok(Ok(done)) => Some(done),
                             Ok(Err(error)) if is_refusal(&error, promise.method) => None,
@@ -789,7 +792,7 @@ fn own_options_keep_the_promises_too() {
     all.settle();
 }
 
-/// The ends of border edges, by place.
+/// Returns the ends of border edges, by position.
 fn border(mesh: &TriMesh) -> HashSet<[u64; 3]> {
     let surface = mesh.surface();
     let topology = Topology::new(&surface);
@@ -800,7 +803,7 @@ fn border(mesh: &TriMesh) -> HashSet<[u64; 3]> {
         .collect()
 }
 
-/// Options that many methods share, and what must hold where one takes them.
+/// Options that many methods share, and the promises of methods that have them.
 #[test]
 fn shared_options_are_honoured_or_refused() {
     type Set = fn(&mut SimplifyOptions, &TriMesh);
@@ -840,7 +843,7 @@ fn shared_options_are_honoured_or_refused() {
                     }
                     "locked" => {
                         let locked = options.locked.as_deref().unwrap_or_default();
-                        // Clusters can leave a single locked vertex without any face, and it goes.
+                        // Clustering can leave a single locked vertex without any face; then it is dropped.
                         let may_go = promise.method == Method::Cluster;
                         all.add(&case, laden::locked_complaints(&mesh, locked, (may_go, false), &done.mesh));
                     }

@@ -1,4 +1,4 @@
-//! Presets, and what they are made of.
+//! Presets and the options that they set.
 
 use lodsmith::core::measure::{CompareOptions, Comparison, compare};
 use lodsmith::core::{TriMesh, shapes};
@@ -46,13 +46,13 @@ fn the_normals_of_the_shape_count_and_are_not_carried() {
     let (near, plain) = (apart(&mesh, &shaded), apart(&mesh, &plain));
     assert!(near.rms.symmetric < 2.0 * plain.rms.symmetric);
 
-    // Normals of the file are its own, and stay.
+    // The mesh keeps normals of its own.
     let mut own = mesh.clone();
     own.set_normals(Some(vec![[0.0, 0.0, 1.0]; mesh.wedge_count()])).unwrap();
     let got = run(&own, &options);
     assert!(got.normals().is_some_and(|n| n.iter().all(|n| *n == [0.0, 0.0, 1.0])));
 
-    // Other attributes and what tells vertices from wedges come along.
+    // Other attributes and the vertex map are kept.
     let mut colored = mesh.clone();
     let heights = mesh.positions().view().iter().map(|p| [0.5 + 0.1 * p[2] as f32, 0.0, 0.0, 1.0]).collect();
     colored.set_colors(Some(heights)).unwrap();
@@ -63,7 +63,7 @@ fn the_normals_of_the_shape_count_and_are_not_carried() {
 #[test]
 fn borders_count_as_much_as_they_are_told() {
     let mesh = shapes::wavy_sheet(24);
-    // How far the sides of the square have drawn back, in all.
+    // Total distance by which the sides of the square receded.
     let off = |weight: f64| {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.weights.border = weight;

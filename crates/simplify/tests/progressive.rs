@@ -1,4 +1,4 @@
-//! Progressive meshes: both ways, to the bit.
+//! Progressive meshes: both directions, to the bit.
 
 mod support;
 
@@ -31,7 +31,7 @@ fn is_same(a: &TriMesh, b: &TriMesh) -> bool {
     bytes(a) == bytes(b) && a.vertex_map().is_some() == b.vertex_map().is_some()
 }
 
-/// Down and up in steps of one: complaints where a level is not what it was, or no sound mesh.
+/// Goes down and up one level at a time: complains if a level differs from before, or is no sound mesh.
 fn walk(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
     let mut road = built(mesh, options);
     let mut wrong = Vec::new();
@@ -120,7 +120,7 @@ fn pairs_and_cuts_go_both_ways() {
             }
         }
     }
-    // A torus to four faces has to be cut.
+    // A torus has to be cut to get to four faces.
     let torus = shapes::torus(14, 8);
     for placement in [Placement::Optimal, Placement::Endpoint] {
         let options = with(|o| (o.placement, o.topology) = (placement, TopologyPolicy::Free));
@@ -131,7 +131,7 @@ fn pairs_and_cuts_go_both_ways() {
     complaints.settle();
 }
 
-/// Meshes with attributes, seams, regions, locks, unused and doubled elements, in both precisions.
+/// Meshes with attributes, seams, regions, locks, unused and duplicate elements, in both precisions.
 #[test]
 fn laden_meshes_go_both_ways() {
     let mut complaints = Complaints::default();
@@ -167,7 +167,7 @@ fn laden_meshes_go_both_ways() {
     complaints.settle();
 }
 
-/// What the input has beside its surface comes back: doubled and degenerate faces, stray vertices, what is no number.
+/// Defects of the input are restored: duplicate and degenerate faces, unused vertices, NaN.
 #[test]
 fn broken_input_comes_back() {
     let sphere = shapes::icosphere(2);
@@ -214,7 +214,7 @@ fn a_thousand_jumps_find_what_steps_find() {
     }
 }
 
-/// Buffers that are patched by what a move says changed are those of the road.
+/// Buffers patched by the changed ranges alone equal those of the progressive mesh.
 #[test]
 fn changed_ranges_are_enough() {
     fn patch<T: Copy>(own: &mut Vec<T>, now: &[T], ranges: &[Range<usize>], stride: usize) {
@@ -305,7 +305,7 @@ fn counts_and_errors_lead_to_levels() {
     }
 }
 
-/// The level of an estimate may have a largest distance ten times as large. (Fault A16.)
+/// Fault A16: the level of an estimate can have a largest distance ten times as large.
 #[test]
 fn a_level_of_a_deviation_keeps_it() {
     let mesh = shapes::blob(4, 2);
@@ -335,7 +335,7 @@ fn a_level_of_a_deviation_keeps_it() {
     assert_eq!(cancelled, Err(SimplifyError::Cancelled));
 }
 
-/// The estimate of a level against what is measured, and levels against single runs.
+/// Compares the estimate of a level with the measured distance, and levels with single runs.
 #[test]
 fn levels_are_as_near_as_single_runs() {
     for (name, mesh) in [("blob", shapes::blob(5, 1)), ("torus", shapes::torus(80, 40))] {
@@ -377,7 +377,8 @@ fn a_fit_leaves_the_road_alone() {
     assert_eq!(live.collect::<HashSet<_>>(), positions);
 }
 
-/// Corrections of values, as a file may bring them: whole at their checkpoint, and normals stay of unit length.
+/// Corrections of values, as a file may have them: complete at their checkpoint, and normals stay of unit
+/// length.
 #[test]
 fn values_are_corrected_too() {
     let mut mesh = shapes::blob(3, 3);
@@ -461,7 +462,7 @@ fn a_road_of_splits_is_the_same_road() {
     let mut cut = cut;
     cut.to_level(cut.top());
     assert!(is_same(&cut.mesh().unwrap(), &mesh));
-    // Without the numbers of the original the order is that of birth, and nothing else differs.
+    // Without the numbers of the original the order is that of birth; all else is equal.
     let mut data = road.into_splits().into_data();
     data.original = None;
     let bare = Progressive::new(Splits::new(data).unwrap());
@@ -476,7 +477,7 @@ fn equal_runs_record_equal_splits() {
     assert_eq!(format!("{a:?}"), format!("{b:?}"));
 }
 
-/// Answers after so many questions.
+/// A control that gives an answer after a number of calls.
 struct After(usize, Verdict);
 
 impl Control for After {
@@ -517,7 +518,7 @@ fn what_has_no_road_is_said() {
     assert!(matches!(refused, Err(SimplifyError::NoFaces { faces: 0 })));
 }
 
-/// Splits whose numbers are changed by chance are refused, or walked without a panic.
+/// Splits with randomly changed numbers are refused, or replayed without a panic.
 #[test]
 fn spoiled_splits_are_refused_or_walked() {
     let mesh = support::charts::two_charts(6);

@@ -1,4 +1,5 @@
-//! What stands on wedges at the levels of a progressive mesh: as near as in single runs, and whole where it moves vertices.
+//! Attributes at the levels of a progressive mesh: as close as in single runs, and equal at all wedges of a
+//! vertex if they displace it.
 
 mod support;
 
@@ -11,7 +12,7 @@ fn built(mesh: &TriMesh) -> Progressive {
     Progressive::build(mesh, &SimplifyOptions::default(), &mut NoControl).unwrap()
 }
 
-/// RMS of texture coordinates.
+/// Returns the RMS difference of texture coordinates.
 fn off(mesh: &TriMesh, other: &TriMesh) -> f64 {
     compare_attributes(mesh, other, &CompareOptions::default()).unwrap().uvs.unwrap().rms.symmetric
 }
@@ -36,7 +37,7 @@ fn values_of_levels_are_as_near_as_those_of_single_runs() {
     assert_eq!(road.fitted_mesh().unwrap(), mesh);
 }
 
-/// Wedges whose values differ from those of the first wedge of their vertex.
+/// Returns the number of wedges whose values differ from those of the first wedge of their vertex.
 fn apart(mesh: &TriMesh, semantic: &Semantic) -> usize {
     let found = mesh.further_attributes().iter().find(|a| a.semantic == *semantic).unwrap();
     let mut first: Vec<Option<WedgeId>> = vec![None; mesh.vertex_count()];

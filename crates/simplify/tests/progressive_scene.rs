@@ -1,4 +1,4 @@
-//! Progressive scenes: several meshes that move under one threshold.
+//! Progressive scenes: several meshes that change level under one threshold.
 
 mod support;
 
@@ -59,7 +59,7 @@ fn a_level_is_the_same_from_everywhere() {
         let sum: usize = one.roads().iter().map(Progressive::level).sum();
         assert_eq!(sum, level, "each split is of one mesh");
     }
-    // A copy of a road goes its own way.
+    // A clone changes level independently.
     let mut alone = one.roads()[0].clone();
     alone.to_faces(40);
     assert!(alone.face_count() <= 40);
@@ -153,7 +153,7 @@ fn stops_bound_the_scene() {
     }
 }
 
-/// Ends it at once.
+/// Cancels at once.
 struct Never;
 
 impl Control for Never {
@@ -197,7 +197,7 @@ fn locks_are_those_of_each_mesh() {
     assert!(scene.roads()[0].face_count() * 4 < a.face_count());
 }
 
-/// The buffers of a road are its fitted mesh, in other numbers.
+/// The buffers are those of the fitted mesh, in another numbering.
 #[test]
 fn buffers_hold_the_fitted_mesh() {
     let mut random = Random(23);

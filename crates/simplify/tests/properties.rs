@@ -13,7 +13,7 @@ use proptest::prelude::*;
 use support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
 use support::{Random, bytes, complaints, run, told};
 
-/// Any faces; two times in three with attributes.
+/// Random faces; in two of three cases with attributes.
 fn any_mesh() -> impl Strategy<Value = TriMesh> {
     let plain = prop_oneof![
         2 => soup(12, Coordinates::Tame),
@@ -29,7 +29,7 @@ fn any_mesh() -> impl Strategy<Value = TriMesh> {
     })
 }
 
-/// Options drawn by chance; an error, which measures, is not among them.
+/// Random options without an error stop, which would measure.
 fn random_options(seed: u64) -> SimplifyOptions {
     let mut random = Random(seed | 1);
     for _ in 0..4 {
@@ -60,12 +60,12 @@ fn random_options(seed: u64) -> SimplifyOptions {
     options
 }
 
-/// The same, with all that there is to ask for.
+/// Random options, and all rare ones.
 fn any_options(seed: u64, mesh: &TriMesh) -> SimplifyOptions {
     laden_options(random_options(seed), &mut Random(seed.rotate_left(32) | 1), mesh.vertex_count())
 }
 
-/// What is wrong with a run, if anything; a mesh without faces is not.
+/// Returns what is wrong with a run; a mesh without faces is not wrong.
 fn wrongs(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
     match run(mesh, options) {
         Ok(Ok(done)) => {
@@ -113,7 +113,8 @@ proptest! {
     }
 }
 
-/// Small soups full of what files should not have: repeated, turned and degenerate faces, fans on an edge.
+/// Small soups of everything that files should not contain: repeated, flipped and degenerate faces, fans on
+/// an edge.
 fn nasty(seed: u64) -> TriMesh {
     let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
     random.below(2);
@@ -183,18 +184,19 @@ fn thousands_of_nasty_soups() {
     all.settle();
 }
 
-/// What a topology policy promises holds for soups as well.
+/// The topology policies keep their promises for soups as well.
 #[test]
 fn soups_keep_what_the_topology_policy_promises() {
     let mut all = support::Complaints::default();
-    // Known fault: of these soups, 737 (39 faces, midpoints, locked borders) ends with nine non-manifold edges for eight.
+    // Known fault: soup 737 (39 faces, midpoints, locked borders) ends with nine non-manifold edges instead
+    // of eight.
     for seed in (0..3000).filter(|&seed| seed != 737) {
         let mesh = nasty(seed);
         let mut options = random_options(seed ^ 0x1234_5678);
         options.weld = None;
         if let Ok(Ok(done)) = run(&mesh, &options) {
-            // Two merged vertices may land on one place (midpoints of a soup on whole numbers do); counted by place, that
-            // joins edges that are apart by index.
+            // Two merged vertices may get the same position (midpoints of a soup on whole numbers do);
+            // counted by position, that joins edges that are separate by index.
             if lodsmith::core::mesh::weld::weld(done.mesh.positions().view()).merged_count() > 0 {
                 continue;
             }
@@ -205,7 +207,7 @@ fn soups_keep_what_the_topology_policy_promises() {
     all.settle();
 }
 
-/// Shapes without exact ties, whose order of collapses does not hang on the last bit.
+/// Shapes without exact ties, so that the order of collapses does not depend on rounding.
 fn untied() -> Vec<(&'static str, TriMesh)> {
     vec![
         ("noisy_sphere", shapes::noisy_sphere(3, 0.05, 3)),
@@ -224,7 +226,7 @@ fn light(mesh: &TriMesh, share: f64) -> TriMesh {
     simplify(mesh, &SimplifyOptions::new(Stop::ratio(share)), &mut NoControl).unwrap().mesh
 }
 
-/// Largest and RMS distance between two meshes, as shares of the diagonal of the first.
+/// Returns the largest and the RMS distance between two meshes, as shares of the diagonal of the first.
 fn apart(a: &TriMesh, b: &TriMesh) -> (f64, f64) {
     let mut options = CompareOptions::default();
     options.samples = 20_000;
@@ -255,7 +257,7 @@ fn scale_and_place_do_not_matter() {
             let (worst, _) = apart(&base, &back);
             assert!(worst < 1e-4, "{name} times {scale}: {worst} of the diagonal apart");
         }
-        // Map coordinates in metres: the last bits of a double are worth 5e-10 there.
+        // Map coordinates in metres: the last bit of a double is worth 5e-10 there.
         let utm = [500_000.0, 4_000_000.0, 100.0];
         let far = light(&moved(&mesh, |p| [0, 1, 2].map(|k| p[k] + utm[k])), 0.2);
         let back = moved(&far, |p| [0, 1, 2].map(|k| p[k] - utm[k]));
@@ -265,7 +267,7 @@ fn scale_and_place_do_not_matter() {
     }
 }
 
-/// Swaps by a seeded shuffle: `order[i]` is the old number of the new i.
+/// Returns a seeded shuffle: `order[i]` is the old number of the new i.
 fn shuffled(n: usize, seed: u64) -> Vec<usize> {
     let mut random = Random(seed);
     let mut order: Vec<usize> = (0..n).collect();
@@ -323,7 +325,7 @@ fn two_copies_share_the_faces_evenly() {
         assert!(all <= (0.2 * both.face_count() as f64).round() as usize);
         let share = left as f64 / all as f64;
         assert!((0.47..0.53).contains(&share), "{name}: {left} of {all} faces lie in the first copy");
-        // And no worse than one copy alone.
+        // No worse than one copy alone.
         let (_, alone) = apart(&single, &light(&single, 0.2));
         let half = |x: fn(&TriMesh) -> TriMesh| x(&result);
         let left_half = half(|m| {

@@ -1,4 +1,4 @@
-//! What a report proposes when the target is out of reach, and that it helps.
+//! Proposals of a report when the target is out of reach, and their effect.
 
 mod support;
 
@@ -13,7 +13,7 @@ fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     simplify(mesh, options, &mut NoControl).unwrap()
 }
 
-/// Options that stand in the way, alone and together.
+/// Options that keep a run from its target, alone and together.
 fn strict() -> Vec<SimplifyOptions> {
     let none = Guards::default();
     let guards = [
@@ -63,7 +63,7 @@ fn what_is_proposed_goes_further() {
                 all.check(&case, changed != options, "nothing is changed");
                 let further = run(&mesh, &changed);
                 let (before, after) = (done.report.faces, further.report.faces);
-                // A run with the change starts anew, and may go into another dead end; hardly any does.
+                // A run with the change starts anew and may get stuck elsewhere; hardly any does.
                 all.check(
                     &case,
                     after <= before,
@@ -94,13 +94,14 @@ fn what_stands_in_the_way_is_named() {
     let both =
         Guards { min_quality: Some(0.95), max_edge: Some(Length::OfDiagonal(0.02)), ..Guards::default() };
     assert_eq!(ask(&|o| o.guards = both), [[Change::MinQuality, Change::MaxEdge]]);
-    // A ring is held by its handle.
+    // The handle of a ring limits the count.
     let preserve = |o: &mut SimplifyOptions| o.topology = TopologyPolicy::Preserve;
     assert_eq!(asked(&torus, &preserve), [[Change::Topology(TopologyPolicy::Relaxed)]]);
-    // A closed surface cannot become two faces, whatever one allows; a border policy has no border here.
+    // A closed surface cannot become two faces, whatever is allowed; a border policy has no effect without a
+    // border.
     assert_eq!(ask(&|_| {}), [[]; 0]);
     assert_eq!(ask(&|o| o.border = BorderPolicy::Lock), [[]; 0]);
-    // Nothing is proposed where the target is met.
+    // Nothing is proposed if the target is met.
     let mut options = SimplifyOptions::new(Stop::ratio(0.5));
     options.guards.min_quality = Some(0.01);
     assert_eq!(run(&blob, &options).report.proposals, []);

@@ -1,4 +1,4 @@
-//! How far a run goes for its target: necks cut, steps tried in turn, small parts left out.
+//! Targets that are hard to reach: cut necks, escalation, pruned parts.
 
 mod support;
 
@@ -13,7 +13,7 @@ fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     simplify(mesh, options, &mut NoControl).unwrap()
 }
 
-/// Several meshes in one, each moved along x.
+/// Joins several meshes in one, each moved along x.
 fn beside(meshes: &[(&TriMesh, f64, f64)]) -> TriMesh {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for (mesh, scale, x) in meshes {
@@ -42,7 +42,7 @@ fn a_ring_is_cut_where_its_target_needs_it() {
             (options.method, options.placement) = (method, placement);
             let done = run(&torus, &options);
             let case = format!("{method:?}, {placement:?}: {} faces", done.report.faces);
-            // (What is left of it may get stuck where vertices cannot move.)
+            // (The rest may get stuck if vertices cannot move.)
             let is_reached = done.report.reached || placement == Placement::Endpoint;
             assert!(done.report.necks_cut > 0 && is_reached, "{case}");
             // By index: the sides of a cut may touch.
@@ -50,7 +50,7 @@ fn a_ring_is_cut_where_its_target_needs_it() {
             assert!(topology.is_manifold() && topology.border_edge_count == 0, "{case}");
             let is_kept = places(&done.mesh).is_subset(&places(&torus));
             assert!(is_kept || placement != Placement::Endpoint, "{case}: a vertex that the input has not");
-            // Relaxed topology cuts where it cannot do without, if the sides part for good.
+            // Relaxed topology cuts where the target needs it, if the sides separate for good.
             options.topology = TopologyPolicy::Relaxed;
             let relaxed = run(&torus, &options);
             let topology = counts(&relaxed.mesh);
@@ -76,7 +76,7 @@ fn a_ring_is_cut_where_its_target_needs_it() {
     assert!(cut_relaxed > 0);
 }
 
-/// Rings of several sizes, and specks around them.
+/// Rings of several sizes, with specks around them.
 fn rings_and_specks() -> TriMesh {
     let (torus, speck) = (shapes::torus(64, 24), shapes::icosphere(2));
     let rings = (0..6).map(|i| (&torus, 1.0 - 0.1 * f64::from(i), 3.0 * f64::from(i)));
@@ -84,7 +84,7 @@ fn rings_and_specks() -> TriMesh {
     beside(&rings.chain(specks).collect::<Vec<_>>())
 }
 
-/// Relaxed topology lets parts and handles go from where they begin to stand in the way, free topology from the start.
+/// Relaxed topology removes parts and handles only once they stand in the way, free topology from the start.
 #[test]
 fn what_goes_as_late_as_it_can_leaves_the_rest_as_near() {
     let mesh = rings_and_specks();
@@ -129,7 +129,7 @@ fn what_is_cut_keeps_its_attributes() {
         options.fit = fit;
         let done = run(&torus, &options);
         assert!(done.report.necks_cut > 0 && done.report.reached);
-        // A colour that is linear in the place stays about that.
+        // A colour that is linear in the position stays nearly so.
         let (mesh, colors) = (&done.mesh, done.mesh.colors().unwrap());
         let surface = mesh.surface();
         for (t, own) in mesh.triangles().iter().zip(surface.triangles()) {
@@ -151,9 +151,9 @@ fn steps_are_tried_in_turn_until_one_reaches() {
     assert_eq!(steps, [Change::Topology(TopologyPolicy::Relaxed)]);
     let last = done.report.escalated[0];
     assert!(done.report.reached && last.after == done.report.faces && last.after < last.before);
-    // The same as asked for at once.
+    // Equal to a run with these options from the start.
     assert_eq!(bytes(&done.mesh), bytes(&run(&torus, &SimplifyOptions::new(Stop::faces(4))).mesh));
-    // No step without need.
+    // No step if it is not needed.
     options.stop = Stop::ratio(0.5);
     assert_eq!(run(&torus, &options).report.escalated, []);
 }
@@ -184,16 +184,16 @@ fn small_parts_go_first_and_nothing_else_changes() {
     assert_eq!(done.report.input_faces, mesh.face_count());
     assert_eq!(done.report.cleanup, run(&mesh, &SimplifyOptions::new(Stop::ratio(1.0))).report.cleanup);
     assert!(places(&done.mesh).is_subset(&places(&mesh)));
-    // Between the two sizes one goes; shares are of the whole's diagonal.
+    // A size between the two removes one; shares are of the diagonal of the whole.
     let whole = done.report.error.diagonal;
     assert!((10.0..13.0).contains(&whole), "{whole}");
     options.prune = Some(Length::OfDiagonal(0.05 / whole));
     assert_eq!(run(&mesh, &options).report.pruned.parts, 1);
-    // What is measured is the distance from what is left.
+    // Distances are measured from the remaining parts.
     (options.prune, options.measure) = (Some(Length::Units(0.5)), Measure::Always);
     let measured = run(&mesh, &options).report.error.measured.unwrap();
     assert!(measured.hausdorff.symmetric < 1e-9 * whole);
-    // Nothing is small: the same bytes as without.
+    // No part is small: the same bytes as without.
     let mut plain = SimplifyOptions::new(Stop::ratio(0.3));
     let without = run(&mesh, &plain);
     plain.prune = Some(Length::Units(1e-6));
@@ -252,7 +252,7 @@ fn each_mesh_of_a_scene_may_have_the_target_by_itself() {
     let counts = got.counts[1];
     assert_eq!((counts.instances, counts.input_faces), (4, round.face_count()));
     assert_eq!((counts.faces, counts.reached), (got.meshes[1].face_count(), true));
-    // Each is what it would be alone, in lengths of the scene.
+    // Each is what it would be alone, with lengths of the scene.
     let mut alone = SimplifyOptions::new(Stop::ratio(0.3));
     alone.measure = Measure::Always;
     let flat_alone = run(&flat, &alone);
@@ -260,11 +260,11 @@ fn each_mesh_of_a_scene_may_have_the_target_by_itself() {
     let largest = run(&round, &alone).report.error.measured.unwrap().hausdorff.symmetric;
     let told = got.report.error.measured.unwrap().hausdorff.symmetric;
     assert!((told / largest / 2.0 - 1.0).abs() < 0.2, "{told} for {largest}");
-    // A count is for each.
+    // A count applies to each mesh.
     (options.stop, options.measure) = (Stop::faces(100), Measure::Auto);
     let got = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
     assert!(got.meshes[..2].iter().all(|m| (98..=100).contains(&m.face_count())));
-    // One that cannot: the whole has not, and says which.
+    // One mesh cannot reach it: then the scene has not reached it, and the counts show which.
     options.stop = Stop::faces(2);
     let got = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
     assert!(!got.report.reached);

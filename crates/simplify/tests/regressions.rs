@@ -1,4 +1,4 @@
-//! Bugs that were, and hard cases that bite every simplifier, each by name.
+//! Regressions, and cases that are hard for every simplifier, each by name.
 
 mod support;
 
@@ -15,7 +15,7 @@ use support::{complaints, counts, topology_complaints};
 
 const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
 
-/// A sound result, or the reason why not.
+/// Runs and checks that the result is sound.
 fn sound(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     let done = simplify(mesh, options, &mut NoControl).unwrap();
     let mut found = complaints(mesh, options, &done);
@@ -24,7 +24,7 @@ fn sound(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     done
 }
 
-/// Meshes side by side as one.
+/// Joins meshes side by side.
 fn union(meshes: &[TriMesh], shift: [f64; 3]) -> TriMesh {
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
     for (i, mesh) in meshes.iter().enumerate() {
@@ -36,8 +36,8 @@ fn union(meshes: &[TriMesh], shift: [f64; 3]) -> TriMesh {
     TriMesh::new(Positions::F32(points), triangles).unwrap()
 }
 
-/// A scan of a brain has hundreds of small parts beside the large one; at one percent their last faces made vertices
-/// that were not finite.
+/// A scan of a brain has hundreds of small parts beside the large one; at one percent the collapse of their
+/// last faces gave vertices that were not finite.
 #[test]
 fn many_parts_to_one_percent_stay_finite() {
     let mut parts = vec![shapes::blob(4, 9)];
@@ -54,7 +54,7 @@ fn many_parts_to_one_percent_stay_finite() {
     }
 }
 
-/// On a flat sheet every collapse inside costs nothing: ties must not stop the sweeps, nor make endless ones.
+/// On a flat sheet every inner collapse costs nothing: ties must not stop the sweeps, nor make them endless.
 #[test]
 fn a_flat_grid_goes_down_to_its_corners() {
     let mesh = shapes::grid(100);
@@ -70,7 +70,8 @@ fn a_flat_grid_goes_down_to_its_corners() {
             let worst = done.mesh.positions().view().iter().map(off).fold(0.0, f64::max);
             assert!(worst < 1e-4, "{method:?}, {faces}: {worst} off the square");
             let area: f64 = area(&done.mesh);
-            // Ten thousand quadrics summed in single precision let a corner of the last two faces slip by a cell.
+            // Ten thousand quadrics summed in single precision can move a corner of the last two faces by a
+            // cell.
             let slip = if method == Method::Quadric { 1e-2 } else { 1e-3 };
             assert!((area - 1.0).abs() < slip, "{method:?}, {faces}: the area is {area}");
         }
@@ -88,7 +89,7 @@ fn area(mesh: &TriMesh) -> f64 {
     surface.triangles().iter().map(of).sum()
 }
 
-/// A cube of 12288 faces is a cube of twelve.
+/// A cube of 12288 faces is reduced to twelve.
 #[test]
 fn a_fine_cube_goes_down_to_twelve_faces() {
     let mesh = shapes::cube(32);
@@ -103,14 +104,15 @@ fn a_fine_cube_goes_down_to_twelve_faces() {
             let worst = done.mesh.positions().view().iter().map(far).fold(0.0, f64::max);
             assert!(worst < 1e-4, "{method:?}, {faces}: a vertex lies {worst} off the cube");
             let area = area(&done.mesh);
-            // The quadrics remember planes that have long been cut off; the default keeps the edges as they are.
+            // The quadrics include planes that were removed long ago; the default keeps the edges in place.
             let slack = if method == Method::Memoryless { 1e-3 } else { 5e-2 };
             assert!((area - 6.0).abs() < slack, "{method:?}, {faces}: the edges are not sharp, area {area}");
         }
     }
 }
 
-/// Parts cannot go below four faces each; the rest of the target is met by whole parts, and told.
+/// Parts cannot go below four faces each; the rest of the target is met by removing whole parts, which is
+/// reported.
 #[test]
 fn parts_go_when_the_target_needs_it() {
     let mesh = shapes::tetrahedra(64);
@@ -121,11 +123,11 @@ fn parts_go_when_the_target_needs_it() {
         assert!(done.report.reached && done.mesh.face_count() > 32, "{}", done.mesh.face_count());
         assert_eq!(done.report.parts_removed + counts(&done.mesh).component_count, 64);
         assert_eq!(done.report.stopped_by, StoppedBy::Faces);
-        // Parts are never all taken.
+        // Never all parts are removed.
         options.stop = Stop::faces(0);
         let done = sound(&mesh, &options);
         assert!(!done.report.reached && counts(&done.mesh).component_count == 1);
-        // And none where they are to be kept.
+        // And none if parts are to be kept.
         options.topology = TopologyPolicy::Preserve;
         let done = sound(&mesh, &options);
         assert!(!done.report.reached && done.report.stopped_by == StoppedBy::Refusals);
@@ -168,7 +170,8 @@ fn a_mesh_without_a_sound_face_is_an_error() {
 
 #[test]
 fn what_is_mended_first_is_counted() {
-    // A tetrahedron as a soup, one face twice, one degenerate, one not finite, one vertex without a face.
+    // A tetrahedron as a soup with one duplicate, one degenerate and one non-finite face, and one unused
+    // vertex.
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2], [1, 3, 0]];
     let mut points: Vec<[f32; 3]> = faces.iter().flatten().map(|&i: &usize| corners[i]).collect();
@@ -184,7 +187,7 @@ fn what_is_mended_first_is_counted() {
     assert!(defects(&done.mesh.surface()).is_clean());
 }
 
-/// Vertices of a soup that lie close are joined where asked.
+/// Near vertices of a soup are merged if asked for.
 #[test]
 fn a_weld_joins_what_lies_close() {
     let grid = shapes::grid(8);
@@ -208,7 +211,7 @@ fn a_weld_joins_what_lies_close() {
     assert!(apart.report.cleanup.welded_vertices < 128 * 3 - 81);
 }
 
-/// Notes what it is told and answers with a verdict from the n-th question on.
+/// Records its calls and gives an answer from the n-th one on.
 struct Watcher {
     seen: Vec<(Stage, Vec<f64>)>,
     questions: usize,
@@ -273,7 +276,7 @@ fn a_caller_may_take_the_best_so_far() {
     let mesh = shapes::blob(4, 5);
     for stop in [Stop::faces(50), Stop::error(Length::OfDiagonal(0.05))] {
         let options = SimplifyOptions::new(stop);
-        // From the second question of the collapse stage on.
+        // From the second call of the collapse stage on.
         let mut watcher = Watcher::new(2, Verdict::Finish);
         let done = simplify(&mesh, &options, &mut watcher).unwrap();
         assert_eq!(done.report.stopped_by, StoppedBy::Caller, "{stop:?}");
@@ -283,7 +286,7 @@ fn a_caller_may_take_the_best_so_far() {
     }
 }
 
-/// A fan of many faces: one vertex whose star is larger than any lane or arena slack.
+/// A fan of many faces: one vertex whose star exceeds any SIMD lanes and list slack.
 #[test]
 fn a_vertex_of_a_thousand_edges_goes() {
     let n = 1000u32;
@@ -304,8 +307,8 @@ fn a_vertex_of_a_thousand_edges_goes() {
     }
 }
 
-/// Needles as long as their box and without area to speak of: what the collapses cost along borders, shared out over the
-/// area, made an estimate of 1e83 in a box of 1e26.
+/// Needles as long as their bounding box and with nearly no area: the costs along borders, divided by the
+/// area, gave an estimate of 1e83 in a box of 1e26.
 #[test]
 fn the_estimate_of_needles_stays_within_their_box() {
     let points = [
@@ -326,7 +329,7 @@ fn the_estimate_of_needles_stays_within_their_box() {
     }
 }
 
-/// Vertices of one place for all that single precision tells, under a box of 1e14: the fit had nothing to divide by.
+/// Vertices that coincide in single precision, in a bounding box of 1e14: the fit divided by zero.
 #[test]
 fn the_fit_of_what_has_no_extent_stays_finite() {
     let points = [
@@ -359,8 +362,8 @@ fn the_fit_of_what_has_no_extent_stays_finite() {
     }
 }
 
-/// Files mark what they do not know by the largest number of all; its square is none, and made NaN of all around. So did
-/// weights of joints without end, and weights in the cost beyond the root of that number.
+/// Files mark unknown values with the largest number of all; its square overflows and made all values around
+/// NaN. So did infinite joint weights, and cost weights beyond the root of that number.
 #[test]
 fn huge_values_stay_numbers() {
     let mut mesh = shapes::blob(3, 5);
@@ -395,7 +398,7 @@ fn huge_values_stay_numbers() {
     }
 }
 
-/// The RMS distance of a result, both ways, as a share of the diagonal.
+/// Returns the RMS distance of a result, both ways, as a share of the diagonal.
 fn rms(mesh: &TriMesh, result: &TriMesh) -> f64 {
     let mut options = lodsmith::core::measure::CompareOptions::default();
     options.samples = 20_000;
@@ -403,8 +406,9 @@ fn rms(mesh: &TriMesh, result: &TriMesh) -> f64 {
     found.rms.symmetric / found.diagonal
 }
 
-/// Two hundred small boxes whose edges are all seams: rather than remove any, a run moved seams off their lines, and because
-/// the boxes then held most of the faces, it took the last ones off the ground below them (2.2 % RMS at 30 %).
+/// Two hundred small boxes whose edges are all seams: instead of removing any, a run moved seams off their
+/// lines, and because the boxes then had most of the faces, it took the last ones from the ground below them
+/// (2.2 % RMS at 30 %).
 #[test]
 fn a_level_of_small_parts_is_not_destroyed_to_spare_them() {
     let mesh = shapes::level(24, 200);
@@ -419,12 +423,13 @@ fn a_level_of_small_parts_is_not_destroyed_to_spare_them() {
         assert!(done.report.reached && off < most, "{preset:?}, {ratio}: {off}");
         assert!(done.report.parts_removed > 0);
     }
-    // Where there is room for all of them, all stay.
+    // If the target leaves room for all of them, all are kept.
     let done = sound(&mesh, &SimplifyOptions::new(Stop::ratio(0.6)));
     assert_eq!((done.report.parts_removed, done.report.seams_relaxed), (0, false));
 }
 
-/// Where parts have to stay, seams give way in the order of costs, and not only when the ground is used up.
+/// If parts have to be kept, seams are relaxed in the order of costs, and not only when the ground is used
+/// up.
 #[test]
 fn a_level_whose_parts_must_stay_gives_way_at_its_seams() {
     let mesh = shapes::level(24, 120);
@@ -435,7 +440,7 @@ fn a_level_whose_parts_must_stay_gives_way_at_its_seams() {
     assert!(done.report.reached && done.report.parts_removed == 0 && off < 0.002, "{off}");
 }
 
-/// A level of a chain is no worse than one by itself: of the two ways the closer one.
+/// A level of a chain is no worse than a single run: the closer of the two results is taken.
 #[test]
 fn a_chain_does_not_destroy_a_level_to_spare_its_parts() {
     let mesh = shapes::level(24, 200);
@@ -447,8 +452,8 @@ fn a_chain_does_not_destroy_a_level_to_spare_its_parts() {
     }
 }
 
-/// Pairs grew parts together that then could no longer go: with them the run ended at twice the target, and took 27 times as
-/// long.
+/// Pairs joined parts that could then no longer be removed: the run ended at twice the target, and took 27
+/// times as long.
 #[test]
 fn pairs_do_not_make_a_level_worse() {
     let mesh = shapes::level(16, 120);
@@ -464,7 +469,7 @@ fn pairs_do_not_make_a_level_worse() {
     }
 }
 
-/// Closed boxes and open sheets side by side; how many edges have one face.
+/// Closed boxes and open sheets side by side, and their number of border edges.
 fn boxes_and_sheets() -> (TriMesh, usize) {
     let parts: Vec<TriMesh> =
         (0..40).map(|i| if i % 10 == 3 { shapes::wavy_sheet(4) } else { shapes::cube(2) }).collect();
@@ -473,7 +478,7 @@ fn boxes_and_sheets() -> (TriMesh, usize) {
     (mesh, borders)
 }
 
-/// With `--border lock` parts with a border went like others, although the border was not to be touched.
+/// With `--border lock` parts with a border were removed like others, although the border was to be kept.
 #[test]
 fn locked_borders_keep_their_parts() {
     let (mesh, borders) = boxes_and_sheets();
@@ -488,11 +493,11 @@ fn locked_borders_keep_their_parts() {
     }
 }
 
-/// The last part to go took hundreds of faces with it: 4 were left of 115 that were asked for, and the report said that the
-/// target was reached.
+/// Removing the last part took hundreds of faces at once: 4 were left of the 115 asked for, and the report
+/// said that the target was reached.
 #[test]
 fn removing_a_part_does_not_leave_far_fewer_faces_than_asked_for() {
-    // Locked all over, so that nothing but whole parts can go; the large ones are the last by cost.
+    // All locked, so that only whole parts can be removed; the large ones are the last by cost.
     let parts: Vec<TriMesh> = (0..30)
         .map(|i| {
             let mut part = if i % 10 == 0 { shapes::cube(4) } else { shapes::tetrahedron() };
@@ -515,8 +520,8 @@ fn removing_a_part_does_not_leave_far_fewer_faces_than_asked_for() {
     }
 }
 
-/// A cut at a vertex where the surface touches itself left faces of the second fan behind: they named a vertex that did not
-/// list them.
+/// A cut at a vertex where the surface touches itself left faces of the second fan behind: they used a vertex
+/// that did not list them.
 #[test]
 fn a_neck_at_a_vertex_of_two_fans_is_not_cut() {
     let torus = shapes::torus(12, 3);
@@ -525,7 +530,7 @@ fn a_neck_at_a_vertex_of_two_fans_is_not_cut() {
         let mut places: Vec<[f64; 3]> = view.iter().collect();
         let tip = places[at as usize];
         let first = places.len() as u32;
-        // A tetrahedron that stands on the torus with one corner.
+        // A tetrahedron that touches the torus with one corner.
         places.extend(
             [[0.2, 0.0, 0.3], [0.0, 0.2, 0.3], [-0.2, -0.2, 0.3]].map(|d| [0, 1, 2].map(|k| tip[k] + d[k])),
         );
@@ -542,7 +547,7 @@ fn a_neck_at_a_vertex_of_two_fans_is_not_cut() {
     }
 }
 
-/// Where a seam left a locked vertex on its other side, a new face there had values that lie between others.
+/// If a seam left a locked vertex on its other side, a new face there had blended values.
 #[test]
 fn a_locked_vertex_keeps_its_values_where_every_edge_is_a_seam() {
     let mut all = support::Complaints::default();

@@ -18,7 +18,7 @@ fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
 
 #[test]
 fn triangles_go_where_they_cost_least() {
-    // A flat grid needs two triangles, a blob all that it can get.
+    // A flat grid needs two triangles, a blob as many as it can get.
     let (flat, round) = (shapes::grid(32), shapes::blob(4, 1));
     let parts = [part(&flat, 1, 1.0), part(&round, 1, 1.0)];
     let options = SimplifyOptions::new(Stop::ratio(0.3));
@@ -67,7 +67,7 @@ fn parts_that_touch_stay_together() {
     let at = |mesh| Part { mesh, instances: 1, scale: 1.0, system: Some(5) };
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&[at(&left), at(&right)], 3.0, &options, &mut NoControl).unwrap();
-    // What both have is what they share: the line between them is one, to the bit.
+    // Positions that both have are those of the common line, which is the same in both, to the bit.
     let places = |mesh: &TriMesh| -> BTreeSet<[u64; 3]> {
         mesh.positions().view().iter().map(|p| p.map(f64::to_bits)).collect()
     };
@@ -78,7 +78,7 @@ fn parts_that_touch_stay_together() {
     assert!(shared >= 3 && shared == near(&got.meshes[0]), "{shared} of {}", near(&got.meshes[0]));
 }
 
-/// The stop is of all instances: what the run made of its share says nothing of it.
+/// The stop applies to all instances, whatever the run made of its share.
 #[test]
 fn vertices_of_all_instances_are_counted() {
     let (a, b) = (shapes::blob(3, 1), shapes::torus(12, 8));
@@ -95,7 +95,7 @@ fn vertices_of_all_instances_are_counted() {
     }
 }
 
-/// With joints in two sets in one mesh, the other lost what went to the second.
+/// With joints in two sets in one mesh, the other lost the weights in the second set.
 #[test]
 fn meshes_with_different_sets_of_joints_keep_their_weights() {
     let mut meshes = [shapes::blob(3, 1), shapes::blob(3, 2)];
@@ -116,7 +116,7 @@ fn meshes_with_different_sets_of_joints_keep_their_weights() {
     assert!(found.is_empty(), "{found:?}");
 }
 
-/// Parts of different systems are laid side by side for the run; no weld reaches from one to another.
+/// Parts of different systems are laid side by side for the run; no weld connects one with another.
 #[test]
 fn a_weld_stays_within_its_part() {
     let mesh = shapes::grid(2);
@@ -131,7 +131,7 @@ fn a_weld_stays_within_its_part() {
 /// Instances, scale and system of a part.
 type Place = (usize, f64, Option<usize>);
 
-/// Parts by chance: single ones, instances, neighbours mirrored at a side of the one before.
+/// Random parts: single ones, instances, and neighbours that are mirror images of the part before.
 fn any_parts(random: &mut Random) -> (Vec<TriMesh>, Vec<Place>) {
     let (mut meshes, mut places): (Vec<TriMesh>, Vec<_>) = (Vec::new(), Vec::new());
     for i in 0..1 + random.below(4) as usize {

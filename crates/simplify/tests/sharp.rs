@@ -16,7 +16,7 @@ fn done(mesh: &TriMesh, method: Method, ratio: f64, sharp_deg: Option<f64>) -> S
     simplify(mesh, &options, &mut NoControl).unwrap()
 }
 
-/// The place on the crest of the ridge at `x`.
+/// Returns the point on the crest of the ridge at `x`.
 fn crest(x: f64) -> [f64; 3] {
     [x, 0.5 + 0.15 * (4.0 * x).sin(), HEIGHT + wave(x, 0.5)]
 }
@@ -41,7 +41,7 @@ fn ridge() -> TriMesh {
     TriMesh::new(Positions::F32(points), grid.surface().triangles().to_vec()).unwrap()
 }
 
-/// RMS distance of the crest from a mesh.
+/// Returns the RMS distance of the crest from a mesh.
 fn off_the_crest(mesh: &TriMesh) -> f64 {
     let tree = Bvh::new(&mesh.surface());
     let far = |i: u32| tree.closest(crest(f64::from(i) / f64::from(CELLS))).unwrap().distance;
@@ -92,7 +92,7 @@ fn features_leave_any_shape_sound() {
     all.settle();
 }
 
-/// Where everything is a feature, something has to give way for the target, and the report says so.
+/// Where every edge is a feature, features are given up for the target, and the report says so.
 #[test]
 fn features_give_way_to_the_target() {
     let mesh = shapes::noisy_sphere(3, 0.2, 5);
@@ -138,10 +138,10 @@ fn angles_out_of_range_and_methods_without_features_are_told() {
     }
 }
 
-/// Where a triangle has gone, the faces that are left still know the edge; where sheets are wound differently, too.
+/// A sharp edge is recognised after a triangle was removed, and between sheets with different winding.
 #[test]
 fn faces_that_are_wound_differently_meet_where_they_bend() {
-    // A flat pair of triangles, the second one turned over: no edge of it is sharp.
+    // A flat pair of triangles, the second flipped: no edge of it is sharp.
     let at = |p: &[[f32; 3]], t: &[[u32; 3]]| {
         TriMesh::new(Positions::F32(p.to_vec()), t.iter().map(|t| t.map(VertexId)).collect()).unwrap()
     };

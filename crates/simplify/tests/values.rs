@@ -1,4 +1,4 @@
-//! Values of attributes stay what they can be: within the range of their source, and numbers that name something as they are.
+//! Attribute values stay valid: within the range of their source, and identifiers unchanged.
 
 mod support;
 
@@ -10,7 +10,7 @@ use lodsmith::{
 };
 use support::charts::{place, two_charts, wedges};
 
-/// Values that reach the ends of their range in many places, and turn there.
+/// Values that reach the ends of their range in many places, and turn back there.
 fn waves(mesh: &TriMesh, width: usize, low: f32, high: f32) -> Vec<f32> {
     let wave = |w: WedgeId, k: usize| {
         let p = place(mesh, w);
@@ -20,7 +20,7 @@ fn waves(mesh: &TriMesh, width: usize, low: f32, high: f32) -> Vec<f32> {
     wedges(mesh).flat_map(|w| (0..width).map(move |k| (w, k))).map(|(w, k)| wave(w, k)).collect()
 }
 
-/// A mesh whose attributes lie between these.
+/// Returns the mesh with attributes in this range.
 fn waved(mut mesh: TriMesh, low: f32, high: f32) -> TriMesh {
     let uvs = waves(&mesh, 2, low, high).as_chunks().0.to_vec();
     let colors = waves(&mesh, 4, 0.0, 1.0).as_chunks().0.to_vec();
@@ -39,7 +39,7 @@ fn waved(mut mesh: TriMesh, low: f32, high: f32) -> TriMesh {
     mesh
 }
 
-/// The least and the largest of each value.
+/// Returns the minimum and the maximum of each value.
 fn ranges(mesh: &TriMesh) -> Vec<(String, [f32; 2])> {
     let mut all: Vec<(String, usize, Vec<f32>)> = vec![
         ("uvs".to_owned(), 2, mesh.uvs().unwrap().as_flattened().to_vec()),
@@ -75,7 +75,7 @@ fn options(method: Method) -> SimplifyOptions {
     options
 }
 
-/// Texture coordinates of 0 to 1 ended at -0.0002 and 1.0009, colours at -6e-5.
+/// Texture coordinates in 0 to 1 ended at -0.0002 and 1.0009, colours at -6e-5.
 #[test]
 fn no_value_leaves_the_range_of_its_source() {
     let mesh = waved(shapes::blob(4, 3), 0.0, 1.0);
@@ -86,7 +86,7 @@ fn no_value_leaves_the_range_of_its_source() {
     }
 }
 
-/// The range is that of each mesh, not of all under one budget.
+/// The range is that of each mesh, not of all meshes under one budget.
 #[test]
 fn no_value_of_a_scene_leaves_the_range_of_its_mesh() {
     let (a, b) = (waved(shapes::blob(4, 3), 0.0, 1.0), waved(shapes::torus(48, 24), -20.0, 30.0));
@@ -162,7 +162,7 @@ fn ids_are_those_of_the_source() {
             assert_known(&format!("{placement:?}"), mesh, &got);
         }
     }
-    // Near where it was: a band is .33 wide.
+    // Close to the original: a band is .33 wide.
     let got = simplify(&plain, &options(Method::Memoryless), &mut NoControl).unwrap().mesh;
     let far = wedges(&got).zip(ids(&got)).filter(|(w, id)| {
         let near = |d: f64| 7.0 + 1000.0 * ((place(&got, *w)[0] + d) * 3.0).floor().abs() as f32;
@@ -171,7 +171,7 @@ fn ids_are_those_of_the_source() {
     assert!(far.count() * 50 < got.wedge_count());
 }
 
-/// A face of a feature has the id of it at all corners; the features share vertices, and nothing else tells them apart.
+/// A face of a feature has its id at all corners; the features share vertices and differ in nothing else.
 #[test]
 fn faces_of_two_features_stay_faces_of_one() {
     let mut mesh = two_charts(24);

@@ -1,4 +1,4 @@
-//! Words for the enums of the libraries. Which one is the default is read off their own default.
+//! Names for the enums of the libraries. The default of each is that of its enum.
 
 use clap::ValueEnum;
 use lodsmith::{BorderPolicy, Fit, Method, NonManifold, Placement, Preset, TopologyPolicy};
@@ -19,7 +19,7 @@ macro_rules! choice {
             }
         }
 
-        // Clap shows the default with this.
+        // Clap uses this to show the default.
         impl std::fmt::Display for $name {
             fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 f.write_str(self.to_possible_value().expect("no choice is skipped").get_name())

@@ -1,4 +1,4 @@
-//! What can be typed after `lodsmith clean`.
+//! Arguments of `lodsmith clean`.
 
 use std::path::PathBuf;
 
@@ -69,7 +69,7 @@ pub(crate) struct CleanArgs {
 }
 
 impl CleanArgs {
-    /// Where the inputs go.
+    /// Returns where the results go.
     pub(crate) fn wanted(&self) -> Wanted<'_> {
         Wanted {
             inputs: &self.inputs,
@@ -84,7 +84,7 @@ impl CleanArgs {
         }
     }
 
-    /// What the library is told.
+    /// Converts the arguments to options of the library.
     pub(crate) fn options(&self) -> CleanOptions {
         let mut options = CleanOptions::default();
         options.weld = self.weld.as_ref().map(|d| d.length);

@@ -1,4 +1,4 @@
-//! What commands share that make meshes lighter: when to stop, how, and what is cared for.
+//! Arguments shared by all commands that simplify: targets, method, constraints.
 
 use clap::Args;
 use lodsmith::{AttributeWeights, Guards, SimplifyOptions, Stop};
@@ -27,12 +27,12 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    /// Whether there is any.
+    /// Returns true if any target is set.
     pub(crate) fn is_given(&self) -> bool {
         self.faces.is_some() || self.vertices.is_some() || self.ratio.is_some() || self.error.is_some()
     }
 
-    /// For the engine.
+    /// Converts the target to a stop of the engine.
     pub(super) fn stop(&self) -> Stop {
         Stop {
             faces: self.faces,
@@ -42,7 +42,7 @@ impl Target {
         }
     }
 
-    /// What was asked for, by name.
+    /// Returns the target by name, for reports.
     pub(crate) fn to_json(&self) -> Value {
         let all = [
             ("faces", self.faces.map(Value::from)),
@@ -174,7 +174,7 @@ pub(crate) struct Importance {
 }
 
 impl EngineArgs {
-    /// What the engine is told, to come to this stop.
+    /// Returns the engine's options for this stop.
     pub(super) fn options(&self, stop: Stop) -> SimplifyOptions {
         let (how, guards) = (&self.how, &self.guards);
         let mut options = SimplifyOptions::preset(how.preset.into(), stop);
@@ -200,7 +200,7 @@ impl EngineArgs {
         options
     }
 
-    /// Whether each mesh has a target of its own.
+    /// Returns true if each mesh has a target of its own.
     pub(crate) fn is_per_mesh(&self) -> bool {
         self.scope.per_mesh
     }

@@ -1,4 +1,4 @@
-//! What can be typed after `lodsmith lod`.
+//! Arguments of `lodsmith lod`.
 
 use std::path::PathBuf;
 
@@ -107,7 +107,7 @@ pub(crate) struct LevelArgs {
     errors: Vec<TypedLength>,
 }
 
-/// What a level has of the one before, where nothing is said.
+/// Default fraction of the previous level that a level keeps.
 const HALF: f64 = 0.5;
 
 impl LevelArgs {
@@ -120,7 +120,7 @@ impl LevelArgs {
         }
     }
 
-    /// What was asked for, by name.
+    /// Returns the target by name, for reports.
     fn to_json(&self, factor: f64) -> Value {
         match self.count {
             Some(count) => json!({ "count": count, "factor": factor }),
@@ -143,7 +143,7 @@ pub(crate) enum Naming {
 }
 
 impl Naming {
-    /// What stands between the name of the whole and the number of a level.
+    /// Returns the text between the name of the whole and the number of a level.
     pub(crate) fn mark(self) -> &'static str {
         match self {
             Self::Plain => "_lod",
@@ -159,17 +159,17 @@ impl std::fmt::Display for Naming {
 }
 
 impl LodArgs {
-    /// What the engine is told.
+    /// Converts the arguments to options of the engine.
     pub(crate) fn options(&self) -> LodOptions {
         let mut options = LodOptions::new(self.levels.levels(self.factor));
         options.simplify = self.engine.options(Stop::default());
-        // Distances to switch at are no better than the errors that they stand on.
+        // Switching distances are no more accurate than the errors that they are computed from.
         options.simplify.measure = Measure::Always;
         options.geomorph = self.geomorph;
         options
     }
 
-    /// What was asked for, by name.
+    /// Returns the target by name, for reports.
     pub(crate) fn target(&self) -> Value {
         self.levels.to_json(self.factor)
     }

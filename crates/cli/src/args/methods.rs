@@ -1,4 +1,4 @@
-//! What can be typed after `lodsmith methods`.
+//! Arguments of `lodsmith methods`.
 
 use std::path::PathBuf;
 
@@ -60,14 +60,14 @@ pub(crate) struct MethodsArgs {
 }
 
 impl MethodsArgs {
-    /// The methods to run, each once, in the order of lists.
+    /// Returns the methods to run, each once, in the order of lists.
     pub(crate) fn methods(&self) -> Vec<Method> {
         let is_wanted =
             |m: &Method| self.method.is_empty() || self.method.iter().any(|&c| Method::from(c) == *m);
         Method::ALL.into_iter().filter(is_wanted).collect()
     }
 
-    /// What the engine is told for one of them: the target, and the method's defaults.
+    /// Returns the engine's options for one method: the target, and the method's defaults.
     pub(crate) fn options(&self, method: Method) -> SimplifyOptions {
         let mut options = SimplifyOptions::new(self.target.stop());
         options.method = method;

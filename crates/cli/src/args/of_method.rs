@@ -1,4 +1,4 @@
-//! What only some methods know.
+//! Arguments that only some methods have.
 
 use clap::Args;
 use lodsmith::MethodOptions;
@@ -42,7 +42,7 @@ pub(super) struct OfMethod {
 }
 
 impl OfMethod {
-    /// What the library is told.
+    /// Converts the arguments to options of the library.
     pub(super) fn options(&self) -> MethodOptions {
         let length = |d: &Option<TypedLength>| d.as_ref().map(|d| d.length);
         let mut own = MethodOptions::default();

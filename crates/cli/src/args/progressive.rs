@@ -1,4 +1,4 @@
-//! What can be typed after `lodsmith progressive`.
+//! Arguments of `lodsmith progressive`.
 
 use clap::{Args, Subcommand};
 use lodsmith::{SimplifyOptions, Stop};
@@ -70,11 +70,11 @@ pub(crate) struct LpmBuildArgs {
 }
 
 impl LpmBuildArgs {
-    /// What the engine is told.
+    /// Converts the arguments to options of the engine.
     pub(crate) fn options(&self) -> SimplifyOptions {
         self.engine.options(self.target.stop())
     }
-    /// What the writer is told.
+    /// Converts the arguments to options of the writer.
     pub(crate) fn writing(&self) -> LpmOptions {
         let mut options = LpmOptions::default();
         options.bits = self.bits;
@@ -110,11 +110,11 @@ pub(crate) struct ExtractArgs {
 }
 
 impl ExtractArgs {
-    /// Where to stop on the way down.
+    /// Returns the stop of the level to extract.
     pub(crate) fn stop(&self) -> Stop {
         self.target.stop()
     }
-    /// What was asked for, by name.
+    /// Returns the target by name, for reports.
     pub(crate) fn target_json(&self) -> Value {
         self.target.to_json()
     }

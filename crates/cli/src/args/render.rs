@@ -1,4 +1,4 @@
-//! What can be typed after `lodsmith render`.
+//! Arguments of `lodsmith render`.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -251,7 +251,8 @@ fn light(text: &str) -> Result<Light, String> {
     let kind = match kind {
         "sun" => LightKind::Directional { to_light: at.into() },
         "point" => LightKind::Point { at: at.into() },
-        // Half of a cone of 50 degrees: it holds the model from a distance of two radii and a bit. (By eye.)
+        // Half of a cone of 50 degrees, which contains the model from a distance of a little over two radii.
+        // (By eye.)
         "spot" => LightKind::Spot { at: at.into(), toward: [0.0; 3].into(), half_angle_rad: 0.436 },
         _ => return Err(wanted()),
     };
@@ -259,7 +260,7 @@ fn light(text: &str) -> Result<Light, String> {
 }
 
 impl RenderArgs {
-    /// How many pictures there will be.
+    /// Returns the number of pictures.
     pub(crate) fn picture_count(&self) -> usize {
         match self.levels.len() {
             0 => self.inputs.len() + usize::from(self.compare.is_some()),
@@ -267,7 +268,7 @@ impl RenderArgs {
         }
     }
 
-    /// Pixels of each picture.
+    /// Returns the size of each picture, in pixels.
     pub(crate) fn size(&self) -> [usize; 2] {
         self.sheet.size.unwrap_or(if self.picture_count() > 1 { [480, 480] } else { [1200, 800] })
     }

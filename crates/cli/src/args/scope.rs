@@ -1,4 +1,5 @@
-//! What a target is for, what may go before it, and how far one goes for it.
+//! Arguments that define the scope of a target: small parts removed first, a target for each mesh,
+//! escalation.
 
 use clap::Args;
 use lodsmith::SimplifyOptions;
@@ -20,7 +21,7 @@ pub(super) struct Scope {
 }
 
 impl Scope {
-    /// Tells the engine.
+    /// Copies the arguments into the engine's options.
     pub(super) fn apply(&self, options: &mut SimplifyOptions) {
         options.prune = self.prune.as_ref().map(|d| d.length);
         options.per_mesh = self.per_mesh;

@@ -1,4 +1,4 @@
-//! What can be typed after `lodsmith simplify`.
+//! Arguments of `lodsmith simplify`.
 
 use std::path::PathBuf;
 
@@ -105,7 +105,7 @@ pub(crate) enum Normals {
 }
 
 impl SimplifyArgs {
-    /// Where the inputs go.
+    /// Returns where the results go.
     pub(crate) fn wanted(&self) -> Wanted<'_> {
         Wanted {
             inputs: &self.inputs,
@@ -120,7 +120,7 @@ impl SimplifyArgs {
         }
     }
 
-    /// What the engine is told.
+    /// Converts the arguments to options of the engine.
     pub(crate) fn options(&self) -> SimplifyOptions {
         let mut options = self.engine.options(self.target.stop());
         options.measure = if self.deviation.measure { Measure::Always } else { Measure::default() };
@@ -133,7 +133,7 @@ impl SimplifyArgs {
         options
     }
 
-    /// Whether a run comes to an end: by a target, or by what the method was told.
+    /// Returns true if the run has an end: a target, or an option that ends the method.
     pub(crate) fn has_end(&self) -> bool {
         let options = self.options();
         self.target.is_given() || options.of_method.ends(options.method)

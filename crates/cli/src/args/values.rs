@@ -1,4 +1,4 @@
-//! How typed values are read, and the ranges that they must keep.
+//! Parsers of argument values, with their permitted ranges.
 
 use std::fmt;
 use std::str::FromStr;
@@ -12,13 +12,13 @@ use super::engine::{AttributeName, Importance};
 /// A length as typed: `0.5` in the units of the file, `0.1%` of the diagonal.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct TypedLength {
-    /// For the engine.
+    /// Length for the engine.
     pub(crate) length: Length,
     typed: String,
 }
 
 impl TypedLength {
-    /// For reports: a bare number as a number, a share as it was typed.
+    /// Returns the value for reports: a bare number as a number, a share as it was typed.
     pub(crate) fn to_json(&self) -> serde_json::Value {
         match self.length {
             Length::Units(x) => x.into(),
@@ -56,7 +56,7 @@ impl FromStr for TypedLength {
     }
 }
 
-/// An attribute and its weight.
+/// Parses an attribute and its weight.
 pub(crate) fn weight(text: &str) -> Result<(AttributeName, f64), String> {
     let wanted = || {
         let names: Vec<_> = AttributeName::ALL.iter().map(|(name, _)| *name).collect();
@@ -68,10 +68,11 @@ pub(crate) fn weight(text: &str) -> Result<(AttributeName, f64), String> {
     if weight.is_finite() && weight >= 0.0 { Ok((found.1, weight)) } else { Err(wanted()) }
 }
 
-/// Triangles per area where an attribute is 1, as against where it is 0. (Guessed: half as long edges.)
+/// Default density of triangles where an attribute is 1, relative to where it is 0. (Guessed: half as long
+/// edges.)
 const STRENGTH: f32 = 4.0;
 
-/// An attribute that says what is important, and how much.
+/// Parses an attribute of importance and its strength.
 pub(crate) fn importance(text: &str) -> Result<Importance, String> {
     let (name, strength) = match text.rsplit_once('=') {
         None => (text, STRENGTH),
@@ -90,85 +91,85 @@ pub(crate) fn importance(text: &str) -> Result<Importance, String> {
     Ok(Importance { name: name.to_owned(), strength })
 }
 
-/// A length that is not zero.
+/// Parses a length that is not zero.
 pub(crate) fn some_length(text: &str) -> Result<TypedLength, String> {
     text.parse()
         .and_then(|l: TypedLength| if l.is_zero() { Err("it must be above 0".to_owned()) } else { Ok(l) })
 }
 
-/// A format by its name.
+/// Returns a parser of format names.
 pub(crate) fn format() -> impl TypedValueParser<Value = Format> {
     PossibleValuesParser::new(Format::ALL.map(Format::name))
         .map(|name| Format::from_name(&name).expect("the words are the names of formats"))
 }
 
-/// A format that a mesh is written in, by its name.
+/// Returns a parser of the names of formats that meshes can be written in.
 pub(crate) fn written_format() -> impl TypedValueParser<Value = Format> {
     PossibleValuesParser::new(Format::WRITTEN.map(Format::name))
         .map(|name| Format::from_name(&name).expect("the words are the names of formats"))
 }
 
-/// A fraction, as `0.1` or as `10%`: above 0, up to 1.
+/// Parses a fraction, as `0.1` or as `10%`: above 0, up to 1.
 pub(crate) fn ratio(text: &str) -> Result<f64, String> {
     fraction(text, |x| x > 0.0 && x <= 1.0, "it must be above 0 and not above 1 (100%)")
 }
 
-/// A finite number above 0.
+/// Parses a finite number above 0.
 pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0, "it must be above 0")
 }
 
-/// A finite number that is not below 0.
+/// Parses a finite number that is not negative.
 pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
     number(text, |x| x >= 0.0, "it must not be below 0")
 }
 
-/// A fraction, as `0.1` or as `10%`, that is not all of the whole.
+/// Parses a fraction, as `0.1` or as `10%`: above 0 and below 1.
 pub(crate) fn below_one(text: &str) -> Result<f64, String> {
     fraction(text, |x| x > 0.0 && x < 1.0, "it must be above 0 and below 1 (100%)")
 }
 
-/// A field of view: between 0 and 180 degrees.
+/// Parses a field of view: above 0 and below 180 degrees.
 pub(crate) fn view_deg(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0 && x < 180.0, "it must be above 0 and below 180 degrees")
 }
 
-/// A turn of a face: above 0, up to 180 degrees.
+/// Parses a rotation of a face: above 0, up to 180 degrees.
 pub(crate) fn turn_deg(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0 && x <= 180.0, "it must be above 0 and not above 180 degrees")
 }
 
-/// An angle at which two faces meet: above 0 and below 180 degrees.
+/// Parses an angle between two faces: above 0 and below 180 degrees.
 pub(crate) fn sharp_deg(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0 && x < 180.0, "it must be above 0 and below 180 degrees")
 }
 
-/// An angle between faces of one plane: 0 to 90 degrees.
+/// Parses an angle between faces of one plane: 0 to 90 degrees.
 pub(crate) fn angle_deg(text: &str) -> Result<f64, String> {
     number(text, |x| (0.0..90.0).contains(&x), "it must be from 0 to below 90 degrees")
 }
 
-/// A shape of a face: 0 to 1.
+/// Parses a quality of a face: 0 to 1.
 pub(crate) fn quality(text: &str) -> Result<f64, String> {
     number(text, |x| (0.0..=1.0).contains(&x), "it must be from 0 to 1")
 }
 
-/// Any finite number.
+/// Parses any finite number.
 pub(crate) fn finite(text: &str) -> Result<f64, String> {
     number(text, |_| true, "it must be finite")
 }
 
-/// Degrees above the horizon.
+/// Parses an angle above the horizon, in degrees.
 pub(crate) fn elevation_deg(text: &str) -> Result<f64, String> {
     number(text, |x| (-90.0..=90.0).contains(&x), "it must be from -90 to 90 degrees")
 }
 
-/// The angle of a lens.
+/// Parses a field of view of a camera, in degrees.
 pub(crate) fn fov_deg(text: &str) -> Result<f64, String> {
     number(text, |x| (1.0..=170.0).contains(&x), "it must be from 1 to 170 degrees")
 }
 
-/// Pixels across and down: `1200x800`.
+/// Parses a width and height in pixels: `1200x800`.
 pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
     let most = lodsmith_render::SIDE_MAX;
     let wanted = || format!("a size is WxH in pixels, such as 1200x800, up to {most} a side");
@@ -177,7 +178,7 @@ pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
     Ok([side(width)?, side(height)?])
 }
 
-/// A colour as `#rrggbb`, in sRGB from 0 to 1.
+/// Parses a colour as `#rrggbb`, in sRGB from 0 to 1.
 pub(crate) fn color(text: &str) -> Result<[f32; 3], String> {
     let wanted = || "a colour is #rrggbb, such as #cc9e66".to_owned();
     let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii()).ok_or_else(wanted)?;
@@ -185,7 +186,7 @@ pub(crate) fn color(text: &str) -> Result<[f32; 3], String> {
     Ok([byte(0)?, byte(1)?, byte(2)?].map(|b| f32::from(b) / 255.0))
 }
 
-/// Two numbers, the first the lower one: `0,0.5`.
+/// Parses two numbers, the lower one first: `0,0.5`.
 pub(crate) fn range(text: &str) -> Result<[f32; 2], String> {
     let wanted = || "a range is LOW,HIGH, such as 0,0.5".to_owned();
     let (low, high) = text.split_once(',').ok_or_else(wanted)?;
@@ -194,12 +195,12 @@ pub(crate) fn range(text: &str) -> Result<[f32; 2], String> {
     if low < high { Ok([low, high]) } else { Err(wanted()) }
 }
 
-/// Time in seconds; a year is as good as for ever.
+/// Parses a time in seconds; longer than a year counts as a year.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     above_zero(text).map(|s| s.min(365.0 * 86400.0))
 }
 
-/// Bytes: `2G`, `1.5GiB`, `512M`, `536870912`. Units are powers of 1024.
+/// Parses a number of bytes: `2G`, `1.5GiB`, `512M`, `536870912`. Units are powers of 1024.
 pub(crate) fn memory(text: &str) -> Result<u64, String> {
     let wanted = || "a size is a number of bytes, or one with K, M, G or T, such as 512M or 2G".to_owned();
     let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
@@ -218,12 +219,12 @@ pub(crate) fn memory(text: &str) -> Result<u64, String> {
     if bytes < least as f64 { Err(format!("it must be at least {}M", least >> 20)) } else { Ok(bytes as u64) }
 }
 
-/// A count of at least one.
+/// Parses a count of at least one.
 pub(crate) fn count(text: &str) -> Result<usize, String> {
     at_least(text, 1)
 }
 
-/// Edges at a vertex: below three there is no closed surface.
+/// Parses a valence: below three there is no closed surface.
 pub(crate) fn valence(text: &str) -> Result<usize, String> {
     at_least(text, 3)
 }

@@ -1,4 +1,4 @@
-//! Several inputs, one after the other or side by side, each with a result of its own.
+//! Processing of several inputs, in sequence or in parallel, each with a result of its own.
 
 use std::fs;
 
@@ -12,8 +12,8 @@ use crate::output::Output;
 use crate::plan::{self, Job, Wanted};
 use crate::progress::Progress;
 
-/// Works on every input, and shows the outcomes in the order of the inputs; `show` says which status each alone would end
-/// with.
+/// Processes every input and shows the outcomes in the order of the inputs; `show` returns the status that
+/// each alone would end with.
 pub(super) fn run<T: Send>(
     wanted: &Wanted<'_>,
     run: &Run,
@@ -43,7 +43,8 @@ pub(super) fn run<T: Send>(
     out.finish(status)
 }
 
-/// The status of two files together: an end from outside, then a failure, then a broken strictness.
+/// Returns the combined status of two files: an interrupt comes first, then a failure, then a violation of
+/// `--strict`.
 fn worse(a: Status, b: Status) -> Status {
     let rank =
         |s| [Status::Done, Status::Strict, Status::Failed, Status::Interrupted].iter().position(|x| *x == s);

@@ -1,4 +1,4 @@
-//! `lodsmith clean`: mends what is broken, writes, and says what was done.
+//! `lodsmith clean`: repairs meshes, writes them, and reports what was done.
 
 use std::time::Instant;
 
@@ -31,11 +31,11 @@ pub(super) fn run(args: &CleanArgs) -> anyhow::Result<Status> {
     )
 }
 
-/// What was done with one input.
+/// Outcome of one input.
 struct Done {
     input_format: Format,
     report: CleanReport,
-    /// The meshes of a scene that stayed one, by name.
+    /// For a scene that was written as a scene, its meshes by name.
     meshes: Vec<(String, CleanReport)>,
     warnings: Vec<Warning>,
     seconds: [(&'static str, f64); 3],
@@ -63,7 +63,7 @@ fn clean_one(job: &Job, args: &CleanArgs, progress: &Progress, turn: &Turn<'_>) 
     let names = ["read", "clean", "write"];
     let mut clock = Clock { seconds: names.map(|s| (s, 0.0)), since: Instant::now() };
     bar.read();
-    // A scene stays whole where both sides can hold one. To turn or scale it would take a change of its nodes.
+    // A scene is kept if both formats support one. Rotating or scaling it would need changes of its nodes.
     let whole = job.output.as_ref().filter(|(_, format)| {
         matches!(format, Format::Gltf | Format::Glb)
             && args.writing.scale.is_none()
@@ -103,7 +103,7 @@ fn clean_mesh(
     bar.write();
     orient(&mut cleaned, &args.writing);
     if let Some((sink, format)) = &job.output {
-        // Of two textures with one name, that of the earlier input keeps it.
+        // If two textures have one name, that of the earlier input keeps it.
         if *format == Format::Obj && !regions.libraries().is_empty() && !args.dry_run {
             turn.wait();
         }
@@ -122,7 +122,7 @@ fn clean_mesh(
     Ok(Done { input_format, report, meshes: Vec::new(), warnings, seconds: clock.seconds })
 }
 
-/// The same for each mesh of a scene by itself; the rest of it stays as it is.
+/// Cleans each mesh of a scene separately; the rest of the scene is not changed.
 fn clean_scene(
     mut scene: Scene,
     job: &Job,
@@ -174,7 +174,7 @@ fn clean_scene(
     Ok(Done { input_format, report, meshes, warnings, seconds: clock.seconds })
 }
 
-/// Options whose lengths are of the whole scene, for a mesh that is so many times larger there.
+/// Converts options with lengths in a scene to those of a mesh that is scaled by `scale` there.
 fn in_mesh(mut options: CleanOptions, diagonal: f64, scale: f64) -> CleanOptions {
     let scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
     let units = |length: Length| Length::Units(length.in_units(diagonal) / scale);
@@ -190,7 +190,7 @@ fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
     }
 }
 
-/// What the user should know of a clean-up.
+/// Returns the warnings of a clean-up.
 fn told(report: &CleanReport) -> impl Iterator<Item = Warning> {
     let left = &report.left;
     let edges = |n: usize| counted(n, "edge", "edges");
@@ -219,10 +219,10 @@ fn told(report: &CleanReport) -> impl Iterator<Item = Warning> {
     all.into_iter().filter(|x| x.0).map(|x| Warning::note(x.1))
 }
 
-/// A name and how often.
+/// A name and a count.
 type Count = (&'static str, usize);
 
-/// The counts of a report by name: what was done, then what is left.
+/// Returns the counts of a report by name: first the repairs, then the remaining defects.
 fn counts(r: &CleanReport) -> ([Count; 11], [Count; 6]) {
     let done = [
         ("welded_vertices", r.welded_vertices),
@@ -248,7 +248,7 @@ fn counts(r: &CleanReport) -> ([Count; 11], [Count; 6]) {
     (done, left)
 }
 
-/// Adds what was done with one mesh to what was done with others.
+/// Adds the counts of one mesh to those of others.
 fn add(sum: &mut CleanReport, r: &CleanReport) {
     let both = |a: &mut usize, b: usize| *a += b;
     both(&mut sum.input_faces, r.input_faces);
@@ -274,7 +274,7 @@ fn add(sum: &mut CleanReport, r: &CleanReport) {
     both(&mut sum.left.zero_area_faces, r.left.zero_area_faces);
 }
 
-/// Prints the outcome of one input; returns the status that it alone would end with.
+/// Prints the outcome of one input. Returns the status that it alone would end with.
 fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args: &CleanArgs) -> Status {
     let done = match outcome {
         Ok(done) => done,
@@ -298,7 +298,7 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
 }
 
 impl Done {
-    /// A line, and one for each step that did something.
+    /// Returns a summary line, and a line for each step that changed something.
     fn table(&self, path: &str) -> Vec<String> {
         let r = &self.report;
         let total = self.seconds.iter().map(|s| s.1).sum::<f64>();
@@ -326,7 +326,7 @@ impl Done {
         lines
     }
 
-    /// The report for programs.
+    /// Returns the report as JSON.
     fn to_json(&self, path: &str, job: &Job, args: &CleanArgs) -> Value {
         let r = &self.report;
         let (out_path, out_format) = match &job.output {
@@ -368,7 +368,7 @@ impl Done {
     }
 }
 
-/// Follows a clean-up: moves the bar, and ends it where the user does.
+/// Control of a clean-up: moves the progress bar, and cancels after an interrupt.
 struct Watch<'a> {
     bar: &'a FileProgress<'a>,
 }

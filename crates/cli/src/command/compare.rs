@@ -1,4 +1,4 @@
-//! `lodsmith compare`: how far one mesh lies from another.
+//! `lodsmith compare`: measures the distance between two meshes.
 
 mod views;
 
@@ -27,7 +27,7 @@ use crate::output::Output;
 use crate::progress::Progress;
 use crate::{memory, need, picture};
 
-/// Measures, and paints the heat map if asked.
+/// Measures, and writes the heat map if asked for.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     file::at_most_one_stdin([&args.reference, &args.candidate])?;
     if let Some(path) = &args.heatmap {
@@ -142,7 +142,7 @@ fn to_json(c: &Comparison, attributes: &AttributeErrors, warnings: &[String]) ->
     })
 }
 
-/// The attributes that were compared: name, unit, errors.
+/// Returns the attributes that were compared: name, unit, errors.
 fn named(errors: &AttributeErrors) -> Vec<(&'static str, &'static str, AttributeError)> {
     let all = [
         ("vertex normals", "°", errors.normals_deg),
@@ -164,7 +164,7 @@ fn attributes_json(errors: &AttributeErrors) -> Value {
     all.into_iter().filter_map(|(name, e)| Some((name.to_owned(), json(e?)))).collect::<Map<_, _>>().into()
 }
 
-/// The figures for people.
+/// Returns the figures as a table.
 fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> {
     let figure = |x: f64| significant(x, 4);
     let percent =
@@ -199,9 +199,10 @@ fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> 
     lines
 }
 
-/// The distance of every vertex of the reference to the candidate, and the one that is red.
+/// Returns the distance of every vertex of the reference from the candidate, and the distance that is shown
+/// in red.
 fn distances(reference: &TriMesh, candidate: &TriMesh) -> (Vec<f64>, f64) {
-    // Enough that neighbours share a hint, few enough that threads share the work.
+    // Large enough for neighbours to share a hint, small enough for threads to share the work.
     const BLOCK: usize = 1024;
     let tree = Bvh::new(&candidate.surface());
     let surface = reference.surface();
@@ -215,12 +216,12 @@ fn distances(reference: &TriMesh, candidate: &TriMesh) -> (Vec<f64>, f64) {
         }
     });
     let largest = distances.iter().fold(0f64, |m, &d| m.max(d));
-    // Below this all is noise of the arithmetic, and one colour.
+    // Smaller distances are rounding errors and get one colour.
     let noise = 1e-9 * positions.bounds().map_or(0.0, |b| b.diagonal());
     (distances, largest.max(noise))
 }
 
-/// The reference with these distances as its colours.
+/// Returns the reference coloured by these distances.
 fn heatmap(reference: &TriMesh, distances: &[f64], red: f64) -> anyhow::Result<TriMesh> {
     let part = |d: f64| if red > 0.0 { d / red } else { 0.0 };
     let mut map = TriMesh::new(reference.positions().clone(), reference.surface().triangles().to_vec())?;
@@ -228,7 +229,7 @@ fn heatmap(reference: &TriMesh, distances: &[f64], red: f64) -> anyhow::Result<T
     Ok(map)
 }
 
-/// A picture of the reference with these distances as its colours, and what they mean.
+/// Renders the reference coloured by these distances, with a legend.
 fn heat_picture(reference: &TriMesh, distances: Vec<f64>, red: f64) -> anyhow::Result<Image> {
     let values = distances.into_iter().map(|d| d as f32).collect();
     let subject = Subject::of_mesh(reference.clone())?.with_values(vec![values])?;
@@ -242,13 +243,13 @@ fn heat_picture(reference: &TriMesh, distances: Vec<f64>, red: f64) -> anyhow::R
     Ok(sheet(&[panel], 1, Background::default(), Some(&Legend { map, range, title })))
 }
 
-/// Pixels of a heat map, as of other pictures.
+/// Size of a heat map, in pixels, as of other pictures.
 const HEAT_SIZE: [usize; 2] = [1200, 800];
 
-/// Blue, cyan, green, yellow, red for 0 to 1.
+/// Returns the colour for a value from 0 to 1: blue, cyan, green, yellow, red.
 fn heat(part: f64) -> [f32; 4] {
     let x = 4.0 * part.clamp(0.0, 1.0);
-    // Each colour is a plateau with a slope on either side.
+    // Each colour component is a trapezoid.
     let plateau = |centre: f64| (2.0 - (x - centre).abs()).clamp(0.0, 1.0) as f32;
     [plateau(4.0), plateau(2.0), plateau(0.0), 1.0]
 }

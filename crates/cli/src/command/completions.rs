@@ -1,4 +1,4 @@
-//! `lodsmith completions`: what a shell needs.
+//! `lodsmith completions`: prints completion scripts of shells.
 
 use clap::CommandFactory as _;
 use clap_complete::Shell;
@@ -7,7 +7,7 @@ use super::man::print_page;
 use crate::args::Cli;
 use crate::exit::Status;
 
-/// Prints the script of a shell.
+/// Prints the completion script of a shell.
 pub(super) fn run(shell: Shell) -> anyhow::Result<Status> {
     let mut page = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "lodsmith", &mut page);

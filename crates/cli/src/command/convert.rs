@@ -1,4 +1,4 @@
-//! `lodsmith convert`: another format, losing nothing that fits.
+//! `lodsmith convert`: converts to another format without loss where the format permits.
 
 use std::time::Instant;
 
@@ -15,7 +15,7 @@ use crate::orient::orient;
 use crate::output::Output;
 use crate::progress::Progress;
 
-/// Reads, turns if asked, writes.
+/// Reads, rotates or scales if asked for, and writes.
 pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
     let writing = &args.writing;
     let format = file::format_of(&args.output, writing.to)?;
@@ -25,7 +25,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
     let begin = Instant::now();
-    // A scene stays whole where both sides can hold one. To turn or scale it would take a change of its nodes.
+    // A scene is kept if both formats support one. Rotating or scaling it would need changes of its nodes.
     let is_whole =
         matches!(format, Format::Gltf | Format::Glb) && writing.scale.is_none() && writing.up.is_none();
     let converted = in_order::pool(args.run.threads())?.install(|| {

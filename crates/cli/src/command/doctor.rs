@@ -1,4 +1,4 @@
-//! `lodsmith doctor`: versions, adapters, the display, and what is missing.
+//! `lodsmith doctor`: reports versions, adapters, the display and missing libraries.
 
 use serde_json::{Value, json};
 
@@ -7,7 +7,7 @@ use crate::exit::Status;
 use crate::in_order::available_threads;
 use crate::output::Output;
 
-/// Looks at the machine, and says what was found.
+/// Checks the system and prints the findings.
 pub(super) fn run(args: &DoctorArgs) -> anyhow::Result<Status> {
     let findings = Findings { threads: available_threads(), window: Window::look() };
     let out = Output::plain();
@@ -20,35 +20,35 @@ pub(super) fn run(args: &DoctorArgs) -> anyhow::Result<Status> {
     out.finish(if is_whole { Status::Done } else { Status::Failed })
 }
 
-/// What was found.
+/// Findings of all checks.
 struct Findings {
     threads: usize,
-    /// `None` where the window was not built in.
+    /// `None` if built without the window.
     window: Option<Window>,
 }
 
-/// What a window needs.
+/// Requirements of a window.
 struct Window {
-    /// The display server, or why no window can be opened.
+    /// The display server, or the reason why no window can be opened.
     display: Result<String, Missing>,
     adapters: Vec<Adapter>,
 }
 
-/// Something that draws.
+/// A graphics adapter.
 struct Adapter {
     name: String,
     backend: String,
     driver: String,
     is_software: bool,
-    /// Why it cannot.
+    /// The reason why it cannot be used, if any.
     fault: Option<String>,
 }
 
-/// What is missing, and what brings it.
+/// A missing component and how to install it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Missing {
     what: String,
-    /// What to do, for people.
+    /// Advice for the user.
     hint: &'static str,
     /// Packages of Debian and Ubuntu.
     debian: &'static [&'static str],
@@ -101,7 +101,7 @@ impl Window {
         missing
     }
 
-    /// Whether all that draws is the processor.
+    /// Returns true if all adapters are software renderers.
     fn is_slow(&self) -> bool {
         let mut usable = self.adapters.iter().filter(|a| a.fault.is_none()).peekable();
         usable.peek().is_some() && usable.all(|a| a.is_software)
@@ -162,7 +162,7 @@ impl Findings {
         })
     }
 
-    /// A table for people.
+    /// Returns the findings as a table.
     fn lines(&self) -> Vec<String> {
         let row = |name: &str, value: String| format!("  {name:<17}{value}");
         let mut lines = vec![

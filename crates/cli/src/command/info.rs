@@ -1,4 +1,4 @@
-//! `lodsmith info`: what is in a file, and what is wrong with it.
+//! `lodsmith info`: reports the content and the defects of a file.
 
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ use crate::output::Output;
 use crate::progress::Progress;
 use crate::{memory, need};
 
-/// Looks into every input.
+/// Inspects every input.
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
     file::at_most_one_stdin(&args.inputs)?;
     let out = Output::new(&args.run, args.json, false);
@@ -50,7 +50,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
     out.finish(status)
 }
 
-/// What is known of one file.
+/// Facts about one file.
 struct Facts {
     loaded: Loaded,
     places: usize,
@@ -100,7 +100,7 @@ fn look(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Result
     })
 }
 
-/// Faces on the same three places as one before, whichever way they go.
+/// Returns the number of faces on the same three positions as an earlier one, in either winding.
 fn duplicate_faces(surface: &Surface<'_>, place_of: &[VertexId]) -> usize {
     let sorted = |t: &[VertexId; 3]| {
         let mut t = t.map(|v| place_of[v.index()]);
@@ -154,7 +154,7 @@ impl Facts {
         })
     }
 
-    /// A table for people; defects that are not there are left out.
+    /// Returns a table; defects with count 0 are left out.
     fn table(&self, path: &str) -> Vec<String> {
         let (t, c) = (&self.topology, &self.loaded.contents);
         let mut lines = vec![format!("{path}")];
@@ -234,7 +234,7 @@ mod tests {
         let mut positions = vec![[0f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         positions.extend(positions.clone());
         let face = |a, b, c| [VertexId(a), VertexId(b), VertexId(c)];
-        // The last one is no face at all after welding.
+        // The last one is degenerate after welding.
         let faces = vec![face(0, 1, 2), face(5, 4, 3), face(1, 2, 3), face(0, 3, 1)];
         let mesh = TriMesh::new(Positions::F32(positions), faces).unwrap();
         let surface = mesh.surface();

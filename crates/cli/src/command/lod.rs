@@ -1,4 +1,4 @@
-//! `lodsmith lod`: reads, makes a chain of levels, writes them, and says how it went.
+//! `lodsmith lod`: reads, makes a chain of levels, writes them, and reports the result.
 
 mod files;
 mod told;
@@ -44,7 +44,7 @@ pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
     out.finish(status)
 }
 
-/// What was done.
+/// Result of a run.
 struct Made {
     format: Format,
     /// Faces and vertices of level 0.
@@ -55,7 +55,7 @@ struct Made {
     clock: Clock,
 }
 
-/// What there is to say of a level below the original.
+/// Report data of a level below the original.
 struct Level {
     report: Report,
     meshes: Vec<(String, MeshCounts)>,
@@ -70,7 +70,7 @@ fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<M
     bar.read();
     clock.enter("read");
     let properties = care::properties(&args.engine.how);
-    // To turn or scale a scene it would take a change of its nodes.
+    // Rotating or scaling a scene would need changes of its nodes.
     let is_plain = args.writing.scale.is_none() && args.writing.up.is_none();
     let input = if plan.makes_scenes() && is_plain {
         file::read_scene(&args.input, &args.reading, properties)?
@@ -88,7 +88,7 @@ fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<M
     Ok(made)
 }
 
-/// Levels of a mesh, each in a file of its own.
+/// Makes the levels of a mesh, each in a file of its own.
 fn of_mesh(loaded: Loaded, args: &LodArgs, plan: &Plan, watch: &mut Watch<'_>) -> anyhow::Result<Made> {
     let mut options = args.options();
     care::of_mesh(&args.engine.how, &loaded, &mut options.simplify)?;
@@ -97,7 +97,7 @@ fn of_mesh(loaded: Loaded, args: &LodArgs, plan: &Plan, watch: &mut Watch<'_>) -
     let is_kept =
         plan.format() == Some(Format::Obj) && args.writing.textures != crate::args::TexturesChoice::None;
     if matches!(from, Format::Gltf | Format::Glb) && !is_kept {
-        // Where materials do not go along, their borders are in nobody's way.
+        // If materials are not written, their borders need not be preserved.
         mesh.set_regions(None)?;
     }
     if args.engine.is_per_mesh() && contents.meshes > 1 {
@@ -130,7 +130,8 @@ fn of_mesh(loaded: Loaded, args: &LodArgs, plan: &Plan, watch: &mut Watch<'_>) -
     Ok(Made { format: from, counts, levels: told, diagonal, warnings, clock: Clock::new() })
 }
 
-/// The same of a mesh that becomes a glTF scene: what is locked and important follows its vertices.
+/// Makes the levels of a mesh that becomes a glTF scene: locks and importance are mapped to the vertices of
+/// the scene.
 fn of_mesh_as_scene(
     loaded: Loaded,
     args: &LodArgs,
@@ -159,14 +160,14 @@ fn of_mesh_as_scene(
     Ok(made)
 }
 
-/// What is asked for of the vertices of a scene's only mesh.
+/// Locks and importance of the vertices of a scene's only mesh.
 #[derive(Default)]
 struct Cared {
     locked: Option<Arc<[bool]>>,
     importance: Option<Arc<[f32]>>,
 }
 
-/// Levels of a scene: in one file, or each in one.
+/// Makes the levels of a scene: all in one file, or one file each.
 fn of_scene(
     mut scene: Scene,
     args: &LodArgs,
@@ -211,7 +212,7 @@ fn of_scene(
             if let Some(geomorphs) = &geomorphs {
                 files::carry(&mut mesh, &geomorphs[k], |p| p)?;
             }
-            // What had no faces to begin with stays as it is.
+            // A mesh without faces in the input is not changed.
             own[i] = (meshes[i].mesh.face_count() > 0).then_some(mesh);
         }
         replaced.push(own);

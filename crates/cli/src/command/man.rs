@@ -1,4 +1,4 @@
-//! `lodsmith man`: manual pages for package makers.
+//! `lodsmith man`: prints manual pages, for package maintainers.
 
 use clap::CommandFactory as _;
 use clap_mangen::Man;
@@ -7,13 +7,13 @@ use crate::args::Cli;
 use crate::exit::{Status, usage};
 use crate::output::Output;
 
-/// Prints the page of a command, or the one that lists them all.
+/// Prints the page of a command, or the overview.
 pub(super) fn run(command: Option<&str>) -> anyhow::Result<Status> {
     let mut whole = Cli::command();
     whole.build();
     let page_of = match command {
         None => whole,
-        // Building has given it its full name, such as `lodsmith-simplify`.
+        // `build` has set its full name, such as `lodsmith-simplify`.
         Some(name) => {
             let found = name.split(' ').try_fold(&whole, |command, word| command.find_subcommand(word));
             found.cloned().ok_or_else(|| usage(format!("there is no command {name}")))?
@@ -24,7 +24,7 @@ pub(super) fn run(command: Option<&str>) -> anyhow::Result<Status> {
     print_page(&page)
 }
 
-/// Prints a finished page.
+/// Prints a page.
 pub(super) fn print_page(page: &[u8]) -> anyhow::Result<Status> {
     let out = Output::plain();
     out.result(&String::from_utf8_lossy(page));

@@ -1,4 +1,4 @@
-//! `lodsmith methods`: every method on one model, and what each makes of it.
+//! `lodsmith methods`: runs every method on one model and compares the results.
 
 use std::fs;
 use std::time::{Duration, Instant};
@@ -27,7 +27,7 @@ use crate::validity::Validity;
 use crate::watch::{Clock, Watch, not_interrupted};
 use crate::{memory, need, picture};
 
-/// Runs them all, one after the other, and prints the table.
+/// Runs all methods in sequence and prints the table.
 pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
     let methods = args.methods();
     let needs_target = |m: &&Method| !args.options(**m).of_method.ends(**m);
@@ -83,16 +83,16 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
     out.finish(status)
 }
 
-/// Each method, and where its result goes.
+/// Each method and the output of its result.
 type Jobs = Vec<(Method, Option<(Sink, Format)>)>;
 
-/// A model, and what all methods made of it.
+/// A model and the results of all methods.
 struct Tried {
     format: Format,
     warnings: Vec<Warning>,
     model: Model,
     rows: Vec<Row>,
-    /// The input and each result as a picture, where a sheet is wanted.
+    /// Pictures of the input and of each result, if a sheet is asked for.
     panels: Vec<Panel>,
 }
 
@@ -141,7 +141,7 @@ fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> a
     Ok(Tried { format, warnings, model, rows, panels })
 }
 
-/// Where the result of a method goes, if anywhere.
+/// Returns the output for the result of a method, if any.
 fn sink(args: &MethodsArgs, method: Method) -> anyhow::Result<Option<(Sink, Format)>> {
     let template = format!("{{stem}}_{}.{{ext}}", method.name());
     let jobs = plan::jobs(&Wanted {
@@ -170,27 +170,27 @@ fn write(
     file::write(&mesh, sink, format, &options)
 }
 
-/// The input, ready to be simplified and measured against many times.
+/// The input, prepared for repeated runs and measurements.
 struct Model {
     mesh: TriMesh,
-    /// `None` where there is nothing to measure.
+    /// `None` if the input has no face to measure from.
     reference: Option<Prepared>,
     validity: Validity,
     compare: CompareOptions,
 }
 
-/// What a method made.
+/// Result of a method.
 struct Made {
     mesh: TriMesh,
     report: Report,
     clock: Clock,
 }
 
-/// What there is to say of it. The mesh may go.
+/// Figures of a result, without its mesh.
 struct Judged {
     report: Report,
     clock: Clock,
-    /// `None` where no face is left.
+    /// `None` if no face is left.
     measured: Option<Comparison>,
     validity: Validity,
     carried: Carried,
@@ -201,14 +201,14 @@ struct Judged {
 struct Row {
     method: Method,
     sink: Option<(Sink, Format)>,
-    /// Or why there is none.
+    /// The figures, or the reason why there are none.
     outcome: Result<Judged, String>,
 }
 
 impl Model {
     fn new(mesh: TriMesh, args: &MethodsArgs) -> Self {
         let surface = mesh.surface();
-        // As the engine works on it: faces without extent or place do not count.
+        // As the engine does: faces without area or with invalid positions do not count.
         let cleaned = clean_surface(&surface, None);
         let reference = Surface::with_triangles(surface.positions(), cleaned.triangles)
             .ok()
@@ -243,12 +243,12 @@ impl Model {
     }
 }
 
-/// What of the input stands on the result.
+/// Attributes of the input that the result has.
 #[derive(Debug, PartialEq, Eq)]
 struct Carried {
     kept: Vec<&'static str>,
     dropped: Vec<&'static str>,
-    /// Regions of the input and of the result, where the input has any.
+    /// Numbers of regions of input and result, if the input has any.
     regions: Option<(usize, usize)>,
 }
 
@@ -267,7 +267,7 @@ impl Carried {
         }));
         for (name, _, is_kept) in all.into_iter().filter(|x| x.1) {
             let list = if is_kept { &mut carried.kept } else { &mut carried.dropped };
-            // Several sets of joints are one word.
+            // Several sets of joints are listed once.
             if !list.contains(&name) {
                 list.push(name);
             }
@@ -276,7 +276,7 @@ impl Carried {
         carried
     }
 
-    /// In words; nothing where the input has nothing.
+    /// Returns the attributes in words; empty if the input has none.
     fn line(&self) -> String {
         let mut words = self.kept.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
         words.extend(self.regions.map(|(was, is)| format!("{is} of {was} regions")));
@@ -293,7 +293,7 @@ fn region_count(mesh: &TriMesh) -> usize {
 }
 
 impl Tried {
-    /// The table for people.
+    /// Returns the table.
     fn table(&self, path: &str) -> Vec<String> {
         let mut cells = vec![HEAD.map(str::to_owned)];
         let mut failed = Vec::new();
@@ -307,7 +307,7 @@ impl Tried {
         let widths: Vec<usize> = (0..HEAD.len()).map(width).collect();
         let line = |row: &[String; HEAD.len()]| {
             let cell = |(k, text): (usize, &String)| match k {
-                // Numbers stand below each other.
+                // Numbers are right-aligned.
                 1..=6 => format!("{text:>0$}", widths[k]),
                 _ => format!("{text:<0$}", widths[k]),
             };
@@ -320,9 +320,9 @@ impl Tried {
         lines
     }
 
-    /// All results side by side.
+    /// Returns all results side by side.
     fn sheet(&self) -> Image {
-        // The input and ten methods: three rows of four leave one place free.
+        // The input and ten methods: three rows of four, with one place left.
         sheet(&self.panels, 4, Background::default(), None)
     }
 
@@ -344,11 +344,11 @@ impl Tried {
     }
 }
 
-/// What the columns of the table are called.
+/// Column headings of the table.
 const HEAD: [&str; 10] =
     ["method", "faces", "", "time", "mean %", "rms %", "max %", "ended by", "new defects", "carries"];
 
-/// Numbers by name.
+/// Returns a JSON object of numbers by name.
 fn object<N: Into<Value>>(pairs: impl IntoIterator<Item = (&'static str, N)>) -> Value {
     let pairs = pairs.into_iter().map(|(name, n)| (name.to_owned(), n.into()));
     Value::Object(pairs.collect())
@@ -387,7 +387,7 @@ impl Judged {
         ]
     }
 
-    /// What stands below its picture.
+    /// Returns the caption below a picture.
     fn caption(&self, method: Method) -> Vec<String> {
         let largest = match &self.measured {
             Some(m) if m.diagonal > 0.0 => {
@@ -399,7 +399,7 @@ impl Judged {
         vec![method.name().to_owned(), faces, largest]
     }
 
-    /// What `-v` adds: times by stage, and what was refused.
+    /// Returns the details for `-v`: times by stage, and refusals.
     fn detail(&self) -> String {
         let times = self.clock.stages.iter().filter(|(name, _)| *name != "read");
         let mut words: Vec<_> = times.map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
@@ -410,7 +410,7 @@ impl Judged {
         words.join(", ")
     }
 
-    /// What is worse than in the input, in words.
+    /// Returns the defects that are more than in the input, in words.
     fn defects(&self, model: &Model) -> String {
         let risen = self.validity.risen_from(&model.validity).filter(|r| r.1 > 0);
         let mut words: Vec<_> =

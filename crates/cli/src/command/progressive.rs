@@ -1,4 +1,4 @@
-//! `lodsmith progressive`: meshes that run between all levels, in one file.
+//! `lodsmith progressive`: writes and reads files with all levels of a mesh.
 
 use std::time::Instant;
 
@@ -21,7 +21,7 @@ use crate::progress::Progress;
 use crate::watch::{Clock, Watch, not_interrupted};
 use crate::{care, in_order, memory, need};
 
-/// Does what was typed behind it.
+/// Runs the subcommand.
 pub(super) fn run(action: &args::Progressive) -> anyhow::Result<Status> {
     match action {
         args::Progressive::Build(args) => build(args),
@@ -188,7 +188,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
     out.finish(if is_fault { Status::Strict } else { Status::Done })
 }
 
-/// Goes down to the first level that meets one of the targets; `false` if there is none.
+/// Goes down to the first level that meets one of the targets. Returns `false` if there is none.
 fn go_to(
     road: &mut Progressive,
     args: &ExtractArgs,
@@ -259,7 +259,7 @@ fn info(args: &LpmInfoArgs) -> anyhow::Result<Status> {
     out.finish(Status::Done)
 }
 
-/// Faces and vertices of the base and of the finest level, holes included.
+/// Returns faces and vertices of the base and of the finest level, including holes.
 fn ends(splits: &Splits) -> ([usize; 2], [usize; 2]) {
     let of = |level: usize| {
         let counts = splits.counts[level];
@@ -283,7 +283,7 @@ fn bytes_text(splits: &Splits, sizes: &LpmSizes) -> String {
     )
 }
 
-/// What reports say of a file.
+/// Returns the description of a file for reports.
 fn about(splits: &Splits, sizes: &LpmSizes, bits: Option<u8>) -> Value {
     let (base, full) = ends(splits);
     let checkpoint = |c: &lodsmith::core::splits::Checkpoint| {

@@ -1,4 +1,4 @@
-//! `lodsmith render`: a picture without a window.
+//! `lodsmith render`: renders a picture without a window.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -28,7 +28,7 @@ use crate::progress::Progress;
 use crate::watch::{Clock, Watch, not_interrupted};
 use crate::{memory, need};
 
-/// Reads, draws, writes.
+/// Reads, renders and writes.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
     file::at_most_one_stdin(args.inputs.iter().chain(&args.compare))?;
     let format = picture::format_of(&args.output)?;
@@ -91,7 +91,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
     out.finish(Status::Done)
 }
 
-/// What is to be drawn, read and ready.
+/// The picture to render, with all inputs read.
 struct Drawing<'a> {
     args: &'a RenderArgs,
     items: Vec<Item>,
@@ -100,24 +100,24 @@ struct Drawing<'a> {
     warnings: Vec<(String, Vec<Warning>)>,
 }
 
-/// One picture to be.
+/// One item of the picture.
 struct Item {
     path: String,
     model: Model,
-    /// What it was read from; nothing for a level.
+    /// File of the item; `None` for a level.
     source: Option<ModelSource>,
     /// The target count of a level.
     level: Option<usize>,
-    /// Which item it is a level of, or compared with.
+    /// Index of the item that it is a level of, or compared with.
     reference: Option<usize>,
     /// Distance of each vertex of each mesh from the reference.
     distances: Option<Vec<Vec<f32>>>,
-    /// Diagonal of the box round it, where distances are asked for.
+    /// Diagonal of the reference's bounding box, if distances are needed.
     diagonal: f64,
     moment: Option<Moment>,
 }
 
-/// Moments of an animation that the camera is placed by.
+/// Number of moments of an animation that the camera is fitted to.
 const MOMENTS: usize = 17;
 
 /// A moment of an animation.
@@ -128,7 +128,7 @@ struct Moment {
 }
 
 impl Moment {
-    /// The one that is asked for; `None` at rest.
+    /// Returns the moment asked for; `None` at rest.
     fn of(args: &MomentArgs, model: &Model) -> anyhow::Result<Option<Self>> {
         if args.clip.is_none() && args.time.is_none() {
             return Ok(None);
@@ -157,7 +157,7 @@ impl Moment {
     }
 }
 
-/// What was drawn.
+/// Result of rendering.
 struct Drawn {
     picture: Image,
     rows: Vec<Row>,
@@ -165,14 +165,14 @@ struct Drawn {
     warnings: Vec<(String, Vec<Warning>)>,
 }
 
-/// What there is to say of one picture.
+/// Report data of one item.
 struct Row {
     path: String,
     faces: usize,
     level: Option<usize>,
     largest: Option<f64>,
     shading: Shading,
-    /// The animation and its moment.
+    /// The animation and its time.
     moment: Option<(String, f64)>,
     seconds: f64,
 }
@@ -249,7 +249,7 @@ impl<'a> Drawing<'a> {
         Ok(drawing)
     }
 
-    /// Whether distances are wanted.
+    /// Returns true if distances are needed.
     fn is_measured(args: &RenderArgs) -> bool {
         args.look.shading == Some(Shading::Heat) || !args.levels.is_empty()
     }
@@ -269,7 +269,7 @@ impl<'a> Drawing<'a> {
         Ok(())
     }
 
-    /// How far vertices lie from what they are compared with: for heat, and for captions.
+    /// Computes the distances of vertices from their reference, for heat maps and captions.
     fn measure(&mut self) -> anyhow::Result<()> {
         if !Self::is_measured(self.args) {
             return Ok(());
@@ -279,7 +279,7 @@ impl<'a> Drawing<'a> {
             let distances = if of == i {
                 let bounds = whole(&self.items[i].model)?.positions().view().bounds();
                 self.items[i].diagonal = bounds.map_or(0.0, |b| b.diagonal());
-                // From itself it is nowhere far.
+                // The distance from itself is 0.
                 self.items[i].model.meshes.iter().map(|m| vec![0.0; m.mesh.vertex_count()]).collect()
             } else {
                 let reference = Prepared::new(&whole(&self.items[of].model)?.surface())
@@ -291,7 +291,7 @@ impl<'a> Drawing<'a> {
         Ok(())
     }
 
-    /// Refuses pictures that would take more memory than there may be.
+    /// Returns an error if the pictures would need more memory than the limit.
     fn check(&self) -> anyhow::Result<()> {
         let meshes = self.items.iter().flat_map(|item| &item.model.meshes).map(|m| &*m.mesh);
         let occlusion = self.args.look.occlusion;
@@ -320,7 +320,7 @@ impl<'a> Drawing<'a> {
             if let Some(distances) = item.distances.as_ref().filter(|_| shading == Shading::Heat) {
                 subject = subject.with_values(distances.clone())?;
             }
-            // What is compared is seen from the same place.
+            // Items that are compared have the same camera.
             let camera = match item.reference {
                 Some(of) => cameras[of],
                 None => self.camera(&subject, item),
@@ -371,20 +371,20 @@ impl<'a> Drawing<'a> {
         self.args.look.shading.unwrap_or(usual)
     }
 
-    /// The values at the ends of the colours: those asked for, or from 0 to the largest of all.
+    /// Returns the values at the ends of the colour scale: those asked for, or 0 and the largest of all.
     fn range(&self) -> [f32; 2] {
         let all = self.items.iter().filter_map(|item| item.distances.as_ref().map(|d| largest(d)));
         self.args.look.range.unwrap_or_else(|| [0.0, all.fold(0f64, f64::max) as f32])
     }
 
-    /// Two lines: how many faces; which file, or how far it lies from the original.
+    /// Returns two lines: the number of faces; then the file, or the distance from the original.
     fn caption(&self, item: &Item, row: &Row) -> Vec<String> {
         let faces = format!("{} {}", grouped(row.faces), if row.faces == 1 { "face" } else { "faces" });
         let name = item.path.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
         let diagonal = item.reference.map(|of| self.items[of].diagonal);
         let below = match (item.level, row.largest, diagonal) {
             (Some(_), Some(largest), Some(diagonal)) if diagonal > 0.0 => {
-                // Less than single precision tells apart is nothing.
+                // Below the resolution of single precision it counts as 0.
                 let part = Some(largest / diagonal).filter(|part| *part >= 1e-7).unwrap_or(0.0);
                 format!("max {} %", short(100.0 * part))
             }
@@ -396,7 +396,8 @@ impl<'a> Drawing<'a> {
         vec![faces, below]
     }
 
-    /// The camera that was asked for, so far away that all is seen; several moments of a clip from the same place.
+    /// Returns the camera asked for, at a distance that shows everything; it is the same for all moments of a
+    /// clip.
     fn camera(&self, subject: &Subject, item: &Item) -> Camera {
         let [width, height] = self.args.size();
         let clip = item.moment.as_ref().map(|m| item.model.bounds_over(m.clip, MOMENTS));
@@ -407,7 +408,7 @@ impl<'a> Drawing<'a> {
         if clip.is_some() {
             return camera;
         }
-        // A shadow lies beside what throws it.
+        // Leave space for the shadow, which lies beside the model.
         let has_floor = self.args.look.shadow || self.args.look.grid;
         subject.framed(camera, aspect, if has_floor { 2.0 * MARGIN } else { MARGIN })
     }
@@ -441,7 +442,7 @@ impl<'a> Drawing<'a> {
     }
 }
 
-/// The model with fewer faces, its materials and places as they are.
+/// Returns the model with fewer faces; materials and placements are not changed.
 fn lighter(item: &Item, options: &SimplifyOptions, watch: &mut Watch<'_>) -> anyhow::Result<Model> {
     let model = &item.model;
     let mut meshes: Vec<Arc<TriMesh>> = model.meshes.iter().map(|m| m.mesh.clone()).collect();
@@ -466,7 +467,7 @@ fn lighter(item: &Item, options: &SimplifyOptions, watch: &mut Watch<'_>) -> any
     Ok(model.with_meshes(meshes))
 }
 
-/// A mesh where it stands, without anything but its shape.
+/// Returns a mesh at its placement, positions and faces alone.
 fn placed(model: &Model, instance: &Instance) -> anyhow::Result<TriMesh> {
     let mesh = &model.meshes[instance.mesh].mesh;
     let faces = mesh.surface().triangles().to_vec();
@@ -477,7 +478,7 @@ fn placed(model: &Model, instance: &Instance) -> anyhow::Result<TriMesh> {
     Ok(TriMesh::new(Positions::F64(mesh.positions().view().iter().map(place).collect()), faces)?)
 }
 
-/// All that stands anywhere as one mesh.
+/// Returns all instances as one mesh.
 fn whole(model: &Model) -> anyhow::Result<TriMesh> {
     let instances = model.instances(&Pose::default());
     if let [one] = &instances[..] {
@@ -493,7 +494,8 @@ fn whole(model: &Model) -> anyhow::Result<TriMesh> {
     Ok(TriMesh::new(Positions::F64(positions), faces)?)
 }
 
-/// How far each vertex of each mesh lies from the reference; of one that stands in several places, where that is farthest.
+/// Returns the distance of each vertex of each mesh from the reference; for a mesh with several instances the
+/// largest one.
 fn distances_to(reference: &Prepared, model: &Model) -> anyhow::Result<Vec<Vec<f32>>> {
     let mut all: Vec<Vec<f32>> = model.meshes.iter().map(|m| vec![0.0; m.mesh.vertex_count()]).collect();
     for instance in model.instances(&Pose::default()) {
@@ -504,7 +506,7 @@ fn distances_to(reference: &Prepared, model: &Model) -> anyhow::Result<Vec<Vec<f
     Ok(all)
 }
 
-/// Turns a model whose z is up.
+/// Rotates a model whose z axis points up.
 fn turn(model: &mut Model) {
     let (rotation, children) = (DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2), model.roots.clone());
     let transform = Transform::Parts { translation: DVec3::ZERO, rotation, scale: DVec3::ONE };
@@ -513,7 +515,8 @@ fn turn(model: &mut Model) {
 }
 
 fn lights(look: &LookArgs) -> Vec<Light> {
-    // Near lights fade with the square of the distance, which is in radii: as strong as asked at one radius from the centre.
+    // Light of near lights falls off with the square of the distance in radii: it has the given strength at
+    // one radius from the centre.
     let as_strong = |light: &Light| match light.kind {
         LightKind::Point { at } | LightKind::Spot { at, .. } => {
             Light { color: light.color.map(|c| c * (at.length() - 1.0).max(0.5).powi(2)), ..*light }
@@ -523,11 +526,11 @@ fn lights(look: &LookArgs) -> Vec<Light> {
     look.light.iter().map(as_strong).collect()
 }
 
-/// The camera that was asked for, so far away that all is seen.
+/// Returns the camera asked for, at a distance that shows everything.
 fn camera(place: &PlaceArgs, bounds: &Bounds, aspect: f64) -> Camera {
     let mut camera = Camera::fitting(bounds, place.view, aspect);
     if place.azimuth.is_some() || place.elevation.is_some() {
-        // What is not asked for is as in the usual view.
+        // Angles that are not set are those of the default view.
         let usual = StandardView::Iso.directions().0;
         let azimuth = place.azimuth.map_or(usual.x.atan2(usual.z), f64::to_radians);
         let elevation = place.elevation.map_or(usual.y.asin(), f64::to_radians);
@@ -547,7 +550,7 @@ fn camera(place: &PlaceArgs, bounds: &Bounds, aspect: f64) -> Camera {
     camera.framing(bounds, aspect)
 }
 
-/// Pictures in a row: four at most, and no nearly empty last row.
+/// Returns the number of pictures in a row: at most four, and no nearly empty last row.
 fn columns(count: usize) -> usize {
     let free = |columns: usize| count.div_ceil(columns) * columns - count;
     if count <= 4 {

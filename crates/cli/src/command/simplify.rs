@@ -1,4 +1,4 @@
-//! `lodsmith simplify`: reads, makes lighter, writes, and says how it went.
+//! `lodsmith simplify`: reads, simplifies, writes, and reports the result.
 
 use std::time::{Duration, Instant};
 
@@ -22,7 +22,7 @@ use crate::progress::Progress;
 use crate::watch::{Clock, Watch, not_interrupted};
 use crate::{care, images, memory, need, normals, palettes, proposals};
 
-/// Makes every input lighter.
+/// Simplifies every input.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
     if !args.has_end() {
         return Err(usage(
@@ -37,18 +37,18 @@ pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
     )
 }
 
-/// What was done with one input.
+/// Outcome of one input.
 struct Done {
     input_format: Format,
     report: Report,
     warnings: Vec<Warning>,
-    /// The meshes of a scene that stayed one, by name.
+    /// For a scene that was written as a scene, its meshes by name.
     meshes: Vec<(String, MeshCounts)>,
     threads: usize,
     clock: Clock,
 }
 
-/// What there is to say of a result.
+/// Report data of a result.
 struct Told {
     report: Report,
     warnings: Vec<Warning>,
@@ -71,7 +71,7 @@ fn simplify_one(
 
     bar.read();
     clock.enter("read");
-    // A scene stays whole where both sides can hold one. To turn or scale it would take a change of its nodes.
+    // A scene is kept if both formats support one. Rotating or scaling it would need changes of its nodes.
     let whole = job.output.as_ref().filter(|(_, format)| {
         matches!(format, Format::Gltf | Format::Glb)
             && args.writing.scale.is_none()
@@ -102,7 +102,7 @@ fn simplify_one(
     Ok(done(clock, from, told))
 }
 
-/// Makes a mesh lighter and writes it. Says what was done and what there is to say.
+/// Simplifies a mesh and writes it. Returns the report data.
 fn simplify_mesh(
     loaded: Loaded,
     job: &Job,
@@ -118,7 +118,7 @@ fn simplify_mesh(
     let is_wanted = !matches!(args.writing.textures, TexturesChoice::None);
     let is_kept = is_wanted && job.output.as_ref().is_some_and(|(_, to)| carries(*to));
     if matches!(from, Format::Gltf | Format::Glb) && !is_kept {
-        // Where materials do not go along, their borders are in nobody's way.
+        // If materials are not written, their borders need not be preserved.
         mesh.set_regions(None)?;
     }
     if args.engine.is_per_mesh() && contents.meshes > 1 {
@@ -135,7 +135,7 @@ fn simplify_mesh(
     orient(&mut lighter, &args.writing);
     set_normals(&mut lighter, args.normals)?;
     if let Some((sink, format)) = &job.output {
-        // Of two textures with one name, that of the earlier input keeps it.
+        // If two textures have one name, that of the earlier input keeps it.
         if *format == Format::Obj && !regions.libraries().is_empty() && !args.dry_run {
             turn.wait();
         }
@@ -148,7 +148,7 @@ fn simplify_mesh(
     Ok(Told { report, warnings, meshes: Vec::new() })
 }
 
-/// The same for all meshes of a scene under one budget; the rest of it stays as it is.
+/// Simplifies all meshes of a scene under one budget; the rest of the scene is not changed.
 fn simplify_scene(
     mut scene: Scene,
     job: &Job,
@@ -172,7 +172,7 @@ fn simplify_scene(
     }
     let mut replaced = vec![None; meshes.len()];
     for (&i, mesh) in taken.iter().zip(lighter) {
-        // What had no faces to begin with stays too.
+        // A mesh without faces in the input is not changed.
         replaced[i] = (meshes[i].mesh.face_count() > 0).then_some(mesh);
     }
     let images = images::Move::new(&job.source, sink);
@@ -188,12 +188,12 @@ fn simplify_scene(
     Ok(Told { report, warnings, meshes })
 }
 
-/// The meshes of a scene that are worked on, by number and as parts.
+/// Returns the meshes of a scene to simplify, as numbers and as parts.
 pub(super) fn parts_of(meshes: &[SceneMesh]) -> (Vec<usize>, Vec<Part<'_>>) {
     let mut systems = Vec::new();
     let mut system_of = |m: &SceneMesh| {
         let matrix = m.world_from_mesh?;
-        // Equal but for rounding: products of the same matrices in another order.
+        // Equal up to rounding: products of the same matrices in another order.
         let size = matrix.as_flattened().iter().fold(0f64, |m, x| m.max(x.abs()));
         let near = |s: &[[f64; 4]; 3]| {
             let pairs = s.as_flattened().iter().zip(matrix.as_flattened());
@@ -205,7 +205,7 @@ pub(super) fn parts_of(meshes: &[SceneMesh]) -> (Vec<usize>, Vec<Part<'_>>) {
             systems.len() - 1
         }))
     };
-    // What stands nowhere in the scene stays as it is, unless nothing stands anywhere.
+    // A mesh without instances in the scene is not changed, unless none has any.
     let is_placed = meshes.iter().any(|m| m.instances > 0);
     let taken: Vec<usize> = (0..meshes.len()).filter(|&i| !is_placed || meshes[i].instances > 0).collect();
     let part = |m: &SceneMesh| {
@@ -232,7 +232,7 @@ pub(super) fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result
     Ok(())
 }
 
-/// What the user should know of a run.
+/// Returns the warnings of a run.
 pub(super) fn told(report: &Report) -> Vec<Warning> {
     let mut warnings: Vec<_> = dropped(report).collect();
     if report.seams_relaxed {
@@ -248,14 +248,14 @@ pub(super) fn told(report: &Report) -> Vec<Warning> {
     warnings
 }
 
-/// What the engine does not carry.
+/// Returns warnings about attributes that the engine drops.
 fn dropped(report: &Report) -> impl Iterator<Item = Warning> {
     let lost =
         |name: &&str| Warning::lost(format!("{name} dropped: a skin has joints and weights, or nothing"));
     report.dropped.iter().map(lost)
 }
 
-/// Prints the outcome of one input; returns the status that it alone would end with.
+/// Prints the outcome of one input. Returns the status that it alone would end with.
 fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args: &SimplifyArgs) -> Status {
     let done = match outcome {
         Ok(done) => done,
@@ -283,7 +283,7 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
     if is_fault { Status::Strict } else { Status::Done }
 }
 
-/// Why the target was not met, and what would help.
+/// Returns the reason why the target was not reached, and the proposals.
 pub(super) fn not_reached(report: &Report, options: &SimplifyOptions, time_limit: Option<f64>) -> String {
     let mut text = format!("target not reached, stopped by {}", report.stopped_by.name().replace('_', " "));
     let refusals = refusals(report);
@@ -296,7 +296,7 @@ pub(super) fn not_reached(report: &Report, options: &SimplifyOptions, time_limit
     text
 }
 
-/// What was refused how often, in words.
+/// Returns the refusals and their counts, in words.
 pub(super) fn refusals(report: &Report) -> String {
     let of = |(r, n): &(lodsmith::Refusal, u64)| {
         format!("{} {}", r.name().replace('_', " "), grouped(usize::try_from(*n).unwrap_or(usize::MAX)))
@@ -305,7 +305,7 @@ pub(super) fn refusals(report: &Report) -> String {
 }
 
 impl Done {
-    /// One line for people.
+    /// Returns the summary line.
     fn line(&self, path: &str) -> String {
         let r = &self.report;
         let percent = 100.0 * r.faces as f64 / r.input_faces.max(1) as f64;
@@ -326,7 +326,7 @@ impl Done {
         )
     }
 
-    /// What `-v` adds.
+    /// Returns the details for `-v`.
     fn details(&self) -> Vec<String> {
         let r = &self.report;
         let times: Vec<String> =
@@ -377,7 +377,7 @@ impl Done {
         lines
     }
 
-    /// The report for programs.
+    /// Returns the report as JSON.
     fn to_json(&self, path: &str, job: &Job, args: &SimplifyArgs) -> Value {
         let r = &self.report;
         let (out_path, out_format) = match &job.output {
@@ -445,12 +445,12 @@ pub(super) fn mesh_json((name, m): &(String, MeshCounts)) -> Value {
     })
 }
 
-/// The measured distances that reports hold.
+/// Returns the measured distances as JSON.
 pub(super) fn measured_json(m: &Comparison) -> Value {
     json!({ "hausdorff": both_ways(&m.hausdorff), "mean": both_ways(&m.mean), "rms": both_ways(&m.rms) })
 }
 
-/// A figure each way and together.
+/// Returns a figure for each direction and for both.
 pub(super) fn both_ways(x: &TwoWay) -> Value {
     json!({ "forward": x.forward, "backward": x.backward, "symmetric": x.symmetric })
 }

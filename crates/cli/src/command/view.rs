@@ -1,9 +1,9 @@
-//! `lodsmith view`: the window, where it was built in.
+//! `lodsmith view`: opens the window, if built with it.
 
 use crate::args::ViewArgs;
 use crate::exit::Status;
 
-/// Opens the window; comes back when it is closed.
+/// Opens the window; returns when it is closed.
 #[cfg(feature = "view")]
 pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
     let mut options = lodsmith_viewer::ViewOptions::default();
@@ -13,7 +13,7 @@ pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
     Ok(Status::Done)
 }
 
-/// Says how to get it.
+/// Explains how to get the window.
 #[cfg(not(feature = "view"))]
 pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
     let what = match args.inputs.first() {
@@ -34,7 +34,7 @@ mod tests {
 
     use crate::args::{Cli, Command};
 
-    /// What the command makes of the words that the window says.
+    /// Returns the options that the command line gets from the window's text.
     fn typed(how: &Simplification) -> lodsmith::SimplifyOptions {
         let words = ["lodsmith", "simplify", "a.ply", "--dry-run"].map(str::to_owned);
         let cli = Cli::try_parse_from(words.into_iter().chain(how.words())).unwrap();

@@ -1,4 +1,4 @@
-//! A folder to run the command in, what a run left behind, and small files.
+//! Test fixture: a temporary folder to run the command in, the outcome of a run, and small files.
 #![allow(unused, reason = "each test file uses its part")]
 
 use std::fmt::Write as _;
@@ -9,7 +9,7 @@ use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// What a run left behind.
+/// Outcome of a run.
 pub(crate) struct Ran {
     pub(crate) status: i32,
     pub(crate) stdout: Vec<u8>,
@@ -35,7 +35,7 @@ impl Ran {
         assert_eq!(self.status, status, "stdout: {}\nstderr: {}", self.stdout.escape_ascii(), self.stderr);
         self
     }
-    /// A fault of ours to tell: one line, and no traces of the program's inside.
+    /// Checks that there is one line of error and no internals of the program.
     #[track_caller]
     pub(crate) fn with_one_error(self) -> Self {
         assert_eq!(self.stderr.lines().count(), 1, "{}", self.stderr);
@@ -45,7 +45,7 @@ impl Ran {
     }
 }
 
-/// A folder to work in.
+/// A temporary folder to run the command in.
 pub(crate) struct Desk {
     pub(crate) folder: TempDir,
 }
@@ -89,13 +89,13 @@ impl Desk {
             .spawn()
             .expect("it runs")
     }
-    /// Runs the command with a standard output that nobody reads.
+    /// Runs the command with a standard output that is closed at the other end.
     pub(crate) fn run_without_reader(&self, words: &str) -> std::process::Output {
         let mut child = self.start(words);
         drop(child.stdout.take());
         child.wait_with_output().expect("it ends")
     }
-    /// Runs the command with a standard output that takes nothing, as a disk that is full.
+    /// Runs the command with a standard output that accepts nothing, like a full disk.
     #[cfg(target_os = "linux")]
     pub(crate) fn run_into_full_device(&self, words: &str) -> Ran {
         let device = fs::File::options().write(true).open("/dev/full").expect("Linux has it");

@@ -1,22 +1,22 @@
-//! Discrete attributes: whole numbers that name something. They are not blended: each row has all of them from one wedge
-//! of the input, its label.
+//! Discrete attributes: whole numbers that identify something. They are not blended: each row takes all of
+//! them from one wedge of the input, by its label.
 
 use std::collections::HashMap;
 
 use lodsmith_core::{Attribute, Semantic, TriMesh, WedgeId};
 
-/// The discrete attributes of a mesh, and the labels that its wedges have.
+/// The discrete attributes of a mesh, as distinct combinations of values (labels).
 #[derive(Clone, Default)]
 pub(crate) struct Labels {
-    /// With how many values each has.
+    /// Meaning and number of values of each attribute.
     kinds: Vec<(Semantic, usize)>,
     width: usize,
-    /// The values of each label, in the order of the wedges that have it first.
+    /// The values of each label, in order of first occurrence.
     values: Vec<f32>,
 }
 
 impl Labels {
-    /// Those of a mesh, and the label of each wedge; none of these where all are the same.
+    /// Returns the labels of a mesh, and the label of each wedge; no labels of wedges if all are equal.
     pub(crate) fn new(mesh: &TriMesh) -> (Self, Vec<u32>) {
         let own: Vec<&Attribute> =
             mesh.further_attributes().iter().filter(|a| a.semantic.is_discrete()).collect();
@@ -39,7 +39,8 @@ impl Labels {
         (all, if is_one { Vec::new() } else { labels })
     }
 
-    /// What the labels hold: meaning, how many values, and where they begin in [those of a label](Self::of).
+    /// Returns for each attribute its meaning, its number of values, and their offset in
+    /// [those of a label](Self::of).
     pub(crate) fn kinds(&self) -> impl Iterator<Item = (&Semantic, usize, usize)> {
         let mut next = 0;
         self.kinds.iter().map(move |(semantic, width)| {
@@ -48,7 +49,7 @@ impl Labels {
         })
     }
 
-    /// The values of a label, of all discrete attributes.
+    /// Returns the values of a label, of all discrete attributes.
     pub(crate) fn of(&self, label: u32) -> &[f32] {
         &self.values[label as usize * self.width..][..self.width]
     }

@@ -1,15 +1,15 @@
-//! The range of the values of an attribute: none of what a run makes leaves that of its source.
+//! Ranges of attribute values: a result never leaves the range of its source.
 
 use lodsmith_core::Semantic;
 
-/// Whether the values of an attribute stay within their range one by one. Directions have a length of 1 instead; joints and
-/// their weights come in an order of their own, and the weights have a sum of 1.
+/// Returns true if the values of an attribute stay within their ranges one by one. Directions have length 1
+/// instead; joints and their weights have an order of their own, and the weights sum to 1.
 pub(crate) fn has_ranges(semantic: &Semantic) -> bool {
     !matches!(semantic, Semantic::Tangent | Semantic::Joints(_) | Semantic::Weights(_))
 }
 
-/// The least and the largest first value of all wedges, second value, and so on, `width` in all. What is no number
-/// counts as 0, as a run takes it.
+/// Returns the minimum and maximum over all wedges of the first value, the second value and so on, `width` in
+/// all. NaN and infinity count as 0, as in a run.
 pub(crate) fn ranges(values: &[f32], width: usize) -> Vec<[f32; 2]> {
     let mut all = vec![[f32::INFINITY, f32::NEG_INFINITY]; width];
     for row in values.chunks_exact(width.max(1)) {
@@ -18,15 +18,15 @@ pub(crate) fn ranges(values: &[f32], width: usize) -> Vec<[f32; 2]> {
             (*low, *high) = (low.min(x), high.max(x));
         }
     }
-    // Without wedges there is nothing to keep within.
+    // Without wedges there is no range to keep.
     all.iter_mut().filter(|r| r[0] > r[1]).for_each(|r| *r = ANY);
     all
 }
 
-/// The range of a value that may be any number.
+/// The range of a value that is not limited.
 pub(crate) const ANY: [f32; 2] = [-f32::MAX, f32::MAX];
 
-/// A value within a range.
+/// Clamps a value to a range.
 #[inline(always)]
 pub(crate) fn within(x: f32, [low, high]: [f32; 2]) -> f32 {
     x.clamp(low, high)

@@ -1,5 +1,5 @@
-//! Rows of the mesh that is recorded: written from what the engine has, read for the fit of a level, and held together where
-//! they move a vertex.
+//! Rows of a recorded mesh: written from the engine's attributes, read for the fit of a level, and averaged
+//! where they displace a vertex.
 
 use std::collections::BTreeMap;
 
@@ -9,22 +9,22 @@ use lodsmith_core::{Semantic, WedgeId};
 use super::{Column, Of, Rows, unit};
 use crate::collapse::attributes::Attributes;
 
-/// Changes of values by less than this share of the largest one are rounding.
+/// Changes of values below this fraction of the largest one are rounding.
 const ROUNDING: f32 = 1e-6;
 
-/// Where columns stand in rows of a mesh.
+/// Offsets of columns in the rows of a mesh.
 #[derive(Clone)]
 pub(crate) struct RowPlaces {
-    /// For each column; nothing for one that is the same at all wedges, or was lent.
+    /// Offset of each column; `None` if it is the same at all wedges, or was lent.
     columns: Vec<Option<usize>>,
-    /// Joints and weights.
+    /// Offsets of joints and of weights, for each set.
     skins: Vec<[usize; 2]>,
-    /// Of each discrete attribute where it stands in a label, how many values it has, and where they stand in a row.
+    /// For each discrete attribute its offset in a label, its number of values, and its offset in a row.
     labels: Vec<[usize; 3]>,
 }
 
 impl Rows {
-    /// Where the columns stand in rows of a mesh, and joints and weights of each set.
+    /// Returns the offsets of the columns, and of joints and weights of each set, in rows of a mesh.
     pub(crate) fn places(&self, layout: &Layout) -> RowPlaces {
         let uvs = 3 * usize::from(layout.has_normals);
         let colors = uvs + 2 * usize::from(layout.has_uvs);
@@ -55,7 +55,8 @@ impl Rows {
         }
     }
 
-    /// Writes what the engine has for a wedge into its row of a mesh; what is the same at all wedges stays.
+    /// Writes the engine's values of a wedge into its row of a mesh; values that are the same at all wedges
+    /// are left as they are.
     pub(crate) fn write(&self, attributes: &Attributes, w: WedgeId, places: &RowPlaces, row: &mut [f32]) {
         self.write_values(attributes.of(w), places, row);
         if let Some(pulls) = attributes.pulls.get(w.index()) {
@@ -82,7 +83,7 @@ impl Rows {
         }
     }
 
-    /// Writes as many joints, the strongest of which come first, as there is room for.
+    /// Writes as many joints as there is room for, the strongest first.
     fn write_pulls(&self, pulls: &[(u32, f32)], places: &RowPlaces, row: &mut [f32]) {
         let most = 4 * self.skin_sets.len();
         let kept = &pulls[..pulls.len().min(most)];
@@ -96,17 +97,17 @@ impl Rows {
         }
     }
 
-    /// The columns that stand in rows of a mesh, and where.
+    /// Returns the columns that are in rows of a mesh, with their offsets.
     fn placed<'a>(&'a self, places: &'a RowPlaces) -> impl Iterator<Item = (&'a Column, usize)> {
         self.layout.iter().zip(&places.columns).filter_map(|(c, at)| Some((c, (*at)?)))
     }
 
-    /// Whether anything moves vertices as a whole.
+    /// Returns true if any attribute displaces all wedges of a vertex alike.
     pub(crate) fn moves_any_whole(&self) -> bool {
         self.is_pulled_whole && !self.skin_sets.is_empty() || self.layout.iter().any(|c| c.moves_whole)
     }
 
-    /// Gives all wedges of a vertex, whose rows these are, the mean of what moves it as a whole.
+    /// Averages, over the rows of one vertex, the attributes that displace it as a whole.
     pub(crate) fn hold_together(&self, places: &RowPlaces, rows: &mut [Vec<f32>]) {
         let is_alike = |rows: &[Vec<f32>], of: &dyn Fn(&[f32]) -> Vec<f32>| {
             rows.windows(2).all(|r| of(&r[0]) == of(&r[1]))
@@ -137,7 +138,7 @@ impl Rows {
         rows.iter_mut().for_each(|row| self.write_pulls(&pulls, places, row));
     }
 
-    /// Gives a wedge of the engine what stands in a row of a mesh; joints stay.
+    /// Sets the engine's values of a wedge from its row of a mesh; joints are left as they are.
     pub(crate) fn read(&self, attributes: &mut Attributes, w: WedgeId, places: &RowPlaces, row: &[f32]) {
         let values = attributes.values_mut(w);
         for (c, at) in self.placed(places) {
@@ -148,7 +149,7 @@ impl Rows {
         }
     }
 
-    /// Lets what no row of a mesh holds not count.
+    /// Sets the weight of values that are in no row of a mesh to 0.
     pub(crate) fn forget_lent(&self, weights: &mut [f32], places: &RowPlaces) {
         let columns = self.layout.iter().zip(&places.columns);
         for (c, _) in columns.filter(|c| c.0.constant.is_none() && c.1.is_none()) {
@@ -156,7 +157,8 @@ impl Rows {
         }
     }
 
-    /// What a fit makes different in a row of a mesh; nothing where that is rounding. What moves a vertex stays.
+    /// Returns the changes made by a fit in a row of a mesh; `None` if they are rounding. Attributes that
+    /// displace a vertex are not changed.
     pub(crate) fn change(
         &self,
         attributes: &Attributes,

@@ -1,4 +1,4 @@
-//! Joints that pull wedges, from the attributes of a mesh, and where they stand.
+//! Joints and weights of wedges, from the attributes of a mesh, and positions of the joints.
 
 use std::collections::BTreeMap;
 
@@ -7,11 +7,11 @@ use lodsmith_core::{Semantic, TriMesh, WedgeId};
 
 use crate::collapse::attributes::Pulls;
 
-/// Weights of joints beyond this count as this: any number of them can be summed.
+/// Joint weights are clamped to this, so that any number of them can be summed.
 const LARGEST_PULL: f32 = 1e30;
 
-/// The middle of the joints that pull each wedge, by their weights; a joint stands in the middle of all that it pulls.
-/// Nothing without a skin.
+/// Returns the weighted mean of the joint positions of each wedge. The position of a joint is the weighted
+/// mean of its vertices. Empty without a skin.
 pub(super) fn middles(mesh: &TriMesh, skin_sets: &[u8]) -> Vec<[f32; 3]> {
     if skin_sets.is_empty() {
         return Vec::new();
@@ -39,7 +39,7 @@ pub(super) fn middles(mesh: &TriMesh, skin_sets: &[u8]) -> Vec<[f32; 3]> {
     (0..mesh.wedge_count()).map(middle).collect()
 }
 
-/// Sets that have joints as well as weights.
+/// Returns the sets that have joints as well as weights.
 pub(super) fn skin_sets(mesh: &TriMesh) -> Vec<u8> {
     let mut sets: BTreeMap<u8, (bool, bool)> = BTreeMap::new();
     for a in mesh.further_attributes().iter().filter(|a| a.width == 4) {
@@ -52,7 +52,7 @@ pub(super) fn skin_sets(mesh: &TriMesh) -> Vec<u8> {
     sets.into_iter().filter(|(_, has)| has.0 && has.1).map(|x| x.0).collect()
 }
 
-/// The joints that pull a wedge, the strongest first.
+/// Returns the joints of a wedge with their weights, the strongest first.
 pub(super) fn pulls(mesh: &TriMesh, sets: &[u8], w: WedgeId) -> Pulls {
     let mut pulls = Pulls::new();
     for &set in sets {

@@ -1,8 +1,8 @@
-//! Guards of the result through moves of single vertices.
+//! Guards for moves of single vertices.
 //!
-//! A collapse asks the guards about the faces that it makes; a move asks them about those that it changes. A face or an edge
-//! that breaks a guard already may stay as bad as it is, and no move may make it worse. So what holds before the fit
-//! holds after it.
+//! A collapse checks the guards for the faces that it makes; a move checks them for the faces that it
+//! changes. A face or an edge that breaks a guard already may stay as bad as it is, and no move may make it
+//! worse. So whatever holds before the fit holds after it.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -11,29 +11,29 @@ use crate::collapse::store::Store;
 use crate::guard::Rules;
 use crate::metric::Memory;
 
-/// Shares of a move that are tried, the longest first: most moves that a guard refuses break it with their last part.
-/// (Guessed.)
+/// Fractions of a move that are tried, the longest first: most moves that a guard refuses break it only near
+/// their end. (Guessed.)
 const SHARES: [f32; 3] = [1.0, 0.5, 0.25];
 
-/// The guards that a move can break. How many edges a vertex has is not among them: no move changes that.
+/// The guards that a move can break. The valence is not among them: no move changes it.
 pub(crate) struct Guards {
-    /// Square of the least shape of a face.
+    /// Square of the least quality of a face.
     min_shape: f32,
     max_edge_sq: f32,
     turn: Option<Turn>,
 }
 
-/// How far faces may turn away from where they looked when the guards were made.
+/// Limit on the rotation of faces since the guards were made.
 struct Turn {
     /// Squared cosine of the largest angle.
     most: f32,
-    /// Of double length; by face.
+    /// Normals of the faces, of twice the area in length.
     normals: Vec<Vec3>,
 }
 
 impl Guards {
-    /// Those of a run; `None` where its options turn none on, so that there is nothing to ask. Turns count from the faces as
-    /// they are now.
+    /// Returns the guards of a run; `None` if its options set none, so that nothing has to be checked.
+    /// Rotations are relative to the faces as they are now.
     pub(crate) fn new<Q: Memory>(rules: &Rules, store: &Store<Q>) -> Option<Self> {
         if !rules.guards_moves() {
             return None;
@@ -48,7 +48,8 @@ impl Guards {
         Some(Self { min_shape: rules.min_shape, max_edge_sq: rules.max_edge_sq, turn })
     }
 
-    /// Whether a vertex may go to a place: each face and edge there keeps the guards, or is no worse than now.
+    /// Returns true if a vertex may move to a position: each face and edge there keeps the guards, or is no
+    /// worse than now.
     pub(crate) fn allow<Q: Memory>(&self, store: &Store<Q>, u: VertexId, place: Vec3) -> bool {
         let from = store.p(u);
         store.listed(u).iter().all(|&corner| {
@@ -68,8 +69,8 @@ impl Guards {
         })
     }
 
-    /// The farthest of some places on the way to the `last` one that the guards let a vertex go to, among those that are
-    /// fine otherwise.
+    /// Returns the farthest of some positions on the way to `last` that the guards permit and `is_fine`
+    /// accepts.
     pub(crate) fn farthest<Q: Memory>(
         &self,
         store: &Store<Q>,
@@ -98,7 +99,7 @@ impl Turn {
     }
 }
 
-/// The square of the shape of a triangle: 1 is equilateral, 0 flat.
+/// Returns the squared quality of a triangle: 1 is equilateral, 0 flat.
 fn shape(a: Vec3, b: Vec3, c: Vec3) -> f32 {
     let around = (b - a).length_squared() + (c - b).length_squared() + (a - c).length_squared();
     12.0 * (b - a).cross(c - a).length_squared() / (around * around).max(1e-37)
@@ -109,7 +110,7 @@ mod tests {
     use super::*;
     use crate::tensor::Tensor;
 
-    /// Four triangles round a vertex in the middle of a square.
+    /// Returns four triangles around a vertex in the middle of a square.
     fn square() -> Store<Tensor> {
         let points =
             [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]];
@@ -129,7 +130,7 @@ mod tests {
         let guards = Guards { min_shape: 0.0, max_edge_sq: 1.5f32.powi(2), turn: None };
         assert!(allows(&guards, &store, [0.05, 0.0, 0.0]));
         assert!(!allows(&guards, &store, [0.5, 0.0, 0.0]));
-        // Too long already: no longer, but shorter.
+        // Too long already: it may get shorter, but not longer.
         store.v[0].p = Vec3::new(0.5, 0.0, 0.0);
         assert!(!allows(&guards, &store, [0.6, 0.0, 0.0]));
         assert!(allows(&guards, &store, [0.4, 0.0, 0.0]));

@@ -1,4 +1,4 @@
-//! Triangles side by side against each alone.
+//! Tests of the SIMD triangle code against scalar code.
 
 use glam::{Vec3, Vec3A};
 use lodsmith_core::VertexId;
@@ -11,7 +11,7 @@ use crate::tensor::Tensor;
 use crate::trial::{bits, tame_vector, vector};
 use crate::triangle::closest;
 
-/// [`FourFaces`] of one.
+/// [`FourFaces`] of one triangle.
 struct Face {
     normal: Vec3,
     second: Vec3,
@@ -31,14 +31,15 @@ impl Face {
         Self { normal, second: slope.cross(edges[1]), third: slope.cross(edges[2]), high_sq }
     }
 
-    /// Which side the face shows, and whether it is no sliver.
+    /// Returns true if the face is oriented as `facing` and is no sliver.
     fn is_sound(&self, facing: Vec3) -> bool {
         let [x, y, z] = self.high_sq;
         let d = self.normal.dot(facing);
         d > 0.0 && d * d > facing.length_squared() * 0.75 && x.min(y).min(z) > x.max(y).max(z) * 1e-4
     }
 
-    /// Squared distance of a place (from the first corner), how far it is beside the face and above it, and its coordinates.
+    /// Returns the squared distance of a point (relative to the first corner), its lateral distance, its
+    /// height, and its coordinates.
     fn distance(&self, q: Vec3) -> [f32; 5] {
         let [h, v, w] = [self.normal, self.second, self.third].map(|n| n.x * q.x + n.y * q.y + n.z * q.z);
         let high = self.high_sq.map(f32::sqrt);
@@ -58,7 +59,7 @@ proptest! {
         facings in [tame_vector(), tame_vector(), tame_vector(), tame_vector()],
     ) {
         let corners = [any[0], tame[0], any[1], tame[1]];
-        // As random directions go, few look the way of a face.
+        // Few random directions agree with the normal of a face.
         let facings = [0, 1, 2, 3].map(|i| match i % 2 {
             0 => facings[i],
             _ => Face::new(corners[i]).normal + facings[i] * 0.5,
@@ -102,7 +103,7 @@ proptest! {
         }
     }
 
-    /// What is nearest by heights over edges is nearest indeed, but beyond corners, where it is taken for nearer.
+    /// The distance by heights over edges is exact, except beyond corners, where it is too small.
     #[test]
     fn a_face_is_as_far_as_it_is_unless_a_corner_is_the_nearest(
         corners in [tame_vector(), tame_vector(), tame_vector()],
@@ -110,7 +111,7 @@ proptest! {
     ) {
         let [a, b, c] = corners;
         let face = Face::new(corners);
-        // (Gradients of slivers are rounding.)
+        // (Gradients of slivers are mostly rounding error.)
         prop_assume!(face.high_sq.iter().all(|h| *h > 1e-3));
         let store = {
             let mut store = Store::<Tensor>::new(&corners, vec![[0, 1, 2].map(VertexId)], None, None);

@@ -1,7 +1,8 @@
-//! Least squares of the attributes: the samples that move the vertices say which values their wedges ought to have.
+//! Least-squares fit of attribute values to the samples that also move the vertices.
 //!
-//! A sample counts for a triangle of its own chart only: beside a seam the nearest triangle may lie on the other side.
-//! Wedges are merged along triangles that have both, so a chart of the input is one of the result.
+//! A sample counts only for a triangle of its own chart: beside a seam the nearest triangle may lie on the
+//! other side. Wedges are merged along triangles that have both, so a chart of the input is one of the
+//! result.
 
 use glam::Vec3;
 use lodsmith_core::WedgeId;
@@ -11,7 +12,7 @@ use crate::collapse::attributes::Attributes;
 use crate::collapse::store::Corner;
 use crate::tensor::Tensor;
 
-/// Share of its own weight that holds a wedge to the value that it has. (Guessed.)
+/// Fraction of its own weight that holds a wedge to its present value. (Guessed.)
 const DAMPING: f32 = 0.02;
 const BELIEVED: f64 = 1.5;
 /// Gauss-Seidel sweeps. (As many as for the positions.)
@@ -24,18 +25,18 @@ pub(crate) struct Originals {
     wedges: Vec<[WedgeId; 3]>,
     /// The values of each row.
     values: Vec<f32x4>,
-    /// The chart of each row, by its least row.
+    /// The chart of each row, identified by its least row.
     charts: Vec<WedgeId>,
 }
 
 impl Originals {
-    /// Copies what a run is about to change.
+    /// Copies the attributes before a run changes them.
     pub(crate) fn new(attributes: &Attributes, wedges: &[[WedgeId; 3]]) -> Self {
         let values = attributes.all_values();
         let count = attributes.count();
         let mut charts: Vec<WedgeId> = (0..count as u32).map(WedgeId).collect();
         for t in wedges {
-            // (Most are one already.)
+            // (Mostly in one chart already.)
             let [a, b, c] = t.map(|w| charts[w.index()]);
             if a == b && b == c {
                 continue;
@@ -71,8 +72,8 @@ fn root(charts: &mut [WedgeId], mut w: WedgeId) -> WedgeId {
     w
 }
 
-/// The corners of triangles in the order of their wedges; a corner is four times the triangle, and 0, 1 or 2. Says where those
-/// of each wedge begin.
+/// Sorts the corners of triangles by wedge; a corner is encoded as four times the triangle plus 0, 1 or 2.
+/// Returns the corners and the begin of each wedge's range.
 fn by_wedge(wedges: &[[WedgeId; 3]], count: usize) -> (Vec<u32>, Vec<u32>) {
     let mut at = vec![0u32; count + 2];
     for w in wedges.as_flattened() {
@@ -92,11 +93,11 @@ fn by_wedge(wedges: &[[WedgeId; 3]], count: usize) -> (Vec<u32>, Vec<u32>) {
     (corners, at)
 }
 
-/// For each corner of a triangle the two others, and where a tensor of barycentric coordinates has the product of both:
-/// xy, xz, yz stand at 3, 4, 5.
+/// For each corner of a triangle the two others, and the index of their product with it in a tensor of
+/// barycentric coordinates: xy, xz, yz are at 3, 4, 5.
 const OTHERS: [[(usize, usize); 2]; 4] = [[(1, 3), (2, 4)], [(0, 3), (2, 5)], [(0, 4), (1, 5)], [(0, 0); 2]];
 
-/// What the samples say of the values, for each final triangle.
+/// Sums over the samples of the values, for each final triangle.
 pub(crate) struct Values<'a> {
     originals: &'a Originals,
     attributes: &'a mut Attributes,
@@ -106,20 +107,22 @@ pub(crate) struct Values<'a> {
     lanes: usize,
     /// Sums of weight · b bᵀ.
     bb: Vec<Tensor>,
-    /// What holds each corner to the value that it has: where few samples are near it, or believed, it is all there is.
+    /// Weight that holds each corner to its present value: without trusted samples nearby nothing else acts
+    /// on it.
     held: Vec<Vec3>,
-    /// Sums of weight · b · (value there − value that the triangle says), for each corner.
+    /// Sums of weight · b · (value of the sample − value of the triangle there), for each corner.
     wanted: Vec<f32x4>,
-    /// The farthest that a sample is off, as far as it is believed: no corner moves farther.
+    /// The largest residual of a sample, as far as it is trusted: no corner changes by more.
     worst: Vec<f32x4>,
-    /// What a sample is off.
+    /// Scratch: the residual of a sample.
     off: Vec<f32x4>,
-    /// Weighted square of an error that is still believed.
+    /// Weighted square of a residual that is still trusted.
     usual: f32,
 }
 
 impl<'a> Values<'a> {
-    /// For final triangles with these wedges, of a surface that is about `away` (RMS) from the original.
+    /// Starts the sums for final triangles with these wedges, of a surface at an RMS distance of about `away`
+    /// from the original.
     pub(crate) fn new(
         originals: &'a Originals,
         attributes: &'a mut Attributes,
@@ -143,12 +146,12 @@ impl<'a> Values<'a> {
         self.add(self.originals.wedges[of], 1.0 / 3.0, face, b, weight);
     }
 
-    /// Adds a corner of the ordered input: face and number.
+    /// Adds a corner of the ordered input, given as face and corner number.
     pub(super) fn add_corner(&mut self, (of, k): (usize, usize), face: usize, b: Vec3, weight: f32) {
         self.add([self.originals.wedges[of][k]], 1.0, face, b, weight);
     }
 
-    /// Adds a corner of the ordered input where a final vertex, with these corners, has its very place.
+    /// Adds a corner of the ordered input whose home, with these corners, has its exact position.
     pub(super) fn add_at_home(&mut self, of: (usize, usize), around: &[Corner], weight: f32) {
         let own = self.originals.chart(self.originals.wedges[of.0][of.1]);
         if let Some(corner) = around.iter().find(|c| self.charts[c.face()] == own) {
@@ -188,7 +191,7 @@ impl<'a> Values<'a> {
             self.attributes.values_of(lanes, a),
             self.attributes.values_of(lanes, c),
         );
-        // (What fits into registers stays there.)
+        // (Small buffers stay in registers.)
         let mut few = [f32x4::ZERO; 2];
         let off = if N == 0 { &mut self.off[..lanes] } else { &mut few[..N] };
         let mut far = f32x4::ZERO;
@@ -198,7 +201,7 @@ impl<'a> Values<'a> {
                 sum += self.originals.of(row, lanes)[i];
             }
             let value = sum * share;
-            // So that nothing is wanted where all are the same.
+            // Written so that the sum is exactly zero if all values are equal.
             let mut own = f32x4::ZERO;
             own += (value - finals.0[i]) * corners[0];
             own += (value - finals.1[i]) * corners[1];
@@ -206,7 +209,7 @@ impl<'a> Values<'a> {
             far += own * own * self.attributes.weight(i);
             *off = own;
         }
-        // Far off is what came to a face that is near in space only.
+        // A large residual means that the face is near in space only.
         let trust = self.usual / (self.usual + far.reduce_add());
         self.held[face] += b.max(Vec3::ZERO) * (weight * DAMPING);
         let weight = weight * trust * trust;
@@ -221,8 +224,8 @@ impl<'a> Values<'a> {
         }
     }
 
-    /// Moves the values of all wedges to what the samples say. The samples spoke of the places before the fit; from there
-    /// the corners of a triangle went `moved`; those without a move are locked.
+    /// Fits the values of all wedges. The samples refer to the positions before the fit of positions; `moved`
+    /// returns the move of a triangle's corner since, or `None` if it is locked.
     pub(crate) fn solve(self, moved: impl Fn(usize, usize) -> Option<Vec3>) {
         match self.lanes {
             1 => self.solve_lanes::<1>(moved),
@@ -238,10 +241,10 @@ impl<'a> Values<'a> {
         let (corners, at) = by_wedge(&self.wedges, count);
         let of_wedge = |w: usize| &corners[at[w] as usize..at[w + 1] as usize];
         let mut shifts = vec![f32x4::ZERO; count * lanes];
-        // What does not change from sweep to sweep.
+        // Constant from sweep to sweep.
         let mut scales = vec![0f32; count];
         let mut most = vec![f32x4::ZERO; count * lanes];
-        // (What fits into registers stays there.)
+        // (Small buffers stay in registers.)
         let (mut few, mut many) = ([f32x4::ZERO; 2], vec![f32x4::ZERO; if N == 0 { lanes } else { 0 }]);
         let sums = if N == 0 { &mut many[..] } else { &mut few[..N] };
         for sweep in 0..SWEEPS {

@@ -1,10 +1,11 @@
-//! Where the vertices of a level are on the next coarser one.
+//! Geomorphs: positions of the vertices of a level on the next coarser one.
 
 use lodsmith_core::spatial::{Bvh, Hint};
 use lodsmith_core::{Positions, TriMesh};
 
-/// For each vertex of `own` the place of the vertex that it was merged into, or else the nearest point of `coarser`. Where
-/// that has no face, or the vertex is no number, it stays where it is.
+/// Returns for each vertex of `own` the position of the vertex that it was merged into, or else the nearest
+/// point of `coarser`. If `coarser` has no face, or the position is NaN or infinite, the vertex keeps its
+/// position.
 pub(super) fn geomorph(
     own: &TriMesh,
     coarser: &TriMesh,

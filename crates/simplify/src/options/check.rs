@@ -4,7 +4,7 @@ use super::{Length, SimplifyOptions};
 use crate::SimplifyError;
 
 impl SimplifyOptions {
-    /// Whether all stands within its range, and is of the method.
+    /// Returns an error if a value is out of range, or an option is not one of the method.
     pub(crate) fn check(&self) -> Result<(), SimplifyError> {
         let options = self;
         let bad = |option, wanted, got| Err(SimplifyError::BadOption { option, wanted, got });

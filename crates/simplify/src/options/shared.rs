@@ -1,4 +1,5 @@
-//! Which methods take what: an option that a method has no use for is an error, not a surprise.
+//! Table of the methods that each shared option applies to: setting one that the method does not have is an
+//! error.
 
 use super::{BorderPolicy, Fit, Guards, Method, Placement, SimplifyOptions, TopologyPolicy};
 use crate::SimplifyError;
@@ -8,23 +9,23 @@ use Method::{
     VertexRemoval,
 };
 
-/// Collapses whose merged vertex may go anywhere.
+/// Collapse methods whose merged vertex may be placed anywhere.
 const MOVING: &[Method] = &[Memoryless, Quadric, LindstromTurk, ShortestEdge];
-/// Methods whose vertices may be, or are, vertices of the input.
+/// Methods whose result vertices can be, or are, vertices of the input.
 const KEEPING: &[Method] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide];
-/// Methods that take one vertex after the other, and may refuse.
+/// Methods that remove vertices one at a time, and can refuse to.
 const CHOOSING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval];
-/// Collapses of edges.
+/// Edge-collapse methods.
 const COLLAPSING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge];
-/// The same as [`CHOOSING`], and regions that are turned little.
+/// [`CHOOSING`], and the method whose regions turn by a limited angle.
 const TURNING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar];
-/// Methods that know where a border is.
+/// Methods that detect borders.
 const BORDERED: &[Method] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide, Remesh];
 
 impl SimplifyOptions {
-    /// Whether all options are of the method, and go together.
+    /// Returns an error unless all options are of the method and compatible with each other.
     pub(super) fn check_method(&self) -> Result<(), SimplifyError> {
         let method = self.method;
         let not = |option, takers| Err(SimplifyError::NotOfMethod { option, takers, method });
@@ -45,7 +46,7 @@ impl SimplifyOptions {
         if let Some(&(first, _, second, _)) = unlike.iter().find(|x| x.1 && x.3) {
             return Err(SimplifyError::NotTogether { first, second });
         }
-        // A voxel surface is the input's no more; a second stage is one of collapses, after one of clusters.
+        // A voxel surface has nothing of the input left to keep; a two-stage run ends with collapses.
         let is_voxel = own.voxel.is_some();
         let takes = |takers: &[Method]| match () {
             () if own.two_stage => takers.contains(&Memoryless),
@@ -77,7 +78,7 @@ impl SimplifyOptions {
         Err(SimplifyError::NotTogether { first: "voxel", second })
     }
 
-    /// Options that most methods share: names, whether they ask for something, who takes them.
+    /// Returns the options that most methods share: name, whether it is set, and the methods that have it.
     fn shared(&self) -> [(&'static str, bool, &'static [Method]); 10] {
         let guards = &self.guards;
         let Guards { max_normal_deg, min_quality, max_valence, max_edge } = guards;
@@ -95,7 +96,7 @@ impl SimplifyOptions {
         ]
     }
 
-    /// The same with the placement that the method has, where it has one of its own.
+    /// Returns the options with the placement of the method, if it has one of its own.
     pub(crate) fn with_own_placement(&self) -> Self {
         let placement = match (self.method, self.placement) {
             (Melax, _) => Placement::Endpoint,

@@ -1,26 +1,26 @@
-//! From a record to a base mesh and splits.
+//! Conversion of a record to a base mesh and splits.
 
 use lodsmith_core::splits::{Changes, Counts, Layout, NO_ORIGINAL, Original, SplitData};
 use lodsmith_core::{FaceId, Positions, RegionId, TriMesh, VertexId, WedgeId};
 
 use crate::collapse::record::{Copy, Log, Step};
 
-/// Splits, and how their elements were called in the record.
+/// Splits, and the names of their elements in the record.
 pub(super) struct Arranged {
     pub(super) data: SplitData,
-    /// The changes of the record, the first contraction first: as many as there are splits.
+    /// The changes of the record, first contraction first: as many as there are splits.
     pub(super) order: Vec<usize>,
-    /// The face of the input for each face.
+    /// The face of the input for each face of the splits.
     pub(super) faces: Vec<FaceId>,
-    /// The name of each vertex, and of each wedge.
+    /// The name of each vertex and of each wedge.
     pub(super) vertices: Vec<VertexId>,
     pub(super) wedges: Vec<WedgeId>,
 }
 
-/// Not numbered yet.
+/// Marks an element without a number.
 const UNBORN: u32 = u32::MAX;
 
-/// What the values of a mesh are.
+/// Returns the layout of the values of a mesh.
 pub(super) fn layout(mesh: &TriMesh) -> Layout {
     Layout {
         has_normals: mesh.normals().is_some(),
@@ -30,7 +30,7 @@ pub(super) fn layout(mesh: &TriMesh) -> Layout {
     }
 }
 
-/// The rows of a mesh, wedge after wedge.
+/// Returns the rows of a mesh, wedge after wedge.
 pub(super) fn rows(mesh: &TriMesh) -> Vec<f32> {
     let mut rows = Vec::with_capacity(mesh.wedge_count() * layout(mesh).width());
     for w in (0..mesh.wedge_count() as u32).map(WedgeId) {
@@ -42,7 +42,7 @@ pub(super) fn rows(mesh: &TriMesh) -> Vec<f32> {
     rows
 }
 
-/// A road of one level: a mesh as it is.
+/// Returns a progressive mesh of one level: the mesh unchanged.
 pub(super) fn still(mesh: &TriMesh) -> SplitData {
     let counts = [mesh.face_count(), mesh.wedge_count(), mesh.vertex_count()].map(|n| n as u32);
     fn none<A, T>(to: T) -> Changes<A, T> {
@@ -74,18 +74,18 @@ pub(super) fn still(mesh: &TriMesh) -> SplitData {
     }
 }
 
-/// The entries of a change in the lists of a log.
+/// Returns the range of a change's entries in a list of the log.
 fn entries(steps: &[Step], change: usize, list: usize) -> std::ops::Range<usize> {
     let before = change.checked_sub(1).map_or(0, |i| steps[i].ends[list]);
     before as usize..steps[change].ends[list] as usize
 }
 
-/// The mergers of a change.
+/// Returns the merged vertices of a change.
 pub(super) fn merged(log: &Log, change: usize) -> &[(VertexId, VertexId)] {
     &log.merged[entries(&log.steps, change, 5)]
 }
 
-/// What is being built, with the mesh as it is at the present level, in the names of the record.
+/// The splits being built, and the mesh at the present level in the names of the record.
 struct Builder<'a> {
     copy: Copy,
     input: &'a TriMesh,
@@ -98,8 +98,9 @@ struct Builder<'a> {
     data: SplitData,
 }
 
-/// Puts changes in an order in which each level is good, and elements in that of their birth. `copy` is the mesh at the
-/// end of the record; `by_place` are the faces of the input in an order that is local in space.
+/// Puts changes in an order in which each level is a good mesh, and elements in the order in which they
+/// become live. `copy` is the mesh at the end of the record; `by_place` are the faces of the input in an
+/// order that is local in space.
 pub(super) fn arrange(input: &TriMesh, copy: Copy, log: &Log, by_place: &[FaceId]) -> Arranged {
     let steps = &log.steps;
     let mut order: Vec<usize> = (0..steps.len()).collect();
@@ -111,7 +112,7 @@ pub(super) fn arrange(input: &TriMesh, copy: Copy, log: &Log, by_place: &[FaceId
         has_wedge[input.vertex_of(w).index()] = true;
     }
     let is_all = is_used.iter().chain(&has_wedge).all(|x| *x);
-    // The first change is what was mended at the start, which may be nothing.
+    // The first change is the cleanup at the start, which may be empty.
     if is_all && (0..5).all(|list| entries(steps, 0, list).is_empty()) {
         order.retain(|&i| i != 0);
     }
@@ -176,7 +177,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// The number of a vertex, born now if need be.
+    /// Returns the number of a vertex, which becomes live now if it is not yet.
     fn vertex(&mut self, name: VertexId) -> VertexId {
         let number = &mut self.number_of_vertex[name.index()];
         if *number == UNBORN {
@@ -191,7 +192,7 @@ impl<'a> Builder<'a> {
         VertexId(*number)
     }
 
-    /// The number of a wedge, born now if need be.
+    /// Returns the number of a wedge, which becomes live now if it is not yet.
     fn wedge(&mut self, name: WedgeId) -> WedgeId {
         if self.number_of_wedge[name.index()] == UNBORN {
             self.number_of_wedge[name.index()] = self.wedges.len() as u32;
@@ -211,7 +212,7 @@ impl<'a> Builder<'a> {
         self.data.faces.push(corners);
     }
 
-    /// Takes a change back.
+    /// Undoes a change.
     fn split(&mut self, log: &Log, change: usize) {
         let before = self.data.counts.last().copied().unwrap_or_default();
         let is_older = |number: u32, count: u32| number < count;
@@ -258,7 +259,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Adds what no face of the input uses.
+    /// Adds the elements that no face of the input uses.
     fn add_unused(&mut self) {
         for w in 0..self.input.wedge_count() as u32 {
             self.wedge(WedgeId(w));

@@ -1,4 +1,4 @@
-//! From a mesh to a road: the run, its record, and the fit of levels.
+//! Construction of a progressive mesh: the run, its record, and the fit of levels.
 
 use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::mesh::weld;
@@ -25,30 +25,31 @@ use crate::prune;
 use crate::run::{self, Run, Source, Started};
 use crate::shading;
 
-/// The run of a method.
+/// A recorded run of one method.
 type Walk = fn(&mut Run<'_, '_>, &TriMesh, &mut dyn Control) -> Result<Built, SimplifyError>;
 
-/// A road, and what is saved by each of its splits.
+/// A progressive mesh, and the cost of each of its splits.
 pub(super) struct Built {
     pub(super) road: Progressive,
     pub(super) costs: Costs,
 }
 
-/// What contractions cost, in an order in which they may be done.
+/// Costs of contractions, in an order in which they can be done.
 pub(super) struct Costs {
-    /// One for each split, from the base on: never rising.
+    /// Cost of each split, from the base on: never rising.
     pub(super) of_split: Vec<f32>,
-    /// Splits from the base on that come after all else, whatever they cost: they give back parts that went because
-    /// nothing else was left to do.
+    /// Number of splits from the base on that follow all others in a scene's order of contractions, whatever
+    /// they cost: they restore parts that were removed because no other collapse was left.
     pub(super) late: usize,
-    /// Units of the mesh in one of the unit frame, and faces in it.
+    /// Units of the mesh for one of the unit frame, and twice the mean area of a face there.
     unit: f64,
     mean: f64,
     dimension: Dimension,
 }
 
 impl Costs {
-    /// By what costs are multiplied to be compared with those of other meshes, where the mesh is so many times as large.
+    /// Returns the factor that makes costs comparable with those of other meshes, for a mesh scaled by
+    /// `scale`.
     pub(super) fn factor(&self, scale: f64) -> f64 {
         self.dimension.of(self.unit * scale, self.mean)
     }
@@ -124,7 +125,7 @@ pub(super) fn build(
     Ok(Built { road, costs })
 }
 
-/// The input without small parts and with near vertices joined, as the options ask for it.
+/// Returns the input without small parts and with near vertices merged, as the options ask for.
 fn prepared<'a>(mesh: &'a TriMesh, options: &mut SimplifyOptions) -> Result<Input<'a>, SimplifyError> {
     let mut input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
     let positions = input.surface.positions();
@@ -153,15 +154,14 @@ fn prepared<'a>(mesh: &'a TriMesh, options: &mut SimplifyOptions) -> Result<Inpu
     Ok(input)
 }
 
-/// Runs to the end of the road, and makes it from what was recorded. `mesh` is the input without normals that were lent
-/// to it.
+/// Runs to the end and builds the progressive mesh from the record. `mesh` is the input without lent normals.
 fn walk<M: Metric>(
     metric: M,
     run: &mut Run<'_, '_>,
     mesh: &TriMesh,
     control: &mut dyn Control,
 ) -> Result<Built, SimplifyError> {
-    // What attributes count at levels that are fitted; on the way it is that of the end.
+    // Attribute weights are needed for the levels that are fitted; during the run those of its end are used.
     let mut goals = fitted_goals(run.input.surface.triangles().len());
     goals.push(run.goal);
     let Started { mut engine, rows, originals, is_kept, weights: weights_of_attributes, .. } =
@@ -182,7 +182,7 @@ fn walk<M: Metric>(
     let mut end = engine.sweep(&run.goal, &source, control);
     let in_order = engine.record.as_ref().map_or(0, |record| record.log.steps.len());
     if end == End::Stuck && topology == TopologyPolicy::Relaxed {
-        // As far as it goes without loss; from here on parts go, and handles.
+        // As far as possible without changing the topology; from here on parts are removed and handles cut.
         control.stage(Stage::Collapse);
         engine.resume(may_cut(run.options));
         end = engine.sweep(&run.goal, &source, control);
@@ -201,29 +201,29 @@ fn walk<M: Metric>(
     road(run, mesh, *record, taken, control)
 }
 
-/// What was taken from the engine.
+/// Data taken from the engine before it is dropped.
 struct Taken {
     by_place: Vec<FaceId>,
     facings: Vec<Facing>,
-    /// Changes before the run was stuck for the first time.
+    /// Number of changes before the run got stuck for the first time.
     in_order: usize,
-    /// Of the input, in the unit frame.
+    /// Area of the input, in the unit frame.
     area: f64,
     weights: Weights,
     fits: bool,
-    /// What the fit of values needs, and what they count at so many faces.
+    /// Input of the fit of values, and the attribute weights for several counts of faces.
     values: Option<(Originals, Attributes)>,
     counted: Vec<(usize, Vec<f32>)>,
     dimension: Dimension,
 }
 
-/// Counts of faces for which it is known what attributes count.
+/// Returns the counts of faces for which attribute weights are computed.
 fn fitted_goals(faces: usize) -> Vec<Goal> {
     let counts = std::iter::successors(Some(faces), |n| Some(n * 7 / 10)).take_while(|n| *n > 1);
     counts.map(|n| Goal { faces: Some(n), vertices: None }).collect()
 }
 
-/// The road of a record, with its checkpoints.
+/// Builds the progressive mesh of a record, with its checkpoints.
 fn road(
     run: &mut Run<'_, '_>,
     mesh: &TriMesh,
@@ -271,7 +271,7 @@ fn road(
     Ok(Built { road, costs })
 }
 
-/// A record that begins with the input as the engine has it.
+/// Starts a record with the input as the engine has it.
 fn record<Q: Memory>(
     run: &Run<'_, '_>,
     mesh: &TriMesh,
@@ -295,7 +295,8 @@ fn record<Q: Memory>(
     Record::new(names, copy, run.ordered.frame, rows, home)
 }
 
-/// What the engine's numbers are called in the input, and, where those of wedges are the input's own, where each stands.
+/// Returns the names in the input of the engine's elements and, if wedges keep their own numbers, the vertex
+/// of each wedge.
 fn names<Q: Memory>(
     run: &Run<'_, '_>,
     store: &Store<Q>,

@@ -1,4 +1,4 @@
-//! Levels with a fit: what the engine's last step would make of them, and how far they are from the full mesh.
+//! Checkpoints: levels with the result of the engine's fit and their distance from the full mesh.
 
 use glam::Vec3;
 use lodsmith_core::splits::Checkpoint;
@@ -18,47 +18,48 @@ use crate::guard::Rules;
 use crate::run::Run;
 use crate::tensor::Tensor;
 
-/// Faces of a checkpoint, as a share of those of the finer one before it. (docs/decisions/0018)
+/// Faces of a checkpoint, as a fraction of those of the next finer one. (docs/decisions/0018)
 const FACTOR: f64 = 0.8;
-/// The same below this many faces, where a level costs little and each split counts much.
+/// The fraction below [`FEW`] faces, where a level costs little and each split counts much.
 const FINE_FACTOR: f64 = 0.9;
 const FEW: f64 = 1000.0;
-/// Splits from one checkpoint to the next, at least: each costs a file some twenty bytes, and levels of some dozen faces jump
-/// about with each split.
+/// Least number of splits between checkpoints: each checkpoint takes some twenty bytes of a file, and levels
+/// of a few dozen faces vary strongly from split to split.
 const LEAST_APART: usize = 4;
-/// A level of at most so many faces is fitted twice, one after the other. (Measured: the second fit brings 1 to 3 % of the RMS,
-/// a third nothing. A road is a few percent farther away there than a run that had the level as its goal.)
+/// A level of at most this many faces is fitted twice in a row. (Measured: the second fit improves the RMS by
+/// 1 to 3 %, a third by nothing. A recorded level is a few per cent farther away there than the result of a
+/// run with that goal.)
 const TWICE_UP_TO: usize = 20_000;
 
-/// What the costs of contractions amount to, as squared distances in the unit frame.
+/// Factors from the costs of contractions to squared distances in the unit frame.
 #[derive(Clone, Copy)]
 pub(super) struct Weights {
     pub(super) kept: f64,
     pub(super) lost: f64,
 }
 
-/// A road as it was recorded, in the names of the record.
+/// A progressive mesh as recorded, in the names of the record.
 pub(super) struct Recorded<'a> {
-    /// The changes, the first contraction first.
+    /// The changes, first contraction first.
     pub(super) order: &'a [usize],
-    /// The face of the input for each face of the road.
+    /// The face of the input for each face.
     pub(super) faces: &'a [FaceId],
-    /// The name of each vertex of the road.
+    /// The name of each vertex.
     pub(super) vertices: &'a [VertexId],
     pub(super) log: &'a Log,
-    /// The name of each vertex of the ordered input, and of those cut off later.
+    /// The name of each vertex of the ordered input, and of those made by cuts later.
     pub(super) origins: &'a [VertexId],
     /// Faces of the input in the order of the engine.
     pub(super) by_place: &'a [FaceId],
-    /// Where the input faced at the vertices of the ordered input.
+    /// Orientation of the input at the vertices of the ordered input.
     pub(super) facings: &'a [Facing],
     pub(super) weights: Weights,
-    /// Whether there is a fit.
+    /// True if levels are fitted.
     pub(super) fits: bool,
 }
 
 impl Recorded<'_> {
-    /// The checkpoints of a road, from the coarsest on.
+    /// Returns the checkpoints of a progressive mesh, from the coarsest on.
     pub(super) fn checkpoints(
         &self,
         run: &Run<'_, '_>,
@@ -67,7 +68,7 @@ impl Recorded<'_> {
         control: &mut dyn Control,
     ) -> Result<Vec<Checkpoint>, SimplifyError> {
         let top = road.top();
-        // What was mended at the start is no contraction.
+        // The cleanup at the start is no contraction.
         let begin = top - usize::from(self.order.first() == Some(&0));
         let levels = self.levels(road, begin);
         let mut into: Vec<VertexId> = (0..self.origins.len() as u32).map(VertexId).collect();
@@ -104,7 +105,7 @@ impl Recorded<'_> {
         Ok(checkpoints)
     }
 
-    /// The levels below `begin`, from the finest on, the base last.
+    /// Returns the levels below `begin`, finest first, the base last.
     fn levels(&self, road: &Progressive, begin: usize) -> Vec<usize> {
         let counts = &road.splits().counts;
         let mut levels = Vec::new();
@@ -120,7 +121,7 @@ impl Recorded<'_> {
         levels
     }
 
-    /// Fits the present level of the road, notes the moves, and says the mean squared distance that is left.
+    /// Fits the present level and stores the moves. Returns the remaining mean squared distance.
     fn fit(
         &self,
         run: &Run<'_, '_>,
@@ -132,7 +133,7 @@ impl Recorded<'_> {
     ) -> f64 {
         let frame = run.ordered.frame;
         let counts = road.counts();
-        // Vertices and faces in the order of the engine.
+        // Number vertices and faces in the order of the engine.
         let mut number = vec![NONE; road.positions.len()];
         let names = self.vertices.iter().map(|v| v.index() + 1).max().unwrap_or(0);
         let mut by_name = vec![NONE; names];

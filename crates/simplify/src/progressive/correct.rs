@@ -1,7 +1,8 @@
-//! What the fit would make of a level, from the checkpoints on both sides of it.
+//! Fit of a level, interpolated from the checkpoints on both sides of it.
 //!
-//! A correction belongs to a vertex as it stands at a checkpoint. At a level in between it holds for those whose place no
-//! split changes on the way; where it holds from both sides, the two are blended by the logarithm of the count of faces.
+//! A correction belongs to a vertex as it is at a checkpoint. It is valid at another level if no split in
+//! between changes the position of the vertex; if corrections of both sides are valid, they are blended by
+//! the logarithm of the number of faces.
 
 use glam::Vec3;
 use lodsmith_core::splits::{Checkpoint, Counts, Layout};
@@ -10,12 +11,14 @@ use lodsmith_core::{Positions, Semantic, VertexId, WedgeId};
 use super::Progressive;
 use crate::attributes::ranges::{self, ANY, has_ranges, within};
 
-/// Between checkpoints whose errors differ by more than this factor only the finer one counts: exactly flat parts end
-/// somewhere, and what a fit does beyond must not reach back. (Guessed; on smooth surfaces the factor is 1.2.)
+/// If the errors of two checkpoints differ by more than this factor, only the finer one counts: exactly flat
+/// parts end somewhere, and the fit of coarser levels must not affect finer ones. (Guessed; on smooth
+/// surfaces the factor is 1.2.)
 const JUMP: f64 = 4.0;
 
 impl Progressive {
-    /// The last checkpoint at or below a level, and the first at or above.
+    /// Returns the last checkpoint at or below a level, and the first one above; only the former if it is at
+    /// the level.
     fn checkpoints(&self, level: usize) -> (Option<&Checkpoint>, Option<&Checkpoint>) {
         let all = &self.road.splits.checkpoints;
         let above = all.partition_point(|c| (c.level as usize) < level);
@@ -26,7 +29,8 @@ impl Progressive {
         }
     }
 
-    /// How far a level is from one to another, from 0 to 1, by the logarithm of the count of faces.
+    /// Returns the position of a level between two others, from 0 to 1, by the logarithm of the number of
+    /// faces.
     fn share(&self, from: u32, level: usize, to: u32) -> f64 {
         let count = |l: usize| f64::from(self.road.splits.counts[l].faces.max(1)).ln();
         let [a, x, b] = [from as usize, level, to as usize].map(count);
@@ -37,7 +41,7 @@ impl Progressive {
         match self.checkpoints(level) {
             (Some(a), Some(b)) => {
                 let t = self.share(a.level, level, b.level);
-                // Errors go about with a power of the count; the full mesh has none.
+                // Errors follow about a power of the count; the full mesh has none.
                 if b.error > 0.0 {
                     (a.error.ln() * (1.0 - t) + b.error.ln() * t).exp().clamp(b.error, a.error)
                 } else {
@@ -49,8 +53,8 @@ impl Progressive {
         }
     }
 
-    /// What is added to the positions of the present level and, with `rows`, to its rows of values; nothing where no
-    /// checkpoint has any.
+    /// Returns the offsets of the positions of the present level and, with `rows`, of its rows of values;
+    /// empty if no checkpoint has any.
     fn corrections(&self, rows: bool) -> [Vec<f32>; 2] {
         let (below, above) = self.checkpoints(self.level);
         let share = match (below, above) {
@@ -83,7 +87,7 @@ impl Progressive {
         corrections
     }
 
-    /// Adds the corrections of the present level to positions, and to rows of values, where there are any.
+    /// Adds the corrections of the present level to positions, and to rows of values if there are any.
     pub(super) fn correct(&self, positions: &mut Positions, values: &mut [f32]) {
         let [moves, changes] = self.corrections(!values.is_empty());
         let moves = moves.as_chunks::<3>().0.iter();
@@ -109,7 +113,7 @@ impl Progressive {
         }
     }
 
-    /// The present level as a checkpoint.
+    /// Returns the present level as a checkpoint.
     pub(super) fn checkpoint(&self) -> Checkpoint {
         let [moves, changes] = self.corrections(true);
         let width = self.layout().width().max(1);
@@ -128,7 +132,8 @@ impl Progressive {
         checkpoint
     }
 
-    /// Whether each element of the present level is there at the levels of checkpoints too, as it is now.
+    /// Returns for each element of the present level, and each side, whether it is the same at that
+    /// checkpoint.
     fn held<A: Copy>(
         &self,
         sides: [Option<&Checkpoint>; 2],
@@ -153,7 +158,7 @@ impl Progressive {
         })
     }
 
-    /// Makes unit vectors of the directions in a row.
+    /// Normalises the directions in a row.
     fn straighten(&self, row: &mut [f32]) {
         let layout = self.layout();
         let mut unit = |at: usize| {
@@ -176,7 +181,7 @@ impl Progressive {
     }
 }
 
-/// The ranges of the values in a row, over these rows; those that no range holds are any.
+/// Returns the ranges of the values in a row, over these rows; values without a range have an unlimited one.
 pub(super) fn ranges(layout: &Layout, rows: &[f32]) -> Vec<[f32; 2]> {
     let mut all = ranges::ranges(rows, layout.width());
     if layout.has_normals {
@@ -192,7 +197,8 @@ pub(super) fn ranges(layout: &Layout, rows: &[f32]) -> Vec<[f32; 2]> {
     all
 }
 
-/// What two checkpoints add to elements, for those that each of them holds for: one alone in full.
+/// Blends the offsets of two checkpoints, for the elements that they are valid for; if only one is valid, it
+/// counts in full.
 fn blended<A: Copy>(
     sides: [Option<(&[A], &[f32])>; 2],
     held: &[Vec<bool>; 2],

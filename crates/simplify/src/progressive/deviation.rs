@@ -1,4 +1,4 @@
-//! Levels by the distance that is measured between them and the full mesh.
+//! Levels by their measured distance from the full mesh.
 
 use lodsmith_core::Surface;
 use lodsmith_core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
@@ -8,27 +8,28 @@ use super::Progressive;
 use crate::SimplifyError;
 use crate::control::{Control, Stage, Verdict};
 
-/// Faces of a level that is looked at over those of the next coarser one. (A guess: the count is within 5 % of the best.)
+/// Ratio of the faces of successive levels that are measured. (Guessed: the count is within 5 % of the best.)
 const STEP: f64 = 1.05;
-/// Vertices of the full mesh that a first look at a level measures, at most: most levels that are too far away show it
-/// there. (A guess.)
+/// Largest number of vertices of the full mesh in a first check of a level: most levels that are too far away
+/// fail it. (Guessed.)
 const FIRST_LOOK: usize = 4000;
-/// A level whose estimated RMS distance is so many times the limit is not measured: the estimate is at most 1.1 times the
-/// RMS distance (docs/progressive.md), and the largest distance is no less than that.
+/// A level whose estimated RMS distance exceeds this multiple of the limit is not measured: the estimate is
+/// at most 1.1 times the RMS distance (docs/progressive.md), and the largest distance is no less than that.
 const HOPELESS: f64 = 4.0;
 /// Distances below this share of the diagonal are rounding.
 const ROUNDING: f64 = 1e-12;
 
 impl Progressive {
-    /// The coarsest level found whose largest distance from the full mesh, measured both ways, is at most `distance` in the
-    /// units of the mesh; with the moves of its fit if `is_fitted`. Without one, the full mesh's level.
+    /// Returns the coarsest level found whose largest distance from the full mesh, measured both ways, is at
+    /// most `distance` in the units of the mesh; with the moves of its fit if `is_fitted`. If there is none,
+    /// returns the level of the full mesh.
     ///
-    /// The levels that are measured do not depend on the distance, so a larger one never leads to more faces. Each has 5 %
-    /// more faces than the one before. The road stands where it stood. Cost: about a second for each million faces of the
-    /// full mesh and each level that is nearly within the distance.
+    /// The levels that are measured do not depend on the distance, so a larger one never leads to more faces.
+    /// Each has 5 % more faces than the one before. The present level does not change. Cost: about a second
+    /// for each million faces of the full mesh and each level that is nearly within the distance.
     ///
     /// # Errors
-    /// [`SimplifyError::Cancelled`] if the control says so; as [`Progressive::mesh`].
+    /// [`SimplifyError::Cancelled`] if the control cancels; otherwise those of [`Progressive::mesh`].
     pub fn level_of_deviation(
         &self,
         distance: f64,
@@ -55,18 +56,19 @@ impl Progressive {
         Ok(self.top())
     }
 
-    /// How far the present level is from the full mesh, measured both ways; with the moves of its fit if `is_fitted`.
-    /// `None` where one of the two has no face with an extent.
+    /// Returns the distance of the present level from the full mesh, measured both ways; with the moves of
+    /// its fit if `is_fitted`. `None` if one of the two has no face with an extent.
     ///
     /// # Errors
-    /// As [`Progressive::mesh`].
+    /// Those of [`Progressive::mesh`].
     pub fn deviation(&self, is_fitted: bool) -> Result<Option<Comparison>, SimplifyError> {
         let Some(judge) = Judge::new(self)? else { return Ok(None) };
         let mesh = if is_fitted { self.fitted_mesh() } else { self.mesh() }?;
         Ok(judge.compare(&mesh.surface()))
     }
 
-    /// Levels from the base up, each with a twentieth more faces than the one before; the full mesh's is the last.
+    /// Returns levels from the base up, each with 5 % more faces than the one before; the last is the full
+    /// mesh.
     fn levels_to_measure(&self) -> Vec<usize> {
         let counts = &self.splits().counts;
         let (mut levels, mut level) = (vec![0], 0);
@@ -79,14 +81,14 @@ impl Progressive {
     }
 }
 
-/// The full mesh, and some of its vertices.
+/// The full mesh, prepared for comparison, and some of its vertices.
 struct Judge {
     reference: Prepared,
     places: Vec<[f64; 3]>,
 }
 
 impl Judge {
-    /// `None` where the full mesh has no face to measure from.
+    /// Returns `None` if the full mesh has no face to measure from.
     fn new(road: &Progressive) -> Result<Option<Self>, SimplifyError> {
         let mut full = road.clone();
         full.to_level(full.top());
@@ -94,7 +96,7 @@ impl Judge {
         let surface = mesh.surface();
         let Ok(reference) = Prepared::new(&surface) else { return Ok(None) };
         let positions = surface.positions();
-        // By faces: a vertex without one is no part of the surface.
+        // Sampled by faces: a vertex without faces is not part of the surface.
         let stride = surface.triangles().len().div_ceil(FIRST_LOOK).max(1);
         let places = surface.triangles().iter().step_by(stride).map(|t| positions.get(t[0]));
         let places = places.filter(|p| p.iter().all(|x| x.is_finite())).collect();

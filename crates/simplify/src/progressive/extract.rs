@@ -1,18 +1,18 @@
-//! A mesh out of a level.
+//! Conversion of a level to a mesh.
 
 use lodsmith_core::splits::NO_ORIGINAL;
 use lodsmith_core::{Attribute, FaceId, MeshError, Positions, PositionsView, TriMesh, VertexId, WedgeId};
 
 use super::Progressive;
 
-/// Elements in the order of a result, and the place of each in it.
+/// Elements in the order of a result, and the index of each in it.
 struct Order {
     chosen: Vec<usize>,
     place: Vec<u32>,
 }
 
 impl Order {
-    /// Those of `is_in`, by their numbers in the original, those without one behind.
+    /// Orders the elements of `is_in` by their numbers in the original; those without a number come last.
     fn new(is_in: &[bool], number: Option<&[u32]>) -> Self {
         let mut chosen: Vec<usize> = (0..is_in.len()).filter(|&i| is_in[i]).collect();
         if let Some(number) = number {
@@ -27,7 +27,7 @@ impl Order {
 }
 
 impl Progressive {
-    /// The mesh of the present level from these positions and values.
+    /// Returns the mesh of the present level with these positions and values.
     pub(super) fn extract(&self, positions: &Positions, values: &[f32]) -> Result<TriMesh, MeshError> {
         let counts = self.counts();
         let original = self.road.splits.original.as_ref();
@@ -41,7 +41,7 @@ impl Progressive {
             vertex_in[self.owner(w).index()] = true;
         }
         if let (Some(original), true) = (original, is_full) {
-            // All that the original has, used or not.
+            // The full level has every element of the original, used or not.
             wedge_in.iter_mut().zip(&original.wedges).for_each(|(x, w)| *x |= w.0 != NO_ORIGINAL);
             vertex_in.iter_mut().zip(&original.vertices).for_each(|(x, v)| *x |= v.0 != NO_ORIGINAL);
         }
@@ -72,12 +72,12 @@ impl Progressive {
         Ok(mesh)
     }
 
-    /// The mesh of the present level with the fit of its checkpoints, in the numbers of the road, for whoever draws: face i
-    /// is face i of [`Progressive::faces`], and so on. Faster than [`Progressive::fitted_mesh`]; vertices that no face uses
-    /// may be among its own. Cost: O(n).
+    /// Returns the mesh of the present level with the fit of the checkpoints, in the numbering of this
+    /// progressive mesh, for rendering: face i is face i of [`Progressive::faces`], and so on. Faster than
+    /// [`Progressive::fitted_mesh`]; may have vertices that no face uses. Cost: O(n).
     ///
     /// # Errors
-    /// As [`Progressive::mesh`].
+    /// Those of [`Progressive::mesh`].
     pub fn fitted_buffers(&self) -> Result<TriMesh, MeshError> {
         let mut positions = match self.positions() {
             PositionsView::F32(p) => Positions::F32(p.to_vec()),
@@ -94,7 +94,7 @@ impl Progressive {
         Ok(mesh)
     }
 
-    /// Gives a mesh of these wedges what stands on them.
+    /// Sets the attributes of a mesh with these wedges.
     fn dress(
         &self,
         mesh: &mut TriMesh,

@@ -1,4 +1,4 @@
-//! Several meshes that move together: a road for each, and one order for the splits of all.
+//! Progressive meshes of a scene: one for each mesh, and one order for the splits of all.
 
 use std::sync::Arc;
 
@@ -13,11 +13,11 @@ use crate::control::{Control, Share};
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::scene::Part;
 
-/// The meshes of a scene, each with a [road](Progressive) of its own, that move under one threshold: a split is done where
-/// it gains most, whichever mesh that is.
+/// The meshes of a scene, each as a [progressive mesh](Progressive), that change level under one threshold: a
+/// split is done where it gains most, whichever mesh it belongs to.
 ///
-/// Counts are of all instances, errors are lengths in the scene. A level depends on its number alone. Parts that touch are
-/// not held together: where they meet, levels may gape as each of them loses vertices.
+/// Counts are of all instances, errors are lengths in the scene. A level depends on its number alone. Parts
+/// that touch are not held together: gaps may open between them as each loses vertices.
 ///
 /// ```
 /// use lodsmith::core::shapes;
@@ -40,26 +40,26 @@ pub struct ProgressiveScene {
     level: usize,
 }
 
-/// Which mesh each split of the scene is of.
+/// The mesh that each split of the scene belongs to.
 #[derive(Debug)]
 struct Order {
     splits: usize,
-    /// Of each mesh: the splits of the scene that are its own, rising.
+    /// For each mesh, its splits as numbers in the scene, ascending.
     of_mesh: Vec<Vec<u32>>,
-    /// How often each mesh counts.
+    /// Number of instances of each mesh.
     times: Vec<usize>,
-    /// The share of each in the mean of squared distances, those in its own units.
+    /// Weight of each mesh in the mean of squared distances, those in its own units.
     shares: Vec<f64>,
 }
 
 impl ProgressiveScene {
-    /// Records the simplification of each mesh as far as it goes, and puts all of it in one order. The stops, counted as
-    /// [`simplify_scene`](crate::simplify_scene) counts them, say where the scene's own base lies; `diagonal` is that of
-    /// the scene, which lengths given as shares refer to. Stands at the full scene afterwards. A mesh without a face that
-    /// has an area stays as it is.
+    /// Records the simplification of each mesh as far as possible and merges all splits into one order. The
+    /// stops, counted as in [`simplify_scene`](crate::simplify_scene), determine the base of the scene;
+    /// `diagonal` is that of the scene, which lengths given as shares refer to. The result is at the level of
+    /// the full scene. A mesh without a face that has an area stays as it is.
     ///
     /// # Errors
-    /// As [`Progressive::build`]; [`SimplifyError::NotTogether`] with a budget for each mesh by itself.
+    /// Those of [`Progressive::build`]; [`SimplifyError::NotTogether`] with [`SimplifyOptions::per_mesh`].
     pub fn build(
         parts: &[Part<'_>],
         diagonal: f64,
@@ -105,7 +105,7 @@ impl ProgressiveScene {
         if !is_any {
             return Err(SimplifyError::NoFaces { faces });
         }
-        // What is dearest to give up comes first; those of one mesh are in order, and stay in it.
+        // The most expensive splits come first. Those of one mesh are in order, and stay so.
         all.sort_by(|a, b| {
             b.is_late.cmp(&a.is_late).then(b.cost.total_cmp(&a.cost)).then(a.mesh.cmp(&b.mesh))
         });
@@ -120,7 +120,7 @@ impl ProgressiveScene {
         Ok(scene.ended(&options.stop, diagonal))
     }
 
-    /// The same, down to where the first of the stops is met.
+    /// Returns the scene with the level at which the first stop is met as its base.
     fn ended(mut self, stop: &Stop, diagonal: f64) -> Self {
         let is_stopped = *stop != Stop::default();
         let base = if is_stopped { self.level_of(stop, diagonal) } else { 0 };
@@ -140,37 +140,39 @@ impl ProgressiveScene {
         self
     }
 
-    /// The roads of the meshes, in their order, at their levels. They go on by themselves as copies.
+    /// Returns the progressive meshes, in the order of the parts, at their levels. Clones of them can change
+    /// level independently.
     pub fn roads(&self) -> &[Progressive] {
         &self.roads
     }
-    /// The roads, to be walked one by one.
+    /// Returns the progressive meshes, to be used separately.
     pub fn into_roads(self) -> Vec<Progressive> {
         self.roads
     }
-    /// The finest level: as many as there are splits.
+    /// Returns the number of the finest level, which is the number of splits.
     pub fn top(&self) -> usize {
         self.order.splits
     }
-    /// The present level: how many splits are done.
+    /// Returns the present level, which is the number of splits done.
     pub fn level(&self) -> usize {
         self.level
     }
-    /// Faces of all instances at the present level.
+    /// Returns the number of faces of all instances at the present level.
     pub fn face_count(&self) -> usize {
         self.count(self.level, |road, level| road.splits().counts[level].faces)
     }
-    /// Vertices of all instances at the present level that a face uses.
+    /// Returns the number of vertices of all instances at the present level that a face uses.
     pub fn vertex_count(&self) -> usize {
         self.count(self.level, |road, level| road.road.vertices[level])
     }
-    /// About how far the present level, with its fit, is from the full scene (RMS over all instances).
+    /// Returns the estimated distance (RMS over all instances) of the present level, with its fit, from the
+    /// full scene.
     pub fn error(&self) -> f64 {
         self.error_at(self.level)
     }
 
-    /// The level at which the first of these stops is met, from the full scene down; without any, the full scene. An error
-    /// is one of the [estimate](Self::error), and shares are of this diagonal.
+    /// Returns the level at which the first of these stops is met, from the full scene down; without any, the
+    /// full scene. An error refers to the [estimate](Self::error), and shares to this diagonal.
     pub fn level_of(&self, stop: &Stop, diagonal: f64) -> usize {
         let whole = self.count(self.top(), |road, level| road.splits().counts[level].faces);
         let by_ratio = stop.ratio.map(|r| ((whole as f64 * r).round() as usize).max(1));
@@ -179,17 +181,18 @@ impl ProgressiveScene {
         let by_error = stop.error.map(|e| self.level_of_error(e.in_units(diagonal)));
         by_faces.into_iter().chain(by_vertices).chain(by_error).max().unwrap_or(self.top())
     }
-    /// The finest level with at most `n` faces in all instances, or the base.
+    /// Returns the finest level with at most `n` faces in all instances, or the base.
     pub fn level_of_faces(&self, n: usize) -> usize {
         let is_within = |l| self.count(l, |road, level| road.splits().counts[level].faces) <= n;
         first(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
     }
-    /// A fine level with at most `n` vertices in use in all instances, there and at all coarser ones, or the base.
+    /// Returns a fine level with at most `n` vertices in use in all instances, there and at all coarser ones,
+    /// or the base.
     pub fn level_of_vertices(&self, n: usize) -> usize {
         let is_within = |l| self.count(l, |road, level| road.road.most_vertices[level]) <= n;
         first(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
     }
-    /// The coarsest level whose estimated error is at most `distance`, or the full scene.
+    /// Returns the coarsest level whose estimated error is at most `distance`, or the full scene.
     pub fn level_of_error(&self, distance: f64) -> usize {
         first(self.top(), |l| self.error_at(l) <= distance)
     }
@@ -205,14 +208,14 @@ impl ProgressiveScene {
     pub fn to_error(&mut self, distance: f64) -> Vec<Changed> {
         self.to_level(self.level_of_error(distance))
     }
-    /// Goes to a level, or to the full scene if there are not so many. Says what changed of each mesh.
+    /// Goes to a level, or to the full scene if the number is larger. Returns the changes of each mesh.
     pub fn to_level(&mut self, level: usize) -> Vec<Changed> {
         self.level = level.min(self.top());
         let levels = self.order.levels(self.level);
         self.roads.iter_mut().zip(levels).map(|(road, level)| road.to_level(level)).collect()
     }
 
-    /// A sum over all instances.
+    /// Returns a sum over all instances.
     fn count(&self, level: usize, of: impl Fn(&Progressive, usize) -> u32) -> usize {
         let all = self.roads.iter().zip(self.order.levels(level)).zip(&self.order.times);
         all.map(|((road, level), times)| (of(road, level) as usize).saturating_mul(*times)).sum()
@@ -225,7 +228,7 @@ impl ProgressiveScene {
 }
 
 impl Order {
-    /// The level of each mesh at one of the scene.
+    /// Returns the level of each mesh at a level of the scene.
     fn levels(&self, level: usize) -> Vec<usize> {
         self.of_mesh.iter().map(|all| all.partition_point(|&split| (split as usize) < level)).collect()
     }
@@ -238,7 +241,7 @@ struct Step {
     mesh: usize,
 }
 
-/// The first number below `end` from which on something holds, or `end`.
+/// Returns the first number below `end` from which on a predicate holds, or `end`.
 fn first(end: usize, holds: impl Fn(usize) -> bool) -> usize {
     let (mut low, mut high) = (0, end);
     while low < high {
@@ -252,7 +255,8 @@ fn scale_of(part: &Part<'_>) -> f64 {
     if part.scale.is_finite() && part.scale > 0.0 { part.scale } else { 1.0 }
 }
 
-/// The options for one mesh: no stops, lengths in its units, and of lists over vertices what is its own.
+/// Returns the options for one mesh: no stops, lengths in its units, and its own entries of lists over
+/// vertices.
 fn of_part(
     options: &SimplifyOptions,
     vertices: std::ops::Range<usize>,
@@ -272,7 +276,8 @@ fn of_part(
     own
 }
 
-/// By the area that each mesh has in the scene, all instances together; distances are in the units of the mesh.
+/// Returns the weight of each mesh by its area in the scene, all instances together; distances are in the
+/// units of the mesh.
 fn shares(parts: &[Part<'_>], times: &[usize]) -> Vec<f64> {
     let area = |(part, times): (&Part<'_>, &usize)| {
         let own = size_of(&part.mesh.surface()).area * scale_of(part).powi(2);

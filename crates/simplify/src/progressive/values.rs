@@ -1,4 +1,4 @@
-//! The fit of values at a level: which ones the wedges ought to have, as at the end of a single run.
+//! Fit of attribute values at a level, as at the end of a single run.
 
 use glam::Vec3;
 use lodsmith_core::WedgeId;
@@ -9,22 +9,22 @@ use crate::attributes::{RowPlaces, Rows};
 use crate::collapse::attributes::Attributes;
 use crate::fit::{Originals, Values};
 
-/// What values of levels are fitted with.
+/// Inputs of the fit of values.
 pub(super) struct Dresser {
     pub(super) rows: Rows,
     pub(super) places: RowPlaces,
     pub(super) originals: Originals,
-    /// Of the engine, whose numbers these are.
+    /// The engine's attributes, with the engine's numbers of wedges.
     pub(super) attributes: Attributes,
-    /// What values count at so many faces, from many to few.
+    /// Weights of the values for several counts of faces, descending.
     pub(super) weights: Vec<(usize, Vec<f32>)>,
-    /// The engine's number of each wedge of the road, where it has one.
+    /// The engine's number of each wedge, if it has one.
     pub(super) numbers: Vec<WedgeId>,
 }
 
 impl Dresser {
-    /// Takes over the values of the present level, and is ready for the samples of its fit. `faces` are those of the store,
-    /// with their places.
+    /// Takes over the values of the present level and prepares the samples of its fit. `faces` are those of
+    /// the store, with their positions.
     pub(super) fn begin(
         &mut self,
         road: &Progressive,
@@ -50,7 +50,7 @@ impl Dresser {
         Values::new(&self.originals, &mut self.attributes, wedges, away)
     }
 
-    /// Notes what the fit made different.
+    /// Stores the changes made by the fit.
     pub(super) fn note(&self, road: &Progressive, checkpoint: &mut Checkpoint) {
         let width = road.layout().width();
         let mut wedges: Vec<WedgeId> = road.faces().as_flattened().to_vec();

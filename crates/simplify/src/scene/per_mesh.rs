@@ -1,4 +1,4 @@
-//! Each mesh of a scene by itself.
+//! Simplification of each mesh of a scene separately.
 
 use std::sync::Arc;
 
@@ -13,16 +13,16 @@ use crate::control::{Control, Share};
 use crate::options::SimplifyOptions;
 use crate::report::{Escalation, Refusal, Report, StoppedBy};
 
-/// A run in the sum of all.
+/// A run and its weight in the sum of all.
 struct Run {
     report: Report,
-    /// How often its mesh counts.
+    /// Number of instances of its mesh.
     times: usize,
     /// Area of the mesh in the scene, all instances together.
     area: f64,
 }
 
-/// Makes each mesh lighter under the stop by itself. One without a face that has an area stays as it is.
+/// Simplifies each mesh under the stop separately. A mesh without a face that has an area stays as it is.
 pub(super) fn simplify_each(
     parts: &[Part<'_>],
     diagonal: f64,
@@ -43,7 +43,7 @@ pub(super) fn simplify_each(
         let share = |n: usize| n as f64 / all.max(1) as f64;
         let mut own = Share { control, begin: share(begun), length: share(part.mesh.face_count()) };
         begun += part.mesh.face_count();
-        // What is asked for of vertices lies part after part.
+        // Lists over vertices are concatenated, part after part.
         let own_vertices = first..first + part.mesh.vertex_count();
         first = own_vertices.end;
         options.locked = locked.as_deref().and_then(|l| l.get(own_vertices.clone())).map(Into::into);
@@ -75,7 +75,8 @@ pub(super) fn simplify_each(
     Ok(SimplifiedScene { meshes, report, counts })
 }
 
-/// One report of all runs: sums, means over the area, and the first reason why one of them missed its target.
+/// Combines the reports of all runs: sums, means over the area, and the reason of the first run that missed
+/// its target.
 fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
     let total: f64 = runs.iter().map(|r| r.area).sum();
     let weight = |r: &Run| if total > 0.0 { r.area / total } else { 1.0 / runs.len() as f64 };
@@ -96,7 +97,7 @@ fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
     report.refusals = Refusal::ALL.into_iter().map(|r| (r, refused(r))).filter(|r| r.1 > 0).collect();
     report.reached = runs.iter().all(|r| r.report.reached);
     if report.reached && report.stopped_by == StoppedBy::Nothing {
-        // A mesh that was light enough already says nothing of the others.
+        // The reason of a mesh that was light enough already does not stand for the others.
         let other = runs.iter().map(|r| r.report.stopped_by).find(|s| *s != StoppedBy::Nothing);
         report.stopped_by = other.unwrap_or(StoppedBy::Nothing);
     }
@@ -146,7 +147,7 @@ fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
     Some(report)
 }
 
-/// The largest of largest distances, means by weight.
+/// Returns the maximum of maxima and the weighted mean of means.
 fn mean(all: &[(f64, &Comparison)], diagonal: f64) -> Option<Comparison> {
     let mut sum = *all.first()?.1;
     let largest = |of: fn(&Comparison) -> &TwoWay| {

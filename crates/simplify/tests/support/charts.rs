@@ -1,4 +1,4 @@
-//! Wedges and their places; a mesh with a seam.
+//! Wedges and their positions; a mesh with a seam.
 
 use lodsmith::core::{TriMesh, VertexId, WedgeId, shapes};
 
@@ -10,14 +10,15 @@ pub(crate) fn wedges(mesh: &TriMesh) -> impl Iterator<Item = WedgeId> + use<> {
     (0..mesh.wedge_count() as u32).map(WedgeId)
 }
 
-/// A grid whose left and right half have textures of their own: two wedges at each vertex of the middle line.
+/// A grid whose left and right half have separate texture charts: two wedges at each vertex of the middle
+/// line.
 pub(crate) fn two_charts(n: u32) -> TriMesh {
     let plain = shapes::wavy_sheet(n);
     let bounds = plain.positions().view().bounds().unwrap();
     let middle = 0.5 * (bounds.min[0] + bounds.max[0]);
     let is_right = |t: &[WedgeId; 3]| t.iter().map(|&w| place(&plain, w)[0]).sum::<f64>() / 3.0 > middle;
     let count = plain.vertex_count() as u32;
-    // Wedge v for the left side, v + count for the right.
+    // Wedge v is on the left side, v + count on the right.
     let vertex_of = (0..2 * count).map(|w| VertexId(w % count)).collect();
     let triangles = plain
         .triangles()

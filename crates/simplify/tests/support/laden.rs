@@ -1,4 +1,4 @@
-//! Meshes with attributes of all kinds, and what must hold of these afterwards.
+//! Meshes with attributes of all kinds, and checks of results with attributes.
 
 use std::collections::{HashMap, HashSet};
 
@@ -8,8 +8,8 @@ use lodsmith::{AttributeWeights, Length, Placement, Preset, SimplifyOptions};
 
 use super::Random;
 
-/// The mesh with attributes by chance: charts, regions, skins, morph targets, tangents; sometimes with numbers that no
-/// one should store.
+/// Returns the mesh with random attributes: charts, regions, skins, morph targets, tangents; sometimes with
+/// invalid numbers.
 pub(crate) fn laden(plain: &TriMesh, random: &mut Random) -> TriMesh {
     let mut mesh = charted(plain, random);
     let count = mesh.wedge_count();
@@ -22,7 +22,7 @@ pub(crate) fn laden(plain: &TriMesh, random: &mut Random) -> TriMesh {
         (0..count as u32).map(|w| view.get(mesh.vertex_of(WedgeId(w))).map(|x| x / size)).collect()
     };
     let mut wave = 0;
-    // One value for each wedge, from 0 to 1 where all is well.
+    // One value for each wedge, from 0 to 1 for valid attributes.
     let mut column = |random: &mut Random| -> Vec<f32> {
         wave += 1;
         let [a, b, c, d] = waves[wave % waves.len()];
@@ -98,7 +98,7 @@ pub(crate) fn laden(plain: &TriMesh, random: &mut Random) -> TriMesh {
         (Semantic::Morph { target: 0, of: Morphed::Tangent }, 3),
         (Semantic::Custom("_HEAT".to_owned()), 1),
         (Semantic::Custom("_WIDE".to_owned()), 1 + random.below(6) as usize),
-        // Half a skin is none.
+        // Weights without joints are no skin.
         (Semantic::Weights(5), 4),
     ];
     for (semantic, width) in others {
@@ -109,7 +109,7 @@ pub(crate) fn laden(plain: &TriMesh, random: &mut Random) -> TriMesh {
     mesh
 }
 
-/// Options with all that a caller rarely asks for, by chance.
+/// Random options of the kind that is rarely used.
 pub(crate) fn laden_options(
     mut options: SimplifyOptions,
     random: &mut Random,
@@ -139,7 +139,8 @@ pub(crate) fn laden_options(
     options
 }
 
-/// The same faces on wedges: one for each vertex, for each chart of it or for each corner; with regions, or without.
+/// Returns the same faces on wedges: one for each vertex, for each chart of it or for each corner; with
+/// regions, or without.
 fn charted(plain: &TriMesh, random: &mut Random) -> TriMesh {
     let surface = plain.surface();
     let normal = direction(random).map(f64::from);
@@ -187,7 +188,7 @@ fn direction(random: &mut Random) -> [f32; 3] {
     if length > 0.01 { v.map(|x| (x / length) as f32) } else { [0.0, 0.0, 1.0] }
 }
 
-/// Every kind of attribute by name, its width, and its values.
+/// Returns every attribute by name, with its width and its values.
 pub(crate) fn kinds(mesh: &TriMesh) -> Vec<(String, usize, Vec<f32>)> {
     let mut all = Vec::new();
     all.extend(mesh.normals().map(|x| ("normals".to_owned(), 3, x.as_flattened().to_vec())));
@@ -202,7 +203,7 @@ fn is_unit(n: &[f32]) -> bool {
     (n[..3].iter().map(|x| f64::from(x * x)).sum::<f64>() - 1.0).abs() < 1e-3
 }
 
-/// The weights of all sets at each wedge, summed.
+/// Returns the sum of the weights of all sets at each wedge.
 fn pulls(mesh: &TriMesh) -> Vec<f64> {
     let sets = mesh.further_attributes().iter().filter(|a| matches!(a.semantic, Semantic::Weights(0 | 1)));
     let mut sums = Vec::new();
@@ -214,8 +215,8 @@ fn pulls(mesh: &TriMesh) -> Vec<f64> {
     sums
 }
 
-/// What is wrong with the attributes of a result. What stands on locked vertices, and all with endpoints, are the values
-/// of the input, sound or not.
+/// Returns what is wrong with the attributes of a result. Attributes of locked vertices, and all with
+/// endpoint placement, are values of the input, sound or not.
 pub(crate) fn attribute_complaints(
     mesh: &TriMesh,
     placement: Placement,
@@ -247,7 +248,7 @@ pub(crate) fn attribute_complaints(
     if placement == Placement::Endpoint {
         return found;
     }
-    // Places of locked vertices; -0 is 0.
+    // Positions of locked vertices; -0 equals 0.
     let place =
         |m: &TriMesh, v: usize| m.positions().view().get(VertexId::new(v)).map(|x| (x + 0.0).to_bits());
     let held: HashSet<[u64; 3]> =
@@ -277,7 +278,7 @@ pub(crate) fn attribute_complaints(
     found
 }
 
-/// All that stands at a corner, as bits.
+/// Returns all attributes of a corner, as bits.
 fn corner(mesh: &TriMesh, w: WedgeId) -> Vec<u64> {
     let mut all = super::bits(mesh.positions().view().get(mesh.vertex_of(w)).map(|x| x + 0.0)).to_vec();
     let mut kinds: Vec<(String, Vec<f32>)> = Vec::new();
@@ -291,8 +292,8 @@ fn corner(mesh: &TriMesh, w: WedgeId) -> Vec<u64> {
     all
 }
 
-/// What is wrong with the locked part of a result. Where vertices were `welded`, or contracted in pairs (`paired`), others
-/// may have come to theirs, with what stood on them.
+/// Returns what is wrong with the locked part of a result. If vertices were `welded`, or contracted in pairs
+/// (`paired`), others may have been merged onto locked ones, with their attributes.
 pub(crate) fn locked_complaints(
     mesh: &TriMesh,
     locked: &[bool],

@@ -1,4 +1,4 @@
-//! What every result must be, whatever was asked.
+//! Checks that apply to every result, whatever the options.
 #![allow(unused, reason = "each test file uses its part")]
 
 pub(crate) mod charts;
@@ -16,7 +16,7 @@ use lodsmith::{
     TopologyPolicy, simplify,
 };
 
-/// Complaints of many cases, told together at the end.
+/// Complaints about many cases, reported together at the end.
 #[derive(Default)]
 pub(crate) struct Complaints(Vec<String>);
 
@@ -30,14 +30,14 @@ impl Complaints {
         }
     }
     /// # Panics
-    /// If there is one.
+    /// If there are complaints.
     pub(crate) fn settle(self) {
         let shown = self.0.iter().take(25).map(|c| format!("\n  {c}")).collect::<String>();
         assert!(self.0.is_empty(), "{} complaints:{shown}", self.0.len());
     }
 }
 
-/// Options in a line, without those at their default.
+/// Returns the options in one line, without those at their defaults.
 pub(crate) fn told(options: &SimplifyOptions) -> String {
     let d = SimplifyOptions::default();
     let mut words = Vec::new();
@@ -67,7 +67,7 @@ pub(crate) fn told(options: &SimplifyOptions) -> String {
     words.join(", ")
 }
 
-/// Runs; a panic is a complaint.
+/// Runs; a panic becomes a complaint.
 pub(crate) fn run(
     mesh: &TriMesh,
     options: &SimplifyOptions,
@@ -79,17 +79,17 @@ pub(crate) fn run(
     })
 }
 
-/// The three coordinates as bits.
+/// Returns the three coordinates as bits.
 pub(crate) fn bits(p: [f64; 3]) -> [u64; 3] {
     p.map(f64::to_bits)
 }
 
-/// The positions of a mesh as bits.
+/// Returns the positions of a mesh as bits.
 pub(crate) fn places(mesh: &TriMesh) -> HashSet<[u64; 3]> {
     mesh.positions().view().iter().map(bits).collect()
 }
 
-/// Everything of a mesh as bits: equal meshes, equal bytes.
+/// Returns all buffers of a mesh as bits: equal meshes give equal bytes.
 pub(crate) fn bytes(mesh: &TriMesh) -> Vec<u64> {
     let mut all: Vec<u64> = mesh.positions().view().iter().flat_map(bits).collect();
     all.extend(mesh.triangles().iter().flatten().map(|w| u64::from(w.0)));
@@ -103,7 +103,7 @@ pub(crate) fn bytes(mesh: &TriMesh) -> Vec<u64> {
     all
 }
 
-/// Whether a result is a mesh without what no mesh should have.
+/// Returns the defects of a result that no mesh should have.
 fn mesh_complaints(mesh: &TriMesh, result: &TriMesh) -> Vec<String> {
     let mut found = Vec::new();
     let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
@@ -128,7 +128,7 @@ fn mesh_complaints(mesh: &TriMesh, result: &TriMesh) -> Vec<String> {
     found
 }
 
-/// Whether a result keeps what is promised for any mesh at all; by index, not by position.
+/// Checks the promises that hold for any mesh; by index, not by position.
 pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<String> {
     let (result, report) = (&done.mesh, &done.report);
     let (faces, vertices) = (result.face_count(), result.vertex_count());
@@ -152,7 +152,7 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     let met = by_faces || by_vertices || by_ratio;
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
     let stopped_by = report.stopped_by;
-    // The cell of clusters is a stop too.
+    // The cell size of clustering is a stop too.
     let own = &options.of_method;
     let by_cell = stopped_by == StoppedBy::Exhausted && own.cell.is_some();
     if stop.error.is_none() && counts && !by_cell {
@@ -189,7 +189,7 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
         check(report.parts_removed == 0, format!("{} parts removed", report.parts_removed));
     }
     if let Some(limit) = stop.error {
-        // The measure itself rounds.
+        // The measurement itself rounds.
         let limit = limit.in_units(error.diagonal) + 1e-12 * error.diagonal;
         let got = error.measured.as_ref().map(|m| m.hausdorff.symmetric);
         check(got.is_some_and(|d| d <= limit), format!("measured {got:?} beyond {limit}"));
@@ -197,7 +197,7 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     found
 }
 
-/// Whether a scene keeps what is promised for any meshes at all.
+/// Checks the promises that hold for a scene of any meshes.
 pub(crate) fn scene_complaints(
     parts: &[Part<'_>],
     options: &SimplifyOptions,
@@ -259,7 +259,7 @@ pub(crate) fn scene_complaints(
         first = last;
         let mut wrongs = if is_left(i) { Vec::new() } else { mesh_complaints(before, own) };
         if !is_left(i) {
-            // What is locked in one part is locked at the same place in its neighbours.
+            // A position that is locked in one part is locked in its neighbours.
             let near = vec![true; before.vertex_count()];
             let held = locked.filter(|_| part.system.is_none()).or(locked.map(|_| &near[..]));
             wrongs.extend(laden::attribute_complaints(before, options.placement, held, own));
@@ -279,7 +279,7 @@ pub(crate) fn scene_complaints(
     found
 }
 
-/// The topology of a mesh as an engine sees it: welded, without what is broken or there twice.
+/// Returns the topology of a mesh as an engine sees it: welded, without broken and duplicate faces.
 pub(crate) fn counts(mesh: &TriMesh) -> TopologyCounts {
     let surface = mesh.surface();
     let cleaned = clean_surface(&surface, None);
@@ -287,7 +287,7 @@ pub(crate) fn counts(mesh: &TriMesh) -> TopologyCounts {
     Topology::unwelded(&surface).counts()
 }
 
-/// Whether a result keeps what a topology policy promises; by position, as a file would hold it.
+/// Checks the promises of a topology policy; by position, as in a file.
 pub(crate) fn topology_complaints(
     mesh: &TriMesh,
     options: &SimplifyOptions,
@@ -310,7 +310,7 @@ pub(crate) fn topology_complaints(
     not_above("border edges", old.border_edge_count, new.border_edge_count);
     not_above("non-manifold edges", old.non_manifold_edge_count, new.non_manifold_edge_count);
     not_above("non-manifold vertices", old.non_manifold_vertex_count, new.non_manifold_vertex_count);
-    // An edge of four faces may become one of two that go the same way.
+    // An edge of four faces can become one of two faces with opposite winding.
     let twisted = |c: &TopologyCounts| c.misoriented_edge_count + c.non_manifold_edge_count;
     not_above("misoriented or non-manifold edges", twisted(&old), twisted(&new));
     not_above(
@@ -332,7 +332,7 @@ pub(crate) fn topology_complaints(
     found
 }
 
-/// A face from its least vertex on.
+/// Returns a face rotated to start at its least vertex.
 fn turned(t: [VertexId; 3]) -> [VertexId; 3] {
     let [a, b, c] = t;
     [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or(t)

@@ -1,4 +1,4 @@
-//! How both look from many sides.
+//! Visual comparison: renders both meshes from many sides and compares the pictures.
 
 use std::time::Instant;
 
@@ -16,22 +16,22 @@ use crate::need::Size;
 use crate::numbers::{micros, significant};
 use crate::{memory, need, picture};
 
-/// What was seen.
+/// Result of the comparison.
 pub(super) struct Seen {
     views: Vec<ImageError>,
     size: [usize; 2],
     shading: Shading,
-    /// Of one view: of the reference, and of the candidate.
+    /// For one view: reference and candidate.
     draw_seconds: [f64; 2],
 }
 
-/// The format of the pictures that are asked for.
+/// Returns the format of the contact sheet, if one is asked for.
 pub(super) fn sheet_format(args: &CompareArgs) -> anyhow::Result<Option<PictureFormat>> {
     let Some(path) = &args.views_sheet else { return Ok(None) };
     picture::format_of(&Sink::Path(path.clone())).map(Some)
 }
 
-/// Draws both from `count` sides, and compares the pictures.
+/// Renders both from `count` sides and compares the pictures.
 pub(super) fn look(
     args: &CompareArgs,
     count: usize,
@@ -72,7 +72,7 @@ pub(super) fn look(
         }
     }
     if let (Some(format), Some(path)) = (format, &args.views_sheet) {
-        // Two pairs in a row.
+        // Two pairs in each row.
         picture::write(
             &sheet(&panels, 4, Background::default(), None),
             &Sink::Path(path.clone()),
@@ -83,7 +83,8 @@ pub(super) fn look(
     Ok(seen)
 }
 
-/// What is to be seen. A scene that is a file is read once more, for its materials; of standard input its one mesh has to do.
+/// Returns the model to render. A scene file is read again for its materials; of standard input the mesh is
+/// used.
 fn model(source: &Source, loaded: &Loaded, reading: &Reading) -> anyhow::Result<Model> {
     match source {
         Source::Path(path) if matches!(loaded.format, Format::Gltf | Format::Glb) => {
@@ -95,7 +96,7 @@ fn model(source: &Source, loaded: &Loaded, reading: &Reading) -> anyhow::Result<
     }
 }
 
-/// What there is to see: materials, else colours of vertices, else the shape.
+/// Chooses the shading: materials, else vertex colours, else the shape alone.
 fn shading_of(reference: &Model) -> Shading {
     if !reference.materials.is_empty() {
         Shading::Textured
@@ -131,7 +132,7 @@ impl Seen {
         })
     }
 
-    /// The figures for people.
+    /// Returns the figures as a table.
     pub(super) fn table(&self) -> Vec<String> {
         let Some([mean, worst]) = self.mean_and_worst() else { return Vec::new() };
         let [width, height] = self.size;

@@ -1,4 +1,4 @@
-//! Where levels go: one file, or one each and a list of them.
+//! Output files of levels: one file, or one for each level and a list of them.
 
 use std::collections::HashMap;
 use std::fs;
@@ -14,26 +14,26 @@ use crate::exit::usage;
 use crate::file::{self, Sink};
 use crate::plan::{self, Wanted};
 
-/// The attribute that says where a vertex is in the next level.
+/// Attribute with the position of a vertex in the next level.
 const GEOMORPH: &str = "_GEOMORPH";
 /// The list of levels in a folder.
 const LIST: &str = "lods.json";
 
-/// Where levels go, settled before any work.
+/// Output of levels, determined before any work.
 pub(super) enum Plan {
-    /// All into one file.
+    /// All levels in one file.
     One(Sink, Format),
-    /// Each into one of a folder: what a level is called by its number.
+    /// Each level in a file of this folder; the template gives its name by its number.
     Each { folder: PathBuf, template: String, format: Format },
-    /// Nowhere.
+    /// No output.
     Nowhere,
 }
 
 impl Plan {
-    /// What the command line says.
+    /// Determines the output from the command line.
     ///
     /// # Errors
-    /// A fault of the command line.
+    /// If the command line is at fault.
     pub(super) fn new(args: &LodArgs) -> anyhow::Result<Self> {
         let template =
             args.name.clone().unwrap_or_else(|| format!("{{stem}}{}{{level}}.{{ext}}", args.naming.mark()));
@@ -42,7 +42,7 @@ impl Plan {
                 "--name {template}: {{level}} is missing, so all levels would be one file"
             )));
         }
-        // The rest of the template is looked at as of any folder of results; a level is a number.
+        // The rest of the template is checked like that of any output folder; a level is a number.
         let first = template.replace("{level}", "0");
         let jobs = plan::jobs(&Wanted {
             inputs: std::slice::from_ref(&args.input),
@@ -69,7 +69,7 @@ impl Plan {
         };
         let Sink::Path(path) = &sink else { return Ok(Self::Nowhere) };
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        // The name of level 0, with a place for the number where the template has it.
+        // The name of level 0, with a placeholder where the template has the number.
         let (before, after) = template.split_once("{level}").unwrap_or((&template, ""));
         let is_stem_before = before.contains("{stem}");
         let tail = after.replace("{ext}", path.extension().and_then(|e| e.to_str()).unwrap_or_default());
@@ -97,12 +97,12 @@ impl Plan {
         }
     }
 
-    /// Whether what is written is glTF.
+    /// Returns true if the output is glTF.
     pub(super) fn makes_scenes(&self) -> bool {
         matches!(self.format(), Some(Format::Gltf | Format::Glb))
     }
 
-    /// The file of a level, in the folder.
+    /// Returns the file name of a level, in the folder.
     pub(super) fn file(&self, level: usize) -> Option<String> {
         match self {
             Self::Each { template, .. } => Some(template.replace("{level}", &level.to_string())),
@@ -110,7 +110,7 @@ impl Plan {
         }
     }
 
-    /// Where a level goes, as typed.
+    /// Returns the output of a level, as typed.
     pub(super) fn sink(&self, level: usize) -> Option<Sink> {
         match self {
             Self::One(sink, _) => Some(sink.clone()),
@@ -119,12 +119,13 @@ impl Plan {
         }
     }
 
-    /// Where the first file goes.
+    /// Returns the first output.
     pub(super) fn first_sink(&self) -> Sink {
         self.sink(0).unwrap_or(Sink::Stdout)
     }
 
-    /// Writes the levels of a mesh, each into its file. What formats could not carry is said once.
+    /// Writes the levels of a mesh, each to its file. Each warning about data that the format cannot hold is
+    /// returned once.
     pub(super) fn write_meshes(
         &self,
         meshes: &[TriMesh],
@@ -151,7 +152,7 @@ impl Plan {
         Ok(warnings)
     }
 
-    /// Writes the levels of a scene; `replaced` are the meshes of each level, the first included.
+    /// Writes the levels of a scene; `replaced` are the meshes of each level, including the first.
     pub(super) fn write_scene(
         &self,
         scene: &Scene,
@@ -207,7 +208,7 @@ impl Plan {
     }
 }
 
-/// Adds what was not said before.
+/// Adds the warnings that are not in the list yet.
 fn add(all: &mut Vec<Warning>, more: Vec<Warning>) {
     for warning in more {
         if !all.contains(&warning) {
@@ -216,8 +217,8 @@ fn add(all: &mut Vec<Warning>, more: Vec<Warning>) {
     }
 }
 
-/// For each mesh and level the part of the picture's height that the ball round the mesh takes where the next level takes
-/// over.
+/// Returns for each mesh and level the fraction of the picture's height that the bounding sphere of the mesh
+/// covers at the distance where the next level is used.
 fn coverage(scene: &Scene, distances: &[f64], args: &LodArgs) -> Vec<Vec<f64>> {
     let screen = args.screen();
     let of_mesh = |m: &SceneMesh| {
@@ -227,14 +228,14 @@ fn coverage(scene: &Scene, distances: &[f64], args: &LodArgs) -> Vec<Vec<f64>> {
             let share = if distance > 0.0 { screen.coverage(diameter, distance).min(1.0) } else { 1.0 };
             all.push(share.min(all.last().copied().unwrap_or(1.0)));
         }
-        // The last level is seen to the end.
+        // The last level is used at any distance.
         all.push(0.0);
         all
     };
     scene.meshes().iter().map(of_mesh).collect()
 }
 
-/// Gives a mesh the places of its vertices in the next level, each through `place`.
+/// Adds to a mesh the positions of its vertices in the next level, each mapped by `place`.
 pub(super) fn carry(
     mesh: &mut TriMesh,
     geomorph: &Positions,
@@ -247,10 +248,10 @@ pub(super) fn carry(
     Ok(())
 }
 
-/// For each vertex of a scene's mesh the vertices of the mesh that it was made from.
+/// Returns for each vertex of a scene's mesh the vertices of the mesh that it was made from.
 pub(super) fn vertices_of(there: &SceneMesh, mesh: &TriMesh) -> Vec<Vec<usize>> {
     let moved = there.world_from_mesh.map_or([0.0; 3], |m| m.map(|row| row[3]));
-    // As they are written: relative to the node, and a zero of one kind.
+    // As written: relative to the node, and with -0 as 0.
     let key = |p: [f64; 3], by: [f64; 3]| [0, 1, 2].map(|k| ((p[k] - by[k]) as f32 + 0.0).to_bits());
     let mut at: HashMap<[u32; 3], Vec<usize>> = HashMap::new();
     for (v, p) in mesh.positions().view().iter().enumerate() {

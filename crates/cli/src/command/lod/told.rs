@@ -1,4 +1,4 @@
-//! What there is to say of a chain.
+//! Report of a chain of levels.
 
 use lodsmith::lod::error_of;
 use lodsmith::{Report, SimplifyOptions};
@@ -13,17 +13,17 @@ use crate::exit::{Interrupted, Status};
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::{self, Output};
 
-/// From how far away a level is as good as the original, as it is written.
+/// Returns the distance from which on a level looks like the original, at the scale of the output.
 pub(super) fn distance(report: &Report, args: &LodArgs) -> f64 {
     args.screen().distance(error_of(report)) * scale(args)
 }
 
-/// What lengths of the engine are multiplied by in what is written.
+/// Returns the factor from lengths of the engine to those of the output.
 fn scale(args: &LodArgs) -> f64 {
     args.writing.scale.unwrap_or(1.0)
 }
 
-/// Prints the outcome; returns the status that it ends with.
+/// Prints the outcome. Returns the exit status.
 pub(super) fn show(
     out: &Output,
     path: &str,
@@ -68,7 +68,7 @@ pub(super) fn show(
     if is_fault { Status::Strict } else { Status::Done }
 }
 
-/// A line for the whole and one for each level.
+/// Returns a line for the whole and one for each level.
 fn lines(made: &Made, path: &str, args: &LodArgs) -> Vec<String> {
     let mut lines = vec![format!(
         "{path}: {}, {}, {}",
@@ -102,7 +102,7 @@ fn error_json(report: &Report) -> Value {
     })
 }
 
-/// The report for programs.
+/// Returns the report as JSON.
 fn to_json(made: &Made, path: &str, plan: &Plan, args: &LodArgs) -> Value {
     let screen = args.screen();
     let refusals = |r: &Report| -> Map<String, Value> {
@@ -153,7 +153,7 @@ fn to_json(made: &Made, path: &str, plan: &Plan, args: &LodArgs) -> Value {
     report
 }
 
-/// What `lods.json` says.
+/// Returns the content of `lods.json`.
 fn list(made: &Made, path: &str, plan: &Plan, args: &LodArgs) -> Value {
     let screen = args.screen();
     let first = json!({
