@@ -25,9 +25,9 @@ impl<M: Metric> Engine<M> {
         if self.mesh.values.attributes.is_some() && weights.is_some() {
             // Tensors are made of what lives.
             self.mesh.store.compact();
-            if self.mesh.count(weights) && sweeps.next.is_some() {
-                if sweeps.swept {
-                    sweeps.next = Some(self.mesh.bounds());
+            if self.mesh.count(weights) && sweeps.awaits_threshold() {
+                if sweeps.has_swept {
+                    sweeps.set_bounds(self.mesh.bounds());
                 } else {
                     *sweeps = self.begin_sweeps(goal);
                 }

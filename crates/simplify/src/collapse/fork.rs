@@ -11,7 +11,7 @@
 
 use super::attributes::Kept;
 use super::bound::UNKNOWN;
-use super::sweeps::{LAST_SHARE, QUANTILE};
+use super::sweeps::{Ease, LAST_SHARE, QUANTILE};
 use super::{Engine, Goal, Original, Sweeps, late};
 use crate::metric::Metric;
 
@@ -78,24 +78,25 @@ impl<M: Metric> Engine<M> {
         self.mesh.store.compact();
         self.mesh.constraints.cuts_necks = cuts;
         original.with(&mut |points, faces| self.watch_parts_of(points, faces));
-        sweeps.next = Some(self.mesh.bounds());
+        sweeps.set_bounds(self.mesh.bounds());
         if cuts {
             self.mesh.store.bound.fill(UNKNOWN);
         }
     }
 
     /// Notes whether the last sweeps got as much done as where nothing stands in the way.
-    pub(super) fn watch_ease(&self, sweeps: &mut Sweeps) {
-        if sweeps.swept && sweeps.wanted * FEW >= self.mesh.store.live_vertices as f64 {
-            sweeps.is_at_ease &=
-                (self.tally.collapses - sweeps.at_threshold) as f64 >= AT_EASE * sweeps.wanted;
+    pub(super) fn watch_ease(&self, ease: &mut Ease, has_swept: bool) {
+        if has_swept && ease.wanted * FEW >= self.mesh.store.live_vertices as f64 {
+            let done = (self.tally.collapses - ease.at_threshold) as f64;
+            ease.is_at_ease &= done >= AT_EASE * ease.wanted;
         }
     }
 
     /// Whether parts or handles begin to stand in the way, or a copy costs next to nothing and this is the last moment for
     /// one: before the goal has a say in the sweeps, or the late phase begins. `is_last_stretch` is whether the goal has.
     pub(crate) fn is_time_to_fork(&self, sweeps: &Sweeps, goal: &Goal, is_last_stretch: bool) -> bool {
-        if !sweeps.is_at_ease && self.is_within(SHARE) || is_last_stretch && self.is_within(CHEAP_SHARE) {
+        if !sweeps.ease.is_at_ease && self.is_within(SHARE) || is_last_stretch && self.is_within(CHEAP_SHARE)
+        {
             return true;
         }
         self.is_extreme(goal) && self.is_near_late_phase() && self.may_fork_late()

@@ -1,5 +1,7 @@
 //! Sweeps: how thresholds rise until the goal is met, and where that pauses.
 
+use std::ops::ControlFlow;
+
 use lodsmith_core::VertexId;
 use wide::f32x8;
 
@@ -31,30 +33,102 @@ const FEWEST_LOOKS: usize = 128;
 /// Vertices between two questions to the caller.
 pub(super) const ASK_EVERY: usize = 4096;
 
-/// Where a run of sweeps stands.
+/// Bounds of vertices, and how many vertices were looked at for them.
+type Bounds = (Histogram, usize);
+
+/// State of a run of sweeps.
 #[derive(Clone)]
 pub(crate) struct Sweeps {
-    /// What the next threshold is found from, and how many vertices were looked at for it; none while one holds.
-    pub(super) next: Option<(Histogram, usize)>,
+    phase: Phase,
+    /// Collapses that were needed at the start, and faces then: for the progress.
     pub(super) begun_with: usize,
-    pub(super) start_faces: usize,
-    pub(super) swept: bool,
-    pub(super) tau: f32,
-    pub(super) highest: f32,
-    /// Sweeps in vain.
-    pub(super) idle: usize,
-    /// Whether the next sweep looks for what is possible at all, and whether the last one did.
-    pub(super) probe: bool,
-    pub(super) probed: bool,
-    pub(super) lift: f32,
-    /// Collapses at the last probe.
-    pub(super) at_probe: u64,
+    start_faces: usize,
+    /// True from the end of the first sweep on.
+    pub(super) has_swept: bool,
+    /// Threshold of the sweep, and the highest so far.
+    tau: f32,
+    highest: f32,
+    /// Sweeps in a row without a collapse.
+    idle: usize,
+    /// Factor of the threshold after a probe, because an evaluation may cost more than what the probe found.
+    lift: f32,
+    /// Collapses by the last probe.
+    at_probe: u64,
+    pub(super) ease: Ease,
+}
+
+/// What comes next in a run of sweeps.
+///
+/// ```text
+/// Threshold -> Sweep -> Threshold -> Sweep -> ...      as long as bounds are known and sweeps collapse anything
+///                 \-> Probe -> Threshold -> ...        nothing went: find out what is possible, at any cost
+///                        \-> Probe -> ...              nothing is possible: something gives way, or the run ends
+/// ```
+#[derive(Clone)]
+enum Phase {
+    /// A threshold is to be found from these bounds.
+    Threshold(Bounds, After),
+    /// All edges up to the threshold are tried.
+    Sweep(After),
+    /// All edges are tried at any cost, and none is collapsed.
+    Probe,
+}
+
+/// The sweep before.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum After {
+    Sweep,
+    Probe,
+}
+
+/// Measure of how much sweeps get done, against where nothing stands in the way.
+#[derive(Clone)]
+pub(super) struct Ease {
     /// Collapses when the threshold was found.
     pub(super) at_threshold: u64,
-    /// Of how many vertices the sweeps with it were to look at the edges.
+    /// Number of vertices whose edges the sweep was to look at.
     pub(super) wanted: f64,
-    /// Whether each sweep so far did as much as where nothing stands in the way.
+    /// True as long as each sweep did enough.
     pub(super) is_at_ease: bool,
+}
+
+impl Sweeps {
+    /// True if a threshold comes next.
+    pub(super) fn awaits_threshold(&self) -> bool {
+        matches!(self.phase, Phase::Threshold(..))
+    }
+
+    /// Has the next threshold found from other bounds.
+    pub(super) fn set_bounds(&mut self, bounds: Bounds) {
+        let after = match self.phase {
+            Phase::Threshold(_, after) => after,
+            Phase::Sweep(_) => After::Sweep,
+            Phase::Probe => After::Probe,
+        };
+        self.phase = Phase::Threshold(bounds, after);
+    }
+}
+
+/// How one sweep went.
+enum Swept {
+    /// All vertices were visited. Refusals and collapses before it.
+    Through { refused: u64, collapses: u64 },
+    /// The lists were full: the rest of the sweep follows with the same threshold.
+    Compacted,
+    /// The run ends.
+    Ended(End),
+}
+
+/// A run pauses (`None`) or ends.
+type Stop = Option<End>;
+
+/// Who asks for sweeps, and for how many.
+struct Errand<'a> {
+    goal: &'a Goal,
+    pause: Pause,
+    original: &'a dyn Original,
+    /// True if the goal has a late phase.
+    is_extreme: bool,
 }
 
 /// Where sweeps pause.
@@ -109,20 +183,16 @@ impl<M: Metric> Engine<M> {
         let first = self.first_bounds(&mut scratch);
         let begun_with = self.mesh.needed(goal).unwrap_or(self.mesh.store.live_faces / 2).max(1);
         Sweeps {
-            next: Some((Histogram::of(&first), first.len())),
+            phase: Phase::Threshold((Histogram::of(&first), first.len()), After::Sweep),
             begun_with,
             start_faces: self.mesh.store.live_faces,
-            swept: false,
+            has_swept: false,
             tau: 0.0,
             highest: 0.0,
             idle: 0,
-            probe: false,
-            probed: false,
             lift: 1.0,
             at_probe: u64::MAX,
-            at_threshold: 0,
-            wanted: 0.0,
-            is_at_ease: true,
+            ease: Ease { at_threshold: 0, wanted: 0.0, is_at_ease: true },
         }
     }
 
@@ -177,172 +247,210 @@ impl<M: Metric> Engine<M> {
         original: &dyn Original,
         control: &mut dyn Control,
     ) -> Option<End> {
-        let extreme = self.is_extreme(goal);
+        let errand = Errand { goal, pause, original, is_extreme: self.is_extreme(goal) };
         self.mesh.find_details(goal);
         let (mut scratch, mut visits) = (VisitScratch::default(), Vec::new());
-        'sweeps: for _ in 0..MOST_SWEEPS {
+        for _ in 0..MOST_SWEEPS {
             self.check_if_asked(original);
-            // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
-            if sweeps.swept && sweeps.next.is_some() {
-                if self.mesh.store.wants_compaction(self.mesh.needed(goal)) {
-                    self.mesh.store.compact();
-                    sweeps.next = Some(self.mesh.bounds());
-                }
-                if self.is_late(extreme) {
-                    original.with(&mut |points, faces| self.mesh.begin_late(points, faces));
-                    sweeps.next = Some(self.mesh.bounds());
-                }
+            if let ControlFlow::Break(stop) = self.set_threshold(sweeps, &errand) {
+                return stop;
             }
-            if let Some((histogram, looked_at)) = sweeps.next.take() {
-                self.watch_ease(sweeps);
-                let is_last_stretch = |ahead| self.is_last_stretch(&histogram, looked_at, goal, ahead);
-                let pauses = match pause {
-                    Pause::Never => false,
-                    Pause::BeforeGoal => is_last_stretch(AHEAD),
-                    Pause::BeforeNeed => self.is_time_to_fork(sweeps, goal, is_last_stretch(AHEAD)),
-                    Pause::BeforeEither => {
-                        is_last_stretch(JUST_AHEAD) || self.is_time_to_fork(sweeps, goal, false)
-                    }
-                };
-                if pauses {
-                    sweeps.next = Some((histogram, looked_at));
-                    return None;
-                }
-                let mut next = self.threshold(&histogram, looked_at, goal);
-                if sweeps.probe {
-                    // What a probe finds is exact; an evaluation may see more, and needs a higher threshold to be tried.
-                    sweeps.lift =
-                        if self.tally.collapses == sweeps.at_probe { sweeps.lift * 16.0 } else { 1.0 };
-                    sweeps.at_probe = self.tally.collapses;
-                    next = (next * sweeps.lift).min(f32::MAX);
-                    (sweeps.highest, sweeps.idle) = (next, 0);
-                }
-                // Bounds are stale, some by far: a sweep in vain is no reason to go back to lower ones.
-                sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
-                sweeps.highest = sweeps.highest.max(sweeps.tau);
-                (sweeps.probe, sweeps.probed) = (false, sweeps.probe);
-                (sweeps.at_threshold, sweeps.wanted) = (self.tally.collapses, self.wanted(goal));
-            }
-            let (tau, probe) = (sweeps.tau, sweeps.probe);
-            self.mesh.cost.area =
-                (self.mesh.cost.total_area / self.mesh.store.live_faces.max(1) as f64) as f32;
-            let before = self.tally.collapses;
-            let refused = self.tally.refused();
-            let done = |engine: &Self| engine.done(goal, sweeps.begun_with, sweeps.start_faces);
-            if self.mesh.topology.pairs.is_some() {
-                let mut ask = |engine: &Self| control.progress(done(engine));
-                match self.contract_pairs(goal, tau, probe, &mut ask) {
-                    Verdict::Continue => {}
-                    Verdict::Finish => return Some(End::Finish),
-                    Verdict::Cancel => return Some(End::Cancel),
-                }
-            }
-            let goal_faces = goal.faces.unwrap_or(0);
-            let goal_vertices = goal.vertices.unwrap_or(0);
-            let count = self.mesh.store.v.len();
-            let brings = count >= BRINGS_FROM;
-            self.tally.crowds.begin_sweep();
-            'vertices: for start in (0..count).step_by(ASK_EVERY) {
-                match control.progress(done(self)) {
-                    Verdict::Continue => {}
-                    Verdict::Finish => return Some(End::Finish),
-                    Verdict::Cancel => return Some(End::Cancel),
-                }
-                let bounds = &self.mesh.store.bound[start..count.min(start + ASK_EVERY)];
-                list_visits(bounds, start, tau, probe, &mut visits);
-                for (at, &u) in visits.iter().enumerate() {
-                    if brings {
-                        self.mesh.store.bring(&visits, at);
-                    }
-                    if self.mesh.store.live_faces <= goal_faces
-                        || self.mesh.store.live_vertices <= goal_vertices
-                    {
-                        break 'vertices;
-                    }
-                    if self.mesh.store.v[u.index()].kind.is_gone() {
-                        continue;
-                    }
-                    self.visit(u, if probe { f32::MAX } else { tau }, probe, &mut scratch);
-                    if self.mesh.store.is_full() {
-                        // The rest of the sweep follows after a compaction, with the same threshold.
-                        self.mesh.store.compact();
-                        continue 'sweeps;
+            match self.sweep_once(sweeps, goal, control, &mut scratch, &mut visits) {
+                Swept::Compacted => {}
+                Swept::Ended(end) => return Some(end),
+                Swept::Through { refused, collapses } => {
+                    sweeps.has_swept = true;
+                    sweeps.idle = if self.tally.collapses == collapses { sweeps.idle + 1 } else { 0 };
+                    let next = self.after_sweep(sweeps, &errand, refused);
+                    if let ControlFlow::Break(stop) = next {
+                        return stop;
                     }
                 }
             }
-            if self.mesh.needed(goal) == Some(0) {
-                return Some(End::Goal);
-            }
-            sweeps.swept = true;
-            sweeps.idle = if self.tally.collapses == before { sweeps.idle + 1 } else { 0 };
-            if sweeps.idle == 0 {
-                self.tally.paid = self.tally.paid.max(tau);
-                self.tally.is_strained |= !sweeps.is_at_ease;
-            }
-            if self.mesh.topology.parts.is_some() && !probe {
-                self.drop_cheap_parts(goal, tau);
-                if self.mesh.needed(goal) == Some(0) {
-                    return Some(End::Goal);
-                }
-            }
-            if self.mesh.store.wants_compaction(self.mesh.needed(goal)) {
-                self.mesh.store.compact();
-            }
-            if self.is_late(extreme) {
-                if sweeps.idle < PATIENCE
-                    && matches!(pause, Pause::BeforeNeed | Pause::BeforeEither)
-                    && self.may_fork_late()
-                {
-                    let next = self.mesh.bounds();
-                    if next.0.known() > 0 {
-                        // It begins when they go on.
-                        sweeps.next = Some(next);
-                        return None;
-                    }
-                }
-                original.with(&mut |points, faces| self.mesh.begin_late(points, faces));
-            }
-            let (histogram, looked_at) = self.mesh.bounds();
-            if histogram.known() == 0 {
-                if sweeps.probed && !probe && self.mesh.constraints.rules.max_cost.is_finite() {
-                    // Collapses since the last probe may have made room for edges that it saw refused: probe again.
-                    sweeps.probe = true;
-                    continue;
-                }
-                if sweeps.probed && self.mesh.constraints.rules.max_cost.is_finite() {
-                    // Nothing but what is refused stays below the limit.
-                    return Some(if self.tally.refused() == refused { End::Exhausted } else { End::Stuck });
-                }
-                if sweeps.probed && self.mesh.constraints.details.take().is_some() {
-                    // The target comes first.
-                    (sweeps.probe, sweeps.probed) = (true, true);
-                    continue;
-                }
-                let looser = self
-                    .mesh
-                    .constraints
-                    .looseness
-                    .looser(self.mesh.store.creases.is_some(), self.mesh.values.attributes.is_some());
-                if let (true, Some(looser)) = (sweeps.probed, looser) {
-                    // Better a seam out of place than a whole part gone.
-                    self.mesh.constraints.looseness = looser;
-                    (sweeps.probe, sweeps.probed) = (true, true);
-                    continue;
-                }
-                if sweeps.probed {
-                    return Some(if self.remove_parts(goal) { End::Goal } else { End::Stuck });
-                }
-                (sweeps.probe, sweeps.probed) = (true, true);
-                continue;
-            }
-            if sweeps.idle >= PATIENCE && !probe {
-                // Nothing could go: find out what is possible at all, and at what cost.
-                (sweeps.probe, sweeps.probed) = (true, true);
-                continue;
-            }
-            sweeps.next = Some((histogram, looked_at));
         }
         Some(End::Stuck)
+    }
+
+    /// Finds the threshold of the next sweep, if one is to be found, unless the run pauses here.
+    fn set_threshold(&mut self, sweeps: &mut Sweeps, errand: &Errand<'_>) -> ControlFlow<Stop> {
+        let goal = errand.goal;
+        // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
+        if sweeps.has_swept && sweeps.awaits_threshold() {
+            if self.mesh.store.wants_compaction(self.mesh.needed(goal)) {
+                self.mesh.store.compact();
+                sweeps.set_bounds(self.mesh.bounds());
+            }
+            if self.is_late(errand.is_extreme) {
+                errand.original.with(&mut |points, faces| self.mesh.begin_late(points, faces));
+                sweeps.set_bounds(self.mesh.bounds());
+            }
+        }
+        let Phase::Threshold((histogram, looked_at), after) = &sweeps.phase else {
+            return ControlFlow::Continue(());
+        };
+        let (looked_at, after) = (*looked_at, *after);
+        self.watch_ease(&mut sweeps.ease, sweeps.has_swept);
+        let is_last_stretch = |ahead| self.is_last_stretch(histogram, looked_at, goal, ahead);
+        let pauses = match errand.pause {
+            Pause::Never => false,
+            Pause::BeforeGoal => is_last_stretch(AHEAD),
+            Pause::BeforeNeed => self.is_time_to_fork(sweeps, goal, is_last_stretch(AHEAD)),
+            Pause::BeforeEither => is_last_stretch(JUST_AHEAD) || self.is_time_to_fork(sweeps, goal, false),
+        };
+        if pauses {
+            return ControlFlow::Break(None);
+        }
+        let mut next = self.threshold(histogram, looked_at, goal);
+        if after == After::Probe {
+            // What a probe finds is exact; an evaluation may see more, and needs a higher threshold to be tried.
+            sweeps.lift = if self.tally.collapses == sweeps.at_probe { sweeps.lift * 16.0 } else { 1.0 };
+            sweeps.at_probe = self.tally.collapses;
+            next = (next * sweeps.lift).min(f32::MAX);
+            (sweeps.highest, sweeps.idle) = (next, 0);
+        }
+        // Bounds are stale, some by far: a sweep in vain is no reason to go back to lower ones.
+        sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
+        sweeps.highest = sweeps.highest.max(sweeps.tau);
+        (sweeps.ease.at_threshold, sweeps.ease.wanted) = (self.tally.collapses, self.wanted(goal));
+        sweeps.phase = Phase::Sweep(after);
+        ControlFlow::Continue(())
+    }
+
+    /// One sweep or probe over all vertices, or what is left of one.
+    fn sweep_once(
+        &mut self,
+        sweeps: &Sweeps,
+        goal: &Goal,
+        control: &mut dyn Control,
+        scratch: &mut VisitScratch,
+        visits: &mut Vec<VertexId>,
+    ) -> Swept {
+        let (tau, is_probe) = (sweeps.tau, matches!(sweeps.phase, Phase::Probe));
+        self.mesh.cost.area = (self.mesh.cost.total_area / self.mesh.store.live_faces.max(1) as f64) as f32;
+        let (collapses, refused) = (self.tally.collapses, self.tally.refused());
+        let done = |engine: &Self| engine.done(goal, sweeps.begun_with, sweeps.start_faces);
+        if self.mesh.topology.pairs.is_some() {
+            let mut ask = |engine: &Self| control.progress(done(engine));
+            match self.contract_pairs(goal, tau, is_probe, &mut ask) {
+                Verdict::Continue => {}
+                Verdict::Finish => return Swept::Ended(End::Finish),
+                Verdict::Cancel => return Swept::Ended(End::Cancel),
+            }
+        }
+        let goal_faces = goal.faces.unwrap_or(0);
+        let goal_vertices = goal.vertices.unwrap_or(0);
+        let count = self.mesh.store.v.len();
+        let brings = count >= BRINGS_FROM;
+        self.tally.crowds.begin_sweep();
+        'vertices: for start in (0..count).step_by(ASK_EVERY) {
+            match control.progress(done(self)) {
+                Verdict::Continue => {}
+                Verdict::Finish => return Swept::Ended(End::Finish),
+                Verdict::Cancel => return Swept::Ended(End::Cancel),
+            }
+            let bounds = &self.mesh.store.bound[start..count.min(start + ASK_EVERY)];
+            list_visits(bounds, start, tau, is_probe, visits);
+            for (at, &u) in visits.iter().enumerate() {
+                if brings {
+                    self.mesh.store.bring(visits, at);
+                }
+                let store = &self.mesh.store;
+                if store.live_faces <= goal_faces || store.live_vertices <= goal_vertices {
+                    break 'vertices;
+                }
+                if store.v[u.index()].kind.is_gone() {
+                    continue;
+                }
+                self.visit(u, if is_probe { f32::MAX } else { tau }, is_probe, scratch);
+                if self.mesh.store.is_full() {
+                    self.mesh.store.compact();
+                    return Swept::Compacted;
+                }
+            }
+        }
+        if self.mesh.needed(goal) == Some(0) {
+            return Swept::Ended(End::Goal);
+        }
+        Swept::Through { refused, collapses }
+    }
+
+    /// Decides what follows a sweep or probe. `refused` is the number of refusals before it.
+    fn after_sweep(&mut self, sweeps: &mut Sweeps, errand: &Errand<'_>, refused: u64) -> ControlFlow<Stop> {
+        let (goal, is_probe) = (errand.goal, matches!(sweeps.phase, Phase::Probe));
+        if sweeps.idle == 0 {
+            self.tally.paid = self.tally.paid.max(sweeps.tau);
+            self.tally.is_strained |= !sweeps.ease.is_at_ease;
+        }
+        if self.mesh.topology.parts.is_some() && !is_probe {
+            self.drop_cheap_parts(goal, sweeps.tau);
+            if self.mesh.needed(goal) == Some(0) {
+                return ControlFlow::Break(Some(End::Goal));
+            }
+        }
+        if self.mesh.store.wants_compaction(self.mesh.needed(goal)) {
+            self.mesh.store.compact();
+        }
+        if self.is_late(errand.is_extreme) {
+            if sweeps.idle < PATIENCE
+                && matches!(errand.pause, Pause::BeforeNeed | Pause::BeforeEither)
+                && self.may_fork_late()
+            {
+                let next = self.mesh.bounds();
+                if next.0.known() > 0 {
+                    // It begins when they go on.
+                    sweeps.phase = Phase::Threshold(next, if is_probe { After::Probe } else { After::Sweep });
+                    return ControlFlow::Break(None);
+                }
+            }
+            errand.original.with(&mut |points, faces| self.mesh.begin_late(points, faces));
+        }
+        let (histogram, looked_at) = self.mesh.bounds();
+        if histogram.known() == 0 {
+            return self.when_nothing_is_possible(sweeps, goal, refused);
+        }
+        sweeps.phase = match sweeps.idle >= PATIENCE && !is_probe {
+            // Nothing could go: find out what is possible at all, and at what cost.
+            true => Phase::Probe,
+            false => {
+                Phase::Threshold((histogram, looked_at), if is_probe { After::Probe } else { After::Sweep })
+            }
+        };
+        ControlFlow::Continue(())
+    }
+
+    /// Lets something give way after a sweep that left no edge possible, and probes again; or ends the run.
+    fn when_nothing_is_possible(
+        &mut self,
+        sweeps: &mut Sweeps,
+        goal: &Goal,
+        refused: u64,
+    ) -> ControlFlow<Stop> {
+        let was = std::mem::replace(&mut sweeps.phase, Phase::Probe);
+        let constraints = &mut self.mesh.constraints;
+        let has_limit = constraints.rules.max_cost.is_finite();
+        match was {
+            Phase::Sweep(After::Sweep) => return ControlFlow::Continue(()),
+            // Collapses since the last probe may have made room for edges that it saw refused.
+            Phase::Sweep(After::Probe) if has_limit => return ControlFlow::Continue(()),
+            // Nothing but what is refused stays below the limit.
+            Phase::Probe if has_limit => {
+                let is_done = self.tally.refused() == refused;
+                return ControlFlow::Break(Some(if is_done { End::Exhausted } else { End::Stuck }));
+            }
+            _ => {}
+        }
+        if constraints.details.take().is_some() {
+            // The target comes first.
+            return ControlFlow::Continue(());
+        }
+        let has_creases = self.mesh.store.creases.is_some();
+        let looser = constraints.looseness.looser(has_creases, self.mesh.values.attributes.is_some());
+        if let Some(looser) = looser {
+            // Better a seam out of place than a whole part gone.
+            constraints.looseness = looser;
+            return ControlFlow::Continue(());
+        }
+        ControlFlow::Break(Some(if self.remove_parts(goal) { End::Goal } else { End::Stuck }))
     }
 
     /// The threshold of the next sweep from the bounds, which may be those of some vertices only.
